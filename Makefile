@@ -1,0 +1,92 @@
+# All that Fourpole's developers and first-time users run. Needs Python >= 3.11 and make, nothing else.
+
+# The first Python on the path that is new enough; PYTHON=... on the command line chooses another.
+ifeq ($(origin PYTHON), undefined)
+PYTHON := $(shell for p in python3 python python3.15 python3.14 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo $$p; exit; }; done; echo python3)
+endif
+
+BIN := .venv/bin
+READY := .venv/.ready
+READY_LOWEST := .venv-lowest/.ready
+READY_BENCH := .venv-bench/.ready
+PIP_FLAGS := --quiet --disable-pip-version-check
+
+.NOTPARALLEL:
+.PHONY: help demo test check format pytest lowest bench lock clean
+
+help:  ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
+
+# The locks hold the versions and hashes of everything, the build tool too: so no build isolation.
+# $(call install,ENVIRONMENT,LOCK): make or refresh it, and put the package in it, editable.
+define install
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+		echo "Fourpole needs Python 3.11 or newer, and '$(PYTHON)' is not ($$($(PYTHON) --version 2>&1 | head -n 1))."; \
+		echo "Install one, or name it: make PYTHON=/path/to/python3"; exit 1; } >&2
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+		echo "'$(PYTHON)' cannot make virtual environments: its modules venv and ensurepip are missing."; \
+		echo "On Debian and Ubuntu: sudo apt install python3-venv (or python3.X-venv, for another version X)."; \
+		exit 1; } >&2
+	@echo "Installing $(2) into $(1) (once; a minute or so)"
+	@$(PYTHON) -m venv $(1)
+	@$(1)/bin/python -m pip install $(PIP_FLAGS) --requirement $(2)
+	@$(1)/bin/python -m pip install $(PIP_FLAGS) --no-deps --no-build-isolation --editable .
+endef
+
+$(READY): requirements.lock pyproject.toml
+	$(call install,.venv,requirements.lock)
+	@touch $@
+
+$(READY_LOWEST): requirements-lowest.lock pyproject.toml
+	$(call install,.venv-lowest,requirements-lowest.lock)
+	@touch $@
+
+$(READY_BENCH): requirements.lock pyproject.toml
+	$(call install,.venv-bench,requirements.lock)
+	@.venv-bench/bin/python -m pip install $(PIP_FLAGS) --no-build-isolation --editable '.[bench]'
+	@touch $@
+
+demo: $(READY)  ## make the demonstration campaign in ./fourpole-demo and analyse it
+	@$(BIN)/fourpole demo
+
+test: check lowest pytest  ## everything: check, the tests on the lowest versions, the tests
+
+pytest: $(READY)  ## the tests, the examples of the docstrings and of the README
+	@$(BIN)/python -m pytest
+
+check: $(READY)  ## lint, format, types, direction of imports
+	@$(BIN)/ruff check
+	@$(BIN)/ruff format --check
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports --no-logo
+
+format: $(READY)  ## put the code in its format, and mend what the linter can
+	@$(BIN)/ruff check --fix-only
+	@$(BIN)/ruff format
+
+# Examples are left out here, for they show numbers as today's numpy prints them; so are warnings, for
+# those of an old library are nobody's to mend.
+lowest:  ## the tests on the lowest versions allowed (Python 3.11 or 3.12)
+	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
+		$(MAKE) --no-print-directory $(READY_LOWEST) && \
+		.venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib -W default tests; \
+	else \
+		echo "lowest: skipped, the lowest versions allowed have no wheels for $$($(PYTHON) --version)"; \
+	fi
+
+bench: $(READY_BENCH)  ## compare with the peers: runs each script in bench/, in an environment of its own
+	@for script in bench/*.py; do .venv-bench/bin/python "$$script" || exit 1; done
+
+LOCK := .venv-lock/bin/uv --quiet --no-config pip compile --universal --python-version 3.11 --generate-hashes \
+	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --upgrade pyproject.toml
+
+lock:  ## write both lock files anew, with uv
+	@$(PYTHON) -m venv .venv-lock
+	@.venv-lock/bin/python -m pip install $(PIP_FLAGS) uv
+	@$(LOCK) --extra dev --output-file requirements.lock
+	@$(LOCK) --extra test --resolution lowest-direct --output-file requirements-lowest.lock
+
+clean:  ## remove the environments, caches and what was built
+	@rm -rf .venv .venv-lowest .venv-bench .venv-lock build dist .*_cache .hypothesis .coverage
+	@find src tests -name __pycache__ -type d -prune -exec rm -rf {} +

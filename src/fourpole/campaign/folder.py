@@ -1,0 +1,303 @@
+"""A campaign folder: campaign.toml and tests.csv become a Campaign, with what is wrong with each row on the row."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fourpole import units
+from fourpole.campaign.schema import CampaignFile, parse_campaign
+from fourpole.errors import CampaignError, FileError, TableError, UnitError
+from fourpole.io.source import decode, read_bytes
+
+__all__ = ["Campaign", "Test", "read_campaign"]
+
+_MOST_TOML = 4_000_000
+_MOST_TESTS = 200_000_000
+_MOST_TEXT = 1000
+
+#: Columns with meaning that carry a unit: name -> (kind of quantity, what it must be).
+_QUANTITIES: dict[str, tuple[str, str]] = {
+    "pressure": ("pressure", "zero or positive"),
+    "preload": ("force", "positive"),
+    "frequency": ("frequency", "positive"),
+    "K1": ("stiffness", "positive"),
+    "u(K1)": ("stiffness", "zero or positive"),
+    "added_mass": ("mass", "zero or positive"),
+    "u(added_mass)": ("mass", "zero or positive"),
+    "temperature": ("temperature", "any"),
+}
+_TEXTS = ("test", "file", "kind", "tyre", "rig")
+_REQUIRED = ("test", "file", "kind", "tyre")
+_KINDS = ("static", "dynamic")
+
+
+@dataclass(frozen=True)
+class Test:
+    """One row of tests.csv in SI units; `problem` says why it cannot be used, and is empty where it can."""
+
+    name: str
+    row: int
+    file: str = ""
+    kind: str = ""
+    tyre: str = ""
+    rig: str = ""
+    values: dict[str, float] = field(default_factory=dict)
+    window: tuple[float, float] | None = None
+    extra: dict[str, str] = field(default_factory=dict)
+    problem: str = ""
+
+    def value(self, name: str) -> float | None:
+        """A number that the row states, or None: pressure [Pa], preload [N], frequency [Hz], K1 [N/m] ..."""
+        return self.values.get(name)
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign as stated.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it lies.
+    stated : CampaignFile
+        campaign.toml.
+    tests : tuple of Test
+        tests.csv, in its order.
+    extra_columns : tuple of str
+        Columns of tests.csv that pass through to the results.
+    """
+
+    folder: Path
+    stated: CampaignFile
+    tests: tuple[Test, ...]
+    extra_columns: tuple[str, ...]
+
+    def of_kind(self, kind: str) -> list[Test]:
+        """Tests of a kind; a row of no known kind is listed with the dynamic ones, so that it does not vanish."""
+        return [test for test in self.tests if (test.kind == "static") == (kind == "static")]
+
+
+def read_campaign(folder: str | Path) -> Campaign:
+    """Read campaign.toml and tests.csv of a folder.
+
+    Parameters
+    ----------
+    folder : path
+        A campaign folder.
+
+    Returns
+    -------
+    Campaign
+        With every row of tests.csv; a row that cannot be used says why.
+
+    Raises
+    ------
+    CampaignError
+        If the campaign as a whole cannot be used.
+
+    Examples
+    --------
+    >>> read_campaign("no such folder")
+    Traceback (most recent call last):
+    ...
+    fourpole.errors.CampaignError: no such folder: there is no such folder
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise CampaignError(f"{units.shown(folder, 200)[1:-1]}: there is no such folder")
+    stated = parse_campaign(_text(folder / "campaign.toml", _MOST_TOML, strict=True))
+    rows = list(_rows(_text(folder / "tests.csv", _MOST_TESTS, strict=False)))
+    if not rows:
+        raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
+    columns = _columns(rows[0][1])
+    tests = [_test(row, cells, columns, stated) for row, cells in rows[1:]]
+    if not tests:
+        raise CampaignError("tests.csv: lists no test below its row of names")
+    _check_names(tests)
+    _check_channels(stated, tests)
+    extra = tuple(column.label for column in columns if column.role == "extra")
+    return Campaign(folder, stated, tuple(tests), extra)
+
+
+def _text(path: Path, most: int, *, strict: bool) -> str:
+    try:
+        content = read_bytes(path, max_bytes=most, label=path.name)
+        if strict:
+            return content.decode("utf-8-sig")
+        return decode(content, path.name)[0]
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise CampaignError(f"{path.name}: line {line} is not UTF-8 text; save the file as UTF-8") from None
+    except (FileError, TableError) as error:
+        raise CampaignError(str(error)) from None
+
+
+def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Line number and cells of each row that is not empty."""
+    head = text.lstrip("\ufeff").split("\n", 1)[0]
+    delimiter = max(",;\t", key=head.count)
+    reader = csv.reader(text.lstrip("\ufeff").splitlines(), delimiter=delimiter, skipinitialspace=True)
+    try:
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                yield reader.line_num, [cell.strip() for cell in cells]
+    except csv.Error as error:
+        raise CampaignError(f"tests.csv row {reader.line_num}: {error}") from None
+
+
+@dataclass(frozen=True)
+class _Column:
+    label: str
+    name: str
+    role: str
+    unit: str = ""
+    kind: str = ""
+
+
+def _columns(header: list[str]) -> list[_Column]:
+    columns = [_column(label) for label in header]
+    names = [column.name for column in columns if column.role != "extra"]
+    for name in names:
+        if names.count(name) > 1:
+            raise CampaignError(f"tests.csv row 1: column '{name}' stands twice: keep one of them")
+    for name in _REQUIRED:
+        if name not in names:
+            near = difflib.get_close_matches(name, header, n=1)
+            hint = f"; did you mean {units.shown(near[0])}?" if near else ""
+            raise CampaignError(f"tests.csv row 1: column '{name}' is missing{hint}")
+    labels = [column.label for column in columns if column.role == "extra"]
+    if len(set(labels)) < len(labels):
+        raise CampaignError("tests.csv row 1: two further columns have the same name: rename one of them")
+    return columns
+
+
+def _column(label: str) -> _Column:
+    name, unit = units.column_unit(label)
+    if name in _TEXTS:
+        return _Column(label, name, "text")
+    if name == "specimen":
+        return _Column(label, "tyre", "text")
+    if name not in _QUANTITIES and name != "window":
+        return _Column(label, label, "extra")
+    kind = "time" if name == "window" else _QUANTITIES[name][0]
+    if unit is None:
+        example = {"temperature": "degC", "frequency": "Hz", "window": "s", "pressure": "bar"}.get(name, units.si_unit(kind))
+        raise CampaignError(f"tests.csv row 1: column '{name}' has no unit: write '{name} [{example}]'")
+    try:
+        units.to_si([1.0], unit, kind)
+    except UnitError as error:
+        raise CampaignError(f"tests.csv row 1: column {units.shown(label)}: {error}") from None
+    return _Column(label, name, "window" if name == "window" else "quantity", unit, kind)
+
+
+def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFile) -> Test:
+    where = f"tests.csv row {row}"
+    problems = []
+    if len(cells) != len(columns):
+        problems.append(f"{where}: has {len(cells)} cells, {len(columns)} columns are named: check its commas")
+    texts: dict[str, str] = {}
+    values: dict[str, float] = {}
+    extra: dict[str, str] = {}
+    window = None
+    for column, cell in zip(columns, cells, strict=False):
+        if len(cell) > _MOST_TEXT:
+            problems.append(f"{where}: {units.shown(column.name)} has {len(cell)} characters, at most {_MOST_TEXT} are taken")
+            cell = cell[:_MOST_TEXT]
+        try:
+            if column.role == "text":
+                texts[column.name] = cell
+            elif column.role == "extra":
+                extra[column.label] = cell
+            elif cell and column.role == "window":
+                window = _window(cell, column.unit)
+            elif cell:
+                values[column.name] = _number(cell, column)
+        except ValueError as error:
+            problems.append(f"{where}: {column.name}: {error}")
+    if not texts.get("test"):
+        raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
+    problems += [f"{where}: {problem}" for problem in _contradictions(texts, stated)]
+    rig = texts.get("rig", "") or (next(iter(stated.all_rigs), "") if len(stated.all_rigs) == 1 else "")
+    return Test(
+        name=texts["test"],
+        row=row,
+        file=texts.get("file", ""),
+        kind=texts.get("kind", "").lower(),
+        tyre=texts.get("tyre", ""),
+        rig=rig,
+        values=values,
+        window=window,
+        extra=extra,
+        problem="; ".join(problems),
+    )
+
+
+def _number(cell: str, column: _Column) -> float:
+    value = units.quantity(cell, column.kind, default_unit=column.unit)
+    wanted = _QUANTITIES[column.name][1]
+    if (wanted == "positive" and value <= 0) or (wanted == "zero or positive" and value < 0):
+        raise UnitError(f"{units.shown(cell)} must be {wanted}")
+    return value
+
+
+def _window(cell: str, unit: str) -> tuple[float, float]:
+    start, dots, stop = cell.partition("..")
+    if not dots:
+        raise UnitError(f"{units.shown(cell)} is no window: write it as 2..12")
+    low, high = (units.quantity(part.strip(), "time", default_unit=unit) for part in (start, stop))
+    if not high > low:
+        raise UnitError(f"{units.shown(cell)} ends before it starts")
+    return low, high
+
+
+def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str]:
+    """What the row says that campaign.toml does not know."""
+    kind = texts.get("kind", "").lower()
+    if kind not in _KINDS:
+        near = difflib.get_close_matches(kind, _KINDS, n=1, cutoff=0.5)
+        hint = f"; did you mean '{near[0]}'?" if near else f"; it must be {' or '.join(_KINDS)}"
+        yield f"kind {units.shown(kind)} is not known{hint}"
+    tyre, known = texts.get("tyre", ""), tuple(stated.all_specimens)
+    if not tyre:
+        yield "the tyre is not named: fill in the column 'tyre'"
+    elif tyre not in known:
+        near = difflib.get_close_matches(tyre, known, n=1, cutoff=0.5)
+        hint = f"did you mean {units.shown(near[0])}?" if near else f"add [tyres.{units.shown(tyre)[1:-1]}]"
+        yield f"tyre {units.shown(tyre)} is not in campaign.toml; {hint}"
+    rig = texts.get("rig", "")
+    if rig and rig not in stated.all_rigs:
+        yield f"rig {units.shown(rig)} is not in campaign.toml; add [rigs.{units.shown(rig)[1:-1]}]"
+    if not rig and len(stated.all_rigs) > 1:
+        yield "several rigs are stated: name one of them in the column 'rig'"
+    if not texts.get("file"):
+        yield "no recording is named: fill in the column 'file'"
+
+
+def _check_names(tests: list[Test]) -> None:
+    seen: dict[str, int] = {}
+    for test in tests:
+        if test.name in seen:
+            raise CampaignError(
+                f"tests.csv row {test.row}: test {units.shown(test.name)} stands in row {seen[test.name]} already: "
+                "give each test a name of its own"
+            )
+        seen[test.name] = test.row
+
+
+def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
+    """The channels that the campaign's kinds of test cannot do without."""
+    needs = {"dynamic": ("motion_in",), "static": ("load", "deflection")}
+    for kind, roles in needs.items():
+        for role in roles:
+            if any(test.kind == kind for test in tests) and stated.channels.named(role) is None:
+                raise CampaignError(
+                    f'campaign.toml: [channels] {role} is missing, {kind} tests need it: {role} = {{ column = "...", unit = "..." }}'
+                )
+    if any(test.kind == "dynamic" for test in tests) and stated.channels.time is None and stated.channels.rate is None:
+        raise CampaignError('campaign.toml: [channels] time is missing: time = { column = "t", unit = "s" }, or sample_rate = "2 kHz"')
+
+

@@ -1,0 +1,190 @@
+"""The heavy half: each recording becomes phasors and verdict rows, independently, in parallel, and cached."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fourpole.campaign.cache import cache_name, recall, remember
+from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.load import inside, load_recording
+from fourpole.core import checks
+from fourpole.core.checks import Check
+from fourpole.core.demodulate import Demodulation, demodulate
+from fourpole.core.phasor import CHANNELS
+from fourpole.core.recording import Recording
+from fourpole.errors import FourpoleError, RecordingError, TableError
+
+__all__ = ["ROUTE_NEEDS", "Reduced", "reduce_tests"]
+
+#: Channels that a route cannot do without.
+ROUTE_NEEDS = {
+    "mobility": ("force_in", "motion_in"),
+    "relative": CHANNELS,
+    "transmissibility": ("motion_in", "motion_out"),
+}
+_PAPER_NAMES = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """What one recording came to: amplitudes (none where it failed), verdict rows, and the hash of the file read."""
+
+    found: Demodulation | None
+    checks: tuple[Check, ...]
+    sha256: str = ""
+
+
+def reduce_tests(
+    campaign: Campaign,
+    tests: list[Test],
+    route: str,
+    *,
+    cache: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Reduced]:
+    """Reduce all tests, in their order; what `cache` holds already is not computed again."""
+    results: dict[int, Reduced] = {}
+    with ThreadPoolExecutor(max_workers=min(os.cpu_count() or 1, 8)) as pool:
+        try:
+            for index, result in _unordered(pool, campaign, tests, route, cache):
+                results[index] = result
+                if progress is not None:
+                    progress(len(results), len(tests))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return [results[index] for index in range(len(tests))]
+
+
+def _unordered(
+    pool: ThreadPoolExecutor, campaign: Campaign, tests: list[Test], route: str, cache: Path | None
+) -> Iterator[tuple[int, Reduced]]:
+    """Results as they come; only a few tests are under way at once, so that memory stays bounded."""
+    waiting = iter(enumerate(tests))
+    running: dict[Future[Reduced], int] = {}
+    most = 4 * min(os.cpu_count() or 1, 8)
+    while True:
+        for index, test in waiting:
+            running[pool.submit(_reduce, campaign, test, route, cache)] = index
+            if len(running) >= most:
+                break
+        if not running:
+            return
+        done, _ = wait(running, return_when=FIRST_COMPLETED)
+        for future in done:
+            yield running.pop(future), future.result()
+
+
+def _reduce(campaign: Campaign, test: Test, route: str, cache: Path | None) -> Reduced:
+    if test.problem:
+        return Reduced(None, (_rejected("tests.csv", test.problem),))
+    try:
+        path = inside(campaign.folder, test)
+        sha256 = _hash(path) if path.is_file() else ""
+        place = cache / cache_name(_depends_on(campaign, test, route), sha256) if cache is not None and sha256 else None
+        if place is not None and (known := recall(place)) is not None:
+            return Reduced(*known, sha256)
+        result = replace(_demodulated(campaign, path, test, route), sha256=sha256)
+    except FourpoleError as error:
+        return Reduced(None, (_rejected("recording", str(error)),))
+    except MemoryError:
+        return Reduced(None, (_rejected("recording", f"{test.file} does not fit into memory: cut it with window [s]"),))
+    if place is not None and result.found is not None:
+        remember(place, result.found, result.checks)
+    return result
+
+
+def _rejected(name: str, remark: str) -> Check:
+    return Check(name, float("nan"), float("nan"), "rejected", remark)
+
+
+def _warning(name: str, remark: str) -> Check:
+    return Check(name, float("nan"), float("nan"), "warning", remark)
+
+
+def _demodulated(campaign: Campaign, path: Path, test: Test, route: str) -> Reduced:
+    """Demodulate with all channels; one that is hurt and not needed by the route is left out with a warning."""
+    needed = ROUTE_NEEDS[route]
+    roles = [role for role in CHANNELS if campaign.stated.channels.named(role) is not None]
+    lacking = [role for role in needed if role not in roles]
+    if lacking:
+        raise TableError(f"the {route} route needs {lacking[0]}, which [channels] in campaign.toml does not state")
+    rows: list[Check] = []
+    spare = [role for role in roles if role not in needed]
+    try:
+        recording, remarks = load_recording(path, test, campaign.stated.channels, roles)
+    except TableError as error:
+        if not spare:
+            raise
+        recording, remarks = load_recording(path, test, campaign.stated.channels, needed)
+        rows.append(_left_out(spare[0], str(error)))
+    rows += [_warning("time base", remark) for remark in remarks]
+    recording, clipped = _unclipped(recording, needed)
+    rows += clipped
+    try:
+        found = demodulate(recording, near=test.value("frequency"))
+    except RecordingError as error:
+        present = [role for role in spare if role in recording.channels]
+        if not present:
+            raise
+        found = demodulate(recording.without(present[0]), near=test.value("frequency"))
+        rows.append(_left_out(present[0], str(error)))
+    return Reduced(found, (*rows, *_judge(campaign, test, route, found)))
+
+
+def _left_out(role: str, why: str) -> Check:
+    return _warning(_PAPER_NAMES[role], f"{_PAPER_NAMES[role]} was left out: {why}")
+
+
+def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:
+    """Leave out a clipped channel that the route can spare; keep the verdict on one that it cannot."""
+    rows = []
+    for role, channel in list(recording.channels.items()):
+        row = checks.check_clipping(_PAPER_NAMES[role], channel)
+        if row.verdict == "ok":
+            continue
+        if role in needed:
+            rows.append(row)
+        else:
+            recording = recording.without(role)
+            rows.append(_left_out(role, row.remark))
+    return recording, rows
+
+
+def _judge(campaign: Campaign, test: Test, route: str, found: Demodulation) -> Iterator[Check]:
+    """The checks of one demodulated test; a fault of a channel that the route can spare only warns."""
+    names = tuple(_PAPER_NAMES[role] for role in CHANNELS)
+    frequency = float(found.phasors.frequency)
+    yield checks.check_frequency(frequency, test.value("frequency"))
+    yield checks.check_gaps(found)
+    yield checks.check_distortion(found)
+    spared = tuple(_PAPER_NAMES[role] for role in CHANNELS if role not in ROUTE_NEEDS[route])
+    for row in (*checks.check_excitation(found, names), *checks.check_noise(found, names)):
+        spare = row.verdict == "rejected" and row.name.endswith(spared) and bool(spared)
+        yield replace(row, verdict="warning") if spare else row
+    if np.isfinite(found.force_peak):
+        yield checks.check_lift_off(found.force_peak, test.value("preload"))
+    stated = campaign.stated.all_rigs.get(test.rig)
+    if stated is not None and stated.output != "blocked":
+        yield checks.check_resonance(frequency, stated.rig(), test.value("added_mass") or 0.0)
+
+
+def _hash(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise TableError(f"{path.name}: cannot be read: {error.strerror or error}") from None
+
+
+def _depends_on(campaign: Campaign, test: Test, route: str) -> list[object]:
+    """All that a reduced test depends on but its file: the channels, the rig and the row."""
+    rig = campaign.stated.all_rigs.get(test.rig)
+    return [route, test.values, test.window, campaign.stated.channels.model_dump(), rig and repr(rig)]

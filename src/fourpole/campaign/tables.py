@@ -1,0 +1,180 @@
+"""The result tables, their columns in the order of the contract."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.reduce import Reduced
+from fourpole.campaign.static import StaticRow
+from fourpole.core.phasor import Phasors
+
+__all__ = ["DYNAMIC_COLUMNS", "STATIC_COLUMNS", "dynamic_table", "phasor_table", "static_table"]
+
+STATIC_COLUMNS = (
+    "test",
+    "tyre",
+    "construction",
+    "pressure [Pa]",
+    "preload [N]",
+    "K1 [N/m]",
+    "u(K1) [N/m]",
+    "secant [N/m]",
+    "hysteresis loss [J]",
+    "nonlinearity [1]",
+    "verdict",
+    "remarks",
+)
+
+DYNAMIC_COLUMNS = (
+    "test",
+    "rig",
+    "tyre",
+    "construction",
+    "pressure [Pa]",
+    "preload [N]",
+    "added mass [kg]",
+    "temperature [degC]",
+    "frequency [Hz]",
+    "F1 [N]",
+    "V1 [m/s]",
+    "V2 [m/s]",
+    "phase F1-V1 [rad]",
+    "phase V2-V1 [rad]",
+    "R [m/(N s)]",
+    "I [m/(N s)]",
+    "u(R) [m/(N s)]",
+    "u(I) [m/(N s)]",
+    "corr(R,I) [1]",
+    "Re K* [N/m]",
+    "Im K* [N/m]",
+    "u(Re K*) [N/m]",
+    "u(Im K*) [N/m]",
+    "corr(Re,Im K*) [1]",
+    "loss factor [1]",
+    "u(loss factor) [1]",
+    "K1 [N/m]",
+    "u(K1) [N/m]",
+    "K2 [N/m]",
+    "C [N s/m]",
+    "u(K2) [N/m]",
+    "u(C) [N s/m]",
+    "corr(K2,C) [1]",
+    "TR measured [1]",
+    "TR predicted [1]",
+    "u(TR) [1]",
+    "route",
+    "verdict",
+    "remarks",
+)
+_TEXT = {"test", "rig", "tyre", "construction", "route", "verdict", "remarks"}
+
+
+def static_table(campaign: Campaign, rows: Sequence[StaticRow]) -> pl.DataFrame:
+    """static.csv."""
+    return _frame([_static_cells(campaign, row) for row in rows], STATIC_COLUMNS)
+
+
+def _static_cells(campaign: Campaign, row: StaticRow) -> dict[str, Any]:
+    return {
+        "test": row.test.name,
+        "tyre": row.test.tyre,
+        "construction": _construction(campaign, row.test),
+        "pressure [Pa]": row.test.value("pressure"),
+        "preload [N]": row.preload,
+        "K1 [N/m]": row.stiffness,
+        "u(K1) [N/m]": row.std,
+        "secant [N/m]": row.secant,
+        "hysteresis loss [J]": row.loss,
+        "nonlinearity [1]": row.nonlinearity,
+        "verdict": row.verdict,
+        "remarks": "; ".join(row.remarks),
+    }
+
+
+def dynamic_table(campaign: Campaign, tests: Sequence[Test], cells: Sequence[dict[str, Any]]) -> pl.DataFrame:
+    """dynamic.csv: identity of each test, what was found of it, and what tests.csv had more."""
+    taken = set(DYNAMIC_COLUMNS)
+    names = {label: label if label not in taken else f"{label} (tests.csv)" for label in campaign.extra_columns}
+    if any(test.window is not None for test in tests):
+        names["window [s]"] = "window [s]"
+    rows = []
+    for test, found in zip(tests, cells, strict=True):
+        more = dict(test.extra)
+        if test.window is not None:
+            more["window [s]"] = f"{test.window[0]:g}..{test.window[1]:g}"
+        rows.append(
+            {
+                "test": test.name,
+                "rig": test.rig,
+                "tyre": test.tyre,
+                "construction": _construction(campaign, test),
+                "pressure [Pa]": test.value("pressure"),
+                "preload [N]": test.value("preload"),
+                "added mass [kg]": test.value("added_mass") or 0.0,
+                "temperature [degC]": test.value("temperature"),
+                **found,
+                **{name: more.get(label) for label, name in names.items()},
+            }
+        )
+    return _frame(rows, DYNAMIC_COLUMNS, tuple(names.values()))
+
+
+def amplitude_cells(phasors: Phasors) -> dict[str, float]:
+    """Frequency, amplitudes and phases of one test."""
+    f1, v1, v2 = phasors.amplitudes
+    return {
+        "frequency [Hz]": float(phasors.frequency),
+        "F1 [N]": float(abs(f1)),
+        "V1 [m/s]": float(abs(v1)),
+        "V2 [m/s]": float(abs(v2)),
+        "phase F1-V1 [rad]": float(np.angle(f1 / v1)),
+        "phase V2-V1 [rad]": float(np.angle(v2 / v1)),
+    }
+
+
+def phasor_table(tests: Sequence[Test], reduced: Sequence[Reduced]) -> pl.DataFrame:
+    """phasors.parquet: complex amplitudes with their 6×6 covariance, row by row as a list of 36."""
+    kept = [(test, item.found.phasors) for test, item in zip(tests, reduced, strict=True) if item.found is not None]
+    columns: dict[str, Any] = {
+        "test": [test.name for test, _ in kept],
+        "rig": [test.rig for test, _ in kept],
+        "frequency [Hz]": [float(p.frequency) for _, p in kept],
+        "u(frequency) [Hz]": [float(p.frequency_std) for _, p in kept],
+    }
+    for i, (name, unit) in enumerate((("F1", "N"), ("V1", "m/s"), ("V2", "m/s"))):
+        columns[f"Re {name} [{unit}]"] = [float(p.amplitudes[i].real) for _, p in kept]
+        columns[f"Im {name} [{unit}]"] = [float(p.amplitudes[i].imag) for _, p in kept]
+    columns["covariance Re F1, Im F1, Re V1, Im V1, Re V2, Im V2"] = [p.covariance.ravel().tolist() for _, p in kept]
+    columns["dof [1]"] = [float(p.dof) for _, p in kept]
+    types = {name: pl.String if name in _TEXT else pl.Float64 for name in columns}
+    listed = "covariance Re F1, Im F1, Re V1, Im V1, Re V2, Im V2"
+    return pl.DataFrame(columns, schema={**types, listed: pl.Array(pl.Float64, 36)}, strict=False)
+
+
+def covariance_cells(covariance: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Two standard uncertainties and their correlation of a 2×2 covariance."""
+    first, second = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = covariance[0, 1] / (first * second)
+    return float(first), float(second), float(np.clip(correlation, -1.0, 1.0))
+
+
+def _construction(campaign: Campaign, test: Test) -> str:
+    specimen = campaign.stated.all_specimens.get(test.tyre)
+    return specimen.construction if specimen is not None else ""
+
+
+def _frame(rows: Sequence[dict[str, Any]], columns: Sequence[str], more: Sequence[str] = ()) -> pl.DataFrame:
+    types = {name: pl.String if name in _TEXT or name in more else pl.Float64 for name in (*columns, *more)}
+    series = {name: [_finite(row.get(name)) for row in rows] for name in types}
+    return pl.DataFrame(series, schema=types, strict=False)
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not np.isfinite(value) else value

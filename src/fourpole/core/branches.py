@@ -1,0 +1,116 @@
+"""Loading and unloading branches of a deflection record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Branches", "in_contact", "split_branches"]
+
+FloatArray = NDArray[np.float64]
+
+#: A turn counts once the deflection has come back by this share of its whole range.
+_TURN = 0.3
+#: A branch is complete if it covers this share of the longest.
+_COMPLETE = 0.9
+#: Free travel: over this share of the deflection, below this share of the load, with this share of the mean slope.
+_FREE_TRAVEL, _LIGHT, _FLAT = 0.05, 0.01, 0.02
+
+
+@dataclass(frozen=True)
+class Branches:
+    """Where each branch starts and ends (both included), and which pairs make complete cycles.
+
+    Attributes
+    ----------
+    ends : tuple of (int, int)
+        First and last sample of each branch.
+    rising : tuple of bool
+        Whether the deflection rises along it.
+    cycles : tuple of (int, int)
+        Indices of the two branches of each complete cycle.
+    """
+
+    ends: tuple[tuple[int, int], ...]
+    rising: tuple[bool, ...]
+    cycles: tuple[tuple[int, int], ...]
+
+    def of_cycle(
+        self, cycle: int, deflection: FloatArray, load: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+        """Deflection, load and side (+1 loading, -1 unloading) of a cycle; without one, the longest branch, side None."""
+        if not self.cycles:
+            lengths = [abs(deflection[b] - deflection[a]) for a, b in self.ends]
+            first, last = self.ends[int(np.argmax(lengths))]
+            return deflection[first : last + 1], load[first : last + 1], None
+        pair = self.cycles[cycle]
+        pieces = [slice(self.ends[i][0], self.ends[i][1] + 1) for i in pair]
+        side = [np.full(p.stop - p.start, 1.0 if self.rising[i] else -1.0) for i, p in zip(pair, pieces, strict=True)]
+        return (
+            np.concatenate([deflection[p] for p in pieces]),
+            np.concatenate([load[p] for p in pieces]),
+            np.concatenate(side),
+        )
+
+
+def split_branches(deflection: FloatArray) -> Branches:
+    """Split a deflection record at its turns.
+
+    A cycle is a loading branch and the unloading branch after it (the other way round where the record starts
+    loaded and holds no such pair), both complete. Points in no order, more turns than a third of them, are one branch.
+    """
+    turns = _turning_points(deflection)
+    if len(turns) > 2 + deflection.size // 3:
+        turns = [0, deflection.size - 1]
+    ends = tuple(zip(turns[:-1], turns[1:], strict=True))
+    rising = tuple(bool(deflection[b] > deflection[a]) for a, b in ends)
+    lengths = np.array([abs(deflection[b] - deflection[a]) for a, b in ends])
+    complete = lengths >= _COMPLETE * lengths.max()
+    cycles = _pairs(rising, complete, first=True) or _pairs(rising, complete, first=False)
+    if len(turns) == 2:
+        cycles = ()
+    return Branches(ends, rising, cycles)
+
+
+def _pairs(rising: tuple[bool, ...], complete: NDArray[np.bool_], *, first: bool) -> tuple[tuple[int, int], ...]:
+    """Neighbouring complete branches of which the former rises (`first`) or falls."""
+    return tuple(
+        (i, i + 1) for i in range(len(rising) - 1) if rising[i] is first and complete[i] and complete[i + 1]
+    )
+
+
+def _turning_points(deflection: FloatArray) -> list[int]:
+    """First extreme, every turn of more than `_TURN` of the range, last extreme."""
+    threshold = _TURN * float(np.ptp(deflection))
+    x = deflection.tolist()
+    turns: list[int] = []
+    low = high = extreme = 0
+    direction = 0
+    for i, value in enumerate(x):
+        if direction == 0:
+            low, high = (i if value <= x[low] else low), (i if value >= x[high] else high)
+            if value - x[low] > threshold:
+                turns, direction, extreme = [low], 1, i
+            elif x[high] - value > threshold:
+                turns, direction, extreme = [high], -1, i
+        elif direction * (value - x[extreme]) >= 0:
+            extreme = i
+        elif direction * (x[extreme] - value) > threshold:
+            turns.append(extreme)
+            direction, extreme = -direction, i
+    return [*turns, extreme]
+
+
+def in_contact(deflection: FloatArray, load: FloatArray) -> NDArray[np.bool_]:
+    """Which points belong to the loaded specimen: a flat start without load, before it touches, is left out."""
+    everything = np.ones(load.size, dtype=bool)
+    span, reach = float(np.ptp(load)), float(np.ptp(deflection))
+    light = load < load.min() + _LIGHT * span
+    touch = float(np.min(deflection[~light]))
+    before = deflection < touch
+    if before.sum() < 3 or touch - deflection.min() < _FREE_TRAVEL * reach:
+        return everything
+    slope = np.polyfit(deflection[before], load[before], 1)[0]
+    return ~before if abs(slope) < _FLAT * span / reach else everything

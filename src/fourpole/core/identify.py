@@ -1,0 +1,521 @@
+r"""From phasors to the tyre: K*, then K2 and C (paper, eqs 11-13, corrected), by three routes.
+
+====================  ==================================  ==============  ==========
+route                 K*                                  needs           blind to
+====================  ==================================  ==============  ==========
+``mobility``          :math:`j\omega/(V_1/F_1 - 1/Z_r)`   F1, V1, rig     V2
+``relative``          :math:`j\omega F_1/(V_1 - V_2)`     F1, V1, V2      the rig
+``transmissibility``  :math:`j\omega Z_r T/(1 - T)`       V1, V2, rig     the force
+====================  ==================================  ==============  ==========
+
+Every derivative here is analytic: a complex output of complex inputs carries its derivatives by all *real* inputs
+(Re and Im of the three phasors, the rig's values, the added mass, K1), and covariances follow from them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fourpole.core.phasor import Phasors
+from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.errors import RigError
+
+__all__ = [
+    "ROUTES",
+    "ChannelUncertainty",
+    "Identification",
+    "identify",
+    "maxwell_arm",
+    "mobility_route",
+    "paper_d",
+    "relative_route",
+    "transmissibility_route",
+]
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+ROUTES = ("mobility", "relative", "transmissibility")
+
+_RIG_AT = slice(6, 6 + len(PARAMETERS))
+_ADDED_AT = _RIG_AT.stop
+_K1_AT = _ADDED_AT + 1
+_INPUTS = _K1_AT + 1
+_INPUT_MASS_AT = 6 + list(PARAMETERS).index("input_mass")
+
+
+def mobility_route(mobility: ArrayLike, rig_mobility: ArrayLike, omega: ArrayLike) -> ComplexArray:
+    r"""K* from the mobility of tyre and rig, the paper's route.
+
+    .. math:: K^* = \frac{j\omega}{M - 1/Z_r}
+
+    Parameters
+    ----------
+    mobility, rig_mobility : (...,) complex arrays [m/(N s)]
+        V1/F1 measured, and 1/Zr of the rig beyond the tyre (0 where it is blocked).
+    omega : (...,) float array [rad/s]
+        Angular frequency.
+
+    Returns
+    -------
+    (...,) complex array [N/m]
+        K* of the tyre.
+
+    References
+    ----------
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eq. (8) solved for the tyre.
+
+    Examples
+    --------
+    >>> mobility_route(0.002j, 0.001j, 100.0)
+    np.complex128(100000+0j)
+    """
+    return 1j * np.asarray(omega) / (np.asarray(mobility) - np.asarray(rig_mobility))
+
+
+def relative_route(f1: ArrayLike, v1: ArrayLike, v2: ArrayLike, omega: ArrayLike) -> ComplexArray:
+    r"""K* from the force and the motion across the tyre; needs no rig.
+
+    .. math:: K^* = \frac{j\omega F_1}{V_1 - V_2}
+
+    Parameters
+    ----------
+    f1 : (...,) complex array [N]
+        Force at the contact.
+    v1, v2 : (...,) complex arrays [m/s]
+        Velocity at the contact and beyond the tyre.
+    omega : (...,) float array [rad/s]
+        Angular frequency.
+
+    Returns
+    -------
+    (...,) complex array [N/m]
+        K* of the tyre.
+
+    Examples
+    --------
+    >>> relative_route(100.0, 0.1j, 0.0, 100.0)
+    np.complex128(100000+0j)
+    """
+    return 1j * np.asarray(omega) * np.asarray(f1) / (np.asarray(v1) - np.asarray(v2))
+
+
+def transmissibility_route(transmissibility: ArrayLike, rig_impedance: ArrayLike, omega: ArrayLike) -> ComplexArray:
+    r"""K* from the motion ratio and the rig; needs no force.
+
+    .. math:: K^* = \frac{j\omega Z_r T}{1 - T}
+
+    Parameters
+    ----------
+    transmissibility : (...,) complex array [1]
+        T = V2/V1.
+    rig_impedance : (...,) complex array [N s/m]
+        Zr of the rig beyond the tyre.
+    omega : (...,) float array [rad/s]
+        Angular frequency.
+
+    Returns
+    -------
+    (...,) complex array [N/m]
+        K* of the tyre.
+
+    Examples
+    --------
+    >>> transmissibility_route(2.0, 500j, 100.0)
+    np.complex128(100000-0j)
+    """
+    t = np.asarray(transmissibility)
+    return 1j * np.asarray(omega) * np.asarray(rig_impedance) * t / (1 - t)
+
+
+def maxwell_arm(stiffness: ArrayLike, k1: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    r"""K2 and C of the arm beside K1: eqs (11) and (12), corrected.
+
+    The arm is a sum of compliances, :math:`1/(K^* - K_1) = 1/K_2 + 1/(j\omega C)`, hence
+
+    .. math:: K_2 = \frac{1}{\mathrm{Re}\,[1/(K^*-K_1)]}, \qquad C = \frac{-1}{\omega\,\mathrm{Im}\,[1/(K^*-K_1)]}
+
+    Parameters
+    ----------
+    stiffness : (...,) complex array [N/m]
+        K* of the tyre.
+    k1 : (...,) float array [N/m]
+        Static stiffness.
+    omega : (...,) float array [rad/s]
+        Angular frequency, > 0.
+
+    Returns
+    -------
+    k2 : (...,) float array [N/m]
+        Spring of the arm; negative where Re K* < K1, infinite where they are equal: no passive answer.
+    c : (...,) float array [N s/m]
+        Damper of the arm; negative where Im K* < 0: no passive answer.
+
+    Notes
+    -----
+    Deviation from the source: eq. (12) as printed lacks two squares. Corrected, with d of eq. (13) and the real part R
+    of the tyre's mobility, :math:`K_2 = K_1 [(K_1/\omega)^2 + ((1-d)/R)^2] / [d(1-d)/R^2 - (K_1/\omega)^2]` and eq. (11)
+    :math:`C = R[(K_1/\omega)^2 + ((1-d)/R)^2]`; the same numbers as here, which lose fewer digits.
+
+    References
+    ----------
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (11)-(13).
+
+    Examples
+    --------
+    >>> k2, c = maxwell_arm(194211.26530917299 + 38773.596369347214j, 180e3, 2 * np.pi * 10)
+    >>> k2.round(3), c.round(6)
+    (np.float64(120000.0), np.float64(700.0))
+    """
+    arm = np.asarray(stiffness) - np.asarray(k1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        compliance = 1.0 / arm
+        return (1.0 / compliance.real)[()], (-1.0 / (np.asarray(omega) * compliance.imag))[()]
+
+
+def paper_d(stiffness: ArrayLike, k1: ArrayLike) -> FloatArray:
+    r"""The paper's d, eq. (13): :math:`d = K_1 (I/\omega - 1/(K_3 - m\omega^2)) = K_1\,\mathrm{Re}(1/K^*)`.
+
+    Parameters
+    ----------
+    stiffness : (...,) complex array [N/m]
+        K* of the tyre.
+    k1 : (...,) float array [N/m]
+        Static stiffness.
+
+    Returns
+    -------
+    (...,) float array [1]
+        d; below 1 wherever damper and spring of the arm take a share of the load.
+
+    References
+    ----------
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eq. (13).
+
+    Examples
+    --------
+    >>> paper_d(194211.26530917299 + 38773.596369347214j, 180e3).round(6)
+    np.float64(0.8913)
+    """
+    return (np.asarray(k1) * (1.0 / np.asarray(stiffness)).real)[()]
+
+
+@dataclass(frozen=True)
+class ChannelUncertainty:
+    """What is not known of the gains of F1, V1, V2: relative standard uncertainty [1] and phase [rad], 3 each."""
+
+    gain: FloatArray = field(default_factory=lambda: np.zeros(3))
+    phase: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    def covariance(self, amplitudes: ComplexArray) -> FloatArray:
+        """Covariance (..., 6, 6) that these uncertainties give amplitudes (..., 3) as measured."""
+        result = np.zeros((*amplitudes.shape[:-1], 6, 6))
+        for i, (gain, phase) in enumerate(zip(self.gain, self.phase, strict=True)):
+            along = _parts(amplitudes[..., i] * gain)
+            across = _parts(1j * amplitudes[..., i] * phase)
+            block = slice(2 * i, 2 * i + 2)
+            result[..., block, block] = along[..., None] * along[..., None, :] + across[..., None] * across[..., None, :]
+        return result
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What the phasors of N tests say of the tyre; every array has N rows, not-a-number where a value does not exist.
+
+    Attributes
+    ----------
+    frequency : (N,) float array [Hz]
+        Excitation frequency.
+    mobility, mobility_covariance : (N,) complex [m/(N s)], (N, 2, 2) float
+        V1/F1 as measured, R + jI; covariance of (R, I).
+    stiffness, stiffness_covariance : (N,) complex [N/m], (N, 2, 2) float
+        K* by the route; covariance of (Re, Im).
+    loss_factor, loss_factor_std : (N,) float [1]
+        K''/K'.
+    k1, k1_std : (N,) float [N/m]
+        Static stiffness used.
+    k2, c : (N,) float [N/m], [N s/m]
+        The arm; not-a-number where no passive answer exists or K1 is unknown, with a reason in `reasons`.
+    arm_covariance : (N, 2, 2) float
+        Covariance of (K2, C).
+    tr_measured, tr_predicted, tr_std : (N,) float [1]
+        abs(V2/V1); the same from K* and the rig; standard uncertainty of the predicted (measured, where there is no rig).
+    reasons : tuple of N str
+        Why K2 and C are blank, with the likely cause; empty where they are not.
+    route : str
+        How K* was found.
+    """
+
+    frequency: FloatArray
+    mobility: ComplexArray
+    mobility_covariance: FloatArray
+    stiffness: ComplexArray
+    stiffness_covariance: FloatArray
+    loss_factor: FloatArray
+    loss_factor_std: FloatArray
+    k1: FloatArray
+    k1_std: FloatArray
+    k2: FloatArray
+    c: FloatArray
+    arm_covariance: FloatArray
+    tr_measured: FloatArray
+    tr_predicted: FloatArray
+    tr_std: FloatArray
+    reasons: tuple[str, ...]
+    route: str
+
+
+def identify(
+    phasors: Phasors,
+    rig: Rig | None,
+    k1: ArrayLike = np.nan,
+    *,
+    k1_std: ArrayLike = 0.0,
+    route: str = "mobility",
+    added_mass: ArrayLike = 0.0,
+    added_mass_std: ArrayLike = 0.0,
+    channels: ChannelUncertainty | None = None,
+) -> Identification:
+    r"""Identify K*, K2, C and TR of each test, with uncertainties by linear propagation.
+
+    Parameters
+    ----------
+    phasors : Phasors
+        One test or N.
+    rig : Rig or None
+        The rig; None only for the relative route, which then predicts no TR.
+    k1, k1_std : (N,) float arrays [N/m]
+        Static stiffness and its standard uncertainty; not-a-number where unknown: K* is found all the same.
+    route : {"mobility", "relative", "transmissibility"}
+        See the head of this module.
+    added_mass, added_mass_std : (N,) float arrays [kg]
+        Mass fixed to the moving mass in each test.
+    channels : ChannelUncertainty, optional
+        Unknown parts of the channels' gains; without it they count as exact.
+
+    Returns
+    -------
+    Identification
+        One row per test.
+
+    Raises
+    ------
+    ValueError
+        If the route is unknown.
+    RigError
+        If the route needs a rig that is not given, or a motion that a blocked rig does not have.
+
+    References
+    ----------
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (11)-(14); JCGM 102:2011 for the propagation.
+
+    Examples
+    --------
+    >>> phasors = Phasors.from_polar(10.0, 1.0, abs(6.2114469e-5 - 1.0320808256e-3j), 1.5106868)
+    >>> found = identify(phasors, Rig(moving_mass=15.0, preload_stiffness=12440.0), k1=180e3)
+    >>> found.k2.round(-2), found.c.round(0)
+    (array([120000.]), array([700.]))
+    """
+    _check_route(route, rig)
+    count = np.size(phasors.frequency)
+    omega = phasors.omega.reshape(count)
+    amplitudes = phasors.amplitudes.reshape(count, 3)
+    k1, k1_std, added, added_std = (
+        np.broadcast_to(np.asarray(x, dtype=float), count) for x in (k1, k1_std, added_mass, added_mass_std)
+    )
+    covariance = _input_covariance(phasors, rig, k1_std, added_std, channels)
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        state = _Linear(amplitudes, omega, rig, added)
+        mobility, by_mobility = state.mobility()
+        stiffness, by_stiffness = state.stiffness(route)
+        loss, by_loss = _loss_factor(stiffness, by_stiffness)
+        k2, c, by_arm = _arm(stiffness, by_stiffness, k1, omega)
+        measured, predicted, by_tr = state.transmissibility(stiffness, by_stiffness)
+        arm_covariance = _propagate(by_arm, covariance)
+        stiffness_covariance = _propagate(_parts(by_stiffness, axis=-2), covariance)
+
+    reasons = tuple(_why_no_arm(*row) for row in zip(stiffness, k1, k2, c, strict=True))
+    passive = np.array([not reason for reason in reasons], dtype=bool)
+    return Identification(
+        frequency=phasors.frequency.reshape(count),
+        mobility=mobility,
+        mobility_covariance=_propagate(_parts(by_mobility, axis=-2), covariance),
+        stiffness=stiffness,
+        stiffness_covariance=stiffness_covariance,
+        loss_factor=loss,
+        loss_factor_std=_std(by_loss, covariance),
+        k1=k1,
+        k1_std=k1_std,
+        k2=np.where(passive, k2, np.nan),
+        c=np.where(passive, c, np.nan),
+        arm_covariance=np.where(passive[:, None, None], arm_covariance, np.nan),
+        tr_measured=measured,
+        tr_predicted=predicted,
+        tr_std=_std(by_tr, covariance),
+        reasons=reasons,
+        route=route,
+    )
+
+
+def _check_route(route: str, rig: Rig | None) -> None:
+    if route not in ROUTES:
+        raise ValueError(f"no route {route!r}: choose one of {', '.join(ROUTES)}")
+    if rig is None and route != "relative":
+        raise RigError(f"the {route} route needs the rig: state it, or use the relative route")
+    if rig is not None and rig.blocked and route == "transmissibility":
+        raise RigError("a blocked rig has no motion beyond the specimen: use the mobility route")
+
+
+class _Linear:
+    """Values with their derivatives (N, inputs) by every real input; complex values, analytic in the phasors."""
+
+    def __init__(self, amplitudes: ComplexArray, omega: FloatArray, rig: Rig | None, added: FloatArray) -> None:
+        self.omega, self.rig, self.added = omega, rig, added
+        self.cell_force, self.v1, self.v2 = amplitudes.T
+        jw = 1j * omega
+        self.by_cell_force, self.by_v1, self.by_v2 = (self._phasor(i) for i in range(3))
+        input_mass = rig.input_mass if rig is not None else 0.0
+        self.f1 = self.cell_force - jw * input_mass * self.v1
+        self.by_f1 = self.by_cell_force - (jw * input_mass)[:, None] * self.by_v1
+        self.by_f1[:, _INPUT_MASS_AT] -= jw * self.v1
+
+    def _phasor(self, index: int) -> ComplexArray:
+        by = np.zeros((self.omega.size, _INPUTS), dtype=complex)
+        by[:, 2 * index], by[:, 2 * index + 1] = 1.0, 1j
+        return by
+
+    def _rig(self) -> tuple[ComplexArray, ComplexArray]:
+        """1/Zr and its derivatives."""
+        assert self.rig is not None
+        mobility = np.asarray(self.rig.mobility(self.omega, self.added))
+        by = np.zeros((self.omega.size, _INPUTS), dtype=complex)
+        gradient = self.rig.impedance_gradient(self.omega, self.added)
+        by[:, 6:_K1_AT] = -(mobility**2)[:, None] * gradient
+        return mobility, by
+
+    def mobility(self) -> tuple[ComplexArray, ComplexArray]:
+        """V1/F1 as the sensors give it."""
+        return _ratio(self.v1, self.by_v1, self.cell_force, self.by_cell_force)
+
+    def stiffness(self, route: str) -> tuple[ComplexArray, ComplexArray]:
+        jw = 1j * self.omega
+        if route == "relative":
+            value = relative_route(self.f1, self.v1, self.v2, self.omega)
+            across, by_across = self.v1 - self.v2, self.by_v1 - self.by_v2
+            return value, value[:, None] * (self.by_f1 / self.f1[:, None] - by_across / across[:, None])
+        rig, by_rig = self._rig()
+        if route == "mobility":
+            mobility, by = _ratio(self.v1, self.by_v1, self.f1, self.by_f1)
+            value = mobility_route(mobility, rig, self.omega)
+            return value, -(value**2 / jw)[:, None] * (by - by_rig)
+        t, by_t = _ratio(self.v2, self.by_v2, self.v1, self.by_v1)
+        value = transmissibility_route(t, 1.0 / rig, self.omega)
+        return value, value[:, None] * (by_t / (t * (1 - t))[:, None] - by_rig / rig[:, None])
+
+    def transmissibility(
+        self, stiffness: ComplexArray, by_stiffness: ComplexArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """abs(V2/V1) as measured and as K* and the rig give it; derivatives of the latter, or of the former without rig."""
+        measured, by_measured = _ratio(self.v2, self.by_v2, self.v1, self.by_v1)
+        if self.rig is None or self.rig.blocked:
+            nothing = np.full(self.omega.size, np.nan)
+            return np.abs(measured), nothing, _modulus(measured, by_measured)
+        rig, by_rig = self._rig()
+        jw = 1j * self.omega
+        joined = stiffness * rig
+        by_joined = by_stiffness * rig[:, None] + stiffness[:, None] * by_rig
+        predicted = joined / (joined + jw)
+        by_predicted = (jw / (joined + jw) ** 2)[:, None] * by_joined
+        return np.abs(measured), np.abs(predicted), _modulus(predicted, by_predicted)
+
+
+def _ratio(
+    over: ComplexArray, by_over: ComplexArray, under: ComplexArray, by_under: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    value = over / under
+    return value, (by_over - value[:, None] * by_under) / under[:, None]
+
+
+def _modulus(value: ComplexArray, by_value: ComplexArray) -> FloatArray:
+    """Derivatives of abs(value)."""
+    return (np.conj(value)[:, None] * by_value).real / np.abs(value)[:, None]
+
+
+def _loss_factor(stiffness: ComplexArray, by_stiffness: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    value = stiffness.imag / stiffness.real
+    return value, (by_stiffness.imag - value[:, None] * by_stiffness.real) / stiffness.real[:, None]
+
+
+def _arm(
+    stiffness: ComplexArray, by_stiffness: ComplexArray, k1: FloatArray, omega: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """K2, C and their derivatives, shape (N, 2, inputs)."""
+    k2, c = maxwell_arm(stiffness, k1, omega)
+    by_arm = by_stiffness.copy()
+    by_arm[:, _K1_AT] -= 1.0
+    by_compliance = -by_arm / ((stiffness - k1) ** 2)[:, None]
+    by_k2 = -(k2**2)[:, None] * by_compliance.real
+    by_c = (omega * c**2)[:, None] * by_compliance.imag
+    return k2, c, np.stack([by_k2, by_c], axis=1)
+
+
+def _parts(values: ComplexArray, axis: int = -1) -> FloatArray:
+    """Real and imaginary part along a new axis."""
+    return np.stack([values.real, values.imag], axis=axis)
+
+
+def _input_covariance(
+    phasors: Phasors, rig: Rig | None, k1_std: FloatArray, added_std: FloatArray, channels: ChannelUncertainty | None
+) -> FloatArray:
+    count = k1_std.size
+    covariance = np.zeros((count, _INPUTS, _INPUTS))
+    covariance[:, :6, :6] = phasors.covariance.reshape(count, 6, 6)
+    if channels is not None:
+        covariance[:, :6, :6] += channels.covariance(phasors.amplitudes.reshape(count, 3))
+    at = np.arange(_INPUTS)
+    if rig is not None:
+        covariance[:, at[_RIG_AT], at[_RIG_AT]] = rig.uncertainties**2
+    covariance[:, _ADDED_AT, _ADDED_AT] = added_std**2
+    covariance[:, _K1_AT, _K1_AT] = np.nan_to_num(k1_std) ** 2
+    return covariance
+
+
+def _propagate(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
+    """J S J^T for J (N, outputs, inputs); inputs that do not matter do not count, even where they are unknown."""
+    with np.errstate(invalid="ignore"):
+        weighted = np.where(jacobian == 0, 0.0, jacobian)
+        known = np.where(np.any(jacobian != 0, axis=1)[:, :, None], covariance, 0.0)
+        known = np.where(np.any(jacobian != 0, axis=1)[:, None, :], known, 0.0)
+        return weighted @ known @ np.swapaxes(weighted, -1, -2)
+
+
+def _std(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
+    return np.sqrt(_propagate(jacobian[:, None, :], covariance)[:, 0, 0])
+
+
+def _why_no_arm(stiffness: complex, k1: float, k2: float, c: float) -> str:
+    """Why no passive K2, C exists, with the likely cause; empty where they do."""
+    if not np.isfinite(stiffness):
+        return "K* could not be found, so neither can K2 and C"
+    if not np.isfinite(k1):
+        return "no static stiffness K1 is known, so K2 and C are left blank"
+    if k2 > 0 and c > 0 and np.isfinite(k2) and np.isfinite(c):
+        return ""
+    if stiffness.real <= 0:
+        return (
+            f"no passive K2, C exist: K' = {stiffness.real:.5g} N/m is not positive; "
+            "look for an inverted force or motion channel, or a wrong moving mass"
+        )
+    if stiffness.imag <= 0:
+        return (
+            f"no passive C exists: K'' = {stiffness.imag:.5g} N/m is not positive, the tyre would give energy; "
+            "look for an inverted channel, an undeclared delay or phase of a channel, or a wrong rig value"
+        )
+    return (
+        f"no passive K2 exists: K' = {stiffness.real:.5g} N/m is not above the static K1 = {k1:.5g} N/m; "
+        "look for a K1 taken at another load, amplitude or branch, a wrong moving mass, or a gain error"
+    )

@@ -1,0 +1,299 @@
+r"""LoadCurve: a load-deflection record becomes the static stiffness K1 at a load.
+
+K1 is the tangent, at the load, of the mean of the loading and unloading branches at equal deflection, over the
+last complete cycle. Both branches are fitted at once,
+
+.. math:: F = P(x) + s\,H(x), \qquad s = +1 \text{ loading}, -1 \text{ unloading},
+
+so that P is the mean and H half the gap at equal deflection, whatever the deflections that each branch sampled.
+H is as rich as the samples allow; the order of P is the one of least BIC, its sample count reduced for the
+correlation of the residual. Data that are an exact polynomial are met exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from fourpole.core.branches import Branches, in_contact, split_branches
+from fourpole.core.meancurve import MeanCurve, fit_mean_curve
+from fourpole.errors import LoadCurveError
+
+__all__ = ["LoadCurve", "Secant", "Tangent"]
+
+FloatArray = NDArray[np.float64]
+
+_FEWEST_POINTS = 5
+#: How far past the fitted deflections a load that *was* measured may lie on the mean of the branches.
+_EDGE = 0.02
+#: A curve whose least load is below this share of its span reaches zero load.
+_ZERO = 0.005
+_UNIFORM = 1.0 / np.sqrt(12.0)
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """Static stiffness K1 at a load, with the parts of its standard uncertainty; all [N/m] but the loads.
+
+    Attributes
+    ----------
+    load : float [N]
+        Where it was taken.
+    deflection : float [m]
+        Deflection there, from the curve's own zero.
+    stiffness : float [N/m]
+        K1.
+    fit : float [N/m]
+        Uncertainty of the fit and of the choice of its order.
+    branches : float [N/m]
+        Gap between the tangents of the two branches, over the square root of 12.
+    cycles : float [N/m]
+        Change from the last but one to the last complete cycle, over the square root of 12.
+    by_load : float [1/m]
+        dK1/dF, which turns an error of the load into one of K1.
+    """
+
+    load: float
+    deflection: float
+    stiffness: float
+    fit: float
+    branches: float
+    cycles: float
+    by_load: float
+
+    @property
+    def std(self) -> float:
+        """Standard uncertainty of K1, without that of the channels' gains [N/m]."""
+        return float(np.sqrt(self.fit**2 + self.branches**2 + self.cycles**2))
+
+    def std_with_gains(self, load_gain: float, deflection_gain: float) -> float:
+        """Standard uncertainty of K1 with relative standard uncertainties of the two gains [N/m]."""
+        by_load_gain = self.stiffness - self.load * self.by_load
+        return float(np.hypot(self.std, np.hypot(by_load_gain * load_gain, self.stiffness * deflection_gain)))
+
+
+@dataclass(frozen=True)
+class Secant:
+    """Load over deflection from the point of zero load [N/m]; not-a-number, with a reason, where the curve does not reach it."""
+
+    stiffness: float
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class LoadCurve:
+    """Load against deflection, positive in compression, in the order in which it was recorded.
+
+    Parameters
+    ----------
+    deflection : (N,) float array [m]
+        From any zero.
+    load : (N,) float array [N]
+        Points with a missing value are left out.
+
+    Raises
+    ------
+    LoadCurveError
+        If fewer than 5 points are there, or load or deflection do not change, or one falls as the other rises.
+
+    References
+    ----------
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, section 4.1.
+
+    Examples
+    --------
+    >>> x = np.linspace(0.0, 0.03, 31)
+    >>> curve = LoadCurve(x, 150e3 * x + 1e6 * x**2)
+    >>> round(curve.tangent(2000.0).stiffness)
+    174642
+    >>> curve.tangent(9000.0)
+    Traceback (most recent call last):
+    ...
+    fourpole.errors.LoadCurveError: 9000 N lies outside the measured loads, 0 to 5400 N: no extrapolation
+    """
+
+    deflection: FloatArray
+    load: FloatArray
+
+    def __post_init__(self) -> None:
+        x, f = np.asarray(self.deflection, dtype=float), np.asarray(self.load, dtype=float)
+        there = np.isfinite(x) & np.isfinite(f)
+        x, f = x[there], f[there]
+        object.__setattr__(self, "deflection", x)
+        object.__setattr__(self, "load", f)
+        if x.size < _FEWEST_POINTS:
+            raise LoadCurveError(f"the curve has {x.size} points, at least {_FEWEST_POINTS} are needed")
+        if np.ptp(x) <= 1e-12 * np.max(np.abs(x)) or np.ptp(f) <= 1e-12 * np.max(np.abs(f)):
+            raise LoadCurveError("load or deflection does not change: a sensor was off, or another column is meant")
+        if np.corrcoef(x, f)[0, 1] <= 0:
+            raise LoadCurveError("the load falls as the deflection grows: one of the channels is inverted (state invert = true)")
+
+    @cached_property
+    def branches(self) -> Branches:
+        """Loading and unloading branches, in the order recorded."""
+        return split_branches(self.deflection)
+
+    @property
+    def cycles(self) -> int:
+        """Complete cycles; 0 for a single branch."""
+        return len(self.branches.cycles)
+
+    @cached_property
+    def _last(self) -> MeanCurve:
+        return self._fit(-1)
+
+    def _fit(self, cycle: int) -> MeanCurve:
+        x, f, side = self.branches.of_cycle(cycle, self.deflection, self.load)
+        held = in_contact(x, f)
+        return fit_mean_curve(x[held], f[held], None if side is None else side[held])
+
+    @cached_property
+    def _last_but_one(self) -> MeanCurve | None:
+        """The cycle before the last, if it is not the first, which conditions the rubber."""
+        return self._fit(-2) if self.cycles > 2 else None
+
+    @property
+    def order(self) -> int:
+        """Order of the mean curve's polynomial."""
+        return self._last.order
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of the result must know."""
+        if self.cycles == 0:
+            return ("one branch only: its own tangent, without the mean of loading and unloading",)
+        if self.cycles == 1:
+            return ("one complete cycle only: the rubber was not conditioned, and no repeat shows how steady it is",)
+        return ()
+
+    @cached_property
+    def measured_loads(self) -> tuple[float, float]:
+        """Least and largest load of the last complete cycle [N]."""
+        _, f, _ = self.branches.of_cycle(-1, self.deflection, self.load)
+        return float(f.min()), float(f.max())
+
+    def _deflection_at(self, curve: MeanCurve, load: float) -> float:
+        low, high = self.measured_loads
+        slack = 1e-9 * (high - low)
+        if not low - slack <= load <= high + slack:
+            raise LoadCurveError(f"{load:g} N lies outside the measured loads, {low:g} to {high:g} N: no extrapolation")
+        return _root(curve, load)
+
+    def tangent(self, load: float) -> Tangent:
+        r"""Static stiffness K1 at a load, :math:`K_1 = P'(x_0)` with :math:`P(x_0)` the load.
+
+        Parameters
+        ----------
+        load : float [N]
+            Within the measured loads of the last complete cycle.
+
+        Returns
+        -------
+        Tangent
+            K1 and the parts of its uncertainty.
+
+        Raises
+        ------
+        LoadCurveError
+            If the load lies outside the measured loads, or the curve does not rise there.
+
+        Examples
+        --------
+        >>> x = np.linspace(0.0, 0.03, 31)
+        >>> round(LoadCurve(x, 150e3 * x).tangent(2000.0).stiffness, 3)
+        150000.0
+        """
+        curve = self._last
+        place = self._deflection_at(curve, load)
+        stiffness = curve.slope(place)
+        if not stiffness > 0:
+            raise LoadCurveError(f"the curve does not rise at {load:g} N (tangent {stiffness:.4g} N/m): no stiffness there")
+        change = 0.0
+        if self._last_but_one is not None:
+            try:
+                before = self._last_but_one.slope(self._deflection_at(self._last_but_one, load))
+                change = abs(stiffness - before)
+            except LoadCurveError:
+                change = 0.0
+        return Tangent(
+            load=load,
+            deflection=place,
+            stiffness=stiffness,
+            fit=curve.slope_std(place),
+            branches=abs(curve.slope_gap(place)) * _UNIFORM,
+            cycles=change * _UNIFORM,
+            by_load=curve.bend(place) / stiffness,
+        )
+
+    def secant(self, load: float) -> Secant:
+        """Load over deflection from the point of zero load.
+
+        Parameters
+        ----------
+        load : float [N]
+            Within the measured loads.
+
+        Returns
+        -------
+        Secant
+            Not-a-number, with the reason, where the curve does not reach zero load.
+
+        Raises
+        ------
+        LoadCurveError
+            If the load itself lies outside the measured loads.
+
+        Examples
+        --------
+        >>> x = np.linspace(0.0, 0.03, 31)
+        >>> LoadCurve(x, 150e3 * x + 400.0).secant(2000.0).reason
+        'the curve starts at 400 N: no point of zero load'
+        """
+        curve = self._last
+        place = self._deflection_at(curve, load)
+        lowest, highest = self.measured_loads
+        no_zero = Secant(float("nan"), f"the curve starts at {lowest:.4g} N: no point of zero load")
+        if lowest > _ZERO * (highest - lowest):
+            return no_zero
+        try:
+            return Secant(load / (place - _root(curve, 0.0)))
+        except LoadCurveError:
+            return no_zero
+
+    @property
+    def hysteresis_loss(self) -> float:
+        """Energy lost in the last complete cycle, the area of the loop [J]; not-a-number for one branch."""
+        if self.cycles == 0:
+            return float("nan")
+        x, f, _ = self.branches.of_cycle(-1, self.deflection, self.load)
+        closed_x, closed_f = np.append(x, x[0]), np.append(f, f[0])
+        return float(np.sum(0.5 * (closed_f[1:] + closed_f[:-1]) * np.diff(closed_x)))
+
+    @property
+    def nonlinearity(self) -> float:
+        """Largest departure from the straight line through 10 and 90 % of the load span, over that span [1]."""
+        curve = self._last
+        x = np.linspace(*curve.span, 401)
+        f = curve.value(x)
+        low, high = float(f.min()), float(f.max())
+        at = [_root(curve, low + share * (high - low)) for share in (0.1, 0.9)]
+        slope = 0.8 * (high - low) / (at[1] - at[0])
+        line = low + 0.1 * (high - low) + slope * (x - at[0])
+        return float(np.max(np.abs(f - line)) / (high - low))
+
+
+def _root(curve: MeanCurve, load: float) -> float:
+    """Deflection at a load on the rising mean curve, at most `_EDGE` of the span past its ends."""
+    low, high = curve.span
+    margin = _EDGE * (high - low)
+    x = np.linspace(low - margin, high + margin, 801)
+    above = curve.value(x) - load
+    crossing = np.flatnonzero((above[:-1] <= 0) & (above[1:] > 0))
+    if not crossing.size:
+        raise LoadCurveError(f"the mean of the branches does not reach {load:g} N: no extrapolation")
+    inside = crossing[np.argmin(np.abs(x[crossing] - np.clip(x[crossing], low, high)))]
+    return float(optimize.brentq(lambda at: float(curve.value(at)) - load, x[inside], x[inside + 1], xtol=1e-15))

@@ -1,0 +1,142 @@
+"""Phasors: the complex amplitudes of F1, V1 and V2 at the excitation frequency, with their covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+
+__all__ = ["CHANNELS", "Phasors"]
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: The three channels of a dynamic test, in the order of every amplitude and covariance.
+CHANNELS = ("force_in", "motion_in", "motion_out")
+
+
+@dataclass(frozen=True)
+class Phasors:
+    r"""Complex amplitudes of F1, V1, V2 at one frequency per test; x(t) = Re(X e^{jwt}), 0-to-peak.
+
+    Parameters
+    ----------
+    frequency : (...,) float array [Hz]
+        Excitation frequency.
+    amplitudes : (..., 3) complex array [N], [m/s], [m/s]
+        F1, V1, V2; not-a-number where a channel is absent.
+    covariance : (..., 6, 6) float array
+        Of Re F1, Im F1, Re V1, Im V1, Re V2, Im V2, in the squares of their units; the noise alone, not the gains.
+    frequency_std : (...,) float array [Hz]
+        Standard uncertainty of the frequency; 0 where it was given.
+    dof : (...,) float array [1]
+        Degrees of freedom of the covariance.
+
+    Examples
+    --------
+    >>> phasors = Phasors.from_polar(frequency=10.0, force_in=60.0, motion_in=0.0628, phase=1.51)
+    >>> abs(phasors.mobility).round(6)
+    np.float64(0.001047)
+    """
+
+    frequency: FloatArray
+    amplitudes: ComplexArray
+    covariance: FloatArray
+    frequency_std: FloatArray
+    dof: FloatArray
+
+    @classmethod
+    def from_polar(
+        cls,
+        frequency: ArrayLike,
+        force_in: ArrayLike,
+        motion_in: ArrayLike,
+        phase: ArrayLike,
+        motion_out: ArrayLike = np.nan,
+        phase_out: ArrayLike = 0.0,
+    ) -> Phasors:
+        """Phasors from a reduced table, taken as exact.
+
+        Parameters
+        ----------
+        frequency : (...,) float array [Hz]
+            Excitation frequency.
+        force_in, motion_in, motion_out : (...,) float arrays [N], [m/s], [m/s]
+            Amplitudes of F1, V1 and, if known, V2.
+        phase, phase_out : (...,) float arrays [rad]
+            Phase of F1 and of V2 ahead of V1.
+
+        Returns
+        -------
+        Phasors
+            With V1 real and no covariance.
+
+        Examples
+        --------
+        >>> Phasors.from_polar([10.0, 12.0], 50.0, 0.06, 0.5).amplitudes.shape
+        (2, 3)
+        """
+        f1 = np.asarray(force_in) * np.exp(1j * np.asarray(phase))
+        v2 = np.asarray(motion_out) * np.exp(1j * np.asarray(phase_out))
+        frequency, f1, v1, v2 = np.broadcast_arrays(np.asarray(frequency, dtype=float), f1, motion_in, v2)
+        amplitudes = np.stack([f1, v1, v2], axis=-1).astype(complex)
+        zero = np.zeros(frequency.shape)
+        return cls(frequency, amplitudes, np.zeros((*zero.shape, 6, 6)), zero, zero + np.inf)
+
+    @classmethod
+    def stack(cls, items: Sequence[Phasors]) -> Phasors:
+        """Join tests of the same shape along a new first axis."""
+        return cls(*(np.stack([getattr(item, f.name) for item in items]) for f in fields(cls)))
+
+    @property
+    def omega(self) -> FloatArray:
+        """Angular frequency [rad/s]."""
+        return 2 * np.pi * np.asarray(self.frequency)
+
+    @property
+    def force_in(self) -> ComplexArray:
+        """F1 [N]."""
+        return self.amplitudes[..., 0]
+
+    @property
+    def motion_in(self) -> ComplexArray:
+        """V1 [m/s]."""
+        return self.amplitudes[..., 1]
+
+    @property
+    def motion_out(self) -> ComplexArray:
+        """V2 [m/s]; not-a-number where not measured."""
+        return self.amplitudes[..., 2]
+
+    @property
+    def mobility(self) -> ComplexArray:
+        """V1/F1 [m/(N s)]."""
+        return self.motion_in / self.force_in
+
+    @property
+    def transmissibility(self) -> ComplexArray:
+        """V2/V1 [1]."""
+        return self.motion_out / self.motion_in
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard uncertainty of Re and Im of F1, V1, V2 from the noise, shape (..., 6)."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
+
+    def coverage_factor(self, level: float = 0.95) -> FloatArray:
+        """Half-width of a two-sided interval in standard uncertainties, by Student's t.
+
+        Parameters
+        ----------
+        level : float [1]
+            Probability, between 0 and 1.
+
+        Returns
+        -------
+        (...,) float array [1]
+            t quantile at the degrees of freedom of each test.
+        """
+        return stats.t.ppf(0.5 * (1 + level), self.dof)

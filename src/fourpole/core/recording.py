@@ -1,0 +1,229 @@
+"""A recording: channels in SI units on one time base, with what is known of each channel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fourpole.errors import RecordingError
+
+__all__ = ["DERIVATIVES", "Channel", "Recording", "uniform_time"]
+
+FloatArray = NDArray[np.float64]
+
+#: How many times a motion must be differentiated to become a velocity; a force is taken as it is.
+DERIVATIVES = {"force": 0, "displacement": 1, "velocity": 0, "acceleration": -1}
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Samples of one sensor in SI units, gain, offset and inversion already applied.
+
+    Parameters
+    ----------
+    samples : (N,) float array [N], [m], [m/s] or [m/s²]
+        Not-a-number where a sample is missing.
+    quantity : {"force", "displacement", "velocity", "acceleration"}
+        What was measured.
+    delay : float [s]
+        How late the samples are: ``recorded(t) = true(t - delay)``.
+    limits : (float, float), optional
+        Values at which the channel is at its full scale, in the units of `samples`.
+
+    Raises
+    ------
+    ValueError
+        If the quantity is unknown.
+
+    Examples
+    --------
+    >>> Channel(np.zeros(3), "velocity").quantity
+    'velocity'
+    """
+
+    samples: FloatArray
+    quantity: str
+    delay: float = 0.0
+    limits: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.quantity not in DERIVATIVES:
+            raise ValueError(f"no quantity {self.quantity!r}: choose one of {', '.join(DERIVATIVES)}")
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Channels on one uniform time base.
+
+    Parameters
+    ----------
+    sample_rate : float [Hz]
+        Samples per second.
+    channels : mapping of str to Channel
+        ``motion_in`` and, where measured, ``force_in`` and ``motion_out``, all of the same length.
+    label : str
+        Where it comes from, for messages.
+
+    Raises
+    ------
+    RecordingError
+        If there is no ``motion_in``, or lengths differ.
+
+    Examples
+    --------
+    >>> t = np.arange(1000) / 500.0
+    >>> recording = Recording.from_arrays(t, force_in=np.sin(63 * t), motion_in=np.cos(63 * t))
+    >>> recording.duration
+    2.0
+    """
+
+    sample_rate: float
+    channels: Mapping[str, Channel]
+    label: str = "recording"
+
+    def __post_init__(self) -> None:
+        if "motion_in" not in self.channels:
+            raise RecordingError(f"{self.label}: no channel 'motion_in': the motion at the contact must be there")
+        lengths = {name: channel.samples.size for name, channel in self.channels.items()}
+        if len(set(lengths.values())) > 1:
+            raise RecordingError(f"{self.label}: channels differ in length: {lengths}")
+
+    @classmethod
+    def from_arrays(
+        cls,
+        time: ArrayLike,
+        *,
+        force_in: ArrayLike,
+        motion_in: ArrayLike,
+        motion_out: ArrayLike | None = None,
+        motion: str = "velocity",
+        label: str = "recording",
+    ) -> Recording:
+        """Recording from arrays in SI units.
+
+        Parameters
+        ----------
+        time : (N,) float array [s]
+            Uniform time.
+        force_in, motion_in, motion_out : (N,) float arrays
+            F1 [N], and the motion at the contact and beyond the tyre.
+        motion : {"displacement", "velocity", "acceleration"}
+            What the motions are, [m], [m/s] or [m/s²].
+        label : str
+            For messages.
+
+        Raises
+        ------
+        RecordingError
+            If the time is not uniform.
+
+        Examples
+        --------
+        >>> t = np.arange(100) / 100.0
+        >>> Recording.from_arrays(t, force_in=t, motion_in=t).sample_rate
+        100.0
+        """
+        step, remark = uniform_time(np.asarray(time, dtype=float))
+        if remark:
+            raise RecordingError(f"{label}: {remark}")
+        channels = {
+            "force_in": Channel(np.asarray(force_in, dtype=float), "force"),
+            "motion_in": Channel(np.asarray(motion_in, dtype=float), motion),
+        }
+        if motion_out is not None:
+            channels["motion_out"] = Channel(np.asarray(motion_out, dtype=float), motion)
+        return cls(1.0 / step, channels, label)
+
+    def without(self, name: str) -> Recording:
+        """The same recording less one channel."""
+        kept = {key: channel for key, channel in self.channels.items() if key != name}
+        return replace(self, channels=kept)
+
+    @property
+    def size(self) -> int:
+        """Samples per channel."""
+        return self.channels["motion_in"].samples.size
+
+    @property
+    def duration(self) -> float:
+        """Length, one sampling interval per sample [s]."""
+        return self.size / self.sample_rate
+
+
+def uniform_time(time: FloatArray) -> tuple[float, str]:
+    """Sampling interval of a time column, and what is wrong with it.
+
+    Stamps may be off the uniform grid by what their own decimals explain. Up to half an interval they are
+    taken for the jitter of a clock on uniform samples, and that is said; beyond, no interval exists.
+
+    Parameters
+    ----------
+    time : (N,) float array [s]
+        Time stamps, N >= 2.
+
+    Returns
+    -------
+    step : float [s]
+        Mean interval.
+    remark : str
+        Empty where the stamps are uniform.
+
+    Raises
+    ------
+    RecordingError
+        If the stamps are missing, do not increase, or are not uniform.
+
+    Examples
+    --------
+    >>> uniform_time(np.array([0.0, 0.1, 0.2]))
+    (0.1, '')
+    """
+    if time.size < 2:
+        raise RecordingError(f"{time.size} samples are too few for a time base")
+    if not np.all(np.isfinite(time)):
+        row = int(np.argmin(np.isfinite(time)))
+        raise RecordingError(f"time is missing at sample {row + 1}; fill it in, or state sample_rate for the channels")
+    increments = np.diff(time)
+    if not np.all(increments > 0):
+        row = int(np.argmax(increments <= 0))
+        how = "runs backwards" if np.all(increments < 0) else f"does not increase at sample {row + 2}"
+        raise RecordingError(
+            f"time {how} (from {time[row]:.9g} s to {time[row + 1]:.9g} s); "
+            "export the recording again in order of time, without repeated stamps"
+        )
+    step, off_grid = _grid(time)
+    worst = int(np.argmax(off_grid))
+    if off_grid[worst] <= 1.1 * _resolution(time, step) + 1e-6 * step:
+        return step, ""
+    if off_grid[worst] <= 0.5 * step:
+        return step, (
+            f"time stamps are up to {off_grid[worst] / step:.0%} of an interval off a uniform grid (sample {worst + 1}); "
+            "taken as clock jitter on uniform samples: if so, state sample_rate in campaign.toml, if not, resample"
+        )
+    jump = int(np.argmax(np.abs(increments - np.median(increments))))
+    raise RecordingError(
+        f"time is not uniform: the interval after sample {jump + 1} (at {time[jump]:.9g} s) is {increments[jump]:.6g} s, "
+        f"the median {np.median(increments):.6g} s; samples were lost or the rate changed: resample, cut with window [s], "
+        "or state sample_rate if the stamps are wrong"
+    )
+
+
+def _grid(time: FloatArray) -> tuple[float, FloatArray]:
+    """Interval of the uniform grid nearest to the stamps (least squares), and how far each stamp is off it [s]."""
+    index = np.arange(time.size) - 0.5 * (time.size - 1)
+    since = time - time[0]
+    step = float(index @ since / (index @ index))
+    return step, np.abs(since - since.mean() - step * index)
+
+
+def _resolution(time: FloatArray, step: float) -> float:
+    """Step of the decimals in which the stamps were written: the coarsest power of ten that all of them keep [s]."""
+    probe = time[:: max(1, time.size // 1000)]
+    for exponent in range(int(np.floor(np.log10(step))), -16, -1):
+        unit = 10.0**exponent
+        if np.all(np.abs(probe / unit - np.round(probe / unit)) < 1e-9 * np.maximum(1.0, np.abs(probe / unit))):
+            return unit
+    return 0.0

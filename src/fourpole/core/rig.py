@@ -1,0 +1,215 @@
+r"""The rig beyond the tyre, as a chain of four-poles with the uncertainty of each value.
+
+From the force cell to the foundation::
+
+    F1, V1 ── input mass ── TYRE ── tyre mass ── moving mass (+ added mass) ── preload spring ── frame ── fixed
+                                 └ V2 is measured here
+
+The preload spring has a damper and a loss factor of its own. What is not stated is absent: no input or tyre
+mass, a rigid frame. With ``blocked=True`` the far side of the specimen does not move at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fourpole.core.twoport import cascade, mass, spring
+from fourpole.errors import RigError
+
+__all__ = ["PARAMETERS", "Rig"]
+
+ComplexArray = NDArray[np.complex128]
+
+#: The rig's values in the order of every gradient, with their SI units.
+PARAMETERS: dict[str, str] = {
+    "moving_mass": "kg",
+    "preload_stiffness": "N/m",
+    "preload_damping": "N s/m",
+    "preload_loss_factor": "1",
+    "tyre_mass": "kg",
+    "frame_stiffness": "N/m",
+    "input_mass": "kg",
+}
+
+
+@dataclass(frozen=True)
+class Rig:
+    r"""What stands between the tyre and the foundation, and between the force cell and the tyre.
+
+    Its impedance at the tyre is :math:`Z_r = j\omega m + c_3 + K_3/(j\omega)` with the paper's parts, and that of
+    the whole chain with more.
+
+    Parameters
+    ----------
+    moving_mass : float [kg]
+        Mass m that moves with V2; > 0 (0 is allowed only where `blocked`).
+    preload_stiffness, preload_damping : float [N/m], [N s/m]
+        Preload spring K3 and the damper c3 beside it; >= 0.
+    preload_loss_factor : float [1]
+        Structural loss of the preload spring: K3 (1 + j eta); >= 0.
+    tyre_mass : float [kg]
+        Moving part of the tyre, lumped at the wheel side; >= 0.
+    frame_stiffness : float [N/m]
+        Stiffness of the frame behind the preload spring; > 0, default rigid.
+    input_mass : float [kg]
+        Mass between force cell and contact; >= 0.
+    blocked : bool
+        True for a rig whose output side does not move (elastomer benches): V2 = 0, its mobility is 0.
+    std : mapping of str to float
+        Standard uncertainty of each value named, in its unit; absent is 0.
+
+    Raises
+    ------
+    RigError
+        If a value is out of its range or not finite, or `std` names no value of a rig.
+
+    References
+    ----------
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (6), (7).
+
+    Examples
+    --------
+    >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    >>> rig.impedance(2 * np.pi * 10).round(3)
+    np.complex128(744.489j)
+    """
+
+    moving_mass: float = 0.0
+    preload_stiffness: float = 0.0
+    preload_damping: float = 0.0
+    preload_loss_factor: float = 0.0
+    tyre_mass: float = 0.0
+    frame_stiffness: float = float("inf")
+    input_mass: float = 0.0
+    blocked: bool = False
+    std: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, unit in PARAMETERS.items():
+            value = getattr(self, name)
+            rigid = name == "frame_stiffness" and value == float("inf")
+            must_exceed = name == "frame_stiffness" or (name == "moving_mass" and not self.blocked)
+            if not (rigid or (np.isfinite(value) and (value > 0 if must_exceed else value >= 0))):
+                wanted = "positive" if must_exceed else "zero or positive"
+                raise RigError(f"{name} is {value:g} {unit}: it must be a finite, {wanted} number")
+        for name, value in self.std.items():
+            if name not in PARAMETERS:
+                raise RigError(f"the rig has no value {name!r}: it has {', '.join(PARAMETERS)}")
+            if not (np.isfinite(value) and value >= 0):
+                raise RigError(f"the uncertainty of {name} is {value:g}: it must be zero or positive")
+
+    @property
+    def uncertainties(self) -> NDArray[np.float64]:
+        """Standard uncertainties in the order of `PARAMETERS`."""
+        return np.array([self.std.get(name, 0.0) for name in PARAMETERS])
+
+    @property
+    def resonance(self) -> float:
+        """Frequency at which K3 = m w^2: there the rig alone resonates and hides the tyre [Hz]; nan if blocked."""
+        if self.blocked:
+            return float("nan")
+        return float(np.sqrt(self.preload_stiffness / (self.moving_mass + self.tyre_mass)) / (2 * np.pi))
+
+    def _parts(self, omega: ComplexArray, added_mass: ArrayLike) -> list[tuple[ComplexArray, dict[str, tuple]]]:
+        """Each four-pole with its derivatives: name -> (row, column, derivative of that entry)."""
+        jw = 1j * omega
+        total = self.moving_mass + self.tyre_mass + np.asarray(added_mass)
+        per_mass = (0, 1, jw)
+        parts = [(mass(total, omega), {name: per_mass for name in ("moving_mass", "tyre_mass", "added_mass")})]
+        k3, eta = self.preload_stiffness, self.preload_loss_factor
+        leaf = k3 * (1 + 1j * eta) + jw * self.preload_damping
+        if self._held:
+            by_leaf = -jw / leaf**2
+            parts.append(
+                (
+                    spring(leaf, omega),
+                    {
+                        "preload_stiffness": (1, 0, by_leaf * (1 + 1j * eta)),
+                        "preload_damping": (1, 0, by_leaf * jw),
+                        "preload_loss_factor": (1, 0, by_leaf * 1j * k3),
+                    },
+                )
+            )
+        if self._held and np.isfinite(self.frame_stiffness):
+            by_frame = -jw / self.frame_stiffness**2
+            parts.append((spring(self.frame_stiffness, omega), {"frame_stiffness": (1, 0, by_frame)}))
+        return parts
+
+    @property
+    def _held(self) -> bool:
+        """Whether anything joins the mass to the foundation."""
+        return self.preload_stiffness > 0 or self.preload_damping > 0
+
+    def chain(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
+        """Four-pole from the far side of the tyre to the foundation.
+
+        Parameters
+        ----------
+        omega : (...,) float array [rad/s]
+            Angular frequency.
+        added_mass : (...,) float array [kg]
+            Mass fixed to the moving mass in addition.
+
+        Returns
+        -------
+        (..., 2, 2) complex array
+            Entries in 1, N s/m, m/(N s), 1.
+        """
+        return cascade(*[matrix for matrix, _ in self._parts(np.asarray(omega), added_mass)])
+
+    def mobility(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
+        """Mobility V2/F2 of the rig at the tyre, 1/Zr [m/(N s)]; 0 where blocked, infinite at its own resonance."""
+        omega = np.asarray(omega, dtype=float)
+        if self.blocked:
+            return np.zeros(np.broadcast_shapes(omega.shape, np.shape(added_mass)), dtype=complex)
+        top, bottom = self._terminated(self.chain(omega, added_mass))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(bottom / top)[()]
+
+    def impedance(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
+        """Impedance F2/V2 of the rig at the tyre, Zr [N s/m]; infinite where blocked."""
+        omega = np.asarray(omega, dtype=float)
+        if self.blocked:
+            return np.full(np.broadcast_shapes(omega.shape, np.shape(added_mass)), np.inf, dtype=complex)
+        top, bottom = self._terminated(self.chain(omega, added_mass))
+        return np.asarray(top / bottom)[()]
+
+    def _terminated(self, matrix: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Force and velocity at the tyre for a unit of what the far end has: force if held, motion if free."""
+        column = 0 if self._held else 1
+        return matrix[..., 0, column], matrix[..., 1, column]
+
+    def impedance_gradient(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
+        """Derivatives of Zr by the rig's values and, last, by the added mass.
+
+        Parameters
+        ----------
+        omega : (...,) float array [rad/s]
+            Angular frequency.
+        added_mass : (...,) float array [kg]
+            Mass fixed to the moving mass in addition.
+
+        Returns
+        -------
+        (..., 8) complex array
+            In the order of `PARAMETERS`, then the added mass; zero where a part is absent or the rig blocked.
+        """
+        omega, added_mass = np.broadcast_arrays(np.asarray(omega, dtype=float), added_mass)
+        names = [*PARAMETERS, "added_mass"]
+        gradient = np.zeros((*omega.shape, len(names)), dtype=complex)
+        if self.blocked:
+            return gradient
+        parts = self._parts(omega, added_mass)
+        top, bottom = self._terminated(self.chain(omega, added_mass))
+        for index, (matrix, derivatives) in enumerate(parts):
+            for name, (row, column, derivative) in derivatives.items():
+                changed = np.zeros_like(matrix)
+                changed[..., row, column] = derivative
+                whole = cascade(*[m for m, _ in parts[:index]], changed, *[m for m, _ in parts[index + 1 :]])
+                top_change, bottom_change = self._terminated(whole)
+                gradient[..., names.index(name)] = (top_change - top / bottom * bottom_change) / bottom
+        return gradient

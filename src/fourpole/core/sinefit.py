@@ -1,0 +1,183 @@
+r"""Least-squares fit of a periodic signal, its harmonics, interfering lines and drift to several channels at once.
+
+All channels share one fundamental frequency and the frequency of each interfering line; these are found by Gauss-Newton
+on the residual with the linear amplitudes eliminated (variable projection), each channel weighted by its noise. The
+number of cycles need not be whole: sines, mean and drift are fitted together, so none leaks into another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+__all__ = ["SineFit", "fit_sines", "refine"]
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_DRIFT_ORDER = 3  # mean, slope, parabola, cubic
+_ITERATIONS = 12
+
+
+@dataclass(frozen=True)
+class SineFit:
+    """A fit at given frequencies; T is the record's length and time is counted from its middle.
+
+    Attributes
+    ----------
+    time : (N,) float [s]
+        From the middle of the record.
+    present : (N,) bool
+        Samples that are there.
+    omega, lines : float, (L,) float [rad/s]
+        Fundamental, and interfering lines.
+    harmonics : int
+        Number of multiples of the fundamental, itself included.
+    unsteady : tuple of int
+        Harmonics whose amplitude may vary over the record as a parabola, because a line too close to tell from them does.
+    basis : (P, N) float
+        Cosines and minus sines of each frequency, then Legendre polynomials of time; 0 where samples are missing.
+    factor : Cholesky factor of the basis' Gram matrix.
+    coefficients : (P, channels) float
+        In units of each channel.
+    residual : (channels, N) float
+        0 where samples are missing.
+    """
+
+    time: FloatArray
+    present: NDArray[np.bool_]
+    omega: float
+    lines: FloatArray
+    harmonics: int
+    unsteady: tuple[int, ...]
+    basis: FloatArray
+    factor: tuple[FloatArray, bool]
+    coefficients: FloatArray
+    residual: FloatArray
+
+    @property
+    def dof(self) -> int:
+        """Samples less fitted parameters."""
+        return int(self.present.sum()) - self.basis.shape[0]
+
+    def amplitudes(self) -> ComplexArray:
+        """Complex amplitudes (channels, harmonics), x(t) = Re(X e^{jwt}) from the middle of the record."""
+        pairs = self.coefficients[: 2 * self.harmonics]
+        return (pairs[0::2] + 1j * pairs[1::2]).T
+
+    def amplitude_variance(self) -> float:
+        """Variance of the real part of the fundamental's amplitude per unit of sample variance [1]."""
+        unit = np.zeros((self.basis.shape[0], 2))
+        unit[0, 0] = unit[1, 1] = 1.0
+        return float(0.5 * np.trace(linalg.cho_solve(self.factor, unit)[:2]))
+
+
+def fit_sines(
+    signals: FloatArray,
+    present: NDArray[np.bool_],
+    time: FloatArray,
+    omega: float,
+    harmonics: int,
+    lines: FloatArray,
+    unsteady: tuple[int, ...] = (),
+) -> SineFit:
+    """Fit (channels, N) signals at given frequencies; missing samples must be 0 in `signals`."""
+    basis = _basis(time, present, omega, harmonics, lines, unsteady)
+    factor = linalg.cho_factor(basis @ basis.T, lower=True)
+    coefficients = linalg.cho_solve(factor, basis @ signals.T)
+    residual = signals - coefficients.T @ basis
+    return SineFit(time, present, omega, lines, harmonics, unsteady, basis, factor, coefficients, residual)
+
+
+def _basis(
+    time: FloatArray,
+    present: NDArray[np.bool_],
+    omega: float,
+    harmonics: int,
+    lines: FloatArray,
+    unsteady: tuple[int, ...],
+) -> FloatArray:
+    steady = 2 * (harmonics + lines.size)
+    rows = np.empty((steady + 4 * len(unsteady) + _DRIFT_ORDER + 1, time.size))
+    rotation = np.exp(1j * omega * time)
+    power = np.ones_like(rotation)
+    for k in range(harmonics):
+        power *= rotation
+        rows[2 * k], rows[2 * k + 1] = power.real, -power.imag
+    for k, line in enumerate(lines, start=harmonics):
+        turning = np.exp(1j * line * time)
+        rows[2 * k], rows[2 * k + 1] = turning.real, -turning.imag
+    place = time / max(abs(time[0]), abs(time[-1]))
+    for i, harmonic in enumerate(unsteady):
+        pair = rows[2 * harmonic - 2 : 2 * harmonic]
+        at = steady + 4 * i
+        rows[at : at + 2], rows[at + 2 : at + 4] = pair * place, pair * (place**2 - 1.0 / 3.0)
+    rows[-4], rows[-3], rows[-2], rows[-1] = 1.0, place, place**2 - 1.0 / 3.0, place**3 - 0.6 * place
+    if not present.all():
+        rows[:, ~present] = 0.0
+    return rows
+
+
+def refine(
+    fit: SineFit, signals: FloatArray, *, informing: NDArray[np.bool_], free: bool = True, weights: FloatArray | None = None
+) -> tuple[SineFit, float]:
+    """Move the fundamental (if `free`) and all lines to where the weighted residual is least.
+
+    `informing` (harmonics,) says which harmonics may speak of the frequency: one that falls on the mains must not.
+    `weights` (channels,) are inverse variances of the samples; by default those of the residual.
+
+    Returns the fit and the standard uncertainty of the fundamental [rad/s].
+    """
+    resolution = 2 * np.pi / (fit.time[-1] - fit.time[0])
+    for _ in range(_ITERATIONS):
+        used = _weights(fit, signals) if weights is None else weights
+        step, std = _newton_step(fit, informing, used, free=free)
+        step = np.clip(step, -0.3 * resolution, 0.3 * resolution)
+        fit = fit_sines(
+            signals, fit.present, fit.time, fit.omega + step[0], fit.harmonics, fit.lines + step[1:], fit.unsteady
+        )
+        if np.all(np.abs(step) < np.maximum(1e-9 * resolution, 1e-3 * std)):
+            break
+    return fit, float(std[0])
+
+
+def _weights(fit: SineFit, signals: FloatArray) -> FloatArray:
+    """Inverse variances of the samples; round-off is the floor of a noiseless channel."""
+    variance = np.sum(fit.residual**2, axis=1) / max(fit.dof, 1)
+    floor = np.max(np.abs(signals), axis=1) ** 2 * 1e-30 + 1e-300
+    return 1.0 / np.maximum(variance, floor)
+
+
+def _newton_step(
+    fit: SineFit, informing: NDArray[np.bool_], weights: FloatArray, *, free: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Gauss-Newton step of the fundamental and the lines, with its standard uncertainty [rad/s]."""
+    count = 1 + fit.lines.size
+    normal, right = np.zeros((count, count)), np.zeros(count)
+    for channel, weight in enumerate(weights):
+        slopes = _slopes(fit, channel, informing, free=free)
+        slopes -= linalg.cho_solve(fit.factor, fit.basis @ slopes.T).T @ fit.basis
+        normal += weight * slopes @ slopes.T
+        right += weight * slopes @ fit.residual[channel]
+    if not free:
+        normal[0, 0] = 1.0
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    scaled = normal * np.outer(scale, scale)
+    covariance = np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) * np.outer(scale, scale)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return covariance @ right, std if free else std * (np.arange(count) > 0)
+
+
+def _slopes(fit: SineFit, channel: int, informing: NDArray[np.bool_], *, free: bool) -> FloatArray:
+    """Derivatives (1 + lines, N) of one channel's model by the fundamental and by each line."""
+    slopes = np.zeros((1 + fit.lines.size, fit.time.size))
+    pairs = fit.coefficients[:, channel]
+    for k in np.flatnonzero(informing) if free else []:
+        slopes[0] += (k + 1) * (pairs[2 * k] * fit.basis[2 * k + 1] - pairs[2 * k + 1] * fit.basis[2 * k])
+    for i, k in enumerate(range(fit.harmonics, fit.harmonics + fit.lines.size), start=1):
+        slopes[i] = pairs[2 * k] * fit.basis[2 * k + 1] - pairs[2 * k + 1] * fit.basis[2 * k]
+    return slopes * fit.time
+

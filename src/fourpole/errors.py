@@ -1,0 +1,59 @@
+"""The errors of Fourpole.
+
+Each says what was found, where (file, column, row, test, frequency) and what to do, and is also
+the builtin that a caller would catch without knowing Fourpole::
+
+    FourpoleError
+    ├── UnitError        (ValueError)   a quantity or unit that cannot be read, or of the wrong kind
+    ├── FileError        (OSError)      a file that is missing, unreadable, too large or out of bounds
+    ├── TableError       (ValueError)   a file that was read but does not hold what it must
+    ├── CampaignError    (ValueError)   a campaign folder that cannot be analysed at all
+    ├── RecordingError   (ValueError)   a recording from which no amplitude can be taken
+    ├── LoadCurveError   (ValueError)   a load-deflection curve that cannot answer
+    └── RigError         (ValueError)   a rig whose statement is impossible or incomplete
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "CampaignError",
+    "FileError",
+    "FourpoleError",
+    "LoadCurveError",
+    "RecordingError",
+    "RigError",
+    "TableError",
+    "UnitError",
+]
+
+
+class FourpoleError(Exception):
+    """Base of all errors that Fourpole raises for its user's input."""
+
+
+class UnitError(FourpoleError, ValueError):
+    """A quantity or unit cannot be read, or is of the wrong kind."""
+
+
+class FileError(FourpoleError, OSError):
+    """A file is missing, unreadable, too large or outside its folder."""
+
+
+class TableError(FourpoleError, ValueError):
+    """A file was read but does not hold what it must."""
+
+
+class CampaignError(FourpoleError, ValueError):
+    """A campaign folder cannot be analysed at all."""
+
+
+class RecordingError(FourpoleError, ValueError):
+    """No amplitude can be taken from a recording."""
+
+
+class LoadCurveError(FourpoleError, ValueError):
+    """A load-deflection curve cannot answer the question."""
+
+
+class RigError(FourpoleError, ValueError):
+    """A rig's statement is impossible or incomplete."""

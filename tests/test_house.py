@@ -1,0 +1,126 @@
+"""The habits of the house that no linter knows."""
+
+import ast
+import inspect
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+import fourpole
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCES = sorted((ROOT / "src" / "fourpole").rglob("*.py"))
+LOCKS = [ROOT / "requirements.lock", ROOT / "requirements-lowest.lock"]
+HEAVY = {"matplotlib", "pint", "polars", "pydantic", "rich", "typer"}
+SPEAKING = [
+    name
+    for name in fourpole.__all__
+    if callable(obj := getattr(fourpole, name)) and not (isinstance(obj, type) and issubclass(obj, Exception))
+]
+
+
+def in_source(path):
+    return path.relative_to(ROOT).as_posix()
+
+
+def called_names(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            yield node.lineno, ast.unparse(node.func)
+
+
+def imported_names(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module or ""
+
+
+def pinned(lock):
+    """Name -> versions: a lock for several Pythons may hold more than one."""
+    versions = {}
+    for name, version in re.findall(r"^([a-z0-9-]+)==(\S+)", lock.read_text(), flags=re.M):
+        versions.setdefault(name, []).append(version)
+    return versions
+
+
+def base_requirements():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    return [Requirement(text) for text in project["dependencies"]]
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    code = "import sys, fourpole; print(*{name.partition('.')[0] for name in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert "fourpole" in loaded
+    assert not loaded & HEAVY
+
+
+def test_the_face_says_something_and_says_it_once():
+    assert SPEAKING
+    assert len(set(fourpole.__all__)) == len(fourpole.__all__)
+    assert set(fourpole.__all__) <= set(dir(fourpole))
+
+
+@pytest.mark.parametrize("name", SPEAKING)
+def test_public_names_come_with_an_example(name):
+    text = inspect.getdoc(getattr(fourpole, name)) or ""
+    _, heading, examples = text.partition("\nExamples\n--------\n")
+    assert heading, f"the docstring of fourpole.{name} has no Examples"
+    assert ">>> " in examples
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=in_source)
+def test_a_module_says_what_it_is_and_keeps_quiet(path):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    assert ast.get_docstring(tree), "no docstring"
+
+    barred = {"eval", "exec", "builtins.eval", "builtins.exec"}
+    if "app" not in path.relative_to(ROOT / "src" / "fourpole").parts:
+        barred.add("print")
+    assert [call for call in called_names(tree) if call[1] in barred] == []
+
+    unsafe = {"pickle", "cPickle", "cloudpickle", "dill", "joblib", "marshal", "shelve"}
+    assert not unsafe & {name.partition(".")[0] for name in imported_names(tree)}
+
+
+@pytest.mark.parametrize("lock", LOCKS, ids=in_source)
+def test_a_lock_holds_versions_and_hashes_and_no_address(lock):
+    pin = re.compile(r"[a-z0-9-]+==[\w.!+]+( ; [\w.'<>=! ]+)? \\|    --hash=sha256:[0-9a-f]{64}( \\)?")
+    comment = re.compile(r" *#[^/]*")
+    strange = [
+        line for line in lock.read_text().splitlines() if not (pin.fullmatch(line) or comment.fullmatch(line))
+    ]
+    assert strange == []
+
+
+@pytest.mark.parametrize("lock", LOCKS, ids=in_source)
+def test_the_locks_follow_the_project(lock):
+    versions = pinned(lock)
+    for requirement in base_requirements():
+        held = versions.get(requirement.name, [])
+        assert held, f"{requirement.name} is not in {lock.name}: run make lock"
+        assert all(version in requirement.specifier for version in held), f"{requirement}: run make lock"
+
+
+def test_the_lowest_lock_is_at_the_lower_bounds():
+    versions = pinned(ROOT / "requirements-lowest.lock")
+    for requirement in base_requirements():
+        (bound,) = (part.version for part in requirement.specifier if part.operator == ">=")
+        (held,) = versions[requirement.name]
+        assert re.fullmatch(rf"{re.escape(bound)}(\.0)*", held), f"{requirement} is tested with {held}"
+
+
+def test_continuous_integration_runs_everything():
+    script = ROOT / ".ci" / "run"
+    lines = script.read_text().splitlines()
+    assert "set -euo pipefail" in lines
+    assert lines[-1] == "make test"
+    assert script.stat().st_mode & 0o111, "not executable"
