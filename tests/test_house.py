@@ -95,9 +95,7 @@ def test_a_module_says_what_it_is_and_keeps_quiet(path):
 def test_a_lock_holds_versions_and_hashes_and_no_address(lock):
     pin = re.compile(r"[a-z0-9-]+==[\w.!+]+( ; [\w.'<>=! ]+)? \\|    --hash=sha256:[0-9a-f]{64}( \\)?")
     comment = re.compile(r" *#[^/]*")
-    strange = [
-        line for line in lock.read_text().splitlines() if not (pin.fullmatch(line) or comment.fullmatch(line))
-    ]
+    strange = [line for line in lock.read_text().splitlines() if not (pin.fullmatch(line) or comment.fullmatch(line))]
     assert strange == []
 
 

@@ -1,0 +1,1 @@
+"""Commands: read, call, show; no formula lives here."""

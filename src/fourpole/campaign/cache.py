@@ -52,9 +52,17 @@ def recall(place: Path) -> tuple[Demodulation, tuple[Check, ...]] | None:
         amplitudes = np.array(pair["re"]) + 1j * np.array(pair["im"])
         phasors = Phasors(amplitudes=amplitudes, **{name: np.asarray(value) for name, value in raw.items()})
         found = content["found"]
-        arrays = {name: np.asarray(found[name]) for name in ("distortion", "noise_ratio", "lines")}
         low, high = found["band"]
-        rest = {name: float(found[name]) for name in ("cycles", "force_peak", "missing")}
-        return Demodulation(phasors=phasors, band=(low, high), **arrays, **rest), rows
+        kept = Demodulation(
+            phasors=phasors,
+            cycles=float(found["cycles"]),
+            band=(float(low), float(high)),
+            distortion=np.asarray(found["distortion"], dtype=float),
+            noise_ratio=np.asarray(found["noise_ratio"], dtype=float),
+            force_peak=float(found["force_peak"]),
+            lines=np.asarray(found["lines"], dtype=float),
+            missing=float(found["missing"]),
+        )
+        return kept, rows
     except (OSError, ValueError, KeyError, TypeError):
         return None

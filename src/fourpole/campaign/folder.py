@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import io
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -140,7 +141,7 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
     """Line number and cells of each row that is not empty."""
     head = text.lstrip("\ufeff").split("\n", 1)[0]
     delimiter = max(",;\t", key=head.count)
-    reader = csv.reader(text.lstrip("\ufeff").splitlines(), delimiter=delimiter, skipinitialspace=True)
+    reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=""), delimiter=delimiter, skipinitialspace=True)
     try:
         for cells in reader:
             if any(cell.strip() for cell in cells):
@@ -185,7 +186,9 @@ def _column(label: str) -> _Column:
         return _Column(label, label, "extra")
     kind = "time" if name == "window" else _QUANTITIES[name][0]
     if unit is None:
-        example = {"temperature": "degC", "frequency": "Hz", "window": "s", "pressure": "bar"}.get(name, units.si_unit(kind))
+        example = {"temperature": "degC", "frequency": "Hz", "window": "s", "pressure": "bar"}.get(
+            name, units.si_unit(kind)
+        )
         raise CampaignError(f"tests.csv row 1: column '{name}' has no unit: write '{name} [{example}]'")
     try:
         units.to_si([1.0], unit, kind)
@@ -203,10 +206,12 @@ def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFi
     values: dict[str, float] = {}
     extra: dict[str, str] = {}
     window = None
-    for column, cell in zip(columns, cells, strict=False):
-        if len(cell) > _MOST_TEXT:
-            problems.append(f"{where}: {units.shown(column.name)} has {len(cell)} characters, at most {_MOST_TEXT} are taken")
-            cell = cell[:_MOST_TEXT]
+    for column, whole in zip(columns, cells, strict=False):
+        cell = whole[:_MOST_TEXT]
+        if cell != whole:
+            problems.append(
+                f"{where}: {units.shown(column.name)} has {len(whole)} characters, at most {_MOST_TEXT} are taken"
+            )
         try:
             if column.role == "text":
                 texts[column.name] = cell
@@ -295,9 +300,10 @@ def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
         for role in roles:
             if any(test.kind == kind for test in tests) and stated.channels.named(role) is None:
                 raise CampaignError(
-                    f'campaign.toml: [channels] {role} is missing, {kind} tests need it: {role} = {{ column = "...", unit = "..." }}'
+                    f"campaign.toml: [channels] {role} is missing, {kind} tests need it: "
+                    f'{role} = {{ column = "...", unit = "..." }}'
                 )
     if any(test.kind == "dynamic" for test in tests) and stated.channels.time is None and stated.channels.rate is None:
-        raise CampaignError('campaign.toml: [channels] time is missing: time = { column = "t", unit = "s" }, or sample_rate = "2 kHz"')
-
-
+        raise CampaignError(
+            'campaign.toml: [channels] time is missing: time = { column = "t", unit = "s" }, or sample_rate = "2 kHz"'
+        )

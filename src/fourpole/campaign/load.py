@@ -63,7 +63,8 @@ def load_recording(path: Path, test: Test, channels: ChannelsFile, roles: Sequen
 def load_curve(path: Path, test: Test, channels: ChannelsFile) -> LoadCurve:
     """The load-deflection curve of a static test."""
     load, deflection = channels.load, channels.deflection
-    assert load is not None and deflection is not None
+    assert load is not None
+    assert deflection is not None
     table = read_columns(path, [load.column, deflection.column], max_bytes=MOST_BYTES, label=test.file)
     force = _channel(table, load.column, load.unit, channels.conversion("load"), slice(None))
     travel = _channel(table, deflection.column, deflection.unit, channels.conversion("deflection"), slice(None))
@@ -75,7 +76,9 @@ def _within(time: NDArray[np.float64], window: tuple[float, float] | None) -> sl
         return slice(None)
     first, last = np.searchsorted(time, window)
     if last - first < 2:
-        raise TableError(f"window {window[0]:g}..{window[1]:g} s holds no samples: the recording runs {time[0]:g} to {time[-1]:g} s")
+        raise TableError(
+            f"window {window[0]:g}..{window[1]:g} s holds no samples: the recording runs {time[0]:g} to {time[-1]:g} s"
+        )
     return slice(int(first), int(last))
 
 
@@ -97,7 +100,7 @@ def _agreed(table: Columns, column: str, unit: str, kind: str) -> str:
         return unit
     if differs:
         raise TableError(
-            f"column {units.shown(column)} is in {units.shown(written)} by the file, in {units.shown(unit)} by campaign.toml: "
-            "correct the unit in campaign.toml"
+            f"column {units.shown(column)} is in {units.shown(written)} by the file, "
+            f"in {units.shown(unit)} by campaign.toml: correct the unit in campaign.toml"
         )
     return unit

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -13,13 +12,14 @@ import numpy as np
 
 from fourpole.campaign.cache import cache_name, recall, remember
 from fourpole.campaign.folder import Campaign, Test
-from fourpole.campaign.load import inside, load_recording
+from fourpole.campaign.load import MOST_BYTES, inside, load_recording
 from fourpole.core import checks
 from fourpole.core.checks import Check
 from fourpole.core.demodulate import Demodulation, demodulate
-from fourpole.core.phasor import CHANNELS
+from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.errors import FourpoleError, RecordingError, TableError
+from fourpole.io.source import sha256_of
 
 __all__ = ["ROUTE_NEEDS", "Reduced", "reduce_tests"]
 
@@ -29,7 +29,6 @@ ROUTE_NEEDS = {
     "relative": CHANNELS,
     "transmissibility": ("motion_in", "motion_out"),
 }
-_PAPER_NAMES = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
 
 
 @dataclass(frozen=True)
@@ -83,19 +82,27 @@ def _unordered(
 
 
 def _reduce(campaign: Campaign, test: Test, route: str, cache: Path | None) -> Reduced:
+    """One test, from the cache where it is there; whatever goes wrong stays with this test."""
     if test.problem:
         return Reduced(None, (_rejected("tests.csv", test.problem),))
     try:
-        path = inside(campaign.folder, test)
-        sha256 = _hash(path) if path.is_file() else ""
-        place = cache / cache_name(_depends_on(campaign, test, route), sha256) if cache is not None and sha256 else None
-        if place is not None and (known := recall(place)) is not None:
-            return Reduced(*known, sha256)
-        result = replace(_demodulated(campaign, path, test, route), sha256=sha256)
+        return _read_and_reduce(campaign, test, route, cache)
     except FourpoleError as error:
-        return Reduced(None, (_rejected("recording", str(error)),))
+        remark = str(error)
     except MemoryError:
-        return Reduced(None, (_rejected("recording", f"{test.file} does not fit into memory: cut it with window [s]"),))
+        remark = f"{test.file} does not fit into memory: cut it with window [s]"
+    except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
+        remark = f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it with this recording"
+    return Reduced(None, (_rejected("recording", remark),))
+
+
+def _read_and_reduce(campaign: Campaign, test: Test, route: str, cache: Path | None) -> Reduced:
+    path = inside(campaign.folder, test)
+    sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=test.file)
+    place = cache / cache_name(_depends_on(campaign, test, route), sha256) if cache is not None else None
+    if place is not None and (known := recall(place)) is not None:
+        return Reduced(*known, sha256)
+    result = replace(_demodulated(campaign, path, test, route), sha256=sha256)
     if place is not None and result.found is not None:
         remember(place, result.found, result.checks)
     return result
@@ -140,14 +147,14 @@ def _demodulated(campaign: Campaign, path: Path, test: Test, route: str) -> Redu
 
 
 def _left_out(role: str, why: str) -> Check:
-    return _warning(_PAPER_NAMES[role], f"{_PAPER_NAMES[role]} was left out: {why}")
+    return _warning(SYMBOLS[role], f"{SYMBOLS[role]} was left out: {why}")
 
 
 def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:
     """Leave out a clipped channel that the route can spare; keep the verdict on one that it cannot."""
     rows = []
     for role, channel in list(recording.channels.items()):
-        row = checks.check_clipping(_PAPER_NAMES[role], channel)
+        row = checks.check_clipping(SYMBOLS[role], channel)
         if row.verdict == "ok":
             continue
         if role in needed:
@@ -160,12 +167,12 @@ def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording
 
 def _judge(campaign: Campaign, test: Test, route: str, found: Demodulation) -> Iterator[Check]:
     """The checks of one demodulated test; a fault of a channel that the route can spare only warns."""
-    names = tuple(_PAPER_NAMES[role] for role in CHANNELS)
+    names = tuple(SYMBOLS[role] for role in CHANNELS)
     frequency = float(found.phasors.frequency)
     yield checks.check_frequency(frequency, test.value("frequency"))
     yield checks.check_gaps(found)
     yield checks.check_distortion(found)
-    spared = tuple(_PAPER_NAMES[role] for role in CHANNELS if role not in ROUTE_NEEDS[route])
+    spared = tuple(SYMBOLS[role] for role in CHANNELS if role not in ROUTE_NEEDS[route])
     for row in (*checks.check_excitation(found, names), *checks.check_noise(found, names)):
         spare = row.verdict == "rejected" and row.name.endswith(spared) and bool(spared)
         yield replace(row, verdict="warning") if spare else row
@@ -173,15 +180,9 @@ def _judge(campaign: Campaign, test: Test, route: str, found: Demodulation) -> I
         yield checks.check_lift_off(found.force_peak, test.value("preload"))
     stated = campaign.stated.all_rigs.get(test.rig)
     if stated is not None and stated.output != "blocked":
-        yield checks.check_resonance(frequency, stated.rig(), test.value("added_mass") or 0.0)
-
-
-def _hash(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise TableError(f"{path.name}: cannot be read: {error.strerror or error}") from None
+        added = test.value("added_mass") or 0.0
+        yield checks.check_resonance(frequency, stated.rig(), added)
+        yield checks.check_consistency(found.phasors, stated.rig(), added)
 
 
 def _depends_on(campaign: Campaign, test: Test, route: str) -> list[object]:

@@ -46,10 +46,12 @@ def _stated(raw: Any, kind: str) -> Stated:
     if isinstance(raw, str):
         raw = {"value": raw}
     if not isinstance(raw, dict):
-        raise ValueError(f"write it with its unit, as \"15 kg\" or {{ value = 15.0, unit = \"kg\", std = 0.1 }}, not {raw!r}")
+        raise ValueError(
+            f'write it with its unit, as "15 kg" or {{ value = 15.0, unit = "kg", std = 0.1 }}, not {raw!r}'
+        )
     _known_keys(raw, ("value", "unit", "std", "exact"))
     if "value" not in raw:
-        raise ValueError("has no value: write { value = 15.0, unit = \"kg\", std = 0.1 }")
+        raise ValueError('has no value: write { value = 15.0, unit = "kg", std = 0.1 }')
     unit = raw.get("unit", "1" if kind == "ratio" else None)
     if unit is not None and not isinstance(unit, str):
         raise ValueError(f"unit must be a text, not {unit!r}")
@@ -339,7 +341,9 @@ class CampaignFile(_File):
         for name, rig in self.all_rigs.items():
             where = f"[rigs.{name}]" if name else "[rig]"
             if rig.assumed:
-                notes.append(f"{where} {', '.join(rig.assumed)}: no std stated, taken as 2 % (exact = true if it is exact)")
+                notes.append(
+                    f"{where} {', '.join(rig.assumed)}: no std stated, taken as 2 % (exact = true if it is exact)"
+                )
         roles = [role for role in _CHANNEL_KINDS if self.channels.named(role) is not None]
         for what, default, which in (
             ("std_gain", "1 %", roles),
@@ -347,7 +351,9 @@ class CampaignFile(_File):
         ):
             lacking = [r for r in which if _lacks(self.channels.named(r), what)]
             if lacking:
-                notes.append(f"[channels] {', '.join(lacking)}: no {what} stated, taken as {default} (exact = true if exact)")
+                notes.append(
+                    f"[channels] {', '.join(lacking)}: no {what} stated, taken as {default} (exact = true if exact)"
+                )
         return notes
 
 
@@ -391,7 +397,11 @@ def _fault(fault: Any, name: str) -> str:
         given = fault.get("input")
         if kind != "value_error" and isinstance(given, str | int | float | bool):
             problem += f" (found {units.shown(given)})"
-    where = " ".join([f"[{path[0]}]", ".".join(path[1:])]).strip() if len(path) > 1 or kind == "value_error" else ".".join(path)
+    where = (
+        " ".join([f"[{path[0]}]", ".".join(path[1:])]).strip()
+        if len(path) > 1 or kind == "value_error"
+        else ".".join(path)
+    )
     if not path:
         where = ""
     return f"{name}{': ' + where if where else ''}: {problem}"

@@ -100,13 +100,16 @@ def _rows(campaign: Campaign, test: Test, preloads: list[float]) -> list[StaticR
 
 def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load: float) -> StaticRow:
     channels = campaign.stated.channels
-    assert channels.load is not None and channels.deflection is not None
+    assert channels.load is not None
+    assert channels.deflection is not None
     try:
         tangent = curve.tangent(load)
         secant = curve.secant(load)
     except LoadCurveError as error:
         remark = f"{error}; record the static test past the preload"
-        return StaticRow(test, load, loss=whole.loss, nonlinearity=whole.nonlinearity, verdict="rejected", remarks=(remark,))
+        return StaticRow(
+            test, load, loss=whole.loss, nonlinearity=whole.nonlinearity, verdict="rejected", remarks=(remark,)
+        )
     remarks = [*curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
     return StaticRow(
         test,
@@ -130,18 +133,26 @@ def stiffness_for(test: Test, statics: Sequence[StaticRow]) -> StaticStiffness:
     tyre = f"tyre {test.tyre!r}"
     alike = [row for row in statics if _same_condition(row.test, test)]
     if not alike:
-        others = sorted({p for row in statics if row.test.tyre == test.tyre and (p := row.test.value("pressure")) is not None})
+        others = sorted(
+            {p for row in statics if row.test.tyre == test.tyre and (p := row.test.value("pressure")) is not None}
+        )
         at = ", ".join(f"{p / 1e5:.3g} bar" for p in others)
         found = f"; static tests of it are at {at}" if at else ""
-        return StaticStiffness(reason=f"no static test of {tyre} at this pressure{found}: add one, or state K1 [N/m] in tests.csv")
+        return StaticStiffness(
+            reason=f"no static test of {tyre} at this pressure{found}: add one, or state K1 [N/m] in tests.csv"
+        )
     preload = test.value("preload")
     if preload is None:
-        return StaticStiffness(reason="no preload is stated, so K1 cannot be read off the static curve: fill in preload [N]")
+        return StaticStiffness(
+            reason="no preload is stated, so K1 cannot be read off the static curve: fill in preload [N]"
+        )
     at_load = [row for row in alike if abs(row.preload - preload) <= _SAME_PRELOAD * preload]
     good = [row for row in at_load if row.verdict != "rejected"]
     if not good:
         why = "; ".join(dict.fromkeys(remark for row in at_load for remark in row.remarks))
-        return StaticStiffness(reason=f"no K1 at {preload:.6g} N: static test {at_load[0].test.name!r} was rejected: {why}")
+        return StaticStiffness(
+            reason=f"no K1 at {preload:.6g} N: static test {at_load[0].test.name!r} was rejected: {why}"
+        )
     nearest = _nearest_pressure(test, good)
     values = np.array([row.stiffness for row in nearest])
     spread = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0

@@ -19,9 +19,10 @@ from fourpole.campaign.reduce import Reduced, reduce_tests
 from fourpole.campaign.static import StaticStiffness, evaluate_statics, stiffness_for
 from fourpole.campaign.tables import amplitude_cells, covariance_cells, dynamic_table, phasor_table, static_table
 from fourpole.core.checks import Check, worst_verdict
-from fourpole.core.identify import ROUTES, ChannelUncertainty, Identification, identify
+from fourpole.core.identify import ChannelUncertainty, Identification, identify
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.rig import Rig
+from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
 from fourpole.io.write import write_table, write_text
 
@@ -115,7 +116,9 @@ def make_folder(folder: str | Path) -> Path:
     except (FileExistsError, NotADirectoryError):
         raise CampaignError(f"{folder}: is a file, or lies below one: name a folder for the results") from None
     except (OSError, ValueError) as error:
-        raise CampaignError(f"{folder}: the folder cannot be made: {getattr(error, 'strerror', None) or error}") from None
+        raise CampaignError(
+            f"{folder}: the folder cannot be made: {getattr(error, 'strerror', None) or error}"
+        ) from None
     return folder
 
 
@@ -163,8 +166,9 @@ def analyse(
     dynamic = campaign.of_kind("dynamic")
     _check_rig(campaign, dynamic, route)
 
+    kept = make_folder(cache) if cache is not None else None
     statics = evaluate_statics(campaign)
-    reduced = reduce_tests(campaign, dynamic, route, cache=Path(cache) if cache else None, progress=progress)
+    reduced = reduce_tests(campaign, dynamic, route, cache=kept, progress=progress)
     stiffness = [stiffness_for(test, statics.rows) for test in dynamic]
     cells = _identified(campaign, dynamic, reduced, stiffness, route)
     return Study(
@@ -186,7 +190,9 @@ def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
             "or use --route relative"
         )
     if route == "transmissibility" and any(rig.output == "blocked" for rig in rigs.values()):
-        raise CampaignError("campaign.toml: [rig] output is blocked, so there is no transmissibility: use --route mobility")
+        raise CampaignError(
+            "campaign.toml: [rig] output is blocked, so there is no transmissibility: use --route mobility"
+        )
 
 
 def _identified(
@@ -201,7 +207,14 @@ def _identified(
     for name in {test.rig for test in tests}:
         members = [i for i, test in enumerate(tests) if test.rig == name and reduced[i].found is not None]
         if members:
-            result = _identify(campaign, name, [tests[i] for i in members], [reduced[i] for i in members], [stiffness[i] for i in members], route)
+            result = _identify(
+                campaign,
+                name,
+                [tests[i] for i in members],
+                [reduced[i] for i in members],
+                [stiffness[i] for i in members],
+                route,
+            )
             found.update({i: (result, at) for at, i in enumerate(members)})
     return [_cells(reduced[i], stiffness[i], found.get(i), route) for i in range(len(tests))]
 
@@ -226,7 +239,9 @@ def _identify(
         k1_std=np.array([k1.std for k1 in stiffness]),
         route=route,
         added_mass=added,
-        added_mass_std=np.array([_ADDED_MASS_STD * m if s is None else s for m, s in zip(added, added_std, strict=True)]),
+        added_mass_std=np.array(
+            [_ADDED_MASS_STD * m if s is None else s for m, s in zip(added, added_std, strict=True)]
+        ),
         channels=ChannelUncertainty(
             gain=np.array([channel.gain_std if channel is not None else 0.0 for channel in channels]),
             phase=np.array([channel.phase_std if channel is not None else 0.0 for channel in channels]),

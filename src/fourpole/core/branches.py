@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fourpole.core.arrays import BoolArray, FloatArray
 
 __all__ = ["Branches", "in_contact", "split_branches"]
 
-FloatArray = NDArray[np.float64]
 
 #: A turn counts once the deflection has come back by this share of its whole range.
 _TURN = 0.3
@@ -40,7 +41,7 @@ class Branches:
     def of_cycle(
         self, cycle: int, deflection: FloatArray, load: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        """Deflection, load and side (+1 loading, -1 unloading) of a cycle; without one, the longest branch, side None."""
+        """Deflection, load and side (+1 loading, -1 unloading) of a cycle; without any, the longest branch and None."""
         if not self.cycles:
             lengths = [abs(deflection[b] - deflection[a]) for a, b in self.ends]
             first, last = self.ends[int(np.argmax(lengths))]
@@ -64,7 +65,7 @@ def split_branches(deflection: FloatArray) -> Branches:
     turns = _turning_points(deflection)
     if len(turns) > 2 + deflection.size // 3:
         turns = [0, deflection.size - 1]
-    ends = tuple(zip(turns[:-1], turns[1:], strict=True))
+    ends = tuple(pairwise(turns))
     rising = tuple(bool(deflection[b] > deflection[a]) for a, b in ends)
     lengths = np.array([abs(deflection[b] - deflection[a]) for a, b in ends])
     complete = lengths >= _COMPLETE * lengths.max()
@@ -74,11 +75,9 @@ def split_branches(deflection: FloatArray) -> Branches:
     return Branches(ends, rising, cycles)
 
 
-def _pairs(rising: tuple[bool, ...], complete: NDArray[np.bool_], *, first: bool) -> tuple[tuple[int, int], ...]:
+def _pairs(rising: tuple[bool, ...], complete: BoolArray, *, first: bool) -> tuple[tuple[int, int], ...]:
     """Neighbouring complete branches of which the former rises (`first`) or falls."""
-    return tuple(
-        (i, i + 1) for i in range(len(rising) - 1) if rising[i] is first and complete[i] and complete[i + 1]
-    )
+    return tuple((i, i + 1) for i in range(len(rising) - 1) if rising[i] is first and complete[i] and complete[i + 1])
 
 
 def _turning_points(deflection: FloatArray) -> list[int]:
@@ -103,7 +102,7 @@ def _turning_points(deflection: FloatArray) -> list[int]:
     return [*turns, extreme]
 
 
-def in_contact(deflection: FloatArray, load: FloatArray) -> NDArray[np.bool_]:
+def in_contact(deflection: FloatArray, load: FloatArray) -> BoolArray:
     """Which points belong to the loaded specimen: a flat start without load, before it touches, is left out."""
     everything = np.ones(load.size, dtype=bool)
     span, reach = float(np.ptp(load)), float(np.ptp(deflection))

@@ -6,15 +6,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fourpole.core.arrays import FloatArray
 from fourpole.core.demodulate import Demodulation
+from fourpole.core.phasor import Phasors
 from fourpole.core.recording import Channel
 from fourpole.core.rig import Rig
 
 __all__ = [
     "Check",
     "check_clipping",
+    "check_consistency",
     "check_distortion",
     "check_excitation",
     "check_frequency",
@@ -25,6 +27,8 @@ __all__ = [
     "worst_verdict",
 ]
 
+#: Departure of F1 from Zr V2 that no honest calibration explains.
+_INCONSISTENT = 0.3
 #: From best to worst.
 VERDICTS = ("ok", "warning", "rejected")
 
@@ -93,7 +97,12 @@ def check_lift_off(force_peak: float, preload: float | None) -> Check:
         "{0}; test with a higher preload or a smaller excitation"
     )
     return _graded(
-        "lift-off", share, 0.9, 1.0, remark.format("the tyre is close to lifting off"), remark.format("the tyre lifts off")
+        "lift-off",
+        share,
+        0.9,
+        1.0,
+        remark.format("the tyre is close to lifting off"),
+        remark.format("the tyre lifts off"),
     )
 
 
@@ -101,7 +110,7 @@ def check_clipping(name: str, channel: Channel) -> Check:
     """Look for samples that stand at the end of the converter's range, stated or seen as flat tops."""
     share = clipped_share(channel)
     remark = (
-        f"{name} is clipped: {share:.1%} of its samples stand at the end of the range; "
+        f"{name} is clipped: {share:.1%} of its samples stand at the end of its range; "
         "set a larger range on the amplifier and repeat the test"
     )
     return Check(f"clipping of {name}", share, 0.0, "rejected" if share > 0 else "ok", remark if share > 0 else "")
@@ -121,7 +130,7 @@ def clipped_share(channel: Channel) -> float:
     return sum(_flat_share(sign * samples) for sign in (1.0, -1.0))
 
 
-def _flat_share(samples: NDArray[np.float64]) -> float:
+def _flat_share(samples: FloatArray) -> float:
     """Share of the samples that equal the largest, where they are far more than the top of a sine would hold."""
     top = samples.max()
     at_top = samples == top
@@ -145,7 +154,7 @@ def check_distortion(found: Demodulation) -> Check:
     """Look at the harmonics of the motion at the contact: the cam should move as a sine."""
     worst = float(found.distortion[1])
     remark = (
-        f"harmonics of the motion at the contact are {worst:.0%} of the fundamental: "
+        f"harmonics of the displacement at the contact are {worst:.0%} of the fundamental: "
         "look at the cam, the contact and the frequency; the tyre may behave non-linearly"
     )
     return _graded("distortion", worst, 0.2, np.inf, remark)
@@ -157,8 +166,8 @@ def check_noise(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
     for name, ratio in zip(names, found.noise_ratio, strict=True):
         if np.isfinite(ratio):
             remark = (
-                f"what the fit leaves of {name} is {ratio:.0%} of the fundamental: noise, an unsteady speed, or loose parts; "
-                "look at the signal, record longer, or steady the drive"
+                f"what the fit leaves of {name} is {ratio:.0%} of the fundamental: noise, an unsteady speed, or loose "
+                "parts; look at the signal, record longer, or steady the drive"
             )
             rows.append(_graded(f"residual of {name}", float(ratio), 0.3, np.inf, remark))
     return rows
@@ -172,8 +181,8 @@ def check_excitation(found: Demodulation, names: tuple[str, ...]) -> list[Check]
         if np.isfinite(amplitude):
             relative = float(found.phasors.std[2 * i : 2 * i + 2].max()) / amplitude if amplitude > 0 else np.inf
             remark = (
-                f"{name} hardly moves at {float(found.phasors.frequency):.4g} Hz: the amplitude is known to {relative:.0%} only; "
-                "check the sensor, its column and the excitation"
+                f"{name} hardly moves at {float(found.phasors.frequency):.4g} Hz: the amplitude is known to "
+                f"{relative:.0%} only; check the sensor, its column and the excitation"
             )
             rows.append(_graded(f"excitation of {name}", relative, 0.05, 0.2, remark))
     return rows
@@ -181,7 +190,7 @@ def check_excitation(found: Demodulation, names: tuple[str, ...]) -> list[Check]
 
 def check_gaps(found: Demodulation) -> Check:
     """Say how many samples were missing and left out."""
-    remark = f"{found.missing:.1%} of the samples are missing and were left out of the fit"
+    remark = f"{100 * found.missing:.2g} % of the samples are missing and were left out of the fit; look at the logger"
     return _graded("missing samples", found.missing, 0.0, np.inf, remark)
 
 
@@ -192,8 +201,24 @@ def check_resonance(frequency: float, rig: Rig, added_mass: float) -> Check:
     spring, inertia = rig.preload_stiffness, omega**2 * (rig.moving_mass + rig.tyre_mass + added_mass)
     left = abs(omega * impedance) / max(spring, inertia)
     remark = (
-        f"{frequency:.4g} Hz is the rig's own resonance (K3 = {spring:.4g} N/m, m w² = {inertia:.4g} N/m): it moves without "
-        "force and the tyre cannot be seen; test at another frequency, or with another moving mass"
+        f"{frequency:.4g} Hz is the rig's own resonance (K3 = {spring:.4g} N/m, m w² = {inertia:.4g} N/m): it moves "
+        "without force and the tyre cannot be seen; test at another frequency, or with another moving mass"
     )
     closeness = 1.0 / left if left > 0 else np.inf
     return _graded("rig resonance", closeness, 20.0, 100.0, remark)
+
+
+def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
+    """Hold F1 against the force that V2 says the rig needs, F1 = Zr V2: the one relation that three sensors leave."""
+    omega = 2 * np.pi * float(phasors.frequency)
+    f1, v1, v2 = (complex(x) for x in phasors.amplitudes)
+    needed = complex(rig.impedance(omega, added_mass)) * v2
+    force = f1 - 1j * omega * rig.input_mass * v1
+    if not (np.isfinite(force) and np.isfinite(needed)) or needed == 0:
+        return Check("F1 against V2", float("nan"), _INCONSISTENT, "ok")
+    ratio = force / needed
+    remark = (
+        f"F1 is {abs(ratio):.2f} times, and {np.degrees(np.angle(ratio)):.0f} degrees off, what V2 and the rig need: "
+        "look for an inverted or wrongly scaled F1 or V2, an undeclared delay, or a wrong moving mass"
+    )
+    return _graded("F1 against V2", abs(ratio - 1.0), _INCONSISTENT, np.inf, remark)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fourpole.core.phasor import CHANNELS, Phasors
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.recording import DERIVATIVES, Channel, Recording
 from fourpole.core.sinefit import SineFit, fit_sines, refine
 from fourpole.core.spectrum import LINE_GAP, Noise, find_lines, noise_beside, strongest_line
@@ -15,8 +15,6 @@ from fourpole.errors import RecordingError
 
 __all__ = ["Demodulation", "demodulate"]
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _HARMONICS = 10
 _MOST_LINES = 12
@@ -25,6 +23,7 @@ _NEGLIGIBLE = 1e-9  # of the fundamental: a line that small cannot matter
 _FEWEST_CYCLES = 3.0
 _FEWEST_SAMPLES = 16
 _MOST_MISSING = 0.2
+_LARGEST = 1e30  # beyond any measurement, and safe to square
 _NEAR = 0.05
 
 
@@ -41,7 +40,7 @@ class Demodulation:
     band : (float, float) [Hz]
         Where the noise was taken.
     distortion : (3,) float [1]
-        Root of the summed squares of the harmonics over the fundamental, of F1, V1, V2 as recorded.
+        Root of the summed squares of the harmonics over the fundamental, of F1 and of the displacements behind V1, V2.
     noise_ratio : (3,) float [1]
         Root mean square of the residual over that of the fundamental.
     force_peak : float [N]
@@ -139,32 +138,43 @@ def demodulate(
     return _assemble(recording, names, fit, noise, omega_std)
 
 
-def _signals(recording: Recording, names: list[str]) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Channels (C, N) with missing samples set to 0, and which samples all channels have."""
+def _signals(recording: Recording, names: list[str]) -> tuple[FloatArray, BoolArray]:
+    """Channels (C, N) less their means, missing samples set to 0; and which samples all channels have."""
     raw = np.stack([recording.channels[name].samples for name in names])
     if raw.shape[1] < _FEWEST_SAMPLES:
         raise RecordingError(
-            f"{recording.label} has {raw.shape[1]} samples, at least {_FEWEST_SAMPLES} are needed: record three cycles or more"
+            f"{recording.label} has {raw.shape[1]} samples, at least {_FEWEST_SAMPLES} are needed: "
+            "record three cycles or more"
         )
-    present = np.all(np.isfinite(raw), axis=0)
-    for name, row in zip(names, raw, strict=True):
-        missing = 1.0 - np.mean(np.isfinite(row))
-        if missing > _MOST_MISSING:
-            raise RecordingError(
-                f"{name}: {missing:.0%} of the samples are missing, at most {_MOST_MISSING:.0%} can be bridged; record the test again"
-            )
+    there = np.isfinite(raw)
+    present = np.asarray(there.all(axis=0))
     if np.mean(present) < 1.0 - _MOST_MISSING:
-        raise RecordingError(f"only {np.mean(present):.0%} of the samples are there in all channels; record the test again")
+        worst = int(np.argmin(there.mean(axis=1)))
+        raise RecordingError(
+            f"{_named(names[worst])}: {1.0 - there[worst].mean():.0%} of the samples are missing "
+            f"({1.0 - present.mean():.0%} in any channel), at most {_MOST_MISSING:.0%} can be bridged; "
+            "record the test again"
+        )
     signals = np.where(present, raw, 0.0)
-    held = present.sum()
-    signals -= np.where(present, signals.sum(axis=1, keepdims=True) / held, 0.0)
-    scale = np.max(np.abs(np.where(present, raw, 0.0)), axis=1)
-    for name, row, size in zip(names, signals, scale, strict=True):
-        if np.max(np.abs(row)) <= 1e-12 * size or size == 0:
+    size = np.max(np.abs(signals), axis=1)
+    for name, largest in zip(names, size, strict=True):
+        if largest > _LARGEST:
             raise RecordingError(
-                f"{name} is constant ({size:.6g} in SI units): the sensor was off, unplugged, or another column is meant"
+                f"{_named(name)} reaches {largest:.3g} in SI units, which is no measurement: "
+                "check its column, unit and gain"
+            )
+    signals -= np.where(present, signals.sum(axis=1, keepdims=True) / present.sum(), 0.0)
+    for name, row, largest in zip(names, signals, size, strict=True):
+        if np.max(np.abs(row)) <= 1e-12 * largest or largest == 0:
+            raise RecordingError(
+                f"{_named(name)} is constant ({largest:.6g} in SI units): "
+                "the sensor was off, unplugged, or another column is meant"
             )
     return signals, present
+
+
+def _named(role: str) -> str:
+    return f"{SYMBOLS[role]} ({role})"
 
 
 def _start(motion: FloatArray, recording: Recording, near: float | None) -> float:
@@ -186,16 +196,18 @@ def _start(motion: FloatArray, recording: Recording, near: float | None) -> floa
 def _check_length(recording: Recording, frequency: float, *, given: bool) -> None:
     if not 0 < frequency < 0.45 * recording.sample_rate:
         raise RecordingError(
-            f"{recording.label}: an excitation at {frequency:.6g} Hz is not resolved by {recording.sample_rate:.6g} samples per second"
+            f"{recording.label}: an excitation at {frequency:.6g} Hz is not resolved by "
+            f"{recording.sample_rate:.6g} samples per second; sample faster"
         )
     cycles = frequency * recording.duration
     if cycles < _FEWEST_CYCLES - (1e-6 if given else 0.02):
         raise RecordingError(
-            f"{recording.label} holds {cycles:.2g} cycles of {frequency:.4g} Hz, at least {_FEWEST_CYCLES:g} are needed: record longer"
+            f"{recording.label} holds {cycles:.2g} cycles of {frequency:.4g} Hz, "
+            f"at least {_FEWEST_CYCLES:g} are needed: record longer"
         )
 
 
-def _informing(frequency: float, count: int, resolution: float, mains: float | None) -> NDArray[np.bool_]:
+def _informing(frequency: float, count: int, resolution: float, mains: float | None) -> BoolArray:
     """Which harmonics speak of the frequency: the fundamental, and those that cannot be hum."""
     multiples = frequency * np.arange(1, count + 1)
     clear = np.ones(count, dtype=bool)
@@ -207,7 +219,7 @@ def _informing(frequency: float, count: int, resolution: float, mains: float | N
 
 
 def _remove_lines(
-    fit: SineFit, signals: FloatArray, informing: NDArray[np.bool_], rate: float, mains: float | None, *, free: bool
+    fit: SineFit, signals: FloatArray, informing: BoolArray, rate: float, mains: float | None, *, free: bool
 ) -> SineFit:
     """Fit stated mains and whatever lines stand out of the residual, each at its own free frequency.
 
@@ -257,15 +269,18 @@ def _assemble(recording: Recording, names: list[str], fit: SineFit, noise: Noise
 
     quality = np.full((2, 3), np.nan)
     fundamental = np.abs(amplitudes[:, 0])
-    quality[0, at] = np.sqrt(np.sum(np.abs(amplitudes[:, 1:]) ** 2, axis=1)) / fundamental
+    # Harmonic n of a velocity is n times too large for a displacement, of an acceleration n² times.
+    integrations = [1 - DERIVATIVES[q] if (q := recording.channels[name].quantity) != "force" else 0 for name in names]
+    numbers = np.arange(1.0, fit.harmonics + 1) ** -np.array(integrations)[:, None]
+    quality[0, at] = np.sqrt(np.sum(np.abs(amplitudes * numbers)[:, 1:] ** 2, axis=1)) / fundamental
     quality[1, at] = np.sqrt(2 * np.mean(fit.residual**2, axis=1)) / fundamental
     return Demodulation(
         phasors=Phasors(
-            frequency=np.float64(fit.omega / (2 * np.pi)),
+            frequency=np.asarray(fit.omega / (2 * np.pi)),
             amplitudes=si_amplitudes,
             covariance=_real_covariance(whole),
-            frequency_std=np.float64(omega_std / (2 * np.pi)),
-            dof=np.float64(noise.dof),
+            frequency_std=np.asarray(omega_std / (2 * np.pi)),
+            dof=np.asarray(noise.dof),
         ),
         cycles=fit.omega * recording.duration / (2 * np.pi),
         band=noise.band,

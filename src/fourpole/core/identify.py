@@ -1,15 +1,8 @@
-r"""From phasors to the tyre: K*, then K2 and C (paper, eqs 11-13, corrected), by three routes.
-
-====================  ==================================  ==============  ==========
-route                 K*                                  needs           blind to
-====================  ==================================  ==============  ==========
-``mobility``          :math:`j\omega/(V_1/F_1 - 1/Z_r)`   F1, V1, rig     V2
-``relative``          :math:`j\omega F_1/(V_1 - V_2)`     F1, V1, V2      the rig
-``transmissibility``  :math:`j\omega Z_r T/(1 - T)`       V1, V2, rig     the force
-====================  ==================================  ==============  ==========
+r"""Identification of many tests at once: phasors, rig and K1 become K*, K2, C and TR with their covariances.
 
 Every derivative here is analytic: a complex output of complex inputs carries its derivatives by all *real* inputs
-(Re and Im of the three phasors, the rig's values, the added mass, K1), and covariances follow from them.
+(Re and Im of the three phasors, the rig's values, the added mass, K1), and covariances follow from them. The formulas
+themselves stand in `fourpole.core.routes`.
 """
 
 from __future__ import annotations
@@ -17,190 +10,29 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.core.routes import (
+    ROUTES,
+    maxwell_arm,
+    mobility_route,
+    relative_route,
+    transmissibility_route,
+    why_no_arm,
+)
 from fourpole.errors import RigError
 
-__all__ = [
-    "ROUTES",
-    "ChannelUncertainty",
-    "Identification",
-    "identify",
-    "maxwell_arm",
-    "mobility_route",
-    "paper_d",
-    "relative_route",
-    "transmissibility_route",
-]
+__all__ = ["ChannelUncertainty", "Identification", "identify"]
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-
-ROUTES = ("mobility", "relative", "transmissibility")
 
 _RIG_AT = slice(6, 6 + len(PARAMETERS))
 _ADDED_AT = _RIG_AT.stop
 _K1_AT = _ADDED_AT + 1
 _INPUTS = _K1_AT + 1
 _INPUT_MASS_AT = 6 + list(PARAMETERS).index("input_mass")
-
-
-def mobility_route(mobility: ArrayLike, rig_mobility: ArrayLike, omega: ArrayLike) -> ComplexArray:
-    r"""K* from the mobility of tyre and rig, the paper's route.
-
-    .. math:: K^* = \frac{j\omega}{M - 1/Z_r}
-
-    Parameters
-    ----------
-    mobility, rig_mobility : (...,) complex arrays [m/(N s)]
-        V1/F1 measured, and 1/Zr of the rig beyond the tyre (0 where it is blocked).
-    omega : (...,) float array [rad/s]
-        Angular frequency.
-
-    Returns
-    -------
-    (...,) complex array [N/m]
-        K* of the tyre.
-
-    References
-    ----------
-    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eq. (8) solved for the tyre.
-
-    Examples
-    --------
-    >>> mobility_route(0.002j, 0.001j, 100.0)
-    np.complex128(100000+0j)
-    """
-    return 1j * np.asarray(omega) / (np.asarray(mobility) - np.asarray(rig_mobility))
-
-
-def relative_route(f1: ArrayLike, v1: ArrayLike, v2: ArrayLike, omega: ArrayLike) -> ComplexArray:
-    r"""K* from the force and the motion across the tyre; needs no rig.
-
-    .. math:: K^* = \frac{j\omega F_1}{V_1 - V_2}
-
-    Parameters
-    ----------
-    f1 : (...,) complex array [N]
-        Force at the contact.
-    v1, v2 : (...,) complex arrays [m/s]
-        Velocity at the contact and beyond the tyre.
-    omega : (...,) float array [rad/s]
-        Angular frequency.
-
-    Returns
-    -------
-    (...,) complex array [N/m]
-        K* of the tyre.
-
-    Examples
-    --------
-    >>> relative_route(100.0, 0.1j, 0.0, 100.0)
-    np.complex128(100000+0j)
-    """
-    return 1j * np.asarray(omega) * np.asarray(f1) / (np.asarray(v1) - np.asarray(v2))
-
-
-def transmissibility_route(transmissibility: ArrayLike, rig_impedance: ArrayLike, omega: ArrayLike) -> ComplexArray:
-    r"""K* from the motion ratio and the rig; needs no force.
-
-    .. math:: K^* = \frac{j\omega Z_r T}{1 - T}
-
-    Parameters
-    ----------
-    transmissibility : (...,) complex array [1]
-        T = V2/V1.
-    rig_impedance : (...,) complex array [N s/m]
-        Zr of the rig beyond the tyre.
-    omega : (...,) float array [rad/s]
-        Angular frequency.
-
-    Returns
-    -------
-    (...,) complex array [N/m]
-        K* of the tyre.
-
-    Examples
-    --------
-    >>> transmissibility_route(2.0, 500j, 100.0)
-    np.complex128(100000-0j)
-    """
-    t = np.asarray(transmissibility)
-    return 1j * np.asarray(omega) * np.asarray(rig_impedance) * t / (1 - t)
-
-
-def maxwell_arm(stiffness: ArrayLike, k1: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    r"""K2 and C of the arm beside K1: eqs (11) and (12), corrected.
-
-    The arm is a sum of compliances, :math:`1/(K^* - K_1) = 1/K_2 + 1/(j\omega C)`, hence
-
-    .. math:: K_2 = \frac{1}{\mathrm{Re}\,[1/(K^*-K_1)]}, \qquad C = \frac{-1}{\omega\,\mathrm{Im}\,[1/(K^*-K_1)]}
-
-    Parameters
-    ----------
-    stiffness : (...,) complex array [N/m]
-        K* of the tyre.
-    k1 : (...,) float array [N/m]
-        Static stiffness.
-    omega : (...,) float array [rad/s]
-        Angular frequency, > 0.
-
-    Returns
-    -------
-    k2 : (...,) float array [N/m]
-        Spring of the arm; negative where Re K* < K1, infinite where they are equal: no passive answer.
-    c : (...,) float array [N s/m]
-        Damper of the arm; negative where Im K* < 0: no passive answer.
-
-    Notes
-    -----
-    Deviation from the source: eq. (12) as printed lacks two squares. Corrected, with d of eq. (13) and the real part R
-    of the tyre's mobility, :math:`K_2 = K_1 [(K_1/\omega)^2 + ((1-d)/R)^2] / [d(1-d)/R^2 - (K_1/\omega)^2]` and eq. (11)
-    :math:`C = R[(K_1/\omega)^2 + ((1-d)/R)^2]`; the same numbers as here, which lose fewer digits.
-
-    References
-    ----------
-    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (11)-(13).
-
-    Examples
-    --------
-    >>> k2, c = maxwell_arm(194211.26530917299 + 38773.596369347214j, 180e3, 2 * np.pi * 10)
-    >>> k2.round(3), c.round(6)
-    (np.float64(120000.0), np.float64(700.0))
-    """
-    arm = np.asarray(stiffness) - np.asarray(k1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        compliance = 1.0 / arm
-        return (1.0 / compliance.real)[()], (-1.0 / (np.asarray(omega) * compliance.imag))[()]
-
-
-def paper_d(stiffness: ArrayLike, k1: ArrayLike) -> FloatArray:
-    r"""The paper's d, eq. (13): :math:`d = K_1 (I/\omega - 1/(K_3 - m\omega^2)) = K_1\,\mathrm{Re}(1/K^*)`.
-
-    Parameters
-    ----------
-    stiffness : (...,) complex array [N/m]
-        K* of the tyre.
-    k1 : (...,) float array [N/m]
-        Static stiffness.
-
-    Returns
-    -------
-    (...,) float array [1]
-        d; below 1 wherever damper and spring of the arm take a share of the load.
-
-    References
-    ----------
-    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eq. (13).
-
-    Examples
-    --------
-    >>> paper_d(194211.26530917299 + 38773.596369347214j, 180e3).round(6)
-    np.float64(0.8913)
-    """
-    return (np.asarray(k1) * (1.0 / np.asarray(stiffness)).real)[()]
 
 
 @dataclass(frozen=True)
@@ -217,7 +49,9 @@ class ChannelUncertainty:
             along = _parts(amplitudes[..., i] * gain)
             across = _parts(1j * amplitudes[..., i] * phase)
             block = slice(2 * i, 2 * i + 2)
-            result[..., block, block] = along[..., None] * along[..., None, :] + across[..., None] * across[..., None, :]
+            result[..., block, block] = (
+                along[..., None] * along[..., None, :] + across[..., None] * across[..., None, :]
+            )
         return result
 
 
@@ -242,7 +76,7 @@ class Identification:
     arm_covariance : (N, 2, 2) float
         Covariance of (K2, C).
     tr_measured, tr_predicted, tr_std : (N,) float [1]
-        abs(V2/V1); the same from K* and the rig; standard uncertainty of the predicted (measured, where there is no rig).
+        abs(V2/V1); the same from K* and the rig; uncertainty of the latter (of the former, where there is no rig).
     reasons : tuple of N str
         Why K2 and C are blank, with the likely cause; empty where they are not.
     route : str
@@ -290,7 +124,7 @@ def identify(
     k1, k1_std : (N,) float arrays [N/m]
         Static stiffness and its standard uncertainty; not-a-number where unknown: K* is found all the same.
     route : {"mobility", "relative", "transmissibility"}
-        See the head of this module.
+        How K* is found; see `fourpole.core.routes`.
     added_mass, added_mass_std : (N,) float arrays [kg]
         Mass fixed to the moving mass in each test.
     channels : ChannelUncertainty, optional
@@ -338,7 +172,7 @@ def identify(
         arm_covariance = _propagate(by_arm, covariance)
         stiffness_covariance = _propagate(_parts(by_stiffness, axis=-2), covariance)
 
-    reasons = tuple(_why_no_arm(*row) for row in zip(stiffness, k1, k2, c, strict=True))
+    reasons = tuple(why_no_arm(*row) for row in zip(stiffness, k1, k2, c, strict=True))
     passive = np.array([not reason for reason in reasons], dtype=bool)
     return Identification(
         frequency=phasors.frequency.reshape(count),
@@ -419,7 +253,7 @@ class _Linear:
     def transmissibility(
         self, stiffness: ComplexArray, by_stiffness: ComplexArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """abs(V2/V1) as measured and as K* and the rig give it; derivatives of the latter, or of the former without rig."""
+        """abs(V2/V1) as measured, and as K* and the rig give it; derivatives of the latter, or the former."""
         measured, by_measured = _ratio(self.v2, self.by_v2, self.v1, self.by_v1)
         if self.rig is None or self.rig.blocked:
             nothing = np.full(self.omega.size, np.nan)
@@ -495,27 +329,3 @@ def _propagate(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
 
 def _std(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.sqrt(_propagate(jacobian[:, None, :], covariance)[:, 0, 0])
-
-
-def _why_no_arm(stiffness: complex, k1: float, k2: float, c: float) -> str:
-    """Why no passive K2, C exists, with the likely cause; empty where they do."""
-    if not np.isfinite(stiffness):
-        return "K* could not be found, so neither can K2 and C"
-    if not np.isfinite(k1):
-        return "no static stiffness K1 is known, so K2 and C are left blank"
-    if k2 > 0 and c > 0 and np.isfinite(k2) and np.isfinite(c):
-        return ""
-    if stiffness.real <= 0:
-        return (
-            f"no passive K2, C exist: K' = {stiffness.real:.5g} N/m is not positive; "
-            "look for an inverted force or motion channel, or a wrong moving mass"
-        )
-    if stiffness.imag <= 0:
-        return (
-            f"no passive C exists: K'' = {stiffness.imag:.5g} N/m is not positive, the tyre would give energy; "
-            "look for an inverted channel, an undeclared delay or phase of a channel, or a wrong rig value"
-        )
-    return (
-        f"no passive K2 exists: K' = {stiffness.real:.5g} N/m is not above the static K1 = {k1:.5g} N/m; "
-        "look for a K1 taken at another load, amplitude or branch, a wrong moving mass, or a gain error"
-    )

@@ -12,26 +12,29 @@ correlation of the residual. Data that are an exact polynomial are met exactly.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
 
+from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.branches import Branches, in_contact, split_branches
 from fourpole.core.meancurve import MeanCurve, fit_mean_curve
 from fourpole.errors import LoadCurveError
 
 __all__ = ["LoadCurve", "Secant", "Tangent"]
 
-FloatArray = NDArray[np.float64]
 
 _FEWEST_POINTS = 5
 #: How far past the fitted deflections a load that *was* measured may lie on the mean of the branches.
 _EDGE = 0.02
 #: A curve whose least load is below this share of its span reaches zero load.
 _ZERO = 0.005
+#: A point this many standard scatters off the curve is an outlier, unless more than this share of them are.
+_FAR_OFF, _MOST_OUTLIERS = 10.0, 0.02
+#: A load that stands at its largest value over more than this share of the deflection, at more points, is clipped.
+_FLAT_TOP, _FEWEST_AT_TOP = 0.03, 4
 _UNIFORM = 1.0 / np.sqrt(12.0)
 
 
@@ -78,7 +81,7 @@ class Tangent:
 
 @dataclass(frozen=True)
 class Secant:
-    """Load over deflection from the point of zero load [N/m]; not-a-number, with a reason, where the curve does not reach it."""
+    """Load over deflection from the point of zero load [N/m]; not-a-number, with a reason, where there is none."""
 
     stiffness: float
     reason: str = ""
@@ -118,6 +121,7 @@ class LoadCurve:
 
     deflection: FloatArray
     load: FloatArray
+    missing: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         x, f = np.asarray(self.deflection, dtype=float), np.asarray(self.load, dtype=float)
@@ -125,12 +129,15 @@ class LoadCurve:
         x, f = x[there], f[there]
         object.__setattr__(self, "deflection", x)
         object.__setattr__(self, "load", f)
+        object.__setattr__(self, "missing", 1.0 - float(np.mean(there)) if there.size else 0.0)
         if x.size < _FEWEST_POINTS:
             raise LoadCurveError(f"the curve has {x.size} points, at least {_FEWEST_POINTS} are needed")
         if np.ptp(x) <= 1e-12 * np.max(np.abs(x)) or np.ptp(f) <= 1e-12 * np.max(np.abs(f)):
             raise LoadCurveError("load or deflection does not change: a sensor was off, or another column is meant")
         if np.corrcoef(x, f)[0, 1] <= 0:
-            raise LoadCurveError("the load falls as the deflection grows: one of the channels is inverted (state invert = true)")
+            raise LoadCurveError(
+                "the load falls as the deflection grows: one of the channels is inverted (state invert = true)"
+            )
 
     @cached_property
     def branches(self) -> Branches:
@@ -147,9 +154,24 @@ class LoadCurve:
         return self._fit(-1)
 
     def _fit(self, cycle: int) -> MeanCurve:
+        x, f, side = self._cycle(cycle)
+        curve = fit_mean_curve(x, f, side)
+        off = _off_the_curve(curve, f)
+        if not off.any():
+            return curve
+        return fit_mean_curve(x[~off], f[~off], None if side is None else side[~off])
+
+    def _cycle(self, cycle: int) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+        """Deflection, load and side of the points of a cycle in which the specimen is loaded."""
         x, f, side = self.branches.of_cycle(cycle, self.deflection, self.load)
         held = in_contact(x, f)
-        return fit_mean_curve(x[held], f[held], None if side is None else side[held])
+        return x[held], f[held], None if side is None else side[held]
+
+    @cached_property
+    def outliers(self) -> int:
+        """Points of the last cycle that lie far off the curve and were left out of it."""
+        x, f, side = self._cycle(-1)
+        return int(_off_the_curve(fit_mean_curve(x, f, side), f).sum())
 
     @cached_property
     def _last_but_one(self) -> MeanCurve | None:
@@ -164,11 +186,30 @@ class LoadCurve:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader of the result must know."""
+        found = []
         if self.cycles == 0:
-            return ("one branch only: its own tangent, without the mean of loading and unloading",)
+            found.append("one branch only: its own tangent, without the mean of loading and unloading")
         if self.cycles == 1:
-            return ("one complete cycle only: the rubber was not conditioned, and no repeat shows how steady it is",)
-        return ()
+            found.append(
+                "one complete cycle only: the rubber was not conditioned, and no repeat shows how steady it is"
+            )
+        if self.missing:
+            found.append(f"{100 * self.missing:.2g} % of the points are missing and were left out")
+        if self.outliers:
+            found.append(f"{self.outliers} points lie far off the curve and were left out: look for spikes in the load")
+        if self.flat_top > _FLAT_TOP:
+            found.append(
+                f"the load stands at its largest value over {self.flat_top:.0%} of the deflection: "
+                "the load cell was clipped; repeat the test with a larger range"
+            )
+        return tuple(found)
+
+    @cached_property
+    def flat_top(self) -> float:
+        """Share of the deflection over which the load stands at its largest, as a clipped load cell's does [1]."""
+        x, f, _ = self.branches.of_cycle(-1, self.deflection, self.load)
+        top = x[f >= f.max() - 1e-9 * np.ptp(f)]
+        return float(np.ptp(top) / np.ptp(x)) if top.size > _FEWEST_AT_TOP else 0.0
 
     @cached_property
     def measured_loads(self) -> tuple[float, float]:
@@ -211,7 +252,9 @@ class LoadCurve:
         place = self._deflection_at(curve, load)
         stiffness = curve.slope(place)
         if not stiffness > 0:
-            raise LoadCurveError(f"the curve does not rise at {load:g} N (tangent {stiffness:.4g} N/m): no stiffness there")
+            raise LoadCurveError(
+                f"the curve does not rise at {load:g} N (tangent {stiffness:.4g} N/m): no stiffness there"
+            )
         change = 0.0
         if self._last_but_one is not None:
             try:
@@ -284,6 +327,14 @@ class LoadCurve:
         slope = 0.8 * (high - low) / (at[1] - at[0])
         line = low + 0.1 * (high - low) + slope * (x - at[0])
         return float(np.max(np.abs(f - line)) / (high - low))
+
+
+def _off_the_curve(curve: MeanCurve, load: FloatArray) -> BoolArray:
+    """Points whose residual is far beyond the scatter of the others and matters, if they are few."""
+    scatter = 1.4826 * float(np.median(np.abs(curve.residual)))
+    limit = max(_FAR_OFF * scatter, 0.01 * float(np.ptp(load)))
+    off = np.abs(curve.residual) > limit
+    return off if off.mean() <= _MOST_OUTLIERS else np.zeros_like(off)
 
 
 def _root(curve: MeanCurve, load: float) -> float:

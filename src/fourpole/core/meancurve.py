@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import FloatArray
 
 __all__ = ["MeanCurve", "fit_mean_curve"]
 
-FloatArray = NDArray[np.float64]
 
 _HIGHEST_ORDER = 9
 _GAP_ORDER = 8
@@ -34,6 +35,8 @@ class MeanCurve:
         Akaike-type weight of each order, from BIC.
     gap, round_gap : float arrays
         Chebyshev coefficients of H, plain and those that multiply the half circle over the span.
+    residual : (N,) float [N]
+        What the fit leaves of each point.
     """
 
     centre: float
@@ -42,6 +45,7 @@ class MeanCurve:
     weights: dict[int, float]
     gap: FloatArray
     round_gap: FloatArray
+    residual: FloatArray
 
     @property
     def order(self) -> int:
@@ -73,9 +77,8 @@ class MeanCurve:
     def slope_std(self, deflection: float) -> float:
         """Standard uncertainty of P' from the scatter of the points and from the choice of the order [N/m]."""
         _, covariance = self.fits[self.order]
-        derivative = np.array([chebyshev.chebder(row) for row in np.eye(covariance.shape[0])], dtype=object)
-        by_coefficient = np.array([float(chebyshev.chebval(self._place(deflection), row)) for row in derivative])
-        scatter = by_coefficient @ covariance @ by_coefficient / self.half**2
+        by_coefficient = chebyshev.chebval(self._place(deflection), chebyshev.chebder(np.eye(covariance.shape[0])))
+        scatter = float(by_coefficient @ covariance @ by_coefficient) / self.half**2
         best = self.slope(deflection)
         choice = sum(w * (self.slope(deflection, order) - best) ** 2 for order, w in self.weights.items())
         return float(np.sqrt(max(scatter, 0.0) + choice))
@@ -107,13 +110,15 @@ def fit_mean_curve(deflection: FloatArray, load: FloatArray, side: FloatArray | 
     weights = {p: w / sum(raw.values()) for p, w in raw.items() if w > 1e-4}
 
     fits: dict[int, tuple[FloatArray, FloatArray]] = {}
-    gap = np.zeros(gap_columns.shape[0])
-    for p in weights:
-        used = columns[: gap_columns.shape[0] + p + 1]
-        coefficients, covariance = _least_squares(used, load, independent)
-        fits[p] = coefficients[gap.size :], covariance[gap.size :, gap.size :]
-        if weights[p] == max(weights.values()):
-            gap = coefficients[: gap.size]
+    best = max(weights.values())
+    count = gap_columns.shape[0]
+    gap: FloatArray = np.zeros(count)
+    residual: FloatArray = load
+    for p, weight in weights.items():
+        coefficients, covariance = _least_squares(columns[: count + p + 1], load, independent)
+        fits[p] = coefficients[count:], covariance[count:, count:]
+        if weight == best:
+            gap, residual = coefficients[:count], load - coefficients @ columns[: count + p + 1]
     return MeanCurve(
         centre=centre,
         half=half,
@@ -121,6 +126,7 @@ def fit_mean_curve(deflection: FloatArray, load: FloatArray, side: FloatArray | 
         weights=weights,
         gap=gap[:plain] if plain else np.zeros(1),
         round_gap=gap[plain:] if gap.size > plain else np.zeros(1),
+        residual=residual,
     )
 
 
@@ -144,11 +150,11 @@ def _residuals(columns: FloatArray, load: FloatArray, first: int) -> tuple[dict[
     basis = np.empty_like(columns)
     squares: dict[int, float] = {}
     for i, column in enumerate(columns):
-        size = np.linalg.norm(column)
+        rest = column.copy()
         for _ in range(2):
-            column = column - basis[:i].T @ (basis[:i] @ column)
-        norm = np.linalg.norm(column)
-        basis[i] = column / norm if norm > 1e-9 * size else 0.0
+            rest -= basis[:i].T @ (basis[:i] @ rest)
+        norm = np.linalg.norm(rest)
+        basis[i] = rest / norm if norm > 1e-9 * np.linalg.norm(column) else 0.0
         for _ in range(2):
             residual = residual - basis[i] * (basis[i] @ residual)
         squares[i - first] = float(residual @ residual)

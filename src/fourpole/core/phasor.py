@@ -6,16 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import stats
 
-__all__ = ["CHANNELS", "Phasors"]
+from fourpole.core.arrays import ComplexArray, FloatArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+__all__ = ["CHANNELS", "SYMBOLS", "Phasors"]
+
 
 #: The three channels of a dynamic test, in the order of every amplitude and covariance.
 CHANNELS = ("force_in", "motion_in", "motion_out")
+#: What the paper calls them.
+SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fourpole.core.arrays import FloatArray
 from fourpole.errors import RecordingError
 
 __all__ = ["DERIVATIVES", "Channel", "Recording", "uniform_time"]
 
-FloatArray = NDArray[np.float64]
 
 #: How many times a motion must be differentiated to become a velocity; a force is taken as it is.
 DERIVATIVES = {"force": 0, "displacement": 1, "velocity": 0, "acceleration": -1}
@@ -200,14 +200,15 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
         return step, ""
     if off_grid[worst] <= 0.5 * step:
         return step, (
-            f"time stamps are up to {off_grid[worst] / step:.0%} of an interval off a uniform grid (sample {worst + 1}); "
-            "taken as clock jitter on uniform samples: if so, state sample_rate in campaign.toml, if not, resample"
+            f"time stamps are up to {off_grid[worst] / step:.0%} of an interval off a uniform grid "
+            f"(sample {worst + 1}); taken as clock jitter on uniform samples: "
+            "if so, state sample_rate in campaign.toml, if not, resample"
         )
     jump = int(np.argmax(np.abs(increments - np.median(increments))))
     raise RecordingError(
-        f"time is not uniform: the interval after sample {jump + 1} (at {time[jump]:.9g} s) is {increments[jump]:.6g} s, "
-        f"the median {np.median(increments):.6g} s; samples were lost or the rate changed: resample, cut with window [s], "
-        "or state sample_rate if the stamps are wrong"
+        f"time is not uniform: the interval after sample {jump + 1} (at {time[jump]:.9g} s) is "
+        f"{increments[jump]:.6g} s, the median {np.median(increments):.6g} s; samples were lost or the rate changed: "
+        "resample, cut with window [s], or state sample_rate if the stamps are wrong"
     )
 
 

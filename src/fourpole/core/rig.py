@@ -15,14 +15,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.twoport import cascade, mass, spring
 from fourpole.errors import RigError
 
 __all__ = ["PARAMETERS", "Rig"]
 
-ComplexArray = NDArray[np.complex128]
 
 #: The rig's values in the order of every gradient, with their SI units.
 PARAMETERS: dict[str, str] = {
@@ -34,6 +34,10 @@ PARAMETERS: dict[str, str] = {
     "frame_stiffness": "N/m",
     "input_mass": "kg",
 }
+
+
+#: Row, column and derivative of the one entry of a four-pole that a parameter changes.
+_Entry = tuple[int, int, ComplexArray]
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,7 @@ class Rig:
                 raise RigError(f"the uncertainty of {name} is {value:g}: it must be zero or positive")
 
     @property
-    def uncertainties(self) -> NDArray[np.float64]:
+    def uncertainties(self) -> FloatArray:
         """Standard uncertainties in the order of `PARAMETERS`."""
         return np.array([self.std.get(name, 0.0) for name in PARAMETERS])
 
@@ -114,12 +118,12 @@ class Rig:
             return float("nan")
         return float(np.sqrt(self.preload_stiffness / (self.moving_mass + self.tyre_mass)) / (2 * np.pi))
 
-    def _parts(self, omega: ComplexArray, added_mass: ArrayLike) -> list[tuple[ComplexArray, dict[str, tuple]]]:
+    def _parts(self, omega: ComplexArray, added_mass: ArrayLike) -> list[tuple[ComplexArray, dict[str, _Entry]]]:
         """Each four-pole with its derivatives: name -> (row, column, derivative of that entry)."""
         jw = 1j * omega
         total = self.moving_mass + self.tyre_mass + np.asarray(added_mass)
         per_mass = (0, 1, jw)
-        parts = [(mass(total, omega), {name: per_mass for name in ("moving_mass", "tyre_mass", "added_mass")})]
+        parts = [(mass(total, omega), dict.fromkeys(("moving_mass", "tyre_mass", "added_mass"), per_mass))]
         k3, eta = self.preload_stiffness, self.preload_loss_factor
         leaf = k3 * (1 + 1j * eta) + jw * self.preload_damping
         if self._held:

@@ -10,13 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
+
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 
 __all__ = ["SineFit", "fit_sines", "refine"]
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _DRIFT_ORDER = 3  # mean, slope, parabola, cubic
 _ITERATIONS = 12
@@ -37,7 +36,7 @@ class SineFit:
     harmonics : int
         Number of multiples of the fundamental, itself included.
     unsteady : tuple of int
-        Harmonics whose amplitude may vary over the record as a parabola, because a line too close to tell from them does.
+        Harmonics whose amplitude may vary over the record as a parabola, for a line lies too close to be told apart.
     basis : (P, N) float
         Cosines and minus sines of each frequency, then Legendre polynomials of time; 0 where samples are missing.
     factor : Cholesky factor of the basis' Gram matrix.
@@ -48,7 +47,7 @@ class SineFit:
     """
 
     time: FloatArray
-    present: NDArray[np.bool_]
+    present: BoolArray
     omega: float
     lines: FloatArray
     harmonics: int
@@ -77,7 +76,7 @@ class SineFit:
 
 def fit_sines(
     signals: FloatArray,
-    present: NDArray[np.bool_],
+    present: BoolArray,
     time: FloatArray,
     omega: float,
     harmonics: int,
@@ -94,7 +93,7 @@ def fit_sines(
 
 def _basis(
     time: FloatArray,
-    present: NDArray[np.bool_],
+    present: BoolArray,
     omega: float,
     harmonics: int,
     lines: FloatArray,
@@ -122,7 +121,12 @@ def _basis(
 
 
 def refine(
-    fit: SineFit, signals: FloatArray, *, informing: NDArray[np.bool_], free: bool = True, weights: FloatArray | None = None
+    fit: SineFit,
+    signals: FloatArray,
+    *,
+    informing: BoolArray,
+    free: bool = True,
+    weights: FloatArray | None = None,
 ) -> tuple[SineFit, float]:
     """Move the fundamental (if `free`) and all lines to where the weighted residual is least.
 
@@ -152,7 +156,7 @@ def _weights(fit: SineFit, signals: FloatArray) -> FloatArray:
 
 
 def _newton_step(
-    fit: SineFit, informing: NDArray[np.bool_], weights: FloatArray, *, free: bool
+    fit: SineFit, informing: BoolArray, weights: FloatArray, *, free: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Gauss-Newton step of the fundamental and the lines, with its standard uncertainty [rad/s]."""
     count = 1 + fit.lines.size
@@ -171,13 +175,12 @@ def _newton_step(
     return covariance @ right, std if free else std * (np.arange(count) > 0)
 
 
-def _slopes(fit: SineFit, channel: int, informing: NDArray[np.bool_], *, free: bool) -> FloatArray:
+def _slopes(fit: SineFit, channel: int, informing: BoolArray, *, free: bool) -> FloatArray:
     """Derivatives (1 + lines, N) of one channel's model by the fundamental and by each line."""
     slopes = np.zeros((1 + fit.lines.size, fit.time.size))
     pairs = fit.coefficients[:, channel]
-    for k in np.flatnonzero(informing) if free else []:
+    for k in np.flatnonzero(informing).tolist() if free else []:
         slopes[0] += (k + 1) * (pairs[2 * k] * fit.basis[2 * k + 1] - pairs[2 * k + 1] * fit.basis[2 * k])
     for i, k in enumerate(range(fit.harmonics, fit.harmonics + fit.lines.size), start=1):
         slopes[i] = pairs[2 * k] * fit.basis[2 * k + 1] - pairs[2 * k + 1] * fit.basis[2 * k]
     return slopes * fit.time
-

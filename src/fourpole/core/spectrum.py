@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
+
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 
 __all__ = ["Noise", "find_lines", "noise_beside", "strongest_line"]
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 #: Power over the local noise at which a line is real: one false line in some ten thousand records of 10 000 bins.
 LINE_LIMIT = 30.0
@@ -93,7 +92,7 @@ def _floor(power: FloatArray) -> FloatArray:
 
 
 def noise_beside(
-    residual: FloatArray, present: NDArray[np.bool_], rate: float, frequency: float, lines: FloatArray, dof: int
+    residual: FloatArray, present: BoolArray, rate: float, frequency: float, lines: FloatArray, dof: int
 ) -> Noise:
     """Cross-spectrum of the residual in the bins beside a frequency, up to 16 either way and 0.4 of the frequency.
 

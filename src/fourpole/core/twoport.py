@@ -15,7 +15,9 @@ from __future__ import annotations
 from functools import reduce
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ComplexArray
 
 __all__ = [
     "cascade",
@@ -27,8 +29,6 @@ __all__ = [
     "mass",
     "spring",
 ]
-
-ComplexArray = NDArray[np.complex128]
 
 
 def _fourpole(a11: ArrayLike, a12: ArrayLike, a21: ArrayLike, a22: ArrayLike) -> ComplexArray:

@@ -7,7 +7,9 @@ stands the moving mass m, above that the preload spring K3, with a damper c3 bes
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ComplexArray, FloatArray
 
 __all__ = [
     "energy_loss",
@@ -18,9 +20,6 @@ __all__ = [
     "zener_stiffness",
     "zener_transmissibility",
 ]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 def _positive_omega(omega: ArrayLike) -> FloatArray:
@@ -255,7 +254,7 @@ def zener_mobility(
 
     Notes
     -----
-    Deviation from the source: eq. (8) as printed has K1 where both denominators need K1 squared; (9) and (10) are right.
+    Deviation from the source: eq. (8) as printed has K1 where its denominators need K1 squared; (9), (10) are right.
 
     References
     ----------

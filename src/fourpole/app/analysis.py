@@ -1,0 +1,92 @@
+"""The commands on a whole campaign: analyse and demo."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from fourpole.app.console import OK, SOME_REJECTED, out, print_json, progress, say
+from fourpole.campaign import Study, analyse, read_campaign
+from fourpole.campaign.summary import findings
+from fourpole.errors import CampaignError
+from fourpole.virtual import simulate_campaign
+
+__all__ = ["run_analysis", "run_demo"]
+
+_MOST_LISTED = 12
+
+
+def run_analysis(campaign: Path, folder: Path | None, route: str, *, as_json: bool) -> int:
+    """Analyse a campaign and write its results; the exit code says whether tests were rejected."""
+    study, results = _analysed(campaign, folder, route)
+    if as_json:
+        print_json(_summary(study, results))
+    else:
+        _report(study)
+        out(f"results: {results}")
+    return SOME_REJECTED if study.counts["rejected"] else OK
+
+
+def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
+    """Simulate, analyse, and say what was found."""
+    with progress("recording") as advance:
+        simulate_campaign(folder, seed=seed, progress=advance)
+    study, results = _analysed(folder, None, "mobility")
+    if as_json:
+        print_json({**_summary(study, results), "found": findings(study)})
+    else:
+        out(f"Virtual campaign in {folder} (seed {seed}): {_counted(study)}.")
+        for line in findings(study):
+            out(line)
+        out("These tyres are designed so that the 1982 paper's conclusions hold; they are not its data.")
+        out(f"results: {results / 'dynamic.csv'}, {results / 'static.csv'}")
+    return SOME_REJECTED if study.counts["rejected"] else OK
+
+
+def _analysed(campaign: Path, folder: Path | None, route: str) -> tuple[Study, Path]:
+    stated = read_campaign(campaign)
+    results = folder if folder is not None else campaign / "results"
+    if results.exists() and not results.is_dir():
+        raise CampaignError(f"{results}: is a file: name a folder for the results with --out")
+    with progress("analysing") as advance:
+        study = analyse(stated, route=route, cache=results / "cache", progress=advance)
+    study.write(results)
+    return study, results
+
+
+def _counted(study: Study) -> str:
+    counts = study.counts
+    return (
+        f"{sum(counts.values())} tests, {counts['ok']} ok, {counts['warning']} with a warning, "
+        f"{counts['rejected']} rejected"
+    )
+
+
+def _verdicts(study: Study) -> pl.DataFrame:
+    """Test, verdict and remarks of every row of both tables."""
+    return pl.concat([table.select("test", "verdict", "remarks") for table in (study.static, study.dynamic)])
+
+
+def _report(study: Study) -> None:
+    for note in study.notes:
+        say(f"note: {note}")
+    for verdict in ("warning", "rejected"):
+        rows = _verdicts(study).filter(pl.col("verdict") == verdict).unique(maintain_order=True)
+        for test, _, remarks in rows.head(_MOST_LISTED).rows():
+            say(f"{verdict}: {test}: {remarks}")
+        if rows.height > _MOST_LISTED:
+            say(f"... and {rows.height - _MOST_LISTED} more with verdict {verdict}; see the tables")
+    out(f"{_counted(study)} (route: {study.route})")
+
+
+def _summary(study: Study, results: Path) -> dict[str, Any]:
+    rejected = _verdicts(study).filter(pl.col("verdict") == "rejected")
+    return {
+        "results": str(results),
+        "route": study.route,
+        "verdicts": study.counts,
+        "rejected": rejected.select("test", "remarks").to_dicts(),
+        "assumptions": list(study.notes),
+    }

@@ -1,0 +1,192 @@
+"""The command `fourpole`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fourpole.app.console import ends_well, option, out, progress, say
+
+if TYPE_CHECKING:
+    from fourpole.core.rig import Rig
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="fourpole",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="From tyre-rig recordings to static stiffness K1, dynamic stiffness K2, damping C, mobility and "
+    "transmissibility, with the uncertainty of every number.\n\nStart with [bold]fourpole demo[/bold], which makes a "
+    "campaign folder to look at and analyses it; then [bold]fourpole analyse YOUR-FOLDER[/bold].\n\nQuantities are "
+    'written with their unit, as in "12.44 kN/m". Exit codes: 0 all used, 2 the input could not be read, 3 done but '
+    "some tests were rejected.",
+)
+
+JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON document, in SI units, for programs.")]
+OutFile = Annotated[Path | None, typer.Option("--out", help="Write the table to this CSV file instead of printing it.")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        out(f"fourpole {version('fourpole')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    show: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+@ends_well
+def demo(
+    folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where to put the campaign.")] = Path("fourpole-demo"),
+    seed: Annotated[int, typer.Option(help="Seed of the virtual rig's noise.")] = 1982,
+    as_json: JsonFlag = False,
+) -> None:
+    """Make a campaign of the 1982 paper's kind on the virtual rig, analyse it, and say what was found."""
+    from fourpole.app.analysis import run_demo
+
+    raise typer.Exit(run_demo(folder, seed, as_json=as_json))
+
+
+@app.command()
+@ends_well
+def simulate(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="New folder for the campaign.")],
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 1982,
+    clean: Annotated[bool, typer.Option("--clean", help="No noise, no errors: only the physics.")] = False,
+) -> None:
+    """Record a whole campaign on the virtual rigs: campaign.toml, tests.csv, recordings and truth.csv."""
+    from fourpole.virtual import simulate_campaign
+
+    with progress("recording") as advance:
+        made = simulate_campaign(folder, seed=seed, clean=clean, progress=advance)
+    say(f"{made.tests} tests recorded in {made.folder} (seed {made.seed}); next: fourpole analyse {made.folder}")
+
+
+@app.command()
+@ends_well
+def analyse(
+    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv.")],
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the results [default: CAMPAIGN/results].")
+    ] = None,
+    route: Annotated[
+        str,
+        typer.Option(help="How K* is found: mobility (F1, V1 and the rig), relative (F1, V1, V2), transmissibility."),
+    ] = "mobility",
+    as_json: JsonFlag = False,
+) -> None:
+    """Analyse a campaign folder: recordings in, tables of K1, R, I, K*, K2, C and TR out.
+
+    Recordings that are done are kept in the results' folder, so a run that was stopped goes on where it was.
+    """
+    from fourpole.app.analysis import run_analysis
+
+    raise typer.Exit(run_analysis(campaign, folder, route, as_json=as_json))
+
+
+@app.command()
+@ends_well
+def identify(
+    table: Annotated[Path, typer.Argument(metavar="TABLE", help="Text table with a row per frequency.")],
+    k1: Annotated[str, typer.Option("--k1", help='Static stiffness, as "180 kN/m".')],
+    mass: Annotated[str | None, typer.Option(help='Moving mass of the rig, as "15 kg".')] = None,
+    preload_stiffness: Annotated[str | None, typer.Option(help='Preload spring K3, as "12.44 kN/m".')] = None,
+    preload_damping: Annotated[str | None, typer.Option(help='Damper c3 beside it, as "20 N s/m".')] = None,
+    no_rig: Annotated[
+        bool, typer.Option("--no-rig", help="The specimen's far side does not move: nothing to take away.")
+    ] = False,
+    file: OutFile = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """K*, K2, C and TR from a table of amplitudes: the paper's FORTRAN program.
+
+    The table has a frequency and one of (R, I), (F1, V1, phase), (F1, x1, phase) or (Re K*, Im K*), amplitudes 0 to
+    peak and the phase that of the force ahead of the motion. CSV or white space; units in brackets or in a second row.
+    """
+    from fourpole.app.reduced import run_identify
+
+    rig = _rig(mass, preload_stiffness, preload_damping, no_rig=no_rig)
+    known = no_rig or rig is not None
+    raise typer.Exit(run_identify(table, option(k1, "stiffness", "--k1"), rig, file, rig_known=known, as_json=as_json))
+
+
+@app.command()
+@ends_well
+def static(
+    table: Annotated[Path, typer.Argument(metavar="FILE", help="Text table of load and deflection.")],
+    load: Annotated[str, typer.Option("--load", help='Load at which K1 is wanted, as "1000 N".')],
+    load_column: Annotated[str | None, typer.Option(help="Name of the load's column, if it is unusual.")] = None,
+    deflection_column: Annotated[str | None, typer.Option(help="Name of the deflection's column.")] = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Static stiffness K1 at a load from a load-deflection curve, with secant, loss and non-linearity.
+
+    K1 is the tangent of the mean of the loading and unloading branches over the last complete cycle.
+    """
+    from fourpole.app.reduced import run_static
+
+    run_static(table, option(load, "force", "--load"), load_column, deflection_column, as_json=as_json)
+
+
+@app.command()
+@ends_well
+def predict(
+    k1: Annotated[str, typer.Option("--k1", help='Static stiffness, as "180 kN/m".')],
+    k2: Annotated[str, typer.Option("--k2", help='Spring of the arm, as "120 kN/m".')],
+    c: Annotated[str, typer.Option("--c", help='Damper of the arm, as "700 N s/m".')],
+    mass: Annotated[str, typer.Option(help='Moving mass, as "15 kg".')],
+    preload_stiffness: Annotated[str, typer.Option(help='Preload spring K3, as "12.44 kN/m".')],
+    frequency: Annotated[str, typer.Option(help='Frequencies, as "10:24:0.5 Hz" or "10,12,14 Hz".')],
+    preload_damping: Annotated[str | None, typer.Option(help='Damper c3 beside it, as "20 N s/m".')] = None,
+    file: OutFile = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """K*, R, I and TR that a tyre of known K1, K2 and C shows on a rig."""
+    from fourpole.app.reduced import run_predict
+
+    arm = (option(k1, "stiffness", "--k1"), option(k2, "stiffness", "--k2"), option(c, "damping", "--c"))
+    rig = _rig(mass, preload_stiffness, preload_damping, no_rig=False)
+    assert rig is not None  # both of its values are required options
+    run_predict(arm, rig, frequency, file, as_json=as_json)
+
+
+def _rig(mass: str | None, stiffness: str | None, damping: str | None, *, no_rig: bool) -> Rig | None:
+    """The rig of the options; None where there is none."""
+    from fourpole.core.rig import Rig
+    from fourpole.errors import RigError
+
+    given = mass is not None or stiffness is not None or damping is not None
+    if no_rig and given:
+        raise RigError("--no-rig and the rig's values contradict each other: keep one of them")
+    if not given:
+        return None
+    if mass is None or stiffness is None:
+        raise RigError("the rig needs both --mass and --preload-stiffness")
+    return Rig(
+        moving_mass=option(mass, "mass", "--mass"),
+        preload_stiffness=option(stiffness, "stiffness", "--preload-stiffness"),
+        preload_damping=0.0 if damping is None else option(damping, "damping", "--preload-damping"),
+    )
+
+
+def main() -> None:
+    """Run the command."""
+    # Recordings are worked on side by side; a linear algebra that splits each small product again only gets in the way.
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    app()

@@ -1,0 +1,173 @@
+"""The commands on single tables: identify, static, predict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from fourpole import units
+from fourpole.app.console import OK, SOME_REJECTED, out, print_json, say, warn
+from fourpole.core.checks import check_resonance
+from fourpole.core.loadcurve import LoadCurve
+from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict
+from fourpole.core.rig import Rig
+from fourpole.errors import LoadCurveError, RigError, UnitError
+from fourpole.io.understand import ReducedTable, read_curve, read_reduced
+from fourpole.io.write import write_table
+
+__all__ = ["run_identify", "run_predict", "run_static"]
+
+
+def run_identify(path: Path, k1: float, rig: Rig | None, file: Path | None, *, rig_known: bool, as_json: bool) -> int:
+    """Identify a reduced table; the exit code says whether rows were rejected."""
+    if k1 <= 0:
+        raise UnitError(f"--k1: {k1:g} N/m must be positive")
+    table = read_reduced(path)
+    for line in table.understood:
+        say(f"understood {line}")
+    for line in table.warnings:
+        warn(line)
+    if table.mobility is not None:
+        if not rig_known:
+            raise RigError(
+                "state the rig, --mass and --preload-stiffness, or --no-rig where the far side does not move"
+            )
+        found = identify_mobility(table.frequency, table.mobility, k1, rig)
+    else:
+        found = identify_stiffness(table.frequency, np.asarray(table.stiffness), k1, rig)
+    faults = [_fault(table, found, row, rig) for row in range(found.frequency.size)]
+    frame = _frame(found, faults)
+    _deliver(frame, file, as_json=as_json)
+    rejected = sum(bool(fault) for fault in faults)
+    say(f"{len(faults)} rows: {len(faults) - rejected} with K2 and C, {rejected} rejected, each with its reason")
+    return SOME_REJECTED if rejected else OK
+
+
+def _fault(table: ReducedTable, found: ReducedResult, row: int, rig: Rig | None) -> str:
+    """Why a row has no K2 and C; empty where it has."""
+    frequency = float(found.frequency[row])
+    if not frequency > 0:
+        return f"row {table.lines[row]}: the frequency is {frequency:g} Hz, it must be positive"
+    if not np.isfinite(found.stiffness[row]):
+        return f"row {table.lines[row]}: a value is missing or no number"
+    if rig is not None and table.mobility is not None:
+        near = check_resonance(frequency, rig, 0.0)
+        if near.verdict == "rejected":
+            return near.remark
+    return found.reasons[row]
+
+
+def _frame(found: ReducedResult, faults: list[str]) -> pl.DataFrame:
+    kept = np.array([not fault for fault in faults], dtype=bool)
+    columns: dict[str, Any] = {
+        "frequency [Hz]": found.frequency,
+        "R [m/(N s)]": found.mobility.real,
+        "I [m/(N s)]": found.mobility.imag,
+        "d [1]": found.d,
+        "Re K* [N/m]": found.stiffness.real,
+        "Im K* [N/m]": found.stiffness.imag,
+        "loss factor [1]": found.loss_factor,
+        "K2 [N/m]": np.where(kept, found.k2, np.nan),
+        "C [N s/m]": np.where(kept, found.c, np.nan),
+        "TR [1]": found.tr,
+        "verdict": ["ok" if good else "rejected" for good in kept],
+        "remarks": faults,
+    }
+    numbers = [name for name in columns if name not in ("verdict", "remarks")]
+    frame = pl.DataFrame(columns)
+    return frame.with_columns(pl.when(pl.col(name).is_finite()).then(pl.col(name)).alias(name) for name in numbers)
+
+
+def run_static(
+    path: Path, load: float, load_column: str | None, deflection_column: str | None, *, as_json: bool
+) -> None:
+    """Evaluate one load-deflection curve at one load."""
+    table = read_curve(path, load_column=load_column, deflection_column=deflection_column)
+    try:
+        curve = LoadCurve(table.deflection, table.load)
+        tangent, secant = curve.tangent(load), curve.secant(load)
+    except LoadCurveError as error:
+        raise LoadCurveError(f"{path.name}: {error}") from None
+    remarks = [*table.warnings, *curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
+    if as_json:
+        print_json(
+            {
+                "load [N]": load,
+                "K1 [N/m]": tangent.stiffness,
+                "u(K1) [N/m]": tangent.std,
+                "u(K1) from fit [N/m]": tangent.fit,
+                "u(K1) from branches [N/m]": tangent.branches,
+                "u(K1) from cycles [N/m]": tangent.cycles,
+                "secant [N/m]": secant.stiffness,
+                "hysteresis loss [J]": curve.hysteresis_loss,
+                "nonlinearity [1]": curve.nonlinearity,
+                "order [1]": curve.order,
+                "cycles [1]": curve.cycles,
+                "understood": table.understood,
+                "remarks": remarks,
+            }
+        )
+        return
+    for line in table.understood:
+        say(f"understood {line}")
+    for line in remarks:
+        warn(line)
+    loss = "" if np.isnan(curve.hysteresis_loss) else f"{curve.hysteresis_loss:.4g} J"
+    parts = f"fit {_kn_m(tangent.fit)}, branches {_kn_m(tangent.branches)}, cycles {_kn_m(tangent.cycles)}"
+    rows = (
+        ("tangent K1", _kn_m(tangent.stiffness)),
+        ("uncertainty", f"{_kn_m(tangent.std)} ({parts}; the sensors' own comes on top)"),
+        ("secant", f"none: {secant.reason}" if secant.reason else _kn_m(secant.stiffness)),
+        ("hysteresis loss", loss or "none: one branch only"),
+        ("non-linearity", f"{100 * curve.nonlinearity:.2f} % of the load span"),
+        ("curve", f"order {curve.order}, {curve.cycles} complete cycles, {curve.load.size} points"),
+    )
+    out(f"{path.name} at {load:g} N")
+    for name, text in rows:
+        out(f"{name:<16} {text}")
+
+
+def _kn_m(stiffness: float) -> str:
+    """A stiffness in kN/m: one decimal, more where it is small."""
+    value = stiffness / 1000.0
+    return f"{value:.1f} kN/m" if abs(value) >= 10 else f"{value:.3g} kN/m"
+
+
+def run_predict(
+    arm: tuple[float, float, float], rig: Rig, frequencies: str, file: Path | None, *, as_json: bool
+) -> None:
+    """Table of K*, R, I and TR of a tyre on a rig."""
+    for name, value in zip(("--k1", "--k2", "--c"), arm, strict=True):
+        if value <= 0:
+            raise UnitError(f"{name}: must be positive")
+    try:
+        grid = units.frequency_grid(frequencies)
+    except UnitError as error:
+        raise UnitError(f"--frequency: {error}") from None
+    found = predict(grid, *arm, rig)
+    frame = pl.DataFrame(
+        {
+            "frequency [Hz]": found.frequency,
+            "Re K* [N/m]": found.stiffness.real,
+            "Im K* [N/m]": found.stiffness.imag,
+            "loss factor [1]": found.loss_factor,
+            "R [m/(N s)]": found.mobility.real,
+            "I [m/(N s)]": found.mobility.imag,
+            "TR [1]": found.tr,
+        }
+    )
+    _deliver(frame, file, as_json=as_json)
+
+
+def _deliver(frame: pl.DataFrame, file: Path | None, *, as_json: bool) -> None:
+    """A table to a file, to a program as JSON, or to standard output as CSV."""
+    if file is not None:
+        write_table(file if file.suffix else file.with_suffix(".csv"), frame, label=str(file))
+        say(f"written: {file}")
+    if as_json:
+        print_json({"rows": frame.to_dicts()})
+    elif file is None:
+        out(frame.write_csv().rstrip("\n"))

@@ -1,0 +1,178 @@
+"""Reduced tables: a frequency and one complex number per row become K*, K2, C and TR, as the paper's FORTRAN did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.rig import Rig
+from fourpole.core.routes import maxwell_arm, mobility_route, paper_d, why_no_arm
+from fourpole.core.tyre import loss_factor, zener_stiffness
+
+__all__ = ["ReducedResult", "identify_mobility", "identify_stiffness", "predict"]
+
+
+@dataclass(frozen=True)
+class ReducedResult:
+    """Tyre properties row by row; not-a-number where a value does not exist.
+
+    Attributes
+    ----------
+    frequency : (N,) float [Hz]
+    mobility : (N,) complex [m/(N s)]
+        R + jI of tyre and rig together.
+    d : (N,) float [1]
+        The paper's d.
+    stiffness : (N,) complex [N/m]
+        K* of the tyre.
+    loss_factor : (N,) float [1]
+    k2, c : (N,) float [N/m], [N s/m]
+    tr : (N,) float [1]
+        abs(V2/V1) by K* and the rig; not-a-number without a rig.
+    reasons : tuple of N str
+        Why K2 and C are blank; empty where they are not.
+    """
+
+    frequency: FloatArray
+    mobility: ComplexArray
+    d: FloatArray
+    stiffness: ComplexArray
+    loss_factor: FloatArray
+    k2: FloatArray
+    c: FloatArray
+    tr: FloatArray
+    reasons: tuple[str, ...]
+
+
+def identify_mobility(
+    frequency: ArrayLike, mobility: ArrayLike, k1: ArrayLike, rig: Rig | None = None
+) -> ReducedResult:
+    """K*, K2, C and TR from measured mobilities.
+
+    Parameters
+    ----------
+    frequency : (N,) float array [Hz]
+        Excitation frequencies.
+    mobility : (N,) complex array [m/(N s)]
+        V1/F1 = R + jI of tyre and rig.
+    k1 : (N,) float array [N/m]
+        Static stiffness.
+    rig : Rig, optional
+        The rig to take away; without one the specimen's far side does not move.
+
+    Returns
+    -------
+    ReducedResult
+        One row per frequency.
+
+    References
+    ----------
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (9)-(14) and section 3.3.
+
+    Examples
+    --------
+    >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    >>> found = identify_mobility([10.0], [6.2114469491190663e-5 - 0.001032080825614907j], 180e3, rig)
+    >>> found.k2.round(3), found.c.round(6), found.tr.round(6)
+    (array([120000.]), array([700.]), array([1.299101]))
+    """
+    frequency, omega = _turning(frequency)
+    mobility = np.atleast_1d(np.asarray(mobility, dtype=complex))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        beyond = rig.mobility(omega) if rig is not None else np.zeros_like(mobility)
+        return _result(frequency, mobility, mobility_route(mobility, beyond, omega), k1, rig)
+
+
+def identify_stiffness(
+    frequency: ArrayLike, stiffness: ArrayLike, k1: ArrayLike, rig: Rig | None = None
+) -> ReducedResult:
+    """K2, C and, on a rig, R, I and TR from known dynamic stiffnesses of the tyre itself.
+
+    Parameters
+    ----------
+    frequency : (N,) float array [Hz]
+        Excitation frequencies.
+    stiffness : (N,) complex array [N/m]
+        K* of the tyre alone.
+    k1 : (N,) float array [N/m]
+        Static stiffness.
+    rig : Rig, optional
+        The rig on which R, I and TR are wanted.
+
+    Returns
+    -------
+    ReducedResult
+        One row per frequency.
+
+    Examples
+    --------
+    >>> identify_stiffness([10.0], [194211.26530917299 + 38773.596369347214j], 180e3).k2.round(3)
+    array([120000.])
+    """
+    frequency, omega = _turning(frequency)
+    stiffness = np.atleast_1d(np.asarray(stiffness, dtype=complex))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        beyond = rig.mobility(omega) if rig is not None else np.zeros_like(stiffness)
+        return _result(frequency, 1j * omega / stiffness + beyond, stiffness, k1, rig)
+
+
+def predict(frequency: ArrayLike, k1: float, k2: float, c: float, rig: Rig) -> ReducedResult:
+    """R, I, K* and TR of a tyre of constant K1, K2 and C on a rig.
+
+    Parameters
+    ----------
+    frequency : (N,) float array [Hz]
+        Frequencies, > 0.
+    k1, k2 : float [N/m]
+        Static stiffness, and the spring of the arm; > 0.
+    c : float [N s/m]
+        The damper of the arm; > 0.
+    rig : Rig
+        The rig.
+
+    Returns
+    -------
+    ReducedResult
+        One row per frequency.
+
+    Examples
+    --------
+    >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    >>> predict([10.0], 180e3, 120e3, 700.0, rig).tr.round(6)
+    array([1.299101])
+    """
+    _, omega = _turning(frequency)
+    return identify_stiffness(frequency, zener_stiffness(k1, k2, c, omega), k1, rig)
+
+
+def _turning(frequency: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Frequencies as an array [Hz], and their angular frequencies [rad/s]."""
+    array = np.atleast_1d(np.asarray(frequency, dtype=float))
+    return array, 2 * np.pi * array
+
+
+def _result(
+    frequency: FloatArray, mobility: ComplexArray, stiffness: ComplexArray, k1: ArrayLike, rig: Rig | None
+) -> ReducedResult:
+    omega = 2 * np.pi * frequency
+    k1 = np.broadcast_to(np.asarray(k1, dtype=float), omega.shape)
+    k2, c = maxwell_arm(stiffness, k1, omega)
+    reasons = tuple(why_no_arm(*row) for row in zip(stiffness, k1, k2, c, strict=True))
+    passive = np.array([not reason for reason in reasons], dtype=bool)
+    tr = np.full(omega.shape, np.nan)
+    if rig is not None and not rig.blocked:
+        tr = np.abs(stiffness / (stiffness + 1j * omega * rig.impedance(omega)))
+    return ReducedResult(
+        frequency=frequency,
+        mobility=mobility,
+        d=paper_d(stiffness, k1),
+        stiffness=stiffness,
+        loss_factor=loss_factor(stiffness),
+        k2=np.where(passive, k2, np.nan),
+        c=np.where(passive, c, np.nan),
+        tr=tr,
+        reasons=reasons,
+    )

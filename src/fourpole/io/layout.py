@@ -1,0 +1,257 @@
+"""How a table of text is laid out: where its header is, what parts its cells, which decimal sign it has."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import math
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+from fourpole.errors import TableError
+from fourpole.units import column_unit, is_unit, shown
+
+__all__ = [
+    "Layout",
+    "find_column",
+    "find_layout",
+    "is_aside",
+    "is_missing",
+    "number",
+    "split_lines",
+    "splitter",
+    "trimmed",
+]
+
+_DELIMITERS = ("\t", ";", ",", " ")  # a space means any white space
+_SAMPLE = 200  # lines that show the shape
+_NEAREST = 5  # lines above the numbers among which the header is
+_LOOKED_AT = 50  # rows that show header and decimal sign
+_LONGEST_LINE = 4_000_000
+_COMMENTS = ("#", "%")
+_MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "-nan", "+nan"})
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
+_WORD = re.compile(r'"[^"]*"|\S+')
+_NAME_AND_UNIT = re.compile(r"[^\s\[\]]+\s*\[[^\[\]]*\]|\S+")
+_UNIT_CELL = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The header and the shape of a table; lines are counted from 1."""
+
+    names: tuple[str, ...]
+    """The columns' names as written, with their units if these are in brackets there."""
+    units: tuple[str | None, ...]
+    delimiter: str
+    decimal: str
+    header_line: int
+    first_row: int
+    """The first line after header and units, a row of numbers if the file has any."""
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return len(self.names)
+
+
+def split_lines(text: str) -> list[str]:
+    """Lines at LF, CR LF or CR only: `str.splitlines` also parts at signs that may stand in a cell."""
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell says that there is no value."""
+    return cell.strip().lower() in _MISSING
+
+
+def number(cell: str, decimal: str = ".") -> float | None:
+    """The finite number that a cell holds, None if it holds none."""
+    text = cell.strip()
+    if decimal == "," and "," in text:
+        if "." in text:
+            return None
+        text = text.replace(",", ".")
+    if _NUMBER.fullmatch(text) is None:
+        return None
+    value = float(text)
+    return value if math.isfinite(value) else None
+
+
+def splitter(delimiter: str) -> Callable[[str], list[str]]:
+    """What parts a line into cells."""
+    if delimiter == " ":
+        return _split_words
+    return lambda line: _split_quoted(line, delimiter)
+
+
+def find_layout(lines: Sequence[str], name: str) -> Layout:
+    """The layout of a table from its first lines.
+
+    Raises TableError if there is no header, or no row below it.
+    """
+    for index, line in enumerate(lines[:_SAMPLE]):
+        if len(line) > _LONGEST_LINE:
+            raise TableError(f"{name} line {index + 1}: has {len(line)} characters; this is no table of text")
+    sample = [index for index, line in enumerate(lines[:_SAMPLE]) if not is_aside(line)]
+    if not sample:
+        raise TableError(f"{name}: has no table, only blank lines or comments")
+    delimiter, width = _delimiter([lines[index] for index in sample])
+    split = splitter(delimiter)
+    fitting = [index for index in sample if width <= _cell_count(lines[index], delimiter) <= width + 1]
+    split_rows = ((index, trimmed(split(lines[index]), width)) for index in fitting)
+    rows = {index: cells for index, cells in islice(split_rows, _LOOKED_AT) if len(cells) == width}
+    decimal = _decimal(rows.values(), delimiter)
+    names, header = _header(lines, rows, delimiter, decimal, name)
+    below = [index for index in sample if index > header]
+    next_line = next((index for index in range(header + 1, len(lines)) if lines[index].strip()), header)
+    units: tuple[str | None, ...] = tuple(column_unit(one)[1] for one in names)
+    stated = _names_in(lines[next_line], delimiter, width, False) if next_line > header else None
+    if stated and _is_units_row(stated):
+        units = tuple(one or _stated(cell) for one, cell in zip(units, stated, strict=True))
+        below = [index for index in below if index > next_line]
+    if not below:
+        raise TableError(f"{name}: has a header (line {header + 1}) but no row below it")
+    return Layout(names, units, delimiter, decimal, header + 1, below[0] + 1)
+
+
+def find_column(names: Sequence[str], wanted: str, name: str) -> int:
+    """Where a wanted column is: by its name as written, without its unit, or in another case.
+
+    Raises TableError if it is not there (with the nearest name) or there more than once.
+    """
+    spelling = wanted.strip()
+    bare = list(names) if spelling in names else [column_unit(one)[0] for one in names]
+    tries: tuple[Callable[[], list[bool]], ...] = (
+        lambda: [one == spelling for one in names],
+        lambda: [one == spelling for one in bare],
+        lambda: [one.casefold() == spelling.casefold() for one in names],
+        lambda: [one.casefold() == spelling.casefold() for one in bare],
+        lambda: [one.casefold() == column_unit(spelling)[0].casefold() for one in bare],
+    )
+    for one_way in tries:
+        found = [index for index, equal in enumerate(one_way()) if equal]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            which = ", ".join(f"{shown(names[index])} (column {index + 1})" for index in found[:5])
+            raise TableError(f"{name}: column {shown(wanted)} is ambiguous: {which}; rename one of them")
+    raise TableError(_no_column(bare, wanted, name))
+
+
+def _no_column(bare: list[str], wanted: str, name: str) -> str:
+    """The message for a missing column: the names that there are, the nearest one first."""
+    near = difflib.get_close_matches(wanted[:60], [one[:60] for one in bare[:500] if one], n=1, cutoff=0.0)
+    close = near and difflib.SequenceMatcher(None, near[0].casefold(), wanted[:60].casefold()).ratio() >= 0.5
+    hint = f"; did you mean {shown(near[0])}?" if close else ";"
+    ordered = [*near, *(one for one in bare if one and one not in near)]
+    more = f" and {len(ordered) - 12} more" if len(ordered) > 12 else ""
+    listed = ", ".join(shown(one)[1:-1] for one in ordered[:12])
+    return f"{name}: there is no column {shown(wanted)}{hint} it has {listed}{more}"
+
+
+def is_aside(line: str) -> bool:
+    """Whether a line is blank or a comment."""
+    return not line.strip() or line.lstrip().startswith(_COMMENTS)
+
+
+def trimmed(cells: list[str], width: int) -> list[str]:
+    """Cells without the blank one that a delimiter at the end of the line leaves."""
+    return cells[:-1] if len(cells) == width + 1 and not cells[-1] else cells
+
+
+def _split_quoted(line: str, delimiter: str) -> list[str]:
+    if '"' in line:
+        try:
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+        except (csv.Error, StopIteration):  # a cell beyond the limit of the csv module
+            pass
+    return [cell.strip() for cell in line.split(delimiter)]
+
+
+def _split_words(line: str) -> list[str]:
+    if '"' not in line:
+        return line.split()
+    return [word[1:-1] if word[0] == word[-1] == '"' and len(word) > 1 else word for word in _WORD.findall(line)]
+
+
+def _delimiter(lines: Sequence[str]) -> tuple[str, int]:
+    """What parts the most lines into the same number of cells, two or more; and that number."""
+    best, share, width = ",", 0, 1
+    for delimiter in _DELIMITERS:
+        counts = Counter(_cell_count(line, delimiter) for line in lines)
+        count, often = max(counts.items(), key=lambda item: (item[1], item[0]))
+        if count >= 2 and often > share:
+            best, share, width = delimiter, often, count
+    return best, width
+
+
+def _cell_count(line: str, delimiter: str) -> int:
+    if '"' in line or delimiter == " ":
+        return len(splitter(delimiter)(line))
+    return line.count(delimiter) + 1
+
+
+def _decimal(rows: Iterable[list[str]], delimiter: str) -> str:
+    """The decimal sign: a comma if more cells are numbers with it than with a point."""
+    if delimiter == ",":
+        return "."
+    cells = [cell for row in rows for cell in row[:50]]
+    commas = sum(_DECIMAL_COMMA.fullmatch(cell) is not None for cell in cells)
+    points = sum("." in cell and _NUMBER.fullmatch(cell) is not None for cell in cells)
+    return "," if commas > points else "."
+
+
+def _header(
+    lines: Sequence[str], rows: dict[int, list[str]], delimiter: str, decimal: str, name: str
+) -> tuple[tuple[str, ...], int]:
+    """The names, and the index of their line."""
+    top = next(iter(rows))
+    first = next((i for i, row in rows.items() if any(number(one, decimal) is not None for one in row)), None)
+    if first is None or any(number(one, decimal) is None and not is_missing(one) for one in rows[first]):
+        return tuple(rows[top]), top  # text beside numbers, or alone: only the place tells the header
+    width = len(rows[first])
+    above = [index for index in reversed(range(first)) if lines[index].strip()]
+    ended = all(not row[-1] for index, row in rows.items() if index >= first)
+    found = {index: _names_in(lines[index], delimiter, width, ended) for index in above[:_NEAREST]}
+    for index, names in found.items():  # numbers alone: the header is the nearest line above that fits
+        if names is None:
+            if is_aside(lines[index]):
+                continue
+            count = _cell_count(lines[index], delimiter)
+            raise TableError(f"{name} line {index + 1}: the header has {count} names, but the rows {width} cells")
+        higher = [other for other, cells in found.items() if other < index and cells is not None]
+        if not (higher and _is_units_row(names)):
+            return tuple(names), index
+    raise TableError(f"{name}: has no header; put a line of names above line {first + 1}, such as 't,F1,V1,V2'")
+
+
+def _names_in(line: str, delimiter: str, width: int, ended: bool) -> list[str] | None:
+    """The names in a header; it may be a comment, have spaces in names, or one delimiter more or less."""
+    text = line.lstrip("".join(_COMMENTS)).strip() if is_aside(line) else line
+    cells = splitter(delimiter)(text)
+    ways = [trimmed(cells, width)]
+    if delimiter == " ":
+        ways += [_NAME_AND_UNIT.findall(text), re.split(r"\s{2,}|\t", text.strip())]
+    elif ended:
+        ways.append([*cells, ""])  # the rows end with a delimiter, the header does not
+    return next((way for way in ways if len(way) == width), None)
+
+
+def _stated(cell: str) -> str | None:
+    """The unit in a cell, with or without brackets."""
+    if not cell:
+        return None
+    return column_unit(f"x {cell}" if _UNIT_CELL.fullmatch(cell) else f"x [{cell}]")[1]
+
+
+def _is_units_row(cells: list[str]) -> bool:
+    """Whether a row holds units only: all in brackets, or all of them known."""
+    stated = [cell.strip() for cell in cells if cell.strip() not in ("", "-", "1")]
+    if not stated or any(number(cell, ",") is not None for cell in stated):
+        return False
+    return all(_UNIT_CELL.fullmatch(cell) for cell in stated) or all(map(is_unit, stated))

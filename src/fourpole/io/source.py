@@ -1,0 +1,132 @@
+"""Opening other people's files: regular ones only, of bounded size, decoded as they were written."""
+
+from __future__ import annotations
+
+import codecs
+import hashlib
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+from fourpole.errors import FileError, FourpoleError, TableError
+from fourpole.units import shown
+
+__all__ = ["decode", "encoding_of", "name_of", "open_regular", "read_bytes", "sha256_of"]
+
+_UTF16 = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+_UTF32 = (b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")
+_UTF8 = b"\xef\xbb\xbf"
+
+
+def name_of(path: str | os.PathLike[str], label: str | None) -> str:
+    """How a message names the file: as the caller does, else by its last part only."""
+    return shown(Path(path).name if label is None else label, 200)[1:-1]
+
+
+def open_regular(path: str | os.PathLike[str], *, max_bytes: int, label: str | None = None) -> BinaryIO:
+    """Open a regular file for reading; a pipe or device is refused before it could block."""
+    name = name_of(path, label)
+    try:
+        _check(Path(path).stat(), name, max_bytes)
+        # Since that look the name may have come to mean another file: do not block, and look again.
+        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        file = os.fdopen(os.open(path, flags), "rb")
+    except FourpoleError:
+        raise
+    except FileNotFoundError:
+        raise FileError(f"{name}: there is no such file; check its name") from None
+    except PermissionError:
+        raise FileError(f"{name}: reading is not permitted; change the file's permissions") from None
+    except (OSError, ValueError) as error:
+        raise FileError(f"{name}: cannot be opened: {_reason(error)}") from None
+    try:
+        _check(os.fstat(file.fileno()), name, max_bytes)
+    except FourpoleError:
+        file.close()
+        raise
+    return file
+
+
+def read_bytes(path: str | os.PathLike[str], *, max_bytes: int, label: str | None = None) -> bytes:
+    """The whole of a regular file."""
+    with open_regular(path, max_bytes=max_bytes, label=label) as file:
+        try:
+            return file.read(max_bytes)
+        except OSError as error:
+            raise FileError(f"{name_of(path, label)}: cannot be read: {_reason(error)}") from None
+
+
+def sha256_of(path: str | os.PathLike[str], *, max_bytes: int, label: str | None = None) -> str:
+    """Hash of the whole of a regular file, read in blocks."""
+    with open_regular(path, max_bytes=max_bytes, label=label) as file:
+        digest = hashlib.sha256()
+        while block := file.read(1 << 20):
+            digest.update(block)
+        return digest.hexdigest()
+
+
+def encoding_of(start: bytes, name: str) -> tuple[str, int]:
+    """The encoding of a text by its first bytes, and the length of its byte order mark."""
+    if start.startswith(_UTF32):
+        raise TableError(f"{name}: is text in UTF-32; save it as UTF-8")
+    if start.startswith(_UTF8):
+        return "utf-8", len(_UTF8)
+    if start[:2] in _UTF16:
+        return _UTF16[start[:2]], 2
+    if b"\x00" in start:
+        raise TableError(f"{name}: is binary, not text; export it as CSV, in UTF-8")
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(start)  # the last character may be cut
+    except UnicodeDecodeError:
+        return _single_byte(start), 0
+    return "utf-8", 0
+
+
+def decode(content: bytes, name: str) -> tuple[str, str]:
+    """A text and the encoding it was in: UTF-8, UTF-16 with its mark, else cp1252 or Latin-1."""
+    encoding, mark = encoding_of(content, name)
+    try:
+        text = content[mark:].decode(encoding)
+    except UnicodeDecodeError as error:
+        if mark:
+            where = f"byte {error.start + mark + 1}"
+            raise TableError(f"{name}: is marked as {encoding} but is not ({where}); save it as UTF-8") from None
+        encoding = _single_byte(content)
+        text = content.decode(encoding)
+    if "\x00" in text:
+        raise TableError(f"{name}: is binary, not text; export it as CSV, in UTF-8")
+    return text, encoding
+
+
+def _single_byte(content: bytes) -> str:
+    try:
+        content.decode("cp1252")
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "cp1252"
+
+
+def _check(found: os.stat_result, name: str, max_bytes: int) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise FileError(f"{name}: is a folder; name a file in it")
+    if not stat.S_ISREG(found.st_mode):
+        raise FileError(f"{name}: is a pipe or device; copy what it gives into a file first")
+    if found.st_size > max_bytes:
+        much = f"{_size(found.st_size)}, more than the {_size(max_bytes)} allowed"
+        raise FileError(f"{name}: has {much}; split it or raise the limit")
+    if found.st_size == 0:
+        raise TableError(f"{name}: is empty")
+
+
+def _size(count: int) -> str:
+    value, unit = float(count), "bytes"
+    for larger in ("kB", "MB", "GB", "TB"):
+        if value < 1000:
+            break
+        value, unit = value / 1000, larger
+    return f"{value:.4g} {unit}"
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error).replace("embedded null byte", "its name has a NUL")

@@ -1,0 +1,268 @@
+"""Tables of text as the world writes them: reduced results and load-deflection curves.
+
+Small files, read whole and with patience; recordings go by `read_columns`, which is quick.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fourpole.errors import TableError
+from fourpole.io.columns import Columns, read_columns
+from fourpole.io.layout import (
+    Layout,
+    find_column,
+    find_layout,
+    is_aside,
+    is_missing,
+    number,
+    split_lines,
+    splitter,
+    trimmed,
+)
+from fourpole.io.source import decode, name_of, read_bytes
+from fourpole.units import column_unit, shown
+
+__all__ = ["BadCell", "Columns", "TextTable", "read_columns", "read_table"]
+
+_LONGEST_QUOTE = 100  # lines that a quoted cell may span
+
+
+@dataclass(frozen=True)
+class BadCell:
+    """A cell with text where its column has numbers."""
+
+    line: int
+    column: str
+    value: str
+
+    def __str__(self) -> str:
+        return f"row {self.line}, column {shown(self.column)}: {shown(self.value)} is no number"
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table of text, cells as written.
+
+    Attributes
+    ----------
+    names : list of str
+        The columns' names without their units.
+    units : list of str or None
+        Units as written in the header or in a row below it.
+    columns : list of list of str
+        The cells of each column.
+    lines : list of int
+        Of each row, the number of its line in the file, from 1.
+    skipped : list of (int, str)
+        Lines below the header that are no rows of the table: number and text.
+    headers : list of str
+        The names as written.
+    encoding, delimiter, decimal : str
+        How the file was written; the delimiter " " is any white space.
+    label : str
+        The file's name in messages.
+    """
+
+    names: list[str]
+    units: list[str | None]
+    columns: list[list[str]]
+    lines: list[int]
+    skipped: list[tuple[int, str]]
+    headers: list[str]
+    encoding: str
+    delimiter: str
+    decimal: str
+    label: str
+
+    @property
+    def first_row(self) -> int:
+        """Number of the first row's line in the file, from 1."""
+        return self.lines[0]
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def __contains__(self, name: str) -> bool:
+        """Whether a column has this name, with or without its unit."""
+        return name in self.names or name in self.headers
+
+    def index(self, name: str) -> int:
+        """Where a column is; TableError if it is missing (with the nearest name) or ambiguous."""
+        return find_column(self.headers, name, self.label)
+
+    def text(self, name: str) -> list[str]:
+        """The cells of a column as written."""
+        return self.columns[self.index(name)]
+
+    def unit(self, name: str) -> str | None:
+        """The unit stated for a column."""
+        return self.units[self.index(name)]
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """The numbers of a column, in its own unit.
+
+        Parameters
+        ----------
+        name : str
+            As in the header, with or without its unit, in any case.
+
+        Returns
+        -------
+        (rows,) float array [the column's unit]
+            NaN where a cell is blank or, see `bad`, no number.
+
+        Raises
+        ------
+        TableError
+            If the column is missing or ambiguous, or holds text only.
+        """
+        index = self.index(name)
+        values = _numbers(self.columns[index], self.decimal)
+        if np.isnan(values).all():
+            for line, cell in zip(self.lines, self.columns[index], strict=True):
+                if not is_missing(cell):
+                    bad = BadCell(line, self.names[index], cell)
+                    raise TableError(f"{self.label} {bad}, nor is any other in that column")
+        return values
+
+    @cached_property
+    def bad(self) -> list[BadCell]:
+        """Cells with text in columns of numbers, in the order of the file."""
+        found = []
+        for name, cells in zip(self.names, self.columns, strict=True):
+            wrong = [
+                (line, cell)
+                for line, cell, value in zip(self.lines, cells, _numbers(cells, self.decimal), strict=True)
+                if np.isnan(value) and not is_missing(cell)
+            ]
+            filled = sum(not is_missing(cell) for cell in cells)
+            if 2 * len(wrong) < filled:
+                found += [BadCell(line, name, cell) for line, cell in wrong]
+        return sorted(found, key=lambda cell: cell.line)
+
+
+def read_table(path: str | os.PathLike[str], *, max_bytes: int = 64_000_000, label: str | None = None) -> TextTable:
+    r"""Read a table of text: names in a header, units with them or in a row below.
+
+    Comma, semicolon, tab or white space between the cells; decimal point or comma; UTF-8, UTF-16 with
+    its mark, cp1252 or Latin-1; lines before the header and comments (#, %) are passed over.
+
+    Parameters
+    ----------
+    path : path
+        A regular file.
+    max_bytes : int [byte]
+        A larger file is refused.
+    label : str, optional
+        The file's name in messages; by default the last part of the path.
+
+    Returns
+    -------
+    TextTable
+
+    Raises
+    ------
+    FileError
+        If the file is missing, no regular file or too large.
+    TableError
+        If it holds no table.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder, "curve.csv")
+    ...     _ = file.write_text("deflection [mm];load [N]\n0,0;0\n1,5;300,2\nend of test\n")
+    ...     curve = read_table(file)
+    >>> curve.names, curve.units, curve.column("deflection").tolist()
+    (['deflection', 'load'], ['mm', 'N'], [0.0, 1.5])
+    >>> curve.skipped
+    [(4, "'end of test'")]
+    """
+    name = name_of(path, label)
+    text, encoding = decode(read_bytes(path, max_bytes=max_bytes, label=label), name)
+    lines = split_lines(text)
+    layout = find_layout(lines, name)
+    numbers, rows, skipped = _rows(lines, layout)
+    if not rows:
+        raise TableError(f"{name}: has a header (line {layout.header_line}) but no row that fits it")
+    return TextTable(
+        names=[column_unit(one)[0] for one in layout.names],
+        units=list(layout.units),
+        columns=[list(column) for column in zip(*rows, strict=True)],
+        lines=numbers,
+        skipped=skipped,
+        headers=list(layout.names),
+        encoding=encoding,
+        delimiter=layout.delimiter,
+        decimal=layout.decimal,
+        label=name,
+    )
+
+
+def _rows(lines: list[str], layout: Layout) -> tuple[list[int], list[list[str]], list[tuple[int, str]]]:
+    """The rows with the numbers of their lines, and the lines that are no rows."""
+    split = splitter(layout.delimiter)
+    numbers: list[int] = []
+    rows: list[list[str]] = []
+    skipped: list[tuple[int, str]] = []
+    short: list[tuple[int, list[str], str]] = []
+    for line, text in _records(lines, layout):
+        cells = trimmed(split(text), layout.width)
+        if len(cells) == layout.width:
+            rows += [[*some, *[""] * (layout.width - len(some))] for _, some, _ in short]
+            numbers += [number for number, _, _ in short]
+            short.clear()
+            rows.append(cells)
+            numbers.append(line)
+        elif 1 < len(cells) < layout.width and layout.delimiter != " ":
+            short.append((line, cells, text))  # blank cells at the end may go unwritten, but not in the last row
+        else:
+            skipped.append((line, shown(text.strip(), 40)))
+    skipped += [(line, shown(text.strip(), 40)) for line, _, text in short]
+    _drop_words(numbers, rows, skipped, layout.decimal)
+    return numbers, rows, sorted(skipped)
+
+
+def _drop_words(numbers: list[int], rows: list[list[str]], skipped: list[tuple[int, str]], decimal: str) -> None:
+    """Take rows of words from the end of a table that is all numbers."""
+    words = 0
+    for row in reversed(rows):
+        filled = [cell for cell in row if not is_missing(cell)]
+        if not filled or any(number(cell, decimal) is not None for cell in filled):
+            break
+        words += 1
+    kept = rows[: len(rows) - words]
+    cells = Counter(number(cell, decimal) is not None for row in kept[-50:] for cell in row if not is_missing(cell))
+    if cells[True] > 4 * cells[False]:
+        skipped.extend((numbers.pop(), shown(" ".join(rows.pop()), 40)) for _ in range(words))
+
+
+def _records(lines: list[str], layout: Layout) -> Iterator[tuple[int, str]]:
+    """Lines from the first row on, blank ones and comments left out, a quoted cell's lines put together."""
+    at = layout.first_row - 1
+    while at < len(lines):
+        start, text = at, lines[at]
+        at += 1
+        if '"' in text and text.count('"') % 2 and layout.delimiter != " ":
+            joined = text
+            for more in range(at, min(at + _LONGEST_QUOTE, len(lines))):
+                joined += "\n" + lines[more]
+                if lines[more].count('"') % 2:
+                    text, at = joined, more + 1
+                    break
+        if not is_aside(text):
+            yield start + 1, text
+
+
+def _numbers(cells: list[str], decimal: str) -> NDArray[np.float64]:
+    values = (number(cell, decimal) for cell in cells)
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)

@@ -1,0 +1,134 @@
+"""Writing so that a reader finds the old file or the new one, never half of it."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from fourpole.errors import FileError
+from fourpole.io.source import name_of
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = ["replacing", "write_bytes", "write_table", "write_text"]
+
+
+def write_text(path: str | os.PathLike[str], text: str, *, label: str | None = None) -> None:
+    r"""Write a text file in UTF-8, in one step.
+
+    Parameters
+    ----------
+    path : path
+        Replaced if it exists; its folder must.
+    text : str
+        Line ends are written as they are.
+    label : str, optional
+        The file's name in messages; by default the last part of the path.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written; an old file is then as it was.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_text(pathlib.Path(folder, "note.txt"), "K* [N/m]\n")
+    ...     pathlib.Path(folder, "note.txt").read_text()
+    'K* [N/m]\n'
+    """
+    write_bytes(path, text.encode(), label=label)
+
+
+def write_bytes(path: str | os.PathLike[str], content: bytes, *, label: str | None = None) -> None:
+    """Write a file in one step; see `write_text`.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_bytes(pathlib.Path(folder, "a.bin"), b"1")
+    ...     pathlib.Path(folder, "a.bin").read_bytes()
+    b'1'
+    """
+    with replacing(path, label=label) as file:
+        file.write(content)
+
+
+def write_table(path: str | os.PathLike[str], frame: pl.DataFrame, *, label: str | None = None) -> None:
+    r"""Write a table in one step, as CSV or Parquet by the name's ending.
+
+    Parameters
+    ----------
+    path : path
+        It ends in .csv or .parquet.
+    frame : polars.DataFrame
+        In CSV, floats have the fewest digits that give the same float back; null and NaN are blank.
+    label : str, optional
+        The file's name in messages; by default the last part of the path.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written; an old file is then as it was.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib, polars
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_table(pathlib.Path(folder, "a.csv"), polars.DataFrame({"F1 [N]": [0.1 + 0.2, None]}))
+    ...     pathlib.Path(folder, "a.csv").read_text()
+    'F1 [N]\n0.30000000000000004\n\n'
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in (".csv", ".parquet"):
+        raise FileError(f"{name_of(path, label)}: a table is written as .csv or .parquet")
+    with replacing(path, label=label) as file:
+        if ending == ".csv":
+            frame.fill_nan(None).write_csv(file)
+        else:
+            frame.write_parquet(file)
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str], *, label: str | None = None) -> Iterator[BinaryIO]:
+    """A new file beside `path` that takes its place at the end, or goes if anything fails.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with replacing(pathlib.Path(folder, "a.svg")) as file:
+    ...         _ = file.write(b"<svg/>")
+    ...     [found.name for found in pathlib.Path(folder).iterdir()]
+    ['a.svg']
+    """
+    target = Path(path)
+    name = name_of(path, label)
+    try:
+        # Not tempfile: its files are for one user only, and results are to be shared as the umask says.
+        beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
+        file = beside.open("xb")
+    except (OSError, ValueError) as error:
+        raise FileError(f"{name}: cannot be written: {_reason(error)}; does its folder exist?") from None
+    try:
+        with file:
+            yield file
+        beside.replace(target)
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"{name}: cannot be written: {_reason(error)}") from error
+    finally:
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)
