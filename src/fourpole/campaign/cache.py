@@ -13,12 +13,13 @@ import numpy as np
 from fourpole.core.checks import Check
 from fourpole.core.demodulate import Demodulation
 from fourpole.core.phasor import Phasors
+from fourpole.core.preview import Preview
 from fourpole.io.write import write_text
 
 __all__ = ["cache_name", "recall", "remember"]
 
 #: Raised whenever demodulation or its checks change, so that what older versions kept is not used.
-_VERSION = 1
+_VERSION = 2
 
 
 def cache_name(depends_on: list[object], sha256: str) -> str:
@@ -30,8 +31,9 @@ def cache_name(depends_on: list[object], sha256: str) -> str:
 def remember(place: Path, result: Demodulation, rows: tuple[Check, ...]) -> None:
     """Keep a result."""
     phasors = {name: _plain(value) for name, value in vars(result.phasors).items()}
-    found = {name: _plain(value) for name, value in vars(result).items() if name != "phasors"}
-    content = {"phasors": phasors, "found": found, "checks": [asdict(row) for row in rows]}
+    shown = {name: np.asarray(value, dtype=np.float32).tolist() for name, value in vars(result.preview).items()}
+    found = {name: _plain(value) for name, value in vars(result).items() if name not in ("phasors", "preview")}
+    content = {"phasors": phasors, "found": found, "preview": shown, "checks": [asdict(row) for row in rows]}
     write_text(place, json.dumps(content))
 
 
@@ -62,6 +64,8 @@ def recall(place: Path) -> tuple[Demodulation, tuple[Check, ...]] | None:
             force_peak=float(found["force_peak"]),
             lines=np.asarray(found["lines"], dtype=float),
             missing=float(found["missing"]),
+            channels=tuple(found["channels"]),
+            preview=Preview(**{name: np.asarray(value, dtype=float) for name, value in content["preview"].items()}),
         )
         return kept, rows
     except (OSError, ValueError, KeyError, TypeError):

@@ -335,6 +335,42 @@ class CampaignFile(_File):
         """Rigs by name; the only one's name is empty."""
         return {**({"": self.rig} if self.rig is not None else {}), **self.rigs}
 
+    def summary(self) -> dict[str, Any]:
+        """What is stated of rigs, channels and specimens, in SI units, as plain data."""
+        channels = {role: channel for role in _CHANNEL_KINDS if (channel := self.channels.named(role)) is not None}
+        return {
+            "rigs": {
+                name: {
+                    "output": rig.output or "moving",
+                    **{
+                        value: {
+                            "value": stated.value,
+                            "std": stated.std,
+                            "unit": PARAMETERS[value],
+                            "assumed": stated.assumed,
+                        }
+                        for value, stated in rig.values.items()
+                    },
+                }
+                for name, rig in self.all_rigs.items()
+            },
+            "channels": {
+                role: {
+                    **channel.model_dump(exclude_defaults=True),
+                    "quantity": self.conversion_kind(role),
+                    "std_gain [1]": channel.gain_std,
+                    "std_phase [rad]": channel.phase_std,
+                }
+                for role, channel in channels.items()
+            },
+            "sample_rate [Hz]": self.channels.rate,
+            "specimens": {name: specimen.model_dump(mode="json") for name, specimen in self.all_specimens.items()},
+        }
+
+    def conversion_kind(self, role: str) -> str:
+        """What the channel of a role recorded: force, displacement, velocity or acceleration."""
+        return self.channels.conversion(role).kind
+
     def assumptions(self) -> list[str]:
         """What was taken where an uncertainty is not stated, one sentence each."""
         notes = []

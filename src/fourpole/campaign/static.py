@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fourpole.campaign.folder import Campaign, Test
-from fourpole.campaign.load import inside, load_curve
+from fourpole.campaign.load import MOST_BYTES, inside, load_curve
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import FourpoleError, LoadCurveError
+from fourpole.io.source import sha256_of
 
-__all__ = ["StaticResult", "StaticRow", "StaticStiffness", "evaluate_statics", "stiffness_for"]
+__all__ = ["StaticRow", "StaticStiffness", "StaticTest", "evaluate_statics", "stiffness_for"]
 
 #: Pressures, and preloads, are the same condition within these.
 SAME_PRESSURE = 0.02
@@ -46,20 +47,19 @@ class StaticStiffness:
 
 
 @dataclass(frozen=True)
-class StaticResult:
-    """All static tests of a campaign: their rows, and the hashes of the files read."""
+class StaticTest:
+    """One static test: its curve (None where it could not be read), its rows, and the hash of its file."""
 
+    test: Test
+    curve: LoadCurve | None
     rows: tuple[StaticRow, ...]
-    sha256: dict[str, str] = field(default_factory=dict)
+    sha256: str = ""
 
 
-def evaluate_statics(campaign: Campaign) -> StaticResult:
+def evaluate_statics(campaign: Campaign) -> list[StaticTest]:
     """Evaluate every static test at every preload that a dynamic test of its tyre and pressure uses."""
-    rows: list[StaticRow] = []
-    for test in campaign.of_kind("static"):
-        preloads = _preloads(test, campaign.of_kind("dynamic"))
-        rows += _rows(campaign, test, preloads)
-    return StaticResult(tuple(rows))
+    dynamic = campaign.of_kind("dynamic")
+    return [_evaluated(campaign, test, _preloads(test, dynamic)) for test in campaign.of_kind("static")]
 
 
 def _preloads(test: Test, dynamic: Sequence[Test]) -> list[float]:
@@ -83,19 +83,23 @@ def _same_condition(static: Test, other: Test) -> bool:
     return abs(mine - theirs) <= SAME_PRESSURE * max(mine, theirs)
 
 
-def _rows(campaign: Campaign, test: Test, preloads: list[float]) -> list[StaticRow]:
+def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticTest:
     nowhere = float("nan")
+    sha256 = ""
     try:
         if test.problem:
             raise LoadCurveError(test.problem)
-        curve = load_curve(inside(campaign.folder, test), test, campaign.stated.channels)
+        path = inside(campaign.folder, test)
+        sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=test.file)
+        curve = load_curve(path, test, campaign.stated.channels)
         whole = StaticRow(test, nowhere, loss=curve.hysteresis_loss, nonlinearity=curve.nonlinearity)
     except FourpoleError as error:
-        return [StaticRow(test, load, verdict="rejected", remarks=(str(error),)) for load in preloads or [nowhere]]
+        rows = tuple(StaticRow(test, load, verdict="rejected", remarks=(str(error),)) for load in preloads or [nowhere])
+        return StaticTest(test, None, rows, sha256)
     if not preloads:
         remark = "no dynamic test of this tyre and pressure states a preload: state one in this row to get K1"
-        return [StaticRow(test, nowhere, loss=whole.loss, nonlinearity=whole.nonlinearity, remarks=(remark,))]
-    return [_at(campaign, test, curve, whole, load) for load in preloads]
+        return StaticTest(test, curve, (replace(whole, remarks=(remark,)),), sha256)
+    return StaticTest(test, curve, tuple(_at(campaign, test, curve, whole, load) for load in preloads), sha256)
 
 
 def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load: float) -> StaticRow:

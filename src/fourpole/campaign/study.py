@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import platform
 from collections.abc import Callable, Sequence
@@ -15,15 +14,25 @@ import numpy as np
 import polars as pl
 
 from fourpole.campaign.folder import Campaign, Test, read_campaign
+from fourpole.campaign.load import MOST_BYTES
 from fourpole.campaign.reduce import Reduced, reduce_tests
-from fourpole.campaign.static import StaticStiffness, evaluate_statics, stiffness_for
-from fourpole.campaign.tables import amplitude_cells, covariance_cells, dynamic_table, phasor_table, static_table
+from fourpole.campaign.results import Results
+from fourpole.campaign.static import StaticStiffness, StaticTest, evaluate_statics, stiffness_for
+from fourpole.campaign.tables import (
+    amplitude_cells,
+    covariance_cells,
+    dynamic_table,
+    phasor_table,
+    preview_table,
+    static_table,
+)
 from fourpole.core.checks import Check, worst_verdict
 from fourpole.core.identify import ChannelUncertainty, Identification, identify
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
+from fourpole.io.source import sha256_of
 from fourpole.io.write import write_table, write_text
 
 __all__ = ["Study", "analyse"]
@@ -42,8 +51,8 @@ class Study:
     ----------
     campaign : Campaign
         What was analysed.
-    static, dynamic, phasors : polars.DataFrame
-        As in static.csv, dynamic.csv and phasors.parquet.
+    static, dynamic, phasors, previews : polars.DataFrame
+        As in static.csv, dynamic.csv, phasors.parquet and previews.parquet.
     route : str
         How K* was found.
     notes : tuple of str
@@ -56,6 +65,7 @@ class Study:
     static: pl.DataFrame
     dynamic: pl.DataFrame
     phasors: pl.DataFrame
+    previews: pl.DataFrame
     route: str
     notes: tuple[str, ...] = ()
     sha256: dict[str, str] = field(default_factory=dict)
@@ -66,6 +76,11 @@ class Study:
         statics = self.static.group_by("test", maintain_order=True).agg("verdict")
         verdicts = [worst_verdict(row) for row in statics["verdict"].to_list()] + self.dynamic["verdict"].to_list()
         return {verdict: verdicts.count(verdict) for verdict in ("ok", "warning", "rejected")}
+
+    @property
+    def results(self) -> Results:
+        """The tables that figures and reports are made from."""
+        return Results(self.static, self.dynamic, self.previews, self.record)
 
     def write(self, folder: str | Path) -> Path:
         """Write all tables and study.json into a folder, each in one step.
@@ -92,15 +107,18 @@ class Study:
         write_table(folder / "dynamic.csv", self.dynamic)
         write_table(folder / "dynamic.parquet", self.dynamic)
         write_table(folder / "phasors.parquet", self.phasors)
-        write_text(folder / "study.json", json.dumps(self._record(), indent=2, ensure_ascii=False) + "\n")
+        write_table(folder / "previews.parquet", self.previews)
+        write_text(folder / "study.json", json.dumps(self.record, indent=2, ensure_ascii=False) + "\n")
         return folder
 
-    def _record(self) -> dict[str, Any]:
-        """What it takes to repeat the run."""
+    @property
+    def record(self) -> dict[str, Any]:
+        """What it takes to repeat the run, as in study.json."""
         packages = ("fourpole", "numpy", "scipy", "polars", "pint", "pydantic")
         return {
             "title": self.campaign.stated.title,
             "settings": {"route": self.route},
+            "stated": self.campaign.stated.summary(),
             "versions": {"python": platform.python_version(), **{name: version(name) for name in packages}},
             "verdicts": self.counts,
             "assumptions": list(self.notes),
@@ -168,17 +186,19 @@ def analyse(
 
     kept = make_folder(cache) if cache is not None else None
     statics = evaluate_statics(campaign)
+    static_rows = [row for item in statics for row in item.rows]
     reduced = reduce_tests(campaign, dynamic, route, cache=kept, progress=progress)
-    stiffness = [stiffness_for(test, statics.rows) for test in dynamic]
+    stiffness = [stiffness_for(test, static_rows) for test in dynamic]
     cells = _identified(campaign, dynamic, reduced, stiffness, route)
     return Study(
         campaign=campaign,
-        static=static_table(campaign, statics.rows),
+        static=static_table(campaign, static_rows),
         dynamic=dynamic_table(campaign, dynamic, cells),
         phasors=phasor_table(dynamic, reduced),
+        previews=preview_table(statics, dynamic, reduced),
         route=route,
         notes=tuple(campaign.stated.assumptions()),
-        sha256=_hashes(campaign, dynamic, reduced),
+        sha256=_hashes(campaign, statics, dynamic, reduced),
     )
 
 
@@ -315,12 +335,11 @@ def _identified_cells(result: Identification, at: int) -> dict[str, float]:
     }
 
 
-def _hashes(campaign: Campaign, dynamic: Sequence[Test], reduced: Sequence[Reduced]) -> dict[str, str]:
+def _hashes(
+    campaign: Campaign, statics: Sequence[StaticTest], dynamic: Sequence[Test], reduced: Sequence[Reduced]
+) -> dict[str, str]:
     """Hash of every file that was read, by its name in the campaign."""
-    hashes = {name: _sha256(campaign.folder / name) for name in ("campaign.toml", "tests.csv")}
+    hashes = {name: sha256_of(campaign.folder / name, max_bytes=MOST_BYTES) for name in ("campaign.toml", "tests.csv")}
+    hashes |= {item.test.file: item.sha256 for item in statics if item.sha256}
     hashes |= {test.file: item.sha256 for test, item in zip(dynamic, reduced, strict=True) if item.sha256}
     return hashes
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

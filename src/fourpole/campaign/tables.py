@@ -11,10 +11,22 @@ from numpy.typing import NDArray
 
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.reduce import Reduced
-from fourpole.campaign.static import StaticRow
-from fourpole.core.phasor import Phasors
+from fourpole.campaign.static import StaticRow, StaticTest
+from fourpole.core.demodulate import Demodulation
+from fourpole.core.loadcurve import LoadCurve
+from fourpole.core.phasor import SYMBOLS, Phasors
 
-__all__ = ["DYNAMIC_COLUMNS", "STATIC_COLUMNS", "dynamic_table", "phasor_table", "static_table"]
+__all__ = [
+    "DYNAMIC_COLUMNS",
+    "STATIC_COLUMNS",
+    "TEXT_COLUMNS",
+    "amplitude_cells",
+    "covariance_cells",
+    "dynamic_table",
+    "phasor_table",
+    "preview_table",
+    "static_table",
+]
 
 STATIC_COLUMNS = (
     "test",
@@ -72,7 +84,7 @@ DYNAMIC_COLUMNS = (
     "verdict",
     "remarks",
 )
-_TEXT = {"test", "rig", "tyre", "construction", "route", "verdict", "remarks"}
+TEXT_COLUMNS = {"test", "rig", "tyre", "construction", "route", "verdict", "remarks"}
 
 
 def static_table(campaign: Campaign, rows: Sequence[StaticRow]) -> pl.DataFrame:
@@ -152,9 +164,47 @@ def phasor_table(tests: Sequence[Test], reduced: Sequence[Reduced]) -> pl.DataFr
         columns[f"Im {name} [{unit}]"] = [float(p.amplitudes[i].imag) for _, p in kept]
     columns["covariance Re F1, Im F1, Re V1, Im V1, Re V2, Im V2"] = [p.covariance.ravel().tolist() for _, p in kept]
     columns["dof [1]"] = [float(p.dof) for _, p in kept]
-    types = {name: pl.String if name in _TEXT else pl.Float64 for name in columns}
+    types = {name: pl.String if name in TEXT_COLUMNS else pl.Float64 for name in columns}
     listed = "covariance Re F1, Im F1, Re V1, Im V1, Re V2, Im V2"
     return pl.DataFrame(columns, schema={**types, listed: pl.Array(pl.Float64, 36)}, strict=False)
+
+
+def preview_table(statics: Sequence[StaticTest], tests: Sequence[Test], reduced: Sequence[Reduced]) -> pl.DataFrame:
+    """previews.parquet: per test a few cycles of signal and fit with the residual, or the static loop and its mean."""
+    rows = [_static_preview(item.test, item.curve) for item in statics if item.curve is not None]
+    rows += [_dynamic_preview(test, item.found) for test, item in zip(tests, reduced, strict=True) if item.found]
+    types: dict[str, Any] = {"test": pl.String, **dict.fromkeys(_PREVIEW_LISTS, pl.List(pl.Float32))}
+    return pl.DataFrame([[_listed(row.get(name)) for row in rows] for name in types], schema=types, strict=False)
+
+
+def _listed(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+_PREVIEW_LISTS = (
+    "deflection [m]",
+    "load [N]",
+    "mean deflection [m]",
+    "mean load [N]",
+    "time [s]",
+    "residual time [s]",
+    *(f"{name}{what}" for name in SYMBOLS.values() for what in ("", " fit", " residual")),
+)
+
+
+def _static_preview(test: Test, curve: LoadCurve) -> dict[str, Any]:
+    (x, f), (mean_x, mean_f) = curve.loop(), curve.mean_curve()
+    return {"test": test.name, **dict(zip(_PREVIEW_LISTS[:4], (x, f, mean_x, mean_f), strict=True))}
+
+
+def _dynamic_preview(test: Test, found: Demodulation) -> dict[str, Any]:
+    """Signals less their mean, in the SI unit of what each channel recorded."""
+    seen = found.preview
+    row: dict[str, Any] = {"test": test.name, "time [s]": seen.time, "residual time [s]": seen.blocks}
+    for role, signal, fit, residual in zip(found.channels, seen.signals, seen.fit, seen.residual, strict=True):
+        name = SYMBOLS[role]
+        row |= {name: signal, f"{name} fit": fit, f"{name} residual": residual}
+    return row
 
 
 def covariance_cells(covariance: NDArray[np.float64]) -> tuple[float, float, float]:
@@ -171,7 +221,7 @@ def _construction(campaign: Campaign, test: Test) -> str:
 
 
 def _frame(rows: Sequence[dict[str, Any]], columns: Sequence[str], more: Sequence[str] = ()) -> pl.DataFrame:
-    types = {name: pl.String if name in _TEXT or name in more else pl.Float64 for name in (*columns, *more)}
+    types = {name: pl.String if name in TEXT_COLUMNS or name in more else pl.Float64 for name in (*columns, *more)}
     series = {name: [_finite(row.get(name)) for row in rows] for name in types}
     return pl.DataFrame(series, schema=types, strict=False)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
+from fourpole.core.preview import Preview, preview
 from fourpole.core.recording import DERIVATIVES, Channel, Recording
 from fourpole.core.sinefit import SineFit, fit_sines, refine
 from fourpole.core.spectrum import LINE_GAP, Noise, find_lines, noise_beside, strongest_line
@@ -49,6 +50,10 @@ class Demodulation:
         Interfering lines that were found, or stated, and removed.
     missing : float [1]
         Share of the samples that were missing.
+    channels : tuple of str
+        The channels demodulated, in the order of `preview`.
+    preview : Preview
+        A few cycles of signal and fit, and the residual's extremes.
     """
 
     phasors: Phasors
@@ -59,6 +64,8 @@ class Demodulation:
     force_peak: float
     lines: FloatArray
     missing: float
+    channels: tuple[str, ...]
+    preview: Preview
 
 
 def demodulate(
@@ -135,7 +142,7 @@ def demodulate(
     white = np.maximum(np.diag(noise.covariance).real, 0.0) * present.sum() / 4.0
     floor = np.max(np.abs(signals), axis=1) ** 2 * 1e-30 + 1e-300
     fit, omega_std = refine(fit, signals, informing=informing, free=free, weights=1.0 / np.maximum(white, floor))
-    return _assemble(recording, names, fit, noise, omega_std)
+    return _assemble(recording, names, signals, fit, noise, omega_std)
 
 
 def _signals(recording: Recording, names: list[str]) -> tuple[FloatArray, BoolArray]:
@@ -255,7 +262,9 @@ def _new_terms(fit: SineFit, found: FloatArray, resolution: float, rate: float) 
     return np.array(lines), tuple(sorted(unsteady))
 
 
-def _assemble(recording: Recording, names: list[str], fit: SineFit, noise: Noise, omega_std: float) -> Demodulation:
+def _assemble(
+    recording: Recording, names: list[str], signals: FloatArray, fit: SineFit, noise: Noise, omega_std: float
+) -> Demodulation:
     amplitudes = fit.amplitudes()
     at = [CHANNELS.index(name) for name in names]
     to_si = np.array([_to_velocity(recording.channels[name], fit.omega) for name in names])
@@ -289,6 +298,8 @@ def _assemble(recording: Recording, names: list[str], fit: SineFit, noise: Noise
         force_peak=_peak_of(amplitudes[names.index("force_in")]) if "force_in" in names else float("nan"),
         lines=fit.lines / (2 * np.pi),
         missing=1.0 - float(np.mean(fit.present)),
+        channels=tuple(names),
+        preview=preview(fit, signals),
     )
 
 

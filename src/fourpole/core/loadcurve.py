@@ -316,6 +316,17 @@ class LoadCurve:
         closed_x, closed_f = np.append(x, x[0]), np.append(f, f[0])
         return float(np.sum(0.5 * (closed_f[1:] + closed_f[:-1]) * np.diff(closed_x)))
 
+    def loop(self, points: int = 160) -> tuple[FloatArray, FloatArray]:
+        """Deflection [m] and load [N] of the last complete cycle, thinned to some `points`."""
+        x, f, _ = self.branches.of_cycle(-1, self.deflection, self.load)
+        thin = slice(None, None, max(1, x.size // points))
+        return x[thin], f[thin]
+
+    def mean_curve(self, points: int = 60) -> tuple[FloatArray, FloatArray]:
+        """Deflection [m] and load [N] along the mean of the branches of the last complete cycle."""
+        x = np.linspace(*self._last.span, points)
+        return x, self._last.value(x)
+
     @property
     def nonlinearity(self) -> float:
         """Largest departure from the straight line through 10 and 90 % of the load span, over that span [1]."""

@@ -1,0 +1,90 @@
+"""Results: the tables of an analysed campaign, as they are in memory or in their folder."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
+from fourpole.errors import CampaignError, FileError, TableError
+from fourpole.io.source import read_bytes
+
+__all__ = ["Results", "read_results"]
+
+_MOST_BYTES = 2_000_000_000
+
+
+@dataclass(frozen=True)
+class Results:
+    """Tables of an analysed campaign; all that figures and reports need.
+
+    Attributes
+    ----------
+    static, dynamic : polars.DataFrame
+        As in static.csv and dynamic.csv.
+    previews : polars.DataFrame
+        A few cycles of signal and fit of each recording, as in previews.parquet; empty where there are none.
+    record : dict
+        study.json: title, settings, what the campaign states, versions, verdicts, assumptions, hashes.
+    """
+
+    static: pl.DataFrame
+    dynamic: pl.DataFrame
+    previews: pl.DataFrame
+    record: dict[str, Any] = field(default_factory=dict)
+
+
+def read_results(folder: str | Path) -> Results:
+    """Read what `Study.write` wrote.
+
+    Parameters
+    ----------
+    folder : path
+        A results folder.
+
+    Returns
+    -------
+    Results
+        Without reading any recording.
+
+    Raises
+    ------
+    CampaignError
+        If the folder does not hold the results of an analysis.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise CampaignError(f"{folder}: there is no such folder of results")
+    dynamic = _table(folder / "dynamic.csv", DYNAMIC_COLUMNS)
+    static = _table(folder / "static.csv", STATIC_COLUMNS)
+    try:
+        record = json.loads(read_bytes(folder / "study.json", max_bytes=_MOST_BYTES))
+        if not isinstance(record, dict):
+            raise CampaignError("study.json is not one that fourpole wrote: run fourpole analyse again")
+        previews = folder / "previews.parquet"
+        frame = pl.read_parquet(previews) if previews.is_file() else pl.DataFrame()
+    except (FileError, TableError) as error:
+        raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
+    except (ValueError, pl.exceptions.PolarsError) as error:
+        raise CampaignError(f"{folder}: cannot be read ({error}): run fourpole analyse again") from None
+    return Results(static, dynamic, frame, record)
+
+
+def _table(path: Path, columns: tuple[str, ...]) -> pl.DataFrame:
+    try:
+        content = read_bytes(path, max_bytes=_MOST_BYTES)
+        names = pl.read_csv(content, n_rows=0, infer_schema=False).columns
+        types = {name: pl.Float64 if name in columns and name not in TEXT_COLUMNS else pl.String for name in names}
+        frame = pl.read_csv(content, schema=types)
+    except (FileError, TableError) as error:
+        raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
+    except pl.exceptions.PolarsError as error:
+        raise CampaignError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
+    lacking = [name for name in columns if name not in names]
+    if lacking:
+        raise CampaignError(f"{path.name}: has no column {lacking[0]!r}: run fourpole analyse again")
+    return frame.with_columns(pl.col(name).fill_null("") for name in names if types[name] == pl.String)

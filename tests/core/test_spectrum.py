@@ -1,0 +1,128 @@
+"""What a residual holds: lines that are real, no others, and the noise beside a frequency."""
+
+import numpy as np
+import pytest
+
+from fourpole.core.spectrum import find_lines, noise_beside, strongest_line
+
+RATE, SAMPLES = 1000.0, 2000
+TIME = np.arange(SAMPLES) / RATE
+EVERYTHING = np.ones(SAMPLES, dtype=bool)
+NO_LINES = np.empty(0)
+
+
+@pytest.mark.parametrize("frequency", [3.7, 10.0, 10.13, 10.25, 44.4])
+def test_strongest_line_to_a_tenth_of_a_bin(frequency):
+    found, grid, spectrum = strongest_line(np.cos(2 * np.pi * frequency * TIME + 0.4), RATE, order=0)
+    assert found == pytest.approx(frequency, abs=0.1 * RATE / SAMPLES)
+    assert grid[np.argmax(spectrum)] == pytest.approx(frequency, abs=0.5 * RATE / SAMPLES)
+    # a Hann window on a grid four times finer sees a line at 0.99 of its amplitude and more
+    assert 0.98 < spectrum.max() <= 1.02
+
+
+def test_strongest_line_is_that_of_the_velocity():
+    fast, slow = np.cos(2 * np.pi * 40.0 * TIME), np.cos(2 * np.pi * 10.0 * TIME)
+    mixed = 0.5 * fast + slow
+    assert strongest_line(mixed, RATE, order=0)[0] == pytest.approx(10.0, abs=0.05)
+    assert strongest_line(mixed, RATE, order=1)[0] == pytest.approx(40.0, abs=0.05)  # as a displacement
+    assert strongest_line(slow + 2 * fast, RATE, order=-1)[0] == pytest.approx(10.0, abs=0.05)  # as an acceleration
+
+
+def test_less_than_a_cycle_is_drift():
+    drift = 5.0 * np.cos(2 * np.pi * 0.3 * TIME)
+    assert strongest_line(drift + np.cos(2 * np.pi * 10 * TIME), RATE, order=-1)[0] == pytest.approx(10.0, abs=0.05)
+
+
+def test_white_noise_has_no_lines():
+    rng = np.random.default_rng(0)
+    # 300 records of 3 channels and 1000 bins: chance 9e5 exp(-30) = 1e-7, and that of a low local floor
+    assert all(find_lines(rng.standard_normal((3, SAMPLES)), RATE, np.zeros(3)).size == 0 for _ in range(300))
+
+
+def test_coloured_noise_has_no_lines():
+    rng = np.random.default_rng(1)
+    for _ in range(100):
+        noise = np.cumsum(rng.standard_normal((2, SAMPLES)), axis=1)
+        noise -= noise.mean(axis=1, keepdims=True)
+        found = find_lines(noise, RATE, np.zeros(2))
+        assert (found < 20.0).all()  # a random walk is all low frequency: its first bins may look like lines
+
+
+@pytest.mark.parametrize("frequency", [50.0, 50.13, 150.3, 333.3])
+def test_lines_are_found_strongest_first(frequency):
+    rng = np.random.default_rng(2)
+    noise = rng.standard_normal((2, SAMPLES))
+    # amplitude a in noise of variance 1: power over noise at the peak is a² N / (4 · 1.5 · 1) = 333 a²
+    noise[0] += 0.5 * np.cos(2 * np.pi * frequency * TIME)
+    noise[1] += 1.0 * np.cos(2 * np.pi * 250.0 * TIME)
+    found = find_lines(noise, RATE, np.zeros(2))
+    assert found == pytest.approx([250.0, frequency], abs=0.2 * RATE / SAMPLES)
+
+
+def test_lines_that_do_not_matter_are_left():
+    clean = np.zeros((1, SAMPLES)) + 1e-6 * np.cos(2 * np.pi * 77.0 * TIME)
+    assert find_lines(clean, RATE, np.array([1e-7])) == pytest.approx([77.0], abs=0.05)
+    assert find_lines(clean, RATE, np.array([2e-6])).size == 0
+
+
+def test_noise_beside_white_noise():
+    rng = np.random.default_rng(3)
+    mixing = np.array([[1.0, 0.0, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 2.0]])
+    estimates = []
+    for _ in range(300):
+        noise = noise_beside(mixing @ rng.standard_normal((3, SAMPLES)), EVERYTHING, RATE, 10.3, NO_LINES, 1900)
+        estimates.append(noise.covariance)
+        assert noise.dof == 28.0  # offsets 2 to 8 bins either way: 8 is 0.4 of 10.3 Hz
+        assert noise.band == pytest.approx((6.3, 14.3))
+    expected = 4.0 / SAMPLES * mixing @ mixing.T
+    mean = np.mean(estimates, axis=0)
+    # 300 · 14 complex bins: an element is known to sqrt(S_ii S_jj / 4200) = 1.5 %, five of these
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert (np.abs(mean - expected) < 0.08 * scale).all()
+
+
+def test_noise_beside_follows_the_colour():
+    """Noise that is four times stronger at 10 Hz than at 100 Hz is measured as what it is at each."""
+    rng = np.random.default_rng(4)
+    frequency = np.fft.rfftfreq(SAMPLES, 1 / RATE)
+    levels = {10.3: [], 100.3: []}
+    for _ in range(200):
+        white = np.fft.rfft(rng.standard_normal((1, SAMPLES)))
+        coloured = np.fft.irfft(white * np.where(frequency < 50.0, 2.0, 1.0), SAMPLES)
+        for at, found in levels.items():
+            found.append(noise_beside(coloured, EVERYTHING, RATE, at, NO_LINES, 1900).covariance[0, 0].real)
+    # 200 · 14 and 200 · 30 bins: 2 %, five of these
+    assert np.mean(levels[10.3]) == pytest.approx(4 * 4 / SAMPLES, rel=0.1)
+    assert np.mean(levels[100.3]) == pytest.approx(4 / SAMPLES, rel=0.1)
+
+
+def test_noise_beside_leaves_out_removed_lines_and_the_frequency_itself():
+    quiet = 1e-9 * np.random.default_rng(5).standard_normal((1, SAMPLES))
+    near = quiet + np.cos(2 * np.pi * 10.0 * TIME)  # in the very bin
+    assert noise_beside(near, EVERYTHING, RATE, 10.0, NO_LINES, 1900).covariance[0, 0].real < 1e-17
+    beside = quiet + np.cos(2 * np.pi * 12.0 * TIME)  # four bins off
+    assert noise_beside(beside, EVERYTHING, RATE, 10.0, NO_LINES, 1900).covariance[0, 0].real > 0.01
+    without = noise_beside(beside, EVERYTHING, RATE, 10.0, np.array([12.0]), 1900)
+    assert without.covariance[0, 0].real < 1e-17
+    assert without.dof == 2.0 * (14 - 3)  # the line's bin and its neighbours
+
+
+def test_a_short_record_is_taken_as_white():
+    rng = np.random.default_rng(6)
+    samples = 400  # four cycles of 10 Hz: no bins to spare
+    residual = rng.standard_normal((2, samples))
+    noise = noise_beside(residual, np.ones(samples, dtype=bool), RATE, 10.0, NO_LINES, 376)
+    np.testing.assert_allclose(noise.covariance, residual @ residual.T / 376 * 4 / samples, rtol=1e-12)
+    assert noise.dof == 376.0
+    assert noise.band == (0.0, 500.0)
+
+
+def test_missing_samples_do_not_dilute_the_noise():
+    rng = np.random.default_rng(7)
+    found = []
+    for _ in range(300):
+        present = rng.random(SAMPLES) > 0.15
+        residual = np.where(present, rng.standard_normal((1, SAMPLES)), 0.0)
+        covariance = noise_beside(residual, present, RATE, 10.3, NO_LINES, 1600).covariance[0, 0].real
+        found.append(covariance * present.sum() / 4)
+    assert np.mean(found) == pytest.approx(1.0, rel=0.08)  # 1/sqrt(4200) = 1.5 %, five of these
