@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fourpole import units
 from fourpole.errors import UnitError
 from fourpole.units import (
     KINDS,
@@ -21,6 +20,7 @@ from fourpole.units import (
     column_unit,
     frequency_grid,
     is_unit,
+    kinds,
     motion_scale,
     quantity,
     sensitivity,
@@ -188,14 +188,14 @@ def test_an_unknown_kind_is_the_callers_mistake() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_suggested_unit_is_of_its_kind(kind: str) -> None:
-    for unit in units._KINDS[kind].units:
+    for unit in kinds.TABLE[kind].units:
         assert is_unit(unit)
         assert to_si([0.0, 1.0], unit, kind).shape == (2,)
-    assert quantity(units._KINDS[kind].example, kind) == quantity(units._KINDS[kind].example.replace(" ", "", 1), kind)
+    assert quantity(kinds.TABLE[kind].example, kind) == quantity(kinds.TABLE[kind].example.replace(" ", "", 1), kind)
     assert quantity("1.5", kind, default_unit=si_unit(kind)) == 1.5
 
 
-PLAIN = [(kind, unit) for kind in KINDS if kind != "temperature" for unit in units._KINDS[kind].units if unit != "1"]
+PLAIN = [(kind, unit) for kind in KINDS if kind != "temperature" for unit in kinds.TABLE[kind].units if unit != "1"]
 
 
 @given(st.floats(-1e15, 1e15), st.sampled_from(PLAIN), st.sampled_from([" ", "", "  ", "\u00a0"]))
@@ -203,7 +203,7 @@ def test_a_number_and_its_scale_make_the_quantity(value: float, unit: tuple[str,
     kind, name = unit
     if space == "" and not name[0].isalpha() and name[0] not in "µ%°":
         space = " "
-    scale = units._affine(name, kind)[0]
+    scale = kinds.affine(name, kind)[0]
     expected = Fraction(repr(value)) * scale
     if expected and abs(expected) < Fraction(1, 10**300):
         return

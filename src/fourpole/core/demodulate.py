@@ -187,8 +187,8 @@ def _named(role: str) -> str:
 def _start(motion: FloatArray, recording: Recording, near: float | None) -> float:
     """First guess of the excitation frequency [Hz]: the strongest line of V1, or a strong one near the stated."""
     order = DERIVATIVES[recording.channels["motion_in"].quantity]
-    index = np.arange(motion.size)
-    trend = np.polynomial.Polynomial.fit(index, motion, 1)(index)
+    index = np.arange(motion.size) - 0.5 * (motion.size - 1)
+    trend = motion.mean() + index * (index @ motion / (index @ index))
     strongest, frequency, spectrum = strongest_line(motion - trend, recording.sample_rate, order=order)
     if near is not None:
         beside = np.flatnonzero(np.abs(frequency - near) <= _NEAR * near)

@@ -114,7 +114,7 @@ def _basis(
         pair = rows[2 * harmonic - 2 : 2 * harmonic]
         at = steady + 4 * i
         rows[at : at + 2], rows[at + 2 : at + 4] = pair * place, pair * (place**2 - 1.0 / 3.0)
-    rows[-4], rows[-3], rows[-2], rows[-1] = 1.0, place, place**2 - 1.0 / 3.0, place**3 - 0.6 * place
+    rows[-4], rows[-3], rows[-2], rows[-1] = 1.0, place, place**2 - 1.0 / 3.0, place * (place**2 - 0.6)
     if not present.all():
         rows[:, ~present] = 0.0
     return rows
@@ -139,12 +139,12 @@ def refine(
     for _ in range(_ITERATIONS):
         used = _weights(fit, signals) if weights is None else weights
         step, std = _newton_step(fit, informing, used, free=free)
+        if np.all(np.abs(step) < np.maximum(1e-10 * resolution, 1e-3 * std)):
+            break
         step = np.clip(step, -0.3 * resolution, 0.3 * resolution)
         fit = fit_sines(
             signals, fit.present, fit.time, fit.omega + step[0], fit.harmonics, fit.lines + step[1:], fit.unsteady
         )
-        if np.all(np.abs(step) < np.maximum(1e-9 * resolution, 1e-3 * std)):
-            break
     return fit, float(std[0])
 
 
@@ -161,11 +161,12 @@ def _newton_step(
     """Gauss-Newton step of the fundamental and the lines, with its standard uncertainty [rad/s]."""
     count = 1 + fit.lines.size
     normal, right = np.zeros((count, count)), np.zeros(count)
-    for channel, weight in enumerate(weights):
-        slopes = _slopes(fit, channel, informing, free=free)
-        slopes -= linalg.cho_solve(fit.factor, fit.basis @ slopes.T).T @ fit.basis
-        normal += weight * slopes @ slopes.T
-        right += weight * slopes @ fit.residual[channel]
+    every = _slopes(fit, informing, free=free)
+    along = np.swapaxes(every @ fit.basis.T, -1, -2)
+    for weight, slopes, shared, residual in zip(weights, every, along, fit.residual, strict=True):
+        # The part of the slopes that amplitudes can follow is taken away; the residual holds none of it.
+        normal += weight * (slopes @ slopes.T - shared.T @ linalg.cho_solve(fit.factor, shared))
+        right += weight * slopes @ residual
     if not free:
         normal[0, 0] = 1.0
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
@@ -175,12 +176,11 @@ def _newton_step(
     return covariance @ right, std if free else std * (np.arange(count) > 0)
 
 
-def _slopes(fit: SineFit, channel: int, informing: BoolArray, *, free: bool) -> FloatArray:
-    """Derivatives (1 + lines, N) of one channel's model by the fundamental and by each line."""
-    slopes = np.zeros((1 + fit.lines.size, fit.time.size))
-    pairs = fit.coefficients[:, channel]
-    for k in np.flatnonzero(informing).tolist() if free else []:
-        slopes[0] += (k + 1) * (pairs[2 * k] * fit.basis[2 * k + 1] - pairs[2 * k + 1] * fit.basis[2 * k])
-    for i, k in enumerate(range(fit.harmonics, fit.harmonics + fit.lines.size), start=1):
-        slopes[i] = pairs[2 * k] * fit.basis[2 * k + 1] - pairs[2 * k + 1] * fit.basis[2 * k]
-    return slopes * fit.time
+def _slopes(fit: SineFit, informing: BoolArray, *, free: bool) -> FloatArray:
+    """Derivatives (channels, 1 + lines, N) of the model by the fundamental and by each line."""
+    sines = fit.harmonics + fit.lines.size
+    multiple = np.eye(1 + fit.lines.size, sines, k=fit.harmonics - 1)
+    multiple[0, : fit.harmonics] = free * informing * np.arange(1.0, fit.harmonics + 1)
+    pairs = fit.coefficients[: 2 * sines].T.reshape(-1, 1, sines, 2)
+    turned = (multiple[:, :, None] * pairs[..., ::-1] * [-1.0, 1.0]).reshape(len(pairs), -1, 2 * sines)
+    return turned @ fit.basis[: 2 * sines] * fit.time

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 
@@ -46,7 +45,7 @@ def strongest_line(samples: FloatArray, rate: float, *, order: int) -> tuple[flo
 
     `order` is how many times the motion must be differentiated to be a velocity (-1, 0 or 1).
     """
-    window = signal.windows.hann(samples.size, sym=False)
+    window = _hann(samples.size)
     padded = 4 * samples.size
     spectrum = np.abs(np.fft.rfft(samples * window, padded)) * 2.0 / window.sum()
     frequency = np.fft.rfftfreq(padded, 1.0 / rate)
@@ -54,6 +53,10 @@ def strongest_line(samples: FloatArray, rate: float, *, order: int) -> tuple[flo
     spectrum[:lowest] = 0.0
     spectrum[lowest:] *= (2 * np.pi * frequency[lowest:]) ** order
     return _peak(spectrum, int(np.argmax(spectrum))) * rate / padded, frequency, spectrum
+
+
+def _hann(count: int) -> FloatArray:
+    return 0.5 - 0.5 * np.cos(2 * np.pi / count * np.arange(count))
 
 
 def _peak(spectrum: FloatArray, index: int) -> float:
@@ -71,7 +74,7 @@ def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArr
     `least` (channels,) is the amplitude below which a line does not matter.
     """
     count = residual.shape[1]
-    window = signal.windows.hann(count, sym=False)
+    window = _hann(count)
     power = np.abs(np.fft.rfft(residual * window, axis=1)) ** 2
     floor = np.maximum(_floor(power), (0.5 * window.sum() * least[:, None]) ** 2 / LINE_LIMIT)
     excess = np.max(power / np.maximum(floor, 1e-300), axis=0)

@@ -1,0 +1,203 @@
+"""The grammar of units: a text becomes a scale to root units and its dimensions.
+
+The text is untrusted. It is bounded in length and letters, split here into unit names, and only single names are
+looked up in pint, so no text can make it compute. Arithmetic is exact (fractions).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from fractions import Fraction
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from fourpole.errors import UnitError
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
+
+__all__ = ["SPELLINGS", "Dimensions", "add_up", "lookup", "parse", "shown", "spelled_out"]
+
+Dimensions = tuple[tuple[str, int], ...]
+_Scaled = tuple[Fraction, Dimensions]
+_PURE: Dimensions = ()
+_LONGEST = 100
+_MOST_NAMES = 12
+_DEEPEST = 3
+_HIGHEST_POWER = 4
+_ALIASES = {
+    "%": "percent",
+    "‰": "permille",
+    "°": "degree",
+    "µ": "micrometer",
+    "rev": "revolution",
+    "U": "revolution",
+    "gn": "standard_gravity",
+    "kp": "kilogram_force",
+    "lbs": "pound",
+}
+SPELLINGS = str.maketrans(
+    {
+        "\u03bc": "µ",
+        "·": "*", "⋅": "*", "×": "*", "∙": "*", "•": "*",
+        "−": "-", "–": "-", "⁻": "-",
+        "⁄": "/", "∕": "/",
+        "¹": "1", "²": "2", "³": "3", "⁴": "4",
+        "℃": "°C", "℉": "°F", "º": "°",
+        "\u00a0": " ", "\u2007": " ", "\u2009": " ", "\u202f": " ", "\t": " ",
+    }
+)  # fmt: skip
+_TOKEN = re.compile(
+    r"\s*(?:(?P<name>[A-Za-zµ°%‰]+(?:_[A-Za-z0-9]+)*)(?P<power>(?:\^|\*\*)?\s*[+-]?[0-9]+)?"
+    r"|(?P<one>1(?![0-9]))|(?P<mark>[*/().-]))\s*"
+)
+# Products written without a sign between; pint would read "Nm" as a textile unit and "lbfs" not at all.
+_JOINED = re.compile(r"([kMGmµu]?(?:N|Pa|J)|lbf|kgf)(s|m|mm|cm)")
+
+
+def shown(text: object, limit: int = 60) -> str:
+    r"""Text as it may stand in a message: quoted, shortened, control characters escaped.
+
+    Parameters
+    ----------
+    text : object
+        Anything; its `str` is taken.
+    limit : int [characters]
+        Longest text that is shown whole.
+
+    Examples
+    --------
+    >>> print(shown("ra\x1bdial"))
+    'ra\x1bdial'
+    """
+    whole = str(text)
+    kept = whole if len(whole) <= limit else whole[: limit - 1] + "…"
+    clean = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in kept)
+    return f"'{clean}'"
+
+
+def spelled_out(text: str, longest: int = _LONGEST) -> str:
+    """One spelling for the signs that look alike; the length bounded, strange characters refused."""
+    if not isinstance(text, str):
+        raise UnitError(f"{shown(text)} is not a text with a unit")
+    if len(text) > longest:
+        raise UnitError(f"{shown(text)} is too long for a quantity or unit")
+    spelled = text.translate(SPELLINGS).strip()
+    if spelled.startswith("[") and spelled.endswith("]"):
+        spelled = spelled[1:-1].strip()
+    for character in spelled:
+        if not (character.isascii() and character.isprintable()) and character not in "µ°‰":
+            raise UnitError(f"{shown(text)} has a character that no unit has: {shown(character)}")
+    return spelled
+
+
+def add_up(*parts: tuple[Dimensions, int]) -> Dimensions:
+    """Dimensions of a product of powers."""
+    total: Counter[str] = Counter()
+    for dimensions, power in parts:
+        for name, exponent in dimensions:
+            total[name] += exponent * power
+    return tuple(sorted((name, exponent) for name, exponent in total.items() if exponent))
+
+
+@lru_cache(maxsize=1024)
+def parse(spelled: str, gravity: bool) -> _Scaled:
+    """Scale to pint's root units and dimensions of a unit's text; `gravity` reads "g" as 9.80665 m/s²."""
+    if spelled in ("", "-"):
+        spelled = "1"
+    if spelled.startswith("/"):
+        spelled = "1" + spelled
+    tokens = _tokens(spelled)
+    scale, dimensions, rest = _product(tokens, 0, gravity, spelled, 0)
+    if rest != len(tokens):
+        raise UnitError(f"{shown(spelled)} has a bracket too many")
+    return scale, dimensions
+
+
+def _tokens(spelled: str) -> list[re.Match[str]]:
+    tokens, at = [], 0
+    while at < len(spelled):
+        match = _TOKEN.match(spelled, at)
+        if match is None:
+            raise UnitError(f"{shown(spelled)} is no unit: it cannot be read from {shown(spelled[at:])} on")
+        tokens.append(match)
+        at = match.end()
+    if sum(token["name"] is not None for token in tokens) > _MOST_NAMES:
+        raise UnitError(f"{shown(spelled)} has too many parts for a unit")
+    return tokens
+
+
+def _product(
+    tokens: list[re.Match[str]], at: int, gravity: bool, spelled: str, depth: int
+) -> tuple[Fraction, Dimensions, int]:
+    """Factors up to a closing bracket or the end, from left to right: a/b c is (a/b) c, as in N s/m."""
+    scale, dimensions = Fraction(1), _PURE
+    sign, wanted = 1, True  # wanted: a factor must come next
+    if depth > _DEEPEST:
+        raise UnitError(f"{shown(spelled)} has too many brackets for a unit")
+    while at < len(tokens) and tokens[at]["mark"] != ")":
+        token, at = tokens[at], at + 1
+        mark = token["mark"]
+        if mark == "(":
+            factor, inner, at = _product(tokens, at, gravity, spelled, depth + 1)
+            at += 1  # past the closing bracket, or past the end if there is none
+            if at > len(tokens):
+                raise UnitError(f"{shown(spelled)} lacks a closing bracket")
+        elif mark is None:
+            factor, inner = _factor(token, gravity, spelled)
+        elif wanted:
+            raise UnitError(f"{shown(spelled)} is no unit: there is nothing before '{mark}'")
+        else:
+            sign, wanted = (-1 if mark == "/" else 1), True
+            continue
+        scale *= factor**sign
+        dimensions = add_up((dimensions, 1), (inner, sign))
+        sign, wanted = 1, False
+    if wanted:
+        raise UnitError(f"{shown(spelled)} is no unit: something is missing in it")
+    return scale, dimensions, at
+
+
+def _factor(token: re.Match[str], gravity: bool, spelled: str) -> _Scaled:
+    """One name with its power."""
+    if token["one"]:
+        return Fraction(1), _PURE
+    written = (token["power"] or "1").lstrip("^* ")
+    power = int(written) if len(written) < 4 else 0
+    if not 0 < abs(power) <= _HIGHEST_POWER:
+        raise UnitError(f"{shown(spelled)} is no unit: its power {shown(written)} is out of range")
+    name = "standard_gravity" if gravity and token["name"] == "g" else token["name"]
+    joined = _JOINED.fullmatch(name)
+    first, last = joined.groups() if joined else (None, name)
+    scale, dimensions = lookup(_ALIASES.get(last, last))
+    scale, dimensions = scale**power, add_up((dimensions, power))
+    if first:  # "Nm2" is N m², as it is read aloud
+        factor, inner = lookup(first)
+        scale, dimensions = scale * factor, add_up((dimensions, 1), (inner, 1))
+    return scale, dimensions
+
+
+@lru_cache(maxsize=1)
+def _registry() -> UnitRegistry[Any]:
+    import pint  # here: it takes a quarter of a second
+
+    return pint.UnitRegistry(non_int_type=Fraction, cache_folder=None)
+
+
+@lru_cache(maxsize=512)
+def lookup(name: str) -> _Scaled:
+    """Scale to root units and dimensions of one name; shifted and logarithmic scales are refused."""
+    from pint.util import to_units_container
+
+    registry = _registry()
+    try:
+        one = registry.Quantity(Fraction(1), name).to_root_units()
+        two = registry.Quantity(Fraction(2), name).to_root_units()
+        scale = Fraction(str(one.magnitude))
+        powers = {root: Fraction(str(power)) for root, power in to_units_container(one.units).items()}
+    except Exception:  # noqa: BLE001 - pint and its parser raise of all sorts at a strange name
+        raise UnitError(f"unknown unit {shown(name)}") from None
+    if Fraction(str(two.magnitude)) != 2 * scale or any(power.denominator != 1 for power in powers.values()):
+        raise UnitError(f"unknown unit {shown(name)}")
+    return scale, tuple(sorted((root, int(power)) for root, power in powers.items()))

@@ -1,0 +1,171 @@
+"""The kinds of quantity: their SI units, what their units are worth, and what to say of a wrong one."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+
+from fourpole.errors import UnitError
+from fourpole.units.grammar import SPELLINGS, Dimensions, add_up, lookup, parse, shown, spelled_out
+
+__all__ = [
+    "COMMON",
+    "KINDS",
+    "MOTIONS",
+    "SUGGESTED",
+    "TABLE",
+    "TEMPERATURES",
+    "Kind",
+    "affine",
+    "kind_named",
+    "kind_of",
+    "scale_of",
+]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of quantity: its SI unit, an example, and the spellings to suggest (the first few are shown)."""
+
+    si: str
+    example: str
+    units: tuple[str, ...]
+
+
+_LENGTHS = ("m", "mm", "µm", "cm", "in", "um", "ft", "km")
+TABLE: dict[str, Kind] = {
+    "mass": Kind("kg", "15 kg", ("kg", "g", "t", "lb")),
+    "force": Kind("N", "1000 N", ("N", "kN", "kgf", "lbf", "mN", "daN", "MN")),
+    "stiffness": Kind("N/m", "12.44 kN/m", ("N/m", "kN/m", "N/mm", "kN/mm", "MN/m", "lbf/in", "kgf/mm")),
+    "damping": Kind("N s/m", "20 N s/m", ("N s/m", "kN s/m", "N s/mm", "lbf s/in", "Ns/m", "N·s/m", "kg/s")),
+    "length": Kind("m", "0.5 mm", _LENGTHS),
+    "displacement": Kind("m", "0.5 mm", _LENGTHS),
+    "velocity": Kind("m/s", "0.2 m/s", ("m/s", "mm/s", "in/s", "km/h", "cm/s", "µm/s", "mph")),
+    "acceleration": Kind("m/s^2", "9.81 m/s²", ("m/s²", "g", "mm/s²", "m/s^2", "m/s2", "in/s²", "ft/s²")),
+    "pressure": Kind("Pa", "1.7 bar", ("Pa", "kPa", "bar", "psi", "kgf/cm²", "MPa", "hPa", "mbar", "GPa")),
+    "frequency": Kind("1/s", "18 Hz", ("Hz", "kHz", "rpm", "1/min", "rad/s", "1/s", "mHz")),
+    "time": Kind("s", "0.2 ms", ("s", "ms", "µs", "min", "h", "us", "sec")),
+    "temperature": Kind("degC", "20 °C", ("°C", "degC", "K", "°F", "degF")),
+    "angle": Kind("rad", "0.2 deg", ("rad", "deg", "°", "mrad")),
+    "ratio": Kind("1", "0.5 %", ("1", "%", "ppm", "-")),
+    "mobility": Kind("m/(N s)", "0.001 m/(N s)", ("m/(N s)", "mm/(N s)", "m/(kN s)", "m/(Ns)", "s/kg")),
+    "voltage": Kind("V", "5 V", ("V", "mV", "µV", "kV")),
+    "energy": Kind("J", "3 J", ("J", "kJ", "N m", "Nm", "mJ")),
+}
+KINDS: tuple[str, ...] = tuple(TABLE)
+"""The kinds of quantity, by the words that all functions here take."""
+MOTIONS: tuple[str, ...] = ("displacement", "velocity", "acceleration")
+"""The kinds that a motion channel may record."""
+# Celsius = scale * value + offset; pint is not asked, since its offset units cannot enter a product.
+TEMPERATURES: dict[str, tuple[Fraction, Fraction]] = {
+    **dict.fromkeys(("degC", "°C", "C", "celsius", "deg C", "° C"), (Fraction(1), Fraction(0))),
+    **dict.fromkeys(("K", "kelvin"), (Fraction(1), Fraction(-27315, 100))),
+    **dict.fromkeys(("degF", "°F", "F", "fahrenheit", "deg F", "° F"), (Fraction(5, 9), Fraction(-160, 9))),
+}
+SUGGESTED = frozenset(unit for kind in TABLE.values() for unit in kind.units)
+COMMON = frozenset(unit.translate(SPELLINGS) for unit in SUGGESTED)
+
+
+def kind_named(kind: str) -> Kind:
+    """The kind of this name; ValueError if there is none."""
+    try:
+        return TABLE[kind]
+    except KeyError:
+        raise ValueError(f"{shown(kind)} is no kind of quantity; they are {', '.join(KINDS)}") from None
+
+
+def affine(unit: str, kind: str) -> tuple[Fraction, Fraction]:
+    """Scale and offset: SI value = scale * value + offset."""
+    if kind == "temperature":
+        found = TEMPERATURES.get(spelled_out(unit))
+        if found is None:
+            raise UnitError(_wrong(unit, None, (kind,)))
+        return found
+    return scale_of(unit, (kind,))[1], Fraction(0)
+
+
+@lru_cache(maxsize=1024)
+def scale_of(unit: str, kinds: tuple[str, ...]) -> tuple[str, Fraction]:
+    """The first of the kinds that the unit is, and its scale to that kind's SI unit."""
+    spelled = spelled_out(unit)
+    for kind in kinds:
+        if spelled == kind_named(kind).si:  # the commonest case needs no pint
+            return kind, Fraction(1)
+    gravity = "acceleration" in kinds and "mass" not in kinds
+    try:
+        scale, dimensions = parse(spelled, gravity)
+    except UnitError as error:
+        alike = _nearest(spelled, kinds)
+        hint = f"; did you mean '{alike}'?" if alike else ""
+        raise UnitError(f"{error}{hint} (known: {_usual(kinds)})") from None
+    for kind in kinds:
+        factor = _kind_scale(kind, dimensions)
+        if factor is not None:
+            return kind, scale * factor
+    raise UnitError(_wrong(unit, dimensions, kinds))
+
+
+def _kind_scale(kind: str, dimensions: Dimensions) -> Fraction | None:
+    """What brings a scale in root units to the kind's SI unit; None if the dimensions are not the kind's."""
+    if kind == "temperature":
+        return None
+    one, wanted = parse(kind_named(kind).si, False)
+    if dimensions == wanted:
+        return 1 / one
+    if kind == "frequency" and dimensions == add_up((wanted, 1), ((("radian", 1),), 1)):
+        return 1 / lookup("revolution")[0]  # a radian per second is 1/(2 pi) Hz
+    return None
+
+
+def kind_of(dimensions: Dimensions) -> str | None:
+    """The first kind that has these dimensions."""
+    return next((kind for kind in KINDS if _kind_scale(kind, dimensions) is not None), None)
+
+
+def _wrong(unit: str, dimensions: Dimensions | None, kinds: tuple[str, ...]) -> str:
+    """The message for a unit that is known but not of these kinds."""
+    found = kind_of(dimensions) if dimensions is not None else None
+    what = f"{shown(unit)} is {_article(found)}" if found else f"{shown(unit)} is of another kind"
+    wanted = ", ".join(map(_article, kinds[:-1])) + " or " * (len(kinds) > 1) + _article(kinds[-1])
+    alike = _likely(spelled_out(unit), kinds)
+    hint = f"; did you mean '{alike}'?" if alike else ""
+    return f"{what}; {wanted} is needed: {_usual(kinds)}{hint}"
+
+
+def _article(kind: str) -> str:
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
+
+
+def _usual(kinds: tuple[str, ...]) -> str:
+    """The usual units of some kinds, as a list to show."""
+    most = 5 if len(kinds) == 1 else 3
+    return ", ".join(dict.fromkeys(unit for kind in kinds for unit in kind_named(kind).units[:most]))
+
+
+def _likely(spelled: str, kinds: tuple[str, ...]) -> str | None:
+    """What was surely meant: another case, kgf for kg, lbf for lb, brackets after the solidus."""
+    known = [unit for kind in kinds for unit in kind_named(kind).units]
+    forced = re.sub(r"^(kg|lb)(?=\s*/)", r"\1f", spelled)
+    for unit in known:
+        plain = unit.translate(SPELLINGS)
+        if plain.casefold() == spelled.casefold() or plain.replace("*", "") == forced:
+            return unit
+    numerator, _, rest = spelled.partition("/")
+    if re.search(r"[A-Za-z0-9]", rest) and "(" not in rest and re.search(r"[ */.-]", rest.strip()):
+        bracketed = f"{numerator.strip()}/({rest.strip()})"
+        try:
+            _, dimensions = parse(bracketed, True)
+        except UnitError:
+            return None
+        if any(_kind_scale(kind, dimensions) is not None for kind in kinds):
+            return bracketed
+    return None
+
+
+def _nearest(spelled: str, kinds: tuple[str, ...]) -> str | None:
+    known = [unit for kind in kinds for unit in kind_named(kind).units]
+    near = difflib.get_close_matches(spelled, known, n=1, cutoff=0.5)
+    return _likely(spelled, kinds) or (near[0] if near else None)
