@@ -13,7 +13,7 @@ READY_BENCH := .venv-bench/.ready
 PIP_FLAGS := --quiet --disable-pip-version-check
 
 .NOTPARALLEL:
-.PHONY: help demo test check format pytest lowest bench lock clean
+.PHONY: help demo test check format chromium pytest lowest bench lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
@@ -52,7 +52,21 @@ demo: $(READY)  ## make the demonstration campaign in ./fourpole-demo and analys
 
 test: check lowest pytest  ## everything: check, the tests on the lowest versions, the tests
 
-pytest: $(READY)  ## the tests, the examples of the docstrings and of the README
+chromium:  ## the browser that the tests of the report need; installed here where that may be done
+	@for b in chromium chromium-browser google-chrome google-chrome-stable; do \
+		command -v $$b >/dev/null 2>&1 && exit 0; done; \
+	as=; [ "$$(id -u)" = 0 ] || as="sudo -n"; \
+	if command -v apt-get >/dev/null 2>&1 && { [ -z "$$as" ] || $$as true 2>/dev/null; }; then \
+		echo "Installing chromium with apt-get"; \
+		$$as apt-get -qq update && \
+		$$as env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends chromium >/dev/null; \
+	elif [ "$$CI" = true ]; then \
+		echo "The tests of the report need a browser: install chromium (sudo apt install chromium)." >&2; exit 1; \
+	else \
+		echo "chromium: none found, the browser tests will be skipped; to run them: sudo apt install chromium" >&2; \
+	fi
+
+pytest: $(READY) chromium  ## the tests, the examples of the docstrings and of the README
 	@$(BIN)/python -m pytest
 
 check: $(READY)  ## lint, format, types, direction of imports
@@ -67,7 +81,7 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 
 # Examples are left out here, for they show numbers as today's numpy prints them; so are warnings, for
 # those of an old library are nobody's to mend.
-lowest:  ## the tests on the lowest versions allowed (Python 3.11 or 3.12)
+lowest: chromium  ## the tests on the lowest versions allowed (Python 3.11 or 3.12)
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
 		$(MAKE) --no-print-directory $(READY_LOWEST) && \
 		.venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib -W default tests; \

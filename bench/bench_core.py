@@ -37,7 +37,8 @@ NOTES = {
     "cascade": f"""spring K*, mass and preload spring at 100 000 frequencies; force and velocity in place of voltage and
         current make a four-pole an ABCD matrix, z0 is {REFERENCE_IMPEDANCE:g} N s/m. 'product': of parts, or Networks,
         at hand. 'from values': K*, m, K3 to the chain's four-pole; a Network converts to S and back. Difference: of
-        the four-poles, each entry relative; round-off (2e-16), ten operations, an entry near zero (1e4).""",
+        the four-poles, each entry relative; round-off (2e-16), ten operations, an entry near zero (1e4). Half of the
+        peer's time goes to asking for memory anew: in a process that keeps it, 'product' has half this ratio.""",
     "de-embed": """mass and preload spring taken off that chain, both at hand as four-poles and as Networks; ends with
         the tyre's four-pole. Difference: of K* from the truth, Fourpole's and the peer's; round-off (2e-16), ten
         operations, the tyre's small share of the chain (2e5).""",

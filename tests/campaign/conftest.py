@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -134,6 +134,18 @@ class Bench:
         f1, v1, v2 = (wave(self.time) for wave in self.waves(frequency, **state))
         self.row(name, self.record(name, {"t": self.time, "F1": f1, "V1": v1, "V2": v2}), cells)
 
+    def static(
+        self, name: str, cells: str, *, a: float = 100e3, b: float = 1e6, gap: float = 0.0, cycles: int = 3
+    ) -> None:
+        """A static test: F = a x + b x² ± `gap` over 0 to 30 mm and back, in N and mm."""
+        u = np.concatenate([np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.0, 101)[1:-1]])
+        side = np.concatenate([np.ones(101), -np.ones(99)])
+        travel = 0.03 * np.append(np.tile(u, cycles), 0.0)
+        load = a * travel + b * travel**2 + gap * np.append(np.tile(side * 4 * u * (1 - u), cycles), 0.0)
+        self.channels.setdefault("load", '{ column = "F", unit = "N", exact = true }')
+        self.channels.setdefault("deflection", '{ column = "x", unit = "mm", exact = true }')
+        self.row(name, self.record(name, {"x": 1e3 * travel, "F": load}), cells, kind="static")
+
     def row(self, name: str, file: str, cells: str, kind: str = "dynamic") -> None:
         self.rows.append(f"{name},{file},{kind},bush,{cells}")
 
@@ -191,6 +203,6 @@ def clean(clean_campaign: Path, tmp_path: Path) -> Folder:
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
+def bench(tmp_path: Path) -> Bench:
     """An empty campaign to fill from closed formulas."""
-    yield Bench(tmp_path)
+    return Bench(tmp_path)

@@ -2,8 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from fourpole.core.recording import Channel, Recording
+
+settings.register_profile("busy", deadline=None)  # a busy machine is no failure
+settings.load_profile("busy")
 
 GAPS = {
     "none": lambda u: 0.0 * u,
@@ -38,7 +42,9 @@ def record():
             signal = np.zeros(samples)
             for k, amplitude in enumerate(rows[:, i], start=1):
                 omega = 2 * np.pi * k * frequency
-                signal += (amplitude * (1j * omega) ** power[quantities[i]] * np.exp(1j * omega * (time - delays[i]))).real
+                signal += (
+                    amplitude * (1j * omega) ** power[quantities[i]] * np.exp(1j * omega * (time - delays[i]))
+                ).real
             channels[name] = [signal, quantities[i], delays[i]]
         added = np.broadcast_to(extra, (len(channels), samples))
         return Recording(

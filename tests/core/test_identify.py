@@ -82,7 +82,7 @@ def test_identify_inverts_the_model(frequency, k1, k2, c, m, k3, input_mass, add
     # Round-off grows by what cancels: inertia against springs in Zr, Zr's force against the input mass in F1,
     # tyre against rig in the mobility, K* against K1 in the arm, and each part of 1/arm against the other.
     impedance = rig_impedance(omega, added, stated)
-    f1, v1, v2 = amplitudes
+    _, v1, v2 = amplitudes
     grows = 1 + (omega * (m + added) + k3 / omega) / abs(impedance)
     grows *= 1 + omega * input_mass * abs(v1) / abs(impedance * v2)
     grows *= 1 + (abs(v1) + abs(v2)) / abs(v1 - v2)
@@ -93,7 +93,9 @@ def test_identify_inverts_the_model(frequency, k1, k2, c, m, k3, input_mass, add
     assert found.stiffness[0] == pytest.approx(stiffness, rel=lost)
     assert found.k2[0] == pytest.approx(k2, rel=in_arm * k2 / abs(arm))
     assert found.c[0] == pytest.approx(c, rel=in_arm * omega * c / abs(arm))
-    assert found.loss_factor[0] == pytest.approx(stiffness.imag / stiffness.real, rel=2 * lost * abs(stiffness / stiffness.imag))
+    assert found.loss_factor[0] == pytest.approx(
+        stiffness.imag / stiffness.real, rel=2 * lost * abs(stiffness / stiffness.imag)
+    )
     assert found.tr_measured[0] == pytest.approx(abs(v2 / v1), rel=1e-14)
     assert found.tr_predicted[0] == pytest.approx(abs(v2 / v1), rel=2 * lost * (1 + abs(v2 / v1)))
     assert found.reasons == ("",)
@@ -204,9 +206,7 @@ def noise_covariance(amplitudes, level):
 def monte_carlo(route, amplitudes, omega, added, sources):
     """Outputs (draws, 8) of the formulas by hand, with every input drawn."""
     rng = np.random.default_rng(11)
-    values = {
-        name: value + sources["rig"].get(name, 0.0) * rng.standard_normal(DRAWS) for name, value in RIG.items()
-    }
+    values = {name: value + sources["rig"].get(name, 0.0) * rng.standard_normal(DRAWS) for name, value in RIG.items()}
     added = added + sources["added"] * rng.standard_normal(DRAWS)
     k1 = TYRE["k1"] + sources["k1"] * rng.standard_normal(DRAWS)
     noise = rng.multivariate_normal(np.zeros(6), noise_covariance(amplitudes, sources["noise"]), DRAWS)

@@ -31,7 +31,7 @@ def test_a_motion_at_the_contact_must_be_there():
 
 
 def test_channels_are_equally_long():
-    with pytest.raises(RecordingError, match="channels differ in length: {'motion_in': 10, 'force_in': 9}"):
+    with pytest.raises(RecordingError, match=r"channels differ in length: {'motion_in': 10, 'force_in': 9}"):
         Recording(100.0, {"motion_in": Channel(np.zeros(10), "velocity"), "force_in": Channel(np.zeros(9), "force")})
 
 
@@ -43,7 +43,7 @@ def test_unknown_quantities():
 def test_jitter_is_no_uniform_time_for_arrays():
     t = np.arange(100) / 100.0
     t[50] += 0.003
-    with pytest.raises(RecordingError, match="sine 3: time stamps are up to 30% of an interval off a uniform grid"):
+    with pytest.raises(RecordingError, match="up to 30% of an interval off a uniform grid"):
         Recording.from_arrays(t, force_in=t, motion_in=t, label="sine 3")
 
 
@@ -92,11 +92,13 @@ def test_one_late_stamp_is_named():
 @pytest.mark.parametrize("rate", [500.0, 1000.0, 1024.0, 2000.0])
 def test_a_jump_is_an_error(lost, rate):
     stamps = np.delete(np.arange(3000), slice(1001, 1001 + lost)) / rate
-    with pytest.raises(RecordingError, match="time is not uniform: the interval after sample 1001 .* samples were lost"):
+    with pytest.raises(
+        RecordingError, match=r"time is not uniform: the interval after sample 1001 .* samples were lost"
+    ):
         uniform_time(stamps)
 
 
-@pytest.mark.parametrize("rate", [500.0, 2000.0, 1024.0])
+@pytest.mark.parametrize("rate", [200.0, 1024.0, 2000.0])
 def test_a_single_lost_sample_does_not_pass_in_silence(rate):
     stamps = np.delete(np.arange(3000), 1500) / rate
     try:

@@ -5,7 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fourpole.core.twoport import cascade, chain_mobility, chain_transmissibility, damper, deembed, inverse, mass, spring
+from fourpole.core.twoport import (
+    cascade,
+    chain_mobility,
+    chain_transmissibility,
+    damper,
+    deembed,
+    inverse,
+    mass,
+    spring,
+)
 
 OMEGA = 2 * np.pi * np.array([1.0, 10.0, 24.0, 100.0])
 EPS = np.finfo(float).eps
@@ -45,7 +54,9 @@ def test_elements():
     np.testing.assert_allclose(spring(30.0 + 40.0j, 5.0)[1, 0], 0.1j * (0.6 - 0.8j), rtol=1e-15)
 
 
-@pytest.mark.parametrize("make", [lambda: spring(0.0, 5.0), lambda: spring([1.0, 0.0], 5.0), lambda: damper([1.0, 0.0])])
+@pytest.mark.parametrize(
+    "make", [lambda: spring(0.0, 5.0), lambda: spring([1.0, 0.0], 5.0), lambda: damper([1.0, 0.0])]
+)
 def test_what_joins_nothing_is_an_error(make):
     with pytest.raises(ValueError, match="joins nothing: leave it out of the chain"):
         make()

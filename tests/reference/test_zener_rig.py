@@ -227,9 +227,7 @@ def test_erratum_of_equation_12(vectors):
     _, k2, d = paper_11_to_13(vectors)
     r = vectors.mobility.real
     printed = (
-        vectors.k1
-        * (vectors.k1 / vectors.omega + (1 - d) / r)
-        / (d * (1 - d) / r - (vectors.k1 / vectors.omega) ** 2)
+        vectors.k1 * (vectors.k1 / vectors.omega + (1 - d) / r) / (d * (1 - d) / r - (vectors.k1 / vectors.omega) ** 2)
     )
     exactly(k2, vectors.k2)
     assert (np.abs(printed / vectors.k2 - 1) > 0.05).all()

@@ -8,9 +8,10 @@ from typing import Any
 import polars as pl
 
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, progress, say
+from fourpole.app.report import make_report
 from fourpole.campaign import Study, analyse, read_campaign
-from fourpole.campaign.summary import findings
 from fourpole.errors import CampaignError
+from fourpole.report.words import headline
 from fourpole.virtual import simulate_campaign
 
 __all__ = ["run_analysis", "run_demo"]
@@ -18,14 +19,17 @@ __all__ = ["run_analysis", "run_demo"]
 _MOST_LISTED = 12
 
 
-def run_analysis(campaign: Path, folder: Path | None, route: str, *, as_json: bool) -> int:
+def run_analysis(campaign: Path, folder: Path | None, route: str, *, tables_only: bool, as_json: bool) -> int:
     """Analyse a campaign and write its results; the exit code says whether tests were rejected."""
     study, results = _analysed(campaign, folder, route)
+    page = None if tables_only else make_report(study.results, results)
     if as_json:
-        print_json(_summary(study, results))
+        print_json({**_summary(study, results), "report": str(page) if page else None})
     else:
         _report(study)
         out(f"results: {results}")
+        if page is not None:
+            out(f"report: {page}")
     return SOME_REJECTED if study.counts["rejected"] else OK
 
 
@@ -34,14 +38,16 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     with progress("recording") as advance:
         simulate_campaign(folder, seed=seed, progress=advance)
     study, results = _analysed(folder, None, "mobility")
+    page = make_report(study.results, results)
     if as_json:
-        print_json({**_summary(study, results), "found": findings(study)})
+        print_json({**_summary(study, results), "report": str(page), "found": headline(study.results)})
     else:
         out(f"Virtual campaign in {folder} (seed {seed}): {_counted(study)}.")
-        for line in findings(study):
+        for line in headline(study.results):
             out(line)
-        out("These tyres are designed so that the 1982 paper's conclusions hold; they are not its data.")
-        out(f"results: {results / 'dynamic.csv'}, {results / 'static.csv'}")
+        out("The virtual tyres are designed so that the 1982 paper's conclusions hold; they are not its data.")
+        out(f"results: {results}")
+        out(f"report: {page}")
     return SOME_REJECTED if study.counts["rejected"] else OK
 
 

@@ -88,15 +88,16 @@ def analyse(
         str,
         typer.Option(help="How K* is found: mobility (F1, V1 and the rig), relative (F1, V1, V2), transmissibility."),
     ] = "mobility",
+    tables_only: Annotated[bool, typer.Option("--tables-only", help="No figures and no report.")] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Analyse a campaign folder: recordings in, tables of K1, R, I, K*, K2, C and TR out.
+    """Analyse a campaign folder: recordings in; tables of K1, R, I, K*, K2, C and TR, figures and a report out.
 
     Recordings that are done are kept in the results' folder, so a run that was stopped goes on where it was.
     """
     from fourpole.app.analysis import run_analysis
 
-    raise typer.Exit(run_analysis(campaign, folder, route, as_json=as_json))
+    raise typer.Exit(run_analysis(campaign, folder, route, tables_only=tables_only, as_json=as_json))
 
 
 @app.command()
@@ -163,6 +164,47 @@ def predict(
     rig = _rig(mass, preload_stiffness, preload_damping, no_rig=False)
     assert rig is not None  # both of its values are required options
     run_predict(arm, rig, frequency, file, as_json=as_json)
+
+
+@app.command()
+@ends_well
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote.")],
+    theme: Annotated[str, typer.Option(help="Colours of the figures: light, dark or print.")] = "light",
+) -> None:
+    """Make the figures and report.html again from the result tables, without reading the recordings."""
+    from fourpole.app.report import run_report
+
+    run_report(folder, theme)
+
+
+@app.command()
+@ends_well
+def plot(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote.")],
+    figure: Annotated[str, typer.Argument(metavar="FIGURE", help="Its name, as fig05 or nyquist; a wrong one lists all.")],
+    file: Annotated[Path | None, typer.Option("--out", help="File to write: .svg, .png or .pdf.")] = None,
+    theme: Annotated[str, typer.Option(help="Colours: light, dark or print.")] = "light",
+    xlim: Annotated[str | None, typer.Option(help='Limits of the abscissa in its unit, as "10:24".')] = None,
+    ylim: Annotated[str | None, typer.Option(help='Limits of the ordinate in its unit, as "0:3".')] = None,
+) -> None:
+    """Draw one figure from the result tables."""
+    from fourpole.app.report import run_plot
+    from fourpole.plot import Style
+
+    style = Style(theme, xlim=_limits(xlim, "--xlim"), ylim=_limits(ylim, "--ylim"))
+    run_plot(folder, figure, file, style)
+
+
+def _limits(text: str | None, name: str) -> tuple[float, float] | None:
+    """Two numbers with a colon between them."""
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not two numbers with a colon, as 10:24", param_hint=name) from None
+    return low, high
 
 
 def _rig(mass: str | None, stiffness: str | None, damping: str | None, *, no_rig: bool) -> Rig | None:

@@ -1,0 +1,43 @@
+"""The commands on results: figures and the report, made from the tables alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fourpole.app.console import out, progress
+from fourpole.campaign.results import Results, read_results
+from fourpole.errors import CampaignError
+from fourpole.plot import FIGURES, Style, draw, save_figures, write_figure
+from fourpole.report.page import ReportFigure, write_report
+from fourpole.report.words import findings
+
+__all__ = ["make_report", "run_plot", "run_report"]
+
+
+def make_report(results: Results, folder: Path, style: Style | None = None) -> Path:
+    """Draw all figures into `folder/figures` and write `folder/report.html`."""
+    with progress("drawing") as advance:
+        files = save_figures(results, folder / "figures", style=style, progress=advance)
+    figures = {
+        key: ReportFigure(key, FIGURES[key].title, FIGURES[key].caption, path.read_text(encoding="utf-8"))
+        for key, path in files.items()
+    }
+    page = folder / "report.html"
+    write_report(results, page, findings=findings(results), figures=figures)
+    return page
+
+
+def run_report(folder: Path, theme: str) -> None:
+    """Figures and report again, from the tables of a results folder."""
+    out(f"report: {make_report(read_results(folder), folder, Style(theme))}")
+
+
+def run_plot(folder: Path, key: str, file: Path | None, style: Style) -> None:
+    """One figure into one file, by default beside the others."""
+    results = read_results(folder)
+    figure = draw(results, key, style)
+    if figure is None:
+        raise CampaignError(f"the results in {folder} hold nothing for {key}: {FIGURES[key].title}")
+    path = file if file is not None else folder / "figures" / f"{key}.svg"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    out(f"figure: {write_figure(figure, key, path, style)}")

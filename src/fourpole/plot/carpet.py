@@ -1,0 +1,236 @@
+"""Figure 5: load against deflection as a lattice (carpet) plot, a panel per tyre."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from fourpole.campaign.results import Results
+from fourpole.core.arrays import FloatArray
+from fourpole.plot.layout import WIDTH, Grid, Key, Notes
+from fourpole.plot.panels import tyre_heading
+from fourpole.plot.sheet import Sheet, read_sheet
+from fourpole.plot.style import Style, plain_text
+
+__all__ = ["LoadLine", "carpet", "load_deflection", "load_lines"]
+
+#: Deflection [mm] and load [kN] in the axes of this figure.
+_MM, _KN = 1e3, 1e-3
+
+
+@dataclass(frozen=True)
+class LoadLine:
+    """Mean load-deflection curve of one static test."""
+
+    test: str
+    tyre: int
+    pressure: float
+    deflection: FloatArray
+    load: FloatArray
+    rejected: bool
+
+
+def load_lines(results: Results, sheet: Sheet) -> list[LoadLine]:
+    """The static tests that have a curve, in mm and kN."""
+    previews = results.previews
+    if "mean load [N]" not in previews.columns or not results.static.height:
+        return []
+    curves = previews.filter(pl.col("mean load [N]").list.len() > 1)
+    by_test = {row["test"]: row for row in curves.select("test", "mean deflection [m]", "mean load [N]").to_dicts()}
+    lines = []
+    for (test,), rows in results.static.group_by("test", maintain_order=True):
+        if test not in by_test:
+            continue
+        x = np.array(by_test[test]["mean deflection [m]"], dtype=float) * _MM
+        load = np.array(by_test[test]["mean load [N]"], dtype=float) * _KN
+        order = np.argsort(x, kind="stable")
+        x, load = x[order], load[order]
+        pressure = rows["pressure [Pa]"][0]
+        lines.append(
+            LoadLine(
+                test=str(test),
+                tyre=sheet.names.index(rows["tyre"][0] or ""),
+                pressure=np.nan if pressure is None else float(pressure),
+                deflection=x - _zero_load(x, load),
+                load=load,
+                rejected=all(verdict == "rejected" for verdict in rows["verdict"]),
+            )
+        )
+    return lines
+
+
+def _zero_load(deflection: FloatArray, load: FloatArray) -> float:
+    """Deflection at which the load is zero, beyond the curve along its first tenth."""
+    below = np.flatnonzero((load[:-1] <= 0) & (load[1:] > 0))
+    if below.size:
+        at = int(below[-1])
+    else:
+        at = int(np.argmin(np.abs(load)))
+        at = min(at, load.size - 2)
+    step = max(1, load.size // 10) if not below.size else 1
+    end = min(at + step, load.size - 1)
+    rise = float(load[end] - load[at])
+    return float(deflection[at] - load[at] * (deflection[end] - deflection[at]) / rise) if rise > 0 else 0.0
+
+
+def load_deflection(results: Results, style: Style) -> Figure | None:
+    """Curves of constant pressure, each set off from the last, tied by lines of constant deflection."""
+    sheet = read_sheet(results)
+    lines = load_lines(results, sheet)
+    if not lines:
+        return None
+    notes = Notes()
+    rejected = results.static.filter(pl.col("verdict") == "rejected")["test"].n_unique()
+    drawn = {line.test for line in lines}
+    lost = [test for test in results.static["test"].unique().to_list() if test not in drawn]
+    if rejected:
+        tests = "static test" if rejected == 1 else "static tests"
+        notes.say(f"{rejected} {tests} rejected" + (f", {len(lost)} without a curve" if lost else ""))
+    grey = sum(line.rejected for line in lines)
+    if grey:
+        notes.say(f"dotted grey: {grey} curves without K1" if grey > 1 else "dotted grey: a curve without K1")
+
+    tyres = sorted({line.tyre for line in lines})
+    columns = min(3, len(tyres))
+    grid = Grid.of(len(tyres), columns, panel_height=3.4 if len(tyres) <= columns else 2.8, style=style)
+    offset = _Offset.of(lines)
+    top = max(float(line.load.max()) for line in lines)
+    widest = max(float(line.deflection.max()) + offset(line.pressure) for line in lines)
+    x_limits = style.xlim or (-0.03 * widest, 1.15 * widest)
+    # What a label of a pressure takes of the abscissa.
+    room = 0.36 * columns / (WIDTH - 1.0) * abs(x_limits[1] - x_limits[0])
+    for ax, tyre in zip(grid.panels, tyres, strict=True):
+        own = [line for line in lines if line.tyre == tyre]
+        carpet(ax, own, offset=offset, colour=style.colour(tyre), room=room, style=style)
+        tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, columns=columns)
+        ax.set_xlim(x_limits)
+        ax.set_ylim(style.ylim or (0.0, 1.1 * top))
+        ax.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 2.5, 5, 10]))
+        ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
+    several = offset.per_bar > 0
+    x_label = "deflection [mm]"
+    if several:
+        x_label = "deflection + offset [mm]"
+        notes.say(f"the offset is {offset.per_bar:.3g} mm per bar above {offset.start:.3g} bar")
+        notes.say("each coloured curve is a pressure, each dark line a deflection: read the load at their crossing")
+    notes.say("deflection counts from the point of zero load")
+    return grid.finish(key=Key(), notes=notes, x_label=x_label, y_labels=["load [kN]"])
+
+
+@dataclass(frozen=True)
+class _Offset:
+    """Shift of a curve in proportion to its pressure, so that between curves one may interpolate."""
+
+    start: float
+    per_bar: float
+
+    @classmethod
+    def of(cls, lines: Sequence[LoadLine]) -> _Offset:
+        known = [line.pressure * 1e-5 for line in lines if np.isfinite(line.pressure)]
+        if not known or max(known) - min(known) < 0.02 * max(known):
+            return cls(known[0] if known else 0.0, 0.0)
+        reach = max(float(line.deflection.max()) for line in lines)
+        raw = reach / (max(known) - min(known))
+        size = 10.0 ** np.floor(np.log10(raw))
+        return cls(
+            min(known),
+            float(size * max(step for step in (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.5) if step * size <= raw)),
+        )
+
+    def __call__(self, pressure: float) -> float:
+        return self.per_bar * (pressure * 1e-5 - self.start) if np.isfinite(pressure) else 0.0
+
+
+def carpet(ax: Axes, lines: Sequence[LoadLine], *, offset: _Offset, colour: str, room: float, style: Style) -> Axes:
+    """One tyre's lattice.
+
+    Parameters
+    ----------
+    ax : Axes
+        Where to draw.
+    lines : sequence of LoadLine
+        The tyre's curves.
+    offset : callable
+        Shift of a curve [mm] by its pressure [Pa].
+    colour : str
+        Colour of the tyre.
+    room : float
+        Width of a label [mm]: where curves are closer, not each is named.
+    style : Style
+        Theme.
+
+    Returns
+    -------
+    Axes
+        The same axes.
+    """
+    ordered = sorted(lines, key=lambda line: (np.isnan(line.pressure), line.pressure))
+    for line in ordered:
+        ax.plot(
+            line.deflection + offset(line.pressure),
+            line.load,
+            color=style.look.muted if line.rejected else colour,
+            linestyle="dotted" if line.rejected else "solid",
+            linewidth=style.look.line if len(lines) <= 8 else 0.8,
+            label="_constant pressure",
+            zorder=2.5,
+        )
+    knots = [line for line in ordered if np.isfinite(line.pressure) and not line.rejected]
+    if offset.per_bar > 0 and len({line.pressure for line in knots}) > 1:
+        _cross_lines(ax, knots, offset, style)
+    _pressure_labels(ax, ordered, offset, room)
+    return ax
+
+
+def _cross_lines(ax: Axes, lines: Sequence[LoadLine], offset: _Offset, style: Style) -> None:
+    """Lines of constant deflection, each labelled at the highest pressure that reaches it."""
+    reach = max(float(line.deflection.max()) for line in lines)
+    levels = MaxNLocator(7, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, reach)
+    for level in (float(value) for value in levels if 0 < value <= reach):
+        held = [line for line in lines if line.deflection[0] <= level <= line.deflection[-1]]
+        if not held:
+            continue
+        x = [level + offset(line.pressure) for line in held]
+        y = [float(np.interp(level, line.deflection, line.load)) for line in held]
+        ax.plot(x, y, color=style.look.ink, linewidth=0.8, marker=".", markersize=3.0, label="_constant deflection",
+                zorder=2.2)  # fmt: skip
+        # Beside the lattice: on the right, or on the left where the stiffest curves end below.
+        right = held[-1] is lines[-1]
+        at, shift, side = (-1, (4, -2), "left") if right else (0, (-4, 2), "right")
+        ax.annotate(f"{level:g} mm", (x[at], y[at]), shift, textcoords="offset points", fontsize=6.8,
+                    ha=side, va="top" if right else "bottom")  # fmt: skip
+
+
+def _pressure_labels(ax: Axes, lines: Sequence[LoadLine], offset: _Offset, room: float) -> None:
+    """The pressure at the upper end of each curve, as many as there is room for."""
+    stated = [line for line in lines if np.isfinite(line.pressure)]
+    seen: list[float] = []
+    for line in [*stated[:1], *stated[:0:-1]]:
+        shift = offset(line.pressure)
+        if any(abs(shift - other) < room for other in seen):
+            continue
+        # The first in the queue is the lowest, the second the highest: one unit at the end of the row will do.
+        unit = " bar" if len(seen) == 1 or len(stated) == 1 else ""
+        seen.append(shift)
+        _end_label(ax, line, shift, f"{line.pressure * 1e-5:.3g}{unit}", (-6, 3) if unit else (0, 3))
+    for line in lines:
+        if np.isnan(line.pressure):
+            _end_label(ax, line, 0.0, plain_text(line.test, 12), (0, 3))
+
+
+def _end_label(ax: Axes, line: LoadLine, shift: float, text: str, off: tuple[float, float]) -> None:
+    ax.annotate(
+        text,
+        (float(line.deflection[-1]) + shift, float(line.load[-1])),
+        off,
+        textcoords="offset points",
+        fontsize=6.8,
+        ha="left" if off[0] else "center",
+        va="bottom",
+    )

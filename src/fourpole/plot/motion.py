@@ -1,0 +1,201 @@
+"""Transmissibility: figure 14, and measured against predicted."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from fourpole.campaign.results import Results
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.plot.layout import MOST_NAMED, Grid, Key, Notes
+from fourpole.plot.panels import Extent, curve, limit, means, rejected_tests, span
+from fourpole.plot.properties import tyre_marks
+from fourpole.plot.sheet import FREQUENCY, TR, TR_PREDICTED, Sheet, present, read_sheet, spread
+from fourpole.plot.style import Style
+
+__all__ = ["crossings", "mark_crossings", "measured_against_predicted", "transmissibility"]
+
+#: The two pressures of the paper's figure 14 [Pa].
+_PRESSURES = (100e3, 168e3)
+_MOST_PANELS = 9
+
+
+def crossings(first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]) -> list[tuple[float, float]]:
+    """Where two curves (rising x, y) cross, interpolated linearly.
+
+    Examples
+    --------
+    >>> crossings((np.array([0.0, 2.0]), np.array([0.0, 2.0])), (np.array([0.0, 2.0]), np.array([1.0, 1.0])))
+    [(1.0, 1.0)]
+    """
+    if first[0].size < 2 or second[0].size < 2:
+        return []
+    low, high = max(first[0][0], second[0][0]), min(first[0][-1], second[0][-1])
+    grid = np.unique(np.concatenate([first[0], second[0]]))
+    grid = grid[(grid >= low) & (grid <= high)]
+    one = np.interp(grid, *first)
+    gap = one - np.interp(grid, *second)
+    found = []
+    for at in np.flatnonzero(gap[:-1] * gap[1:] < 0):
+        part = gap[at] / (gap[at] - gap[at + 1])
+        found.append(
+            (
+                float(grid[at] + part * (grid[at + 1] - grid[at])),
+                float(one[at] + part * (one[at + 1] - one[at])),
+            )
+        )
+    return found
+
+
+def mark_crossings(ax: Axes, found: list[tuple[float, float, str]], *, style: Style) -> Axes:
+    """A thin line down from each crossing, and one text that names them."""
+    if not found:
+        return ax
+    for x, y, _ in found:
+        ax.plot([x, x], [0.0, y], color=style.look.ink, linewidth=0.7, linestyle=(0, (2, 2)), label="_crossing")
+    text = "\n".join(["the curves cross at", *(f"{x:.1f} Hz{where}" for x, _, where in found)])
+    # Below the resonance TR is above 1, so this corner is free.
+    ax.text(0.025, 0.03, text, transform=ax.transAxes, fontsize=7.0, va="bottom", linespacing=1.25,
+            bbox={"facecolor": style.look.paper, "edgecolor": "none", "pad": 1.5})  # fmt: skip
+    return ax
+
+
+def transmissibility(results: Results, style: Style) -> Figure | None:
+    """TR against frequency at the pressures nearest 1.00 and 1.68 bar, a panel per preload."""
+    sheet = read_sheet(results)
+    notes, key = Notes(), Key()
+    quantity = TR
+    y, std = sheet.shown(quantity)
+    if not np.any(np.isfinite(y)):
+        quantity = TR_PREDICTED
+        y, std = sheet.shown(quantity)
+        notes.say("predicted from K* and the rig: V2 was not measured")
+    x, _ = sheet.shown(FREQUENCY)
+    visible = np.isfinite(x) & np.isfinite(y)
+    if not np.any(visible):
+        return None
+    pressures = _pressures(sheet, visible)
+    concerned = np.isin(sheet.pressure, pressures)
+    found = list(present(sheet.pressure, visible))
+    notes.chosen(len(pressures), len(found), "pressures")
+    visible &= concerned
+    used = visible & ~sheet.rejected
+    places = [(load, setting) for load in present(sheet.load, visible) for setting in present(sheet.setting, visible)]
+    places = [at for at in places if np.any(visible & (sheet.load == at[0]) & (sheet.setting == at[1]))]
+    notes.chosen(min(len(places), _MOST_PANELS), len(places), "settings")
+    places = places[:_MOST_PANELS]
+    settings = len({setting for _, setting in places})
+    columns = min(3, settings if settings > 1 else len(places) if len(places) != 4 else 2)
+    grid = Grid.of(len(places), columns, panel_height=2.9 if len(places) <= columns else 2.2, style=style)
+    extent = Extent(positive=True)
+    extent.add(y[used] if np.any(used) else y[visible], std[used] if np.any(used) else None)
+    limits = extent.limits(zero=True)
+    tyres = list(present(sheet.tyre, visible))
+    for ax, (load, setting) in zip(grid.panels, places, strict=True):
+        here = (sheet.load == load) & (sheet.setting == setting)
+        for tyre in tyres:
+            for pressure in pressures:
+                mask = used & here & (sheet.tyre == tyre) & (sheet.pressure == pressure)
+                marks = tyre_marks(sheet, style, tyre, pressure, load)
+                curve(ax, x[mask], y[mask], marks=marks, std=std[mask], keys=sheet.frequency[mask].tolist())
+        lost = visible & here & sheet.rejected
+        rejected_tests(ax, x[lost], y[lost], style=style)
+        mark_crossings(ax, _crossings(sheet, x, y, used & here, tyres, pressures), style=style)
+        _heading(ax, sheet, load, setting)
+        limit(ax, span([x[visible]]), limits, style=style, ticks=6 if columns < 3 else 4)
+    key.tyres(sheet, tyres, style)
+    key.pressures(sheet, pressures, style)
+    key.loads(sheet, list(dict.fromkeys(load for load, _ in places)), style)
+    if np.any(visible & sheet.rejected):
+        key.rejected(style)
+    notes.tests(sheet.rejected[concerned], visible[concerned], "TR")
+    notes.beyond(y[visible & sheet.rejected], style.ylim or limits, "TR")
+    notes.cut(extent, limits, style)
+    return grid.finish(key=key, notes=notes, x_label=FREQUENCY.label, y_labels=[quantity.label])
+
+
+def _pressures(sheet: Sheet, visible: BoolArray) -> list[int]:
+    """Those nearest the paper's, among the pressures that have a value."""
+    found = list(present(sheet.pressure, visible))
+    values = np.array([sheet.pressures.values[at] for at in found])
+    if np.all(np.isnan(values)):
+        return found[:1]
+    return sorted({found[int(np.nanargmin(np.abs(values - wanted)))] for wanted in _PRESSURES})
+
+
+def _crossings(
+    sheet: Sheet, x: FloatArray, y: FloatArray, used: BoolArray, tyres: list[int], pressures: list[int]
+) -> list[tuple[float, float, str]]:
+    """Crossings of each two tyres at each pressure, if they are few."""
+    found = []
+    for first, second in combinations(tyres, 2):
+        for pressure in pressures:
+            lines = []
+            for tyre in (first, second):
+                mask = used & (sheet.tyre == tyre) & (sheet.pressure == pressure)
+                lines.append(means(x[mask], y[mask], sheet.frequency[mask].tolist()))
+            where = f" ({sheet.pressures.labels[pressure]})" if len(pressures) > 1 else ""
+            if len(tyres) > 2:
+                where += f": {sheet.labels[first]}, {sheet.labels[second]}"
+            found += [(*at, where) for at in crossings(lines[0], lines[1])]
+    return found if len(found) <= 4 else []
+
+
+def _heading(ax: Axes, sheet: Sheet, load: int, setting: int) -> None:
+    parts = [sheet.name_of_load(load), sheet.settings[setting] if sheet.settings else ""]
+    ax.set_title(", ".join(part for part in parts if part), loc="left", pad=4.5)
+
+
+def measured_against_predicted(results: Results, style: Style) -> Figure | None:
+    """TR measured over TR predicted from K* and the rig, and their difference against frequency."""
+    sheet = read_sheet(results)
+    measured, _ = sheet.shown(TR)
+    predicted, std = sheet.shown(TR_PREDICTED)
+    frequency, _ = sheet.shown(FREQUENCY)
+    visible = np.isfinite(measured) & np.isfinite(predicted) & (predicted > 0)
+    if not np.any(visible):
+        return None
+    used = visible & ~sheet.rejected
+    with np.errstate(divide="ignore", invalid="ignore"):
+        difference, difference_std = 100 * (measured / predicted - 1), 100 * std / predicted
+    notes, key = Notes(), Key()
+    grid = Grid.of(2, 2, panel_height=2.75, style=style)
+    left, right = grid.panels
+    tyres, pressures = list(present(sheet.tyre, visible)), list(present(sheet.pressure, visible))
+    for tyre in tyres:
+        for pressure in pressures:
+            mask = used & (sheet.tyre == tyre) & (sheet.pressure == pressure)
+            marks = tyre_marks(sheet, style, tyre, pressure, 0, joined=False)
+            curve(left, predicted[mask], measured[mask], marks=marks)
+            curve(right, frequency[mask], difference[mask], marks=marks, std=difference_std[mask])
+    lost = visible & sheet.rejected
+    rejected_tests(left, predicted[lost], measured[lost], style=style)
+    rejected_tests(right, frequency[lost], difference[lost], style=style)
+    shown = used if np.any(used) else visible
+    both, extent = Extent(), Extent()
+    both.add(np.concatenate([measured[shown], predicted[shown]]))
+    extent.add(np.append(difference[shown], 0.0), np.append(difference_std[shown], 0.0))
+    ends = both.limits()
+    left.plot(ends, ends, color=style.look.ink, linewidth=0.8, label="_equal", zorder=1.0)
+    right.axhline(0.0, color=style.look.ink, linewidth=0.8, zorder=1.0)
+    limit(left, ends, ends, style=style)
+    free = Style(style.theme)
+    limit(right, span([frequency[shown]]), extent.limits(), style=free)
+    key.tyres(sheet, tyres, style)
+    key.pressures(sheet, pressures, style)
+    if np.any(lost):
+        key.rejected(style)
+    notes.tests(sheet.rejected, visible, "TR measured and predicted")
+    notes.beyond(difference[lost], extent.limits(), "the difference")
+    notes.cut(extent, extent.limits(), free)
+    if len(pressures) > len(spread(len(pressures), MOST_NAMED)):
+        notes.say("the key names some of the pressures")
+    figure = grid.finish(
+        key=key, notes=notes, x_label=TR_PREDICTED.label, y_labels=[TR.label], share_x=False, share_y=False
+    )
+    right.set_xlabel(FREQUENCY.label)
+    right.set_ylabel("TR measured less predicted [% of predicted]")
+    return figure

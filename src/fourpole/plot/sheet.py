@@ -1,0 +1,240 @@
+"""Sheet: the tests of a campaign as arrays, grouped into tyres, pressures, loads and frequencies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from fourpole.campaign.results import Results
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.plot.style import short_names
+
+__all__ = ["Groups", "Quantity", "Sheet", "read_sheet"]
+
+IntArray = NDArray[np.int64]
+
+#: Values are the same condition within these: a cam never runs at quite the frequency it was set to.
+_SAME_PRESSURE = 0.02
+_SAME_LOAD = 0.01
+_SAME_FREQUENCY = 0.02
+
+
+class Quantity(NamedTuple):
+    """A column with its uncertainty, and how an axis shows it."""
+
+    name: str
+    unit: str
+    scale: float
+    column: str
+    uncertainty: str = ""
+
+    @property
+    def label(self) -> str:
+        """Text of the axis."""
+        return f"{self.name} [{self.unit}]"
+
+
+K2 = Quantity("K2", "kN/m", 1e-3, "K2 [N/m]", "u(K2) [N/m]")
+C = Quantity("C", "N s/m", 1.0, "C [N s/m]", "u(C) [N s/m]")
+REAL = Quantity("K'", "kN/m", 1e-3, "Re K* [N/m]", "u(Re K*) [N/m]")
+IMAG = Quantity("K''", "kN/m", 1e-3, "Im K* [N/m]", "u(Im K*) [N/m]")
+LOSS = Quantity("loss factor", "1", 1.0, "loss factor [1]", "u(loss factor) [1]")
+R = Quantity("R", "mm/(N s)", 1e3, "R [m/(N s)]", "u(R) [m/(N s)]")
+I = Quantity("I", "mm/(N s)", 1e3, "I [m/(N s)]", "u(I) [m/(N s)]")  # noqa: E741  the paper's symbol
+TR = Quantity("TR measured", "1", 1.0, "TR measured [1]", "u(TR) [1]")
+TR_PREDICTED = Quantity("TR predicted", "1", 1.0, "TR predicted [1]", "u(TR) [1]")
+FREQUENCY = Quantity("frequency", "Hz", 1.0, "frequency [Hz]")
+PRESSURE = Quantity("pressure", "bar", 1e-5, "pressure [Pa]")
+
+
+@dataclass(frozen=True)
+class Groups:
+    """Distinct values of a condition in rising order; the last may be not-a-number: not stated."""
+
+    values: tuple[float, ...]
+    labels: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def stated(self) -> int:
+        """How many of them are stated."""
+        return sum(not math.isnan(value) for value in self.values)
+
+    def nearest(self, value: float) -> int:
+        """The group whose value is nearest; the only one where none is stated."""
+        off = [abs(own - value) if not math.isnan(own) else math.inf for own in self.values]
+        return off.index(min(off))
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Tests of a campaign; arrays have one entry per row of dynamic.csv.
+
+    Attributes
+    ----------
+    table : polars.DataFrame
+        dynamic.csv.
+    names, labels : tuples of str
+        Tyres in the order of their first appearance in the tables, and as figures show them.
+    pressures, loads, frequencies : Groups
+        Conditions in use.
+    tyre, pressure, load, frequency, setting : int arrays
+        Group of each test; frequency is -1 where unknown; `setting` tells rigs and added masses apart.
+    settings : tuple of str
+        What tells the settings apart; empty where there is one.
+    rejected : bool array
+        Tests that are not used.
+    """
+
+    table: pl.DataFrame
+    names: tuple[str, ...]
+    labels: tuple[str, ...]
+    pressures: Groups
+    loads: Groups
+    frequencies: Groups
+    tyre: IntArray
+    pressure: IntArray
+    load: IntArray
+    frequency: IntArray
+    setting: IntArray
+    settings: tuple[str, ...]
+    rejected: BoolArray
+
+    def values(self, column: str) -> FloatArray:
+        """A column as floats; blank is not-a-number."""
+        return _floats(self.table, column)
+
+    def shown(self, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
+        """Values and uncertainties in the unit of the axis."""
+        value = self.values(quantity.column) * quantity.scale
+        std = (
+            self.values(quantity.uncertainty) * quantity.scale if quantity.uncertainty else np.full(value.size, np.nan)
+        )
+        return value, std
+
+    def name_of_load(self, at: int) -> str:
+        """A load as a heading."""
+        return self.loads.labels[at] if self.loads.stated() or len(self.loads) > 1 else ""
+
+
+def read_sheet(results: Results) -> Sheet:
+    """Group the tests of a campaign."""
+    dynamic, static = results.dynamic, results.static
+    names = tuple(dict.fromkeys([*_texts(static, "tyre"), *_texts(dynamic, "tyre")]))
+    index = {name: at for at, name in enumerate(names)}
+    count = dynamic.height
+    both = np.concatenate([_floats(dynamic, PRESSURE.column), _floats(static, PRESSURE.column)])
+    pressures, pressure = grouped(both, _SAME_PRESSURE, _bar)
+    loads, load = grouped(_floats(dynamic, "preload [N]"), _SAME_LOAD, _newton)
+    frequencies, frequency = grouped(_floats(dynamic, FREQUENCY.column), _SAME_FREQUENCY, _hertz)
+    stated = frequencies.stated()
+    setting, settings = _settings(dynamic)
+    return Sheet(
+        table=dynamic,
+        names=names,
+        labels=short_names(names),
+        pressures=pressures,
+        loads=loads,
+        frequencies=Groups(frequencies.values[:stated], frequencies.labels[:stated]),
+        tyre=np.array([index[name] for name in _texts(dynamic, "tyre")], dtype=np.int64),
+        pressure=pressure[:count],
+        load=load,
+        frequency=np.where(frequency < stated, frequency, -1),
+        setting=setting,
+        settings=settings,
+        rejected=np.array([verdict == "rejected" for verdict in _texts(dynamic, "verdict")], dtype=bool),
+    )
+
+
+def grouped(values: FloatArray, tolerance: float, label: Callable[[float, int], str]) -> tuple[Groups, IntArray]:
+    """Groups of values that are the same within a tolerance, named by their median, and the group of each value."""
+    at = np.full(values.size, -1, dtype=np.int64)
+    middles: list[float] = []
+    order = np.argsort(values, kind="stable")
+    order = order[np.isfinite(values[order])]
+    start = 0
+    for end in range(1, order.size + 1):
+        # From the first of the group, not from the last: a fine sweep must not melt into one group.
+        if end == order.size or values[order[end]] - values[order[start]] > tolerance * abs(values[order[start]]):
+            at[order[start:end]] = len(middles)
+            middles.append(float(np.median(values[order[start:end]])))
+            start = end
+    labels = _distinct_labels(middles, label)
+    if np.any(at < 0):
+        at[at < 0] = len(middles)
+        middles.append(math.nan)
+        labels.append("not stated")
+    return Groups(tuple(middles), tuple(labels)), at
+
+
+def _distinct_labels(values: Sequence[float], label: Callable[[float, int], str]) -> list[str]:
+    labels: list[str] = []
+    for digits in (3, 4, 5, 6, 8, 12):
+        labels = [label(value, digits) for value in values]
+        if len(set(labels)) == len(labels):
+            break
+    return labels
+
+
+def _bar(value: float, digits: int) -> str:
+    return f"{value * 1e-5:.{digits}g} bar"
+
+
+def _newton(value: float, digits: int) -> str:
+    shown = f"{value:.{digits}g}"
+    return f"{float(shown):.10g} N"
+
+
+def _hertz(value: float, digits: int) -> str:
+    """The set frequency of a cam that runs 0.3 % off: to 0.5 Hz where that is within 0.5 %."""
+    if digits == 3 and abs(round(2 * value) / 2 - value) <= 0.005 * abs(value):
+        value = round(2 * value) / 2
+    return f"{value:.{digits}g} Hz"
+
+
+def _settings(table: pl.DataFrame) -> tuple[IntArray, tuple[str, ...]]:
+    """Rigs and added masses: they change TR and the mobility, but not the tyre."""
+    rigs = _texts(table, "rig")
+    added = np.nan_to_num(_floats(table, "added mass [kg]"))
+    found = list(zip(rigs, [float(f"{mass:.4g}") for mass in added], strict=True))
+    distinct = list(dict.fromkeys(found))
+    if len(distinct) < 2:
+        return np.zeros(len(found), dtype=np.int64), ()
+    shown = dict(zip(dict.fromkeys(rigs), short_names(list(dict.fromkeys(rigs)), 14), strict=True))
+    several = len(shown) > 1
+    names = [", ".join([*([shown[rig]] if several else []), f"{mass:g} kg added"]) for rig, mass in distinct]
+    return np.array([distinct.index(key) for key in found], dtype=np.int64), tuple(names)
+
+
+def _floats(table: pl.DataFrame, column: str) -> FloatArray:
+    if column not in table.columns:
+        return np.full(table.height, np.nan)
+    values: FloatArray = table[column].cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy().astype(float)
+    values = np.array(values)
+    values[~np.isfinite(values)] = np.nan
+    return values
+
+
+def _texts(table: pl.DataFrame, column: str) -> list[str]:
+    if column not in table.columns:
+        return [""] * table.height
+    return [text or "" for text in table[column].to_list()]
+
+
+def spread(count: int, most: int) -> list[int]:
+    """At most so many of so many, evenly, the first and the last among them."""
+    if count <= most:
+        return list(range(count))
+    return sorted({round(i * (count - 1) / (most - 1)) for i in range(most)})
+
+
+def present(groups: IntArray, mask: BoolArray) -> Iterator[int]:
+    """Groups that occur among some tests, in rising order."""
+    return (int(group) for group in np.unique(groups[mask]))

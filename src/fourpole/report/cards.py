@@ -1,0 +1,255 @@
+"""What the cards of the tests hold: curves in few characters, facts as they are shown."""
+
+from __future__ import annotations
+
+import cmath
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from fourpole.campaign.results import Results
+from fourpole.campaign.tables import DYNAMIC_COLUMNS
+from fourpole.report.digits import known, number
+from fourpole.report.rows import DYNAMIC, STATIC, Column, condition, worst
+from fourpole.report.stated import mapping
+
+__all__ = ["ALPHABET", "Card", "embedded", "make_cards", "packed"]
+
+#: A curve's sample is two of these: 4095 levels between its extremes, and one for what is missing.
+ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
+_LEVELS = 4094
+_PAIRS = np.array([a + b for a in ALPHABET for b in ALPHABET])
+
+_SIGNALS = (("F1", "force_in"), ("V1", "motion_in"), ("V2", "motion_out"))
+_UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
+_SYMBOLS = {"displacement": "x", "velocity": "V", "acceleration": "a"}
+
+_SEEN = (
+    Column("F1", "N", "F1 [N]"),
+    Column("V1", "mm/s", "V1 [m/s]", scale=1e-3),
+    Column("V2", "mm/s", "V2 [m/s]", scale=1e-3),
+    Column("F1 ahead of V1", "°", "phase F1-V1 [rad]", scale=pi / 180),
+    Column("V2 ahead of V1", "°", "phase V2-V1 [rad]", scale=pi / 180),
+)
+_TOGETHER = (
+    Column("corr(R, I)", "", "corr(R,I) [1]", digits=2),
+    Column("corr(K′, K″)", "", "corr(Re,Im K*) [1]", digits=2),
+    Column("corr(K2, C)", "", "corr(K2,C) [1]", digits=2),
+)
+
+
+@dataclass(frozen=True)
+class Card:
+    """One test: where its card is, what stands on it while it is closed, and the data that it is drawn from."""
+
+    key: str
+    test: str
+    tyre: str
+    condition: str
+    verdict: str
+    body: dict[str, Any]
+
+
+def make_cards(results: Results) -> tuple[list[Card], list[str], list[str]]:
+    """All cards, static tests first, and the card's key of each row of the static and the dynamic table."""
+    rows = results.previews.rows(named=True) if "test" in results.previews.columns else []
+    previews = {str(row["test"]): row for row in rows}
+    static, static_keys = _static_cards(results.static, previews)
+    dynamic = _dynamic_cards(results, previews)
+    return static + dynamic, static_keys, [card.key for card in dynamic]
+
+
+def _static_cards(frame: pl.DataFrame, previews: Mapping[str, Mapping[str, Any]]) -> tuple[list[Card], list[str]]:
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for row in frame.rows(named=True):
+        groups.setdefault(row["test"], []).append(row)
+    keys = {test: f"static-{at}" for at, test in enumerate(groups, 1)}
+    cards = [
+        Card(
+            key=keys[test],
+            test=str(test),
+            tyre=str(rows[0]["tyre"] or ""),
+            condition=", ".join(part for part in ("static", condition(rows[0], dynamic=False)) if part),
+            verdict=worst([row["verdict"] for row in rows]),
+            body=_static_body(rows, previews.get(str(test), {})),
+        )
+        for test, rows in groups.items()
+    ]
+    return cards, [keys[test] for test in frame["test"].to_list()]
+
+
+def _static_body(rows: Sequence[Mapping[str, Any]], preview: Mapping[str, Any]) -> dict[str, Any]:
+    facts = []
+    for row in rows:
+        at = f" at {number(row['preload [N]'])} N" if known(row["preload [N]"]) is not None else ""
+        facts += [[column.head + at, words] for column in STATIC[2:4] if (words := column.words(row))]
+    facts += [[column.head, words] for column in STATIC[4:] if (words := column.words(rows[0]))]
+    body: dict[str, Any] = {"facts": facts, "remarks": _remarks(rows)}
+    x, load = _floats(preview.get("deflection [m]")), _floats(preview.get("load [N]"))
+    mean_x, mean_load = _floats(preview.get("mean deflection [m]")), _floats(preview.get("mean load [N]"))
+    if x.size > 1 and x.size == load.size:
+        body["curve"] = {"x": packed(x), "y": packed(load)}
+        if mean_x.size > 1 and mean_x.size == mean_load.size:
+            body["curve"] |= {"mx": packed(mean_x), "my": packed(mean_load)}
+            body["curve"]["tangents"] = list(_tangents(rows, mean_x, mean_load))
+    return body
+
+
+def _tangents(
+    rows: Sequence[Mapping[str, Any]], x: NDArray[np.float64], load: NDArray[np.float64]
+) -> Iterator[list[float]]:
+    """Point and slope of each K1: where the mean curve first reaches the preload."""
+    for row in rows:
+        preload, k1 = known(row["preload [N]"]), known(row["K1 [N/m]"])
+        if preload is None or k1 is None:
+            continue
+        crossings = np.flatnonzero((load[:-1] <= preload) & (preload <= load[1:]) & (load[:-1] < load[1:]))
+        if crossings.size:
+            at = int(crossings[0])
+            share = (preload - load[at]) / (load[at + 1] - load[at])
+            yield [_short(x[at] + share * (x[at + 1] - x[at])), _short(preload), _short(k1)]
+
+
+def _dynamic_cards(results: Results, previews: Mapping[str, Mapping[str, Any]]) -> list[Card]:
+    quantities = {
+        symbol: str(mapping(results.record, "stated", "channels", role).get("quantity", ""))
+        for symbol, role in _SIGNALS
+    }
+    rigs = mapping(results.record, "stated", "rigs")
+    more = [name for name in results.dynamic.columns if name not in DYNAMIC_COLUMNS]
+    return [
+        Card(
+            key=f"dynamic-{at}",
+            test=str(row["test"]),
+            tyre=str(row["tyre"] or ""),
+            condition=condition(row, dynamic=True),
+            verdict=worst([row["verdict"]]),
+            body=_dynamic_body(
+                row,
+                previews.get(str(row["test"]), {}),
+                quantities,
+                more,
+                blocked=mapping(rigs, str(row["rig"] or "")).get("output") == "blocked",
+            ),
+        )
+        for at, row in enumerate(results.dynamic.rows(named=True), 1)
+    ]
+
+
+def _dynamic_body(
+    row: Mapping[str, Any],
+    preview: Mapping[str, Any],
+    quantities: Mapping[str, str],
+    more: Sequence[str],
+    *,
+    blocked: bool,
+) -> dict[str, Any]:
+    loop = _loop(row, preview, blocked=blocked)
+    facts = [[column.head, words] for column in (*_SEEN, *DYNAMIC[4:], *_TOGETHER) if (words := column.words(row))]
+    if loop:
+        facts.append(["energy lost per cycle", f"{number(pi * loop['f'] * loop['d'] * np.sin(loop['lag']))} J"])
+    facts += [[name, str(row[name])] for name in ("rig", "route") if row.get(name)]
+    facts += [[name, str(row[name])] for name in more if row[name] not in (None, "")]
+    body: dict[str, Any] = {"facts": facts, "remarks": _remarks([row])}
+    signals = [found for symbol, _ in _SIGNALS if (found := _signal(symbol, preview, quantities[symbol]))]
+    time, blocks = _floats(preview.get("time [s]")), _floats(preview.get("residual time [s]"))
+    if signals and time.size > 1:
+        body |= {"t": packed(time), "rt": packed(blocks), "signals": signals}
+    if loop:
+        body["loop"] = loop
+    return body
+
+
+def _signal(symbol: str, preview: Mapping[str, Any], quantity: str) -> dict[str, Any]:
+    signal, fit, residual = (_floats(preview.get(f"{symbol}{what}")) for what in ("", " fit", " residual"))
+    if signal.size < 2 or fit.size != signal.size:
+        return {}
+    low, high = _extremes(np.concatenate([signal, fit]))
+    return {
+        "name": _SYMBOLS.get(quantity, symbol[0]) + symbol[1:],
+        "unit": _UNITS.get(quantity, "N" if symbol == "F1" else "SI"),
+        "s": packed(signal, low, high),
+        "f": packed(fit, low, high),
+        "r": packed(residual),
+    }
+
+
+def _loop(row: Mapping[str, Any], preview: Mapping[str, Any], *, blocked: bool) -> dict[str, Any]:
+    """Amplitudes of F1 and of the deflection, how far the force is ahead, and the deflection's phase at t = 0.
+
+    Across the tyre where V2 is known, otherwise at the contact. The preview has its own zero of time: its fit of F1
+    says which.
+    """
+    names = ("frequency [Hz]", "F1 [N]", "V1 [m/s]", "phase F1-V1 [rad]")
+    frequency, f1, v1, ahead = (known(row[name]) for name in names)
+    if not frequency or not f1 or not v1 or ahead is None:
+        return {}
+    v2, v2_ahead = known(row["V2 [m/s]"]), known(row["phase V2-V1 [rad]"])
+    across = blocked or (v2 is not None and v2_ahead is not None)
+    moved = cmath.rect(v2, v2_ahead) if v2 is not None and v2_ahead is not None and not blocked else 0.0
+    omega = 2 * pi * frequency
+    deflection = (v1 - moved) / (1j * omega)
+    if deflection == 0:
+        return {}
+    lag = cmath.phase(cmath.rect(f1, ahead) / deflection)
+    loop = {"d": _short(abs(deflection)), "f": _short(f1), "lag": _short(lag), "w": _short(omega), "across": across}
+    time, fit = _floats(preview.get("time [s]")), _floats(preview.get("F1 fit"))
+    if time.size > 3 and time.size == fit.size and np.all(np.isfinite(fit)):
+        waves = np.stack([np.cos(omega * time), np.sin(omega * time), np.ones_like(time)], axis=1)
+        a, b, _ = np.linalg.lstsq(waves, fit, rcond=None)[0]
+        loop["p"] = _short(float(np.arctan2(-b, a)) - lag)
+    return loop
+
+
+def _remarks(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    return list(dict.fromkeys(str(row["remarks"]) for row in rows if row["remarks"]))
+
+
+def _floats(values: object) -> NDArray[np.float64]:
+    return np.asarray(values if isinstance(values, list) else [], dtype=np.float64)
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def _extremes(values: NDArray[np.float64]) -> tuple[float, float]:
+    seen = values[np.isfinite(values)]
+    return (float(seen.min()), float(seen.max())) if seen.size else (0.0, 0.0)
+
+
+def packed(values: NDArray[np.float64], low: float | None = None, high: float | None = None) -> list[float | str]:
+    """A curve as its extremes and two characters per sample.
+
+    Parameters
+    ----------
+    values : (n,) float array
+        Not-a-number is kept as missing.
+    low, high : float, optional
+        Extremes to share with other curves; by default the curve's own.
+
+    Returns
+    -------
+    list
+        Least value, value of one level, text.
+    """
+    if low is None or high is None:
+        low, high = _extremes(values)
+    step = (high - low) / _LEVELS
+    level = np.zeros(values.size) if step == 0 else (values - low) / step
+    index = np.where(np.isfinite(values), np.clip(np.rint(level), 0, _LEVELS), _LEVELS + 1).astype(int)
+    return [float(f"{low:.8g}"), float(f"{step:.8g}"), "".join(_PAIRS[index].tolist())]
+
+
+def embedded(value: object) -> str:
+    """JSON that can stand in a script element whatever it holds."""
+    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text

@@ -1,0 +1,216 @@
+"""report.html: one file that opens offline, with everything that an analysed campaign has to say."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any, Protocol
+
+from jinja2 import DictLoader, Environment, StrictUndefined
+from markupsafe import Markup
+
+from fourpole.campaign.results import Results
+from fourpole.io.write import write_text
+from fourpole.report.cards import embedded, make_cards
+from fourpole.report.rows import DYNAMIC, STATIC, VERDICTS, ResultTable, result_rows
+from fourpole.report.stated import channel_rows, mapping, rig_rows, tested, texts, verdict_counts
+
+__all__ = ["ReportFigure", "Said", "render_report", "write_report"]
+
+#: Tests named one by one where a finding or a remark concerns many.
+_NAMED = 12
+#: What no text of a page may hold: control characters and lone surrogates.
+_UNFIT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+
+
+class Said(Protocol):
+    """A finding in words: its topic, the sentence, and the tests that it rests on."""
+
+    @property
+    def topic(self) -> str:
+        """What findings are grouped by."""
+
+    @property
+    def text(self) -> str:
+        """One sentence, with its figures."""
+
+    @property
+    def tests(self) -> Sequence[str]:
+        """Names of tests; empty where it concerns all."""
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """A figure as the page shows it.
+
+    Parameters
+    ----------
+    key : str
+        Short name, of letters, digits and dashes.
+    title, caption : str
+        Plain text.
+    svg : str
+        The drawing, a whole SVG file. It is embedded as an image, so nothing in it can reach the page.
+    """
+
+    key: str
+    title: str
+    caption: str
+    svg: str
+
+    @property
+    def address(self) -> str:
+        """The drawing as a data: URL."""
+        return f"data:image/svg+xml;base64,{base64.b64encode(_compact(self.svg).encode()).decode()}"
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """Width and height of its view box, for the page to keep the room."""
+        found = re.search(r'viewBox="[-\d.]+ [-\d.]+ ([\d.]+) ([\d.]+)"', self.svg[:4000])
+        return (round(float(found[1])), round(float(found[2]))) if found else None
+
+
+@dataclass(frozen=True)
+class _Remark:
+    verdict: str
+    text: str
+    cards: list[tuple[str, str]]
+    more: int
+
+
+def write_report(
+    results: Results, path: str | Path, *, findings: Sequence[Said], figures: Mapping[str, ReportFigure]
+) -> None:
+    """Write report.html in one step.
+
+    Parameters
+    ----------
+    results : Results
+        Tables of an analysed campaign.
+    path : path
+        The file; its folder must exist.
+    findings : sequence of Finding
+        The finding in words, in the order to show; topics are gathered.
+    figures : mapping of str to ReportFigure
+        In the order to show.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    write_text(path, render_report(results, findings=findings, figures=figures))
+
+
+def render_report(results: Results, *, findings: Sequence[Said], figures: Mapping[str, ReportFigure]) -> str:
+    """The page that `write_report` writes, as text.
+
+    Whatever stands in the tables, the record, the findings and the captions is escaped. The page asks for nothing from
+    anywhere: style, script, figures and the data of the cards are inside, and its policy lets no other script run.
+    """
+    cards, static_keys, dynamic_keys = make_cards(results)
+    static = result_rows(results.static, STATIC, static_keys)
+    dynamic = result_rows(results.dynamic, DYNAMIC, dynamic_keys)
+    where = {card.test: card.key for card in cards}
+    record = results.record
+    script = _part("page.js")
+    text = _template().render(
+        title=str(record.get("title") or "") or "Campaign without a title",
+        counts=verdict_counts(results),
+        cards=cards,
+        tables=[table for table in _tables(dynamic, static) if table["table"].rows],
+        tyres=tested(results),
+        tyre_index={tyre: at for at, tyre in enumerate(dict.fromkeys(card.tyre for card in cards))},
+        verdicts=VERDICTS,
+        topics=_topics(findings, where),
+        rigs=rig_rows(record),
+        channels=channel_rows(record),
+        sample_rate=mapping(record, "stated").get("sample_rate [Hz]"),
+        assumptions=texts(record.get("assumptions")),
+        figures=_numbered(list(figures.values())),
+        remarks=_remarks([*dynamic.rows, *static.rows]),
+        settings={str(name): str(value) for name, value in mapping(record, "settings").items()},
+        versions={str(name): str(value) for name, value in mapping(record, "versions").items()},
+        hashes={str(name): str(value) for name, value in mapping(record, "sha256").items()},
+        data=Markup(embedded({card.key: card.body for card in cards})),
+        style=Markup(_part("page.css")),
+        script=Markup(script),
+        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+    )
+    return _UNFIT.sub("\ufffd", text)
+
+
+def _part(name: str) -> str:
+    return resources.files("fourpole.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def _template() -> Any:
+    environment = Environment(
+        loader=DictLoader({"page": _part("template.html")}),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page")
+
+
+def _tables(dynamic: ResultTable, static: ResultTable) -> list[dict[str, Any]]:
+    return [
+        {"key": "dynamic", "name": "Dynamic tests", "table": dynamic},
+        {"key": "static", "name": "Static tests, per preload in use", "table": static},
+    ]
+
+
+def _topics(findings: Sequence[Said], where: Mapping[str, str]) -> dict[str, list[dict[str, Any]]]:
+    """Findings by topic, in the order in which topics first come up."""
+    topics: dict[str, list[dict[str, Any]]] = {}
+    for finding in findings:
+        names = list(dict.fromkeys(finding.tests))
+        linked = [(name, where.get(name, "")) for name in names[:_NAMED]]
+        entry = {"text": finding.text, "tests": linked, "more": len(names) - len(linked)}
+        topics.setdefault(finding.topic, []).append(entry)
+    return topics
+
+
+def _remarks(rows: Sequence[Any]) -> list[_Remark]:
+    """Remarks of the checks, the gravest first, each with the tests that it was made on."""
+    groups: dict[tuple[str, str], dict[str, str]] = {}
+    for row in rows:
+        if row.remarks:
+            groups.setdefault((row.verdict, row.remarks), {})[row.test] = row.card
+    found = [
+        _Remark(verdict, text, list(tests.items())[:_NAMED], max(0, len(tests) - _NAMED))
+        for (verdict, text), tests in groups.items()
+    ]
+    return sorted(found, key=lambda remark: -VERDICTS.index(remark.verdict))
+
+
+def _numbered(figures: Sequence[ReportFigure]) -> list[tuple[str, ReportFigure]]:
+    """Figures with their headings: those whose title has no number of its own count on from the largest that has."""
+    stated = [re.match(r"Figure (\d+)\b", figure.title) for figure in figures]
+    count = max((int(found[1]) for found in stated if found), default=0)
+    headed = []
+    for figure, found in zip(figures, stated, strict=True):
+        title = figure.title
+        if not found:
+            count += 1
+            title = f"Figure {count}: {title}"
+        headed.append((title if title.endswith((".", "?", "!")) else f"{title}.", figure))
+    return headed
+
+
+def _compact(svg: str) -> str:
+    """An SVG without what no eye sees: prolog, metadata, space between elements, the third decimal of a point."""
+    svg = re.sub(r"<\?xml.*?\?>|<!DOCTYPE[^>\[]*>|<!--.*?-->|<metadata>.*?</metadata>", "", svg, flags=re.S)
+    svg = re.sub(r">\s*\n\s*<", "><", svg)
+    return re.sub(r'(?<=\sd=")[^"]*', lambda path: _short_path(path[0]), svg).strip()
+
+
+def _short_path(path: str) -> str:
+    return re.sub(r"\s+", " ", re.sub(r"(\.\d\d)\d+(?![\de])", r"\1", path)).strip()

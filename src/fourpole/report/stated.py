@@ -1,0 +1,204 @@
+"""What the campaign states and what was tested, as rows of text for the page; study.json is not trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import degrees
+from typing import Any
+
+import polars as pl
+
+from fourpole.campaign.results import Results
+from fourpole.report.digits import known, number, spread, with_std
+from fourpole.report.rows import VERDICTS, worst
+
+__all__ = ["ChannelRow", "RigRow", "Tested", "channel_rows", "mapping", "rig_rows", "tested", "texts", "verdict_counts"]
+
+#: Rig values: name in words, unit shown, SI value of it.
+_RIG = {
+    "moving_mass": ("moving mass m", "kg", 1.0),
+    "preload_stiffness": ("preload spring K3", "kN/m", 1e3),
+    "preload_damping": ("damper beside it c3", "N s/m", 1.0),
+    "preload_loss_factor": ("loss factor of the preload spring", "", 1.0),
+    "tyre_mass": ("moving part of the tyre", "kg", 1.0),
+    "frame_stiffness": ("frame stiffness", "kN/m", 1e3),
+    "input_mass": ("mass between force cell and contact", "kg", 1.0),
+}
+_ROLES = {
+    "force_in": "force F1",
+    "motion_in": "motion at the contact V1",
+    "motion_out": "motion of the mass V2",
+    "load": "static load",
+    "deflection": "static deflection",
+}
+_STATIC_ROLES = {"load", "deflection"}
+
+
+@dataclass(frozen=True)
+class Tested:
+    """One tyre and its tests."""
+
+    name: str
+    construction: str
+    more: list[tuple[str, str]]
+    pressures: str
+    preloads: str
+    frequencies: str
+    static: int
+    dynamic: int
+    verdicts: dict[str, int]
+
+
+@dataclass(frozen=True)
+class RigRow:
+    """One value of a rig."""
+
+    rig: str
+    name: str
+    value: str
+    std: str
+    unit: str
+    assumed: bool
+
+
+@dataclass(frozen=True)
+class ChannelRow:
+    """One channel; `gain_std` and `phase_std` with whether they were assumed."""
+
+    role: str
+    column: str
+    unit: str
+    quantity: str
+    more: list[str]
+    gain_std: tuple[str, bool]
+    phase_std: tuple[str, bool]
+
+
+def mapping(value: object, *path: str) -> dict[str, Any]:
+    """What lies at a path of nested tables; empty where something else does."""
+    for name in path:
+        value = value.get(name) if isinstance(value, dict) else None
+    return value if isinstance(value, dict) else {}
+
+
+def texts(value: object) -> list[str]:
+    """A list of texts; empty where there is none."""
+    return [str(item) for item in value] if isinstance(value, list) else []
+
+
+def _verdicts(results: Results, tyre: str | None = None) -> dict[str, list[str]]:
+    """Verdict of each static and each dynamic test."""
+    found: dict[str, list[str]] = {}
+    for kind, frame in (("static", results.static), ("dynamic", results.dynamic)):
+        rows = frame if tyre is None else frame.filter(pl.col("tyre") == tyre)
+        if kind == "static":
+            by_test: dict[str, list[str]] = {}
+            for test, verdict in rows.select("test", "verdict").iter_rows():
+                by_test.setdefault(test, []).append(verdict)
+            found[kind] = [worst(verdicts) for verdicts in by_test.values()]
+        else:
+            found[kind] = [worst([verdict]) for verdict in rows["verdict"].to_list()]
+    return found
+
+
+def verdict_counts(results: Results) -> dict[str, int]:
+    """Tests by verdict; a static test with several preloads counts by its worst."""
+    found = _verdicts(results)
+    return {verdict: (found["static"] + found["dynamic"]).count(verdict) for verdict in VERDICTS}
+
+
+def tested(results: Results) -> list[Tested]:
+    """One row per tyre, in the order of the tables."""
+    both = [results.static.select("tyre", "construction"), results.dynamic.select("tyre", "construction")]
+    constructions: dict[str, str] = {}
+    for frame in both:
+        for tyre, construction in frame.iter_rows():
+            constructions.setdefault(str(tyre or ""), str(construction or ""))
+    stated = mapping(results.record, "stated", "specimens")
+    return [_tested(results, tyre, text, mapping(stated, tyre)) for tyre, text in constructions.items()]
+
+
+def _tested(results: Results, tyre: str, construction: str, stated: Mapping[str, Any]) -> Tested:
+    static, dynamic = (frame.filter(pl.col("tyre") == tyre) for frame in (results.static, results.dynamic))
+    verdicts = _verdicts(results, tyre)
+    every = verdicts["static"] + verdicts["dynamic"]
+
+    def values(name: str) -> list[Any]:
+        return [value for frame in (static, dynamic) if name in frame.columns for value in frame[name].to_list()]
+
+    return Tested(
+        name=tyre,
+        construction=construction,
+        more=[(str(key), _plain(value)) for key, value in stated.items() if key != "construction"],
+        pressures=spread(values("pressure [Pa]"), "bar", scale=1e5, tolerance=0.02),
+        preloads=spread(values("preload [N]"), "N"),
+        frequencies=spread(values("frequency [Hz]"), "Hz", tolerance=0.02),
+        static=len(verdicts["static"]),
+        dynamic=len(verdicts["dynamic"]),
+        verdicts={verdict: every.count(verdict) for verdict in VERDICTS},
+    )
+
+
+def _plain(value: object) -> str:
+    found = known(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{found:.6g}" if found is not None else str(value)
+
+
+def rig_rows(record: Mapping[str, Any]) -> list[RigRow]:
+    """Each value of each rig with its uncertainty."""
+    rows = []
+    for name, stated in mapping(record, "stated", "rigs").items():
+        if mapping(stated) and stated.get("output") == "blocked":
+            rows.append(RigRow(str(name), "far side", "blocked", "", "", assumed=False))
+        rows += [_rig_row(str(name), key, value) for key, value in mapping(stated).items() if isinstance(value, dict)]
+    return rows
+
+
+def _rig_row(rig: str, key: str, stated: dict[str, Any]) -> RigRow:
+    unit = str(stated.get("unit", ""))
+    words, shown, scale = _RIG.get(key, (key.replace("_", " "), "" if unit == "1" else unit, 1.0))
+    value, std = known(stated.get("value")), known(stated.get("std"))
+    if value is None:
+        return RigRow(rig, words, "", "", shown, assumed=False)
+    text, about = with_std(value / scale, None if std is None else std / scale, 6)
+    if not about:
+        text = f"{value / scale:.6g}".replace("-", "−")
+    return RigRow(rig, words, text, about or "exact", shown, assumed=stated.get("assumed") is True)
+
+
+def channel_rows(record: Mapping[str, Any]) -> list[ChannelRow]:
+    """Each channel: which column, what it recorded, how it is turned into SI values, what is not known of it."""
+    channels = mapping(record, "stated", "channels")
+    return [_channel_row(str(role), stated) for role, stated in channels.items() if isinstance(stated, dict)]
+
+
+def _channel_row(role: str, stated: dict[str, Any]) -> ChannelRow:
+    more = [f"{name} {_plain(stated[name])}" for name in ("gain", "offset", "sensitivity", "range") if name in stated]
+    if delay := known(stated.get("delay")):
+        more.append(f"delay {number(1e3 * delay, 3)} ms")
+    if stated.get("invert") is True:
+        more.append("inverted")
+    gain, phase = known(stated.get("std_gain [1]")), known(stated.get("std_phase [rad]", stated.get("std_phase")))
+    return ChannelRow(
+        role=_ROLES.get(role, role),
+        column=str(stated.get("column", "")),
+        unit=str(stated.get("unit") or "V"),
+        quantity=str(stated.get("quantity", "")),
+        more=more,
+        gain_std=_unknown(stated, "std_gain", None if gain is None else 100.0 * gain, "%"),
+        phase_std=("", False)
+        if role in _STATIC_ROLES
+        else _unknown(stated, "std_phase", None if phase is None else degrees(phase), "°"),
+    )
+
+
+def _unknown(stated: dict[str, Any], name: str, value: float | None, unit: str) -> tuple[str, bool]:
+    if value is None:
+        return "", False
+    if value == 0:
+        return "exact", False
+    gap = "" if unit == "°" else " "
+    return f"{value:.3g}{gap}{unit}", name not in stated and stated.get("exact") is not True

@@ -1,0 +1,217 @@
+"""The tables of results by tyre and nominal condition: what the sentences are made from."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import isfinite, sqrt
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from fourpole.campaign.results import Results
+from fourpole.report.words.phrases import UNSTATED, Key, Quantity
+
+__all__ = ["Curve", "Facts", "Finding", "Measured", "common"]
+
+_TOLERANCE = {"pressure": 0.02, "load": 0.01, "frequency": 0.02}
+_COLUMNS = {"pressure": "pressure [Pa]", "load": "preload [N]", "frequency": "frequency [Hz]"}
+#: A value without a stated uncertainty is taken to be known to this.
+_UNSTATED_STD = 0.02
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One sentence of what a campaign shows.
+
+    Attributes
+    ----------
+    topic : str
+        What it is about: "trust", "static stiffness", "nonlinearity", "dynamic stiffness", "damping", "loss",
+        "resonance", "transmissibility" or "claims".
+    text : str
+        Plain text with figures and units; names of tyres and tests stand in it as the campaign has them.
+    tests : tuple of str
+        The tests it rests on, where they are few enough to be named.
+    """
+
+    topic: str
+    text: str
+    tests: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A value with its standard uncertainty; repeats are averaged, at no gain in certainty."""
+
+    value: float
+    std: float
+
+    @property
+    def pair(self) -> tuple[float, float]:
+        """Both."""
+        return self.value, self.std
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Transmissibility of one tyre at one condition, by rising frequency as recorded."""
+
+    frequency: tuple[float, ...]
+    tr: tuple[float, ...]
+    std: tuple[float, ...]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Lowest and highest frequency."""
+        return self.frequency[0], self.frequency[-1]
+
+
+Values = Mapping[Key, Measured]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Results with nominal conditions; `used` leaves out the rejected tests.
+
+    Attributes
+    ----------
+    results : Results
+    nominal : dict
+        By axis, the value that stands for each value of the tables.
+    """
+
+    results: Results
+    nominal: Mapping[str, Mapping[float, float]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, results: Results) -> Facts:
+        """Group pressures within 2 %, loads within 1 % and frequencies within 2 %."""
+        nominal = {
+            axis: _clustered(
+                [v for table in (results.static, results.dynamic) for v in _column(table, column)], _TOLERANCE[axis]
+            )
+            for axis, column in _COLUMNS.items()
+        }
+        return cls(results, {**nominal, "frequency": {f: _snapped(n) for f, n in nominal["frequency"].items()}})
+
+    @cached_property
+    def tyres(self) -> tuple[str, ...]:
+        """All tyres that were tested, in the order of their names."""
+        names = {name for table in (self.results.static, self.results.dynamic) for name in table["tyre"].to_list()}
+        return tuple(sorted(names, key=natural))
+
+    @cached_property
+    def constructions(self) -> dict[str, str]:
+        """What the campaign calls each tyre's construction."""
+        rows = pl.concat([table.select("tyre", "construction") for table in self.tables]).unique().sort("construction")
+        return {tyre: text or "" for tyre, text in rows.rows()}
+
+    @property
+    def tables(self) -> tuple[pl.DataFrame, pl.DataFrame]:
+        """Static and dynamic rows, rejected ones included."""
+        return self.results.static, self.results.dynamic
+
+    @cached_property
+    def used_static(self) -> list[dict[str, Any]]:
+        """Rows of static tests that were not rejected."""
+        return self._used(self.results.static)
+
+    @cached_property
+    def used_dynamic(self) -> list[dict[str, Any]]:
+        """Rows of dynamic tests that were not rejected."""
+        return self._used(self.results.dynamic)
+
+    def _used(self, table: pl.DataFrame) -> list[dict[str, Any]]:
+        rows = table.filter(pl.col("verdict") != "rejected").rows(named=True)
+        return sorted(rows, key=lambda row: natural(row["test"]))
+
+    def key(self, row: Mapping[str, Any], axes: Iterable[str]) -> Key:
+        """Nominal condition of a row."""
+        return tuple(self.nominal[axis].get(_number(row.get(_COLUMNS[axis])), UNSTATED) for axis in axes)
+
+    def values(self, quantity: Quantity, tyre: str) -> dict[Key, Measured]:
+        """A quantity of a tyre by nominal condition; blanks, and what is not positive, are left out."""
+        static = quantity.axes[-1] != "frequency"
+        groups: dict[Key, list[tuple[float, float]]] = {}
+        for row in self.used_static if static else self.used_dynamic:
+            value = _number(row.get(quantity.column))
+            if row["tyre"] == tyre and value > 0.0:
+                std = _number(row.get(quantity.std_column))
+                pair = value, std if std >= 0.0 else _UNSTATED_STD * value
+                groups.setdefault(self.key(row, quantity.axes), []).append(pair)
+        return {key: _averaged(groups[key]) for key in sorted(groups)}
+
+    @cached_property
+    def curves(self) -> dict[tuple[str, str], dict[Key, Curve]]:
+        """Measured transmissibility by (tyre, set-up) and (pressure, load); the set-up is rig and added mass."""
+        points: dict[tuple[str, str], dict[Key, dict[float, list[tuple[float, float, float]]]]] = {}
+        for row in self.used_dynamic:
+            tr, std, frequency = (_number(row.get(name)) for name in ("TR measured [1]", "u(TR) [1]", "frequency [Hz]"))
+            if tr > 0.0 and frequency > 0.0:
+                lines = points.setdefault((row["tyre"], _setup(row)), {})
+                line = lines.setdefault(self.key(row, ("pressure", "load")), {})
+                point = frequency, tr, std if std >= 0.0 else _UNSTATED_STD * tr
+                line.setdefault(self.nominal["frequency"][frequency], []).append(point)
+        return {who: {key: _curve(lines[key]) for key in sorted(lines)} for who, lines in sorted(points.items())}
+
+
+def common(first: Mapping[Key, Any], second: Mapping[Key, Any]) -> list[Key]:
+    """Conditions that both have, in order."""
+    return sorted(set(first) & set(second))
+
+
+def natural(name: str) -> tuple[Any, ...]:
+    """Sorts D2 before D10."""
+    parts = re.split(r"([0-9]+)", name)
+    return tuple(
+        (0, len(part.lstrip("0")), part.lstrip("0")) if part.isdecimal() else (1, 0, part) for part in parts
+    ), name
+
+
+def _curve(line: Mapping[float, Sequence[tuple[float, float, float]]]) -> Curve:
+    points = sorted(tuple(np.mean(repeats, axis=0).tolist()) for repeats in line.values())
+    frequency, tr, std = zip(*points, strict=True)
+    return Curve(frequency, tr, std)
+
+
+def _setup(row: Mapping[str, Any]) -> str:
+    mass = _number(row.get("added mass [kg]"))
+    parts = [f"rig {row['rig']}"] if row.get("rig") else []
+    return " and ".join([*parts, *([f"{mass:g} kg added"] if mass > 0.0 else [])])
+
+
+def _averaged(pairs: Sequence[tuple[float, float]]) -> Measured:
+    """Mean of repeats: their scatter, or the stated uncertainty, whichever is larger."""
+    values = np.array([value for value, _ in pairs])
+    stated = float(np.mean([std for _, std in pairs]))
+    scatter = float(values.std(ddof=1)) / sqrt(values.size) if values.size > 1 else 0.0
+    return Measured(float(values.mean()), max(stated, scatter))
+
+
+def _column(table: pl.DataFrame, name: str) -> list[float]:
+    return [v for v in table[name].to_list() if v is not None and isfinite(v) and v > 0.0] if name in table else []
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, (int, float)) else float("nan")
+
+
+def _clustered(values: Iterable[float], tolerance: float) -> dict[float, float]:
+    """Value -> median of those that lie within the tolerance of the lowest of them."""
+    groups: list[list[float]] = []
+    for value in sorted(values):
+        if groups and value <= groups[-1][0] * (1.0 + tolerance):
+            groups[-1].append(value)
+        else:
+            groups.append([value])
+    return {value: float(np.median(group)) for group in groups for value in group}
+
+
+def _snapped(frequency: float) -> float:
+    """The nearest half hertz, where it is near enough to be what was meant."""
+    nearest = round(2.0 * frequency) / 2.0
+    return nearest if abs(frequency - nearest) <= 0.006 * nearest else frequency

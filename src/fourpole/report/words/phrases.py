@@ -1,0 +1,163 @@
+"""Numbers, conditions and lists as a reader expects them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import floor, isfinite, log10
+
+__all__ = ["UNSTATED", "Quantity", "condition", "counted", "joined", "number", "percent", "ranged", "shown", "some"]
+
+#: A pressure or load that nobody stated.
+UNSTATED = -1.0
+Key = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A column of the tables and how it is spoken of."""
+
+    symbol: str
+    column: str
+    std_column: str
+    topic: str
+    axes: tuple[str, ...]
+    scale: float = 1.0
+    unit: str = ""
+    more: str = ""  # what a tyre is that has more of it
+    start: str = ""  # how it opens a sentence, where that is not its symbol
+
+    def of(self, tyre: str) -> str:
+        """The quantity of a tyre, at the start of a sentence."""
+        return f"{self.start or self.symbol} of {tyre}"
+
+    def shown(self, value: float) -> str:
+        """A value with its unit."""
+        return shown(value / self.scale, self.unit)
+
+    def span(self, values: Iterable[float]) -> str:
+        """Smallest and largest value with the unit."""
+        return ranged([value / self.scale for value in values], self.unit)
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Significant digits without an exponent, as far as that can be read.
+
+    Examples
+    --------
+    >>> number(144216.0), number(1.0), number(0.30366), number(99.96)
+    ('144000', '1.00', '0.304', '100')
+    """
+    if not isfinite(value):
+        return "unknown"
+    if value == 0.0:
+        return "0"
+    rounded = float(f"{value:.{digits - 1}e}")
+    size = floor(log10(abs(rounded)))
+    if size < -4 or size > 6:
+        return f"{rounded:.{digits - 1}e}"
+    return f"{rounded:.{max(digits - 1 - size, 0)}f}"
+
+
+def shown(value: float, unit: str) -> str:
+    """A number with its unit, if it has one."""
+    return f"{number(value)} {unit}".rstrip()
+
+
+def ranged(values: Sequence[float], unit: str = "", digits: int = 3) -> str:
+    """'a to b unit', or one number where both read the same."""
+    low, high = number(min(values), digits), number(max(values), digits)
+    return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
+
+
+def percent(share: float) -> str:
+    """A share as per cent, as many digits as make sense."""
+    size = abs(100.0 * share)
+    return f"{100.0 * share:.0f} %" if size >= 9.95 else f"{100.0 * share:.1f} %" if size >= 0.095 else _small(share)
+
+
+def _small(share: float) -> str:
+    return f"{100.0 * share:.2f} %" if abs(share) >= 0.5e-4 else "0.0 %"
+
+
+def percents(shares: Sequence[float]) -> str:
+    """Smallest to largest share as per cent."""
+    low, high = percent(min(shares)), percent(max(shares))
+    return low if low == high else f"{low.removesuffix(' %')} to {high}"
+
+
+def bar(pressure: float) -> str:
+    """A pressure in bar.
+
+    Examples
+    --------
+    >>> bar(170e3)
+    '1.70 bar'
+    """
+    return "unstated pressure" if pressure == UNSTATED else f"{number(pressure / 1e5)} bar"
+
+
+def newton(load: float) -> str:
+    """A load in N."""
+    return "unstated load" if load == UNSTATED else f"{number(load, 4)} N" if load < 1000 else f"{load:.0f} N"
+
+
+def hertz(frequency: float) -> str:
+    """A frequency in Hz: tested ones are mostly whole numbers.
+
+    Examples
+    --------
+    >>> hertz(16.0), hertz(16.53)
+    ('16 Hz', '16.5 Hz')
+    """
+    text = number(frequency)
+    return f"{text.rstrip('0').rstrip('.') if '.' in text else text} Hz"
+
+
+SHOWN: dict[str, Callable[[float], str]] = {"pressure": bar, "load": newton, "frequency": hertz}
+
+
+def setting(axis: str, value: float) -> str:
+    """One pressure, load or frequency."""
+    return SHOWN[axis](value)
+
+
+def condition(axes: Sequence[str], key: Key) -> str:
+    """'1.70 bar, 1000 N, 16 Hz'; what is not stated is left out."""
+    parts = [setting(axis, value) for axis, value in zip(axes, key, strict=True) if value != UNSTATED]
+    return ", ".join(parts) or "the only condition"
+
+
+def counted(count: int, singular: str, plural: str = "") -> str:
+    """'1 test', '3 tests'."""
+    return f"{count} {singular if count == 1 else plural or singular + 's'}"
+
+
+def joined(items: Iterable[str]) -> str:
+    """'a', 'a and b', 'a, b and c'."""
+    listed = list(items)
+    return " and ".join([", ".join(listed[:-1]), listed[-1]] if len(listed) > 1 else listed)
+
+
+def some(items: Sequence[str], most: int = 10) -> str:
+    """A list of which at most `most` are named."""
+    return joined(items) if len(items) <= most else f"{', '.join(items[:most])} and {len(items) - most} more"
+
+
+def stretches(axis: str, chosen: Sequence[float], tested: Sequence[float]) -> str:
+    """Settings as stretches of the tested ones: '10 Hz to 16 Hz and 19 Hz'."""
+    order = sorted(tested)
+    runs: list[list[float]] = []
+    for value in sorted(chosen):
+        if runs and order.index(value) == order.index(runs[-1][-1]) + 1:
+            runs[-1].append(value)
+        else:
+            runs.append([value])
+    return joined(_stretch(axis, run) for run in runs)
+
+
+def _stretch(axis: str, run: Sequence[float]) -> str:
+    first, last = setting(axis, run[0]), setting(axis, run[-1])
+    if len(run) == 1:
+        return first
+    return f"{first.rpartition(' ')[0]} to {last}"

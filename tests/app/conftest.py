@@ -1,0 +1,100 @@
+"""The command as users run it: as a process where the process matters, else in this one."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from fourpole.app.cli import app
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
+
+#: The command as it was installed beside this Python.
+FOURPOLE = shutil.which("fourpole", path=str(Path(sys.executable).parent)) or "fourpole"
+ENVIRONMENT = {
+    **{name: value for name, value in os.environ.items() if not name.startswith(("FOURPOLE_", "COV_"))},
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONIOENCODING": "utf-8",
+    "NO_COLOR": "1",
+}
+
+
+@pytest.fixture(scope="session")
+def start() -> Callable[..., subprocess.Popen[str]]:
+    """Start the installed command and do not wait for it."""
+
+    def starting(*arguments: object, cwd: Path | None = None) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [FOURPOLE, *map(str, arguments)],
+            cwd=cwd,
+            env=ENVIRONMENT,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+        )
+
+    return starting
+
+
+@pytest.fixture(scope="session")
+def fourpole(start: Callable[..., subprocess.Popen[str]]) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run the installed command to its end."""
+
+    def running(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+        process = start(*arguments, cwd=cwd)
+        try:
+            out, err = process.communicate(timeout=120)
+        except BaseException:
+            process.kill()
+            raise
+        return subprocess.CompletedProcess(arguments, process.returncode, out, err)
+
+    return running
+
+
+@pytest.fixture(scope="session")
+def run() -> Callable[..., Result]:
+    """Run the command in this process."""
+
+    def running(*arguments: object) -> Result:
+        ran = CliRunner().invoke(app, [*map(str, arguments)])
+        assert ran.exception is None or isinstance(ran.exception, SystemExit), ran.exception
+        return ran
+
+    return running
+
+
+@pytest.fixture(scope="session")
+def small_campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One static test and three dynamic ones of one tyre."""
+    return simulate_campaign(
+        tmp_path_factory.mktemp("small"),
+        tyres=[RADIAL_PLY],
+        pressures=[170e3],
+        preloads=[1000.0],
+        frequencies=[10.0, 17.0, 24.0],
+    ).folder
+
+
+@pytest.fixture
+def campaign(small_campaign: Path, tmp_path: Path) -> Path:
+    """A copy of the small campaign to change."""
+    return shutil.copytree(small_campaign, tmp_path / "campaign")
+
+
+@pytest.fixture(scope="session")
+def demonstration(
+    fourpole: Callable[..., subprocess.CompletedProcess[str]], tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """The folder that `fourpole demo` leaves, and what it printed."""
+    place = tmp_path_factory.mktemp("demonstration")
+    return place / "fourpole-demo", fourpole("demo", cwd=place)

@@ -1,0 +1,111 @@
+"""The demonstration, end to end: made, analysed, summed up, and the paper's twelve claims read on its tables."""
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+
+@pytest.fixture(scope="module")
+def evaluate_claims():
+    path = Path(__file__).parents[1] / "reference" / "claims.py"
+    spec = importlib.util.spec_from_file_location("claims_for_the_demonstration", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # where a dataclass looks for its own module
+    spec.loader.exec_module(module)
+    yield module.evaluate_claims
+    del sys.modules[spec.name]
+
+
+def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):
+    folder, ran = demonstration
+    assert (ran.returncode, ran.stderr) == (0, "")
+    lines = ran.stdout.splitlines()
+    assert 4 <= len(lines) <= 12
+    assert lines[0] == "Virtual campaign in fourpole-demo (seed 1982): 210 tests, 210 ok, 0 with a warning, 0 rejected."
+    assert max(map(len, lines)) < 400
+    assert all(tyre in ran.stdout for tyre in ("cross-ply", "radial-ply"))
+    assert "they are not its data" in ran.stdout
+    assert {path.name for path in folder.iterdir()} >= {
+        "campaign.toml",
+        "tests.csv",
+        "recordings",
+        "truth.csv",
+        "results",
+    }
+    assert {"static.csv", "dynamic.csv"} <= {path.name for path in (folder / "results").iterdir()}
+    assert str(Path("fourpole-demo") / "results") in ran.stdout
+
+
+def test_every_test_is_ok(demonstration):
+    folder, _ = demonstration
+    static, dynamic = (pl.read_csv(folder / "results" / name) for name in ("static.csv", "dynamic.csv"))
+    assert (static.height, dynamic.height) == (20, 200)
+    assert {*static["verdict"], *dynamic["verdict"]} == {"ok"}
+    assert {*static["remarks"], *dynamic["remarks"]} <= {"", None}
+
+
+def test_the_twelve_claims_of_the_paper_hold_on_its_tables(demonstration, evaluate_claims):
+    folder, _ = demonstration
+    found = evaluate_claims(*(pl.read_csv(folder / "results" / name) for name in ("static.csv", "dynamic.csv")))
+    assert [number for number, _, _ in found] == list(range(1, 13))
+    assert [claim for claim in found if not claim[1]] == []
+
+
+def test_the_tables_agree_with_the_truth_beside_them(demonstration):
+    folder, _ = demonstration
+    truth = pl.read_csv(folder / "truth.csv", infer_schema_length=None)
+    table = pl.read_csv(folder / "results" / "dynamic.csv").join(truth, on="test", suffix=" true")
+    assert table.height == 200
+    for name, most in (("K1 [N/m]", 1e-3), ("Re K* [N/m]", 1e-2), ("K2 [N/m]", 3e-2), ("C [N s/m]", 3e-2)):
+        assert (table[name] / table[f"{name} true"] - 1.0).abs().max() < most, name
+    for name, std in (("Re K* [N/m]", "u(Re K*) [N/m]"), ("Im K* [N/m]", "u(Im K*) [N/m]")):
+        error = (table[name] - table[f"{name} true"]) / table[std]
+        assert error.abs().max() < 4.0
+
+
+def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
+    """With the summary for programs, and of a small campaign, so that it is quick."""
+    from fourpole.app import analysis
+    from fourpole.virtual import simulate_campaign
+
+    def small(folder, **settings):
+        return simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 24.0], **settings)
+
+    monkeypatch.setattr(analysis, "simulate_campaign", small)
+    small(tmp_path / "demo", seed=8)
+    (tmp_path / "demo" / "results").mkdir()
+    (tmp_path / "demo" / "results" / "dynamic.csv").write_text("old")
+    ran = run("demo", tmp_path / "demo", "--seed", 7, "--json")
+    said = json.loads(ran.stdout)
+    assert (ran.exit_code, ran.stderr) == (0, "")
+    assert said["verdicts"] == {"ok": 6, "warning": 0, "rejected": 0}
+    assert said["rejected"] == []
+    assert said["found"]
+    assert all(isinstance(sentence, str) for sentence in said["found"])
+    assert pl.read_csv(tmp_path / "demo" / "results" / "dynamic.csv")["verdict"].to_list() == ["ok"] * 4
+    fresh = small(tmp_path / "fresh", seed=7).folder
+    for name in ("campaign.toml", "recordings/D1.csv"):
+        assert (tmp_path / "demo" / name).read_bytes() == (fresh / name).read_bytes()
+
+
+@pytest.mark.parametrize("command", ["demo", "simulate"])
+def test_a_folder_of_somebody_else_is_refused_and_untouched(run, tmp_path, command):
+    (tmp_path / "thesis.txt").write_text("years")
+    ran = run(command, tmp_path)
+    assert (ran.exit_code, ran.stdout) == (2, "")
+    assert "is not empty and holds no truth.csv of a virtual campaign" in ran.stderr
+    assert len(ran.stderr.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize("command", ["demo", "simulate"])
+def test_a_file_in_place_of_the_folder_is_refused(run, tmp_path, command):
+    (tmp_path / "file").write_text("x")
+    for place in (tmp_path / "file", tmp_path / "file" / "below"):
+        ran = run(command, place)
+        assert ran.exit_code == 2
+        assert "choose another folder" in ran.stderr or "name a new or empty folder" in ran.stderr

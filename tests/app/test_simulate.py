@@ -1,0 +1,33 @@
+"""simulate: a campaign to analyse, said where it is."""
+
+import pytest
+
+from fourpole.virtual import simulate_campaign
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    """The whole campaign has 210 tests; here it has six."""
+
+    def small(folder, **settings):
+        return simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 24.0], **settings)
+
+    monkeypatch.setattr("fourpole.virtual.simulate_campaign", small)
+
+
+@pytest.mark.parametrize("clean", [False, True])
+def test_the_campaign_it_makes_is_analysed_without_a_remark(run, tmp_path, clean):
+    made = run("simulate", tmp_path / "c", "--seed", 3, *(["--clean"] if clean else []))
+    assert (made.exit_code, made.stdout) == (0, "")
+    assert made.stderr == f"6 tests recorded in {tmp_path / 'c'} (seed 3); next: fourpole analyse {tmp_path / 'c'}\n"
+    assert (", clean" in (tmp_path / "c" / "campaign.toml").read_text()) == clean
+    ran = run("analyse", tmp_path / "c", "--tables-only")
+    assert (ran.exit_code, ran.stderr) == (0, "")
+    assert ran.stdout.startswith("6 tests, 6 ok, 0 with a warning, 0 rejected")
+
+
+def test_the_same_seed_gives_the_same_files(run, tmp_path):
+    for name, seed in (("a", 5), ("b", 5), ("c", 6)):
+        run("simulate", tmp_path / name, "--seed", seed)
+    a, b, c = ((tmp_path / name / "recordings" / "D1.csv").read_bytes() for name in "abc")
+    assert a == b != c

@@ -1,0 +1,127 @@
+"""Turns of a deflection record, complete cycles, and the travel before contact."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fourpole.core.branches import in_contact, split_branches
+
+
+def sweep(*turns, points=50):
+    """Straight ways from turn to turn, each turn once."""
+    ways = [np.linspace(a, b, points)[:-1] for a, b in pairwise(turns)]
+    return np.concatenate([*ways, [turns[-1]]])
+
+
+def turning_places(x):
+    found = split_branches(x)
+    return [x[first] for first, _ in found.ends] + [x[found.ends[-1][1]]]
+
+
+@pytest.mark.parametrize(
+    ("turns", "rising", "cycles"),
+    [
+        ((0, 1), (True,), ()),
+        ((1, 0), (False,), ()),
+        ((0, 1, 0), (True, False), ((0, 1),)),
+        ((0, 1, 0, 1, 0), (True, False, True, False), ((0, 1), (2, 3))),
+        ((0, 1, 0, 1), (True, False, True), ((0, 1),)),  # the last loading has no unloading
+        ((1, 0, 1), (False, True), ((0, 1),)),  # starts loaded: the other way round
+        ((1, 0, 1, 0), (False, True, False), ((1, 2),)),  # ... unless there is a pair the right way
+        ((0.5, 1, 0, 1, 0), (True, False, True, False), ((2, 3),)),  # starts half way: not complete
+        ((0, 1, 0, 0.5, 0), (True, False, True, False), ((0, 1),)),  # a small last cycle
+        ((0, 0.95, 0.02, 1, 0), (True, False, True, False), ((0, 1), (2, 3))),  # all within a tenth
+        ((0, 0.8, 0, 1, 0), (True, False, True, False), ((2, 3),)),
+    ],
+)
+def test_branches_and_cycles(turns, rising, cycles):
+    x = sweep(*turns)
+    found = split_branches(x)
+    assert turning_places(x) == pytest.approx(turns)
+    assert found.rising == rising
+    assert found.cycles == cycles
+
+
+def test_ends_are_shared_by_neighbours():
+    x = sweep(0, 1, 0, 1, 0, points=11)
+    assert split_branches(x).ends == ((0, 10), (10, 20), (20, 30), (30, 40))
+
+
+@given(
+    st.lists(st.floats(0.55, 1.0), min_size=1, max_size=5),
+    st.floats(-10.0, 10.0),
+    st.floats(1e-4, 10.0),
+    st.integers(4, 60),
+)
+def test_turns_are_found_at_any_scale_and_zero(peaks, zero, scale, points):
+    turns = [0.0]
+    for peak in peaks:
+        turns += [peak, 0.0]
+    x = zero + scale * sweep(*turns, points=points)
+    assert turning_places(x) == pytest.approx([zero + scale * t for t in turns], abs=1e-9 * scale)
+
+
+def test_noise_makes_no_turns():
+    rng = np.random.default_rng(0)
+    x = sweep(0, 1, 0, 1, 0, points=500)
+    noisy = x + 0.02 * rng.standard_normal(x.size)  # peak to peak 0.15 of the range: below the 0.3 of a turn
+    assert split_branches(noisy).rising == (True, False, True, False)
+    assert split_branches(noisy).cycles == ((0, 1), (2, 3))
+
+
+def test_a_dwell_belongs_to_a_branch():
+    x = np.concatenate([sweep(0, 1), np.ones(40), sweep(1, 0), np.zeros(30), sweep(0, 1, 0)])
+    found = split_branches(x)
+    assert found.cycles == ((0, 1), (2, 3))
+    assert turning_places(x) == pytest.approx([0, 1, 0, 1, 0])
+
+
+def test_points_in_no_order_are_one_branch():
+    x = np.random.default_rng(1).uniform(0, 1, 200)
+    found = split_branches(x)
+    assert found.ends == ((0, 199),)
+    assert found.cycles == ()
+
+
+def test_of_cycle():
+    x = sweep(0, 1, 0, 1, 0, points=11)
+    load = np.arange(x.size, dtype=float)
+    found = split_branches(x)
+    part, force, side = found.of_cycle(-1, x, load)
+    np.testing.assert_array_equal(part, np.concatenate([x[20:31], x[30:41]]))  # the turn belongs to both
+    np.testing.assert_array_equal(force, np.concatenate([load[20:31], load[30:41]]))
+    np.testing.assert_array_equal(side, np.repeat([1.0, -1.0], 11))
+    np.testing.assert_array_equal(found.of_cycle(0, x, load)[1][:11], load[:11])
+
+
+def test_of_cycle_without_cycle_is_the_longest_branch():
+    x = sweep(0.4, 0, 1, points=11)
+    part, force, side = split_branches(x).of_cycle(-1, x, 2 * x)
+    assert side is None
+    assert part[[0, -1]].tolist() == [0.0, 1.0]
+    np.testing.assert_array_equal(force, 2 * part)
+
+
+def test_free_travel_is_left_out():
+    x = np.linspace(0.0, 1.0, 101)
+    load = np.where(x < 0.205, 0.0, 1000 * (x - 0.2))
+    held = in_contact(x, load)
+    assert not held[:20].any()
+    assert held[25:].all()
+
+
+@pytest.mark.parametrize(
+    "load",
+    [
+        lambda x: 1000 * x,  # no travel at all
+        lambda x: 1000 * x**2,  # soft at first, but not flat enough for that
+        lambda x: 300 + 1000 * x,  # starts loaded
+        lambda x: np.where(x < 0.03, 0.0, x - 0.03),  # over 3 % of the deflection: not worth it
+    ],
+)
+def test_a_curve_that_starts_in_contact_is_left_whole(load):
+    x = np.linspace(0.0, 1.0, 101)
+    assert in_contact(x, load(x)).all()

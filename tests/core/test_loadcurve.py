@@ -1,0 +1,373 @@
+"""Load-deflection curves: tangent, secant, loss and nonlinearity of laws that are known."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.polynomial import Polynomial
+
+from fourpole.core.loadcurve import LoadCurve
+from fourpole.errors import FourpoleError, LoadCurveError
+
+DEPTH = 0.03
+LAW = Polynomial([0.0, 150e3, 2e6])  # [N], in m
+K1 = LAW.deriv()
+
+
+def polynomial(order):
+    """A rising law of this order: slopes of 0.6 to 1.6 times 150 kN/m."""
+    terms = [150e3 * DEPTH] + [0.2 * 150e3 * DEPTH * (-1) ** k / (k + 1) for k in range(1, order)]
+    return Polynomial([0.0, *(term / DEPTH ** (k + 1) for k, term in enumerate(terms))])
+
+
+def tangents(curve, law, places=(0.004, 0.012, 0.02, 0.026)):
+    return np.array([curve.tangent(float(law(x))).stiffness for x in places]) / law.deriv()(np.array(places))
+
+
+# Exact curves ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", ["none", "friction", "parabola", "skewed", "ellipse"])
+@pytest.mark.parametrize("order", range(1, 7))
+def test_polynomials_with_hysteresis_are_met_exactly(load_cycles, order, shape):
+    """The gap is symmetric about the mean, its shape polynomial or elliptic: nothing but round-off is left."""
+    law = polynomial(order)
+    curve = LoadCurve(*load_cycles(law, shape=shape))
+    assert curve.cycles == 3
+    assert curve.order == order
+    np.testing.assert_allclose(tangents(curve, law), np.ones(4), rtol=1e-9)
+    tangent = curve.tangent(float(law(0.02)))
+    assert tangent.deflection == pytest.approx(0.02, rel=1e-9)
+    assert tangent.by_load == pytest.approx(law.deriv(2)(0.02) / law.deriv()(0.02), rel=1e-6, abs=1e-6)
+    assert tangent.fit < 1e-6 * tangent.stiffness
+    assert tangent.cycles < 1e-9 * tangent.stiffness
+
+
+@pytest.mark.parametrize(("up", "down", "warp"), [(201, 57, 1.0), (40, 400, 1.0), (201, 201, 1.6), (90, 150, 0.7)])
+@pytest.mark.parametrize("shape", ["parabola", "ellipse"])
+def test_branches_need_not_be_sampled_alike(load_cycles, up, down, warp, shape):
+    """A mean over points would lean to the branch with more of them; that at equal deflection does not."""
+    law = polynomial(3)
+    curve = LoadCurve(*load_cycles(law, up=up, down=down, warp=warp, shape=shape, gap=400.0))
+    np.testing.assert_allclose(tangents(curve, law), np.ones(4), rtol=1e-9)
+
+
+@given(st.floats(-0.5, 0.5))
+def test_the_zero_of_the_deflection_is_arbitrary(load_cycles, zero):
+    x, f = load_cycles(LAW)
+    here, there = LoadCurve(x, f), LoadCurve(x + zero, f)
+    # a deflection 1/2 m off keeps 0.03/0.5 of its digits: 1e-15 m of 0.03, over the 250 points of a tangent's base
+    assert there.tangent(3000.0).stiffness == pytest.approx(here.tangent(3000.0).stiffness, rel=1e-11)
+    assert there.tangent(3000.0).deflection - zero == pytest.approx(here.tangent(3000.0).deflection, abs=1e-12)
+    assert there.secant(3000.0).stiffness == pytest.approx(here.secant(3000.0).stiffness, rel=1e-11)
+    assert there.hysteresis_loss == pytest.approx(here.hysteresis_loss, rel=1e-10)
+    assert there.nonlinearity == pytest.approx(here.nonlinearity, rel=1e-9)
+
+
+@given(st.floats(0.1, 10.0), st.floats(0.1, 10.0))
+def test_scaling(load_cycles, by_load, by_deflection):
+    x, f = load_cycles(LAW)
+    here, there = LoadCurve(x, f), LoadCurve(by_deflection * x, by_load * f)
+    one, other = here.tangent(3000.0), there.tangent(3000.0 * by_load)
+    assert other.stiffness == pytest.approx(one.stiffness * by_load / by_deflection, rel=1e-10)
+    assert other.branches == pytest.approx(one.branches * by_load / by_deflection, rel=1e-6)
+    assert there.hysteresis_loss == pytest.approx(here.hysteresis_loss * by_load * by_deflection, rel=1e-10)
+    assert there.nonlinearity == pytest.approx(here.nonlinearity, rel=1e-9)
+
+
+@pytest.mark.parametrize("cycles", [3, 5])
+def test_the_first_cycle_never_enters(load_cycles, cycles):
+    """A first cycle with a load 30 % higher, as of rubber not yet conditioned, leaves K1 and its uncertainty alone."""
+    conditioned = LoadCurve(*load_cycles(LAW, cycles=cycles))
+    fresh = LoadCurve(*load_cycles(LAW, cycles=cycles, first=1.3))
+    assert fresh.tangent(3000.0) == conditioned.tangent(3000.0)
+    assert fresh.hysteresis_loss == conditioned.hysteresis_loss
+    assert fresh.nonlinearity == conditioned.nonlinearity
+    assert fresh.measured_loads == conditioned.measured_loads
+
+
+def test_of_two_cycles_the_second_counts(load_cycles):
+    fresh = LoadCurve(*load_cycles(LAW, cycles=2, first=1.3))
+    tangent = fresh.tangent(3000.0)
+    assert tangent.stiffness == pytest.approx(K1(tangent.deflection), rel=1e-9)
+    assert tangent.cycles == 0.0
+    assert fresh.remarks == ()
+
+
+def test_change_between_the_last_cycles(load_cycles):
+    x, f = load_cycles(LAW, shape="none", cycles=4)
+    f = f.copy()
+    f[2 * 402 : 3 * 402] *= 1.05  # the last but one
+    tangent = LoadCurve(x, f).tangent(3000.0)
+    # at 3000 N the stiffer cycle deflects less, to where the law carries 3000/1.05 N
+    softer = (-150e3 + np.sqrt(150e3**2 + 8e6 * 3000 / 1.05)) / 4e6
+    change = 1.05 * K1(softer) - K1(tangent.deflection)
+    assert tangent.cycles == pytest.approx(abs(change) / np.sqrt(12), rel=1e-6)
+    assert tangent.std == pytest.approx(np.hypot(tangent.cycles, np.hypot(tangent.fit, tangent.branches)), rel=1e-12)
+
+
+def test_gap_between_the_branches_tangents(load_cycles):
+    curve = LoadCurve(*load_cycles(LAW, gap=200.0))
+    x = 0.02
+    tangent = curve.tangent(float(LAW(x)))
+    gap = 2 * 200 * 2 * (2 * x / DEPTH - 1) * (2 / DEPTH)  # of ± 200 (1 - u²), u = 2x/D - 1
+    assert tangent.branches == pytest.approx(gap / np.sqrt(12), rel=1e-6)
+
+
+def test_a_record_that_starts_loaded(load_cycles):
+    x, f = load_cycles(LAW, cycles=2)
+    whole = LoadCurve(x, f)
+    backwards = LoadCurve(x[201:603], f[201:603])  # unloading, then loading
+    assert backwards.cycles == 1
+    assert backwards.tangent(3000.0).stiffness == pytest.approx(whole.tangent(3000.0).stiffness, rel=1e-9)
+    assert backwards.hysteresis_loss == pytest.approx(whole.hysteresis_loss, rel=1e-9)
+
+
+@pytest.mark.parametrize("part", [slice(0, 201), slice(201, 402)], ids=["loading", "unloading"])
+def test_a_single_branch_gives_its_own_tangent_with_a_remark(load_cycles, part):
+    x, f = load_cycles(LAW, cycles=1)
+    curve = LoadCurve(x[part], f[part])
+    side = 1.0 if part.start == 0 else -1.0
+    law = LAW + side * 200 * (1 - (Polynomial([-1, 2 / DEPTH])) ** 2)
+    np.testing.assert_allclose(tangents(curve, law), np.ones(4), rtol=1e-9)
+    assert curve.cycles == 0
+    assert "one branch only" in curve.remarks[0]
+    assert np.isnan(curve.hysteresis_loss)
+    tangent = curve.tangent(3000.0)
+    assert tangent.branches == tangent.cycles == 0.0
+
+
+def test_one_cycle_is_used_with_a_remark(load_cycles):
+    curve = LoadCurve(*load_cycles(LAW, cycles=1))
+    np.testing.assert_allclose(tangents(curve, LAW), np.ones(4), rtol=1e-9)
+    assert "one complete cycle only" in curve.remarks[0]
+
+
+def test_points_in_no_order():
+    x = np.random.default_rng(0).uniform(0.0, DEPTH, 60)
+    curve = LoadCurve(x, LAW(x))
+    assert curve.cycles == 0
+    np.testing.assert_allclose(tangents(curve, LAW), np.ones(4), rtol=1e-9)
+
+
+def test_a_table_of_five_points_gives_a_line():
+    x = np.linspace(0.0, DEPTH, 5)
+    assert LoadCurve(x, 150e3 * x).tangent(2000.0).stiffness == pytest.approx(150e3, rel=1e-12)
+
+
+# The ends of the curve ------------------------------------------------------------------------------------------
+
+
+def test_no_extrapolation(load_cycles):
+    curve = LoadCurve(*load_cycles(LAW, shape="none"))
+    top = float(LAW(DEPTH))
+    assert curve.measured_loads == pytest.approx((0.0, top), abs=1e-9)
+    for load in (0.0, top):
+        assert curve.tangent(load).stiffness == pytest.approx(K1(0.0 if load == 0 else DEPTH), rel=1e-9)
+    for load in (-1.0, top + 1.0, 1e6, np.nan):
+        for question in (curve.tangent, curve.secant):
+            with pytest.raises(LoadCurveError, match=r"lies outside the measured loads.*no extrapolation") as caught:
+                question(load)
+    assert isinstance(caught.value, FourpoleError)
+    assert isinstance(caught.value, ValueError)
+
+
+def test_a_load_at_the_edge_of_a_loop_is_answered(load_cycles):
+    """The largest load of a loop may lie a little past the end of the mean of its branches."""
+    curve = LoadCurve(*load_cycles(LAW, shape="skewed", gap=20.0))
+    highest = curve.measured_loads[1]
+    tangent = curve.tangent(highest)
+    assert tangent.deflection <= DEPTH * 1.02
+    assert tangent.stiffness == pytest.approx(K1(DEPTH), rel=0.01)
+
+
+def test_a_load_far_past_the_mean_is_refused(load_cycles):
+    """Friction of 2000 N: loads were measured that the mean of the branches never has."""
+    curve = LoadCurve(*load_cycles(LAW, shape="friction", gap=2000.0))
+    with pytest.raises(LoadCurveError, match="the mean of the branches does not reach 8000 N"):
+        curve.tangent(8000.0)
+
+
+def test_a_curve_with_a_dip_is_read_where_it_first_rises_to_the_load():
+    """It falls between 13.8 and 20.9 mm and rises again, so that loads there are met three times."""
+    law = Polynomial([0.0, 200e3, -1.2e7, 2.3e8])
+    x = np.linspace(0.0, DEPTH, 301)
+    curve = LoadCurve(x, law(x))
+    dip, top = law(0.0209), law(0.0138)
+    for load in np.linspace(0.0, curve.measured_loads[1], 41):
+        tangent = curve.tangent(float(load))
+        assert law(tangent.deflection) == pytest.approx(load, abs=1e-8)
+        assert tangent.stiffness == pytest.approx(law.deriv()(tangent.deflection), abs=1e-3)
+        assert tangent.deflection < 0.0139 if load < top - 1 else tangent.deflection > 0.0209
+    assert dip < top
+
+
+def test_secant(load_cycles):
+    curve = LoadCurve(*load_cycles(LAW))
+    for x in (0.005, 0.02, 0.03):
+        assert curve.secant(float(LAW(x))).stiffness == pytest.approx(LAW(x) / x, rel=1e-9)
+        assert curve.secant(float(LAW(x))).reason == ""
+
+
+def test_secant_from_just_above_zero():
+    """A curve whose least load is below 0.5 % of its span is continued to zero, at most 2 % of the deflection."""
+    x = np.linspace(0.0, DEPTH, 301)
+    curve = LoadCurve(x, LAW(x) + 20.0)
+    zero = -20.0 / K1(0.0)
+    assert curve.secant(3000.0).stiffness == pytest.approx(3000 / (curve.tangent(3000.0).deflection - zero), rel=1e-4)
+
+
+def test_no_secant_where_the_curve_starts_loaded():
+    x = np.linspace(0.0, DEPTH, 301)
+    curve = LoadCurve(x, LAW(x) + 400.0)
+    secant = curve.secant(3000.0)
+    assert np.isnan(secant.stiffness)
+    assert secant.reason == "the curve starts at 400 N: no point of zero load"
+    assert curve.tangent(3000.0).stiffness > 0
+
+
+def test_free_travel_before_contact(load_cycles):
+    """10 mm of air, then the law: neither tangent nor secant know of the air."""
+    law = lambda x: np.where(x < 0.01, 0.0, LAW(np.maximum(x - 0.01, 0.0)))  # noqa: E731
+    x, f = load_cycles(law, depth=0.04, shape="none", up=401, down=401)
+    curve = LoadCurve(x, f)
+    tangent = curve.tangent(3000.0)
+    assert tangent.stiffness == pytest.approx(K1(tangent.deflection - 0.01), rel=1e-9)
+    assert curve.secant(3000.0).stiffness == pytest.approx(3000 / (tangent.deflection - 0.01), rel=1e-9)
+    rng = np.random.default_rng(0)
+    noisy = LoadCurve(x, f + 5 * rng.standard_normal(x.size)).tangent(3000.0)
+    assert abs(noisy.stiffness - tangent.stiffness) < 4 * noisy.std
+
+
+# Loss and nonlinearity ------------------------------------------------------------------------------------------
+
+
+def test_loss_of_an_ellipse(load_cycles):
+    """An ellipse with half axes D/2 and 200 N; a polygon of 2·2000 points misses about 1/N^1.5 of it, 1e-5."""
+    curve = LoadCurve(*load_cycles(LAW, shape="ellipse", up=2001, down=2001))
+    assert curve.hysteresis_loss == pytest.approx(np.pi * 0.5 * DEPTH * 200.0, rel=2e-5)
+
+
+@pytest.mark.parametrize(("shape", "area"), [("none", 0.0), ("friction", 2.0), ("parabola", 4 / 3), ("skewed", 4 / 3)])
+def test_loss_of_other_loops(load_cycles, shape, area):
+    """Twice the mean gap over -1 < u < 1; the trapezoidal rule of 200 steps is off by 1/200² times the end slopes."""
+    curve = LoadCurve(*load_cycles(LAW, shape=shape))
+    assert curve.hysteresis_loss == pytest.approx(2 * area * 200 * DEPTH / 2, rel=1e-4, abs=1e-9)
+
+
+def test_loss_is_positive_whatever_the_sampling(load_cycles):
+    x, f = load_cycles(LAW, up=60, down=333, warp=1.4, gap=100.0)
+    # two trapezoidal rules with different steps of the law itself, off by its curvature times step² each
+    assert LoadCurve(x, f).hysteresis_loss == pytest.approx(4 / 3 * 100 * DEPTH, rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.3, 0.5])
+def test_nonlinearity_of_a_quadratic(load_cycles, share):
+    """Departure of (1-s) u + s u² from its line through 10 and 90 % of the load: at an end, or where slopes agree."""
+    top = 5000.0
+    law = Polynomial([0.0, (1 - share) * top / DEPTH, share * top / DEPTH**2])
+    u = [
+        (load if share == 0 else (share - 1 + np.sqrt((1 - share) ** 2 + 4 * share * load)) / (2 * share))
+        for load in (0.1, 0.9)
+    ]
+    slope = 0.8 / (u[1] - u[0])
+    inner = (slope - 1 + share) / (2 * share) if share else 0.5
+    at = np.array([0.0, 1.0, inner])
+    departure = np.max(np.abs((1 - share) * at + share * at**2 - (0.1 + slope * (at - u[0]))))
+    curve = LoadCurve(*load_cycles(law, depth=DEPTH))
+    assert curve.nonlinearity == pytest.approx(departure, abs=1e-5)  # looked for at 401 places: step²/8 of the bend
+
+
+# Imperfect data -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", ["parabola", "ellipse"])
+@pytest.mark.parametrize("noise", [5.0, 50.0])
+def test_fit_uncertainty_is_honest(load_cycles, noise, shape):
+    """White noise in the load: errors over their stated uncertainties, 200 times."""
+    x, f = load_cycles(LAW, shape=shape, up=101, down=101)
+    errors, seeds = [], 200
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        tangent = LoadCurve(x, f + noise * rng.standard_normal(x.size)).tangent(3000.0)
+        errors.append((tangent.stiffness - K1((-150e3 + np.sqrt(150e3**2 + 8e6 * 3000)) / 4e6)) / tangent.fit)
+    assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.4
+    assert abs(np.mean(errors)) < 4 * np.std(errors) / np.sqrt(seeds)
+
+
+def test_gains_of_the_sensors():
+    """The load's gain g moves F and the place at which it is read: dK1/dg = K1 - F dK1/dF; the deflection's -K1."""
+    x = np.linspace(0.0, DEPTH, 301)
+    tangent = LoadCurve(x, LAW(x)).tangent(3000.0)
+    step = 1e-4
+    by_load = [LoadCurve(x, (1 + g) * LAW(x)).tangent(3000.0).stiffness for g in (step, -step)]
+    by_deflection = [LoadCurve((1 + g) * x, LAW(x)).tangent(3000.0).stiffness for g in (step, -step)]
+    expected = np.hypot(
+        0.01 * (by_load[0] - by_load[1]) / (2 * step), 0.02 * (by_deflection[0] - by_deflection[1]) / (2 * step)
+    )
+    assert tangent.std_with_gains(0.01, 0.02) == pytest.approx(expected, rel=1e-6)
+    assert tangent.std_with_gains(0.0, 0.0) == tangent.std
+
+
+def test_missing_points_are_left_out_and_said(load_cycles):
+    x, f = load_cycles(LAW)
+    x, f = x.copy(), f.copy()
+    x[7::50], f[31::50] = np.nan, np.inf
+    curve = LoadCurve(x, f)
+    np.testing.assert_allclose(tangents(curve, LAW), np.ones(4), rtol=1e-9)
+    assert curve.missing == pytest.approx(0.04, abs=0.002)
+    assert curve.remarks == ("4 % of the points are missing and were left out",)
+
+
+def test_spikes_are_left_out_and_said(load_cycles):
+    x, f = load_cycles(LAW)
+    spiky = f + 2 * np.random.default_rng(0).standard_normal(f.size)
+    spiky[[850, 1000, 1100]] += [3000.0, -1500.0, 8000.0]
+    curve = LoadCurve(x, spiky)
+    assert curve.outliers == 3
+    assert "3 points lie far off the curve" in curve.remarks[0]
+    tangent = curve.tangent(3000.0)
+    assert abs(tangent.stiffness - K1(tangent.deflection)) < 4 * tangent.fit + 1e-3 * tangent.stiffness
+    assert LoadCurve(x, f).outliers == 0
+
+
+def test_a_clipped_load_cell_is_said(load_cycles):
+    x, f = load_cycles(LAW, shape="none")
+    curve = LoadCurve(x, np.minimum(f, 5000.0))
+    reached = (-150e3 + np.sqrt(150e3**2 + 8e6 * 5000)) / 4e6
+    assert curve.flat_top == pytest.approx(1 - reached / DEPTH, abs=0.01)
+    assert any("the load cell was clipped" in remark for remark in curve.remarks)
+    assert not any("clipped" in remark for remark in LoadCurve(x, f).remarks)
+
+
+@pytest.mark.parametrize(
+    ("x", "f", "says"),
+    [
+        ([0, 1, 2, 3], [0, 1, 2, 3], "the curve has 4 points, at least 5 are needed"),
+        ([], [], "the curve has 0 points"),
+        ([0, 1, 2, 3, 4, np.nan], [0, 1, np.nan, 3, 4, 5], "the curve has 4 points"),
+        ([1, 1, 1, 1, 1], [0, 1, 2, 3, 4], "load or deflection does not change"),
+        ([0, 1, 2, 3, 4], [7, 7, 7, 7, 7], "load or deflection does not change"),
+        ([0, 1, 2, 3, 4], [0, 0, 0, 0, 0], "load or deflection does not change"),
+        ([0, 1, 2, 3, 4], [0, -1, -2, -3, -4], "the load falls as the deflection grows: .* invert = true"),
+    ],
+)
+def test_curves_that_are_none(x, f, says):
+    with pytest.raises(LoadCurveError, match=says):
+        LoadCurve(np.array(x, dtype=float), np.array(f, dtype=float))
+
+
+# To be drawn ----------------------------------------------------------------------------------------------------
+
+
+def test_loop_and_mean_curve(load_cycles):
+    x, f = load_cycles(LAW, up=2001, down=2001, first=1.3)
+    curve = LoadCurve(x, f)
+    loop_x, loop_f = curve.loop()
+    assert 160 <= loop_x.size < 320
+    recorded = set(zip(x[2 * 4002 - 1 :], f[2 * 4002 - 1 :], strict=True))  # of the last cycle alone
+    assert set(zip(loop_x, loop_f, strict=True)) <= recorded
+    assert 4001 <= curve.loop(points=10**6)[0].size <= 4003  # the turns belong to both branches
+    mean_x, mean_f = curve.mean_curve(points=31)
+    assert mean_x[[0, -1]].tolist() == pytest.approx([0.0, DEPTH])
+    np.testing.assert_allclose(mean_f, LAW(mean_x), atol=1e-8)

@@ -1,0 +1,90 @@
+"""The mean of the branches as a polynomial: exact where the data are, and of the order that they carry."""
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+
+from fourpole.core.meancurve import fit_mean_curve
+
+X = np.concatenate([np.linspace(0.0, 0.03, 150), np.linspace(0.03, 0.0, 220)])
+SIDE = np.repeat([1.0, -1.0], [150, 220])
+LAW = Polynomial([50.0, 1.2e5, 3e6, -4e7])
+
+
+def test_value_slope_and_bend_of_a_cubic():
+    curve = fit_mean_curve(X, LAW(X), None)
+    at = np.linspace(0.0, 0.03, 7)
+    assert curve.order == 3
+    assert curve.span == (0.0, 0.03)
+    # round-off of 5000 N · 1e-15, and (n²/half) and its square times that for the derivatives
+    np.testing.assert_allclose(curve.value(at), LAW(at), atol=1e-10)
+    np.testing.assert_allclose([curve.slope(x) for x in at], LAW.deriv()(at), rtol=1e-11)
+    np.testing.assert_allclose([curve.bend(x) for x in at], LAW.deriv(2)(at), atol=1e-8 * 6e6)
+    assert np.abs(curve.residual).max() < 1e-9
+    assert max(curve.slope_std(x) for x in at) < 1e-6
+
+
+@pytest.mark.parametrize("gap", [lambda u: 0 * u + 80.0, lambda u: 80 * (1 - u**2), lambda u: 80 * np.sqrt(1 - u**2)])
+def test_the_gap_is_kept_out_of_the_mean(gap):
+    place = np.clip(X / 0.015 - 1, -1, 1)
+    curve = fit_mean_curve(X, LAW(X) + SIDE * gap(place), SIDE)
+    at = np.linspace(0.001, 0.029, 15)
+    np.testing.assert_allclose([curve.slope(x) for x in at], LAW.deriv()(at), rtol=1e-9)
+
+
+def test_slope_gap_is_the_difference_of_the_branches_tangents():
+    place = X / 0.015 - 1
+    curve = fit_mean_curve(X, LAW(X) + SIDE * 80 * (1 - place**2), SIDE)
+    for x in (0.005, 0.015, 0.02):
+        expected = 2 * 80 * -2 * (x / 0.015 - 1) / 0.015
+        assert curve.slope_gap(x) == pytest.approx(expected, abs=1e-3)  # 1e-10 N over a step of 1.5e-6 m
+    ellipse = fit_mean_curve(X, LAW(X) + SIDE * 80 * np.sqrt(np.clip(1 - place**2, 0, None)), SIDE)
+    expected = 2 * 80 * -0.5 / np.sqrt(0.75) / 0.015
+    assert ellipse.slope_gap(0.0225) == pytest.approx(expected, rel=1e-6)
+    assert fit_mean_curve(X, LAW(X), None).slope_gap(0.01) == 0.0
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_order_in_noise_is_that_of_the_law(order):
+    """BIC takes a term more with a chance of about 1/sqrt(N log N), 2 % here, and none less where all are plain."""
+    law = Polynomial([0.0, 1.2e5, 3e6, -4e7, 4e9][: order + 1])
+    rng = np.random.default_rng(order)
+    orders = [fit_mean_curve(X, law(X) + rng.standard_normal(X.size), SIDE).order for _ in range(60)]
+    assert min(orders) == order
+    assert np.mean(np.array(orders) == order) > 0.85
+
+
+def test_few_points_carry_a_low_order():
+    x = np.linspace(0.0, 0.03, 5)
+    assert fit_mean_curve(x, LAW(x), None).order == 1
+    x = np.linspace(0.0, 0.03, 9)
+    assert fit_mean_curve(x, LAW(x), None).order == 3
+
+
+def test_weights_sum_to_one_and_the_choice_of_order_is_part_of_the_uncertainty():
+    rng = np.random.default_rng(0)
+    load = 1.2e5 * X + 100 * np.cos(X / 0.01) + 5 * rng.standard_normal(X.size)
+    curve = fit_mean_curve(X, load, SIDE)
+    assert sum(curve.weights.values()) == pytest.approx(1.0, abs=1e-3)
+    assert set(curve.weights) == set(curve.fits)
+    spread = sum(w * (curve.slope(0.02, p) - curve.slope(0.02)) ** 2 for p, w in curve.weights.items())
+    assert curve.slope_std(0.02) ** 2 >= spread
+
+
+@pytest.mark.parametrize(("correlation", "samples"), [(0.0, 370), (0.9, 2000)])
+def test_slope_uncertainty_is_honest(correlation, samples):
+    """White noise, and noise correlated over ten samples, of a known law."""
+    rng = np.random.default_rng(7)
+    x = np.concatenate([np.linspace(0.0, 0.03, samples // 2), np.linspace(0.03, 0.0, samples // 2)])
+    side = np.repeat([1.0, -1.0], samples // 2)
+    white = 10 * rng.standard_normal((200, samples + 100))
+    noise = np.zeros_like(white)
+    for i in range(1, white.shape[1]):
+        noise[:, i] = correlation * noise[:, i - 1] + np.sqrt(1 - correlation**2) * white[:, i]
+    errors = []
+    for row in noise[:, 100:]:
+        curve = fit_mean_curve(x, LAW(x) + row, side)
+        errors.append((curve.slope(0.018) - LAW.deriv()(0.018)) / curve.slope_std(0.018))
+    # 200 errors: 1 ± 0.16; a wrong order now and then, and the uncertainty for it, make it 0.7 to 1.4
+    assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.4
+    assert abs(np.mean(errors)) < 4 * np.std(errors) / np.sqrt(200)

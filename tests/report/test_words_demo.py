@@ -1,0 +1,266 @@
+"""The finding in words on a virtual campaign, sentence by sentence against what the tyres are."""
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from fourpole import Study, analyse
+from fourpole.campaign.results import Results
+from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
+from fourpole.report.words import findings, headline
+from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
+
+PRESSURES, FREQUENCIES = [100e3, 170e3, 240e3], [14.0, 16.5, 18.0, 20.0, 23.0]
+KEY = ["tyre", "pressure [Pa]", "preload [N]"]
+
+
+@pytest.fixture(scope="session")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The two tyres at three pressures and two loads as the demonstration records them; tests.csv has one load."""
+    folder = simulate_campaign(
+        tmp_path_factory.mktemp("words"),
+        seed=7,
+        tyres=[CROSS_PLY, RADIAL_PLY],
+        pressures=PRESSURES,
+        preloads=[1000.0, 2000.0],
+        frequencies=FREQUENCIES,
+    ).folder
+    tests = pl.read_csv(folder / "tests.csv", infer_schema=False)
+    tests.filter(pl.col("preload [N]").cast(float).fill_null(1000.0) == 1000.0).write_csv(folder / "tests.csv")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def whole_truth(campaign: Path) -> pl.DataFrame:
+    return pl.read_csv(campaign / "truth.csv", infer_schema_length=None)
+
+
+@pytest.fixture(scope="session")
+def demo(campaign, whole_truth) -> tuple[Study, pl.DataFrame]:
+    """The campaign at one load, analysed, and its truth."""
+    return analyse(campaign), whole_truth.filter(pl.col("preload [N]") == 1000.0)
+
+
+@pytest.fixture(scope="session")
+def told(demo):
+    return findings(demo[0].results)
+
+
+def sentence(told, topic, *words):
+    (text,) = (f.text for f in told if f.topic == topic and all(word in f.text for word in words))
+    return text
+
+
+def figures(text):
+    return [float(number) for number in re.findall(r"(?<![\w.])-?\d+(?:\.\d+)?", text)]
+
+
+def curve(truth, column, **where):
+    """Frequencies and values of a tyre at one condition."""
+    rows = truth.filter(pl.col("test").str.starts_with("D"), *(pl.col(n) == v for n, v in where.items()))
+    rows = rows.sort("frequency [Hz]")
+    return rows["frequency [Hz]"].to_numpy(), rows[column].to_numpy()
+
+
+def ratios(truth, column):
+    cross, radial = (truth.filter(pl.col("tyre") == tyre) for tyre in ("cross-ply", "radial-ply"))
+    by = ["pressure [Pa]", "preload [N]", "nominal"]
+    pairs = cross.join(radial, on=by, suffix=" other", nulls_equal=True).drop_nulls([column, f"{column} other"])
+    return (pairs[column] / pairs[f"{column} other"] - 1.0).to_numpy()
+
+
+@pytest.fixture(scope="session")
+def true(demo):
+    """The truth with nominal frequencies, blank for static tests."""
+    return demo[1].with_columns((2.0 * pl.col("frequency [Hz]")).round().alias("nominal") / 2.0)
+
+
+@pytest.mark.parametrize(
+    ("topic", "symbol", "column"),
+    [("static stiffness", "K1", "K1 [N/m]"), ("dynamic stiffness", "K2", "K2 [N/m]"), ("damping", "C", "C [N s/m]")],
+)
+def test_the_comparison_is_true(told, true, topic, symbol, column):
+    text = sentence(told, topic, "cross-ply is", f"its {symbol} is above that of radial-ply")
+    found = ratios(true.filter(pl.col("frequency [Hz]").is_null() == (symbol == "K1")), column)
+    mean, low, high = (float(x) / 100.0 for x in re.findall(r"([\d.]+) %", text)[:3])
+    assert mean == pytest.approx(found.mean(), rel=0.04)
+    assert low == pytest.approx(found.min(), rel=0.1, abs=0.01)
+    assert high == pytest.approx(found.max(), rel=0.1)
+    assert f"at each of the {found.size} " in text
+
+
+@pytest.mark.parametrize("tyre", ["cross-ply", "radial-ply"])
+@pytest.mark.parametrize(
+    ("topic", "symbol", "column", "scale"),
+    [
+        ("static stiffness", "K1", "K1 [N/m]", 1e3),
+        ("dynamic stiffness", "K2", "K2 [N/m]", 1e3),
+        ("damping", "C", "C [N s/m]", 1.0),
+    ],
+)
+def test_the_levels_are_true(told, true, tyre, topic, symbol, column, scale):
+    text = sentence(told, topic, f"{symbol} of {tyre} lies between")
+    values = true.filter(pl.col("tyre") == tyre)[column].drop_nulls()
+    low, high = (float(x) for x in re.findall(r"([\d.]+) (?:kN/m|N s/m)", text))
+    assert low == pytest.approx(values.min() / scale, rel=0.05)
+    assert high == pytest.approx(values.max() / scale, rel=0.05)
+
+
+def test_the_trends_are_true(told, true):
+    def relative(tyre, column, axis):
+        rest = [n for n in ("pressure [Pa]", "preload [N]", "nominal") if n != axis]
+        changes = {}
+        for key, rows in true.filter(pl.col("tyre") == tyre, pl.col(column).is_not_null()).group_by(rest):
+            x, y = rows[axis].to_numpy(), rows[column].to_numpy()
+            if x[0] is not None and x.size > 2:
+                changes[key] = np.polyfit(x, y, 1)[0] * np.ptp(x) / y.mean()
+        return changes
+
+    for tyre in ("cross-ply", "radial-ply"):
+        text = sentence(told, "static stiffness", f"K1 of {tyre} rises with pressure")
+        found = np.mean([v for k, v in relative(tyre, "K1 [N/m]", "pressure [Pa]").items() if k[-1] is None])
+        assert float(re.search(r"by ([\d.]+) %", text)[1]) / 100 == pytest.approx(found, abs=0.006)
+        text = sentence(told, "dynamic stiffness", f"K2 of {tyre}", "rises with frequency")
+        found = np.mean(list(relative(tyre, "K2 [N/m]", "nominal").values()))
+        assert float(re.search(r"by ([\d.]+) %", text)[1]) / 100 == pytest.approx(found, abs=0.03)
+        turn = sentence(told, "dynamic stiffness", f"K2 of {tyre}", "crosses zero")
+        assert "falls with pressure at 14" in turn
+        assert "23 Hz" in turn
+        changes = relative(tyre, "K2 [N/m]", "pressure [Pa]")
+        f = np.array(FREQUENCIES)
+        mean = np.array([np.mean([v for k, v in changes.items() if k[-1] == at]) for at in f])
+        zero = np.interp(0.0, mean, f)
+        assert float(re.search(r"about ([\d.]+) Hz", turn)[1]) == pytest.approx(zero, abs=0.3)
+    text = sentence(told, "damping", "C of radial-ply rises with pressure")
+    found = np.mean(list(relative("radial-ply", "C [N s/m]", "pressure [Pa]").values()))
+    assert float(re.search(r"by ([\d.]+) %", text)[1]) / 100 == pytest.approx(found, abs=0.015)
+    assert "C of radial-ply rises with frequency" in sentence(told, "damping", "C of radial-ply", "frequency from")
+
+
+def true_peak(true, tyre, pressure, load):
+    """Top of TR with K* between the tested frequencies."""
+    where = {"tyre": tyre, "pressure [Pa]": pressure, "preload [N]": load}
+    f = np.linspace(14.0, 23.0, 9001)
+    parts = [np.polynomial.Polynomial.fit(*curve(true, f"{part} K* [N/m]", **where), 4)(f) for part in ("Re", "Im")]
+    rig = [
+        true[name].drop_nulls()[0]
+        for name in ("moving mass [kg]", "preload stiffness [N/m]", "preload damping [N s/m]")
+    ]
+    w = 2 * np.pi * f
+    stiffness = parts[0] + 1j * parts[1]
+    tr = abs(stiffness / (stiffness + rig[1] - w**2 * rig[0] + 1j * w * rig[2]))
+    return f, tr
+
+
+@pytest.mark.parametrize("tyre", ["cross-ply", "radial-ply"])
+def test_the_resonances_are_true(told, true, tyre):
+    text = sentence(told, "resonance", f"{tyre} at 1000 N resonates")
+    for pressure in PRESSURES:
+        f, tr = true_peak(true, tyre, pressure, 1000.0)
+        top, where = f[np.argmax(tr)], rf"Hz \({pressure / 1e5:.2f} bar\)"
+        between = re.search(rf"between the tested frequencies ([\d.]+) and ([\d.]+) {where}", text)
+        if between:
+            assert float(between[1]) < top < float(between[2])
+        else:
+            assert float(re.search(rf"([\d.]+) {where}", text)[1]) == pytest.approx(top, abs=0.25)
+        _, tested = curve(true, "TR [1]", **dict(zip(KEY, (tyre, pressure, 1000.0), strict=True)))
+        height = float(re.findall(rf"([\d.]+) \({pressure / 1e5:.2f} bar\)", text)[-1])
+        assert height == pytest.approx(tested.max(), rel=0.005)
+
+
+def test_the_crossing_is_true(told, true):
+    crossings = []
+    for pressure in PRESSURES:
+        (f, cross), (_, radial) = (true_peak(true, tyre, pressure, 1000.0) for tyre in ("cross-ply", "radial-ply"))
+        crossings.append(f[np.flatnonzero(np.diff(np.sign(cross - radial)))[-1]])
+    text = sentence(told, "transmissibility", "cross once")
+    assert "at each of 3 conditions in common" in text
+    assert "below it cross-ply has the lower TR, above it radial-ply" in text
+    low, high = (float(re.search(rf"{word} ([\d.]+) Hz", text)[1]) for word in ("between", "and"))
+    assert low == pytest.approx(min(crossings), abs=0.15)
+    assert high == pytest.approx(max(crossings), abs=0.15)
+
+
+def test_the_measured_tr_agrees_with_the_predicted(told):
+    assert sentence(told, "transmissibility", "predicted").endswith("which is within the uncertainty.")
+
+
+@pytest.fixture(scope="module")
+def evaluate_claims():
+    path = Path(__file__).parents[1] / "reference" / "claims.py"
+    spec = importlib.util.spec_from_file_location("claims_of_the_paper_for_words", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # where a dataclass looks for its own module
+    spec.loader.exec_module(module)
+    yield module.evaluate_claims
+    del sys.modules[spec.name]
+
+
+@pytest.fixture(scope="module")
+def perfect(demo, whole_truth) -> Results:
+    """Tables that hold the truth at both loads, known to 1 %."""
+
+    def table(kind, columns, more):
+        rows = whole_truth.filter(pl.col("test").str.starts_with(kind)).with_columns(
+            pl.col("TR [1]").alias("TR measured [1]"),
+            verdict=pl.lit("ok"),
+            remarks=pl.lit(""),
+            construction=pl.col("tyre"),
+            **more,
+        )
+        known = {"K1 [N/m]": "u(K1) [N/m]", "K2 [N/m]": "u(K2) [N/m]", "C [N s/m]": "u(C) [N s/m]"}
+        known |= {"TR measured [1]": "u(TR) [1]"}
+        rows = rows.with_columns((0.01 * pl.col(name)).alias(std) for name, std in known.items())
+        blanks = [pl.lit(None, pl.Float64).alias(n) for n in columns if n not in rows.columns and n not in TEXT_COLUMNS]
+        texts = [pl.lit("").alias(n) for n in columns if n not in rows.columns and n in TEXT_COLUMNS]
+        return rows.with_columns(*blanks, *texts).select(columns)
+
+    bent = pl.when(pl.col("tyre") == "cross-ply").then(0.04).otherwise(0.007)
+    tables = table("S", STATIC_COLUMNS, {"nonlinearity [1]": bent}), table("D", DYNAMIC_COLUMNS, {})
+    return Results(*tables, pl.DataFrame())
+
+
+def agreeing(results, evaluate_claims):
+    """Claims of which the words say what the reference does; those that the words cannot tell are no disagreement."""
+    said = {int(figures(f.text)[0]): f.text for f in findings(results) if f.topic == "claims"}
+    told = {number for number, text in said.items() if "cannot be told" not in text}
+    reference = {number: holds for number, holds, _ in evaluate_claims(results.static, results.dynamic)}
+    assert sorted(said) == list(range(1, 13))
+    assert {n: ") holds here" in said[n] for n in told} == {n: reference[n] for n in told}
+    return {n for n in told if reference[n]}, {n for n in said if n not in told}
+
+
+def test_the_claims_read_as_in_the_reference(demo, perfect, evaluate_claims):
+    everything = set(range(1, 13))
+    assert agreeing(perfect, evaluate_claims) == (everything, set())
+    assert agreeing(demo[0].results, evaluate_claims) == (everything - {5}, {5})
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_claims_read_as_in_the_reference_where_some_are_false(perfect, evaluate_claims, seed):
+    rng = np.random.default_rng(seed)
+    tables = [
+        table.with_columns(
+            pl.col(name) * pl.Series(rng.uniform(0.7, 1.4, table.height))
+            for name in ("K1 [N/m]", "K2 [N/m]", "C [N s/m]", "TR measured [1]", "nonlinearity [1]")
+            if name in table.columns
+        )
+        for table in (perfect.static, perfect.dynamic)
+    ]
+    true, untold = agreeing(Results(*tables, pl.DataFrame()), evaluate_claims)
+    assert not untold
+    assert len(true) < 12
+
+
+def test_the_headline_of_the_demo(demo, perfect):
+    lines = headline(demo[0].results)
+    assert 5 <= len(lines) <= 8
+    assert lines[0].startswith("All ")
+    assert lines[-1].startswith("Of the twelve claims of the 1982 paper 11 hold here")
+    assert "5 cannot be told" in lines[-1]
+    assert headline(perfect)[-1].startswith("All twelve claims of the 1982 paper hold here")
