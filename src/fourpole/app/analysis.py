@@ -43,7 +43,7 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
         print_json({**_summary(study, results), "report": str(page), "found": headline(study.results)})
     else:
         out(f"Virtual campaign in {folder} (seed {seed}): {_counted(study)}.")
-        for line in headline(study.results):
+        for line in headline(study.results)[1:]:  # the first is the count of tests
             out(line)
         out("The virtual tyres are designed so that the 1982 paper's conclusions hold; they are not its data.")
         out(f"results: {results}")

@@ -182,7 +182,7 @@ def report(
 @ends_well
 def plot(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote.")],
-    figure: Annotated[str, typer.Argument(metavar="FIGURE", help="Its name, as fig05 or nyquist; a wrong one lists all.")],
+    figure: Annotated[str, typer.Argument(metavar="FIGURE", help="Its name, as fig05 or nyquist.")],
     file: Annotated[Path | None, typer.Option("--out", help="File to write: .svg, .png or .pdf.")] = None,
     theme: Annotated[str, typer.Option(help="Colours: light, dark or print.")] = "light",
     xlim: Annotated[str | None, typer.Option(help='Limits of the abscissa in its unit, as "10:24".')] = None,

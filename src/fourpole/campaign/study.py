@@ -59,6 +59,15 @@ class Study:
         What was assumed because the campaign does not state it.
     sha256 : dict of str to str
         Hash of each file read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from fourpole.virtual import simulate_campaign
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     campaign = simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[14.0], clean=True)
+    ...     analyse(campaign.folder).counts
+    {'ok': 4, 'warning': 0, 'rejected': 0}
     """
 
     campaign: Campaign
@@ -174,8 +183,11 @@ def analyse(
     --------
     >>> import tempfile
     >>> from fourpole.virtual import simulate_campaign
-    >>> with tempfile.TemporaryDirectory() as folder:  # doctest: +SKIP
-    ...     study = analyse(simulate_campaign(folder).folder)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     campaign = simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[14.0], clean=True)
+    ...     study = analyse(campaign.folder)
+    >>> study.dynamic["C [N s/m]"].round(3).to_list()
+    [1399.8, 808.217]
     """
     if route not in ROUTES:
         raise CampaignError(f"no route {route!r}: choose one of {', '.join(ROUTES)}")
