@@ -445,3 +445,50 @@ def test_scaling_a_channel_scales_its_amplitude_and_nothing_else(record):
     np.testing.assert_allclose(other.amplitudes, one.amplitudes * scale, rtol=1e-9)
     np.testing.assert_allclose(other.std, one.std * np.repeat(scale, 2), rtol=1e-6)
     assert other.frequency == pytest.approx(one.frequency, rel=1e-9)
+
+
+# Not yet --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.xfail(
+    reason="lines are looked for from 1.2 cycles on, though fewer than 3 are refused", raises=RecordingError
+)
+@pytest.mark.parametrize("near", [None, 10.3])
+def test_an_accelerometer_that_drifts(record, near):
+    """0.6 cycles of a drift half as large as the acceleration: nothing that the fit could not take."""
+    time = np.arange(2000) / 1000.0
+    drift = 0.5 * SIZES[1] * 2 * np.pi * 10.3 * np.cos(2 * np.pi * 0.3 * time + 1.0)
+    recording = record(
+        AMPLITUDES, 10.3, quantities=("force", "acceleration", "velocity"), extra=np.array([0, 1, 0])[:, None] * drift
+    )
+    assert demodulate(recording, near=near).phasors.frequency == pytest.approx(10.3, abs=1e-3)
+
+
+@pytest.mark.xfail(reason="the spectrum of a displacement times the frequency is largest in its noise")
+def test_a_noisy_displacement(record):
+    """10 % of noise at 10 kHz, spread so thinly that the line stands 250 times above its largest bin."""
+    rng = np.random.default_rng(0)
+    stroke = SIZES[1] / (2 * np.pi * 10.3)
+    noise = np.array([0, 0.1 * stroke, 0])[:, None] * rng.standard_normal(40_000)
+    recording = record(
+        AMPLITUDES, 10.3, rate=10e3, samples=40_000, quantities=("force", "displacement", "velocity"), extra=noise
+    )
+    try:
+        frequency = float(demodulate(recording).phasors.frequency)
+    except RecordingError:
+        frequency = np.nan
+    assert frequency == pytest.approx(10.3, abs=1e-3)
+
+
+@pytest.mark.xfail(reason="channels inform the frequency as if their noise were independent")
+def test_frequency_knows_what_noise_is_common(record):
+    """The same noise on V1 and V2 and four times as much on F1: two of three channels say one thing twice."""
+    mixing = np.array([[4.0, 0, 0], [0, 1.0, 0.05], [0, 1.0, 0]])
+    in_phase = np.array([F1, V1, 0.08 + 0j])
+    errors = []
+    for seed in range(200):
+        extra = 0.01 * SIZES[:, None] * (mixing @ np.random.default_rng(seed).standard_normal((3, 2000)))
+        found = demodulate(record(in_phase, 10.3, extra=extra)).phasors
+        errors.append((found.frequency - 10.3) / found.frequency_std)
+    low, high = root_mean_square_limits(200)
+    assert low < np.sqrt(np.mean(np.square(errors))) < 1.08 * high

@@ -100,3 +100,13 @@ def test_a_single_row_may_be_a_number():
 def test_predict_needs_positive_frequencies():
     with pytest.raises(ValueError, match="must be positive"):
         predict([10.0, 0.0], K1, K2, C, RIG)
+
+
+@pytest.mark.xfail(reason="the input mass of the rig is passed over")
+def test_the_input_mass_is_taken_away_and_put_back():
+    """A reduced table holds what the force cell saw, so its mobility has the mass between cell and contact in it."""
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, input_mass=2.0)
+    without = predict(FREQUENCY, K1, K2, C, Rig(moving_mass=15.0, preload_stiffness=12440.0)).mobility
+    seen = 1 / (1 / without + 2j * np.pi * FREQUENCY * 2.0)
+    np.testing.assert_allclose(predict(FREQUENCY, K1, K2, C, rig).mobility, seen, rtol=1e-12)
+    np.testing.assert_allclose(identify_mobility(FREQUENCY, seen, K1, rig).k2, np.full(5, K2), rtol=1e-10)

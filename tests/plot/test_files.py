@@ -82,7 +82,7 @@ def test_what_a_user_set_in_matplotlib_changes_nothing_and_is_kept(study):
         assert mpl.rcParams.copy() == before
 
 
-def test_drawing_needs_no_session():
+def test_drawing_needs_no_pyplot():
     code = (
         "import sys, matplotlib; before = matplotlib.rcParams.copy()\n"
         "import polars, fourpole.plot as plot\n"

@@ -104,7 +104,7 @@ def load_deflection(results: Results, style: Style) -> Figure | None:
     widest = max(float(line.deflection.max()) + offset(line.pressure) for line in lines)
     x_limits = style.xlim or (-0.03 * widest, 1.15 * widest)
     # What a label of a pressure takes of the abscissa.
-    room = 0.36 * columns / (WIDTH - 1.0) * abs(x_limits[1] - x_limits[0])
+    room = 0.26 * columns / (WIDTH - 1.0) * abs(x_limits[1] - x_limits[0])
     for ax, tyre in zip(grid.panels, tyres, strict=True):
         own = [line for line in lines if line.tyre == tyre]
         carpet(ax, own, offset=offset, colour=style.colour(tyre), room=room, style=style)

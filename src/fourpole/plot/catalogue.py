@@ -148,7 +148,7 @@ def draw(results: Results, key: str, style: Style | None = None) -> Figure | Non
     Returns
     -------
     Figure or None
-        A matplotlib figure that belongs to no session; None where the results hold nothing for it.
+        A matplotlib figure that pyplot knows nothing of; None where the results hold nothing for it.
 
     Raises
     ------

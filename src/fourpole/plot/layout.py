@@ -29,7 +29,7 @@ _SIGN = 0.062  # width of a letter of the key
 
 
 def new_figure(width: float = WIDTH, height: float = 3.0) -> Figure:
-    """A figure that belongs to nobody's session."""
+    """A figure that pyplot knows nothing of."""
     figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
     return figure

@@ -191,8 +191,8 @@ def tyre_heading(ax: Axes, name: str, colour: str, right: str = "", *, style: St
     """Name of the tyre above the panel, a bar in its colour under it, the condition on the right."""
     ax.plot([0.0, 1.0], [1.0, 1.0], color=colour, linewidth=2.6, transform=ax.transAxes, clip_on=False, zorder=4.0,
             solid_capstyle="butt", label="_tyre")  # fmt: skip
-    longest = {1: 60, 2: 34, 3: 20}.get(columns, 15)
-    ax.set_title(plain_text(name, longest), loc="left", pad=4.5)
+    longest = {1: 60, 2: 34, 3: 20}.get(columns, 15) - max(0, len(right) - 6)
+    ax.set_title(plain_text(name, max(longest, 8)), loc="left", pad=4.5)
     if right:
         ax.set_title(right, loc="right", pad=4.5, color=style.look.muted, fontsize=7.5)
     return ax
