@@ -10,6 +10,8 @@ BIN := .venv/bin
 READY := .venv/.ready
 READY_LOWEST := .venv-lowest/.ready
 READY_BENCH := .venv-bench/.ready
+# Recordings are worked on side by side; threads inside each small product only get in the way.
+export OPENBLAS_NUM_THREADS ?= 1
 PIP_FLAGS := --quiet --disable-pip-version-check
 
 .NOTPARALLEL:

@@ -39,10 +39,10 @@ def test_a_good_campaign_is_two_lines_and_exit_0(run, campaign):
     assert set(TABLES) <= {path.name for path in (campaign / "results").iterdir()}
 
 
-def test_what_is_rejected_is_said_and_is_exit_3(fourpole, campaign):
+def test_what_is_rejected_is_said_and_is_exit_3(run, campaign):
     (campaign / "recordings" / "D2.csv").unlink()
-    ran = fourpole("analyse", campaign, "--tables-only")
-    assert ran.returncode == 3
+    ran = run("analyse", campaign, "--tables-only")
+    assert ran.exit_code == 3
     assert ran.stderr == "rejected: D2: recordings/D2.csv: there is no such file; check its name\n"
     assert ran.stdout.startswith("4 tests, 3 ok, 0 with a warning, 1 rejected")
 
@@ -329,10 +329,14 @@ def test_a_folder_that_cannot_be_written_is_exit_2(run, campaign):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent in another way there")
-def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, fourpole, demonstration, tmp_path):
+def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, run, demonstration, tmp_path):
     folder, _ = demonstration
     campaign = tmp_path / "campaign"
     shutil.copytree(folder, campaign, ignore=shutil.ignore_patterns("results"))
+    rows = (campaign / "tests.csv").read_text().splitlines(keepends=True)
+    kept = [row for row in rows[1:] if ",cross-ply," in row]
+    assert len(kept) == 105
+    (campaign / "tests.csv").write_text("".join([rows[0], *kept]))
     process = start("analyse", campaign, "--tables-only")
     try:
         cache = campaign / "results" / "cache"
@@ -355,15 +359,16 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, fo
     # no table, whole or half, and no leftovers of writing
     assert [path.name for path in (campaign / "results").iterdir()] == ["cache"]
     done = list(cache.iterdir())
-    assert 10 < len(done) < 200
+    assert 10 < len(done) < 100
     assert all(json.loads(path.read_text()) for path in done)
-    kept = {path: path.stat().st_mtime_ns for path in done}
+    written = {path: path.stat().st_mtime_ns for path in done}
 
-    again = fourpole("analyse", campaign, "--tables-only")
-    assert (again.returncode, again.stderr) == (0, "")
-    assert {path: path.stat().st_mtime_ns for path in done} == kept
-    for name in TABLES:
-        assert (campaign / "results" / name).read_bytes() == (folder / "results" / name).read_bytes(), name
+    again = run("analyse", campaign, "--tables-only")
+    assert (again.exit_code, again.stderr) == (0, "")
+    assert {path: path.stat().st_mtime_ns for path in done} == written
+    for name in ("static.csv", "dynamic.csv"):
+        found, undisturbed = ((place / "results" / name).read_text().splitlines() for place in (campaign, folder))
+        assert found == [undisturbed[0], *(row for row in undisturbed[1:] if ",cross-ply," in row)]
 
 
 def test_results_that_cannot_be_written_leave_the_old_ones(run, campaign, monkeypatch):

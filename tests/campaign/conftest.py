@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from fourpole import Study, analyse
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
-ROUTES = ("mobility", "relative", "transmissibility")
-
 
 class Folder:
     """A campaign folder of one's own, to look at and to change."""

@@ -365,7 +365,6 @@ def test_a_stated_uncertainty_of_a_channel_is_used(bench, said, gain, phase):
     assert row["u(TR) [1]"] == pytest.approx(gain * row["TR predicted [1]"], rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.xfail(reason="the variance of what is not uncertain comes out as -1e-30, and its root as no number")
 def test_a_phase_error_of_the_force_alone_leaves_the_predicted_transmissibility_exact(bench):
     """TR = 1/abs(Zr V1/F1), which knows the size of F1 only."""
     bench.channels["force_in"] = '{ column = "F1", unit = "N", std_gain = 0, std_phase = "2 deg" }'

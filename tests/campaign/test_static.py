@@ -314,7 +314,6 @@ def test_a_static_test_that_cannot_be_used_is_a_row_and_the_others_go_on(bench, 
     assert k1_of(study)[1] == pytest.approx(tangent(1000.0, a=120e3))
 
 
-@pytest.mark.xfail(reason="numpy's LinAlgError is caught nowhere, and ends the whole run")
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_trigger_signal_in_place_of_a_curve_does_not_stop_the_others(bench):
     bench.static("S1", "1.7,")

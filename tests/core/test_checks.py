@@ -146,8 +146,8 @@ def one_test(f1_gain=1.0, input_mass=0.0):
 
 @pytest.mark.parametrize(
     ("gain", "verdict"),
-    [(1.0, "ok"), (1.29, "ok"), (0.71, "ok"), (np.exp(0.3j), "ok"), (1.31, "warning"), (0.69, "warning"),
-     (-1.0, "warning"), (1j, "warning"), (np.exp(0.31j), "warning")],
+    [(1.0, "ok"), (1.19, "ok"), (0.81, "ok"), (np.exp(0.2j), "ok"), (1.21, "warning"), (0.79, "warning"),
+     (-1.0, "warning"), (1j, "warning"), (np.exp(0.21j), "warning")],
 )  # fmt: skip
 def test_consistency_of_the_three_sensors(gain, verdict):
     check = check_consistency(one_test(gain), Rig(moving_mass=15.0, preload_stiffness=12440.0), 0.0)
@@ -256,13 +256,11 @@ def test_missing_samples_do_not_matter_for_clipping():
     assert clipped_share(Channel(np.full(10, np.nan), "velocity")) == 0.0
 
 
-@pytest.mark.xfail(reason="the step is looked for in the upper 5 % of the range only, which hold one level")
 @pytest.mark.parametrize("steps", [3, 6, 9])
 def test_a_coarse_export_is_not_clipping(steps):
     """V1 of 0.06 m/s written with two decimals: a sine of six steps spends 1/4 of its time on the two outer ones."""
     assert clipped_share(Channel(np.round(steps * sine(1000.0, 10.3, 4.0)) / 100, "velocity")) == 0.0
 
 
-@pytest.mark.xfail(reason="neither mass nor spring to compare with", raises=ZeroDivisionError)
 def test_a_blocked_rig_has_no_resonance():
     speaks(check_resonance(10.0, Rig(blocked=True), 0.0), "ok")

@@ -447,12 +447,6 @@ def test_scaling_a_channel_scales_its_amplitude_and_nothing_else(record):
     assert other.frequency == pytest.approx(one.frequency, rel=1e-9)
 
 
-# Not yet --------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.xfail(
-    reason="lines are looked for from 1.2 cycles on, though fewer than 3 are refused", raises=RecordingError
-)
 @pytest.mark.parametrize("near", [None, 10.3])
 def test_an_accelerometer_that_drifts(record, near):
     """0.6 cycles of a drift half as large as the acceleration: nothing that the fit could not take."""
@@ -464,7 +458,6 @@ def test_an_accelerometer_that_drifts(record, near):
     assert demodulate(recording, near=near).phasors.frequency == pytest.approx(10.3, abs=1e-3)
 
 
-@pytest.mark.xfail(reason="the spectrum of a displacement times the frequency is largest in its noise")
 def test_a_noisy_displacement(record):
     """10 % of noise at 10 kHz, spread so thinly that the line stands 250 times above its largest bin."""
     rng = np.random.default_rng(0)

@@ -433,7 +433,6 @@ def test_one_test_without_an_axis_is_one_row():
     assert found.k2[0] == pytest.approx(TYRE["k2"], rel=1e-11)
 
 
-@pytest.mark.xfail(reason="round-off below zero under a root", raises=RuntimeWarning)
 def test_what_cancels_leaves_no_uncertainty_and_no_nonsense(campaign):
     """By its own route abs(V2/V1) does not know of phases: a variance of 0, to round-off of either sign."""
     channels = ChannelUncertainty(np.zeros(3), np.array([0.0, 0.01, 0.02]))

@@ -56,7 +56,7 @@ def test_order_in_noise_is_that_of_the_law(order):
 
 def test_few_points_carry_a_low_order():
     x = np.linspace(0.0, 0.03, 5)
-    assert fit_mean_curve(x, LAW(x), None).order == 1
+    assert fit_mean_curve(x, LAW(x), None).order <= 2
     x = np.linspace(0.0, 0.03, 9)
     assert fit_mean_curve(x, LAW(x), None).order == 3
 

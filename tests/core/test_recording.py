@@ -137,7 +137,6 @@ def test_stamps_that_make_no_time_base(stamps, says):
         uniform_time(np.array(stamps))
 
 
-@pytest.mark.xfail(reason="a step of the decimals as large as the interval explains a gap of two samples")
 @pytest.mark.parametrize(("rate", "lost"), [(500.0, 1), (1000.0, 1), (1000.0, 2)])
 def test_lost_samples_between_stamps_in_whole_milliseconds_do_not_pass_in_silence(rate, lost):
     stamps = np.delete(np.arange(3000), slice(1500, 1500 + lost)) / rate
@@ -148,7 +147,6 @@ def test_lost_samples_between_stamps_in_whole_milliseconds_do_not_pass_in_silenc
     assert remark
 
 
-@pytest.mark.xfail(reason="the decimals of stamps as large as these are taken for those of the interval")
 def test_jitter_is_said_whatever_the_zero_of_time():
     """Seconds since 1970, as loggers write them: doubles still hold a quarter of a microsecond there."""
     rng = np.random.default_rng(0)
@@ -157,7 +155,6 @@ def test_jitter_is_said_whatever_the_zero_of_time():
     assert uniform_time(1.7e9 + stamps)[1]
 
 
-@pytest.mark.xfail(reason="only the channels are compared with one another")
 def test_time_is_as_long_as_the_channels():
     t = np.arange(100) / 100.0
     with pytest.raises(RecordingError, match="length"):

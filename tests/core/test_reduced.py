@@ -102,7 +102,6 @@ def test_predict_needs_positive_frequencies():
         predict([10.0, 0.0], K1, K2, C, RIG)
 
 
-@pytest.mark.xfail(reason="the input mass of the rig is passed over")
 def test_the_input_mass_is_taken_away_and_put_back():
     """A reduced table holds what the force cell saw, so its mobility has the mass between cell and contact in it."""
     rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, input_mass=2.0)

@@ -19,7 +19,7 @@ from fourpole.io.write import write_text
 __all__ = ["cache_name", "recall", "remember"]
 
 #: Raised whenever demodulation or its checks change, so that what older versions kept is not used.
-_VERSION = 2
+_VERSION = 3
 
 
 def cache_name(depends_on: list[object], sha256: str) -> str:

@@ -32,6 +32,7 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
     "temperature": ("temperature", "any"),
 }
 _TEXTS = ("test", "file", "kind", "tyre", "rig")
+_NAMES = (*_TEXTS, *_QUANTITIES, "window")
 _REQUIRED = ("test", "file", "kind", "tyre")
 _KINDS = ("static", "dynamic")
 
@@ -176,8 +177,26 @@ def _columns(header: list[str]) -> list[_Column]:
     return columns
 
 
+def _plain(name: str) -> str:
+    """A column's name whatever its case and whether with spaces or underscores."""
+    return name.strip().casefold().replace(" ", "_")
+
+
+_MEANT = {_plain(name): name for name in _NAMES}
+
+
 def _column(label: str) -> _Column:
-    name, unit = units.column_unit(label)
+    written, unit = units.column_unit(label)
+    name = _MEANT.get(_plain(written), written)
+    if (
+        name == written
+        and (near := difflib.get_close_matches(_plain(written), _MEANT, n=1, cutoff=0.9))
+        and name not in _NAMES
+    ):
+        raise CampaignError(
+            f"tests.csv row 1: column {units.shown(label)} is not known; did you mean '{_MEANT[near[0]]}'? "
+            "(a column of your own needs a name less like it)"
+        )
     if name in _TEXTS:
         return _Column(label, name, "text")
     if name == "specimen":

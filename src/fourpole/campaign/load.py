@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fourpole import units
 from fourpole.campaign.folder import Test
 from fourpole.campaign.schema import ChannelsFile, Conversion
+from fourpole.core.arrays import FloatArray
+from fourpole.core.checks import clipped_share
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recording import Channel, Recording, uniform_time
 from fourpole.errors import FileError, TableError, UnitError
@@ -38,20 +39,20 @@ def load_recording(path: Path, test: Test, channels: ChannelsFile, roles: Sequen
     """The channels `roles` of a dynamic test, with remarks on its time base."""
     stated = {role: channels.named(role) for role in roles}
     names = [channel.column for channel in stated.values() if channel is not None]
-    clock = None if channels.rate is not None or channels.time is None else channels.time.column
+    clock = _clock(channels)
     table = read_columns(path, [*names, *([clock] if clock else [])], max_bytes=MOST_BYTES, label=test.file)
 
     remarks: list[str] = []
     keep = slice(None)
-    if clock is not None and channels.time is not None:
-        time = table[clock] * units.unit_scale(_agreed(table, clock, channels.time.unit, "time"), "time")
+    if clock is not None:
+        time = _times(table, channels, clock)
         keep = _within(time, test.window)
         step, remark = uniform_time(time[keep])
         rate = 1.0 / step
         remarks += [remark] if remark else []
     else:
         rate = channels.rate or 1.0
-        keep = _within(np.arange(len(table)) / rate, test.window)
+        keep = _within(_times(table, channels, None), test.window)
     recorded = {
         role: _channel(table, channel.column, channel.unit, channels.conversion(role), keep)
         for role, channel in stated.items()
@@ -65,13 +66,33 @@ def load_curve(path: Path, test: Test, channels: ChannelsFile) -> LoadCurve:
     load, deflection = channels.load, channels.deflection
     assert load is not None
     assert deflection is not None
-    table = read_columns(path, [load.column, deflection.column], max_bytes=MOST_BYTES, label=test.file)
-    force = _channel(table, load.column, load.unit, channels.conversion("load"), slice(None))
-    travel = _channel(table, deflection.column, deflection.unit, channels.conversion("deflection"), slice(None))
+    clock = _clock(channels) if test.window is not None else None
+    wanted = [load.column, deflection.column, *([clock] if clock else [])]
+    table = read_columns(path, wanted, max_bytes=MOST_BYTES, label=test.file)
+    keep = _within(_times(table, channels, clock), test.window) if test.window is not None else slice(None)
+    force = _channel(table, load.column, load.unit, channels.conversion("load"), keep)
+    travel = _channel(table, deflection.column, deflection.unit, channels.conversion("deflection"), keep)
+    for name, channel in (("load", force), ("deflection", travel)):
+        if channel.limits is not None and clipped_share(channel) > 0:
+            raise TableError(f"{name} reaches the end of its stated range: repeat the test with a larger range")
     return LoadCurve(travel.samples, force.samples)
 
 
-def _within(time: NDArray[np.float64], window: tuple[float, float] | None) -> slice:
+def _clock(channels: ChannelsFile) -> str | None:
+    """Column of the time, if one is stated and not a sample rate."""
+    return None if channels.rate is not None or channels.time is None else channels.time.column
+
+
+def _times(table: Columns, channels: ChannelsFile, clock: str | None) -> FloatArray:
+    """Time of each row [s], by its column or by the sample rate."""
+    if clock is not None and channels.time is not None:
+        return table[clock] * units.unit_scale(_agreed(table, clock, channels.time.unit, "time"), "time")
+    if channels.rate is None:
+        raise TableError("window [s] needs a time: state [channels] time or sample_rate in campaign.toml")
+    return np.arange(len(table)) / channels.rate
+
+
+def _within(time: FloatArray, window: tuple[float, float] | None) -> slice:
     if window is None:
         return slice(None)
     first, last = np.searchsorted(time, window)

@@ -171,6 +171,7 @@ def _judge(campaign: Campaign, test: Test, route: str, found: Demodulation) -> I
     frequency = float(found.phasors.frequency)
     yield checks.check_frequency(frequency, test.value("frequency"))
     yield checks.check_gaps(found)
+    yield checks.check_mains(found)
     yield checks.check_distortion(found)
     spared = tuple(SYMBOLS[role] for role in CHANNELS if role not in ROUTE_NEEDS[route])
     for row in (*checks.check_excitation(found, names), *checks.check_noise(found, names)):

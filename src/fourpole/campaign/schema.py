@@ -59,6 +59,8 @@ def _stated(raw: Any, kind: str) -> Stated:
     if not isinstance(exact, bool):
         raise ValueError(f"exact must be true or false, not {exact!r}")
     value = units.quantity(raw["value"], kind, default_unit=unit)
+    if exact and "std" in raw:
+        raise ValueError("exact = true and std contradict each other: keep one of them")
     if exact:
         return Stated(value, 0.0, assumed=False)
     if "std" not in raw:

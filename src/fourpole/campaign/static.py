@@ -94,8 +94,19 @@ def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticT
         curve = load_curve(path, test, campaign.stated.channels)
         whole = StaticRow(test, nowhere, loss=curve.hysteresis_loss, nonlinearity=curve.nonlinearity)
     except FourpoleError as error:
-        rows = tuple(StaticRow(test, load, verdict="rejected", remarks=(str(error),)) for load in preloads or [nowhere])
-        return StaticTest(test, None, rows, sha256)
+        remark = str(error)
+    except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
+        remark = f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it with this recording"
+    else:
+        return _read(campaign, test, curve, whole, preloads, sha256)
+    rows = tuple(StaticRow(test, load, verdict="rejected", remarks=(remark,)) for load in preloads or [nowhere])
+    return StaticTest(test, None, rows, sha256)
+
+
+def _read(
+    campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, preloads: list[float], sha256: str
+) -> StaticTest:
+    """A static test whose curve could be read, at each preload in use."""
     if not preloads:
         remark = "no dynamic test of this tyre and pressure states a preload: state one in this row to get K1"
         return StaticTest(test, curve, (replace(whole, remarks=(remark,)),), sha256)

@@ -300,7 +300,8 @@ def _cells(
 def _arm_checks(result: Identification, at: int, stiffness: StaticStiffness) -> list[Check]:
     """Whether K2 and C exist, and whether they are known at all."""
     reason = result.reasons[at]
-    if stiffness.reason and np.isfinite(result.stiffness[at]):
+    found = result.stiffness[at]
+    if stiffness.reason and found.real > 0 and found.imag > 0:
         return [Check("K1", float("nan"), float("nan"), "warning", f"K2 and C are left blank: {stiffness.reason}")]
     if reason:
         return [Check("passive arm", float("nan"), 0.0, "rejected", reason)]

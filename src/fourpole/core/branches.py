@@ -14,7 +14,7 @@ __all__ = ["Branches", "in_contact", "split_branches"]
 
 #: A turn counts once the deflection has come back by this share of its whole range.
 _TURN = 0.3
-#: A branch is complete if it covers this share of the longest.
+#: A branch is complete if it covers this share of the median branch.
 _COMPLETE = 0.9
 #: Free travel: over this share of the deflection, below this share of the load, with this share of the mean slope.
 _FREE_TRAVEL, _LIGHT, _FLAT = 0.05, 0.01, 0.02
@@ -68,7 +68,7 @@ def split_branches(deflection: FloatArray) -> Branches:
     ends = tuple(pairwise(turns))
     rising = tuple(bool(deflection[b] > deflection[a]) for a, b in ends)
     lengths = np.array([abs(deflection[b] - deflection[a]) for a, b in ends])
-    complete = lengths >= _COMPLETE * lengths.max()
+    complete = lengths >= _COMPLETE * np.median(lengths)
     cycles = _pairs(rising, complete, first=True) or _pairs(rising, complete, first=False)
     if len(turns) == 2:
         cycles = ()
@@ -109,7 +109,7 @@ def in_contact(deflection: FloatArray, load: FloatArray) -> BoolArray:
     light = load < load.min() + _LIGHT * span
     touch = float(np.min(deflection[~light]))
     before = deflection < touch
-    if before.sum() < 3 or touch - deflection.min() < _FREE_TRAVEL * reach:
+    if np.unique(deflection[before]).size < 3 or touch - deflection.min() < _FREE_TRAVEL * reach:
         return everything
     slope = np.polyfit(deflection[before], load[before], 1)[0]
     return ~before if abs(slope) < _FLAT * span / reach else everything

@@ -328,4 +328,4 @@ def _propagate(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _std(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
-    return np.sqrt(_propagate(jacobian[:, None, :], covariance)[:, 0, 0])
+    return np.sqrt(np.maximum(_propagate(jacobian[:, None, :], covariance)[:, 0, 0], 0.0))

@@ -171,7 +171,9 @@ class LoadCurve:
     def outliers(self) -> int:
         """Points of the last cycle that lie far off the curve and were left out of it."""
         x, f, side = self._cycle(-1)
-        return int(_off_the_curve(fit_mean_curve(x, f, side), f).sum())
+        # The turns do not count: they belong to both branches, which friction keeps apart there.
+        inside = (x > x.min()) & (x < x.max())
+        return int((inside & _off_the_curve(fit_mean_curve(x, f, side), f)).sum())
 
     @cached_property
     def _last_but_one(self) -> MeanCurve | None:
@@ -299,13 +301,13 @@ class LoadCurve:
         curve = self._last
         place = self._deflection_at(curve, load)
         lowest, highest = self.measured_loads
-        no_zero = Secant(float("nan"), f"the curve starts at {lowest:.4g} N: no point of zero load")
         if lowest > _ZERO * (highest - lowest):
-            return no_zero
+            return Secant(float("nan"), f"the curve starts at {lowest:.4g} N: no point of zero load")
         try:
-            return Secant(load / (place - _root(curve, 0.0)))
+            travel = place - _root(curve, 0.0)
         except LoadCurveError:
-            return no_zero
+            return Secant(float("nan"), "the mean of the branches does not reach zero load")
+        return Secant(load / travel) if travel else Secant(float("nan"), "the load is zero: no secant")
 
     @property
     def hysteresis_loss(self) -> float:
@@ -334,7 +336,10 @@ class LoadCurve:
         x = np.linspace(*curve.span, 401)
         f = curve.value(x)
         low, high = float(f.min()), float(f.max())
-        at = [_root(curve, low + share * (high - low)) for share in (0.1, 0.9)]
+        try:
+            at = [_root(curve, low + share * (high - low)) for share in (0.1, 0.9)]
+        except LoadCurveError:
+            return float("nan")
         slope = 0.8 * (high - low) / (at[1] - at[0])
         line = low + 0.1 * (high - low) + slope * (x - at[0])
         return float(np.max(np.abs(f - line)) / (high - low))

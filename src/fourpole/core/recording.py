@@ -126,7 +126,12 @@ class Recording:
         >>> Recording.from_arrays(t, force_in=t, motion_in=t).sample_rate
         100.0
         """
-        step, remark = uniform_time(np.asarray(time, dtype=float))
+        stamps = np.asarray(time, dtype=float)
+        if stamps.shape != np.shape(motion_in):
+            raise RecordingError(
+                f"{label}: time and motion_in differ in length: {stamps.size} and {np.size(motion_in)} samples"
+            )
+        step, remark = uniform_time(stamps)
         if remark:
             raise RecordingError(f"{label}: {remark}")
         channels = {
@@ -196,9 +201,12 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
         )
     step, off_grid = _grid(time)
     worst = int(np.argmax(off_grid))
-    if off_grid[worst] <= 1.1 * _resolution(time, step) + 1e-6 * step:
+    stamps = _resolution(time - time[0], step)
+    rounding = 0.8 * stamps + 1e-6 * step + 4 * np.finfo(float).eps * float(np.max(np.abs(time)))
+    jumps = increments.max() > 1.5 * np.percentile(increments, 99.0)
+    if off_grid[worst] <= rounding and not jumps:
         return step, ""
-    if off_grid[worst] <= 0.5 * step:
+    if off_grid[worst] <= 0.5 * step and not jumps:
         return step, (
             f"time stamps are up to {off_grid[worst] / step:.0%} of an interval off a uniform grid "
             f"(sample {worst + 1}); taken as clock jitter on uniform samples: "

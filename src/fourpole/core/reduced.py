@@ -83,7 +83,8 @@ def identify_mobility(
     mobility = np.atleast_1d(np.asarray(mobility, dtype=complex))
     with np.errstate(divide="ignore", invalid="ignore"):
         beyond = rig.mobility(omega) if rig is not None else np.zeros_like(mobility)
-        return _result(frequency, mobility, mobility_route(mobility, beyond, omega), k1, rig)
+        contact = 1.0 / (1.0 / mobility - _input_impedance(omega, rig))
+        return _result(frequency, mobility, mobility_route(contact, beyond, omega), k1, rig)
 
 
 def identify_stiffness(
@@ -116,7 +117,8 @@ def identify_stiffness(
     stiffness = np.atleast_1d(np.asarray(stiffness, dtype=complex))
     with np.errstate(divide="ignore", invalid="ignore"):
         beyond = rig.mobility(omega) if rig is not None else np.zeros_like(stiffness)
-        return _result(frequency, 1j * omega / stiffness + beyond, stiffness, k1, rig)
+        contact = 1j * omega / stiffness + beyond
+        return _result(frequency, 1.0 / (1.0 / contact + _input_impedance(omega, rig)), stiffness, k1, rig)
 
 
 def predict(frequency: ArrayLike, k1: float, k2: float, c: float, rig: Rig) -> ReducedResult:
@@ -146,6 +148,11 @@ def predict(frequency: ArrayLike, k1: float, k2: float, c: float, rig: Rig) -> R
     """
     _, omega = _turning(frequency)
     return identify_stiffness(frequency, zener_stiffness(k1, k2, c, omega), k1, rig)
+
+
+def _input_impedance(omega: FloatArray, rig: Rig | None) -> ComplexArray:
+    """Impedance of the mass between force cell and contact [N s/m]."""
+    return 1j * omega * (rig.input_mass if rig is not None else 0.0)
 
 
 def _turning(frequency: ArrayLike) -> tuple[FloatArray, FloatArray]:

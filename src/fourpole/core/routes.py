@@ -190,8 +190,6 @@ def why_no_arm(stiffness: complex, k1: float, k2: float, c: float) -> str:
     """Why no passive K2, C exists, with the likely cause; empty where they do."""
     if not np.isfinite(stiffness):
         return "K* could not be found, so neither can K2 and C"
-    if not np.isfinite(k1):
-        return "no static stiffness K1 is known, so K2 and C are left blank"
     if k2 > 0 and c > 0 and np.isfinite(k2) and np.isfinite(c):
         return ""
     if stiffness.real <= 0:
@@ -204,6 +202,8 @@ def why_no_arm(stiffness: complex, k1: float, k2: float, c: float) -> str:
             f"no passive C exists: K'' = {stiffness.imag:.5g} N/m is not positive, the tyre would give energy; "
             "look for an inverted channel, an undeclared delay or phase of a channel, or a wrong rig value"
         )
+    if not np.isfinite(k1):
+        return "no static stiffness K1 is known, so K2 and C are left blank"
     return (
         f"no passive K2 exists: K' = {stiffness.real:.5g} N/m is not above the static K1 = {k1:.5g} N/m; "
         "look for a K1 taken at another load, amplitude or branch, a wrong moving mass, or a gain error"

@@ -139,7 +139,7 @@ def refine(
     for _ in range(_ITERATIONS):
         used = _weights(fit, signals) if weights is None else weights
         step, std = _newton_step(fit, informing, used, free=free)
-        if np.all(np.abs(step) < np.maximum(1e-10 * resolution, 1e-3 * std)):
+        if np.all(np.abs(step) < np.maximum(1e-12 * resolution, 1e-3 * std)):
             break
         step = np.clip(step, -0.3 * resolution, 0.3 * resolution)
         fit = fit_sines(

@@ -16,6 +16,7 @@ LINE_LIMIT = 30.0
 #: Closest that a line may lie to a fitted frequency, in bins of 1/T.
 LINE_GAP = 2.5
 _BLOCK = 64
+_FEWEST_CYCLES = 2.5
 _MOST_BINS = 16
 _BAND = 0.4
 _FEWEST_BINS = 4
@@ -49,8 +50,11 @@ def strongest_line(samples: FloatArray, rate: float, *, order: int) -> tuple[flo
     padded = 4 * samples.size
     spectrum = np.abs(np.fft.rfft(samples * window, padded)) * 2.0 / window.sum()
     frequency = np.fft.rfftfreq(padded, 1.0 / rate)
-    lowest = int(np.ceil(1.2 * padded / samples.size))  # below 1.2 cycles there is only what drift has left
+    lowest = int(np.ceil(_FEWEST_CYCLES * padded / samples.size))  # below there is only what drift has left
     spectrum[:lowest] = 0.0
+    stands_out = spectrum**2 > LINE_LIMIT * _floor(spectrum[None] ** 2, 4 * _BLOCK)[0]
+    if stands_out.any():  # differentiated noise must not outgrow a line
+        spectrum = np.where(stands_out, spectrum, 0.0)
     spectrum[lowest:] *= (2 * np.pi * frequency[lowest:]) ** order
     return _peak(spectrum, int(np.argmax(spectrum))) * rate / padded, frequency, spectrum
 
@@ -85,10 +89,10 @@ def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArr
     return np.array([_peak(root, int(index)) for index in peaks]) * rate / count
 
 
-def _floor(power: FloatArray) -> FloatArray:
+def _floor(power: FloatArray, block: int = _BLOCK) -> FloatArray:
     """Local noise level of a power spectrum: the median of blocks of bins, as the mean of exponential noise."""
     bins = power.shape[1]
-    size = min(_BLOCK, bins)
+    size = min(block, bins)
     blocks = power[:, : bins // size * size].reshape(power.shape[0], -1, size)
     level = np.median(blocks, axis=2) / np.log(2.0)
     return level[:, np.minimum(np.arange(bins) // size, level.shape[1] - 1)]

@@ -154,6 +154,11 @@ def read_reduced(path: str | os.PathLike[str], *, label: str | None = None) -> R
     used = [columns["frequency"], *(columns[role] for role in form)]
     frequency = _si(table, columns["frequency"])
     values = [_si(table, columns[role]) for role in form]
+    if form[0] == "force" and columns["phase"].assumed and np.nanmax(np.abs(values[2]), initial=0.0) > 2 * np.pi:
+        raise TableError(
+            f"{table.label}: column {units.shown(columns['phase'].name)} has no unit and is too large for radians: "
+            "name it 'phase [deg]'"
+        )
     mobility = stiffness = None
     if form[0] == "force":
         mobility = _mobility(frequency, values[0], values[1], values[2], columns["motion"].kind)
@@ -292,5 +297,6 @@ def _lacking_form(columns: dict[str, _Column]) -> str:
 
 def _warnings(table: TextTable, used: Sequence[_Column]) -> list[str]:
     names = {column.name for column in used}
+    assumed = [f"column {units.shown(c.name)} has no unit: taken as {c.unit}" for c in used if c.assumed]
     left = [f"line {line} is not data and was left out: {text}" for line, text in table.skipped]
-    return left + [f"{bad}: the row cannot be used" for bad in table.bad if bad.column in names]
+    return assumed + left + [f"{bad}: the row cannot be used" for bad in table.bad if bad.column in names]
