@@ -254,7 +254,6 @@ def test_a_curve_that_does_not_reach_zero_load_has_no_secant(bench):
     assert row["K1 [N/m]"] == pytest.approx(tangent(1000.0), rel=1e-6)
 
 
-@pytest.mark.xfail(reason="the window of a static test is passed over without a word")
 def test_a_window_of_a_static_test_is_heeded(bench):
     bench.columns = (*bench.columns, "window [s]")
     bench.static("S1", "1.7,1000,0..4")

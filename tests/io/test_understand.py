@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -48,8 +49,11 @@ def test_a_mobility_by_its_parts(tmp_path: Path, header: str) -> None:
     np.testing.assert_array_equal(table.mobility, MOBILITY)
     assert table.stiffness is None
     assert table.lines == [2, 3]
-    assert table.warnings == []
     assert len(table.understood) == 3
+    bare = [name for name in header.split(",") if not re.search(r" [\[(]", name)]
+    assert [text.partition(" has no unit: taken as ")[0] for text in table.warnings] == [
+        f"column '{name}'" for name in bare
+    ]
 
 
 @pytest.mark.parametrize(
@@ -122,6 +126,17 @@ def test_how_a_column_was_read_is_said_and_so_is_an_assumed_unit(tmp_path: Path)
         "motion amplitude: column 'x1' [m], no unit given: taken as SI",
         "phase of the force ahead of the motion: column 'phase' [deg]",
     ]
+    assert table.warnings == ["column 'f' has no unit: taken as Hz", "column 'x1' has no unit: taken as m"]
+
+
+def test_a_phase_without_a_unit_is_in_radians_unless_it_cannot_be(tmp_path: Path) -> None:
+    table = reduced(tmp_path, "f,F1,V1,phase", F, 1.0, 1.0, [-6.0, 6.0])
+    assert table.mobility is not None
+    np.testing.assert_allclose(table.mobility, np.exp([6.0j, -6.0j]), rtol=1e-12)
+    with pytest.raises(
+        TableError, match=r"column 'phase' has no unit and is too large for radians: name it 'phase \[deg\]'"
+    ):
+        reduced(tmp_path, "f,F1,V1,phase", F, 1.0, 1.0, [-80.0, 3.0])
 
 
 def test_columns_that_mean_nothing_here_are_passed_over(tmp_path: Path) -> None:
@@ -159,7 +174,7 @@ def test_what_cannot_be_understood_is_named_with_what_was(tmp_path: Path, header
 
 def test_rows_that_are_no_numbers_are_kept_and_told(tmp_path: Path) -> None:
     path = tmp_path / "bench.csv"
-    path.write_text("f,R,I,who\n1,2,3,me\n2,,3,me\n3,4,x,me\n\n4,5,6,\nend of file\n")
+    path.write_text("f [Hz],R [s/kg],I [s/kg],who\n1,2,3,me\n2,,3,me\n3,4,x,me\n\n4,5,6,\nend of file\n")
     table = read_reduced(path)
     assert table.lines == [2, 3, 4, 6]
     assert table.mobility is not None
@@ -194,7 +209,8 @@ def test_a_curve_by_the_usual_names(tmp_path: Path, content: str) -> None:
     np.testing.assert_allclose(table.deflection, [0.0, 0.01, 0.02], rtol=1e-15)
     np.testing.assert_allclose(table.load, [0.0, 1500.0, 3500.0], rtol=1e-15)
     assert len(table.understood) == 2
-    assert table.warnings == []
+    assert all("has no unit: taken as" in text for text in table.warnings)
+    assert bool(table.warnings) == content.startswith("x,F")
 
 
 def test_a_curve_by_names_that_are_given(tmp_path: Path) -> None:

@@ -45,9 +45,8 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
         out(f"Virtual campaign in {folder} (seed {seed}): {_counted(study)}.")
         for line in headline(study.results)[1:]:  # the first is the count of tests
             out(line)
-        out("The virtual tyres are designed so that the 1982 paper's conclusions hold; they are not its data.")
-        out(f"results: {results}")
-        out(f"report: {page}")
+        out("The virtual tyres are designed so that the paper's conclusions hold; they are not its data.")
+        out(f"results: {results}; report: {page}")
     return SOME_REJECTED if study.counts["rejected"] else OK
 
 
