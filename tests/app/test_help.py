@@ -79,12 +79,10 @@ def test_the_short_option_says_the_same(run, command):
     assert run(*command.split(), "-h").stdout == run(*command.split(), "--help").stdout
 
 
-@pytest.mark.xfail(reason="rich takes [default: CAMPAIGN/results] for markup and prints nothing")
 def test_the_default_of_out_is_shown(run):
     assert "CAMPAIGN/results" in run("analyse", "--help").stdout
 
 
-@pytest.mark.xfail(reason="the metavar '[DIR]' gets brackets of its own")
 def test_brackets_of_a_metavar_stand_once(run):
     usage = run("demo", "--help").stdout.strip().splitlines()[0]
     assert "[[" not in usage

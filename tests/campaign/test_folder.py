@@ -81,14 +81,12 @@ def test_every_spelling_gives_the_same_tests(tmp_path, tests):
     assert notes == ["", "first, of all", 'two\nlines, "quoted"']
 
 
-@pytest.mark.xfail(reason="blank columns are refused as two further columns of the same name")
 def test_blank_columns_that_a_spreadsheet_leaves_at_the_end_are_nothing(tmp_path):
     campaign = read(tmp_path, table([[*row, "", ""] for row in [HEADER, *ROWS]]))
     assert [test.problem for test in campaign.tests] == ["", "", ""]
     assert campaign.extra_columns == ("note",)
 
 
-@pytest.mark.xfail(reason="a lone quote takes the rows below it into its cell, and they vanish")
 def test_a_lone_quote_does_not_swallow_the_rows_below(tmp_path):
     rows = [f"D{i},{chr(34) if i == 2 else ''}D{i}.csv,dynamic,radial" for i in range(1, 5)]
     try:

@@ -52,7 +52,7 @@ def _root(
 @app.command()
 @ends_well
 def demo(
-    folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where to put the campaign.")] = Path("fourpole-demo"),
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put the campaign.")] = Path("fourpole-demo"),
     seed: Annotated[int, typer.Option(help="Seed of the virtual rig's noise.")] = 1982,
     as_json: JsonFlag = False,
 ) -> None:
@@ -82,7 +82,7 @@ def simulate(
 def analyse(
     campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv.")],
     folder: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the results [default: CAMPAIGN/results].")
+        Path | None, typer.Option("--out", help="Folder for the results; by default CAMPAIGN/results.")
     ] = None,
     route: Annotated[
         str,

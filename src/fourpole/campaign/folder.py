@@ -121,7 +121,7 @@ def read_campaign(folder: str | Path) -> Campaign:
         raise CampaignError("tests.csv: lists no test below its row of names")
     _check_names(tests)
     _check_channels(stated, tests)
-    extra = tuple(column.label for column in columns if column.role == "extra")
+    extra = tuple(column.label for column in columns if column.role == "extra" and column.label)
     return Campaign(folder, stated, tuple(tests), extra)
 
 
@@ -143,8 +143,15 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
     head = text.lstrip("\ufeff").split("\n", 1)[0]
     delimiter = max(",;\t", key=head.count)
     reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=""), delimiter=delimiter, skipinitialspace=True)
+    before = width = 0
     try:
         for cells in reader:
+            width = width or len(cells)
+            if len(cells) != width and any("\n" in cell for cell in cells):
+                raise CampaignError(
+                    f"tests.csv row {before + 1}: a quotation mark is not closed on its line: close or remove it"
+                )
+            before = reader.line_num
             if any(cell.strip() for cell in cells):
                 yield reader.line_num, [cell.strip() for cell in cells]
     except csv.Error as error:
@@ -171,7 +178,7 @@ def _columns(header: list[str]) -> list[_Column]:
             near = difflib.get_close_matches(name, header, n=1)
             hint = f"; did you mean {units.shown(near[0])}?" if near else ""
             raise CampaignError(f"tests.csv row 1: column '{name}' is missing{hint}")
-    labels = [column.label for column in columns if column.role == "extra"]
+    labels = [column.label for column in columns if column.role == "extra" and column.label]
     if len(set(labels)) < len(labels):
         raise CampaignError("tests.csv row 1: two further columns have the same name: rename one of them")
     return columns

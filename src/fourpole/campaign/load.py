@@ -118,7 +118,7 @@ def _agreed(table: Columns, column: str, unit: str, kind: str) -> str:
     try:
         differs = units.channel_scale(written, (kind, "voltage")) != units.channel_scale(unit, (kind, "voltage"))
     except UnitError:
-        return unit
+        differs = units.is_unit(written)
     if differs:
         raise TableError(
             f"column {units.shown(column)} is in {units.shown(written)} by the file, "

@@ -435,11 +435,6 @@ def _fault(fault: Any, name: str) -> str:
         given = fault.get("input")
         if kind != "value_error" and isinstance(given, str | int | float | bool):
             problem += f" (found {units.shown(given)})"
-    where = (
-        " ".join([f"[{path[0]}]", ".".join(path[1:])]).strip()
-        if len(path) > 1 or kind == "value_error"
-        else ".".join(path)
-    )
-    if not path:
-        where = ""
+    table = len(path) > 1 or (kind == "value_error" and path)
+    where = f"[{path[0]}] {'.'.join(path[1:])}".strip() if table else ".".join(path)
     return f"{name}{': ' + where if where else ''}: {problem}"
