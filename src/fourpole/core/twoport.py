@@ -163,8 +163,8 @@ def cascade(*parts: ComplexArray) -> ComplexArray:
     A mass on a spring, held at the far end, resonates where a11 is zero:
 
     >>> omega = np.sqrt(2000.0 / 20.0)
-    >>> cascade(mass(20.0, omega), spring(2000.0, omega))[0, 0]
-    np.complex128(0j)
+    >>> bool(abs(cascade(mass(20.0, omega), spring(2000.0, omega))[0, 0]) < 1e-12)
+    True
     """
     if not parts:
         raise ValueError("a cascade needs at least one four-pole")
