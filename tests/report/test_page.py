@@ -581,6 +581,7 @@ def test_a_static_card_has_its_curve_and_tangents(visit):
     page = visit(campaign())
     page.locator("#static-1 summary").press("Enter")
     card = page.locator("#static-1")
+    card.locator("svg").first.wait_for()  # drawn when the card has opened
     assert card.locator("svg").count() == 1
     assert card.locator(".tangent").count() == 2
     assert "NaN" not in card.inner_html()
@@ -590,7 +591,7 @@ def test_a_static_card_has_its_curve_and_tangents(visit):
 def test_a_card_without_preview_says_so(visit):
     page = visit(made([dynamic_row(1)], previews=False))
     page.locator("#dynamic-1 summary").click()
-    assert "no preview is kept" in page.locator("#dynamic-1").inner_text()
+    page.locator("#dynamic-1").get_by_text("no preview is kept").wait_for()
 
 
 @pytest.mark.parametrize("width", [1280, 390])
@@ -599,7 +600,7 @@ def test_hostile_names_harm_nothing_and_keep_the_layout(visit, width):
     page = visit(hostile(), hostile_findings(), hostile_figures(), viewport=viewport)
     for card in page.locator(".cards summary").all():
         card.click()
-    page.wait_for_timeout(100)
+    page.wait_for_timeout(1000)
     assert page.locator(".card").count() == 5
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.locator(f"h1:has-text({json.dumps(HOSTILE)})").count() == 1
