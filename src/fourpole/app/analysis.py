@@ -8,7 +8,6 @@ from typing import Any
 import polars as pl
 
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, progress, say
-from fourpole.app.report import make_report
 from fourpole.campaign import Study, analyse, read_campaign
 from fourpole.errors import CampaignError
 from fourpole.report.words import headline
@@ -22,7 +21,7 @@ _MOST_LISTED = 12
 def run_analysis(campaign: Path, folder: Path | None, route: str, *, tables_only: bool, as_json: bool) -> int:
     """Analyse a campaign and write its results; the exit code says whether tests were rejected."""
     study, results = _analysed(campaign, folder, route)
-    page = None if tables_only else make_report(study.results, results)
+    page = None if tables_only else _drawn(study, results)
     if as_json:
         print_json({**_summary(study, results), "report": str(page) if page else None})
     else:
@@ -38,7 +37,7 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     with progress("recording") as advance:
         simulate_campaign(folder, seed=seed, progress=advance)
     study, results = _analysed(folder, None, "mobility")
-    page = make_report(study.results, results)
+    page = _drawn(study, results)
     if as_json:
         print_json({**_summary(study, results), "report": str(page), "found": headline(study.results)})
     else:
@@ -59,6 +58,13 @@ def _analysed(campaign: Path, folder: Path | None, route: str) -> tuple[Study, P
         study = analyse(stated, route=route, cache=results / "cache", progress=advance)
     study.write(results)
     return study, results
+
+
+def _drawn(study: Study, results: Path) -> Path:
+    """Figures and report; loaded only where they are wanted, for drawing takes a second to load."""
+    from fourpole.app.report import make_report
+
+    return make_report(study.results, results)
 
 
 def _counted(study: Study) -> str:

@@ -23,6 +23,7 @@ from fourpole.io.source import sha256_of
 
 __all__ = ["ROUTE_NEEDS", "Reduced", "reduce_tests"]
 
+_WORKERS = min(os.cpu_count() or 1, 8)
 #: Channels that a route cannot do without.
 ROUTE_NEEDS = {
     "mobility": ("force_in", "motion_in"),
@@ -50,7 +51,7 @@ def reduce_tests(
 ) -> list[Reduced]:
     """Reduce all tests, in their order; what `cache` holds already is not computed again."""
     results: dict[int, Reduced] = {}
-    with ThreadPoolExecutor(max_workers=min(os.cpu_count() or 1, 8)) as pool:
+    with ThreadPoolExecutor(max_workers=_WORKERS) as pool:
         try:
             for index, result in _unordered(pool, campaign, tests, route, cache):
                 results[index] = result
@@ -68,7 +69,7 @@ def _unordered(
     """Results as they come; only a few tests are under way at once, so that memory stays bounded."""
     waiting = iter(enumerate(tests))
     running: dict[Future[Reduced], int] = {}
-    most = 4 * min(os.cpu_count() or 1, 8)
+    most = 4 * _WORKERS
     while True:
         for index, test in waiting:
             running[pool.submit(_reduce, campaign, test, route, cache)] = index
