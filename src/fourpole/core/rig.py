@@ -12,6 +12,7 @@ mass, a rigid frame. With ``blocked=True`` the far side of the specimen does not
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,10 +35,6 @@ PARAMETERS: dict[str, str] = {
     "frame_stiffness": "N/m",
     "input_mass": "kg",
 }
-
-
-#: Row, column and derivative of the one entry of a four-pole that a parameter changes.
-_Entry = tuple[int, int, ComplexArray]
 
 
 @dataclass(frozen=True)
@@ -118,31 +115,6 @@ class Rig:
             return float("nan")
         return float(np.sqrt(self.preload_stiffness / (self.moving_mass + self.tyre_mass)) / (2 * np.pi))
 
-    def _parts(self, omega: ComplexArray, added_mass: ArrayLike) -> list[tuple[ComplexArray, dict[str, _Entry]]]:
-        """Each four-pole with its derivatives: name -> (row, column, derivative of that entry)."""
-        jw = 1j * omega
-        total = self.moving_mass + self.tyre_mass + np.asarray(added_mass)
-        per_mass = (0, 1, jw)
-        parts = [(mass(total, omega), dict.fromkeys(("moving_mass", "tyre_mass", "added_mass"), per_mass))]
-        k3, eta = self.preload_stiffness, self.preload_loss_factor
-        leaf = k3 * (1 + 1j * eta) + jw * self.preload_damping
-        if self._held:
-            by_leaf = -jw / leaf**2
-            parts.append(
-                (
-                    spring(leaf, omega),
-                    {
-                        "preload_stiffness": (1, 0, by_leaf * (1 + 1j * eta)),
-                        "preload_damping": (1, 0, by_leaf * jw),
-                        "preload_loss_factor": (1, 0, by_leaf * 1j * k3),
-                    },
-                )
-            )
-        if self._held and np.isfinite(self.frame_stiffness):
-            by_frame = -jw / self.frame_stiffness**2
-            parts.append((spring(self.frame_stiffness, omega), {"frame_stiffness": (1, 0, by_frame)}))
-        return parts
-
     @property
     def _held(self) -> bool:
         """Whether anything joins the mass to the foundation."""
@@ -163,29 +135,46 @@ class Rig:
         (..., 2, 2) complex array
             Entries in 1, N s/m, m/(N s), 1.
         """
-        return cascade(*[matrix for matrix, _ in self._parts(np.asarray(omega), added_mass)])
+        omega = np.asarray(omega, dtype=float)
+        parts = [mass(self.moving_mass + self.tyre_mass + np.asarray(added_mass), omega)]
+        if self._held:
+            parts.append(spring(self._leaf(omega), omega))
+            if np.isfinite(self.frame_stiffness):
+                parts.append(spring(self.frame_stiffness, omega))
+        return cascade(*parts)
 
     def mobility(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
         """Mobility V2/F2 of the rig at the tyre, 1/Zr [m/(N s)]; 0 where blocked, infinite at its own resonance."""
         omega = np.asarray(omega, dtype=float)
         if self.blocked:
             return np.zeros(np.broadcast_shapes(omega.shape, np.shape(added_mass)), dtype=complex)
-        top, bottom = self._terminated(self.chain(omega, added_mass))
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(bottom / top)[()]
+            return np.asarray(1.0 / np.asarray(self.impedance(omega, added_mass)))[()]
 
     def impedance(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
-        """Impedance F2/V2 of the rig at the tyre, Zr [N s/m]; infinite where blocked."""
+        r"""Impedance F2/V2 of the rig at the tyre [N s/m]; infinite where blocked.
+
+        .. math::
+
+            Z_r = j\omega (m + m_t + D) + \Bigl(\frac{j\omega}{K_3 (1 + j\eta) + j\omega c_3}
+            + \frac{j\omega}{K_f}\Bigr)^{-1}
+        """
         omega = np.asarray(omega, dtype=float)
         if self.blocked:
             return np.full(np.broadcast_shapes(omega.shape, np.shape(added_mass)), np.inf, dtype=complex)
-        top, bottom = self._terminated(self.chain(omega, added_mass))
-        return np.asarray(top / bottom)[()]
+        total = self.moving_mass + self.tyre_mass + np.asarray(added_mass)
+        return np.asarray(1j * omega * total + self._support(omega))[()]
 
-    def _terminated(self, matrix: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """Force and velocity at the tyre for a unit of what the far end has: force if held, motion if free."""
-        column = 0 if self._held else 1
-        return matrix[..., 0, column], matrix[..., 1, column]
+    def _leaf(self, omega: FloatArray) -> ComplexArray:
+        """Dynamic stiffness of the preload spring with its damper [N/m]."""
+        return self.preload_stiffness * (1 + 1j * self.preload_loss_factor) + 1j * omega * self.preload_damping
+
+    def _support(self, omega: FloatArray) -> ComplexArray:
+        """Impedance of preload spring and frame in series [N s/m]; 0 where nothing holds the mass."""
+        if not self._held:
+            return np.zeros(omega.shape, dtype=complex)
+        leaf = self._leaf(omega)
+        return leaf / (1j * omega * (1 + leaf / self.frame_stiffness))
 
     def impedance_gradient(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
         """Derivatives of Zr by the rig's values and, last, by the added mass.
@@ -203,17 +192,25 @@ class Rig:
             In the order of `PARAMETERS`, then the added mass; zero where a part is absent or the rig blocked.
         """
         omega, added_mass = np.broadcast_arrays(np.asarray(omega, dtype=float), added_mass)
-        names = [*PARAMETERS, "added_mass"]
-        gradient = np.zeros((*omega.shape, len(names)), dtype=complex)
+        gradient = np.zeros((*omega.shape, len(PARAMETERS) + 1), dtype=complex)
         if self.blocked:
             return gradient
-        parts = self._parts(omega, added_mass)
-        top, bottom = self._terminated(self.chain(omega, added_mass))
-        for index, (matrix, derivatives) in enumerate(parts):
-            for name, (row, column, derivative) in derivatives.items():
-                changed = np.zeros_like(matrix)
-                changed[..., row, column] = derivative
-                whole = cascade(*[m for m, _ in parts[:index]], changed, *[m for m, _ in parts[index + 1 :]])
-                top_change, bottom_change = self._terminated(whole)
-                gradient[..., names.index(name)] = (top_change - top / bottom * bottom_change) / bottom
+        jw = 1j * omega
+        by = dict.fromkeys(("moving_mass", "tyre_mass", "added_mass"), jw)
+        if self._held:
+            by_leaf = (1 + self._leaf(omega) / self.frame_stiffness) ** -2.0 / jw
+            by["preload_stiffness"] = by_leaf * (1 + 1j * self.preload_loss_factor)
+            by["preload_damping"] = by_leaf * jw
+            by["preload_loss_factor"] = by_leaf * 1j * self.preload_stiffness
+            by["frame_stiffness"] = self._support(omega) ** 2 * jw / self.frame_stiffness**2
+        names = [*PARAMETERS, "added_mass"]
+        for name, derivative in by.items():
+            gradient[..., names.index(name)] = derivative
         return gradient
+
+    def shifted(self, **values: float) -> Rig:
+        """The same rig with other values, which need not be possible: an estimate near zero may fall below it."""
+        rig = copy(self)
+        for name, value in values.items():
+            object.__setattr__(rig, name, value)
+        return rig

@@ -1,0 +1,132 @@
+"""Which tests see the same tyre in the same state, and how K* changes from one frequency to the next."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.routes import maxwell_arm
+
+__all__ = ["Conditions", "group_conditions"]
+
+#: Frequencies closer than this to the next are one condition, up to the whole width.
+_STEP, _WIDTH = 1.0105, 1.0161
+#: Closer than this to K1 the arm is too soft to say how it changes.
+_HARDLY_AN_ARM = 1e-3
+
+
+def group_conditions(family: np.ndarray, frequency: FloatArray) -> np.ndarray:
+    """Number the conditions: tests of a family whose frequencies lie within about 1 % of each other.
+
+    Parameters
+    ----------
+    family : (N,) int array
+        Same tyre, pressure and preload; negative for tests without a tyre, which keep -1.
+    frequency : (N,) float array [Hz]
+        As found.
+
+    Returns
+    -------
+    (N,) int array
+        From 0, in the order of family and frequency.
+
+    Examples
+    --------
+    >>> group_conditions(np.array([0, 0, 0, 1, -1]), np.array([10.0, 12.0, 10.05, 10.0, 10.0])).tolist()
+    [0, 1, 0, 2, -1]
+    """
+    order = np.lexsort((frequency, family))
+    labels = np.full(family.size, -1)
+    current, first, last, label = -1, 0.0, 0.0, -1
+    for at in order:
+        if family[at] < 0:
+            continue
+        f = float(frequency[at])
+        if family[at] != current or f > _STEP * last or f > _WIDTH * first:
+            label, first, current = label + 1, f, family[at]
+        last = f
+        labels[at] = label
+    return labels
+
+
+class Conditions:
+    """Conditions of tests that are sorted by condition, those without a tyre first.
+
+    Parameters
+    ----------
+    label : (N,) int array
+        Condition of each test, in rising order; -1 for none.
+    family : (N,) int array
+        Tyre, pressure and preload of each test.
+    frequency, k1 : (N,) float arrays [Hz], [N/m]
+        K1 is not-a-number where unknown.
+    """
+
+    def __init__(self, label: np.ndarray, family: np.ndarray, frequency: FloatArray, k1: FloatArray) -> None:
+        self.label = label
+        self.first = int(np.searchsorted(label, 0))
+        self.count = int(label[-1]) + 1 if label.size > self.first else 0
+        self.starts = np.searchsorted(label, np.arange(self.count))
+        self.sizes = np.bincount(label[self.first :], minlength=self.count)
+        self.mean_frequency = self.mean(frequency)
+        self.k1 = self.mean(k1)
+        self.family = family[self.starts] if self.count else np.zeros(0, dtype=int)
+        self._omega = 2 * np.pi * frequency
+        self._apart = frequency - self.mean_frequency[label] if self.count else np.zeros(label.size)
+
+    def sum(self, values: np.ndarray) -> np.ndarray:
+        """Sum over the tests of each condition, along the first axis."""
+        if not self.count:
+            return np.zeros((0, *values.shape[1:]), dtype=values.dtype)
+        return np.add.reduceat(values, self.starts, axis=0)
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Mean over the tests of each condition, along the first axis."""
+        return self.sum(values) / self.sizes.reshape(-1, *[1] * (values.ndim - 1))
+
+    def carried(self, stiffness: ComplexArray) -> ComplexArray:
+        r"""K* of each test over K* of its condition: from the mean frequency to the test's own.
+
+        Where K1 is known, 1/K2 and 1/C are carried along their slopes over the neighbouring frequencies, for they
+        stay finite where K2 or C do not; else log K* is.
+
+        Parameters
+        ----------
+        stiffness : (count,) complex array [N/m]
+            K* of each condition at its mean frequency.
+
+        Returns
+        -------
+        (N,) complex array [1]
+            1 for tests without a tyre.
+        """
+        ratio = np.ones(self.label.size, dtype=complex)
+        if not self.count:
+            return ratio
+        here = slice(self.first, None)
+        label, apart, omega = self.label[here], self._apart[here], self._omega[here]
+        slope = _slopes(np.log(stiffness), self.family, self.mean_frequency)
+        ratio[here] = np.exp(slope[label] * apart)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            k2, c = maxwell_arm(stiffness, self.k1, 2 * np.pi * self.mean_frequency)
+            arm = 1 / k2 + 1j / c
+            moved = arm[label] + _slopes(arm, self.family, self.mean_frequency)[label] * apart
+            by_arm = (self.k1[label] + 1 / (moved.real + moved.imag / (1j * omega))) / stiffness[label]
+            fit = np.abs(stiffness - self.k1) > _HARDLY_AN_ARM * np.abs(stiffness)
+        use = fit[label] & np.isfinite(by_arm) & (np.abs(by_arm - ratio[here]) < 0.1)
+        ratio[here] = np.where(use, by_arm, ratio[here])
+        return ratio
+
+
+def _slopes(values: ComplexArray, family: np.ndarray, frequency: FloatArray) -> ComplexArray:
+    """Slope of each value over the neighbouring frequencies of its family [per Hz]; 0 where it has none."""
+    slope = np.zeros(values.size, dtype=complex)
+    if values.size < 2:
+        return slope
+    at = np.arange(values.size)
+    below = np.where((at > 0) & (family == np.roll(family, 1)), at - 1, at)
+    above = np.where((at < values.size - 1) & (family == np.roll(family, -1)), at + 1, at)
+    span = frequency[above] - frequency[below]
+    rise = values[above] - values[below]
+    np.divide(rise, span, out=slope, where=(span > 0) & np.isfinite(rise))
+    return slope

@@ -1,0 +1,262 @@
+"""Whether the rig as stated can be true: residuals test by test, their chi-square, and what would explain them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.joint.model import Linear, Observed, inverse_upper, projected, upper_factor, whitened
+from fourpole.core.joint.solve import Problem, Solution, without_stiffness
+from fourpole.core.phasor import CHANNELS, SYMBOLS
+from fourpole.core.rig import Rig
+
+__all__ = ["Candidate", "Residuals", "candidates", "pulls", "residuals"]
+
+#: A chi-square less likely than this is a misfit.
+UNLIKELY = 1e-3
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """What the fit leaves, test by test, in the order of the problem.
+
+    Attributes
+    ----------
+    impedance : (N,) complex array [N s/m]
+        F1/V2 - Zr, corrected for the gains found; not-a-number where F1 or V2 is absent.
+    impedance_covariance : (N, 2, 2) float array
+        Of its Re and Im, from the noise.
+    rig, rig_dof : (N,) float arrays [1]
+        Squared normalised residual that no K* could explain, and its degrees of freedom.
+    tyre : (N,) float array [1]
+        The rest: how far K* of this test is from that of its condition.
+    tyre_part, tyre_weight : (N, 2) float array, (N, 2, 2) float array
+        What it says of log K*: its derivative, and how it weighs a change.
+    rig_part, rig_weight : (N, 2) float array, (N, 2, 2) float array
+        What the rig's part says of Zr, in the same way.
+    """
+
+    impedance: ComplexArray
+    impedance_covariance: FloatArray
+    rig: FloatArray
+    rig_dof: FloatArray
+    tyre: FloatArray
+    tyre_part: FloatArray
+    tyre_weight: FloatArray
+    rig_part: FloatArray
+    rig_weight: FloatArray
+
+    @property
+    def whole(self) -> FloatArray:
+        """Both parts."""
+        return self.rig + self.tyre
+
+
+def residuals(problem: Problem, solution: Solution) -> Residuals:
+    """Residuals of a solution."""
+    parts = [
+        _of_chunk(problem.observed.part(rows), linear)
+        for rows, _, linear in problem.linearised(solution.z, solution.stiffness)
+    ]
+    return Residuals(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _of_chunk(observed: Observed, linear: Linear) -> tuple[np.ndarray, ...]:
+    by_k, tyre_weight = linear.by_stiffness, _gram(linear.by_stiffness)
+    basis = by_k @ inverse_upper(upper_factor(tyre_weight))
+    tyre = _across(basis, linear.residual)
+    fit_out = projected(basis)
+    rest = fit_out(linear.residual[..., None])[..., 0]
+    by_zr = fit_out(linear.by_impedance)
+    rig_weight, rig_part = _gram(by_zr), _across(by_zr, rest)
+    inverse = inverse_upper(upper_factor(rig_weight))
+    covariance = inverse @ np.swapaxes(inverse, 1, 2)
+    off = (covariance @ rig_part[..., None])[..., 0]
+    present = np.abs(observed.amplitudes) > 0
+    dof = 2 * present.sum(axis=1) - np.where(observed.rigid, 2, 4)
+    seen = present[:, 0] & present[:, 2]
+    return (
+        np.where(seen, off[:, 0] + 1j * off[:, 1], np.nan),
+        np.where(seen[:, None, None], covariance, np.nan),
+        np.sum(rest**2, axis=1),
+        np.maximum(dof, 0),
+        np.sum(tyre**2, axis=1),
+        _across(by_k, linear.residual),
+        tyre_weight,
+        rig_part,
+        rig_weight,
+    )
+
+
+def _gram(columns: FloatArray) -> FloatArray:
+    return np.swapaxes(columns, 1, 2) @ columns
+
+
+def _across(columns: FloatArray, vector: FloatArray) -> FloatArray:
+    return np.einsum("nij,ni->nj", columns, vector)
+
+
+def pulls(solution: Solution) -> FloatArray:
+    """How far each shared value is drawn from what is stated, in the uncertainty of that distance.
+
+    Not-a-number where the tests say nothing of it.
+    """
+    gained = 1.0 - np.diag(solution.covariance)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(gained > 1e-3, solution.z / np.sqrt(gained), np.nan)
+
+
+def is_unlikely(chi2: float, dof: float) -> bool:
+    """Whether chance gives such a chi-square less than once in a thousand."""
+    return bool(dof > 0 and stats.chi2.sf(chi2, dof) < UNLIKELY)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One unstated part that would lower the misfit.
+
+    Attributes
+    ----------
+    name : str
+        tyre mass, frame, leaf friction, sensor ...
+    value, std : float
+        Its size by the data, and the standard uncertainty of that, in the unit.
+    unit : str
+    explains : float [1]
+        By how much chi-square would fall.
+    of_rig : bool
+        True for a part of the rig, False for a sensor.
+    text : str
+        The part in words, with its size.
+    """
+
+    name: str
+    value: float
+    std: float
+    unit: str
+    explains: float
+    of_rig: bool
+    text: str
+
+
+def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
+    """Unstated parts, by how much of the misfit each alone would explain, best first."""
+    shared = problem.shared
+    p, rig = len(shared), shared.rig_at(solution.z)
+    triangle = np.hstack([np.eye(p), np.zeros((p, len(_EXTRAS))), -solution.z[:, None]])
+    for rows, group, linear in problem.linearised(solution.z, solution.stiffness):
+        extra = _extra_columns(problem.observed.part(rows), linear, rig)
+        columns = np.concatenate([linear.by_shared, extra, linear.residual[:, :, None]], axis=2)
+        if group.stop > group.start:
+            starts = problem.conditions.starts[group] - rows.start
+            columns = without_stiffness(linear.by_stiffness, columns, starts)[2]
+        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, columns.reshape(-1, columns.shape[2])]), mode="r"))
+    block, target = triangle[p:-1, p:-1], triangle[p:-1, -1]
+    weight, pull = np.sum(block**2, axis=0), block.T @ target
+    found = []
+    for at, words in enumerate(_EXTRAS.values()):
+        if weight[at] > 0 and (said := words(float(pull[at] / weight[at]))) is not None:
+            relative = float(np.sqrt(weight[at]) / abs(pull[at]))
+            name, value, unit, text = said
+            explains = float(pull[at] ** 2 / weight[at])
+            found.append(
+                Candidate(name, value, abs(value) * relative, unit, explains, not name.startswith("sensor"), text)
+            )
+    return sorted(found, key=lambda candidate: -candidate.explains)
+
+
+def _extra_columns(observed: Observed, linear: Linear, rig: Rig) -> FloatArray:
+    """Derivatives (N, 6, extras) by each part of `_EXTRAS`, the drive fitted out."""
+    omega = observed.omega
+    count = omega.size
+    speed = np.abs(linear.drive * linear.ratio)
+    support = np.asarray(rig.impedance(omega)) - 1j * omega * (rig.moving_mass + rig.tyre_mass)
+    by_zr = {
+        "mass": 1j * omega,
+        "frame": -1j * omega * support**2,
+        "spring": 1 / (1j * omega),
+        "loss": rig.preload_stiffness / omega,
+        "friction": 4 / (np.pi * np.maximum(speed, np.finfo(float).tiny)),
+    }
+    changes = np.stack([np.broadcast_to(value, count).astype(complex) for value in by_zr.values()], axis=-1)
+    columns = (
+        linear.by_impedance[:, :, :1] * changes.real[:, None] + linear.by_impedance[:, :, 1:] * changes.imag[:, None]
+    )
+    sensor = np.zeros((count, 3, 9), dtype=complex)
+    for at in range(3):
+        one = linear.predicted[:, at]
+        sensor[:, at, at], sensor[:, at, 3 + at], sensor[:, at, 6 + at] = one, 1j * one, -1j * omega * one
+    return np.concatenate([columns, projected(linear.frame)(whitened(observed.whiten, sensor))], axis=2)
+
+
+_Said = tuple[str, float, str, str] | None
+
+
+def _mass(change: float) -> _Said:
+    if change > 0:
+        text = f"a moving mass {change:.3g} kg larger than stated, as an undeclared tyre mass would make it"
+        return "tyre mass", change, "kg", text
+    return "moving mass", change, "kg", f"a moving mass {-change:.3g} kg smaller than stated"
+
+
+def _frame(compliance: float) -> _Said:
+    if compliance <= 0:
+        return None
+    text = f"a frame of {1 / compliance:.3g} N/m behind the preload spring, or a spring softer by as much"
+    return "frame", 1 / compliance, "N/m", text
+
+
+def _spring(change: float) -> _Said:
+    if change <= 0:
+        return None
+    return "preload spring", change, "N/m", f"a preload spring {change:.3g} N/m stiffer than stated"
+
+
+def _loss(factor: float) -> _Said:
+    return (
+        ("leaf friction", factor, "1", f"a loss factor of {factor:.3g} in the preload spring") if factor > 0 else None
+    )
+
+
+def _friction(force: float) -> _Said:
+    return ("leaf friction", force, "N", f"dry friction of {force:.3g} N in the preload spring") if force > 0 else None
+
+
+def _gain(symbol: str) -> Callable[[float], _Said]:
+    return lambda gain: (f"sensor {symbol}", gain, "1", f"a gain of {symbol} off by {100 * gain:+.2g} %")
+
+
+def _phase(symbol: str) -> Callable[[float], _Said]:
+    return lambda phase: (
+        f"sensor {symbol}",
+        phase,
+        "rad",
+        f"a phase of {symbol} off by {np.degrees(phase):+.2g} degrees at all frequencies",
+    )
+
+
+def _delay(symbol: str) -> Callable[[float], _Said]:
+    return lambda delay: (
+        f"sensor {symbol}",
+        delay,
+        "s",
+        f"{symbol} {abs(delay) * 1e3:.3g} ms {'late' if delay > 0 else 'early'}",
+    )
+
+
+_SYMBOLS = tuple(SYMBOLS[role] for role in CHANNELS)
+#: Each extra part with its words, in the order of `_extra_columns`.
+_EXTRAS: dict[str, Callable[[float], _Said]] = {
+    "mass": _mass,
+    "frame": _frame,
+    "spring": _spring,
+    "loss": _loss,
+    "friction": _friction,
+    **{f"gain {symbol}": _gain(symbol) for symbol in _SYMBOLS},
+    **{f"phase {symbol}": _phase(symbol) for symbol in _SYMBOLS},
+    **{f"delay {symbol}": _delay(symbol) for symbol in _SYMBOLS},
+}

@@ -1,0 +1,213 @@
+"""From the most probable values to what a test is asked for, with every derivative by what the values rest on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.identify import Identification
+from fourpole.core.joint.identify import Joint
+from fourpole.core.joint.settle import largest_part
+from fourpole.core.phasor import Phasors
+from fourpole.core.routes import maxwell_arm, why_no_arm
+
+__all__ = ["OUTPUTS", "Outputs", "identification", "outputs"]
+
+#: What budgets are kept of, with units: one column of `Outputs.value` each.
+OUTPUTS = {"Re K*": "N/m", "Im K*": "N/m", "loss factor": "1", "K2": "N/m", "C": "N s/m", "TR": "1"}
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """The six outputs of N tests and what they depend on, in the order the tests were given.
+
+    The error of an output is by_own · e - (by_own · slope - by_shared) · dz + by_k1 · dK1; rigid blocks have none.
+
+    Attributes
+    ----------
+    value : (N, 6) float array
+        In the order of `OUTPUTS`; not-a-number where it does not exist.
+    by_own : (N, 6, 2) float array
+        Derivatives by Re and Im of log K* as the noise moves it.
+    by_shared : (N, 6, p) float array
+        By the shared values, in their stated uncertainties, all ways together.
+    by_k1 : (N, 6) float array
+        By K1.
+    own : (N, 2, 2) float array
+        Covariance of log K* for known shared values, in that test's condition.
+    frequency : (N, 2, 2) float array
+        The part of `own` that the uncertainty of the frequency makes.
+    covariance : (p, p) float array
+        Of the shared values.
+    tr_of_rig : (N,) float array [1]
+        Standard uncertainty of TR from the error that had to be granted to the rig; 0 where the rig fits.
+    """
+
+    value: FloatArray
+    by_own: FloatArray
+    by_shared: FloatArray
+    by_k1: FloatArray
+    own: FloatArray
+    frequency: FloatArray
+    covariance: FloatArray
+    tr_of_rig: FloatArray
+
+    def covariance_of(self, rows: slice, k1_std: FloatArray) -> FloatArray:
+        """Covariance (N, k, k) of some of the outputs."""
+        own, shared, k1 = self.by_own[:, rows], self.by_shared[:, rows], self.by_k1[:, rows]
+        with np.errstate(invalid="ignore"):
+            by_k1 = np.where(k1 == 0, 0.0, k1 * k1_std[:, None])
+            return (
+                own @ self.own @ np.swapaxes(own, 1, 2)
+                + shared @ self.covariance @ np.swapaxes(shared, 1, 2)
+                + by_k1[:, :, None] * by_k1[:, None, :]
+            )
+
+
+def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
+    """Outputs of a joint solution, each test at its own frequency.
+
+    Parameters
+    ----------
+    joint : Joint
+    phasors : Phasors
+        As given to `identify_joint`.
+    k1 : (N,) float array [N/m]
+        Static stiffness of each test.
+    """
+    problem, solution, back = joint.problem, joint.solution, np.argsort(joint.order)
+    omega = np.asarray(phasors.omega)
+    k1 = np.broadcast_to(np.asarray(k1, dtype=float), omega.shape)
+    rigid = joint.condition < 0
+    stiffness = np.where(
+        rigid,
+        np.nan,
+        _per_test(joint, solution.stiffness, np.nan) * problem.conditions.carried(solution.stiffness)[back],
+    )
+    slope = _per_test(joint, solution.slope, 0.0)
+    linear = [part for _, _, part in problem.linearised(solution.z, solution.stiffness)]
+    impedance, ratio, impedance_by = (
+        np.concatenate([getattr(part, name) for part in linear])[back]
+        for name in ("impedance", "ratio", "impedance_by_shared")
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        by_log_k = stiffness[:, None] * np.array([1.0, 1j])
+        by_k = np.stack([by_log_k.real, by_log_k.imag], axis=1)
+        loss = stiffness.imag / stiffness.real
+        by_loss = (by_log_k.imag - loss[:, None] * by_log_k.real) / stiffness.real[:, None]
+        k2, c = maxwell_arm(stiffness, k1, omega)
+        by_arm, arm_by_k1 = _arm(stiffness, by_log_k, k1, k2, c, omega)
+        tr = np.where(rigid, np.nan, np.abs(ratio))
+        by_tr = tr[:, None] * np.stack([(1 - ratio).real, -(1 - ratio).imag], axis=1)
+        tr_by_zr = -1j * omega / (stiffness + 1j * omega * impedance)
+        direct = tr[:, None] * (tr_by_zr[:, None] * impedance_by).real
+    by_own = np.concatenate([by_k, by_loss[:, None], by_arm, by_tr[:, None]], axis=1)
+    by_shared = -by_own @ slope
+    by_shared[:, 5] += direct
+    by_k1 = np.zeros((omega.size, 6))
+    by_k1[:, 3:5] = arm_by_k1
+    return Outputs(
+        value=np.stack([stiffness.real, stiffness.imag, loss, k2, c, tr], axis=1),
+        by_own=by_own,
+        by_shared=by_shared,
+        by_k1=by_k1,
+        own=_per_test(joint, solution.own, np.nan),
+        frequency=_per_test(joint, _frequency_part(joint), np.nan),
+        covariance=solution.covariance,
+        tr_of_rig=tr * np.abs(tr_by_zr) * (joint.misfit.rig_error * largest_part(problem, solution))[back],
+    )
+
+
+def _per_test(joint: Joint, values: np.ndarray, missing: float) -> np.ndarray:
+    """What each condition has, for each test of it; `missing` for rigid blocks."""
+    if not values.shape[0]:
+        return np.full((joint.condition.size, *values.shape[1:]), missing, dtype=values.dtype)
+    found = values[joint.condition].copy()
+    found[joint.condition < 0] = missing
+    return found
+
+
+def _arm(
+    stiffness: ComplexArray, by_log_k: ComplexArray, k1: FloatArray, k2: FloatArray, c: FloatArray, omega: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of K2 and C by Re and Im of log K*, (N, 2, 2), and by K1, (N, 2)."""
+    by = np.concatenate([by_log_k, np.full((k1.size, 1), -1.0 + 0j)], axis=1)
+    by_compliance = -by / ((stiffness - k1) ** 2)[:, None]
+    both = np.stack([-(k2**2)[:, None] * by_compliance.real, (omega * c**2)[:, None] * by_compliance.imag], axis=1)
+    return both[:, :, :2], both[:, :, 2]
+
+
+def _frequency_part(joint: Joint) -> FloatArray:
+    """Covariance of log K* of each condition that comes from the uncertainty of its tests' frequencies."""
+    problem, solution = joint.problem, joint.solution
+    conditions, observed = problem.conditions, problem.observed
+    if not np.any(observed.frequency_std > 0):
+        return np.zeros((conditions.count, 2, 2))
+    relative = 2 * np.pi * observed.frequency_std / observed.omega
+    change = problem.by_log_frequency(solution.z, solution.stiffness) * relative[:, None]
+    by_k = np.concatenate([part.by_stiffness for _, _, part in problem.linearised(solution.z, solution.stiffness)])
+    drawn = np.einsum("nij,ni->nj", by_k, change)
+    moved = solution.own @ conditions.sum(drawn[:, :, None] * drawn[:, None, :]) @ solution.own
+    return moved
+
+
+def identification(joint: Joint, phasors: Phasors, k1: ArrayLike, k1_std: ArrayLike) -> Identification:
+    """The joint route's answer in the form of every route's: one row per test, rigid blocks with K* blank."""
+    omega = np.asarray(phasors.omega)
+    k1, k1_std = (np.broadcast_to(np.asarray(x, dtype=float), omega.shape) for x in (k1, k1_std))
+    found = outputs(joint, phasors, k1)
+    stiffness = found.value[:, 0] + 1j * found.value[:, 1]
+    rigid = joint.condition < 0
+    with np.errstate(invalid="ignore"):
+        reasons = tuple(
+            "" if block else why_no_arm(*row)
+            for block, *row in zip(rigid, stiffness, k1, found.value[:, 3], found.value[:, 4], strict=True)
+        )
+        passive = np.array([not reason for reason in reasons], dtype=bool) & ~rigid
+        mobility, mobility_covariance = _corrected_mobility(joint, phasors)
+        gains = joint.problem.shared.gains_at(joint.solution.z)
+        std = np.sqrt(np.diagonal(found.covariance_of(slice(2, 6), k1_std), 0, 1, 2))
+    return Identification(
+        frequency=phasors.frequency,
+        mobility=mobility,
+        mobility_covariance=mobility_covariance,
+        stiffness=stiffness,
+        stiffness_covariance=found.covariance_of(slice(0, 2), k1_std),
+        loss_factor=found.value[:, 2],
+        loss_factor_std=std[:, 0],
+        k1=k1,
+        k1_std=k1_std,
+        k2=np.where(passive, found.value[:, 3], np.nan),
+        c=np.where(passive, found.value[:, 4], np.nan),
+        arm_covariance=np.where(passive[:, None, None], found.covariance_of(slice(3, 5), k1_std), np.nan),
+        tr_measured=np.abs(phasors.transmissibility * gains[1] / gains[2]),
+        tr_predicted=found.value[:, 5],
+        tr_std=np.hypot(std[:, 3], found.tr_of_rig),
+        reasons=reasons,
+        route="joint",
+    )
+
+
+def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, FloatArray]:
+    """V1/F1 with the gains found taken out, and its covariance from the noise and what is left of the gains."""
+    shared, z = joint.problem.shared, joint.solution.z
+    gains = shared.gains_at(z)
+    mobility = phasors.mobility * gains[0] / gains[1]
+    by = np.zeros((*mobility.shape, 4), dtype=complex)
+    by[:, 0], by[:, 1] = -mobility / phasors.force_in, -1j * mobility / phasors.force_in
+    by[:, 2], by[:, 3] = mobility / phasors.motion_in, 1j * mobility / phasors.motion_in
+    by_z = np.zeros((*mobility.shape, len(shared)), dtype=complex)
+    for at, quantity in enumerate(shared.quantities):
+        if quantity.kind in ("gain", "phase") and quantity.index < 2:
+            turn = (1.0 if quantity.kind == "gain" else 1j) * (1 if quantity.index == 0 else -1)
+            by_z[:, at] = mobility * turn * quantity.std
+    noise, rest = _two(by), _two(by_z)
+    covariance = noise @ phasors.covariance[:, :4, :4] @ np.swapaxes(noise, 1, 2)
+    return mobility, covariance + rest @ joint.solution.covariance @ np.swapaxes(rest, 1, 2)
+
+
+def _two(values: ComplexArray) -> FloatArray:
+    return np.stack([values.real, values.imag], axis=1)
