@@ -203,6 +203,124 @@ def test_added_mass_is_a_column_and_shifts_the_resonance(tmp_path):
     assert f1 / v2 == pytest.approx(25j * omega + 15.0 + 12440.0 / (1j * omega), rel=1e-8)
 
 
+TINY = {"tyres": [RADIAL_PLY], "pressures": [170e3], "preloads": [1000.0], "frequencies": [10.0, 24.0]}
+EVERYTHING = {
+    "declared": {"tyre_mass": 0.8, "preload_loss_factor": 0.02, "input_mass": 0.5},
+    "undeclared": {"frame_stiffness": 4e6, "gain F1": 0.03, "phase V2": 0.01},
+    "rig_error": {"moving_mass": 0.02, "preload_stiffness": -0.02},
+}
+
+
+def impedance(row, omega, mass):
+    """F/V2 of the rig that truth.csv tells, above a tyre, from spring and mass in their places."""
+    leaf = row["preload stiffness [N/m]"] * (1.0 + 1j * row["preload loss factor [1]"])
+    leaf += 1j * omega * row["preload damping [N s/m]"]
+    return leaf / (1.0 + leaf * (1.0 / row["frame stiffness [N/m]"])) / (1j * omega) + 1j * omega * mass
+
+
+def measured(folder, row):
+    recording = pl.read_csv(folder / "recordings" / f"{row['test']}.csv").to_numpy()
+    return amplitudes(recording[:, 0], recording[:, 1:], row["frequency [Hz]"])
+
+
+def test_options_are_stated_or_hidden_as_asked(tmp_path):
+    options = {**EVERYTHING, "sensors": (0.03, np.deg2rad(1.0)), "rig_std": {"moving_mass": 0.3}}
+    folder = simulate_campaign(tmp_path, **TINY, **options).folder
+    said = tomllib.loads((folder / "campaign.toml").read_text())
+    assert said["rig"] == {
+        "moving_mass": {"value": 15.0, "unit": "kg", "std": 0.3},
+        "preload_stiffness": {"value": 12.44, "unit": "kN/m", "std": 0.02},
+        "preload_damping": {"value": 15.0, "unit": "N s/m", "std": 0.5},
+        "tyre_mass": {"value": 0.8, "unit": "kg", "std": 0.016},
+        "preload_loss_factor": {"value": 0.02, "unit": "1", "std": 0.0004},
+        "input_mass": {"value": 0.5, "unit": "kg", "std": 0.01},
+    }
+    for role in ("force_in", "motion_in", "motion_out"):
+        assert (said["channels"][role]["std_gain"], said["channels"][role]["std_phase"]) == ("3 %", "1 deg")
+    truth = table(folder, "truth.csv")
+    row = truth.row(0, named=True)
+    assert truth.select(truth.columns[12:]).n_unique() == 1
+    assert row["moving mass [kg]"] == pytest.approx(15.3)
+    assert row["preload stiffness [N/m]"] == pytest.approx(0.98 * 12440.0)
+    assert 0.0 < abs(row["tyre mass [kg]"] - 0.8) <= 2 * 0.016
+    assert (row["frame stiffness [N/m]"], row["leaf friction [N]"]) == (4e6, 0.0)
+    assert (row["gain error F1 [1]"], row["phase error V2 [rad]"]) == (0.03, 0.01)
+    assert 1e-3 < abs(row["gain error V1 [1]"]) <= 0.06
+
+
+def test_clean_recordings_hold_every_part_of_the_rig_and_every_fault(tmp_path):
+    folder = simulate_campaign(tmp_path, clean=True, calibration_masses=[8.0], **TINY, **EVERYTHING).folder
+    truth = table(folder, "truth.csv").filter(pl.col("frequency [Hz]").is_not_null())
+    assert truth["test"].to_list() == ["D1", "D2", "C1", "C2"]
+    for row in truth.iter_rows(named=True):
+        omega = 2.0 * np.pi * row["frequency [Hz]"]
+        f1, v1, v2 = measured(folder, row) / [1.03, 1.0, np.exp(0.01j)]
+        above = row["moving mass [kg]"] + row["added mass [kg]"]
+        through = f1 - 1j * omega * row["input mass [kg]"] * v1
+        assert abs(v2 / v1) == pytest.approx(row["TR [1]"], rel=1e-8)
+        if row["tyre"] is None:
+            assert v2 == pytest.approx(v1, rel=1e-8)
+            assert through / v2 == pytest.approx(impedance(row, omega, above), rel=1e-8)
+        else:
+            above += row["tyre mass [kg]"]
+            assert through / v2 == pytest.approx(impedance(row, omega, above), rel=1e-8)
+            stiffness = row["Re K* [N/m]"] + 1j * row["Im K* [N/m]"]
+            assert 1j * omega * through / (v1 - v2) == pytest.approx(stiffness, rel=1e-7)
+
+
+def test_large_phase_errors_are_recorded(tmp_path):
+    folder = simulate_campaign(tmp_path, clean=True, undeclared={"phase F1": -0.2, "phase V1": 0.2}, **TINY).folder
+    row = table(folder, "truth.csv").row(1, named=True)
+    f1, v1, v2 = measured(folder, row) / np.exp([-0.2j, 0.2j, 0.0])
+    stiffness = row["Re K* [N/m]"] + 1j * row["Im K* [N/m]"]
+    assert 2j * np.pi * row["frequency [Hz]"] * f1 / (v1 - v2) == pytest.approx(stiffness, rel=1e-7)
+
+
+def test_friction_is_in_the_truth_of_the_transmissibility(tmp_path):
+    folder = simulate_campaign(tmp_path, clean=True, undeclared={"leaf_friction": 5.0}, **TINY).folder
+    for row in table(folder, "truth.csv").filter(pl.col("frequency [Hz]").is_not_null()).iter_rows(named=True):
+        omega = 2.0 * np.pi * row["frequency [Hz]"]
+        f1, v1, v2 = measured(folder, row)
+        rubbing = f1 / v2 - impedance(row, omega, 15.0)
+        assert rubbing == pytest.approx(4.0 * 5.0 / (np.pi * abs(v2)), rel=0.05)
+        assert abs(v2 / v1) == pytest.approx(row["TR [1]"], rel=2e-3)
+
+
+def test_calibrations_are_listed_without_a_tyre(tmp_path):
+    folder = simulate_campaign(tmp_path, calibration_masses=[5.0, 10.0], **TINY).folder
+    tests = table(folder, "tests.csv")
+    assert tests.columns == [*TESTS_COLUMNS, "added_mass [kg]"]
+    blocks = tests.filter(pl.col("kind") == "calibration")
+    assert blocks["test"].to_list() == ["C1", "C2", "C3", "C4"]
+    assert blocks["added_mass [kg]"].to_list() == [5.0, 5.0, 10.0, 10.0]
+    assert blocks["frequency [Hz]"].to_list() == [10.0, 24.0] * 2
+    assert blocks.select("tyre", "pressure [bar]", "preload [N]").null_count().row(0) == (4, 4, 4)
+    assert all((folder / file).is_file() for file in tests["file"])
+    simulate_campaign(folder, **TINY)
+    assert not list((folder / "recordings").glob("C*"))
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"undeclared": {"tire_mass": 1.0}}, "undeclared has 'tire_mass'"),
+        ({"declared": {"tyre_mass": 1.0}, "undeclared": {"tyre_mass": 1.0}}, "undeclared has 'tyre_mass'"),
+        ({"declared": {"leaf_friction": 1.0}}, "declared has 'leaf_friction'"),
+        ({"declared": {"tyre_mass": -1.0}}, "positive and finite"),
+        ({"rig_error": {"tyre_mass": 0.1}}, "rig_error has 'tyre_mass'"),
+        ({"rig_error": {"moving_mass": -2.0}}, "moving mass must be > 0"),
+        ({"rig_std": {"mass": 0.1}}, "rig_std has 'mass'"),
+        ({"sensors": (-1.0, 0.0)}, "zero or positive"),
+        ({"added_mass_at": ("radial-ply", 1.7, 1000.0)}, "is no condition"),
+        ({"calibration_masses": [0.0]}, "must be > 0 kg"),
+    ],
+)
+def test_impossible_options_are_refused_and_nothing_is_written(tmp_path, options, said):
+    with pytest.raises(ValueError, match=said):
+        simulate_campaign(tmp_path / "new", **TINY, **options)
+    assert not (tmp_path / "new").exists()
+
+
 def test_earlier_virtual_campaign_is_replaced_and_other_files_stay(tmp_path):
     simulate_campaign(tmp_path, seed=1, **SMALL)
     (tmp_path / "notes.txt").write_text("mine")

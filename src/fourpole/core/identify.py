@@ -31,7 +31,8 @@ __all__ = ["ChannelUncertainty", "Identification", "identify"]
 _RIG_AT = slice(6, 6 + len(PARAMETERS))
 _ADDED_AT = _RIG_AT.stop
 _K1_AT = _ADDED_AT + 1
-_INPUTS = _K1_AT + 1
+_OMEGA_AT = _K1_AT + 1
+_INPUTS = _OMEGA_AT + 1
 _INPUT_MASS_AT = 6 + list(PARAMETERS).index("input_mass")
 
 
@@ -216,6 +217,7 @@ class _Linear:
         self.f1 = self.cell_force - jw * input_mass * self.v1
         self.by_f1 = self.by_cell_force - (jw * input_mass)[:, None] * self.by_v1
         self.by_f1[:, _INPUT_MASS_AT] -= jw * self.v1
+        self.by_f1[:, _OMEGA_AT] -= 1j * input_mass * self.v1
 
     def _phasor(self, index: int) -> ComplexArray:
         by = np.zeros((self.omega.size, _INPUTS), dtype=complex)
@@ -229,6 +231,7 @@ class _Linear:
         by = np.zeros((self.omega.size, _INPUTS), dtype=complex)
         gradient = self.rig.impedance_gradient(self.omega, self.added)
         by[:, 6:_K1_AT] = -(mobility**2)[:, None] * gradient
+        by[:, _OMEGA_AT] = -(mobility**2) * self.rig.impedance_slope(self.omega, self.added)
         return mobility, by
 
     def mobility(self) -> tuple[ComplexArray, ComplexArray]:
@@ -236,6 +239,13 @@ class _Linear:
         return _ratio(self.v1, self.by_v1, self.cell_force, self.by_cell_force)
 
     def stiffness(self, route: str) -> tuple[ComplexArray, ComplexArray]:
+        """K* by a route; every route's formula has the factor jw."""
+        value, by = self._stiffness(route)
+        by[:, _OMEGA_AT] += value / self.omega
+        return value, by
+
+    def _stiffness(self, route: str) -> tuple[ComplexArray, ComplexArray]:
+        """K* by a route, jw outside the impedances held."""
         jw = 1j * self.omega
         if route == "relative":
             value = relative_route(self.f1, self.v1, self.v2, self.omega)
@@ -264,6 +274,7 @@ class _Linear:
         by_joined = by_stiffness * rig[:, None] + stiffness[:, None] * by_rig
         predicted = joined / (joined + jw)
         by_predicted = (jw / (joined + jw) ** 2)[:, None] * by_joined
+        by_predicted[:, _OMEGA_AT] -= 1j * joined / (joined + jw) ** 2
         return np.abs(measured), np.abs(predicted), _modulus(predicted, by_predicted)
 
 
@@ -294,6 +305,7 @@ def _arm(
     by_compliance = -by_arm / ((stiffness - k1) ** 2)[:, None]
     by_k2 = -(k2**2)[:, None] * by_compliance.real
     by_c = (omega * c**2)[:, None] * by_compliance.imag
+    by_c[:, _OMEGA_AT] -= c / omega
     return k2, c, np.stack([by_k2, by_c], axis=1)
 
 
@@ -315,6 +327,7 @@ def _input_covariance(
         covariance[:, at[_RIG_AT], at[_RIG_AT]] = rig.uncertainties**2
     covariance[:, _ADDED_AT, _ADDED_AT] = added_std**2
     covariance[:, _K1_AT, _K1_AT] = np.nan_to_num(k1_std) ** 2
+    covariance[:, _OMEGA_AT, _OMEGA_AT] = (2 * np.pi * np.asarray(phasors.frequency_std).reshape(count)) ** 2
     return covariance
 
 

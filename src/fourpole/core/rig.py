@@ -208,6 +208,16 @@ class Rig:
             gradient[..., names.index(name)] = derivative
         return gradient
 
+    def impedance_slope(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
+        """Derivative of Zr by the angular frequency [N s^2/m]; 0 where blocked."""
+        omega, added_mass = np.broadcast_arrays(np.asarray(omega, dtype=float), added_mass)
+        if self.blocked:
+            return np.zeros(omega.shape, dtype=complex)
+        slope = 1j * (self.moving_mass + self.tyre_mass + added_mass) - self._support(omega) / omega
+        if self._held:
+            slope = slope + self.preload_damping / omega * (1 + self._leaf(omega) / self.frame_stiffness) ** -2.0
+        return np.asarray(slope)[()]
+
     def shifted(self, **values: float) -> Rig:
         """The same rig with other values, which need not be possible: an estimate near zero may fall below it."""
         rig = copy(self)

@@ -1,9 +1,19 @@
-"""Both rigs of the 1982 paper in software, in the time domain, to test an analysis against a known truth.
+"""Both rigs of the 1982 paper in software, to test an analysis against a known truth.
 
-Nothing here shares a formula with the core: the tyre is a set of differential equations, marched in time.
+Nothing here shares a formula with the core: the tyre is a set of differential equations, marched in time or solved
+at one frequency.
 """
 
-from fourpole.virtual.dynamic_rig import Bench, Cam, Motion, Zener, run, state_matrices
+from fourpole.virtual.cam import Cam
+from fourpole.virtual.dynamic_rig import Bench, Motion, Zener, run, run_block, state_matrices
+from fourpole.virtual.phasor_rig import (
+    Conditions,
+    DrawnLaboratory,
+    Laboratory,
+    PhasorCampaign,
+    draw,
+    simulate_phasors,
+)
 from fourpole.virtual.sensors import Sensor, sample
 from fourpole.virtual.simulate import SimulatedCampaign, simulate_campaign
 from fourpole.virtual.static_rig import StaticCycles, load_cycles
@@ -14,15 +24,22 @@ __all__ = [
     "RADIAL_PLY",
     "Bench",
     "Cam",
+    "Conditions",
+    "DrawnLaboratory",
+    "Laboratory",
     "Motion",
+    "PhasorCampaign",
     "Sensor",
     "SimulatedCampaign",
     "StaticCycles",
     "VirtualTyre",
     "Zener",
+    "draw",
     "load_cycles",
     "run",
+    "run_block",
     "sample",
     "simulate_campaign",
+    "simulate_phasors",
     "state_matrices",
 ]

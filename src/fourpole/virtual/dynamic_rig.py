@@ -1,92 +1,28 @@
-"""The dynamic rig in the time domain: cam, massless tyre, moving mass, leaf spring to the foundation."""
+"""The dynamic rig in the time domain: cam, tyre, moving mass, leaf spring to the foundation."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import ceil
+from dataclasses import dataclass, replace
+from math import ceil, inf, isfinite, isinf
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
-__all__ = ["Bench", "Cam", "Motion", "Zener", "run", "state_matrices"]
+from fourpole.virtual.cam import Cam
+from fourpole.virtual.march import held_force, recur, respond
+
+__all__ = ["Bench", "Motion", "Zener", "amplification", "run", "run_block", "state_matrices"]
 
 FloatArray = NDArray[np.float64]
 
 #: A transient has gone when it has fallen by this many e-foldings: e^-37 is below round-off.
 _SETTLED = 37.0
-
-
-@dataclass(frozen=True)
-class Cam:
-    r"""A disc with an eccentricity, its profile errors, and the unsteady speed at which it turns.
-
-    .. math::
-
-        x_1 = e\,\Bigl(\sin\theta + \sum_n a_n \sin(n\theta + \phi_n)\Bigr), \qquad
-        \theta = \omega t + \sum_n \frac{r_n}{n}\sin(n\omega t + \psi_n)
-                 + \frac{w\,\omega T}{2\pi}\sin(2\pi t/T + \psi_w)
-
-    Parameters
-    ----------
-    frequency : float [Hz]
-        Mean revolutions per second; > 0.
-    eccentricity : float [m]
-        e, the amplitude of the motion.
-    profile : tuple of (order, fraction [1], phase [rad])
-        n, a_n and phi_n: harmonics of the profile, relative to the eccentricity.
-    ripple : tuple of (order, fraction [1], phase [rad])
-        n, r_n and psi_n: the speed varies by the fraction r_n, n times per revolution.
-    wander, wander_period, wander_phase : float [1], [s], [rad]
-        w, T, psi_w: the speed varies slowly by the fraction w; over whole periods its mean is `frequency`.
-
-    Examples
-    --------
-    >>> x1, v1 = Cam(frequency=10.0).motion(np.array([0.0, 0.025]))
-    >>> x1.round(6).tolist(), v1.round(6).tolist()
-    ([0.0, 0.001], [0.062832, 0.0])
-    """
-
-    frequency: float
-    eccentricity: float = 1e-3
-    profile: tuple[tuple[int, float, float], ...] = ()
-    ripple: tuple[tuple[int, float, float], ...] = ()
-    wander: float = 0.0
-    wander_period: float = 4.0
-    wander_phase: float = 0.0
-
-    def motion(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Displacement x1 [m] and velocity v1 [m/s] of the contact at `time` [s]."""
-        omega = 2.0 * np.pi * self.frequency
-        angle = omega * time
-        speed = np.full_like(angle, omega)
-        if self.ripple:
-            turns = _multiples(angle, max(order for order, _, _ in self.ripple))
-            for order, fraction, phase in self.ripple:
-                part = turns[order - 1] * (fraction * np.exp(1j * phase))
-                angle = angle + part.imag / order
-                speed += omega * part.real
-        if self.wander:
-            slow = 2.0 * np.pi / self.wander_period
-            angle = angle + self.wander * omega / slow * np.sin(slow * time + self.wander_phase)
-            speed += self.wander * omega * np.cos(slow * time + self.wander_phase)
-        turns = _multiples(angle, max((order for order, _, _ in self.profile), default=1))
-        x, slope = turns[0].imag.copy(), turns[0].real.copy()
-        for order, fraction, phase in self.profile:
-            part = turns[order - 1] * (fraction * np.exp(1j * phase))
-            x += part.imag
-            slope += order * part.real
-        return self.eccentricity * x, self.eccentricity * slope * speed
-
-
-def _multiples(angle: FloatArray, highest: int) -> list[NDArray[np.complex128]]:
-    """e^{jna} for n = 1 ... highest, by multiplication: much faster than that many exponentials."""
-    first = np.empty(angle.shape, dtype=complex)
-    first.real, first.imag = np.cos(angle), np.sin(angle)
-    powers = [first]
-    while len(powers) < highest:
-        powers.append(powers[-1] * first)
-    return powers
+#: A frame that follows its spring faster than this [rad/s] follows at once.
+_AT_ONCE = 1e9
+#: The sign of the friction is smoothed over this share of the amplitude of v2 without friction.
+_SMOOTHED = 0.05
+#: The motion with friction is found when it changes by less than this share of its peak, within so many rounds.
+_CONVERGED, _ITERATIONS = 1e-11, 500
 
 
 @dataclass(frozen=True)
@@ -105,17 +41,53 @@ class Zener:
 
 @dataclass(frozen=True)
 class Bench:
-    """What stands on the tyre: a moving mass, and a leaf spring and damper from it to a fixed foundation.
+    r"""What stands on the tyre: a moving mass, and a leaf spring and damper from it to a fixed foundation.
 
     Parameters
     ----------
     mass, preload_stiffness, preload_damping : float [kg], [N/m], [N s/m]
         m > 0, K3 >= 0, c3 >= 0.
+    tyre_mass : float [kg]
+        Moving part of the tyre, lumped with the moving mass; >= 0.
+    frame_stiffness : float [N/m]
+        Of the frame in series with leaf spring and damper; > 0, default rigid.
+    preload_loss_factor : float [1]
+        eta of the leaf spring; >= 0. In the time domain it is the damper K3 eta/omega that loses as much at the
+        mean frequency of the cam; at n times that frequency it loses n times too much.
+    leaf_friction : float [N]
+        Coulomb friction F_f between the moving mass and the foundation; >= 0.
+    input_mass : float [kg]
+        Between force cell and contact, so that its inertia is in F1; >= 0.
+
+    Examples
+    --------
+    >>> Bench(preload_loss_factor=0.02).damped_at(10.0).preload_damping
+    3.9598
     """
 
     mass: float = 15.0
     preload_stiffness: float = 12440.0
     preload_damping: float = 0.0
+    tyre_mass: float = 0.0
+    frame_stiffness: float = inf
+    preload_loss_factor: float = 0.0
+    leaf_friction: float = 0.0
+    input_mass: float = 0.0
+
+    def damped_at(self, frequency: float) -> Bench:
+        """The bench whose losses at `frequency` [Hz] are those of a damper alone."""
+        if not self.preload_loss_factor:
+            return self
+        structural = self.preload_stiffness * self.preload_loss_factor / (2.0 * np.pi * frequency)
+        return replace(self, preload_damping=self.preload_damping + structural, preload_loss_factor=0.0)
+
+    def check(self) -> None:
+        """Raise a ValueError if a value is out of its range."""
+        least = (self.preload_stiffness, self.preload_damping, self.tyre_mass, self.preload_loss_factor)
+        if not (self.mass > 0.0 and min(*least, self.leaf_friction, self.input_mass) >= 0.0):
+            raise ValueError("the moving mass must be > 0 and all else of the rig >= 0")
+        if not self.frame_stiffness > 0.0:
+            raise ValueError("frame_stiffness must be > 0; infinite where the frame is rigid")
 
 
 @dataclass(frozen=True)
@@ -151,13 +123,30 @@ def state_matrices(tyre: Zener, bench: Bench) -> tuple[FloatArray, FloatArray]:
 
     q [N] is the force in the arm K2-C: what stretches the spring is what the damper has not yet given way to.
 
+    On a frame that gives way, its motion x3 is the fourth state; the force on the mass then is that of the frame:
+
+    .. math::
+
+        m\,\dot v_2 &= K_1 (x_1 - x_2) + q - K_f x_3 \\
+        c_3\,\dot x_3 &= c_3 v_2 + K_3 (x_2 - x_3) - K_f x_3
+
+    Friction is no part of these; a loss factor must have been turned into a damper by `Bench.damped_at`.
+
+    Raises
+    ------
+    ValueError
+        If the bench has a loss factor.
+
     Examples
     --------
     >>> a, b = state_matrices(Zener(120e3, 90e3, 800.0), Bench())
     >>> a.shape, b.shape, bool((np.linalg.eigvals(a).real < 0).all())
     ((3, 3), (3, 2), True)
     """
-    m, k3, c3 = bench.mass, bench.preload_stiffness, bench.preload_damping
+    if bench.preload_loss_factor:
+        raise ValueError("a loss factor has no equation of motion: turn it into a damper by Bench.damped_at")
+    m = bench.mass + bench.tyre_mass
+    k3, c3, frame = _leaf(bench)
     a = np.array(
         [
             [0.0, 1.0, 0.0],
@@ -166,7 +155,25 @@ def state_matrices(tyre: Zener, bench: Bench) -> tuple[FloatArray, FloatArray]:
         ]
     )
     b = np.array([[0.0, 0.0], [tyre.k1 / m, 0.0], [0.0, tyre.k2]])
+    if isfinite(frame):
+        a = np.pad(a, (0, 1))
+        a[1] = [-tyre.k1 / m, 0.0, 1.0 / m, -frame / m]
+        a[3] = [k3 / c3, 1.0, 0.0, -(k3 + frame) / c3]
+        b = np.pad(b, ((0, 1), (0, 0)))
     return a, b
+
+
+def _leaf(bench: Bench) -> tuple[float, float, float]:
+    """K3, c3 and the frame behind them, which is rigid where leaf and frame are as good as one spring and damper.
+
+    They are where the damper lets the frame follow at once: then (1 + leaf/frame)^-1 is all but real, and what is
+    left out is (omega c3)^2 / (K3 (K3 + frame)) of the stiffness, 1e-11 at 24 Hz for a frame 500 times stiffer.
+    """
+    k3, c3, frame = bench.preload_stiffness, bench.preload_damping, bench.frame_stiffness
+    if isinf(frame) or k3 + frame <= _AT_ONCE * c3:
+        return k3, c3, frame
+    share = frame / (k3 + frame)
+    return k3 * share, c3 * share * share, inf
 
 
 def run(
@@ -179,7 +186,7 @@ def run(
     oversampling: int = 5,
     guard: int = 8,
 ) -> Motion:
-    """Run the rig until it has settled, then for `duration` more, and return that last part.
+    r"""Run the rig until it has settled, then for `duration` more, and return that last part.
 
     Between the points of the fine time base the prescribed motion is held as the cubic that has its values
     and its velocities at both ends; the equations of motion are then solved exactly, by a matrix exponential.
@@ -208,6 +215,17 @@ def run(
     ValueError
         If a constant is out of its range, so that no settled motion exists.
 
+    Notes
+    -----
+    Friction is the force :math:`-F_f \tanh(v_2/v_s)` on the mass, its sign smoothed over v_s, 5 % of the amplitude
+    that v2 has without it, so that the time base resolves each reversal: its first harmonic is 4/pi F_f to 0.5 %,
+    and the mass creeps where it should stick. It is meant for friction up to about a fourth of what would hold the
+    mass, |K*| e, where this first harmonic alone no longer tells the motion.
+
+    It is found by iteration over the whole record. A damper d = F_f/(2 v_s) is added to the equations of motion
+    and taken back from the friction, whose slope then is within +-d; as no passive rig moves faster than 1/d per
+    newton on top of that damper, each step comes nearer, whatever the friction.
+
     Examples
     --------
     >>> tyre = Zener(k1=120e3, k2=90e3, c=800.0)
@@ -215,74 +233,136 @@ def run(
     >>> float((np.ptp(motion.v2) / np.ptp(motion.v1)).round(3))  # the transmissibility
     1.435
     """
-    constants = (tyre.k1, tyre.k2, tyre.c, bench.mass, cam.frequency, duration, sample_rate)
-    if not (min(constants) > 0.0 and min(bench.preload_stiffness, bench.preload_damping) >= 0.0):
-        raise ValueError("K1, K2, C, mass, frequency, duration and sample_rate must be > 0, K3 and c3 >= 0")
-    if oversampling < 1 or guard < 0:
-        raise ValueError("oversampling must be >= 1 and guard >= 0")
+    _check_times(cam, duration, sample_rate, oversampling, guard)
+    if not min(tyre.k1, tyre.k2, tyre.c) > 0.0:
+        raise ValueError("K1, K2 and C must be > 0")
+    bench.check()
+    bench = bench.damped_at(cam.frequency)
     a, b = state_matrices(tyre, bench)
     step = 1.0 / (sample_rate * oversampling)
-    run_up = ceil(_SETTLED / -float(np.linalg.eigvals(a).real.max()) / step)
+    run_up = _run_up(a, step)
+    if bench.leaf_friction:  # held by its steepest slope, the mass may take longer
+        width = _SMOOTHED * cam.eccentricity * 2.0 * np.pi * cam.frequency * amplification(tyre, bench, cam.frequency)
+        damper = 0.5 * bench.leaf_friction / width
+        run_up = max(run_up, _run_up(_with_damper(a, 2.0 * damper, bench), step))
     points = (round(duration * sample_rate) - 1) * oversampling + 1 + 2 * guard
     time: FloatArray = np.arange(-guard - run_up, points - guard, dtype=float) * step
     x1, v1 = cam.motion(time)
     kept = slice(run_up, None)
-    x2, v2, arm = _respond(a, b, x1, v1, step, kept)
-    return Motion(time[kept], x1[kept], v1[kept], x2, v2, tyre.k1 * (x1[kept] - x2) + arm)
+    if bench.leaf_friction:
+        x2, v2, arm = _rubbed(_with_damper(a, damper, bench), b, bench, width, np.stack([x1, v1]), step)[:3, kept]
+    else:
+        x2, v2, arm = respond(a, b, x1, v1, step, kept)[:3]
+    force = tyre.k1 * (x1[kept] - x2) + arm
+    if bench.input_mass:
+        force += bench.input_mass * cam.acceleration(time[kept])
+    return Motion(time[kept], x1[kept], v1[kept], x2, v2, force)
 
 
-def _respond(a: FloatArray, b: FloatArray, x1: FloatArray, v1: FloatArray, step: float, kept: slice) -> FloatArray:
-    """States (3, kept) from rest at the first point, the input held as a cubic between the points."""
-    # a cubic is a chain of integrators started at its derivatives: append it to the system and exponentiate
-    chain = np.zeros((7, 7))
-    chain[:3, :3] = a * step
-    chain[:3, 3] = b[:, 0] * step
-    chain[:3, 4] = b[:, 1]  # the chain's time runs from 0 to 1, so its slope is step * v1
-    chain[[3, 4, 5], [4, 5, 6]] = 1.0
-    held = _exponential(chain)[:3]
-    derivatives = np.array(  # of the cubic at the start of a step, from x and step * v at its ends
-        [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-6.0, -4.0, 6.0, -2.0], [12.0, 6.0, -12.0, 6.0]]
-    )
-    push = held[:, 3:] @ derivatives
-    ends = np.stack([x1[:-1], step * v1[:-1], x1[1:], step * v1[1:]])
-    values, vectors = np.linalg.eig(a)
-    if np.linalg.cond(vectors / np.abs(vectors).max(axis=1, keepdims=True)) > 1e9:
-        return _march(held[:, :3], push @ ends)[:, kept]
-    keep = values.imag >= 0.0  # one of each conjugate pair stands for both
-    modal_push = np.linalg.solve(vectors, push.astype(complex))[keep]
-    # einsum, not matmul: threads of a matrix library cost more here than they save
-    drives = np.einsum("ij,jk->ik", np.vstack([modal_push.real, modal_push.imag]), ends)
-    half = modal_push.shape[0]
-    modes, weights = [], []
-    for value, vector, re, im in zip(values[keep], vectors.T[keep], drives[:half], drives[half:], strict=True):
-        pole = np.exp(value * step)
-        if value.imag == 0.0:
-            modes.append(lfilter([1.0], [1.0, -pole.real], re))
-            weights.append(vector.real)
-        else:
-            mode = lfilter([1.0], [1.0, -pole], re + 1j * im)
-            modes += [mode.real, mode.imag]
-            weights += [2.0 * vector.real, -2.0 * vector.imag]
-    history = np.stack([np.concatenate([[0.0], mode])[kept] for mode in modes])
-    return np.asarray(np.einsum("ij,ik->jk", np.stack(weights), history))
+def run_block(
+    cam: Cam,
+    bench: Bench,
+    *,
+    duration: float,
+    sample_rate: float = 1000.0,
+    oversampling: int = 5,
+    guard: int = 8,
+) -> Motion:
+    """Run the rig with a rigid block in place of the tyre, for a calibration: x2 is x1.
+
+    Parameters
+    ----------
+    cam : Cam
+    bench : Bench
+        Its mass is that of moving mass and block; its tyre mass is left out.
+    duration, sample_rate, oversampling, guard
+        As in `run`.
+
+    Returns
+    -------
+    Motion
+
+    Raises
+    ------
+    ValueError
+        If a constant is out of its range.
+
+    Examples
+    --------
+    >>> motion = run_block(Cam(frequency=10.0), Bench(mass=20.0), duration=1.0)
+    >>> float((np.ptp(motion.force) / np.ptp(motion.x1)).round(1)), (20.0 * (20.0 * np.pi) ** 2 - 12440.0).__round__(1)
+    (66516.8, 66516.8)
+    """
+    _check_times(cam, duration, sample_rate, oversampling, guard)
+    bench.check()
+    bench = bench.damped_at(cam.frequency)
+    k3, c3, frame = _leaf(bench)
+    step = 1.0 / (sample_rate * oversampling)
+    behind = np.zeros((1, 1)) if isinf(frame) else np.array([[-(k3 + frame) / c3]])  # the frame's own motion
+    run_up = 0 if isinf(frame) else _run_up(behind, step)
+    points = (round(duration * sample_rate) - 1) * oversampling + 1 + 2 * guard
+    time: FloatArray = np.arange(-guard - run_up, points - guard, dtype=float) * step
+    x1, v1 = cam.motion(time)
+    kept = slice(run_up, None)
+    held = k3 * x1 + c3 * v1
+    if isfinite(frame):
+        held = frame * respond(behind, np.array([[k3 / c3, 1.0]]), x1, v1, step, kept)[0]
+    time, x1, v1 = time[kept], x1[kept], v1[kept]
+    force = held + (bench.mass + bench.input_mass) * cam.acceleration(time)
+    if bench.leaf_friction:
+        width = _SMOOTHED * cam.eccentricity * 2.0 * np.pi * cam.frequency
+        force += bench.leaf_friction * np.tanh(v1 / width)
+    return Motion(time, x1, v1, x1.copy(), v1.copy(), force)
 
 
-def _exponential(matrix: FloatArray) -> FloatArray:
-    """e^matrix of a small matrix by halving, Taylor's series and squaring; 2^-18/18! is below round-off."""
-    halvings = max(0, ceil(np.log2(2.0 * np.abs(np.linalg.eigvals(matrix)).max() + 1e-300)))
-    scaled = matrix / 2**halvings
-    term = total = np.eye(matrix.shape[0])
-    for order in range(1, 19):
-        term = term @ scaled / order
-        total = total + term
-    for _ in range(halvings):
-        total = total @ total
-    return total
+def _check_times(cam: Cam, duration: float, sample_rate: float, oversampling: int, guard: int) -> None:
+    if not min(cam.frequency, cam.eccentricity, duration, sample_rate) > 0.0:
+        raise ValueError("frequency, eccentricity, duration and sample_rate must be > 0")
+    if oversampling < 1 or guard < 0:
+        raise ValueError("oversampling must be >= 1 and guard >= 0")
 
 
-def _march(transition: FloatArray, pushes: FloatArray) -> FloatArray:
-    """The same recursion step by step, for the rare system whose modes coincide."""
-    states = np.zeros((pushes.shape[0], pushes.shape[1] + 1))
-    for index in range(pushes.shape[1]):
-        states[:, index + 1] = transition @ states[:, index] + pushes[:, index]
-    return states
+def _run_up(a: FloatArray, step: float) -> int:
+    """Steps until the slowest transient has gone."""
+    return ceil(_SETTLED / -float(np.linalg.eigvals(a).real.max()) / step)
+
+
+def amplification(tyre: Zener, bench: Bench, frequency: float) -> float:
+    """|V2/V1| [1]: the equations of motion solved for one `frequency` [Hz] and a unit motion of the contact.
+
+    Examples
+    --------
+    >>> round(amplification(Zener(k1=120e3, k2=90e3, c=800.0), Bench(), 10.0), 3)
+    1.435
+    """
+    a, b = state_matrices(tyre, bench)
+    s = 2j * np.pi * frequency
+    return float(abs(np.linalg.solve(s * np.eye(a.shape[0]) - a, b @ np.array([1.0, s]))[0]))
+
+
+def _with_damper(a: FloatArray, damper: float, bench: Bench) -> FloatArray:
+    """The same equations with a further `damper` [N s/m] from the moving mass to the foundation."""
+    damped = a.copy()
+    damped[1, 1] -= damper / (bench.mass + bench.tyre_mass)
+    return damped
+
+
+def _rubbed(
+    damped: FloatArray, b: FloatArray, bench: Bench, width: float, contact: FloatArray, step: float
+) -> FloatArray:
+    """States of a rig with friction, by iteration; `damped` has the damper of half the steepest slope."""
+    damper = 0.5 * bench.leaf_friction / width
+    whole = slice(0, None)
+    on_mass = np.zeros((b.shape[0], 1))
+    on_mass[1] = 1.0 / (bench.mass + bench.tyre_mass)
+    push = held_force(damped, on_mass, step)
+    by_cam = respond(damped, b, contact[0], contact[1], step, whole)
+    states = by_cam
+    for _ in range(_ITERATIONS):
+        force = damper * states[1] - bench.leaf_friction * np.tanh(states[1] / width)
+        nearer = by_cam + recur(damped, push, np.stack([force[:-1], force[1:]]), step, whole)
+        change = np.abs(nearer[1] - states[1]).max()
+        states = nearer
+        if change <= _CONVERGED * np.abs(states[1]).max():
+            return states
+    raise ValueError(f"leaf_friction of {bench.leaf_friction:g} N: no settled motion found; it all but holds the mass")

@@ -1,0 +1,176 @@
+"""The folder of a virtual campaign: campaign.toml, tests.csv, truth.csv and the recordings."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from math import isnan
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fourpole.errors import FileError
+from fourpole.virtual.plan import Test
+from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
+from fourpole.virtual.truth import MORE_COLUMNS, TRUTH_COLUMNS, Statement
+from fourpole.virtual.tyres import VirtualTyre
+
+__all__ = ["finish", "prepare", "write_recording"]
+
+FloatArray = NDArray[np.float64]
+
+#: Unit of a rig's value in campaign.toml, and how many SI units it is.
+_UNITS = {
+    "moving_mass": ("kg", 1.0),
+    "preload_stiffness": ("kN/m", 1e3),
+    "preload_damping": ("N s/m", 1.0),
+    "tyre_mass": ("kg", 1.0),
+    "frame_stiffness": ("kN/m", 1e3),
+    "preload_loss_factor": ("1", 1.0),
+    "input_mass": ("kg", 1.0),
+}
+
+_NOISY_CHANNELS = """\
+[channels]
+time       = {{ column = "t", unit = "s" }}
+force_in   = {{ column = "F1", unit = "kN", gain = {gain}, range = "1 kN", {accuracy} }}
+motion_in  = {{ column = "V1", unit = "m/s", delay = "{delay} ms", range = "0.25 m/s", {accuracy} }}
+motion_out = {{ column = "V2", unit = "m/s", invert = true, range = "0.5 m/s", {accuracy} }}
+load       = {{ column = "F", unit = "N", range = "5 kN", std_gain = "0.02 %" }}
+deflection = {{ column = "x", unit = "mm", range = "50 mm", std_gain = "0.02 %" }}
+"""
+
+_CLEAN_CHANNELS = """\
+[channels]
+time       = { column = "t", unit = "s" }
+force_in   = { column = "F1", unit = "N", exact = true }
+motion_in  = { column = "V1", unit = "m/s", exact = true }
+motion_out = { column = "V2", unit = "m/s", exact = true }
+load       = { column = "F", unit = "N", exact = true }
+deflection = { column = "x", unit = "mm", exact = true }
+"""
+
+
+def prepare(folder: Path, tests: Sequence[Test]) -> Path:
+    """Make the folder ready, or refuse it: nothing that is not a virtual campaign is ever touched."""
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise FileError(
+                f"{folder} is a file; name a new or empty folder for the virtual campaign, or delete the file"
+            )
+        if folder.is_dir() and any(folder.iterdir()) and not _is_virtual(folder):
+            raise FileError(
+                f"{folder} is not empty and holds no truth.csv of a virtual campaign, so it stays as it is; "
+                "name a new or empty folder"
+            )
+        recordings = folder / "recordings"
+        recordings.mkdir(parents=True, exist_ok=True)
+        # from here on an interrupted run leaves a folder that says what it is, and nobody takes for complete
+        (folder / "truth.csv").touch()
+        (folder / "tests.csv").unlink(missing_ok=True)
+        wanted = {f"{test.name}.csv" for test in tests}
+        for path in recordings.iterdir():
+            if re.fullmatch(r"\.?[SDC]\d+\.csv(\.part)?", path.name) and path.name not in wanted:
+                path.unlink()
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"{folder} cannot be written: {error.strerror or error}; choose another folder") from error
+    return folder
+
+
+def _is_virtual(folder: Path) -> bool:
+    """An earlier virtual campaign, finished or not."""
+    truth = folder / "truth.csv"
+    if not truth.is_file():
+        return False
+    with truth.open("rb") as file:
+        beginning = file.read(64)
+    return beginning == b"" or beginning.startswith(",".join(TRUTH_COLUMNS[:3]).encode())
+
+
+def finish(
+    folder: Path, tests: Sequence[Test], rows: Sequence[tuple[object, ...]], statement: Statement, seed: int
+) -> None:
+    """Write what makes the recordings a campaign: truth.csv, campaign.toml and, last, tests.csv."""
+    import polars as pl
+
+    columns = (*TRUTH_COLUMNS, *MORE_COLUMNS)[: len(rows[0])]
+    truth = pl.DataFrame(rows, schema=list(columns), orient="row", infer_schema_length=None)
+    _replace(folder / "truth.csv", truth.write_csv())
+    tyres = {test.tyre.name: test.tyre for test in tests if test.tyre is not None}
+    _replace(folder / "campaign.toml", _campaign_toml(tyres, statement, seed))
+    table = pl.DataFrame(
+        {
+            "test": [test.name for test in tests],
+            "file": [f"recordings/{test.name}.csv" for test in tests],
+            "kind": [test.kind for test in tests],
+            "tyre": [test.tyre and test.tyre.name for test in tests],
+            "pressure [bar]": [_cell(test.pressure / 1e5) for test in tests],
+            "preload [N]": [_cell(test.preload) for test in tests],
+            "frequency [Hz]": [_cell(test.frequency) for test in tests],
+        },
+        schema_overrides=dict.fromkeys(("tyre", "pressure [bar]", "preload [N]", "frequency [Hz]"), pl.String),
+    )
+    if any(test.added_mass for test in tests):
+        added = [None if test.kind == "static" else _short(test.added_mass) for test in tests]
+        table = table.with_columns(pl.Series("added_mass [kg]", added))
+    _replace(folder / "tests.csv", table.write_csv())
+
+
+def _campaign_toml(tyres: dict[str, VirtualTyre], statement: Statement, seed: int) -> str:
+    clean = statement.clean
+    gain, phase = 100.0 * statement.std_gain, float(np.rad2deg(statement.std_phase))
+    noisy = _NOISY_CHANNELS.format(
+        gain=F1_GAIN,
+        delay=_short(1e3 * V1_DELAY),
+        accuracy=f'std_gain = "{_short(gain)} %", std_phase = "{_short(phase)} deg"',
+    )
+    parts = [
+        f'title = "Cross-ply and radial-ply, virtual{", clean" if clean else ""} (seed {seed})"\n',
+        "[rig]\n" + "".join(_rig_line(name, *values, clean) for name, values in statement.rig.items()),
+        _CLEAN_CHANNELS if clean else noisy,
+    ]
+    for name, tyre in tyres.items():
+        key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
+        construction = json.dumps(tyre.construction, ensure_ascii=False)
+        parts.append(f"[tyres.{key}]\nconstruction = {construction}\n")
+    return "\n".join(parts)
+
+
+def _rig_line(name: str, value: float, std: float, clean: bool) -> str:
+    unit, size = _UNITS[name]
+    accuracy = "exact = true" if clean else f"std = {_short(std / size)}"
+    return f'{name:<17} = {{ value = {float(_short(value / size))!r}, unit = "{unit}", {accuracy} }}\n'
+
+
+def _short(number: float) -> str:
+    """The fewest digits that say it: 1.7, 1000."""
+    return f"{number:.12g}"
+
+
+def _cell(number: float) -> str | None:
+    """The same, or a blank for not-a-number."""
+    return None if isnan(number) else _short(number)
+
+
+def write_recording(columns: Sequence[tuple[str, FloatArray]], path: Path, decimals: int | None) -> None:
+    """Write named columns with so many decimals, or with all digits."""
+    import polars as pl
+
+    table = pl.DataFrame(dict(columns))
+    if decimals is not None:  # the time has few digits of its own, and is not to be padded with zeros
+        table = table.with_columns(pl.col("t").cast(pl.String))
+    _replace(path, table.write_csv(float_precision=decimals))
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write beside, then rename: a reader sees the old file or the new one, never half of one."""
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_bytes(text.encode())
+        part.replace(path)
+    except OSError as error:
+        raise FileError(f"{path} cannot be written: {error.strerror or error}") from error

@@ -1,0 +1,86 @@
+"""Linear equations of motion z' = A z + B u, marched exactly in equal steps; each input a polynomial in a step."""
+
+from __future__ import annotations
+
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+__all__ = ["exponential", "held_force", "march", "recur", "respond"]
+
+FloatArray = NDArray[np.float64]
+
+
+def held_force(a: FloatArray, column: FloatArray, step: float) -> FloatArray:
+    """What a force adds to the states in one step, by its values at both ends, straight between them."""
+    size = a.shape[0]
+    chain = np.zeros((size + 2, size + 2))
+    chain[:size, :size] = a * step
+    chain[:size, size] = column[:, 0] * step
+    chain[size, size + 1] = 1.0
+    return np.asarray(exponential(chain)[:size, size:] @ np.array([[1.0, 0.0], [-1.0, 1.0]]))
+
+
+def respond(a: FloatArray, b: FloatArray, x1: FloatArray, v1: FloatArray, step: float, kept: slice) -> FloatArray:
+    """States (n, kept) from rest at the first point, the input held as a cubic between the points."""
+    # a cubic is a chain of integrators started at its derivatives: append it to the system and exponentiate
+    size = a.shape[0]
+    chain = np.zeros((size + 4, size + 4))
+    chain[:size, :size] = a * step
+    chain[:size, size] = b[:, 0] * step
+    chain[:size, size + 1] = b[:, 1]  # the chain's time runs from 0 to 1, so its slope is step * v1
+    chain[[size, size + 1, size + 2], [size + 1, size + 2, size + 3]] = 1.0
+    held = exponential(chain)[:size]
+    derivatives = np.array(  # of the cubic at the start of a step, from x and step * v at its ends
+        [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-6.0, -4.0, 6.0, -2.0], [12.0, 6.0, -12.0, 6.0]]
+    )
+    push = held[:, size:] @ derivatives
+    ends = np.stack([x1[:-1], step * v1[:-1], x1[1:], step * v1[1:]])
+    return recur(a, push, ends, step, kept)
+
+
+def recur(a: FloatArray, push: FloatArray, ends: FloatArray, step: float, kept: slice) -> FloatArray:
+    """States (n, kept) from rest: in each step the modes decay, and what stands at its `ends` pushes them."""
+    values, vectors = np.linalg.eig(a)
+    if np.linalg.cond(vectors / np.abs(vectors).max(axis=1, keepdims=True)) > 1e9:
+        return march(exponential(a * step), push @ ends)[:, kept]
+    keep = values.imag >= 0.0  # one of each conjugate pair stands for both
+    modal_push = np.linalg.solve(vectors, push.astype(complex))[keep]
+    # einsum, not matmul: threads of a matrix library cost more here than they save
+    drives = np.einsum("ij,jk->ik", np.vstack([modal_push.real, modal_push.imag]), ends)
+    half = modal_push.shape[0]
+    modes, weights = [], []
+    for value, vector, re, im in zip(values[keep], vectors.T[keep], drives[:half], drives[half:], strict=True):
+        pole = np.exp(value * step)
+        if value.imag == 0.0:
+            modes.append(lfilter([1.0], [1.0, -pole.real], re))
+            weights.append(vector.real)
+        else:
+            mode = lfilter([1.0], [1.0, -pole], re + 1j * im)
+            modes += [mode.real, mode.imag]
+            weights += [2.0 * vector.real, -2.0 * vector.imag]
+    history = np.stack([np.concatenate([[0.0], mode])[kept] for mode in modes])
+    return np.asarray(np.einsum("ij,ik->jk", np.stack(weights), history))
+
+
+def exponential(matrix: FloatArray) -> FloatArray:
+    """e^matrix of a small matrix by halving, Taylor's series and squaring; 2^-18/18! is below round-off."""
+    halvings = max(0, ceil(np.log2(2.0 * np.abs(np.linalg.eigvals(matrix)).max() + 1e-300)))
+    scaled = matrix / 2**halvings
+    term = total = np.eye(matrix.shape[0])
+    for order in range(1, 19):
+        term = term @ scaled / order
+        total = total + term
+    for _ in range(halvings):
+        total = total @ total
+    return total
+
+
+def march(transition: FloatArray, pushes: FloatArray) -> FloatArray:
+    """The same recursion step by step, for the rare system whose modes coincide."""
+    states = np.zeros((pushes.shape[0], pushes.shape[1] + 1))
+    for index in range(pushes.shape[1]):
+        states[:, index + 1] = transition @ states[:, index] + pushes[:, index]
+    return states

@@ -1,0 +1,98 @@
+"""What a virtual campaign runs: its tests, in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isclose, nan
+from typing import Literal
+
+from fourpole.virtual.dynamic_rig import Zener
+from fourpole.virtual.tyres import VirtualTyre
+
+__all__ = ["FREQUENCIES", "PRELOADS", "PRESSURES", "Test", "element", "plan_tests"]
+
+PRESSURES = (100e3, 135e3, 170e3, 205e3, 240e3)
+PRELOADS = (1000.0, 2000.0)
+FREQUENCIES = (10.0, 12.0, 14.0, 16.0, 17.0, 18.0, 19.0, 20.0, 22.0, 24.0)
+
+
+@dataclass(frozen=True)
+class Test:
+    """One row of tests.csv; not-a-number where it has no such value, and a calibration has no tyre."""
+
+    __test__ = False  # no matter for a test runner
+
+    name: str
+    kind: Literal["static", "dynamic", "calibration"]
+    tyre: VirtualTyre | None = None
+    pressure: float = nan
+    preload: float = nan
+    frequency: float = nan
+    added_mass: float = 0.0
+
+    @property
+    def mounted(self) -> VirtualTyre:
+        """The tyre, which must be there."""
+        if self.tyre is None:
+            raise ValueError(f"test {self.name} is a calibration: a rigid block stands in the place of the tyre")
+        return self.tyre
+
+
+def plan_tests(
+    tyres: Sequence[VirtualTyre],
+    pressures: Sequence[float],
+    preloads: Sequence[float],
+    frequencies: Sequence[float],
+    *,
+    added_masses: Sequence[float] = (0.0,),
+    added_mass_at: tuple[str, float, float] | None = None,
+    calibration_masses: Sequence[float] = (),
+) -> list[Test]:
+    """Static tests S1 ..., dynamic tests D1 ..., calibrations C1 ..., as `simulate_campaign` says.
+
+    Raises
+    ------
+    ValueError
+        If `added_mass_at` is no condition of the campaign, or a calibration has no mass.
+
+    Examples
+    --------
+    >>> from fourpole.virtual.tyres import RADIAL_PLY
+    >>> [test.name for test in plan_tests([RADIAL_PLY], [170e3], [1000.0], [10.0, 24.0], calibration_masses=[10.0])]
+    ['S1', 'D1', 'D2', 'C1', 'C2']
+    """
+    conditions = [(tyre, pressure, preload) for tyre in tyres for pressure in pressures for preload in preloads]
+    chosen = [added_mass_at is None or _is_at(condition, added_mass_at) for condition in conditions]
+    if added_mass_at is not None and not any(chosen):
+        raise ValueError(f"added_mass_at = {added_mass_at} is no condition (tyre, pressure, preload) of this campaign")
+    if not all(mass > 0.0 for mass in calibration_masses):
+        raise ValueError(f"calibration_masses = {tuple(calibration_masses)}: the mass of a block must be > 0 kg")
+    dynamic = [
+        (*condition, frequency, mass)
+        for condition, with_mass in zip(conditions, chosen, strict=True)
+        for mass in added_masses
+        if with_mass or mass == 0.0
+        for frequency in frequencies
+    ]
+    static = [(tyre, pressure) for tyre in tyres for pressure in pressures]
+    blocks = [(mass, frequency) for mass in calibration_masses for frequency in frequencies]
+    return [
+        *(Test(f"S{number}", "static", *row) for number, row in enumerate(static, start=1)),
+        *(Test(f"D{number}", "dynamic", *row) for number, row in enumerate(dynamic, start=1)),
+        *(
+            Test(f"C{number}", "calibration", frequency=frequency, added_mass=mass)
+            for number, (mass, frequency) in enumerate(blocks, start=1)
+        ),
+    ]
+
+
+def _is_at(condition: tuple[VirtualTyre, float, float], wanted: tuple[str, float, float]) -> bool:
+    tyre, *numbers = condition
+    return tyre.name == wanted[0] and all(isclose(a, b) for a, b in zip(numbers, wanted[1:], strict=True))
+
+
+def element(test: Test, frequency: float) -> Zener:
+    """The tyre of a dynamic test, with constants taken at the `frequency` [Hz] of the cam."""
+    tyre, at = test.mounted, (test.pressure, test.preload)
+    return Zener(float(tyre.static_stiffness(*at)), float(tyre.k2(frequency, *at)), float(tyre.c(frequency, *at)))

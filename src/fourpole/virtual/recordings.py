@@ -1,0 +1,165 @@
+"""What the two rigs and their sensors leave of a test: the columns of its recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fourpole.virtual.cam import Cam
+from fourpole.virtual.dynamic_rig import Motion, run, run_block
+from fourpole.virtual.plan import Test, element
+from fourpole.virtual.sensors import Sensor
+from fourpole.virtual.static_rig import load_cycles
+from fourpole.virtual.truth import Truth, bench_of
+
+__all__ = ["F1_GAIN", "V1_DELAY", "cam_frequency", "record_dynamic", "record_static"]
+
+FloatArray = NDArray[np.float64]
+
+F1_GAIN, V1_DELAY = 1.02, 0.2e-3  # declared in campaign.toml
+
+_SAMPLE_RATE = 1000.0  # Hz, dynamic tests
+_DURATION = 4.096  # s: no whole number of turns at the usual frequencies, nor of mains cycles
+_STATIC_RATE = 50.0  # Hz
+_SPEED_ERROR = 3e-3  # the cam runs this much faster or slower than the test sheet says, at most
+
+
+def cam_frequency(test: Test, rng: np.random.Generator, clean: bool) -> float:
+    """How fast the cam turns [Hz]; not-a-number in a static test."""
+    if clean or test.kind == "static":
+        return test.frequency
+    return test.frequency * (1.0 + rng.uniform(-_SPEED_ERROR, _SPEED_ERROR))
+
+
+def record_static(test: Test, truth: Truth, rng: np.random.Generator, clean: bool) -> list[tuple[str, FloatArray]]:
+    """Time, deflection [mm] and load [N] of a static test."""
+    cycles = load_cycles(test.mounted, test.pressure, sample_rate=_STATIC_RATE)
+    deflection, load = Sensor(scale=1e3), Sensor()
+    if not clean:
+        # the deflection transducer stands where it stands; the force cell was zeroed
+        deflection = Sensor(
+            scale=1e3,
+            gain_error=truth.gain_errors["x"],
+            offset=rng.uniform(2.0, 9.0),
+            noise=0.004,
+            full_scale=50.0,
+            bits=16,
+        )
+        load = Sensor(
+            gain_error=truth.gain_errors["F"],
+            offset=rng.uniform(-0.5, 0.5),
+            drift=0.3,
+            drift_period=150.0,
+            drift_phase=rng.uniform(0.0, 2.0 * np.pi),
+            noise=0.8,
+            full_scale=5000.0,
+            bits=16,
+        )
+    step = 1.0 / _STATIC_RATE
+    return [
+        ("t", cycles.time),
+        ("x", deflection.record(cycles.deflection, start=0.0, step=step, times=cycles.time, rng=rng)),
+        ("F", load.record(cycles.load, start=0.0, step=step, times=cycles.time, rng=rng)),
+    ]
+
+
+def record_dynamic(
+    test: Test, frequency: float, truth: Truth, rng: np.random.Generator, clean: bool
+) -> list[tuple[str, FloatArray]]:
+    """Time, F1, V1 and V2 of a dynamic test or of a calibration, whose cam turns at `frequency` [Hz]."""
+    cam = Cam(frequency) if clean else _worn_cam(frequency, rng)
+    late = {channel: -phase / (2.0 * np.pi * frequency) for channel, phase in truth.phase_errors.items()}
+    oversampling = 10 if clean else 5
+    latest = max(abs(delay) for delay in late.values()) + V1_DELAY
+    guard = max(8, ceil(latest * _SAMPLE_RATE * oversampling) + 4)
+    bench = bench_of(test, truth)
+    tyre = None if test.kind == "calibration" else element(test, frequency)
+    marched = partial(run_block, cam) if tyre is None else partial(run, cam, tyre)
+    motion = marched(bench, duration=_DURATION, sample_rate=_SAMPLE_RATE, oversampling=oversampling, guard=guard)
+    gain = truth.gain_errors
+    sensors = {channel: Sensor(gain_error=gain[channel], delay=late[channel]) for channel in late}
+    if not clean:
+        sensors = _laboratory_sensors(gain, late, rng)
+    times = np.arange(round(_DURATION * _SAMPLE_RATE)) / _SAMPLE_RATE
+    return [("t", times)] + [
+        (channel, _recorded(sensors[channel], signal, motion, times, rng))
+        for channel, signal in (("F1", motion.force), ("V1", motion.v1), ("V2", motion.v2))
+    ]
+
+
+def _recorded(
+    sensor: Sensor, signal: FloatArray, motion: Motion, times: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    start, step = float(motion.time[0]), (motion.time[-1] - motion.time[0]) / (motion.time.size - 1)
+    return sensor.record(signal, start=start, step=float(step), times=times, rng=rng)
+
+
+def _worn_cam(frequency: float, rng: np.random.Generator) -> Cam:
+    """A cam at a random angle of its slow wander, with the same profile errors each time."""
+    angle = rng.uniform(0.0, 2.0 * np.pi, 3)
+    return Cam(
+        frequency,
+        profile=((2, 0.006, 0.7), (3, 0.002, 2.1)),
+        ripple=((1, 1.5e-3, angle[0]), (2, 1.0e-3, angle[1])),
+        wander=3.0e-5,
+        wander_period=_DURATION,
+        wander_phase=angle[2],
+    )
+
+
+def _laboratory_sensors(
+    gain: Mapping[str, float], late: Mapping[str, float], rng: np.random.Generator
+) -> dict[str, Sensor]:
+    """Each channel in the units of the file; a phase error is the lateness that gives it here."""
+    phase = rng.uniform(0.0, 2.0 * np.pi, 6)
+    sign = rng.uniform(-1.0, 1.0, 3)
+    return {
+        "F1": Sensor(  # kN
+            scale=1e-3 / F1_GAIN,
+            gain_error=gain["F1"],
+            delay=late["F1"],
+            offset=4e-3 * sign[0],
+            drift=8e-4,
+            drift_period=17.0,
+            drift_phase=phase[0],
+            hum=6e-4,
+            hum_phase=phase[1],
+            noise=2.0e-4,
+            pink=1.0e-4,
+            full_scale=1.0,
+            bits=16,
+        ),
+        "V1": Sensor(  # m/s
+            gain_error=gain["V1"],
+            delay=V1_DELAY + late["V1"],
+            offset=1e-3 * sign[1],
+            drift=1e-4,
+            drift_period=13.0,
+            drift_phase=phase[2],
+            hum=2e-4,
+            hum_phase=phase[3],
+            noise=1.0e-4,
+            pink=0.5e-4,
+            full_scale=0.25,
+            bits=16,
+        ),
+        "V2": Sensor(  # m/s
+            gain_error=gain["V2"],
+            delay=late["V2"],
+            invert=True,
+            offset=2e-3 * sign[2],
+            drift=2e-4,
+            drift_period=19.0,
+            drift_phase=phase[4],
+            hum=2e-4,
+            hum_phase=phase[5],
+            noise=1.5e-4,
+            pink=0.7e-4,
+            full_scale=0.5,
+            bits=16,
+        ),
+    }

@@ -1,0 +1,235 @@
+"""What a virtual campaign states, and the truth that its statements only approximate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+
+from fourpole.virtual.dynamic_rig import Bench, Zener, amplification
+from fourpole.virtual.phasor_rig import Conditions, Laboratory, simulate_phasors
+from fourpole.virtual.plan import Test, element
+
+__all__ = [
+    "MORE_COLUMNS",
+    "STD_GAIN",
+    "STD_PHASE",
+    "TRUTH_COLUMNS",
+    "Statement",
+    "Truth",
+    "bench_of",
+    "draw_truth",
+    "state",
+    "truth_rows",
+]
+
+TRUTH_COLUMNS = (
+    "test",
+    "tyre",
+    "pressure [Pa]",
+    "preload [N]",
+    "added mass [kg]",
+    "frequency [Hz]",
+    "K1 [N/m]",
+    "K2 [N/m]",
+    "C [N s/m]",
+    "Re K* [N/m]",
+    "Im K* [N/m]",
+    "TR [1]",
+    "moving mass [kg]",
+    "preload stiffness [N/m]",
+    "preload damping [N s/m]",
+)
+#: What follows where a campaign departs from the plain rig and sensors.
+MORE_COLUMNS = (
+    "tyre mass [kg]",
+    "frame stiffness [N/m]",
+    "preload loss factor [1]",
+    "input mass [kg]",
+    "leaf friction [N]",
+    *(f"gain error {channel} [1]" for channel in ("F1", "V1", "V2")),
+    *(f"phase error {channel} [rad]" for channel in ("F1", "V1", "V2")),
+)
+
+STD_GAIN, STD_PHASE = 2e-4, float(np.deg2rad(0.01))
+#: kg, N/m, N s/m: as stated, and its std.
+_PLAIN_RIG = {"moving_mass": (15.0, 0.01), "preload_stiffness": (12440.0, 20.0), "preload_damping": (15.0, 0.5)}
+_FURTHER = ("tyre_mass", "frame_stiffness", "preload_loss_factor", "input_mass")
+_FURTHER_STD = 0.02
+_CHANNELS = ("F1", "V1", "V2")
+_FAULTS = tuple(f"{what} {channel}" for what in ("gain", "phase") for channel in _CHANNELS)
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What campaign.toml says of the rig and of the accuracy of F1, V1 and V2.
+
+    Parameters
+    ----------
+    rig : mapping of name to (value, std) [SI]
+    std_gain, std_phase : float [1], [rad]
+    clean : bool
+        All is exact.
+    """
+
+    rig: Mapping[str, tuple[float, float]]
+    std_gain: float = STD_GAIN
+    std_phase: float = STD_PHASE
+    clean: bool = False
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the stated values only approximate: the rig, and the gain and phase of each channel."""
+
+    bench: Bench
+    gain_errors: Mapping[str, float]
+    phase_errors: Mapping[str, float]
+
+
+def state(
+    *,
+    clean: bool = False,
+    sensors: tuple[float, float] = (STD_GAIN, STD_PHASE),
+    rig_std: Mapping[str, float] | None = None,
+    declared: Mapping[str, float] | None = None,
+) -> Statement:
+    """The statement of a campaign, as `simulate_campaign` says.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or an uncertainty negative.
+
+    Examples
+    --------
+    >>> state(declared={"tyre_mass": 0.8}).rig["tyre_mass"]
+    (0.8, 0.016)
+    """
+    rig_std, declared = rig_std or {}, declared or {}
+    _known("rig_std", rig_std, _PLAIN_RIG)
+    _known("declared", declared, _FURTHER)
+    if min(*sensors, *rig_std.values()) < 0.0:
+        raise ValueError("the uncertainties in sensors and rig_std must be zero or positive")
+    if not all(0.0 < value < inf for value in declared.values()):
+        raise ValueError("what is declared must be positive and finite; leave out what the rig does not have")
+    rig = {name: (value, rig_std.get(name, std)) for name, (value, std) in _PLAIN_RIG.items()}
+    rig |= {name: (declared[name], _FURTHER_STD * declared[name]) for name in _FURTHER if name in declared}
+    return Statement(rig, *sensors, clean=clean)
+
+
+def _known(where: str, given: Mapping[str, float], known: Sequence[str] | Mapping[str, object]) -> None:
+    for name in given:
+        if name not in known:
+            raise ValueError(f"{where} has {name!r}; it may have {', '.join(known)}")
+
+
+def draw_truth(
+    statement: Statement,
+    rng: np.random.Generator,
+    *,
+    rig_error: Mapping[str, float] | None = None,
+    undeclared: Mapping[str, float] | None = None,
+) -> Truth:
+    """The truth, drawn from what is stated, within two standard uncertainties.
+
+    The same numbers are taken from `rng` whatever is stated: campaigns that differ in one value have all else in
+    common.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, or something undeclared is stated.
+    """
+    rig_error, undeclared = rig_error or {}, undeclared or {}
+    _known("rig_error", rig_error, statement.rig)
+    unstated = [name for name in _FURTHER if name not in statement.rig]
+    _known("undeclared", undeclared, (*unstated, "leaf_friction", *_FAULTS))
+
+    def near(stated: float, std: float) -> float:
+        return stated if statement.clean else stated + std * float(np.clip(rng.standard_normal(), -2.0, 2.0))
+
+    def of_rig(names: Sequence[str]) -> dict[str, float]:
+        drawn = {name: near(*statement.rig.get(name, (0.0, 0.0))) for name in names}
+        misstated = {name: statement.rig[name][0] * (1.0 + rig_error[name]) for name in names if name in rig_error}
+        return {name: value for name, value in (drawn | misstated).items() if name in statement.rig}
+
+    rig = of_rig(tuple(_PLAIN_RIG))
+    gains = {channel: near(0.0, statement.std_gain) for channel in _CHANNELS}
+    gains |= {channel: near(0.0, STD_GAIN) for channel in ("F", "x")}
+    phases = {channel: near(0.0, statement.std_phase) for channel in _CHANNELS}
+    rig["mass"] = rig.pop("moving_mass")
+    rig |= of_rig(_FURTHER)
+    rig |= {name: value for name, value in undeclared.items() if name not in _FAULTS}
+    for channel in _CHANNELS:
+        gains[channel] = undeclared.get(f"gain {channel}", gains[channel])
+        phases[channel] = undeclared.get(f"phase {channel}", phases[channel])
+    bench = Bench(**rig)
+    bench.check()
+    return Truth(bench, gains, phases)
+
+
+def bench_of(test: Test, truth: Truth) -> Bench:
+    """The rig with what was added to it in this test."""
+    return replace(truth.bench, mass=truth.bench.mass + test.added_mass)
+
+
+def truth_rows(
+    test: Test, truth: Truth, *, preloads: Sequence[float], frequency: float, more: bool
+) -> list[tuple[object, ...]]:
+    """Rows of truth.csv: one per test, of a static test one per preload; with `more` also of `MORE_COLUMNS`."""
+    bench = truth.bench
+    shared: tuple[object, ...] = (bench.mass, bench.preload_stiffness, bench.preload_damping)
+    if more:
+        parts = (bench.tyre_mass, bench.frame_stiffness, bench.preload_loss_factor, bench.input_mass)
+        errors = (errors[channel] for errors in (truth.gain_errors, truth.phase_errors) for channel in _CHANNELS)
+        shared = (*shared, *parts, bench.leaf_friction, *errors)
+    if test.kind == "static":
+        return [(*_static_row(test, preload), *shared) for preload in preloads]
+    if test.kind == "calibration":
+        return [(test.name, None, None, None, test.added_mass, frequency, *(None,) * 5, 1.0, *shared)]
+    return [(*_dynamic_row(test, frequency, truth), *shared)]
+
+
+def _static_row(test: Test, preload: float) -> tuple[object, ...]:
+    tyre = test.mounted
+    k1 = float(tyre.static_stiffness(test.pressure, preload))
+    return (test.name, tyre.name, test.pressure, preload, None, None, k1, *(None,) * 5)
+
+
+def _dynamic_row(test: Test, frequency: float, truth: Truth) -> tuple[object, ...]:
+    tyre = element(test, frequency)
+    return (
+        test.name,
+        test.mounted.name,
+        test.pressure,
+        test.preload,
+        test.added_mass,
+        frequency,
+        tyre.k1,
+        tyre.k2,
+        tyre.c,
+        *_two_parts(tyre, frequency),
+        _transmissibility(tyre, bench_of(test, truth), frequency),
+    )
+
+
+def _two_parts(tyre: Zener, frequency: float) -> tuple[float, float]:
+    """Storage and loss stiffness [N/m] of the element, from the relaxation time of its arm."""
+    x = 2.0 * np.pi * frequency * tyre.c / tyre.k2
+    return tyre.k1 + tyre.k2 * x * x / (1.0 + x * x), tyre.k2 * x / (1.0 + x * x)
+
+
+def _transmissibility(tyre: Zener, bench: Bench, frequency: float) -> float:
+    """|V2/V1| [1]; with friction that of its first harmonic."""
+    if not bench.leaf_friction:
+        return amplification(tyre, bench.damped_at(frequency), frequency)
+    names = (*_FURTHER, "preload_stiffness", "preload_damping")
+    laboratory = Laboratory(
+        moving_mass=(bench.mass, 0.0),
+        undeclared={name: getattr(bench, name) for name in (*names, "leaf_friction")},
+    )
+    tests = Conditions(frequency, k1=tyre.k1, k2=tyre.k2, c=tyre.c)
+    return float(simulate_phasors(laboratory, tests, np.random.default_rng(0)).transmissibility[0])
