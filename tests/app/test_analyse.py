@@ -33,7 +33,7 @@ def test_a_good_campaign_is_two_lines_and_exit_0(run, campaign):
     ran = run("analyse", campaign, "--tables-only")
     assert (ran.exit_code, ran.stderr) == (0, "")
     assert ran.stdout.splitlines() == [
-        "4 tests, 4 ok, 0 with a warning, 0 rejected (route: mobility)",
+        "4 tests, 4 ok, 0 with a warning, 0 rejected (route: joint)",
         f"results: {campaign / 'results'}",
     ]
     assert set(TABLES) <= {path.name for path in (campaign / "results").iterdir()}
@@ -54,7 +54,7 @@ def test_assumptions_are_notes_on_stderr(run, campaign):
     assert ran.stderr == "note: [rig] preload_damping: no std stated, taken as 2 % (exact = true if it is exact)\n"
 
 
-@pytest.mark.parametrize("route", ["mobility", "relative", "transmissibility"])
+@pytest.mark.parametrize("route", ["joint", "mobility", "relative", "transmissibility"])
 def test_the_summary_for_programs_is_one_json_document(run, campaign, route):
     (campaign / "recordings" / "D2.csv").unlink()
     ran = run("analyse", campaign, "--json", "--route", route, "--tables-only")
@@ -336,7 +336,9 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, ru
     kept = [row for row in rows[1:] if ",cross-ply," in row]
     assert len(kept) == 105
     (campaign / "tests.csv").write_text("".join([rows[0], *kept]))
-    process = start("analyse", campaign, "--tables-only")
+    command = ("analyse", campaign, "--tables-only", "--route", "mobility")
+    assert run("analyse", folder, "--out", tmp_path / "all", *command[2:]).exit_code == 0
+    process = start(*command)
     try:
         cache = campaign / "results" / "cache"
         end = time.monotonic() + 60.0
@@ -362,11 +364,12 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, ru
     assert all(json.loads(path.read_text()) for path in done)
     written = {path: path.stat().st_mtime_ns for path in done}
 
-    again = run("analyse", campaign, "--tables-only")
+    again = run(*command)
     assert (again.exit_code, again.stderr) == (0, "")
     assert {path: path.stat().st_mtime_ns for path in done} == written
     for name in ("static.csv", "dynamic.csv"):
-        found, undisturbed = ((place / "results" / name).read_text().splitlines() for place in (campaign, folder))
+        places = (campaign / "results", tmp_path / "all")
+        found, undisturbed = ((place / name).read_text().splitlines() for place in places)
         assert found == [undisturbed[0], *(row for row in undisturbed[1:] if ",cross-ply," in row)]
 
 

@@ -25,7 +25,7 @@ def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):
     assert (ran.returncode, ran.stderr) == (0, "")
     lines = ran.stdout.splitlines()
     assert 4 <= len(lines) <= 12
-    assert lines[0] == "Virtual campaign in fourpole-demo (seed 1982): 210 tests, 210 ok, 0 with a warning, 0 rejected."
+    assert lines[0] == "Virtual campaign in fourpole-demo (seed 1982): 220 tests, 220 ok, 0 with a warning, 0 rejected."
     assert max(map(len, lines)) < 400
     assert all(tyre in ran.stdout for tyre in ("cross-ply", "radial-ply"))
     assert "they are not its data" in ran.stdout
@@ -43,7 +43,7 @@ def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):
 def test_every_test_is_ok(demonstration):
     folder, _ = demonstration
     static, dynamic = (pl.read_csv(folder / "results" / name) for name in ("static.csv", "dynamic.csv"))
-    assert (static.height, dynamic.height) == (20, 200)
+    assert (static.height, dynamic.height) == (20, 210)
     assert {*static["verdict"], *dynamic["verdict"]} == {"ok"}
     assert {*static["remarks"], *dynamic["remarks"]} <= {"", None}
 
@@ -59,7 +59,7 @@ def test_the_tables_agree_with_the_truth_beside_them(demonstration):
     folder, _ = demonstration
     truth = pl.read_csv(folder / "truth.csv", infer_schema_length=None)
     table = pl.read_csv(folder / "results" / "dynamic.csv").join(truth, on="test", suffix=" true")
-    assert table.height == 200
+    assert table.height == 210
     for name, most in (("K1 [N/m]", 1e-3), ("Re K* [N/m]", 1e-2), ("K2 [N/m]", 3e-2), ("C [N s/m]", 3e-2)):
         assert (table[name] / table[f"{name} true"] - 1.0).abs().max() < most, name
     for name, std in (("Re K* [N/m]", "u(Re K*) [N/m]"), ("Im K* [N/m]", "u(Im K*) [N/m]")):
@@ -82,12 +82,12 @@ def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
     ran = run("demo", tmp_path / "demo", "--seed", 7, "--json")
     said = json.loads(ran.stdout)
     assert (ran.exit_code, ran.stderr) == (0, "")
-    assert said["verdicts"] == {"ok": 6, "warning": 0, "rejected": 0}
+    assert said["verdicts"] == {"ok": 8, "warning": 0, "rejected": 0}
     assert said["rejected"] == []
     assert said["found"]
     assert all(isinstance(sentence, str) for sentence in said["found"])
-    assert pl.read_csv(tmp_path / "demo" / "results" / "dynamic.csv")["verdict"].to_list() == ["ok"] * 4
-    fresh = small(tmp_path / "fresh", seed=7).folder
+    assert pl.read_csv(tmp_path / "demo" / "results" / "dynamic.csv")["verdict"].to_list() == ["ok"] * 6
+    fresh = small(tmp_path / "fresh", seed=7, **analysis._DEMO).folder
     for name in ("campaign.toml", "recordings/D1.csv"):
         assert (tmp_path / "demo" / name).read_bytes() == (fresh / name).read_bytes()
 

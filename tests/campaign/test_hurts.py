@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fourpole.app.cli import app
+from fourpole.campaign import analyse
 
 RESULTS = ["R [m/(N s)]", "Re K* [N/m]", "K2 [N/m]", "C [N s/m]", "TR predicted [1]"]
 
@@ -301,10 +302,15 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
+#: A route that takes each test by itself, so that the others may not change by a bit.
+ALONE = ("--tables-only", "--route", "mobility")
+
+
 @pytest.fixture(scope="module")
 def unhurt(noisy_campaign, tmp_path_factory):
     out = tmp_path_factory.mktemp("unhurt")
-    assert CliRunner().invoke(app, ["analyse", str(noisy_campaign), "--out", str(out), "--tables-only"]).exit_code == 0
+    words = ["analyse", str(noisy_campaign), "--out", str(out), *ALONE]
+    assert CliRunner().invoke(app, words).exit_code == 0
     return {row["test"]: row for row in rows_of(out / "dynamic.csv")}
 
 
@@ -314,7 +320,7 @@ def test_a_hurt_test_is_a_row_that_says_why_and_the_others_do_not_change(noisy, 
         pytest.skip("this system has no pipes among its files")
     hurt = HURTS[name]
     hurt.make(noisy)
-    ran = CliRunner().invoke(app, ["analyse", str(noisy.path), "--tables-only"])
+    ran = CliRunner().invoke(app, ["analyse", str(noisy.path), *ALONE])
     assert ran.exit_code == (3 if hurt.verdict == "rejected" else 0), ran.output
     assert "Traceback" not in ran.output
     rows = {row["test"]: row for row in rows_of(noisy.path / "results" / "dynamic.csv")}
@@ -335,10 +341,24 @@ def test_a_hurt_test_is_a_row_that_says_why_and_the_others_do_not_change(noisy, 
         assert kept == {column: cell for column, cell in unhurt[test].items() if column != "rig"}
 
 
+@pytest.mark.parametrize("name", ["missing", "inverted F1", "constant V1", "constant V2", "V1 clipped, range stated"])
+def test_together_too_the_others_hardly_change(noisy, noisy_campaign, name):
+    """Found together, the other tests lose what the hurt one told of the rig, and no more than their uncertainty."""
+    before = analyse(noisy_campaign).dynamic
+    HURTS[name].make(noisy)
+    after = noisy.analyse().dynamic
+    assert after["route"].to_list() == ["joint"] * 4
+    for i in (0, 2, 3):
+        assert after["verdict"][i] == before["verdict"][i]
+        for part in ("Re K*", "Im K*"):
+            u = max(before[f"u({part}) [N/m]"][i], after[f"u({part}) [N/m]"][i])
+            assert after[f"{part} [N/m]"][i] == pytest.approx(before[f"{part} [N/m]"][i], abs=2 * u)
+
+
 @pytest.mark.parametrize("name", ["inverted F1", "K' below K1"])
 def test_a_test_without_a_passive_answer_keeps_what_was_measured(noisy, unhurt, name):
     HURTS[name].make(noisy)
-    row = noisy.analyse().dynamic.row(1, named=True)
+    row = noisy.analyse(route="mobility").dynamic.row(1, named=True)
     assert row["verdict"] == "rejected"
     assert row["K2 [N/m]"] is row["C [N s/m]"] is row["u(K2) [N/m]"] is row["corr(K2,C) [1]"] is None
     kept = ["R [m/(N s)]", "u(I) [m/(N s)]", "Re K* [N/m]", "u(Im K*) [N/m]", "loss factor [1]", "TR measured [1]"]
@@ -359,7 +379,7 @@ def test_what_a_route_can_spare_only_warns(noisy, route, channel):
 def test_a_spared_channel_costs_the_others_nothing(noisy, unhurt):
     """F1 and V1 say the same with V2 or without it, but for the frequency that all three share."""
     noisy.change("D2", lambda table: table.drop("V2"))
-    row = noisy.analyse().dynamic.row(1, named=True)
+    row = noisy.analyse(route="mobility").dynamic.row(1, named=True)
     for column in RESULTS[:-1]:
         assert row[column] == pytest.approx(float(unhurt["D2"][column]), rel=1e-5)
     assert row["V2 [m/s]"] is row["TR measured [1]"] is row["phase V2-V1 [rad]"] is None
@@ -367,7 +387,7 @@ def test_a_spared_channel_costs_the_others_nothing(noisy, unhurt):
 
 def test_gaps_cost_accuracy_within_the_stated_uncertainty(noisy, unhurt):
     noisy.cells("D2", slice(1000, 1400), 2, "")
-    row = noisy.analyse().dynamic.row(1, named=True)
+    row = noisy.analyse(route="mobility").dynamic.row(1, named=True)
     assert row["verdict"] == "warning"
     for name, std in (("Re K* [N/m]", "u(Re K*) [N/m]"), ("Im K* [N/m]", "u(Im K*) [N/m]")):
         assert row[name] == pytest.approx(float(unhurt["D2"][name]), abs=3 * row[std])

@@ -298,7 +298,7 @@ def test_an_added_mass_is_taken_from_the_row(bench):
     bench.dynamic("D1", "1000,110000,,", mass=15.0)
     bench.dynamic("D2", "1000,110000,10000,", mass=25.0)
     bench.dynamic("D3", "1000,110000,10000,50", mass=25.0)
-    rows = bench.analyse().dynamic.rows(named=True)
+    rows = bench.analyse(route="mobility").dynamic.rows(named=True)
     assert [row["added mass [kg]"] for row in rows] == [0.0, 10.0, 10.0]
     for row, mass in zip(rows, (15.0, 25.0, 25.0), strict=True):
         is_the_tyre(bench, row, mass=mass)
@@ -328,11 +328,12 @@ def test_what_is_unstated_is_taken_as_a_default_and_noted(bench):
     bench.rig = '[rig]\nmoving_mass = "15 kg"\npreload_stiffness = { value = 12.44, unit = "kN/m", std = "0.1 %" }\n'
     bench.c3 = 0.0
     bench.dynamic("D1")
-    study = bench.analyse()
+    study = bench.analyse(route="mobility")
     assert list(study.notes) == [
         "[rig] moving_mass: no std stated, taken as 2 % (exact = true if it is exact)",
         "[channels] force_in, motion_in, motion_out: no std_gain stated, taken as 1 % (exact = true if exact)",
         "[channels] force_in, motion_in, motion_out: no std_phase stated, taken as 0.5 deg (exact = true if exact)",
+        "tests.csv: K1 is stated without u(K1), taken as 2 %",
     ]
     (row,) = study.dynamic.rows(named=True)
     # 1 % of V1 and of F1 along M = V1/F1, half a degree of each across it
@@ -354,8 +355,8 @@ def test_what_is_unstated_is_taken_as_a_default_and_noted(bench):
 def test_a_stated_uncertainty_of_a_channel_is_used(bench, said, gain, phase):
     bench.channels["force_in"] = f'{{ column = "F1", unit = "N", {said} }}'
     bench.dynamic("D1")
-    study = bench.analyse()
-    assert study.notes == ()
+    study = bench.analyse(route="mobility")
+    assert study.notes == ("tests.csv: K1 is stated without u(K1), taken as 2 %",)
     (row,) = study.dynamic.rows(named=True)
     mobility = row["R [m/(N s)]"] + 1j * row["I [m/(N s)]"]
     along, across = gain * mobility, phase * 1j * mobility
@@ -369,7 +370,7 @@ def test_a_phase_error_of_the_force_alone_leaves_the_predicted_transmissibility_
     bench.channels["force_in"] = '{ column = "F1", unit = "N", std_gain = 0, std_phase = "2 deg" }'
     for i in range(12):
         bench.dynamic(f"D{i}", frequency=10.0 + i)
-    for row in bench.analyse().dynamic.rows(named=True):
+    for row in bench.analyse(route="mobility").dynamic.rows(named=True):
         assert row["u(TR) [1]"] == pytest.approx(0.0, abs=1e-9)
 
 

@@ -236,7 +236,6 @@ def test_a_doubtful_k1_is_said_where_it_is_used(bench):
     assert "S1" in bench.analyse().dynamic["remarks"][0]
 
 
-@pytest.mark.xfail(reason="a K1 stated without u(K1) is taken as 2 %, and nothing says so")
 def test_an_uncertainty_of_k1_that_is_assumed_is_noted(bench):
     bench.columns = (*bench.columns, "K1 [N/m]")
     bench.dynamic("D1", "1.7,1000,110000")

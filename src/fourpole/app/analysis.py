@@ -2,25 +2,35 @@
 
 from __future__ import annotations
 
+from math import radians
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, progress, say
-from fourpole.campaign import Study, analyse, read_campaign
+from fourpole.campaign import DRAWS, Study, analyse, read_campaign
 from fourpole.errors import CampaignError
 from fourpole.report.words import headline
-from fourpole.virtual import simulate_campaign
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 __all__ = ["run_analysis", "run_demo"]
 
 _MOST_LISTED = 12
+#: The demonstration: sensors and rig known as a laboratory knows them, and a weighed mass at one condition.
+_DEMO: dict[str, Any] = {
+    "sensors": (5e-3, radians(0.2)),
+    "rig_std": {"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
+    "added_masses": (0.0, 10.0),
+    "added_mass_at": (RADIAL_PLY.name, 170e3, 1000.0),
+}
 
 
-def run_analysis(campaign: Path, folder: Path | None, route: str, *, tables_only: bool, as_json: bool) -> int:
+def run_analysis(
+    campaign: Path, folder: Path | None, route: str, monte_carlo: int, *, tables_only: bool, as_json: bool
+) -> int:
     """Analyse a campaign and write its results; the exit code says whether tests were rejected."""
-    study, results = _analysed(campaign, folder, route)
+    study, results = _analysed(campaign, folder, route, monte_carlo)
     page = None if tables_only else _drawn(study, results)
     if as_json:
         print_json({**_summary(study, results), "report": str(page) if page else None})
@@ -35,8 +45,8 @@ def run_analysis(campaign: Path, folder: Path | None, route: str, *, tables_only
 def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     """Simulate, analyse, and say what was found."""
     with progress("recording") as advance:
-        simulate_campaign(folder, seed=seed, progress=advance)
-    study, results = _analysed(folder, None, "mobility")
+        simulate_campaign(folder, seed=seed, progress=advance, **_DEMO)
+    study, results = _analysed(folder, None)
     page = _drawn(study, results)
     if as_json:
         print_json({**_summary(study, results), "report": str(page), "found": headline(study.results)})
@@ -49,13 +59,15 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     return SOME_REJECTED if study.counts["rejected"] else OK
 
 
-def _analysed(campaign: Path, folder: Path | None, route: str) -> tuple[Study, Path]:
+def _analysed(
+    campaign: Path, folder: Path | None, route: str = "joint", monte_carlo: int = DRAWS
+) -> tuple[Study, Path]:
     stated = read_campaign(campaign)
     results = folder if folder is not None else campaign / "results"
     if results.exists() and not results.is_dir():
         raise CampaignError(f"{results}: is a file: name a folder for the results with --out")
     with progress("analysing") as advance:
-        study = analyse(stated, route=route, cache=results / "cache", progress=advance)
+        study = analyse(stated, route=route, monte_carlo=monte_carlo, cache=results / "cache", progress=advance)
     study.write(results)
     return study, results
 

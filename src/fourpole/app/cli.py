@@ -86,8 +86,17 @@ def analyse(
     ] = None,
     route: Annotated[
         str,
-        typer.Option(help="How K* is found: mobility (F1, V1 and the rig), relative (F1, V1, V2), transmissibility."),
-    ] = "mobility",
+        typer.Option(
+            help="How K* is found: joint (all tests of a rig together), mobility (F1, V1 and the rig), "
+            "relative (F1, V1, V2), transmissibility (V1, V2 and the rig)."
+        ),
+    ] = "joint",
+    monte_carlo: Annotated[
+        int,
+        typer.Option(
+            metavar="N", min=0, max=10_000_000, help="Draws for intervals of K2 and C that are not normal; 0: none."
+        ),
+    ] = 10_000,
     tables_only: Annotated[bool, typer.Option("--tables-only", help="No figures and no report.")] = False,
     as_json: JsonFlag = False,
 ) -> None:
@@ -97,7 +106,7 @@ def analyse(
     """
     from fourpole.app.analysis import run_analysis
 
-    raise typer.Exit(run_analysis(campaign, folder, route, tables_only=tables_only, as_json=as_json))
+    raise typer.Exit(run_analysis(campaign, folder, route, monte_carlo, tables_only=tables_only, as_json=as_json))
 
 
 @app.command()
@@ -168,6 +177,63 @@ def predict(
 
 @app.command()
 @ends_well
+def plan(
+    campaign: Annotated[
+        Path | None, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv; or none.")
+    ] = None,
+    k1: Annotated[str | None, typer.Option("--k1", "--K1", help='Guessed K1, as "180 kN/m".')] = None,
+    k2: Annotated[str | None, typer.Option("--k2", "--K2", help='Guessed K2, as "120 kN/m".')] = None,
+    c: Annotated[str | None, typer.Option("--c", "--C", help='Guessed C, as "700 N s/m".')] = None,
+    wanted: Annotated[str | None, typer.Option(help='Wanted uncertainty of K2 and C, as "1 %": gives advice.')] = None,
+    added_mass: Annotated[
+        list[str] | None, typer.Option(help='Mass to look at, as "10 kg"; may be repeated. By default 2, 5, 10, 20 kg.')
+    ] = None,
+    run_sheet: Annotated[
+        Path | None, typer.Option(help="Write a tests.csv in the order to run, with the masses of --added-mass.")
+    ] = None,
+    repeats: Annotated[int, typer.Option(help="How often the run sheet has each test.")] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the run sheet's order.")] = 1982,
+    noise: Annotated[
+        str | None, typer.Option(help='Relative uncertainty of an amplitude at 40 cycles; by default "0.01 %".')
+    ] = None,
+    cycles: Annotated[int | None, typer.Option(help="Cycles per test; by default 40.")] = None,
+    eccentricity: Annotated[str | None, typer.Option(help='Amplitude of the contact; by default "1 mm".')] = None,
+    std_k1: Annotated[str | None, typer.Option("--std-k1", help='Of K1; by default "2 %", or as found.')] = None,
+    mass: Annotated[str | None, typer.Option("--mass", "--moving-mass", help='Without a campaign: as "15 kg".')] = None,
+    preload_stiffness: Annotated[str | None, typer.Option(help='Without a campaign: K3, as "12.44 kN/m".')] = None,
+    preload_damping: Annotated[str | None, typer.Option(help='Without a campaign: c3, as "20 N s/m".')] = None,
+    frequency: Annotated[
+        str | None, typer.Option("--frequency", "--frequencies", help='Without a campaign: as "10:24:2 Hz".')
+    ] = None,
+    preload: Annotated[str | None, typer.Option(help='Without a campaign: load on the tyre, as "1000 N".')] = None,
+    std_rig: Annotated[
+        str | None, typer.Option(help='Without a campaign: of each rig value; by default "2 %".')
+    ] = None,
+    std_gain: Annotated[str | None, typer.Option(help='Without a campaign: of each gain; by default "1 %".')] = None,
+    std_phase: Annotated[
+        str | None, typer.Option(help='Without a campaign: of each phase; by default "0.5 deg".')
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Folder for table and figure; by default CAMPAIGN/plan.")
+    ] = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Before testing: the uncertainty of K*, K2 and C to expect by each route, with and without an added mass.
+
+    For a campaign whose recordings need not exist yet, or for a rig and a guessed tyre. With --wanted, what reaches a
+    wanted uncertainty at least effort; with --run-sheet, the tests in the order to run them, with instructions.
+    """
+    from fourpole.app.plan import PlanOptions, run_plan
+
+    options = PlanOptions(
+        k1, k2, c, mass, preload_stiffness, preload_damping, frequency, preload, std_rig, std_gain, std_phase, std_k1,
+        noise, cycles, eccentricity, tuple(added_mass or ()), wanted, repeats, seed,
+    )  # fmt: skip
+    run_plan(campaign, options, folder, run_sheet, as_json=as_json)
+
+
+@app.command()
+@ends_well
 def report(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote.")],
     theme: Annotated[str, typer.Option(help="Colours of the figures: light, dark or print.")] = "light",
@@ -176,6 +242,21 @@ def report(
     from fourpole.app.report import run_report
 
     run_report(folder, theme)
+
+
+@app.command()
+@ends_well
+def rig(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote.")],
+    as_json: JsonFlag = False,
+) -> None:
+    """What the joint route learned: the rig's values and the sensors, as stated and as found, and what limits you.
+
+    Says too whether the rig as stated fits, what would explain a misfit, and which errors these data cannot show.
+    """
+    from fourpole.app.rig import run_rig
+
+    run_rig(folder, as_json=as_json)
 
 
 @app.command()

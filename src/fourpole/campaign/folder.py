@@ -34,7 +34,7 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
 _TEXTS = ("test", "file", "kind", "tyre", "rig")
 _NAMES = (*_TEXTS, *_QUANTITIES, "window")
 _REQUIRED = ("test", "file", "kind", "tyre")
-_KINDS = ("static", "dynamic")
+_KINDS = ("static", "dynamic", "calibration")
 
 
 @dataclass(frozen=True)
@@ -252,6 +252,10 @@ def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFi
     if not texts.get("test"):
         raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
     problems += [f"{where}: {problem}" for problem in _contradictions(texts, stated)]
+    if texts.get("kind", "").lower() == "calibration" and "added_mass" not in values:
+        problems.append(
+            f"{where}: the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight"
+        )
     rig = texts.get("rig", "") or (next(iter(stated.all_rigs), "") if len(stated.all_rigs) == 1 else "")
     return Test(
         name=texts["test"],
@@ -293,7 +297,10 @@ def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str
         hint = f"; did you mean '{near[0]}'?" if near else f"; it must be {' or '.join(_KINDS)}"
         yield f"kind {units.shown(kind)} is not known{hint}"
     tyre, known = texts.get("tyre", ""), tuple(stated.all_specimens)
-    if not tyre:
+    if kind == "calibration":
+        if tyre:
+            yield "a calibration has a rigid mass in place of the tyre: leave the column 'tyre' blank"
+    elif not tyre:
         yield "the tyre is not named: fill in the column 'tyre'"
     elif tyre not in known:
         near = difflib.get_close_matches(tyre, known, n=1, cutoff=0.5)
@@ -321,7 +328,7 @@ def _check_names(tests: list[Test]) -> None:
 
 def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
     """The channels that the campaign's kinds of test cannot do without."""
-    needs = {"dynamic": ("motion_in",), "static": ("load", "deflection")}
+    needs = {"dynamic": ("motion_in",), "calibration": ("motion_in",), "static": ("load", "deflection")}
     for kind, roles in needs.items():
         for role in roles:
             if any(test.kind == kind for test in tests) and stated.channels.named(role) is None:
@@ -329,7 +336,7 @@ def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
                     f"campaign.toml: [channels] {role} is missing, {kind} tests need it: "
                     f'{role} = {{ column = "...", unit = "..." }}'
                 )
-    if any(test.kind == "dynamic" for test in tests) and stated.channels.time is None and stated.channels.rate is None:
+    if any(test.kind != "static" for test in tests) and stated.channels.time is None and stated.channels.rate is None:
         raise CampaignError(
             'campaign.toml: [channels] time is missing: time = { column = "t", unit = "s" }, or sample_rate = "2 kHz"'
         )

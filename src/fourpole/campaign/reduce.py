@@ -26,6 +26,7 @@ __all__ = ["ROUTE_NEEDS", "Reduced", "reduce_tests"]
 _WORKERS = min(os.cpu_count() or 1, 8)
 #: Channels that a route cannot do without.
 ROUTE_NEEDS = {
+    "joint": ("force_in", "motion_in"),
     "mobility": ("force_in", "motion_in"),
     "relative": CHANNELS,
     "transmissibility": ("motion_in", "motion_out"),
@@ -190,4 +191,11 @@ def _judge(campaign: Campaign, test: Test, route: str, found: Demodulation) -> I
 def _depends_on(campaign: Campaign, test: Test, route: str) -> list[object]:
     """All that a reduced test depends on but its file: the channels, the rig and the row."""
     rig = campaign.stated.all_rigs.get(test.rig)
-    return [route, test.values, test.window, campaign.stated.channels.model_dump(), rig and repr(rig)]
+    return [
+        ROUTE_NEEDS[route],
+        test.kind,
+        test.values,
+        test.window,
+        campaign.stated.channels.model_dump(),
+        rig and repr(rig),
+    ]

@@ -9,13 +9,27 @@ from typing import Any
 
 import polars as pl
 
-from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
+from fourpole.campaign.tables import (
+    BUDGET_COLUMNS,
+    DYNAMIC_COLUMNS,
+    QUANTILE_COLUMNS,
+    RESIDUAL_COLUMNS,
+    RIG_COLUMNS,
+    STATIC_COLUMNS,
+    TEXT_COLUMNS,
+)
 from fourpole.errors import CampaignError, FileError, TableError
 from fourpole.io.source import read_bytes
 
 __all__ = ["Results", "read_results"]
 
 _MOST_BYTES = 2_000_000_000
+_OPTIONAL = {
+    "rig": RIG_COLUMNS,
+    "residuals": RESIDUAL_COLUMNS,
+    "budget": BUDGET_COLUMNS,
+    "quantiles": QUANTILE_COLUMNS,
+}
 
 
 @dataclass(frozen=True)
@@ -30,12 +44,18 @@ class Results:
         A few cycles of signal and fit of each recording, as in previews.parquet; empty where there are none.
     record : dict
         study.json: title, settings, what the campaign states, versions, verdicts, assumptions, hashes.
+    rig, residuals, budget, quantiles : polars.DataFrame
+        As in rig.csv, residuals.csv, budget.csv and quantiles.csv; empty where the analysis had none.
     """
 
     static: pl.DataFrame
     dynamic: pl.DataFrame
     previews: pl.DataFrame
     record: dict[str, Any] = field(default_factory=dict)
+    rig: pl.DataFrame = field(default_factory=pl.DataFrame)
+    residuals: pl.DataFrame = field(default_factory=pl.DataFrame)
+    budget: pl.DataFrame = field(default_factory=pl.DataFrame)
+    quantiles: pl.DataFrame = field(default_factory=pl.DataFrame)
 
 
 def read_results(folder: str | Path) -> Results:
@@ -71,7 +91,11 @@ def read_results(folder: str | Path) -> Results:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
     except (ValueError, pl.exceptions.PolarsError) as error:
         raise CampaignError(f"{folder}: cannot be read ({error}): run fourpole analyse again") from None
-    return Results(static, dynamic, frame, record)
+    more = [
+        _table(folder / f"{name}.csv", columns) if (folder / f"{name}.csv").is_file() else pl.DataFrame()
+        for name, columns in _OPTIONAL.items()
+    ]
+    return Results(static, dynamic, frame, record, *more)
 
 
 def _table(path: Path, columns: tuple[str, ...]) -> pl.DataFrame:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,15 +35,17 @@ class StaticRow:
     nonlinearity: float = float("nan")
     verdict: str = "ok"
     remarks: tuple[str, ...] = ()
+    parts: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class StaticStiffness:
-    """K1 for a dynamic test, or why there is none."""
+    """K1 for a dynamic test with the parts of its uncertainty, or why there is none."""
 
     value: float = float("nan")
     std: float = float("nan")
     reason: str = ""
+    parts: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -126,11 +128,19 @@ def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load
             test, load, loss=whole.loss, nonlinearity=whole.nonlinearity, verdict="rejected", remarks=(remark,)
         )
     remarks = [*curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
+    std = tangent.std_with_gains(channels.load.gain_std, channels.deflection.gain_std)
+    parts = {
+        "K1 fit": tangent.fit,
+        "K1 branch gap": tangent.branches,
+        "K1 cycles": tangent.cycles,
+        "K1 gains": float(np.sqrt(max(std**2 - tangent.std**2, 0.0))),
+    }
     return StaticRow(
         test,
         load,
         stiffness=tangent.stiffness,
-        std=tangent.std_with_gains(channels.load.gain_std, channels.deflection.gain_std),
+        std=std,
+        parts=parts,
         secant=secant.stiffness,
         loss=whole.loss,
         nonlinearity=whole.nonlinearity,
@@ -144,7 +154,8 @@ def stiffness_for(test: Test, statics: Sequence[StaticRow]) -> StaticStiffness:
     stated = test.value("K1")
     if stated is not None:
         std = test.value("u(K1)")
-        return StaticStiffness(stated, _UNSTATED_K1_STD * stated if std is None else std)
+        std = _UNSTATED_K1_STD * stated if std is None else std
+        return StaticStiffness(stated, std, parts={"K1 stated": std})
     tyre = f"tyre {test.tyre!r}"
     alike = [row for row in statics if _same_condition(row.test, test)]
     if not alike:
@@ -171,7 +182,11 @@ def stiffness_for(test: Test, statics: Sequence[StaticRow]) -> StaticStiffness:
     nearest = _nearest_pressure(test, good)
     values = np.array([row.stiffness for row in nearest])
     spread = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
-    return StaticStiffness(float(values.mean()), float(np.hypot(np.mean([row.std for row in nearest]), spread)))
+    parts = {name: float(np.mean([row.parts[name] for row in nearest])) for name in nearest[0].parts}
+    if spread > 0:
+        parts["K1 repeats"] = float(spread)
+    std = float(np.hypot(np.mean([row.std for row in nearest]), spread))
+    return StaticStiffness(float(values.mean()), std, parts=parts)
 
 
 def _nearest_pressure(test: Test, rows: list[StaticRow]) -> list[StaticRow]:

@@ -10,26 +10,26 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars as pl
 
+from fourpole.campaign.cells import dynamic_cells
 from fourpole.campaign.folder import Campaign, Test, read_campaign
+from fourpole.campaign.identified import identify_tests, possible_route
 from fourpole.campaign.load import MOST_BYTES
 from fourpole.campaign.reduce import Reduced, reduce_tests
 from fourpole.campaign.results import Results
-from fourpole.campaign.static import StaticStiffness, StaticTest, evaluate_statics, stiffness_for
+from fourpole.campaign.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
 from fourpole.campaign.tables import (
-    amplitude_cells,
-    covariance_cells,
+    budget_table,
     dynamic_table,
     phasor_table,
     preview_table,
+    quantile_table,
+    residual_table,
+    rig_table,
     static_table,
 )
-from fourpole.core.checks import Check, worst_verdict
-from fourpole.core.identify import ChannelUncertainty, Identification, identify
-from fourpole.core.phasor import CHANNELS, Phasors
-from fourpole.core.rig import Rig
+from fourpole.core.checks import worst_verdict
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
 from fourpole.io.source import sha256_of
@@ -37,10 +37,10 @@ from fourpole.io.write import write_table, write_text
 
 __all__ = ["Study", "analyse"]
 
-#: An added mass of unstated uncertainty is known to this.
-_ADDED_MASS_STD = 1e-4
-#: Above this relative uncertainty linear propagation is no longer to be trusted.
-_LINEAR = 0.3
+#: Draws of K* and K1 where K2 and C are not normal.
+DRAWS = 10_000
+#: The same draws every time.
+_SEED = 1982
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,12 @@ class Study:
         As in static.csv, dynamic.csv, phasors.parquet and previews.parquet.
     route : str
         How K* was found.
+    rig, residuals, budget, quantiles : polars.DataFrame
+        As in rig.csv, residuals.csv, budget.csv and quantiles.csv.
+    joint : dict
+        Of each rig, what the joint route says of its fit.
+    monte_carlo : int
+        Draws where linear propagation fails.
     notes : tuple of str
         What was assumed because the campaign does not state it.
     sha256 : dict of str to str
@@ -76,6 +82,12 @@ class Study:
     phasors: pl.DataFrame
     previews: pl.DataFrame
     route: str
+    rig: pl.DataFrame
+    residuals: pl.DataFrame
+    budget: pl.DataFrame
+    quantiles: pl.DataFrame
+    joint: dict[str, dict[str, Any]] = field(default_factory=dict)
+    monte_carlo: int = DRAWS
     notes: tuple[str, ...] = ()
     sha256: dict[str, str] = field(default_factory=dict)
 
@@ -89,7 +101,9 @@ class Study:
     @property
     def results(self) -> Results:
         """The tables that figures and reports are made from."""
-        return Results(self.static, self.dynamic, self.previews, self.record)
+        return Results(
+            self.static, self.dynamic, self.previews, self.record, self.rig, self.residuals, self.budget, self.quantiles
+        )
 
     def write(self, folder: str | Path) -> Path:
         """Write all tables and study.json into a folder, each in one step.
@@ -117,6 +131,12 @@ class Study:
         write_table(folder / "dynamic.parquet", self.dynamic)
         write_table(folder / "phasors.parquet", self.phasors)
         write_table(folder / "previews.parquet", self.previews)
+        for name in ("rig", "residuals", "budget", "quantiles"):
+            table = getattr(self, name)
+            if table.height:
+                write_table(folder / f"{name}.csv", table)
+            else:  # of an earlier run with another route
+                (folder / f"{name}.csv").unlink(missing_ok=True)
         write_text(folder / "study.json", json.dumps(self.record, indent=2, ensure_ascii=False) + "\n")
         return folder
 
@@ -126,11 +146,12 @@ class Study:
         packages = ("fourpole", "numpy", "scipy", "polars", "pint", "pydantic")
         return {
             "title": self.campaign.stated.title,
-            "settings": {"route": self.route},
+            "settings": {"route": self.route, "monte_carlo": self.monte_carlo, "seed": _SEED},
             "stated": self.campaign.stated.summary(),
             "versions": {"python": platform.python_version(), **{name: version(name) for name in packages}},
             "verdicts": self.counts,
             "assumptions": list(self.notes),
+            **({"joint": self.joint} if self.joint else {}),
             "sha256": self.sha256,
         }
 
@@ -152,7 +173,8 @@ def make_folder(folder: str | Path) -> Path:
 def analyse(
     campaign: Campaign | str | Path,
     *,
-    route: str = "mobility",
+    route: str = "joint",
+    monte_carlo: int = DRAWS,
     cache: str | Path | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
@@ -162,8 +184,10 @@ def analyse(
     ----------
     campaign : Campaign or path
         A campaign, or its folder.
-    route : {"mobility", "relative", "transmissibility"}
-        How K* is found.
+    route : {"joint", "mobility", "relative", "transmissibility"}
+        How K* is found; the joint route falls back to what the campaign allows, with a note.
+    monte_carlo : int
+        Draws for the intervals of K2 and C where linear propagation fails; 0 for none.
     cache : path, optional
         Folder that keeps the phasors of each recording, so that a run that was stopped goes on.
     progress : callable, optional
@@ -189,19 +213,22 @@ def analyse(
     >>> study.dynamic["C [N s/m]"].round(3).to_list()
     [1399.8, 808.217]
     """
-    if route not in ROUTES:
-        raise CampaignError(f"no route {route!r}: choose one of {', '.join(ROUTES)}")
+    if route not in ("joint", *ROUTES):
+        raise CampaignError(f"no route {route!r}: choose one of joint, {', '.join(ROUTES)}")
     if not isinstance(campaign, Campaign):
         campaign = read_campaign(campaign)
     dynamic = campaign.of_kind("dynamic")
+    route, note = possible_route(campaign, route)
     _check_rig(campaign, dynamic, route)
 
     kept = make_folder(cache) if cache is not None else None
     statics = evaluate_statics(campaign)
     static_rows = [row for item in statics for row in item.rows]
     reduced = reduce_tests(campaign, dynamic, route, cache=kept, progress=progress)
-    stiffness = [stiffness_for(test, static_rows) for test in dynamic]
-    cells = _identified(campaign, dynamic, reduced, stiffness, route)
+    stiffness = [_stiffness(test, static_rows) for test in dynamic]
+    found, remarks = identify_tests(campaign, dynamic, reduced, stiffness, route, monte_carlo, _SEED)
+    cells = [dynamic_cells(dynamic[i], reduced[i], stiffness[i], found.get(i), route) for i in range(len(dynamic))]
+    groups = list({id(item.group): item.group for item in found.values()}.values())
     return Study(
         campaign=campaign,
         static=static_table(campaign, static_rows),
@@ -209,7 +236,13 @@ def analyse(
         phasors=phasor_table(dynamic, reduced),
         previews=preview_table(statics, dynamic, reduced),
         route=route,
-        notes=tuple(campaign.stated.assumptions()),
+        rig=rig_table(groups),
+        residuals=residual_table(groups),
+        budget=budget_table(groups),
+        quantiles=quantile_table(groups),
+        joint={group.setup.rig_name: group.learned.record for group in groups if group.learned is not None},
+        monte_carlo=monte_carlo,
+        notes=(*([note] if note else []), *remarks, *campaign.stated.assumptions(), *_assumed(dynamic)),
         sha256=_hashes(campaign, statics, dynamic, reduced),
     )
 
@@ -227,125 +260,15 @@ def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
         )
 
 
-def _identified(
-    campaign: Campaign,
-    tests: Sequence[Test],
-    reduced: Sequence[Reduced],
-    stiffness: Sequence[StaticStiffness],
-    route: str,
-) -> list[dict[str, Any]]:
-    """Cells of each dynamic test, tests of a rig identified together."""
-    found: dict[int, tuple[Identification, int]] = {}
-    for name in {test.rig for test in tests}:
-        members = [i for i, test in enumerate(tests) if test.rig == name and reduced[i].found is not None]
-        if members:
-            result = _identify(
-                campaign,
-                name,
-                [tests[i] for i in members],
-                [reduced[i] for i in members],
-                [stiffness[i] for i in members],
-                route,
-            )
-            found.update({i: (result, at) for at, i in enumerate(members)})
-    return [_cells(reduced[i], stiffness[i], found.get(i), route) for i in range(len(tests))]
+def _stiffness(test: Test, rows: Sequence[StaticRow]) -> StaticStiffness:
+    """K1 of a test; a rigid block has none."""
+    return StaticStiffness() if test.kind == "calibration" else stiffness_for(test, rows)
 
 
-def _identify(
-    campaign: Campaign,
-    rig_name: str,
-    tests: Sequence[Test],
-    reduced: Sequence[Reduced],
-    stiffness: Sequence[StaticStiffness],
-    route: str,
-) -> Identification:
-    stated = campaign.stated.all_rigs.get(rig_name)
-    rig: Rig | None = stated.rig() if stated is not None else None
-    channels = [campaign.stated.channels.named(role) for role in CHANNELS]
-    added = np.array([test.value("added_mass") or 0.0 for test in tests])
-    added_std = [test.value("u(added_mass)") for test in tests]
-    return identify(
-        Phasors.stack([item.found.phasors for item in reduced if item.found is not None]),
-        rig,
-        np.array([k1.value for k1 in stiffness]),
-        k1_std=np.array([k1.std for k1 in stiffness]),
-        route=route,
-        added_mass=added,
-        added_mass_std=np.array(
-            [_ADDED_MASS_STD * m if s is None else s for m, s in zip(added, added_std, strict=True)]
-        ),
-        channels=ChannelUncertainty(
-            gain=np.array([channel.gain_std if channel is not None else 0.0 for channel in channels]),
-            phase=np.array([channel.phase_std if channel is not None else 0.0 for channel in channels]),
-        ),
-    )
-
-
-def _cells(
-    reduced: Reduced, stiffness: StaticStiffness, found: tuple[Identification, int] | None, route: str
-) -> dict[str, Any]:
-    rows = list(reduced.checks)
-    cells: dict[str, Any] = {"route": route}
-    if reduced.found is not None and found is not None:
-        cells.update(amplitude_cells(reduced.found.phasors))
-        result, at = found
-        if worst_verdict(row.verdict for row in rows) != "rejected":
-            rows += _arm_checks(result, at, stiffness)
-            cells.update(_identified_cells(result, at))
-    cells["verdict"] = worst_verdict(row.verdict for row in rows)
-    cells["remarks"] = "; ".join(row.remark for row in rows if row.remark)
-    return cells
-
-
-def _arm_checks(result: Identification, at: int, stiffness: StaticStiffness) -> list[Check]:
-    """Whether K2 and C exist, and whether they are known at all."""
-    reason = result.reasons[at]
-    found = result.stiffness[at]
-    if stiffness.reason and found.real > 0 and found.imag > 0:
-        return [Check("K1", float("nan"), float("nan"), "warning", f"K2 and C are left blank: {stiffness.reason}")]
-    if reason:
-        return [Check("passive arm", float("nan"), 0.0, "rejected", reason)]
-    with np.errstate(invalid="ignore"):
-        relative = np.sqrt(np.diag(result.arm_covariance[at])) / (result.k2[at], result.c[at])
-    worst = float(np.max(relative))
-    if worst > _LINEAR:
-        what = ("K2", "C")[int(np.argmax(relative))]
-        remark = (
-            f"{what} is known to {worst:.0%} only, so its interval is not symmetric: use K* instead, "
-            "or state the rig, K1 and the channels with smaller uncertainties"
-        )
-        return [Check("uncertainty", worst, _LINEAR, "warning", remark)]
-    return [Check("uncertainty", worst, _LINEAR, "ok")]
-
-
-def _identified_cells(result: Identification, at: int) -> dict[str, float]:
-    u_r, u_i, corr_ri = covariance_cells(result.mobility_covariance[at])
-    u_re, u_im, corr_k = covariance_cells(result.stiffness_covariance[at])
-    u_k2, u_c, corr_arm = covariance_cells(result.arm_covariance[at])
-    return {
-        "R [m/(N s)]": float(result.mobility[at].real),
-        "I [m/(N s)]": float(result.mobility[at].imag),
-        "u(R) [m/(N s)]": u_r,
-        "u(I) [m/(N s)]": u_i,
-        "corr(R,I) [1]": corr_ri,
-        "Re K* [N/m]": float(result.stiffness[at].real),
-        "Im K* [N/m]": float(result.stiffness[at].imag),
-        "u(Re K*) [N/m]": u_re,
-        "u(Im K*) [N/m]": u_im,
-        "corr(Re,Im K*) [1]": corr_k,
-        "loss factor [1]": float(result.loss_factor[at]),
-        "u(loss factor) [1]": float(result.loss_factor_std[at]),
-        "K1 [N/m]": float(result.k1[at]),
-        "u(K1) [N/m]": float(result.k1_std[at]),
-        "K2 [N/m]": float(result.k2[at]),
-        "C [N s/m]": float(result.c[at]),
-        "u(K2) [N/m]": u_k2,
-        "u(C) [N s/m]": u_c,
-        "corr(K2,C) [1]": corr_arm,
-        "TR measured [1]": float(result.tr_measured[at]),
-        "TR predicted [1]": float(result.tr_predicted[at]),
-        "u(TR) [1]": float(result.tr_std[at]),
-    }
+def _assumed(tests: Sequence[Test]) -> list[str]:
+    """What was taken where tests.csv states no uncertainty."""
+    unsure = [test.name for test in tests if test.value("K1") is not None and test.value("u(K1)") is None]
+    return ["tests.csv: K1 is stated without u(K1), taken as 2 %"] if unsure else []
 
 
 def _hashes(

@@ -10,6 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.identified import Group, budget_rows
 from fourpole.campaign.reduce import Reduced
 from fourpole.campaign.static import StaticRow, StaticTest
 from fourpole.core.demodulate import Demodulation
@@ -17,14 +18,22 @@ from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.phasor import SYMBOLS, Phasors
 
 __all__ = [
+    "BUDGET_COLUMNS",
     "DYNAMIC_COLUMNS",
+    "QUANTILE_COLUMNS",
+    "RESIDUAL_COLUMNS",
+    "RIG_COLUMNS",
     "STATIC_COLUMNS",
     "TEXT_COLUMNS",
     "amplitude_cells",
+    "budget_table",
     "covariance_cells",
     "dynamic_table",
     "phasor_table",
     "preview_table",
+    "quantile_table",
+    "residual_table",
+    "rig_table",
     "static_table",
 ]
 
@@ -84,7 +93,20 @@ DYNAMIC_COLUMNS = (
     "verdict",
     "remarks",
 )
-TEXT_COLUMNS = {"test", "rig", "tyre", "construction", "route", "verdict", "remarks"}
+TEXT_COLUMNS = {
+    "test",
+    "rig",
+    "tyre",
+    "construction",
+    "route",
+    "verdict",
+    "remarks",
+    "value",
+    "unit",
+    "finding",
+    "quantity",
+    "source",
+}
 
 
 def static_table(campaign: Campaign, rows: Sequence[StaticRow]) -> pl.DataFrame:
@@ -135,6 +157,72 @@ def dynamic_table(campaign: Campaign, tests: Sequence[Test], cells: Sequence[dic
             }
         )
     return _frame(rows, DYNAMIC_COLUMNS, tuple(names.values()))
+
+
+RIG_COLUMNS = (
+    "rig",
+    "value",
+    "unit",
+    "stated",
+    "u(stated)",
+    "found",
+    "u(found)",
+    "posterior over prior [1]",
+    "pull [1]",
+    "seen from",
+    "finding",
+    "remarks",
+)
+RESIDUAL_COLUMNS = (
+    "test",
+    "rig",
+    "added mass [kg]",
+    "frequency [Hz]",
+    "Re residual [N s/m]",
+    "Im residual [N s/m]",
+    "u(Re) [N s/m]",
+    "u(Im) [N s/m]",
+    "Re Zr [N s/m]",
+    "Im Zr [N s/m]",
+    "chi2 [1]",
+    "dof [1]",
+    "outlier [1]",
+)
+BUDGET_COLUMNS = ("test", "quantity", "unit", "source", "u", "share [1]")
+QUANTILE_COLUMNS = ("test", "quantity", "unit", "2.5 %", "50 %", "97.5 %", "impassive share [1]")
+
+
+def rig_table(groups: Sequence[Group]) -> pl.DataFrame:
+    """rig.csv: each shared value as stated and as found."""
+    learned = [(group, group.learned) for group in groups if group.learned is not None]
+    rows = [{"rig": group.setup.rig_name, **row} for group, found in learned for row in found.values]
+    return _frame(rows, RIG_COLUMNS)
+
+
+def residual_table(groups: Sequence[Group]) -> pl.DataFrame:
+    """residuals.csv: F1/V2 - Zr of each test that the joint route used."""
+    learned = [(group, group.learned) for group in groups if group.learned is not None]
+    rows = [{"rig": group.setup.rig_name, **row} for group, found in learned for row in found.residuals]
+    return _frame(rows, RESIDUAL_COLUMNS)
+
+
+def budget_table(groups: Sequence[Group]) -> pl.DataFrame:
+    """budget.csv: what each source gives to the uncertainty of each output of each test."""
+    types = {name: pl.Float64 if name in ("u", "share [1]") else pl.String for name in BUDGET_COLUMNS}
+    empty = pl.DataFrame(schema=types)
+    return pl.concat([empty, *(pl.DataFrame(budget_rows(group), schema=types) for group in groups)])
+
+
+def quantile_table(groups: Sequence[Group]) -> pl.DataFrame:
+    """quantiles.csv: drawn intervals of K2 and C, where linear propagation fails."""
+    rows = []
+    for group in groups:
+        for at, pair in group.intervals.items():
+            for (quantity, unit), drawn in zip((("K2", "N/m"), ("C", "N s/m")), pair, strict=True):
+                values = dict(zip(("2.5 %", "50 %", "97.5 %"), drawn.quantiles.tolist(), strict=True))
+                row = {"test": group.names[at], "quantity": quantity, "unit": unit, **values}
+                rows.append({**row, "impassive share [1]": drawn.impassive})
+    return _frame(rows, QUANTILE_COLUMNS)
 
 
 def amplitude_cells(phasors: Phasors) -> dict[str, float]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.phasor import Phasors
+from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.routes import (
     ROUTES,
@@ -25,7 +25,10 @@ from fourpole.core.routes import (
 )
 from fourpole.errors import RigError
 
-__all__ = ["ChannelUncertainty", "Identification", "identify"]
+__all__ = ["OUTPUTS", "ChannelUncertainty", "Identification", "identify", "variance_by_source"]
+
+#: What uncertainty is accounted for, with units, in the order of every budget.
+OUTPUTS = {"Re K*": "N/m", "Im K*": "N/m", "loss factor": "1", "K2": "N/m", "C": "N s/m", "TR": "1"}
 
 
 _RIG_AT = slice(6, 6 + len(PARAMETERS))
@@ -154,46 +157,134 @@ def identify(
     >>> found.k2.round(-2), found.c.round(0)
     (array([120000.]), array([700.]))
     """
+    answers = _answers(phasors, rig, k1, k1_std, route, added_mass, added_mass_std, channels)
+    covariance = answers.covariance
+    measured, predicted = answers.tr
+    reasons = tuple(why_no_arm(*row) for row in zip(answers.stiffness, answers.k1, answers.k2, answers.c, strict=True))
+    passive = np.array([not reason for reason in reasons], dtype=bool)
+    with np.errstate(invalid="ignore"):
+        arm_covariance = _propagate(answers.jacobian[:, 3:5], covariance)
+        return Identification(
+            frequency=np.asarray(phasors.frequency).reshape(passive.size),
+            mobility=answers.mobility,
+            mobility_covariance=_propagate(answers.by_mobility, covariance),
+            stiffness=answers.stiffness,
+            stiffness_covariance=_propagate(answers.jacobian[:, :2], covariance),
+            loss_factor=answers.loss_factor,
+            loss_factor_std=_std(answers.jacobian[:, 2], covariance),
+            k1=answers.k1,
+            k1_std=answers.k1_std,
+            k2=np.where(passive, answers.k2, np.nan),
+            c=np.where(passive, answers.c, np.nan),
+            arm_covariance=np.where(passive[:, None, None], arm_covariance, np.nan),
+            tr_measured=measured,
+            tr_predicted=predicted,
+            tr_std=_std(answers.jacobian[:, 5], covariance),
+            reasons=reasons,
+            route=route,
+        )
+
+
+@dataclass(frozen=True)
+class _Answers:
+    """Values of N tests with their derivatives by all inputs; `jacobian` (N, 6, inputs) is in the order of OUTPUTS."""
+
+    mobility: ComplexArray
+    by_mobility: FloatArray
+    stiffness: ComplexArray
+    loss_factor: FloatArray
+    k1: FloatArray
+    k1_std: FloatArray
+    k2: FloatArray
+    c: FloatArray
+    tr: tuple[FloatArray, FloatArray]
+    jacobian: FloatArray
+    covariance: FloatArray
+
+
+def _answers(
+    phasors: Phasors,
+    rig: Rig | None,
+    k1: ArrayLike,
+    k1_std: ArrayLike,
+    route: str,
+    added_mass: ArrayLike,
+    added_mass_std: ArrayLike,
+    channels: ChannelUncertainty | None,
+) -> _Answers:
     _check_route(route, rig)
     count = np.size(phasors.frequency)
     omega = phasors.omega.reshape(count)
-    amplitudes = phasors.amplitudes.reshape(count, 3)
     k1, k1_std, added, added_std = (
         np.broadcast_to(np.asarray(x, dtype=float), count) for x in (k1, k1_std, added_mass, added_mass_std)
     )
-    covariance = _input_covariance(phasors, rig, k1_std, added_std, channels)
-
     with np.errstate(divide="ignore", invalid="ignore"):
-        state = _Linear(amplitudes, omega, rig, added)
+        state = _Linear(phasors.amplitudes.reshape(count, 3), omega, rig, added)
         mobility, by_mobility = state.mobility()
         stiffness, by_stiffness = state.stiffness(route)
         loss, by_loss = _loss_factor(stiffness, by_stiffness)
         k2, c, by_arm = _arm(stiffness, by_stiffness, k1, omega)
         measured, predicted, by_tr = state.transmissibility(stiffness, by_stiffness)
-        arm_covariance = _propagate(by_arm, covariance)
-        stiffness_covariance = _propagate(_parts(by_stiffness, axis=-2), covariance)
-
-    reasons = tuple(why_no_arm(*row) for row in zip(stiffness, k1, k2, c, strict=True))
-    passive = np.array([not reason for reason in reasons], dtype=bool)
-    return Identification(
-        frequency=phasors.frequency.reshape(count),
+    rows = [_parts(by_stiffness, axis=-2), by_loss[:, None], by_arm, by_tr[:, None]]
+    return _Answers(
         mobility=mobility,
-        mobility_covariance=_propagate(_parts(by_mobility, axis=-2), covariance),
+        by_mobility=_parts(by_mobility, axis=-2),
         stiffness=stiffness,
-        stiffness_covariance=stiffness_covariance,
         loss_factor=loss,
-        loss_factor_std=_std(by_loss, covariance),
         k1=k1,
         k1_std=k1_std,
-        k2=np.where(passive, k2, np.nan),
-        c=np.where(passive, c, np.nan),
-        arm_covariance=np.where(passive[:, None, None], arm_covariance, np.nan),
-        tr_measured=measured,
-        tr_predicted=predicted,
-        tr_std=_std(by_tr, covariance),
-        reasons=reasons,
-        route=route,
+        k2=k2,
+        c=c,
+        tr=(measured, predicted),
+        jacobian=np.concatenate(rows, axis=1),
+        covariance=_input_covariance(phasors, rig, k1_std, added_std, channels),
     )
+
+
+def variance_by_source(
+    phasors: Phasors,
+    rig: Rig | None,
+    k1: ArrayLike = np.nan,
+    *,
+    k1_std: ArrayLike = 0.0,
+    route: str = "mobility",
+    added_mass: ArrayLike = 0.0,
+    added_mass_std: ArrayLike = 0.0,
+    channels: ChannelUncertainty | None = None,
+) -> dict[str, FloatArray]:
+    """Variance of each of `OUTPUTS` by its source, for the same arguments as `identify`.
+
+    Returns
+    -------
+    dict of str to (N, 6) float array
+        Sensor noise, frequency, gain and phase of each channel, each of the rig's values, added mass, K1; they add up
+        to the squares of the uncertainties that `identify` gives, for its inputs are independent.
+    """
+    answers = _answers(phasors, rig, k1, k1_std, route, added_mass, added_mass_std, channels)
+    count = answers.k1.size
+    amplitudes = phasors.amplitudes.reshape(count, 3)
+    channels = channels or ChannelUncertainty()
+
+    def by(covariance: FloatArray) -> FloatArray:
+        found = _propagate(answers.jacobian, covariance)
+        return np.diagonal(found, 0, 1, 2)
+
+    def alone(block: FloatArray, at: slice) -> FloatArray:
+        covariance = np.zeros((count, _INPUTS, _INPUTS))
+        covariance[:, at, at] = block
+        return by(covariance)
+
+    phasor = slice(0, 6)
+    sources = {"sensor noise": alone(phasors.covariance.reshape(count, 6, 6), phasor)}
+    sources["frequency"] = alone(answers.covariance[:, _OMEGA_AT:, _OMEGA_AT:], slice(_OMEGA_AT, None))
+    for i, role in enumerate(CHANNELS):
+        for what in ("gain", "phase"):
+            only = {"gain": np.zeros(3), "phase": np.zeros(3)}
+            only[what][i] = getattr(channels, what)[i]
+            sources[f"{what} {SYMBOLS[role]}"] = alone(ChannelUncertainty(**only).covariance(amplitudes), phasor)
+    for i, name in enumerate((*PARAMETERS, "added mass", "K1"), start=6):
+        sources[name] = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
+    return sources
 
 
 def _check_route(route: str, rig: Rig | None) -> None:

@@ -72,7 +72,8 @@ class Conditions:
         self.k1 = self.mean(k1)
         self.family = family[self.starts] if self.count else np.zeros(0, dtype=int)
         self._omega = 2 * np.pi * frequency
-        self._apart = frequency - self.mean_frequency[label] if self.count else np.zeros(label.size)
+        here = slice(self.first, None)
+        self._apart = np.log(frequency[here] / self.mean_frequency[label[here]]) if self.count else np.zeros(0)
 
     def sum(self, values: np.ndarray) -> np.ndarray:
         """Sum over the tests of each condition, along the first axis."""
@@ -87,8 +88,9 @@ class Conditions:
     def carried(self, stiffness: ComplexArray) -> ComplexArray:
         r"""K* of each test over K* of its condition: from the mean frequency to the test's own.
 
-        Where K1 is known, 1/K2 and 1/C are carried along their slopes over the neighbouring frequencies, for they
-        stay finite where K2 or C do not; else log K* is.
+        Where K1 is known, 1/K2 and 1/C are carried over the neighbouring frequencies, for they stay finite where K2
+        or C do not: as powers of frequency, or in proportion to its logarithm where they are not all positive. Else
+        K* is carried as a power.
 
         Parameters
         ----------
@@ -104,29 +106,27 @@ class Conditions:
         if not self.count:
             return ratio
         here = slice(self.first, None)
-        label, apart, omega = self.label[here], self._apart[here], self._omega[here]
-        slope = _slopes(np.log(stiffness), self.family, self.mean_frequency)
-        ratio[here] = np.exp(slope[label] * apart)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        label, omega = self.label[here], self._omega[here]
+        ratio[here] = np.exp(self._slopes(np.log(stiffness))[label] * self._apart)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             k2, c = maxwell_arm(stiffness, self.k1, 2 * np.pi * self.mean_frequency)
-            arm = 1 / k2 + 1j / c
-            moved = arm[label] + _slopes(arm, self.family, self.mean_frequency)[label] * apart
-            by_arm = (self.k1[label] + 1 / (moved.real + moved.imag / (1j * omega))) / stiffness[label]
+            compliance = self._moved(1 / k2) + self._moved(1 / c) / (1j * omega)
+            by_arm = (self.k1[label] + 1 / compliance) / stiffness[label]
             fit = np.abs(stiffness - self.k1) > _HARDLY_AN_ARM * np.abs(stiffness)
         use = fit[label] & np.isfinite(by_arm) & (np.abs(by_arm - ratio[here]) < 0.1)
         ratio[here] = np.where(use, by_arm, ratio[here])
         return ratio
 
+    def _moved(self, values: FloatArray) -> FloatArray:
+        """Real values of the conditions, at each test's own frequency."""
+        label = self.label[self.first :]
+        power = values[label] * np.exp(self._slopes(np.log(values))[label] * self._apart)
+        return np.where(np.isfinite(power), power, values[label] + self._slopes(values)[label] * self._apart)
 
-def _slopes(values: ComplexArray, family: np.ndarray, frequency: FloatArray) -> ComplexArray:
-    """Slope of each value over the neighbouring frequencies of its family [per Hz]; 0 where it has none."""
-    slope = np.zeros(values.size, dtype=complex)
-    if values.size < 2:
-        return slope
-    at = np.arange(values.size)
-    below = np.where((at > 0) & (family == np.roll(family, 1)), at - 1, at)
-    above = np.where((at < values.size - 1) & (family == np.roll(family, -1)), at + 1, at)
-    span = frequency[above] - frequency[below]
-    rise = values[above] - values[below]
-    np.divide(rise, span, out=slope, where=(span > 0) & np.isfinite(rise))
-    return slope
+    def _slopes(self, values: np.ndarray) -> np.ndarray:
+        """Slope of each value by log frequency, over the neighbours in its family; 0 where it has none."""
+        at = np.arange(values.size)
+        below = np.where((at > 0) & (self.family == np.roll(self.family, 1)), at - 1, at)
+        above = np.where((at < values.size - 1) & (self.family == np.roll(self.family, -1)), at + 1, at)
+        span = np.log(self.mean_frequency[above] / self.mean_frequency[below])
+        return (values[above] - values[below]) / np.where(span > 0, span, 1.0)

@@ -18,6 +18,8 @@ __all__ = ["Candidate", "Residuals", "candidates", "pulls", "residuals"]
 
 #: A chi-square less likely than this is a misfit.
 UNLIKELY = 1e-3
+#: A part of which no more than this share is left, when all that is free is fitted out of it, cannot be told.
+_SEEN = 1e-20
 
 
 @dataclass(frozen=True)
@@ -148,8 +150,10 @@ def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
     shared = problem.shared
     p, rig = len(shared), shared.rig_at(solution.z)
     triangle = np.hstack([np.eye(p), np.zeros((p, len(_EXTRAS))), -solution.z[:, None]])
+    size = np.zeros(len(_EXTRAS))
     for rows, group, linear in problem.linearised(solution.z, solution.stiffness):
         extra = _extra_columns(problem.observed.part(rows), linear, rig)
+        size += np.sum(extra**2, axis=(0, 1))
         columns = np.concatenate([linear.by_shared, extra, linear.residual[:, :, None]], axis=2)
         if group.stop > group.start:
             starts = problem.conditions.starts[group] - rows.start
@@ -159,7 +163,7 @@ def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
     weight, pull = np.sum(block**2, axis=0), block.T @ target
     found = []
     for at, words in enumerate(_EXTRAS.values()):
-        if weight[at] > 0 and (said := words(float(pull[at] / weight[at]))) is not None:
+        if weight[at] > _SEEN * size[at] and (said := words(float(pull[at] / weight[at]))) is not None:
             relative = float(np.sqrt(weight[at]) / abs(pull[at]))
             name, value, unit, text = said
             explains = float(pull[at] ** 2 / weight[at])

@@ -14,10 +14,7 @@ from fourpole.core.joint.settle import largest_part
 from fourpole.core.phasor import Phasors
 from fourpole.core.routes import maxwell_arm, why_no_arm
 
-__all__ = ["OUTPUTS", "Outputs", "identification", "outputs"]
-
-#: What budgets are kept of, with units: one column of `Outputs.value` each.
-OUTPUTS = {"Re K*": "N/m", "Im K*": "N/m", "loss factor": "1", "K2": "N/m", "C": "N s/m", "TR": "1"}
+__all__ = ["Outputs", "identification", "outputs", "variance_by_source"]
 
 
 @dataclass(frozen=True)
@@ -29,7 +26,7 @@ class Outputs:
     Attributes
     ----------
     value : (N, 6) float array
-        In the order of `OUTPUTS`; not-a-number where it does not exist.
+        In the order of `core.identify.OUTPUTS`; not-a-number where it does not exist.
     by_own : (N, 6, 2) float array
         Derivatives by Re and Im of log K* as the noise moves it.
     by_shared : (N, 6, p) float array
@@ -84,7 +81,7 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
     rigid = joint.condition < 0
     stiffness = np.where(
         rigid,
-        np.nan,
+        complex(np.nan, np.nan),
         _per_test(joint, solution.stiffness, np.nan) * problem.conditions.carried(solution.stiffness)[back],
     )
     slope = _per_test(joint, solution.slope, 0.0)
@@ -154,11 +151,42 @@ def _frequency_part(joint: Joint) -> FloatArray:
     return moved
 
 
-def identification(joint: Joint, phasors: Phasors, k1: ArrayLike, k1_std: ArrayLike) -> Identification:
-    """The joint route's answer in the form of every route's: one row per test, rigid blocks with K* blank."""
+def variance_by_source(joint: Joint, found: Outputs, k1_std: ArrayLike) -> dict[str, FloatArray]:
+    """Variance of each output by its source, (N, 6) each; the sources add up to the whole.
+
+    The most probable values are linear in the noise and in what is stated, so each stated value has a share of its
+    own; the noise has the rest, with whatever had to be granted to scatter or to a misfit.
+    """
+    moved = found.by_shared @ found.covariance
+    by_shared = np.sum(moved * found.by_shared, axis=2)
+    stated = moved**2
+    own, frequency = (
+        np.einsum("nki,nij,nkj->nk", found.by_own, part, found.by_own) for part in (found.own, found.frequency)
+    )
+    misfit = np.zeros_like(own)
+    misfit[:, 5] = found.tr_of_rig**2
+    sources = {
+        "sensor noise": np.maximum(own - frequency + by_shared - stated.sum(axis=2), 0.0),
+        "frequency": frequency,
+    }
+    for at, quantity in enumerate(joint.stated.quantities):
+        sources[quantity.name] = stated[:, :, at]
+    sources["rig misfit"] = misfit
+    with np.errstate(invalid="ignore"):
+        sources["K1"] = np.where(found.by_k1 == 0, 0.0, found.by_k1 * np.asarray(k1_std)[..., None]) ** 2
+    return sources
+
+
+def identification(
+    joint: Joint, phasors: Phasors, k1: ArrayLike, k1_std: ArrayLike, found: Outputs | None = None
+) -> Identification:
+    """The joint route's answer in the form of every route's: one row per test, rigid blocks with K* blank.
+
+    `found` spares computing `outputs` once more.
+    """
+    found = outputs(joint, phasors, k1) if found is None else found
     omega = np.asarray(phasors.omega)
     k1, k1_std = (np.broadcast_to(np.asarray(x, dtype=float), omega.shape) for x in (k1, k1_std))
-    found = outputs(joint, phasors, k1)
     stiffness = found.value[:, 0] + 1j * found.value[:, 1]
     rigid = joint.condition < 0
     with np.errstate(invalid="ignore"):

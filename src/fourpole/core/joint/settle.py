@@ -20,6 +20,10 @@ _OUTLIER = 50.0
 _FEW = 0.1
 #: A stated value is to blame where nothing unstated would explain much more than it does.
 _AS_GOOD = 0.8
+#: A part that explains less than this share of a misfit is not its cause.
+_WORTH_NAMING = 0.3
+#: Noise may be this many times what each recording by itself says before the rig is doubted.
+_NOISE_IN_DOUBT = 2.0
 _MOST_ROUNDS = 12
 
 
@@ -33,11 +37,12 @@ class Misfit:
         Of what no tyre could explain: F1/V2 - Zr of all tests, and the shared values against what is stated; with the
         statement as it is.
     fits : bool
-        False where chance gives such a chi-square less than once in a thousand, or a stated value contradicts.
+        False where a stated value contradicts, where a part of the rig is missing, or where the misfit is far larger
+        than noise could be.
     rig_error : float [1]
         Relative error that had to be granted to Zr, of its largest part, in each test; 0 where the rig fits.
     inflation : float [1]
-        By how much all noise had to be taken larger than stated; 1 where all fits.
+        By how much all noise had to be taken larger than each recording by itself says; 1 where it is as it says.
     scatter : float [1]
         Relative scatter of K* between tests of one condition beyond the noise; 0 where there is none.
     conflicts : tuple of int
@@ -111,7 +116,7 @@ def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Flo
             inflation=state.inflation,
             scatter=state.scatter,
             conflicts=tuple(state.conflicts),
-            fits=not state.conflicts and state.rig_error == 0 and state.inflation == 1,
+            fits=not state.conflicts and state.rig_error == 0 and state.inflation <= _NOISE_IN_DOUBT,
         ),
     )
 
@@ -140,7 +145,7 @@ def _mend(state: _State, left: Residuals) -> bool:
         level = _level(left.tyre_part, left.tyre_weight, state.tyre_dof, np.ones(left.tyre.size))
         state.scatter = float(np.hypot(state.scatter, level))
         state.solve(problem.widened(problem.columns("by_stiffness", solution.z, solution.stiffness) * level))
-    elif rig_bad and state.rig_error < 1 and (not named or named[0].of_rig or state.rig_error > 0):
+    elif rig_bad and state.rig_error < 1 and _rig_is_to_blame(state, named, rig_chi2 - rig_dof):
         _name(state, named)
         size = largest_part(problem, solution)
         level = _level(left.rig_part, left.rig_weight, rig_dof, size)
@@ -148,13 +153,21 @@ def _mend(state: _State, left: Residuals) -> bool:
         columns = problem.columns("by_impedance", solution.z, solution.stiffness)
         state.solve(problem.widened(columns * (level * size)[:, None, None]))
     elif rig_bad or tyre_bad:
-        _name(state, named)
+        if named and named[0].explains > _WORTH_NAMING * excess:
+            _name(state, named)
         ratio = np.sqrt((rig_chi2 + tyre_chi2) / (rig_dof + state.tyre_dof))
         state.inflation *= float(ratio)
         state.solve(problem.rewhitened(problem.observed.whiten / ratio))
     else:
         return False
     return True
+
+
+def _rig_is_to_blame(state: _State, named: list[Candidate], excess: float) -> bool:
+    """Whether a part of the rig explains a good share of the misfit; else it is as good as noise."""
+    if state.rig_error > 0:
+        return True
+    return bool(named) and named[0].of_rig and named[0].explains > _WORTH_NAMING * excess
 
 
 def _name(state: _State, named: list[Candidate]) -> None:
@@ -169,7 +182,8 @@ def _outliers(problem: Problem, left: Residuals) -> BoolArray:
     whole = left.whole
     limit = _OUTLIER * max(1.0, float(np.median(whole)) / 1.4)  # 1.4: the median of chi-square with 2 degrees
     strange = whole > limit
-    if not strange.any() or np.mean(strange) > _FEW:
+    few = max(_FEW * whole.size, 1.0 if whole.size > 2 else 0.0)
+    if not strange.any() or strange.sum() > few:
         return np.zeros(whole.size, dtype=bool)
     label = problem.conditions.label
     worst = np.zeros(int(label.max(initial=-1)) + 2)

@@ -105,5 +105,8 @@ class Shared:
         return self.masses + self._offsets(z, "mass", self.masses.size)
 
     def found(self, z: FloatArray) -> FloatArray:
-        """Values at z, each in its unit; a gain is one plus its small departure."""
-        return np.array([quantity.stated for quantity in self.quantities]) + z * self.std
+        """Values at z, each in its unit."""
+        moved = z * self.std
+        gain = np.array([quantity.kind == "gain" for quantity in self.quantities], dtype=bool)
+        stated = np.array([quantity.stated for quantity in self.quantities])
+        return np.where(gain, np.exp(np.where(gain, moved, 0.0)), stated + moved)

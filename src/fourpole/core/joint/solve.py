@@ -21,6 +21,8 @@ _MOST_STEPS = 60
 _SMALL = 1e-5
 #: The objective may rise by this: K* is carried within a condition by slopes of the step before.
 _LAGGED = 1e-3
+#: Where a step raises the objective, K* alone is mended this often before the step is halved.
+_MENDED = 4
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,7 @@ class _Step:
     objective: float
     dz: FloatArray
     dlog_k: FloatArray
+    own_step: FloatArray
     triangle: FloatArray
     own_root: FloatArray
     slope: FloatArray
@@ -167,7 +170,7 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
     converged = False
     count = 0
     for count in range(1, _MOST_STEPS + 1):  # noqa: B007 - the number of steps is reported
-        if not step.objective <= before[2].objective * (1 + _LAGGED) + _LAGGED:
+        if not _no_worse(step, before[2]):
             share *= 0.5
             if share < 1e-6:
                 reason = "no step lowers the residual: the rig as stated and the recordings do not go together"
@@ -179,11 +182,26 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
                 break
         z0, k0, best = before
         z = z0 + share * best.dz
-        change = share * (best.dlog_k[:, 0] + 1j * best.dlog_k[:, 1])
-        stiffness = k0 * np.exp(change / np.maximum(1.0, np.abs(change)))
+        stiffness = _moved(k0, share * best.dlog_k)
         step = _sweep(problem, z, stiffness)
+        for _ in range(_MENDED):
+            # a step along the shared values is long where they are hardly known: K* does not follow in a straight line
+            if _no_worse(step, best):
+                break
+            stiffness = _moved(stiffness, step.own_step)
+            step = _sweep(problem, z, stiffness)
     z, stiffness, step = before
     return Solution(z, stiffness, step.covariance, step.own, step.slope, step.objective, count, converged, reason)
+
+
+def _no_worse(step: _Step, before: _Step) -> bool:
+    return bool(step.objective <= before.objective * (1 + _LAGGED) + _LAGGED)
+
+
+def _moved(stiffness: ComplexArray, dlog_k: FloatArray) -> ComplexArray:
+    """K* changed by so much of its logarithm, but by no more than 1."""
+    change = dlog_k[:, 0] + 1j * dlog_k[:, 1]
+    return np.asarray(stiffness * np.exp(change / np.maximum(1.0, np.abs(change))))
 
 
 def _sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> _Step:
@@ -206,7 +224,7 @@ def _sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> _Step:
     slope = np.concatenate(slopes) if slopes else np.zeros((0, 2, p))
     own_step = np.concatenate(own_steps) if own_steps else np.zeros((0, 2))
     own_root = np.concatenate(roots) if roots else np.zeros((0, 2, 2))
-    return _Step(objective, dz, own_step - slope @ dz, triangle[:p, :p], own_root, slope)
+    return _Step(objective, dz, own_step - slope @ dz, own_step, triangle[:p, :p], own_root, slope)
 
 
 def without_stiffness(

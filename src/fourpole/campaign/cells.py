@@ -1,0 +1,118 @@
+"""The cells of one dynamic test: its amplitudes, what was found of it, its verdict and remarks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fourpole.campaign.folder import Test
+from fourpole.campaign.identified import Identified
+from fourpole.campaign.reduce import Reduced
+from fourpole.campaign.static import StaticStiffness
+from fourpole.campaign.tables import amplitude_cells, covariance_cells
+from fourpole.core.checks import Check, worst_verdict
+from fourpole.core.identify import Identification
+
+__all__ = ["dynamic_cells"]
+
+#: Above this relative uncertainty linear propagation is no longer to be trusted.
+_LINEAR = 0.3
+
+
+def dynamic_cells(
+    test: Test, reduced: Reduced, stiffness: StaticStiffness, found: Identified | None, route: str
+) -> dict[str, Any]:
+    """Cells of a test; one that was rejected has its amplitudes only."""
+    rows = list(reduced.checks)
+    cells: dict[str, Any] = {"route": route if found is None else found.group.route}
+    if reduced.found is not None:
+        cells.update(amplitude_cells(reduced.found.phasors))
+    if found is not None:
+        rows += _calibration_checks(test) if test.kind == "calibration" else _arm_checks(found, stiffness)
+        rows += _outlier_checks(found)
+        cells.update(_identified_cells(found.result, found.at))
+    elif test.kind == "calibration" and reduced.found is not None and route != "joint":
+        rows.append(_warning("calibration", f"a calibration test serves the joint route only, not the {route} route"))
+    cells["verdict"] = worst_verdict(row.verdict for row in rows)
+    cells["remarks"] = "; ".join(row.remark for row in rows if row.remark)
+    return cells
+
+
+def _warning(name: str, remark: str) -> Check:
+    return Check(name, float("nan"), float("nan"), "warning", remark)
+
+
+def _calibration_checks(test: Test) -> list[Check]:
+    mass = test.value("added_mass") or 0.0
+    remark = f"a rigid mass of {mass:g} kg in place of the tyre: it serves the rig and the channels"
+    return [Check("calibration", float("nan"), float("nan"), "ok", remark)]
+
+
+def _outlier_checks(found: Identified) -> list[Check]:
+    learned = found.group.learned
+    factor = learned.outliers.get(found.group.names[found.at], 1.0) if learned is not None else 1.0
+    if factor <= 1:
+        return []
+    remark = (
+        f"does not go with the other tests of its rig: its residual is {np.sqrt(factor):.2g} times what its noise "
+        "allows, so it hardly counts; look for a wrong load, mass, range or a loose sensor, and repeat it"
+    )
+    return [Check("agreement", factor, 1.0, "warning", remark)]
+
+
+def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
+    """Whether K2 and C exist, and whether they are known at all."""
+    result, at = found.result, found.at
+    reason, value = result.reasons[at], result.stiffness[at]
+    if stiffness.reason and value.real > 0 and value.imag > 0:
+        return [_warning("K1", f"K2 and C are left blank: {stiffness.reason}")]
+    if reason:
+        return [Check("passive arm", float("nan"), 0.0, "rejected", reason)]
+    with np.errstate(invalid="ignore"):
+        relative = np.sqrt(np.diag(result.arm_covariance[at])) / (result.k2[at], result.c[at])
+    worst = float(np.max(relative))
+    if worst <= _LINEAR:
+        return [Check("uncertainty", worst, _LINEAR, "ok")]
+    which = int(np.argmax(relative))
+    what, unit = (("K2", "N/m"), ("C", "N s/m"))[which]
+    interval = ""
+    if at in found.group.intervals:
+        low, _, high = found.group.intervals[at][which].quantiles
+        upper = f"and {high:.3g} {unit}" if np.isfinite(high) else "and no upper limit"
+        interval = f" between {low:.3g} {unit} {upper} (95 %, drawn)" if np.isfinite(low) else " without a limit"
+    remark = (
+        f"{what} is known to {worst:.0%} only,{interval or ' so its interval is not symmetric'}: use K* instead, "
+        "or state the rig, K1 and the channels with smaller uncertainties"
+    )
+    return [Check("uncertainty", worst, _LINEAR, "warning", remark)]
+
+
+def _identified_cells(result: Identification, at: int) -> dict[str, float]:
+    u_r, u_i, corr_ri = covariance_cells(result.mobility_covariance[at])
+    u_re, u_im, corr_k = covariance_cells(result.stiffness_covariance[at])
+    u_k2, u_c, corr_arm = covariance_cells(result.arm_covariance[at])
+    return {
+        "R [m/(N s)]": float(result.mobility[at].real),
+        "I [m/(N s)]": float(result.mobility[at].imag),
+        "u(R) [m/(N s)]": u_r,
+        "u(I) [m/(N s)]": u_i,
+        "corr(R,I) [1]": corr_ri,
+        "Re K* [N/m]": float(result.stiffness[at].real),
+        "Im K* [N/m]": float(result.stiffness[at].imag),
+        "u(Re K*) [N/m]": u_re,
+        "u(Im K*) [N/m]": u_im,
+        "corr(Re,Im K*) [1]": corr_k,
+        "loss factor [1]": float(result.loss_factor[at]),
+        "u(loss factor) [1]": float(result.loss_factor_std[at]),
+        "K1 [N/m]": float(result.k1[at]),
+        "u(K1) [N/m]": float(result.k1_std[at]),
+        "K2 [N/m]": float(result.k2[at]),
+        "C [N s/m]": float(result.c[at]),
+        "u(K2) [N/m]": u_k2,
+        "u(C) [N s/m]": u_c,
+        "corr(K2,C) [1]": corr_arm,
+        "TR measured [1]": float(result.tr_measured[at]),
+        "TR predicted [1]": float(result.tr_predicted[at]),
+        "u(TR) [1]": float(result.tr_std[at]),
+    }

@@ -1,0 +1,307 @@
+"""Phasors, rig and K1 of a campaign's dynamic tests become K*, K2, C and TR: by a route, or by all that is there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.learned import Learned, learn
+from fourpole.campaign.reduce import Reduced
+from fourpole.campaign.static import SAME_PRESSURE, StaticStiffness
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.checks import worst_verdict
+from fourpole.core.identify import OUTPUTS, ChannelUncertainty, Identification, identify, variance_by_source
+from fourpole.core.joint import Joint, identify_joint
+from fourpole.core.joint.outputs import identification, outputs
+from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_source
+from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_route
+from fourpole.core.phasor import CHANNELS, Phasors
+from fourpole.core.rig import Rig
+
+__all__ = ["Group", "Identified", "Setup", "identify_tests", "possible_route"]
+
+#: An added mass of unstated uncertainty is known to this.
+ADDED_MASS_STD = 1e-4
+#: Loads on the tyre that differ by more than this are different conditions; so are temperatures.
+_SAME_PRELOAD, _SAME_TEMPERATURE = 0.01, 5.0
+#: Above this relative uncertainty of K2 or C their distribution is drawn, not taken as normal.
+_SKEW = 0.1
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What identification needs of the tests of one rig, besides their phasors."""
+
+    rig_name: str
+    rig: Rig | None
+    channels: ChannelUncertainty
+    k1: FloatArray
+    k1_std: FloatArray
+    added: FloatArray
+    added_std: FloatArray
+    family: np.ndarray
+
+
+@dataclass(frozen=True)
+class Identified:
+    """One test: where it stands in its group, or why it is in none."""
+
+    group: Group
+    at: int
+
+    @property
+    def result(self) -> Identification:
+        """What the whole group came to."""
+        return self.group.result
+
+
+@dataclass(frozen=True)
+class Group:
+    """The tests of one rig that were identified together.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The tests.
+    setup : Setup
+    phasors : Phasors
+    route : str
+        The route that was possible.
+    result : Identification
+    joint : Joint or None
+        What the joint route found besides.
+    variance : dict of str to (N, 6) float array
+        Of each of `core.identify.OUTPUTS`, by its source; K1 in its parts.
+    intervals : dict of int to (Interval, Interval)
+        Of K2 and C, for the tests where linear propagation fails.
+    learned : Learned or None
+        What the joint route says of rig and channels.
+    """
+
+    names: tuple[str, ...]
+    setup: Setup
+    phasors: Phasors
+    route: str
+    result: Identification
+    joint: Joint | None
+    variance: dict[str, FloatArray]
+    intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
+    learned: Learned | None = None
+
+
+def possible_route(campaign: Campaign, route: str) -> tuple[str, str]:
+    """The route that the stated channels and rigs allow in place of the joint one, and a note that says why."""
+    stated = campaign.stated
+    if route != "joint" or not campaign.of_kind("dynamic"):
+        return route, ""
+    if stated.channels.motion_out is None:
+        return "mobility", "no V2 is stated, so there is nothing to hold the rig against: K* by the mobility route"
+    if stated.channels.force_in is None and stated.all_rigs:
+        return "transmissibility", "no F1 is stated: K* by the transmissibility route, from V1, V2 and the rig"
+    return route, ""
+
+
+def identify_tests(
+    campaign: Campaign,
+    tests: Sequence[Test],
+    reduced: Sequence[Reduced],
+    stiffness: Sequence[StaticStiffness],
+    route: str,
+    draws: int,
+    seed: int,
+) -> tuple[dict[int, Identified], list[str]]:
+    """Identify the usable tests of each rig together.
+
+    Returns
+    -------
+    found : dict of int to Identified
+        By the place of the test in `tests`.
+    notes : list of str
+        What was done other than asked for, and why.
+    """
+    found: dict[int, Identified] = {}
+    notes: list[str] = []
+    for rig_name in dict.fromkeys(test.rig for test in tests):
+        members = [i for i, test in enumerate(tests) if test.rig == rig_name and _usable(test, reduced[i], route)]
+        if not members:
+            continue
+        setup = _setup(campaign, rig_name, [tests[i] for i in members], [stiffness[i] for i in members])
+        phasors = Phasors.stack([item.found.phasors for i in members if (item := reduced[i]).found is not None])
+        used, note = _route_of(setup, phasors, route)
+        if note:
+            notes.append(f"{_where(rig_name)}: {note}")
+        parts = [stiffness[i].parts for i in members]
+        group = _identified(tuple(tests[i].name for i in members), setup, phasors, used, parts)
+        group = _with_intervals(group, draws, np.random.default_rng([seed, len(members)]))
+        if group.learned is not None:
+            notes += [f"{_where(rig_name)}: {line}" for line in group.learned.notes]
+        found.update({i: Identified(group, at) for at, i in enumerate(members)})
+    return found, notes
+
+
+def _where(rig_name: str) -> str:
+    return f"[rigs.{rig_name}]" if rig_name else "[rig]"
+
+
+def _usable(test: Test, reduced: Reduced, route: str) -> bool:
+    """Whether a test may take part; one that is rejected must not spoil what the others find together."""
+    if reduced.found is None or (test.kind == "calibration" and route != "joint"):
+        return False
+    return worst_verdict(row.verdict for row in reduced.checks) != "rejected"
+
+
+def _route_of(setup: Setup, phasors: Phasors, route: str) -> tuple[str, str]:
+    """The joint route, or what the tests of this rig allow instead, with a note."""
+    if route != "joint":
+        return route, ""
+    if setup.rig is None:
+        return "relative", "the rig of these tests is not stated: K* by the relative route"
+    if setup.rig.blocked:
+        return "mobility", "the output is blocked, so there is no V2 to hold the rig against: K* by the mobility route"
+    if not np.isfinite(phasors.motion_out).any():
+        return "mobility", "no test has a usable V2 to hold the rig against: K* by the mobility route"
+    return route, ""
+
+
+def _setup(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness: Sequence[StaticStiffness]) -> Setup:
+    stated = campaign.stated.all_rigs.get(rig_name)
+    channels = [campaign.stated.channels.named(role) for role in CHANNELS]
+    added = np.array([test.value("added_mass") or 0.0 for test in tests])
+    added_std = [test.value("u(added_mass)") for test in tests]
+    return Setup(
+        rig_name=rig_name,
+        rig=stated.rig() if stated is not None else None,
+        channels=ChannelUncertainty(
+            gain=np.array([channel.gain_std if channel is not None else 0.0 for channel in channels]),
+            phase=np.array([channel.phase_std if channel is not None else 0.0 for channel in channels]),
+        ),
+        k1=np.array([k1.value for k1 in stiffness]),
+        k1_std=np.array([k1.std for k1 in stiffness]),
+        added=added,
+        added_std=np.array([ADDED_MASS_STD * m if s is None else s for m, s in zip(added, added_std, strict=True)]),
+        family=_families(tests),
+    )
+
+
+def _families(tests: Sequence[Test]) -> np.ndarray:
+    """Number of the tyre, pressure, preload and temperature of each test; negative for a rigid block."""
+    known: dict[str, list[tuple[float | None, ...]]] = {}
+    labels: dict[tuple[str, int], int] = {}
+    family = np.full(len(tests), -1)
+    for at, test in enumerate(tests):
+        if test.kind == "calibration":
+            continue
+        state = tuple(test.value(name) for name in ("pressure", "preload", "temperature"))
+        seen = known.setdefault(test.tyre, [])
+        number = next((i for i, other in enumerate(seen) if _alike(state, other)), len(seen))
+        if number == len(seen):
+            seen.append(state)
+        family[at] = labels.setdefault((test.tyre, number), len(labels))
+    return family
+
+
+def _alike(one: tuple[float | None, ...], other: tuple[float | None, ...]) -> bool:
+    limits = (SAME_PRESSURE, _SAME_PRELOAD, 0.0)
+    for a, b, relative, absolute in zip(one, other, limits, (0.0, 0.0, _SAME_TEMPERATURE), strict=True):
+        if (a is None) != (b is None):
+            return False
+        if a is not None and b is not None and abs(a - b) > relative * max(abs(a), abs(b)) + absolute:
+            return False
+    return True
+
+
+def _identified(names: tuple[str, ...], setup: Setup, phasors: Phasors, route: str, parts: Sequence[Any]) -> Group:
+    if route == "joint":
+        assert setup.rig is not None
+        joint = identify_joint(
+            phasors,
+            setup.rig,
+            setup.k1,
+            family=setup.family,
+            added_mass=setup.added,
+            added_mass_std=setup.added_std,
+            channels=setup.channels,
+        )
+        found = outputs(joint, phasors, setup.k1)
+        result = identification(joint, phasors, setup.k1, setup.k1_std, found)
+        variance = joint_variance_by_source(joint, found, setup.k1_std)
+        learned = learn(joint, names, phasors, setup.rig, setup.channels, setup.family, result)
+        return Group(names, setup, phasors, route, result, joint, _k1_apart(variance, parts), learned=learned)
+    arguments: dict[str, Any] = {
+        "k1_std": setup.k1_std,
+        "route": route,
+        "added_mass": setup.added,
+        "added_mass_std": setup.added_std,
+        "channels": setup.channels,
+    }
+    result = identify(phasors, setup.rig, setup.k1, **arguments)
+    variance = variance_by_source(phasors, setup.rig, setup.k1, **arguments)
+    return Group(names, setup, phasors, route, result, None, _k1_apart(variance, parts))
+
+
+def _k1_apart(variance: dict[str, FloatArray], parts: Sequence[Any]) -> dict[str, FloatArray]:
+    """The variance that K1 makes, in the parts that K1's own uncertainty has."""
+    whole = variance.pop("K1")
+    squares = {name: np.array([part.get(name, 0.0) ** 2 for part in parts]) for part in parts for name in part}
+    total = np.sum(list(squares.values()), axis=0) if squares else np.zeros(len(parts))
+    for name, square in squares.items():
+        share = np.divide(square, total, out=np.zeros_like(square), where=total > 0)
+        variance[name] = whole * share[:, None]
+    return variance
+
+
+def _with_intervals(group: Group, draws: int, rng: np.random.Generator) -> Group:
+    """The group with K2 and C drawn where their uncertainty is too large for them to be normal."""
+    result = group.result
+    with np.errstate(invalid="ignore"):
+        variance = np.diagonal(result.arm_covariance, 0, 1, 2)
+        relative = np.sqrt(variance) / np.stack([result.k2, result.c], axis=1)
+        skew = np.flatnonzero(np.any(relative > _SKEW, axis=1) & np.isfinite(result.k1))
+    for at in skew if draws else ():
+        stiffness = _drawn(group, int(at), draws, rng)
+        k1 = result.k1[at] + np.nan_to_num(result.k1_std[at]) * rng.standard_normal(draws)
+        group.intervals[int(at)] = arm_intervals(stiffness, k1, float(2 * np.pi * result.frequency[at]))
+    return group
+
+
+def _drawn(group: Group, at: int, draws: int, rng: np.random.Generator) -> ComplexArray:
+    if group.joint is not None:
+        return draw_around(complex(group.result.stiffness[at]), group.result.stiffness_covariance[at], draws, rng)
+    one = Phasors(*(getattr(group.phasors, name)[at] for name in group.phasors.__dataclass_fields__))
+    setup = group.setup
+    return draw_route(
+        one,
+        setup.rig,
+        group.route,
+        setup.channels,
+        draws,
+        rng,
+        added_mass=float(setup.added[at]),
+        added_mass_std=float(setup.added_std[at]),
+    )
+
+
+def budget_rows(group: Group) -> dict[str, list[Any]]:
+    """budget.csv: every output of every test with what each source gives to its uncertainty."""
+    table: dict[str, list[Any]] = {name: [] for name in ("test", "quantity", "unit", "source", "u", "share [1]")}
+    known = _known(group.result)
+    total = np.sum(list(group.variance.values()), axis=0)
+    for source, variance in group.variance.items():
+        rows, columns = np.nonzero(known & (variance > 0) & (total > 0))
+        table["test"] += [group.names[i] for i in rows]
+        table["quantity"] += [list(OUTPUTS)[j] for j in columns]
+        table["unit"] += [list(OUTPUTS.values())[j] for j in columns]
+        table["source"] += [source] * len(rows)
+        table["u"] += np.sqrt(variance[rows, columns]).tolist()
+        table["share [1]"] += (variance[rows, columns] / total[rows, columns]).tolist()
+    return table
+
+
+def _known(result: Identification) -> np.ndarray:
+    """Which outputs of which tests exist."""
+    stiffness, arm = np.isfinite(result.stiffness), np.isfinite(result.k2)
+    return np.stack([stiffness, stiffness, stiffness, arm, arm, np.isfinite(result.tr_std)], axis=1)

@@ -1,0 +1,285 @@
+"""What the joint route learned of a rig and its channels, as rows, sentences and a record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.identify import ChannelUncertainty, Identification
+from fourpole.core.joint import Joint, identify_joint
+from fourpole.core.joint.misfit import pulls
+from fourpole.core.joint.outputs import identification
+from fourpole.core.phasor import Phasors
+from fourpole.core.rig import Rig
+
+__all__ = ["Learned", "learn"]
+
+#: Above this ratio of posterior to prior uncertainty the tests have not determined a value.
+NOT_DETERMINED = 0.9
+#: Less information than this, against the statement's own, is none.
+_NOTHING = 1e-8
+#: Noise larger than the recordings say by more than this is worth a note.
+_WORTH_SAYING = 1.2
+#: Ratios of gains that K* rests on: over, under.
+_RATIOS = (("F1", "V1"), ("V2", "V1"))
+
+
+@dataclass(frozen=True)
+class Learned:
+    """rig.csv, residuals.csv and the record of one rig.
+
+    Attributes
+    ----------
+    values, residuals : list of dict
+        Rows of rig.csv and residuals.csv, without the rig's name.
+    record : dict
+        For study.json.
+    notes : tuple of str
+        What the user must know of it.
+    outliers : dict of str to float
+        Tests that do not go with the others, with the factor by which their variance was enlarged.
+    """
+
+    values: list[dict[str, Any]]
+    residuals: list[dict[str, Any]]
+    record: dict[str, Any]
+    notes: tuple[str, ...]
+    outliers: dict[str, float]
+
+
+def learn(
+    joint: Joint,
+    names: Sequence[str],
+    phasors: Phasors,
+    rig: Rig,
+    channels: ChannelUncertainty,
+    family: np.ndarray,
+    result: Identification,
+) -> Learned:
+    """Put a joint solution into rows and words; `result` is what it says of the tests."""
+    gained = _gain_of_masses(joint, phasors, rig, channels, family, result)
+    notes = tuple(_notes(joint))
+    misfit, solution = joint.misfit, joint.solution
+    record: dict[str, Any] = {
+        "tests": len(names),
+        "conditions": joint.problem.conditions.count,
+        "shared": len(joint.stated),
+        "chi2": misfit.chi2,
+        "dof": misfit.dof,
+        "fits": misfit.fits,
+        "rig_error": misfit.rig_error,
+        "inflation": misfit.inflation,
+        "scatter": misfit.scatter,
+        "converged": solution.converged,
+        "reason": solution.reason,
+        "steps": solution.steps,
+        "notes": list(notes),
+        "candidates": [asdict(candidate) for candidate in misfit.candidates[:6]],
+    }
+    if gained:
+        record["gain_of_masses"] = gained
+    factors = zip(names, joint.outlier, strict=True)
+    return Learned(
+        values=[*_values(joint), *_ratios(joint)],
+        residuals=_residuals(joint, names, phasors),
+        record=record,
+        notes=notes,
+        outliers={name: float(factor) for name, factor in factors if factor > 1},
+    )
+
+
+def _values(joint: Joint) -> list[dict[str, Any]]:
+    """One row per shared value."""
+    pull, found, std = pulls(joint.solution), joint.found, _honest_std(joint)
+    stated = joint.stated.std
+    rows = []
+    for at, quantity in enumerate(joint.stated.quantities):
+        row = {
+            "value": quantity.name,
+            "unit": quantity.unit,
+            "stated": quantity.stated,
+            "u(stated)": stated[at],
+            "found": found[at],
+            "u(found)": std[at],
+            "posterior over prior [1]": std[at] / stated[at],
+            "pull [1]": _first_pull(joint, at, pull),
+            "seen from": _seen_from(joint, at),
+        }
+        rows.append(row | _finding(joint, at, std[at] / stated[at]))
+    return rows
+
+
+def _first_pull(joint: Joint, at: int, pull: FloatArray) -> float:
+    """Distance from the statement in its uncertainty, also for a statement that was set aside."""
+    if at in joint.misfit.conflicts:
+        return float((joint.found[at] - joint.stated.quantities[at].stated) / joint.stated.std[at])
+    return float(pull[at])
+
+
+def _honest_std(joint: Joint) -> FloatArray:
+    """Uncertainty of each value; where the rig does not fit, none is smaller than what is wrong, or was stated."""
+    std = joint.found_std.copy()
+    off = np.abs(joint.found - np.array([quantity.stated for quantity in joint.stated.quantities]))
+    aside = list(joint.misfit.conflicts)
+    std[aside] = np.maximum(np.hypot(std[aside], off[aside]), joint.stated.std[aside])
+    if joint.misfit.rig_error > 0 or (joint.misfit.inflation > 1 and not joint.misfit.fits):
+        std = np.maximum(np.hypot(std, off), joint.stated.std)
+    return std
+
+
+def _seen_from(joint: Joint, at: int) -> float:
+    """The smallest undeclared error that would have shown at three standard uncertainties; not-a-number: none."""
+    information = 1.0 / joint.solution.covariance[at, at] - 1.0
+    if information < _NOTHING:
+        return float("nan")
+    return float(3.0 * np.sqrt(1.0 + 1.0 / information) * joint.problem.shared.std[at])
+
+
+def _finding(joint: Joint, at: int, ratio: float) -> dict[str, str]:
+    if at in joint.misfit.conflicts:
+        said = "contradicts your statement, which was set aside: look for the cause before you use it"
+        return {"finding": "contradicted", "remarks": said}
+    if ratio > NOT_DETERMINED:
+        return {"finding": "not determined", "remarks": "not determined by your data, taken from your statement"}
+    if not joint.misfit.fits:
+        return {"finding": "not calibrated", "remarks": "the rig as stated does not fit: not calibrated"}
+    return {"finding": "found", "remarks": "found from your data"}
+
+
+def _ratios(joint: Joint) -> list[dict[str, Any]]:
+    """Ratios of the channels' gains, and differences of their phases: all that K* rests on."""
+    at = {quantity.name: i for i, quantity in enumerate(joint.stated.quantities)}
+    rows = []
+    for over, under in _RATIOS:
+        for what, unit, sign, centre in (("gain", "1", "/", 1.0), ("phase", "rad", "-", 0.0)):
+            sides = [(f"{what} {over}", 1.0), (f"{what} {under}", -1.0)]
+            weights = np.zeros(len(joint.stated))
+            for name, weight in sides:
+                if name in at:
+                    weights[at[name]] = weight
+            if not weights.any():
+                continue
+            rows.append(_combined(joint, f"{what} {over}{sign}{under}", unit, centre, weights))
+    return rows
+
+
+def _combined(joint: Joint, name: str, unit: str, centre: float, weights: FloatArray) -> dict[str, Any]:
+    values = joint.found - np.array([quantity.stated for quantity in joint.stated.quantities])
+    scaled = weights * joint.problem.shared.std
+    std = float(np.sqrt(scaled @ joint.solution.covariance @ scaled))
+    if not joint.misfit.fits:
+        std = max(std, float(np.linalg.norm(weights * _honest_std(joint))))
+    stated = float(np.linalg.norm(weights * joint.stated.std))
+    ratio = std / stated
+    off = float(values @ weights)
+    touched = [i for i in joint.misfit.conflicts if weights[i]]
+    row = {
+        "value": name,
+        "unit": unit,
+        "stated": centre,
+        "u(stated)": stated,
+        "found": float(np.exp(off)) if centre else off,
+        "u(found)": std,
+        "posterior over prior [1]": ratio,
+        "pull [1]": off / np.sqrt(max(stated**2 - std**2, 1e-12 * stated**2)) if ratio < 1 else float("nan"),
+        "seen from": float("nan") if ratio > 1 - _NOTHING else 3.0 * stated / np.sqrt(max(1 - ratio**2, _NOTHING)),
+    }
+    return row | _finding(joint, touched[0] if touched else -1, ratio)
+
+
+def _residuals(joint: Joint, names: Sequence[str], phasors: Phasors) -> list[dict[str, Any]]:
+    left, problem = joint.residuals, joint.problem
+    back = np.argsort(joint.order)
+    impedance = problem.columns("impedance", joint.solution.z, joint.solution.stiffness)[back]
+    mass_at = problem.observed.mass_at[back]
+    added = np.append(problem.shared.masses, 0.0)[mass_at]
+    std = np.sqrt(np.diagonal(left.impedance_covariance, 0, 1, 2))
+    return [
+        {
+            "test": name,
+            "added mass [kg]": float(added[i]),
+            "frequency [Hz]": float(phasors.frequency[i]),
+            "Re residual [N s/m]": float(left.impedance[i].real),
+            "Im residual [N s/m]": float(left.impedance[i].imag),
+            "u(Re) [N s/m]": float(std[i, 0]),
+            "u(Im) [N s/m]": float(std[i, 1]),
+            "Re Zr [N s/m]": float(impedance[i].real),
+            "Im Zr [N s/m]": float(impedance[i].imag),
+            "chi2 [1]": float(left.rig[i]),
+            "dof [1]": float(left.rig_dof[i]),
+            "outlier [1]": float(joint.outlier[i]),
+        }
+        for i, name in enumerate(names)
+    ]
+
+
+def _notes(joint: Joint) -> list[str]:
+    """Sentences for the user, the gravest first."""
+    misfit, notes = joint.misfit, []
+    if not joint.solution.converged:
+        notes.append(f"the joint route did not converge: {joint.solution.reason}; use --route relative")
+    if not misfit.fits:
+        best = f"; best explained by {misfit.candidates[0].text}" if misfit.candidates else ""
+        aside = [joint.stated.quantities[at] for at in misfit.conflicts]
+        against = [
+            f"{quantity.name} is stated as {_short(quantity.stated, quantity.unit)}, "
+            f"the tests want {_short(float(joint.found[at]), quantity.unit)}"
+            for at, quantity in zip(misfit.conflicts, aside, strict=True)
+        ]
+        what = "; ".join(against) or f"chi-square is {misfit.chi2:.3g} for {misfit.dof:.0f} degrees of freedom"
+        notes.append(
+            f"rig and channels as stated do not fit their tests ({what}){best}; "
+            "uncertainties are enlarged and no value is called calibrated"
+        )
+    elif misfit.inflation > _WORTH_SAYING:
+        notes.append(
+            f"noise counts as {misfit.inflation:.2g} times what each recording by itself says: the tests differ by "
+            "more, and nothing unstated explains it (an unsteady drive would)"
+        )
+    if misfit.scatter > 0:
+        notes.append(
+            f"K* of repeated tests of one condition scatters by {misfit.scatter:.2g} of its value beyond the noise: "
+            "look at temperature, conditioning and amplitude; the uncertainties hold this scatter"
+        )
+    strange = int(np.sum(joint.outlier > 1))
+    if strange:
+        notes.append(f"{strange} test{'s do' if strange > 1 else ' does'} not go with the others and hardly count")
+    if joint.problem.conditions.label.size == 1:
+        notes.append("one test only: rig and channels are taken as you stated them")
+    return notes
+
+
+def _short(value: float, unit: str) -> str:
+    return f"{value:.5g}" + (f" {unit}" if unit != "1" else "")
+
+
+def _gain_of_masses(
+    joint: Joint, phasors: Phasors, rig: Rig, channels: ChannelUncertainty, family: np.ndarray, result: Identification
+) -> dict[str, dict[str, float]]:
+    """Median relative uncertainties of K2 and C in the tests without an added mass, from these alone and from all."""
+    mass_at = joint.problem.observed.mass_at[np.argsort(joint.order)]
+    bare = (mass_at < 0) & (joint.condition >= 0)
+    if bare.all() or not bare.any():
+        return {}
+    fewer = Phasors(*(np.asarray(getattr(phasors, name))[bare] for name in phasors.__dataclass_fields__))
+    k1, k1_std = result.k1[bare], result.k1_std[bare]
+    alone = identify_joint(fewer, rig, k1, family=family[bare], channels=channels)
+    without = _medians(identification(alone, fewer, k1, k1_std), np.ones(k1.size, dtype=bool))
+    return {"without": without, "with": _medians(result, bare)} if without else {}
+
+
+def _medians(result: Identification, rows: BoolArray) -> dict[str, float]:
+    """Median relative uncertainties of K' (of the modulus), K2 and C."""
+    with np.errstate(invalid="ignore"):
+        arm = np.sqrt(np.diagonal(result.arm_covariance[rows], 0, 1, 2))
+        relative = {
+            "K'": np.sqrt(result.stiffness_covariance[rows, 0, 0]) / np.abs(result.stiffness[rows]),
+            "K2": arm[:, 0] / result.k2[rows],
+            "C": arm[:, 1] / result.c[rows],
+        }
+    known = {name: value[np.isfinite(value)] for name, value in relative.items()}
+    return {name: float(np.median(value)) for name, value in known.items() if value.size}

@@ -1,0 +1,312 @@
+r"""The uncertainty that the analysis of planned tests would state, before any of them is run.
+
+A guessed tyre on the stated rig gives the phasors that the tests would show without noise. They are identified like
+measured ones, with the covariance that the noise would give them: so plan and analysis share every formula. For the
+joint route the residual is then zero and its covariance the inverse of the Fisher information of tests and statements
+together, the bound of Cramér, Rao and van Trees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.identify import ChannelUncertainty, Identification, identify
+from fourpole.core.joint import identify_joint
+from fourpole.core.joint.outputs import identification
+from fourpole.core.phasor import Phasors
+from fourpole.core.rig import Rig
+from fourpole.core.routes import ROUTES, maxwell_arm
+from fourpole.core.tyre import zener_stiffness
+
+__all__ = [
+    "PLAN_ROUTES",
+    "PlannedTests",
+    "arm_by_k1",
+    "expect",
+    "planned_phasors",
+    "possible_routes",
+    "relative_uncertainties",
+]
+
+#: Every route, in the order of tables and figures.
+PLAN_ROUTES = (*ROUTES, "joint")
+#: Which of F1, V1, V2 a route cannot do without.
+_NEEDS = {"mobility": (0, 1), "relative": (0, 1, 2), "transmissibility": (1, 2)}
+_ALL = (True, True, True)
+
+
+@dataclass(frozen=True)
+class PlannedTests:
+    """N planned dynamic tests of a rig, with the tyre as guessed; make it with `of`.
+
+    Attributes
+    ----------
+    frequency : (N,) float array [Hz]
+        > 0.
+    k1, k1_std, k2, c : (N,) float arrays [N/m], [N/m], [N/m], [N s/m]
+        The tyre as guessed, > 0, and what the static tests will leave of K1.
+    family : (N,) int array
+        Tests with the same number have the same tyre, pressure and preload; negative: a rigid block in place of the
+        tyre, its mass within `added_mass`.
+    added_mass, added_mass_std : (N,) float arrays [kg]
+        Fixed to the moving mass; one error common to all tests with the same mass.
+    eccentricity : (N,) float array [m]
+        Amplitude of the motion of the contact.
+    noise : (N,) float array [1]
+        Standard uncertainty of Re and of Im of each amplitude over its modulus.
+    present : (F1, V1, V2) of bool
+        The channels that will be recorded.
+    """
+
+    frequency: FloatArray
+    k1: FloatArray
+    k1_std: FloatArray
+    k2: FloatArray
+    c: FloatArray
+    family: np.ndarray
+    added_mass: FloatArray
+    added_mass_std: FloatArray
+    eccentricity: FloatArray
+    noise: FloatArray
+    present: tuple[bool, bool, bool] = _ALL
+
+    @classmethod
+    def of(
+        cls,
+        frequency: ArrayLike,
+        k1: ArrayLike,
+        k2: ArrayLike,
+        c: ArrayLike,
+        *,
+        k1_std: ArrayLike = 0.0,
+        family: ArrayLike = 0,
+        added_mass: ArrayLike = 0.0,
+        added_mass_std: ArrayLike = 0.0,
+        eccentricity: ArrayLike = 1e-3,
+        noise: ArrayLike = 1e-4,
+        present: tuple[bool, bool, bool] = _ALL,
+    ) -> PlannedTests:
+        """From one value per test, or one for all.
+
+        Raises
+        ------
+        ValueError
+            If a value is out of its range.
+
+        Examples
+        --------
+        >>> PlannedTests.of([10.0, 12.0], 180e3, 120e3, 700.0).k2.tolist()
+        [120000.0, 120000.0]
+        """
+        given = (np.atleast_1d(frequency), k1, k1_std, k2, c, added_mass, added_mass_std, eccentricity, noise)
+        values = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in given))
+        f, k1_, k1_std_, k2_, c_, added, added_std, e, u = values
+        if not all(np.all(np.isfinite(x) & (x > 0)) for x in (f, k1_, k2_, c_, e)):
+            raise ValueError("frequency, K1, K2, C and eccentricity of a planned test must be finite and positive")
+        if not all(np.all(np.isfinite(x) & (x >= 0)) for x in (k1_std_, added, added_std, u)):
+            raise ValueError("uncertainties, added mass and noise of a planned test must be zero or positive")
+        families = np.broadcast_to(np.asarray(family, dtype=int), f.shape)
+        return cls(f, k1_, k1_std_, k2_, c_, families, added, added_std, e, u, present)
+
+    @property
+    def rigid(self) -> BoolArray:
+        """True for a rigid block in place of the tyre."""
+        return np.asarray(self.family < 0)
+
+    @property
+    def bare(self) -> np.ndarray:
+        """Which tests have a tyre and no added mass."""
+        return np.flatnonzero(~self.rigid & (self.added_mass == 0))
+
+    def __len__(self) -> int:
+        return self.frequency.size
+
+    @property
+    def stiffness(self) -> ComplexArray:
+        """K* of the guessed tyre [N/m]."""
+        return np.asarray(zener_stiffness(self.k1, self.k2, self.c, 2 * np.pi * self.frequency))
+
+    def part(self, which: ArrayLike) -> PlannedTests:
+        """Some of the tests."""
+        rows = np.asarray(which)
+        columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in _COLUMNS}
+        return replace(self, **columns)
+
+    def with_mass(self, mass: float, std: float, which: ArrayLike) -> PlannedTests:
+        """All tests, and after them some of them once more with a mass fixed to the moving mass.
+
+        Parameters
+        ----------
+        mass, std : float [kg]
+            The mass and its standard uncertainty.
+        which : (n,) int or (N,) bool array
+            The tests that are run once more.
+
+        Examples
+        --------
+        >>> PlannedTests.of([10.0, 12.0], 180e3, 120e3, 700.0).with_mass(10.0, 1e-3, [0]).added_mass.tolist()
+        [0.0, 0.0, 10.0]
+        """
+        more = self.part(which)
+        size = len(more)
+        more = replace(more, added_mass=np.full(size, mass), added_mass_std=np.full(size, std))
+        return self.followed_by(more)
+
+    def followed_by(self, *others: PlannedTests) -> PlannedTests:
+        """These tests, and after them others."""
+        parts = (self, *others)
+        columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS}
+        return replace(self, **columns)
+
+
+_COLUMNS = tuple(field.name for field in fields(PlannedTests) if field.name != "present")
+
+
+def possible_routes(rig: Rig, present: tuple[bool, bool, bool] = _ALL) -> tuple[str, ...]:
+    """Routes that a rig and the channels recorded allow, in the order of `PLAN_ROUTES`.
+
+    Examples
+    --------
+    >>> possible_routes(Rig(moving_mass=15.0, preload_stiffness=12440.0))[-1]
+    'joint'
+    >>> possible_routes(Rig(moving_mass=15.0, preload_stiffness=12440.0), (True, True, False))
+    ('mobility',)
+    """
+    routes = [route for route in ROUTES if all(present[at] for at in _NEEDS[route])]
+    if rig.blocked:
+        return tuple(route for route in routes if route == "mobility")
+    return (*routes, "joint") if all(present) else tuple(routes)
+
+
+def planned_phasors(tests: PlannedTests, rig: Rig) -> Phasors:
+    r"""Phasors that planned tests would show without noise, with the covariance that it will give them.
+
+    .. math:: V_1 = j\omega e, \quad V_2 = T V_1, \quad F_1 = (Z_r T + j\omega m_{in})\,V_1,
+        \qquad T = \frac{K^*}{K^* + j\omega Z_r}
+
+    Parameters
+    ----------
+    tests : PlannedTests
+    rig : Rig
+
+    Returns
+    -------
+    Phasors
+        Not-a-number where a channel is not recorded.
+
+    Examples
+    --------
+    >>> tests = PlannedTests.of(10.0, 180e3, 120e3, 700.0)
+    >>> abs(planned_phasors(tests, Rig(moving_mass=15.0, preload_stiffness=12440.0)).transmissibility).round(3)
+    array([1.299])
+    """
+    jw = 2j * np.pi * tests.frequency
+    stiffness, v1 = tests.stiffness, jw * tests.eccentricity
+    if rig.blocked:
+        ratio, force = np.zeros_like(v1), stiffness / jw
+    else:
+        added = tests.added_mass - np.where(tests.rigid, rig.tyre_mass, 0.0)
+        impedance = np.asarray(rig.impedance(2 * np.pi * tests.frequency, added))
+        ratio = np.where(tests.rigid, 1.0, stiffness / (stiffness + jw * impedance))
+        force = impedance * ratio
+    amplitudes = np.stack([(force + jw * rig.input_mass) * v1, v1, ratio * v1], axis=-1)
+    std = np.repeat(tests.noise[:, None] * np.abs(amplitudes), 2, axis=1)
+    covariance = np.zeros((len(tests), 6, 6))
+    covariance[:, range(6), range(6)] = std**2
+    amplitudes[:, ~np.array(tests.present)] = np.nan
+    zero = np.zeros(len(tests))
+    return Phasors(tests.frequency, amplitudes, covariance, zero, zero + np.inf)
+
+
+def expect(
+    tests: PlannedTests, rig: Rig, route: str = "joint", *, channels: ChannelUncertainty | None = None
+) -> Identification:
+    """What the analysis would state of planned tests: the guessed tyre, with the uncertainties to expect.
+
+    Parameters
+    ----------
+    tests : PlannedTests
+    rig : Rig
+        As stated, with its uncertainties.
+    route : {"mobility", "relative", "transmissibility", "joint"}
+        One of `possible_routes`.
+    channels : ChannelUncertainty, optional
+        What is not known of the channels; without it they count as exact.
+
+    Returns
+    -------
+    Identification
+        By the joint route, tests of a family at one frequency share their K*; by the others, each test is alone.
+        Not-a-number for rigid blocks.
+
+    Raises
+    ------
+    ValueError
+        If the route is unknown.
+    RigError
+        If the rig does not allow it.
+
+    Notes
+    -----
+    By linear propagation: it holds where the expected uncertainty of K* - K1 is small against it. Beyond some 30 %
+    the scatter has tails that no standard uncertainty describes.
+
+    Examples
+    --------
+    >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.3, "preload_stiffness": 249.0})
+    >>> tests = PlannedTests.of([10.0, 16.0, 24.0], 110e3, 100e3, 800.0)
+    >>> alone, together = (expect(tests, rig, route) for route in ("mobility", "joint"))
+    >>> bool(np.all(together.arm_covariance[:, 1, 1] < alone.arm_covariance[:, 1, 1]))
+    True
+    """
+    phasors = planned_phasors(tests, rig)
+    if route != "joint":
+        phasors.amplitudes[tests.rigid] = np.nan
+        return identify(
+            phasors,
+            rig,
+            tests.k1,
+            k1_std=tests.k1_std,
+            route=route,
+            added_mass=tests.added_mass,
+            added_mass_std=tests.added_mass_std,
+            channels=channels,
+        )
+    joint = identify_joint(
+        phasors,
+        rig,
+        tests.k1,
+        family=tests.family,
+        added_mass=tests.added_mass,
+        added_mass_std=tests.added_mass_std,
+        channels=channels,
+    )
+    return identification(joint, phasors, tests.k1, tests.k1_std)
+
+
+def relative_uncertainties(found: Identification) -> FloatArray:
+    """Standard uncertainties of K*, K2, C and TR over their values, (N, 4); that of K* is of the complex number."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stiffness = np.sqrt(np.trace(found.stiffness_covariance, axis1=1, axis2=2)) / np.abs(found.stiffness)
+        arm = np.sqrt(np.diagonal(found.arm_covariance, 0, 1, 2)) / np.stack([found.k2, found.c], axis=1)
+        return np.column_stack([stiffness, arm, found.tr_std / found.tr_predicted])
+
+
+def arm_by_k1(tests: PlannedTests) -> FloatArray:
+    """Derivatives of K2 and C by K1 (N, 2), K* held: what a better dynamic test cannot mend.
+
+    Examples
+    --------
+    >>> arm_by_k1(PlannedTests.of(10.0, 110e3, 100e3, 800.0)).round(3)
+    array([[-2.958,  0.016]])
+    """
+    # differences: the closed form is smooth, and its error here far below the use
+    step = 1e-5 * np.abs(tests.stiffness - tests.k1)
+    omega = 2 * np.pi * tests.frequency
+    below, above = (np.stack(maxwell_arm(tests.stiffness, tests.k1 + side * step, omega)) for side in (-1, 1))
+    return np.asarray(((above - below) / (2 * step)).T)

@@ -1,0 +1,283 @@
+"""What can be done about an uncertainty that is too large: each remedy, what it changes in a plan, what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from fourpole.core.arrays import FloatArray
+from fourpole.core.identify import ChannelUncertainty, Identification
+from fourpole.core.phasor import CHANNELS, SYMBOLS
+from fourpole.core.plan.expect import PlannedTests, expect, possible_routes
+from fourpole.core.rig import Rig
+
+__all__ = ["MASSES", "Effort", "Plan", "Remedy", "k1_remedies", "remedies"]
+
+#: Added masses that are looked at where none are named [kg].
+MASSES = (2.0, 5.0, 10.0, 20.0)
+_MORE_CYCLES = (4.0, 16.0)
+_REPEATS = 3
+#: Gain [1] and phase [rad] that a calibration leaves, the order in `Effort.sensor`.
+_SENSORS = tuple((gain, np.radians(phase)) for gain, phase in ((0.005, 0.25), (0.002, 0.1), (0.001, 0.05)))
+#: What is left of the rig's values [1], the order in `Effort.rig`.
+_RIG = (0.005, 0.001)
+#: What is left of K1 [1], the order in `Effort.k1`.
+_K1 = (0.01, 0.005, 0.002, 0.001)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What things cost in minutes of one person at the rig; rough, and meant to be put right for one's own rig.
+
+    Attributes
+    ----------
+    settle : float [min]
+        To set the frequency of a test and let it settle; the cycles come on top.
+    mount, mount_per_kg : float [min], [min/kg]
+        To fix a mass, reset the preload and take both back, in each condition of the tyre.
+    sensor : 3 floats [min]
+        To calibrate one channel to 0.5 %, 0.2 %, 0.1 % and 0.25, 0.1, 0.05 degrees.
+    rig : 2 floats [min]
+        To weigh the moving mass and measure the preload spring to 0.5 %, 0.1 %.
+    k1 : 4 floats [min]
+        To bring the static rig to 1 %, 0.5 %, 0.2 %, 0.1 % in K1.
+    static : float [min]
+        One static test, with its conditioning.
+    """
+
+    settle: float = 0.5
+    mount: float = 10.0
+    mount_per_kg: float = 0.2
+    sensor: tuple[float, ...] = (30.0, 60.0, 120.0)
+    rig: tuple[float, ...] = (60.0, 180.0)
+    k1: tuple[float, ...] = (30.0, 60.0, 120.0, 240.0)
+    static: float = 15.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Planned tests of a rig, with all that decides how well the tyre will be known.
+
+    Attributes
+    ----------
+    tests : PlannedTests
+    rig : Rig
+        As stated, with its uncertainties.
+    channels : ChannelUncertainty
+        What is not known of F1, V1, V2.
+    cycles : float [1]
+        Recorded in each test; `tests.noise` is that after so many.
+    statics : int
+        Static tests, one for each tyre and pressure.
+    mass_std : float [1]
+        Relative standard uncertainty of a mass that is weighed.
+    """
+
+    tests: PlannedTests
+    rig: Rig
+    channels: ChannelUncertainty = field(default_factory=ChannelUncertainty)
+    cycles: float = 40.0
+    statics: int = 1
+    mass_std: float = 1e-4
+
+    @property
+    def routes(self) -> tuple[str, ...]:
+        """Routes that rig and channels allow."""
+        return possible_routes(self.rig, self.tests.present)
+
+    @property
+    def best_route(self) -> str:
+        """The one that knows most: joint where rig and channels allow it."""
+        return self.routes[-1]
+
+    def expect(self, route: str) -> Identification:
+        """What the analysis would state; see `fourpole.core.plan.expect`."""
+        return expect(self.tests, self.rig, route, channels=self.channels)
+
+    def minutes(self, tests: PlannedTests, effort: Effort) -> float:
+        """Time to run some tests [min]."""
+        return float(np.sum(effort.settle + self.cycles / tests.frequency / 60.0))
+
+    def with_mass(self, mass: float, which: np.ndarray | None = None) -> Plan:
+        """With some of the tests once more, a mass added; without `which`, all tests that have none."""
+        rows = self.tests.bare if which is None else which
+        return replace(self, tests=self.tests.with_mass(mass, self.mass_std * mass, rows))
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """One thing that can be done.
+
+    Attributes
+    ----------
+    kind : {"cycles", "repeats", "sensors", "rig", "K1", "mass", "frequencies"}
+    text : str
+        In words.
+    minutes : float [min]
+        What it costs.
+    change : callable (Plan) -> Plan
+        What it does; tests that it adds stand after the others.
+    k1 : float [1]
+        For K1: the relative standard uncertainty that it leaves.
+    """
+
+    kind: str
+    text: str
+    minutes: float
+    change: Callable[[Plan], Plan]
+    k1: float = np.inf
+
+
+def remedies(plan: Plan, effort: Effort, masses: Sequence[float] = MASSES) -> dict[str, list[Remedy]]:
+    """All that can be done about the dynamic tests, by what may stand together: noise, sensors, rig, more tests.
+
+    Examples
+    --------
+    >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    >>> plan = Plan(PlannedTests.of([10.0, 12.0], 180e3, 120e3, 700.0), rig)
+    >>> [remedy.text for remedy in remedies(plan, Effort(), masses=[10.0])["more tests"]]
+    ['10 kg added at 10 Hz', '10 kg added at 12 Hz', '10 kg added at all 2 frequencies', 'tests halfway between the \
+frequencies as well']
+    """
+    more = [*_masses(plan, effort, masses), *_halfway(plan, effort)]
+    return {
+        "noise": list(_longer(plan, effort)),
+        "sensors": list(_sensors(plan, effort)),
+        "rig": list(_better_rig(plan, effort)),
+        "more tests": more,
+    }
+
+
+def _longer(plan: Plan, effort: Effort) -> Iterator[Remedy]:
+    if not np.any(plan.tests.noise > 0):
+        return
+    turning = plan.cycles * float(np.sum(1.0 / plan.tests.frequency)) / 60.0
+    for factor in _MORE_CYCLES:
+        text = f"{factor * plan.cycles:g} cycles in place of {plan.cycles:g}"
+        yield Remedy("cycles", text, (factor - 1) * turning, _quieter(factor, factor * plan.cycles))
+    whole = plan.minutes(plan.tests, effort)
+    yield Remedy("repeats", f"each test {_REPEATS} times", (_REPEATS - 1) * whole, _quieter(_REPEATS, plan.cycles))
+
+
+def _quieter(factor: float, cycles: float) -> Callable[[Plan], Plan]:
+    """Noise that is white falls with the root of the cycles, in one test or in several of a condition."""
+
+    def change(plan: Plan) -> Plan:
+        return replace(plan, tests=replace(plan.tests, noise=plan.tests.noise / np.sqrt(factor)), cycles=cycles)
+
+    return change
+
+
+def _sensors(plan: Plan, effort: Effort) -> Iterator[Remedy]:
+    recorded = [at for at in range(3) if plan.tests.present[at] and not (plan.rig.blocked and at == 2)]
+    for (gain, phase), minutes in zip(_SENSORS, effort.sensor, strict=True):
+        worse = [at for at in recorded if plan.channels.gain[at] > gain or plan.channels.phase[at] > phase]
+        for which in [*([at] for at in worse), *([worse] if len(worse) > 1 else [])]:
+            names = " and ".join(SYMBOLS[CHANNELS[at]] for at in which) if len(which) < 3 else "F1, V1 and V2"
+            text = f"{names} calibrated to {100 * gain:g} % and {np.degrees(phase):g}°"
+            yield Remedy("sensors", text, minutes * len(which), _calibrated(which, gain, phase))
+
+
+def _calibrated(which: Sequence[int], gain: float, phase: float) -> Callable[[Plan], Plan]:
+    def change(plan: Plan) -> Plan:
+        gains, phases = np.array(plan.channels.gain, float), np.array(plan.channels.phase, float)
+        at = list(which)
+        gains[at], phases[at] = np.minimum(gains[at], gain), np.minimum(phases[at], phase)
+        return replace(plan, channels=ChannelUncertainty(gains, phases))
+
+    return change
+
+
+def _better_rig(plan: Plan, effort: Effort) -> Iterator[Remedy]:
+    if plan.rig.blocked:
+        return
+    for level, minutes in zip(_RIG, effort.rig, strict=True):
+        if any(std > level * abs(getattr(plan.rig, name)) for name, std in plan.rig.std.items()):
+            yield Remedy("rig", f"the rig's values measured to {100 * level:g} %", minutes, _measured(level))
+
+
+def _measured(level: float) -> Callable[[Plan], Plan]:
+    def change(plan: Plan) -> Plan:
+        std = {name: min(std, level * abs(getattr(plan.rig, name))) for name, std in plan.rig.std.items()}
+        return replace(plan, rig=replace(plan.rig, std=std))
+
+    return change
+
+
+def _masses(plan: Plan, effort: Effort, masses: Sequence[float]) -> Iterator[Remedy]:
+    """A weighed mass at one, three or all frequencies of one condition of the tyre, or in every condition."""
+    if "joint" not in plan.routes:
+        return
+    tests = plan.tests
+    free = tests.bare
+    if not free.size:
+        return
+    families, counts = np.unique(tests.family[free], return_counts=True)
+    fullest = free[tests.family[free] == families[np.argmax(counts)]]
+    first = _distinct(fullest, tests.frequency)
+    rows = _distinct(free, tests.frequency, tests.family)
+    where = " of one condition" if families.size > 1 else ""
+    middle = len(first) // 2
+    for mass in masses:
+        chosen: dict[tuple[int, ...], str] = {
+            (at,): f"at {tests.frequency[at]:.4g} Hz{where}" for at in (first[0], first[middle], first[-1])
+        }
+        if len(first) > 3:
+            chosen[first[0], first[middle], first[-1]] = f"at 3 of {len(first)} frequencies{where}"
+        if len(first) > 1:
+            chosen[tuple(first)] = f"at all {len(first)} frequencies{where}"
+        if families.size > 1:
+            chosen[tuple(rows)] = f"at all frequencies of all {families.size} conditions"
+        for which, words in chosen.items():
+            mounted = np.unique(tests.family[list(which)]).size
+            minutes = mounted * (effort.mount + effort.mount_per_kg * mass)
+            minutes += plan.minutes(tests.part(list(which)), effort)
+            yield Remedy("mass", f"{mass:g} kg added {words}", minutes, _heavier(mass, np.array(which)))
+
+
+def _heavier(mass: float, which: np.ndarray) -> Callable[[Plan], Plan]:
+    return lambda plan: plan.with_mass(mass, which)
+
+
+def _distinct(rows: np.ndarray, *keys: np.ndarray) -> list[int]:
+    """Of rows with equal keys, the first; in the order of the keys, the first of them counting most."""
+    _, first = np.unique(np.stack([key[rows] for key in keys]), axis=1, return_index=True)
+    return [int(row) for row in rows[first]]
+
+
+def _halfway(plan: Plan, effort: Effort) -> Iterator[Remedy]:
+    """Further frequencies between those planned; they help where tests share what is not known."""
+    tests = plan.tests
+    free = tests.bare
+    new: list[PlannedTests] = []
+    for family in np.unique(tests.family[free]) if "joint" in plan.routes else []:
+        rows = _distinct(free[tests.family[free] == family], tests.frequency)
+        f = tests.frequency[rows]
+        if f.size > 1:
+            between = (f[1:] + f[:-1]) / 2
+            guess: dict[str, Any] = {
+                name: np.interp(between, f, getattr(tests, name)[rows]) for name in ("k1", "k2", "c", "noise")
+            }
+            new.append(replace(tests.part(rows[:-1]), frequency=between, **guess))
+    if new:
+        added = new[0].followed_by(*new[1:])
+        minutes = plan.minutes(added, effort)
+        yield Remedy("frequencies", "tests halfway between the frequencies as well", minutes, _further(added))
+
+
+def _further(added: PlannedTests) -> Callable[[Plan], Plan]:
+    return lambda plan: replace(plan, tests=plan.tests.followed_by(added))
+
+
+def k1_remedies(plan: Plan, effort: Effort) -> list[Remedy]:
+    """Better static tests; kept apart, for what K1 leaves in K2 and C is independent of the dynamic tests."""
+    relative: FloatArray = np.where(plan.tests.rigid, 0.0, plan.tests.k1_std / plan.tests.k1)
+    listed = []
+    for level, minutes in zip(_K1, effort.k1, strict=True):
+        if np.any(relative > level):
+            cost = minutes + effort.static * plan.statics
+            listed.append(Remedy("K1", f"K1 known to {100 * level:g} %", cost, lambda plan: plan, k1=level))
+    return listed
