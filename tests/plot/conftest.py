@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
+from tests.plot.learned import with_learned
 
 from fourpole.campaign.results import Results
 from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
@@ -120,12 +121,13 @@ def results_of(
             for preload in preloads:
                 for frequency in frequencies:
                     dynamic.append(dynamic_row(tyre, pressure, preload, frequency, len(dynamic) + 1))
-    return Results(
+    results = Results(
         static=frame(static, STATIC_COLUMNS),
         dynamic=frame(dynamic, DYNAMIC_COLUMNS),
         previews=pl.DataFrame(previews),
         record={"title": "closed formulas", "stated": {"rigs": STATED}},
     )
+    return with_learned(results, route="mobility")
 
 
 def empty_results() -> Results:

@@ -72,7 +72,17 @@ def reject(results: Results, names, **cells):
 
 def test_the_papers_figures_are_there_in_the_order_of_a_report():
     assert list(FIGURES)[:14] == [f"fig{number:02d}" for number in range(1, 15)]
-    assert list(FIGURES)[14:] == ["tr-measured-predicted", "stiffness", "nyquist", "routes", "mobility"]
+    assert list(FIGURES)[14:] == [
+        "tr-measured-predicted",
+        "stiffness",
+        "nyquist",
+        "routes",
+        "mobility",
+        "rig-found",
+        "rig-residual",
+        "mass-gain",
+        "budget",
+    ]
     for key, spec in FIGURES.items():
         assert spec.key == key
         assert spec.title

@@ -11,7 +11,7 @@ import re
 import sys
 import time
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -20,6 +20,7 @@ import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.plot.learned import MISFIT, VALUES, budget_table, residual_table, rig_table, with_learned
 
 from fourpole.campaign.results import Results
 from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
@@ -220,7 +221,7 @@ def hostile():
         dynamic_row(4, test=LONG, tyre="a\u202eb", verdict="none that is known"),
     ]
     static = [static_row(f"S{HOSTILE}", 1000.0, tyre=HOSTILE, remarks=REMARK, verdict="rejected")]
-    return made(
+    results = made(
         rows,
         static,
         title=f"{HOSTILE} {LONG}",
@@ -234,6 +235,24 @@ def hostile():
             "specimens": {HOSTILE: {HOSTILE: REMARK}},
             "sample_rate [Hz]": None,
         },
+        joint={
+            HOSTILE: {
+                **MISFIT,
+                "notes": [REMARK],
+                "reason": REMARK,
+                "converged": False,
+                "candidates": [{"text": REMARK}],
+            }
+        },
+    )
+    rig = rig_table({HOSTILE: VALUES["gain V1"], f"gain {HOSTILE}": VALUES["gain V1"]}, HOSTILE)
+    return replace(
+        results,
+        rig=rig.with_columns(
+            pl.lit(REMARK).alias("remarks"), pl.lit(HOSTILE).alias("finding"), pl.lit(HOSTILE).alias("unit")
+        ),
+        residuals=residual_table(results.dynamic.head(1), **{"outlier [1]": 99.0}),
+        budget=budget_table(results.dynamic, {HOSTILE: 1.0}),
     )
 
 
@@ -313,6 +332,51 @@ def test_everything_that_was_found_and_stated_is_there():
         "ab" * 32,
     ):
         assert text in said, text
+
+
+def test_the_rig_and_the_sensors_stand_as_stated_and_as_found():
+    said = on_page(with_learned(campaign(4)))
+    for text in (
+        "The rig and the sensors, as found",
+        "Of 6 shared values 4 were found by your data",
+        "moving mass m kg 15.00 ±0.10 15.020 ±0.010 0.10 +0.20 0.31 kg found from your data",
+        "gain of V1 % 0.0 ±1.0 0.0 ±1.0 1.0 – at no size not determined by your data, taken from your statement",
+        "Errors of V1's gain and V1's phase beyond their statements would not show in these data",
+        "give K2 to 0.04 % instead of 5.6 %",
+        "What limits me K2 is known to 7.3 % (median of 4 tests).",
+        "Cheapest remedy: repeat the static test",
+    ):
+        assert text in said, text
+    assert "does not fit" not in said
+
+
+def test_a_rig_that_does_not_fit_has_a_box_of_its_own():
+    results = with_learned(campaign(4), **MISFIT)
+    said = on_page(results)
+    assert "No value of this rig is called calibrated." in said
+    assert "a moving mass 0.81 kg larger than stated" in said
+    assert 'class="misfit"' in render_report(results, findings=(), figures={})
+
+
+def test_outliers_lead_to_their_cards():
+    results = with_learned(campaign(4))
+    rows = residual_table(results.dynamic, **{"outlier [1]": 60.0})
+    text = render_report(replace(results, residuals=rows.filter(pl.col("test") == "D2")), findings=(), figures={})
+    assert re.search(r'This test does not go with the others.*<a href="#dynamic-2" title="D2">', text)
+
+
+def test_a_campaign_of_another_route_has_no_such_section():
+    text = render_report(campaign(2), findings=(), figures={})
+    assert 'id="learned"' not in text
+    assert 'id="limits"' not in text
+
+
+def test_each_rig_is_told_apart():
+    results = campaign(4)
+    rigs = pl.when(pl.col("test") == "D1").then(pl.lit("old rig")).otherwise(pl.lit("new rig")).alias("rig")
+    said = on_page(with_learned(replace(results, dynamic=results.dynamic.with_columns(rigs))))
+    assert "Rig old rig 120 tests" in said
+    assert "Rig new rig : K2 is known to 7.3 % (median of 3 tests)." in said
 
 
 def test_numbers_of_figures_go_on_from_those_they_have():
@@ -543,6 +607,33 @@ def test_a_table_sorts_by_its_heads(visit):
     assert page.locator("#table-dynamic th[aria-sort]").count() == 1
     head(page, "test").click()
     assert column(page, "test") == [f"D{at}" for at in range(1, 11)]
+
+
+def test_the_contents_lead_to_the_rig_and_to_what_limits(visit):
+    page = visit(with_learned(varied(), **MISFIT))
+    for name, place in (("Rig and sensors, as found", "learned"), ("What limits me", "limits")):
+        page.get_by_role("navigation").get_by_role("link", name=name).click()
+        assert page.url.endswith(f"#{place}")
+        assert page.locator(f"#{place}").is_visible()
+    box = page.get_by_role("note")
+    assert "do not go with these tests" in box.inner_text()
+    assert box.locator("li").count() == 2
+    assert page.locator("#learned tbody th[scope=row]").count() == len(VALUES)
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_the_table_of_the_rig_scrolls_by_itself_on_a_narrow_screen(visit, width):
+    page = visit(with_learned(varied(), **MISFIT), viewport={"width": width, "height": 800})
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.get_by_role("region", name="Shared values").bounding_box()["width"] <= width
+
+
+def test_an_outlier_opens_its_card(visit):
+    results = with_learned(varied())
+    rows = residual_table(results.dynamic.filter(pl.col("test") == "D2"), **{"outlier [1]": 60.0})
+    page = visit(replace(results, residuals=rows))
+    page.locator("#learned").get_by_role("link", name="D2").click()
+    assert page.locator("details#dynamic-2[open]").count() == 1
 
 
 def test_filters_meet_tables_and_cards(visit):

@@ -114,7 +114,7 @@ def _values(joint: Joint) -> list[dict[str, Any]]:
 
 
 def _first_pull(joint: Joint, at: int, pull: FloatArray) -> float:
-    """Distance from the statement in its uncertainty, also for a statement that was set aside."""
+    """Distance from the statement in its uncertainty, also for a statement that was contradicted."""
     if at in joint.misfit.conflicts:
         return float((joint.found[at] - joint.stated.quantities[at].stated) / joint.stated.std[at])
     return float(pull[at])
@@ -140,8 +140,11 @@ def _seen_from(joint: Joint, at: int) -> float:
 
 
 def _finding(joint: Joint, at: int, ratio: float) -> dict[str, str]:
+    if at >= 0 and joint.stated.quantities[at].kind == "extra":
+        said = "not stated by you: the tests want it; look for its cause and state it"
+        return {"finding": "unstated", "remarks": said}
     if at in joint.misfit.conflicts:
-        said = "contradicts your statement, which was set aside: look for the cause before you use it"
+        said = "contradicts your statement: look for the cause before you use it"
         return {"finding": "contradicted", "remarks": said}
     if ratio > NOT_DETERMINED:
         return {"finding": "not determined", "remarks": "not determined by your data, taken from your statement"}
@@ -168,14 +171,13 @@ def _ratios(joint: Joint) -> list[dict[str, Any]]:
 
 
 def _combined(joint: Joint, name: str, unit: str, centre: float, weights: FloatArray) -> dict[str, Any]:
-    values = joint.found - np.array([quantity.stated for quantity in joint.stated.quantities])
     scaled = weights * joint.problem.shared.std
     std = float(np.sqrt(scaled @ joint.solution.covariance @ scaled))
     if not joint.misfit.fits:
         std = max(std, float(np.linalg.norm(weights * _honest_std(joint))))
     stated = float(np.linalg.norm(weights * joint.stated.std))
     ratio = std / stated
-    off = float(values @ weights)
+    off = float(scaled @ joint.solution.z)
     touched = [i for i in joint.misfit.conflicts if weights[i]]
     row = {
         "value": name,

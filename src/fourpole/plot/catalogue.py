@@ -18,7 +18,7 @@ from fourpole.campaign.results import Results
 from fourpole.campaign.study import make_folder
 from fourpole.errors import CampaignError
 from fourpole.io.write import write_bytes
-from fourpole.plot import carpet, motion, properties, schemes, sheet, stiffness
+from fourpole.plot import budget, carpet, motion, properties, rig, schemes, sheet, stiffness
 from fourpole.plot.style import Style, drawing
 
 __all__ = ["FIGURES", "FORMATS", "FigureSpec", "draw", "render", "save_figures", "write_figure"]
@@ -126,6 +126,32 @@ def _specs() -> Iterable[FigureSpec]:
         "Real part R and imaginary part I of V1/F1, points measured, lines from K1 and the interpolated K2 and C "
         "on the rig as stated.",
         stiffness.mobility,
+    )
+    yield FigureSpec(
+        "rig-found",
+        "The rig and the sensors, as stated and as found",
+        "Each value that the tests share, from what is stated of it, in its stated uncertainty; whiskers are the "
+        "standard uncertainty after the tests.",
+        rig.found,
+    )
+    yield FigureSpec(
+        "rig-residual",
+        "What the rig leaves unexplained",
+        "F1/V2 less the rig's impedance Zr, with the gains found taken out, test by test with standard uncertainties "
+        "of the noise: no tyre can explain it, so it should be zero.",
+        rig.residual,
+    )
+    yield FigureSpec(
+        "mass-gain",
+        "What the weighed mass gained",
+        "Median standard uncertainties in the tests without an added mass, from these alone and from all tests.",
+        rig.mass_gain,
+    )
+    yield FigureSpec(
+        "budget",
+        "What the uncertainty is made of",
+        "Shares of the variance of K2, C and K* by source against frequency.",
+        budget.budget,
     )
 
 

@@ -15,7 +15,7 @@ from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.plot.style import short_names
 
-__all__ = ["Groups", "Quantity", "Sheet", "read_sheet"]
+__all__ = ["Groups", "Quantity", "Sheet", "floats", "grouped", "read_sheet"]
 
 IntArray = NDArray[np.int64]
 
@@ -109,7 +109,7 @@ class Sheet:
 
     def values(self, column: str) -> FloatArray:
         """A column as floats; blank is not-a-number."""
-        return _floats(self.table, column)
+        return floats(self.table, column)
 
     def shown(self, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
         """Values and uncertainties in the unit of the axis."""
@@ -130,10 +130,10 @@ def read_sheet(results: Results) -> Sheet:
     names = tuple(dict.fromkeys([*_texts(static, "tyre"), *_texts(dynamic, "tyre")]))
     index = {name: at for at, name in enumerate(names)}
     count = dynamic.height
-    both = np.concatenate([_floats(dynamic, PRESSURE.column), _floats(static, PRESSURE.column)])
+    both = np.concatenate([floats(dynamic, PRESSURE.column), floats(static, PRESSURE.column)])
     pressures, pressure = grouped(both, _SAME_PRESSURE, _bar)
-    loads, load = grouped(_floats(dynamic, "preload [N]"), _SAME_LOAD, _newton)
-    frequencies, frequency = grouped(_floats(dynamic, FREQUENCY.column), _SAME_FREQUENCY, _hertz)
+    loads, load = grouped(floats(dynamic, "preload [N]"), _SAME_LOAD, _newton)
+    frequencies, frequency = grouped(floats(dynamic, FREQUENCY.column), _SAME_FREQUENCY, _hertz)
     stated = frequencies.stated()
     setting, settings = _settings(dynamic)
     return Sheet(
@@ -202,7 +202,7 @@ def _hertz(value: float, digits: int) -> str:
 def _settings(table: pl.DataFrame) -> tuple[IntArray, tuple[str, ...]]:
     """Rigs and added masses: they change TR and the mobility, but not the tyre."""
     rigs = _texts(table, "rig")
-    added = np.nan_to_num(_floats(table, "added mass [kg]"))
+    added = np.nan_to_num(floats(table, "added mass [kg]"))
     found = list(zip(rigs, [float(f"{mass:.4g}") for mass in added], strict=True))
     distinct = list(dict.fromkeys(found))
     if len(distinct) < 2:
@@ -213,7 +213,8 @@ def _settings(table: pl.DataFrame) -> tuple[IntArray, tuple[str, ...]]:
     return np.array([distinct.index(key) for key in found], dtype=np.int64), tuple(names)
 
 
-def _floats(table: pl.DataFrame, column: str) -> FloatArray:
+def floats(table: pl.DataFrame, column: str) -> FloatArray:
+    """A column as floats; what is blank or missing is not-a-number."""
     if column not in table.columns:
         return np.full(table.height, np.nan)
     values: FloatArray = table[column].cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy().astype(float)

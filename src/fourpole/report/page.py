@@ -18,7 +18,9 @@ from fourpole.campaign.results import Results
 from fourpole.io.write import write_text
 from fourpole.report.cards import embedded, make_cards
 from fourpole.report.rows import DYNAMIC, STATIC, VERDICTS, ResultTable, result_rows
+from fourpole.report.section import learned_section
 from fourpole.report.stated import channel_rows, mapping, rig_rows, tested, texts, verdict_counts
+from fourpole.report.words.limits import limits
 
 __all__ = ["ReportFigure", "Said", "render_report", "write_report"]
 
@@ -131,6 +133,8 @@ def render_report(results: Results, *, findings: Sequence[Said], figures: Mappin
         rigs=rig_rows(record),
         channels=channel_rows(record),
         sample_rate=mapping(record, "stated").get("sample_rate [Hz]"),
+        learned=learned_section(results, where),
+        limits=limits(results),
         assumptions=texts(record.get("assumptions")),
         figures=_numbered(list(figures.values())),
         remarks=_remarks([*dynamic.rows, *static.rows]),

@@ -13,13 +13,24 @@ from fourpole.campaign.results import Results
 from fourpole.report.digits import known, number, spread, with_std
 from fourpole.report.rows import VERDICTS, worst
 
-__all__ = ["ChannelRow", "RigRow", "Tested", "channel_rows", "mapping", "rig_rows", "tested", "texts", "verdict_counts"]
+__all__ = [
+    "RIG_VALUES",
+    "ChannelRow",
+    "RigRow",
+    "Tested",
+    "channel_rows",
+    "mapping",
+    "rig_rows",
+    "tested",
+    "texts",
+    "verdict_counts",
+]
 
 #: Rig values: name in words, unit shown, SI value of it.
-_RIG = {
+RIG_VALUES = {
     "moving_mass": ("moving mass m", "kg", 1.0),
     "preload_stiffness": ("preload spring K3", "kN/m", 1e3),
-    "preload_damping": ("damper beside it c3", "N s/m", 1.0),
+    "preload_damping": ("damper c3 beside the spring", "N s/m", 1.0),
     "preload_loss_factor": ("loss factor of the preload spring", "", 1.0),
     "tyre_mass": ("moving part of the tyre", "kg", 1.0),
     "frame_stiffness": ("frame stiffness", "kN/m", 1e3),
@@ -159,7 +170,7 @@ def rig_rows(record: Mapping[str, Any]) -> list[RigRow]:
 
 def _rig_row(rig: str, key: str, stated: dict[str, Any]) -> RigRow:
     unit = str(stated.get("unit", ""))
-    words, shown, scale = _RIG.get(key, (key.replace("_", " "), "" if unit == "1" else unit, 1.0))
+    words, shown, scale = RIG_VALUES.get(key, (key.replace("_", " "), "" if unit == "1" else unit, 1.0))
     value, std = known(stated.get("value")), known(stated.get("std"))
     if value is None:
         return RigRow(rig, words, "", "", shown, assumed=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,7 +36,7 @@ class Joint:
     condition : (N,) int array
         Of each test given; -1 for a rigid block.
     stated : Shared
-        What was stated of the shared values.
+        What was stated of the shared values; last, with their size for an uncertainty, parts that nobody stated.
     residuals : Residuals
         Of each test given.
     outlier : (N,) float array [1]
@@ -142,7 +142,7 @@ def identify_joint(
         solution=solution,
         order=order,
         condition=label,
-        stated=stated,
+        stated=replace(stated, quantities=(*stated.quantities, *problem.shared.quantities[len(stated) :])),
         residuals=Residuals(*(getattr(left, name)[back] for name in left.__dataclass_fields__)),
         outlier=outlier[back],
         misfit=misfit,

@@ -9,7 +9,16 @@ import numpy as np
 from scipy import stats
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.joint.model import Linear, Observed, inverse_upper, projected, upper_factor, whitened
+from fourpole.core.joint.model import (
+    PARTS,
+    Linear,
+    Observed,
+    inverse_upper,
+    part_shapes,
+    projected,
+    upper_factor,
+    whitened,
+)
 from fourpole.core.joint.solve import Problem, Solution, without_stiffness
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.rig import Rig
@@ -130,8 +139,10 @@ class Candidate:
     unit : str
     explains : float [1]
         By how much chi-square would fall.
-    of_rig : bool
-        True for a part of the rig, False for a sensor.
+    part : str
+        Which of the model's parts it is: one of `model.PARTS`, or what and which channel.
+    size : float
+        Its size in the model's terms.
     text : str
         The part in words, with its size.
     """
@@ -141,8 +152,14 @@ class Candidate:
     std: float
     unit: str
     explains: float
-    of_rig: bool
+    part: str
+    size: float
     text: str
+
+    @property
+    def of_rig(self) -> bool:
+        """Whether it is a part of the rig, not a sensor."""
+        return self.part in PARTS
 
 
 def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
@@ -162,35 +179,25 @@ def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
     block, target = triangle[p:-1, p:-1], triangle[p:-1, -1]
     weight, pull = np.sum(block**2, axis=0), block.T @ target
     found = []
-    for at, words in enumerate(_EXTRAS.values()):
+    for at, (part, words) in enumerate(_EXTRAS.items()):
         if weight[at] > _SEEN * size[at] and (said := words(float(pull[at] / weight[at]))) is not None:
             relative = float(np.sqrt(weight[at]) / abs(pull[at]))
             name, value, unit, text = said
             explains = float(pull[at] ** 2 / weight[at])
-            found.append(
-                Candidate(name, value, abs(value) * relative, unit, explains, not name.startswith("sensor"), text)
-            )
+            std = abs(value) * relative
+            found.append(Candidate(name, value, std, unit, explains, part, float(pull[at] / weight[at]), text))
     return sorted(found, key=lambda candidate: -candidate.explains)
 
 
 def _extra_columns(observed: Observed, linear: Linear, rig: Rig) -> FloatArray:
     """Derivatives (N, 6, extras) by each part of `_EXTRAS`, the drive fitted out."""
     omega = observed.omega
-    count = omega.size
-    speed = np.abs(linear.drive * linear.ratio)
-    support = np.asarray(rig.impedance(omega)) - 1j * omega * (rig.moving_mass + rig.tyre_mass)
-    by_zr = {
-        "mass": 1j * omega,
-        "frame": -1j * omega * support**2,
-        "spring": 1 / (1j * omega),
-        "loss": rig.preload_stiffness / omega,
-        "friction": 4 / (np.pi * np.maximum(speed, np.finfo(float).tiny)),
-    }
-    changes = np.stack([np.broadcast_to(value, count).astype(complex) for value in by_zr.values()], axis=-1)
+    shapes = part_shapes(omega, rig, np.abs(linear.drive * linear.ratio))
+    changes = np.stack([shapes[part] for part in PARTS], axis=-1)
     columns = (
         linear.by_impedance[:, :, :1] * changes.real[:, None] + linear.by_impedance[:, :, 1:] * changes.imag[:, None]
     )
-    sensor = np.zeros((count, 3, 9), dtype=complex)
+    sensor = np.zeros((omega.size, 3, 9), dtype=complex)
     for at in range(3):
         one = linear.predicted[:, at]
         sensor[:, at, at], sensor[:, at, 3 + at], sensor[:, at, 6 + at] = one, 1j * one, -1j * omega * one
@@ -256,8 +263,8 @@ _SYMBOLS = tuple(SYMBOLS[role] for role in CHANNELS)
 #: Each extra part with its words, in the order of `_extra_columns`.
 _EXTRAS: dict[str, Callable[[float], _Said]] = {
     "mass": _mass,
-    "frame": _frame,
     "spring": _spring,
+    "frame": _frame,
     "loss": _loss,
     "friction": _friction,
     **{f"gain {symbol}": _gain(symbol) for symbol in _SYMBOLS},

@@ -18,12 +18,15 @@ import numpy as np
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.joint.shared import Shared
 from fourpole.core.phasor import Phasors
+from fourpole.core.rig import Rig
 
 __all__ = [
+    "PARTS",
     "Linear",
     "Observed",
     "inverse_upper",
     "linearise",
+    "part_shapes",
     "projected",
     "upper_factor",
     "whitened",
@@ -130,6 +133,10 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     added = np.where(observed.mass_at >= 0, np.append(shared.masses_at(z), 0.0)[observed.mass_at], 0.0)
     added = added - np.where(observed.rigid, rig.tyre_mass, 0.0)
     impedance = np.asarray(rig.impedance(observed.omega, added))
+    extra = shared.extra_at(z)
+    if extra:
+        shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]))
+        impedance = impedance + sum(value * shapes[part] for part, value in extra.items())
     ratio = np.where(observed.rigid, 1.0, stiffness / (stiffness + jw * impedance))
     by_log_k = ratio * (1 - ratio)
     by_zr = np.where(observed.rigid, 0.0, -jw * stiffness / (stiffness + jw * impedance) ** 2)
@@ -145,7 +152,7 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     scaled, predicted = gains * drive[:, None], unit * drive[:, None]
     log_k = np.stack([impedance * by_log_k, zero, by_log_k], axis=-1) * scaled
     zr = np.stack([np.where(observed.rigid, 1.0, ratio**2), zero, by_zr], axis=-1) * scaled
-    zr_by_shared = _impedance_by_shared(observed, shared, rig.impedance_gradient(observed.omega, added))
+    zr_by_shared = _impedance_by_shared(observed, shared, rig, rig.impedance_gradient(observed.omega, added))
     by_shared = _by_shared(shared, zr_by_shared, zr, predicted, jw * scaled[:, 0])
     fit_out = projected(frame)
     return Linear(
@@ -162,14 +169,42 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     )
 
 
-def _impedance_by_shared(observed: Observed, shared: Shared, gradient: ComplexArray) -> ComplexArray:
+#: Parts that a rig may have and its owner not know of, with the unit of their size.
+PARTS = {"mass": "kg", "spring": "N/m", "frame": "m/N", "loss": "1", "friction": "N"}
+
+
+def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray) -> dict[str, ComplexArray]:
+    """Derivative of Zr by each of `PARTS`, (N,) each.
+
+    Parameters
+    ----------
+    omega : (N,) float array [rad/s]
+    rig : Rig
+    speed : (N,) float array [m/s]
+        Amplitude of V2, on which dry friction depends; 0 where unknown, where it is left out.
+    """
+    support = np.asarray(rig.impedance(omega)) - 1j * omega * (rig.moving_mass + rig.tyre_mass)
+    dry = np.divide(4 / np.pi, speed, out=np.zeros(omega.size), where=speed > 0)
+    return {
+        "mass": 1j * omega,
+        "spring": 1 / (1j * omega),
+        "frame": -1j * omega * support**2,
+        "loss": rig.preload_stiffness / omega + 0j,
+        "friction": dry + 0j,
+    }
+
+
+def _impedance_by_shared(observed: Observed, shared: Shared, rig: Rig, gradient: ComplexArray) -> ComplexArray:
     """dZr/dz of each test, (N, p)."""
+    shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]))
     change = np.zeros((observed.omega.size, len(shared)), dtype=complex)
     for at, quantity in enumerate(shared.quantities):
         if quantity.kind == "rig":
             change[:, at] = gradient[:, quantity.index]
             if quantity.name == "tyre_mass":
                 change[observed.rigid, at] = 0.0
+        elif quantity.kind == "extra":
+            change[:, at] = shapes[quantity.name.removeprefix("unstated ")]
         elif quantity.kind == "mass":
             change[:, at] = np.where(observed.mass_at == quantity.index, gradient[:, -1], 0.0)
     return np.asarray(change * shared.std)

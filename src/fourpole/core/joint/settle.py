@@ -8,20 +8,28 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.joint.misfit import Candidate, Residuals, candidates, is_unlikely, pulls, residuals
-from fourpole.core.joint.solve import Problem, Solution, solve
+from fourpole.core.joint.model import PARTS, part_shapes
+from fourpole.core.joint.shared import Quantity
+from fourpole.core.joint.solve import Problem, Solution, solve, spread
 
 __all__ = ["Misfit", "largest_part", "settle"]
 
-#: A stated value drawn further than this from what is stated, in standard uncertainties, contradicts the tests.
-_CONFLICT = 3.0
+#: A stated value drawn further than this from what is stated, in standard uncertainties, contradicts the tests; it may
+#: still be true by bad luck, so until luck is out of the question only the uncertainties are those without it.
+_CONFLICT, _IMPOSSIBLE = 3.0, 5.0
 #: A test whose squared residual is this many times the usual one does not belong with the others.
 _OUTLIER = 50.0
 #: More outliers than this share are no outliers: the rig as stated is wrong.
 _FEW = 0.1
-#: A stated value is to blame where nothing unstated would explain much more than it does.
-_AS_GOOD = 0.8
+#: A stated value is to blame where nothing unstated would explain much more than it does, and so is any other that
+#: is drawn nearly as far: the tests cannot tell them apart.
+_AS_GOOD, _AS_FAR = 0.8, 0.9
 #: A part that explains less than this share of a misfit is not its cause.
 _WORTH_NAMING = 0.3
+#: An error of Zr smaller than this, relative to its largest part, is no fault of a rig but noise: no rig is built so.
+_TRIFLE = 1e-4
+#: An unstated part is plain where its size is this many times its uncertainty, though all else may hide in the noise.
+_PLAIN = 5.0
 #: Noise may be this many times what each recording by itself says before the rig is doubted.
 _NOISE_IN_DOUBT = 2.0
 _MOST_ROUNDS = 12
@@ -46,7 +54,9 @@ class Misfit:
     scatter : float [1]
         Relative scatter of K* between tests of one condition beyond the noise; 0 where there is none.
     conflicts : tuple of int
-        Shared values that the tests contradict; what is stated of them was set aside.
+        Shared values that the tests contradict; where chance is out of the question their statement was set aside.
+    parts : tuple of str
+        Unstated parts that the rig was granted; their sizes are among the shared values.
     candidates : tuple of Candidate
         Unstated parts that would explain a misfit, the best first; empty where all fits.
     """
@@ -58,6 +68,7 @@ class Misfit:
     inflation: float = 1.0
     scatter: float = 0.0
     conflicts: tuple[int, ...] = ()
+    parts: tuple[str, ...] = ()
     candidates: tuple[Candidate, ...] = ()
 
 
@@ -70,13 +81,12 @@ class _State:
     outlier: FloatArray
     misfit: Misfit | None = None
     conflicts: list[int] = field(default_factory=list)
+    doubtful: list[int] = field(default_factory=list)
+    parts: list[str] = field(default_factory=list)
     rig_error: float = 0.0
     inflation: float = 1.0
     scatter: float = 0.0
-
-    @property
-    def tyre_dof(self) -> float:
-        return 2.0 * float((self.problem.conditions.sizes - 1).sum())
+    trifle: bool = True
 
     def solve(self, problem: Problem) -> None:
         self.problem = problem
@@ -104,6 +114,12 @@ def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Flo
             state.solve(state.problem.rewhitened(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
         elif not _mend(state, left):
             break
+    for (
+        at
+    ) in state.doubtful:  # the values stay where luck would have them; how well they are known does not rest on luck
+        _set_aside(state, at, _IMPOSSIBLE)
+    if state.doubtful:
+        state.solution = spread(state.problem, state.solution)
     misfit = state.misfit
     assert misfit is not None
     return (
@@ -116,58 +132,142 @@ def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Flo
             inflation=state.inflation,
             scatter=state.scatter,
             conflicts=tuple(state.conflicts),
-            fits=not state.conflicts and state.rig_error == 0 and state.inflation <= _NOISE_IN_DOUBT,
+            parts=tuple(state.parts),
+            fits=not (state.conflicts or state.parts or state.rig_error)
+            and (state.trifle or state.inflation <= _NOISE_IN_DOUBT),
         ),
+    )
+
+
+@dataclass(frozen=True)
+class _Diagnosis:
+    """What chance cannot explain, and what would."""
+
+    left: Residuals
+    rig_chi2: float
+    rig_dof: float
+    tyre_chi2: float
+    tyre_dof: float
+    drawn: FloatArray
+    named: list[Candidate]
+    size: FloatArray
+    effect: float
+
+    @property
+    def rig_bad(self) -> bool:
+        return is_unlikely(self.rig_chi2, self.rig_dof)
+
+    @property
+    def tyre_bad(self) -> bool:
+        return is_unlikely(self.tyre_chi2, self.tyre_dof)
+
+    @property
+    def excess(self) -> float:
+        return self.rig_chi2 - self.rig_dof + self.tyre_chi2 - self.tyre_dof
+
+    @property
+    def pull(self) -> float:
+        """Of the statement drawn furthest away."""
+        return float(self.drawn.max(initial=0.0))
+
+    @property
+    def explained(self) -> float:
+        """By the best unstated part."""
+        return self.named[0].explains if self.named else 0.0
+
+    @property
+    def rest(self) -> float:
+        """Chi-square per degree of freedom that the statement drawn furthest away does not explain; at least 1."""
+        dof = max(self.rig_dof + self.tyre_dof - 1, 1.0)
+        return max((self.rig_chi2 + self.tyre_chi2 - self.pull**2) / dof, 1.0)
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether a statement is drawn too far, and nothing unstated would explain much more."""
+        best = max(self.explained, self.pull**2)
+        return self.pull > _CONFLICT * np.sqrt(self.rest) and self.pull**2 >= _AS_GOOD * best
+
+    @property
+    def scattered(self) -> bool:
+        """Whether the tyre differs between tests of one condition, and no gain or part explains it."""
+        best = max(self.explained, self.pull**2)
+        more_tyre = self.tyre_chi2 - self.tyre_dof > self.rig_chi2 - self.rig_dof
+        return self.tyre_bad and best < 0.5 * self.excess and more_tyre
+
+    @property
+    def part_missing(self) -> bool:
+        """Whether one unstated part of the rig explains a good share of a misfit, or is plain by itself."""
+        if not self.named or not self.named[0].of_rig or self.effect < _TRIFLE:
+            return False
+        plain = self.explained > _PLAIN**2 * max(self.rest, 1.0)
+        return plain or (self.rig_bad and self.explained > _WORTH_NAMING * (self.rig_chi2 - self.rig_dof))
+
+    @property
+    def level(self) -> float:
+        """Relative random error of Zr that would make the misfit of the rig what chance would."""
+        if not self.rig_bad:
+            return 0.0
+        return _level(self.left.rig_part, self.left.rig_weight, self.rig_dof, self.size)
+
+
+def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
+    problem, solution = state.problem, state.solution
+    named = candidates(problem, solution)
+    size = largest_part(problem, solution)
+    effect = 0.0
+    if named and named[0].of_rig:
+        speed = np.abs(problem.observed.amplitudes[:, 2])
+        shape = part_shapes(problem.observed.omega, problem.shared.rig_at(solution.z), speed)[named[0].part]
+        effect = float(np.max(np.abs(named[0].size * shape) / size))
+    return _Diagnosis(
+        left=left,
+        rig_chi2=float(left.rig.sum() + solution.z @ solution.z),
+        rig_dof=float(left.rig_dof.sum()),
+        tyre_chi2=float(left.tyre.sum()),
+        tyre_dof=2.0 * float((problem.conditions.sizes - 1).sum()),
+        drawn=_drawn(state),
+        named=named,
+        size=size,
+        effect=effect,
     )
 
 
 def _mend(state: _State, left: Residuals) -> bool:
     """One remedy for the worst of what chance cannot explain; False where there is nothing more to do."""
+    found = _diagnosed(state, left)
+    state.misfit = state.misfit or Misfit(found.rig_chi2, found.rig_dof)
     problem, solution = state.problem, state.solution
-    rig_chi2, rig_dof = float(left.rig.sum() + solution.z @ solution.z), float(left.rig_dof.sum())
-    tyre_chi2 = float(left.tyre.sum())
-    state.misfit = state.misfit or Misfit(rig_chi2, rig_dof)
-    rig_bad, tyre_bad = is_unlikely(rig_chi2, rig_dof), is_unlikely(tyre_chi2, state.tyre_dof)
-    worst, pull = _worst_pull(state)
-    if not (rig_bad or tyre_bad or (pull > _CONFLICT and state.rig_error == 0)):
-        return False
-    named = candidates(problem, solution)
-    best = max(named[0].explains if named else 0.0, pull**2)
-    excess = rig_chi2 - rig_dof + tyre_chi2 - state.tyre_dof
-    rest = max((rig_chi2 + tyre_chi2 - pull**2) / max(rig_dof + state.tyre_dof - 1, 1.0), 1.0)
-    if state.rig_error == 0 and pull > _CONFLICT * np.sqrt(rest) and pull**2 >= _AS_GOOD * best:
-        _name(state, named)
-        state.conflicts.append(worst)
-        problem, z = _set_aside(state, worst, pull)
-        state.solution = replace(solution, z=z)
-        state.solve(problem)
-    elif tyre_bad and best < 0.5 * excess and tyre_chi2 - state.tyre_dof > rig_chi2 - rig_dof:
-        level = _level(left.tyre_part, left.tyre_weight, state.tyre_dof, np.ones(left.tyre.size))
-        state.scatter = float(np.hypot(state.scatter, level))
-        state.solve(problem.widened(problem.columns("by_stiffness", solution.z, solution.stiffness) * level))
-    elif rig_bad and state.rig_error < 1 and _rig_is_to_blame(state, named, rig_chi2 - rig_dof):
-        _name(state, named)
-        size = largest_part(problem, solution)
-        level = _level(left.rig_part, left.rig_weight, rig_dof, size)
-        state.rig_error = float(np.hypot(state.rig_error, level))
+    if state.rig_error == 0 and found.contradicted:
+        _name(state, found.named)
+        blamed = np.flatnonzero(found.drawn >= _AS_FAR * found.pull).tolist()
+        state.conflicts += blamed
+        if found.pull > _IMPOSSIBLE:
+            for at in blamed:
+                _set_aside(state, at, found.pull)
+            state.solve(state.problem)
+        else:
+            state.doubtful += blamed
+    elif found.scattered:
+        scatter = _level(left.tyre_part, left.tyre_weight, found.tyre_dof, np.ones(left.tyre.size))
+        state.scatter = float(np.hypot(state.scatter, scatter))
+        state.solve(problem.widened(problem.columns("by_stiffness", solution.z, solution.stiffness) * scatter))
+    elif found.part_missing and found.named[0].part not in state.parts:
+        _name(state, found.named)
+        _grant(state, found.named[0])
+    elif found.rig_bad and state.parts and found.level > _TRIFLE and state.rig_error < 1:
+        state.rig_error = float(np.hypot(state.rig_error, found.level))
         columns = problem.columns("by_impedance", solution.z, solution.stiffness)
-        state.solve(problem.widened(columns * (level * size)[:, None, None]))
-    elif rig_bad or tyre_bad:
-        if named and named[0].explains > _WORTH_NAMING * excess:
-            _name(state, named)
-        ratio = np.sqrt((rig_chi2 + tyre_chi2) / (rig_dof + state.tyre_dof))
+        state.solve(problem.widened(columns * (found.level * found.size)[:, None, None]))
+    elif found.rig_bad or found.tyre_bad:
+        if found.level > _TRIFLE and found.explained > _WORTH_NAMING * found.excess:
+            _name(state, found.named)
+        state.trifle = state.trifle and found.level <= _TRIFLE
+        ratio = np.sqrt((found.rig_chi2 + found.tyre_chi2) / (found.rig_dof + found.tyre_dof))
         state.inflation *= float(ratio)
         state.solve(problem.rewhitened(problem.observed.whiten / ratio))
     else:
         return False
     return True
-
-
-def _rig_is_to_blame(state: _State, named: list[Candidate], excess: float) -> bool:
-    """Whether a part of the rig explains a good share of the misfit; else it is as good as noise."""
-    if state.rig_error > 0:
-        return True
-    return bool(named) and named[0].of_rig and named[0].explains > _WORTH_NAMING * excess
 
 
 def _name(state: _State, named: list[Candidate]) -> None:
@@ -191,24 +291,33 @@ def _outliers(problem: Problem, left: Residuals) -> BoolArray:
     return strange & (whole >= worst[label])
 
 
-def _worst_pull(state: _State) -> tuple[int, float]:
-    """The shared value drawn furthest from its statement, but for those set aside already."""
+def _drawn(state: _State) -> FloatArray:
+    """How far each statement is drawn away, but for those set aside and for what nobody stated."""
     pull = np.abs(np.nan_to_num(pulls(state.solution)))
     pull[state.conflicts] = 0.0
-    if not pull.size:
-        return -1, 0.0
-    worst = int(np.argmax(pull))
-    return worst, float(pull[worst])
+    pull[[at for at, quantity in enumerate(state.problem.shared.quantities) if quantity.kind == "extra"]] = 0.0
+    return pull
 
 
-def _set_aside(state: _State, at: int, pull: float) -> tuple[Problem, FloatArray]:
-    """The problem with a statement so wide that it hardly pulls any more, and z counted in the new uncertainty."""
-    problem, z = state.problem, state.solution.z.copy()
+def _set_aside(state: _State, at: int, pull: float) -> None:
+    """Make a statement so wide that it hardly pulls any more, and count z in the new uncertainty."""
+    shared, z = state.problem.shared, state.solution.z.copy()
     wider = 10.0 * max(pull, 1.0)
-    listed = list(problem.shared.quantities)
+    listed = list(shared.quantities)
     listed[at] = replace(listed[at], std=listed[at].std * wider)
     z[at] /= wider
-    return replace(problem, shared=replace(problem.shared, quantities=tuple(listed))), z
+    state.problem = replace(state.problem, shared=replace(shared, quantities=tuple(listed)))
+    state.solution = replace(state.solution, z=z)
+
+
+def _grant(state: _State, candidate: Candidate) -> None:
+    """Let the rig have a part that nobody stated, as large as the tests want it, and as uncertain."""
+    shared = state.problem.shared
+    size = abs(candidate.size)
+    part = Quantity(f"unstated {candidate.part}", PARTS[candidate.part], "extra", len(state.parts), 0.0, size)
+    state.parts.append(candidate.part)
+    state.solution = replace(state.solution, z=np.append(state.solution.z, 1.0))
+    state.solve(replace(state.problem, shared=replace(shared, quantities=(*shared.quantities, part))))
 
 
 def largest_part(problem: Problem, solution: Solution) -> FloatArray:

@@ -25,8 +25,8 @@ class Quantity:
         As in rig.csv: moving_mass, gain F1, phase V2, added mass 10 kg.
     unit : str
         SI.
-    kind : {"rig", "gain", "phase", "mass"}
-        What it is.
+    kind : {"rig", "gain", "phase", "mass", "extra"}
+        What it is; extra is an unstated part that the tests want.
     index : int
         Of the rig's values, of the channel, or of the distinct masses.
     stated, std : float
@@ -103,6 +103,11 @@ class Shared:
     def masses_at(self, z: FloatArray) -> FloatArray:
         """The distinct masses [kg]."""
         return self.masses + self._offsets(z, "mass", self.masses.size)
+
+    def extra_at(self, z: FloatArray) -> dict[str, float]:
+        """Sizes of the unstated parts, by name."""
+        sizes = zip(z * self.std, self.quantities, strict=True)
+        return {quantity.name.removeprefix("unstated "): float(v) for v, quantity in sizes if quantity.kind == "extra"}
 
     def found(self, z: FloatArray) -> FloatArray:
         """Values at z, each in its unit."""

@@ -12,7 +12,7 @@ from fourpole.core.joint.conditions import Conditions
 from fourpole.core.joint.model import Linear, Observed, inverse_upper, linearise, upper_factor
 from fourpole.core.joint.shared import Shared
 
-__all__ = ["Problem", "Solution", "solve"]
+__all__ = ["Problem", "Solution", "solve", "spread", "without_stiffness"]
 
 #: Tests worked on at once: what fits into the processor's cache many times over, so that memory stays bounded.
 _CHUNK = 4096
@@ -202,6 +202,12 @@ def _moved(stiffness: ComplexArray, dlog_k: FloatArray) -> ComplexArray:
     """K* changed by so much of its logarithm, but by no more than 1."""
     change = dlog_k[:, 0] + 1j * dlog_k[:, 1]
     return np.asarray(stiffness * np.exp(change / np.maximum(1.0, np.abs(change))))
+
+
+def spread(problem: Problem, solution: Solution) -> Solution:
+    """The same values with the uncertainties that another problem gives them."""
+    step = _sweep(problem, solution.z, solution.stiffness)
+    return replace(solution, covariance=step.covariance, own=step.own, slope=step.slope)
 
 
 def _sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> _Step:

@@ -303,7 +303,7 @@ def arm_by_k1(tests: PlannedTests) -> FloatArray:
     Examples
     --------
     >>> arm_by_k1(PlannedTests.of(10.0, 110e3, 100e3, 800.0)).round(3)
-    array([[-2.958,  0.016]])
+    array([[ 2.958, -0.016]])
     """
     # differences: the closed form is smooth, and its error here far below the use
     step = 1e-5 * np.abs(tests.stiffness - tests.k1)

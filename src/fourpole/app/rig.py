@@ -1,0 +1,137 @@
+"""The command on what the joint route learned: rig, sensors, and what limits the results."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from fourpole.app.console import out, print_json
+from fourpole.campaign.results import Results, read_results
+from fourpole.errors import CampaignError
+from fourpole.report.stated import mapping
+from fourpole.report.words.learned import Learned, learned
+from fourpole.report.words.limits import limit_rows, limits
+from fourpole.report.words.shared import GROUPS, Value
+
+__all__ = ["run_rig"]
+
+#: Columns of the table where nothing says how wide the reader's page is.
+_WIDE = 150
+
+
+def run_rig(folder: Path, *, as_json: bool) -> None:
+    """Show each shared value as stated and as found, the fit, what stays unseen, and what limits K2 and C."""
+    results = read_results(folder)
+    found = learned(results)
+    if not found:
+        route = str(mapping(results.record, "settings").get("route") or "another")
+        raise CampaignError(
+            f"{folder}: holds no rig.csv, for it was made by the {route} route, and only the joint route finds the "
+            "rig's values and the channels' gains: run fourpole analyse CAMPAIGN --route joint, with V1 and V2 measured"
+        )
+    if as_json:
+        print_json(_document(results, found))
+        return
+    console = _console()
+    for at, about in enumerate(found):
+        if at:
+            out()
+        _show(console, about)
+    lines = [f"{f'rig {_plain(limit.rig)}: ' if limit.rig else ''}{limit.text}" for limit in limits(results)]
+    _listed("What limits me", lines)
+
+
+def _console() -> Console:
+    terminal = sys.stdout.isatty()
+    return Console(width=None if terminal else _WIDE, highlight=False, markup=False, emoji=False)
+
+
+def _show(console: Console, about: Learned) -> None:
+    """One rig."""
+    if about.rig:
+        out(f"Rig {_plain(about.rig)}")
+    if about.values:
+        console.print(_table(about.values))
+    out(_plain(about.fit))
+    out(about.summary)
+    if about.gain:
+        out(about.gain)
+    _listed("It does not fit", about.misfit)
+    _listed("What one added part would explain, the best first", about.candidates)
+    strange = [f"{item.test} (variance enlarged {item.factor:.2g} times)" for item in about.outliers]
+    _listed("Tests that do not go with the others", strange)
+    _listed("To note", about.remarks)
+    _listed("What these data cannot show", about.unseen)
+
+
+def _listed(heading: str, lines: Iterable[str]) -> None:
+    for at, line in enumerate(lines):
+        if at == 0:
+            out(f"{heading}:")
+        out(f"  - {_plain(line)}")
+
+
+def _table(values: Iterable[Value]) -> Table:
+    """Values by group; texts of files stand in it as they are, without markup."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    table.add_column("value of", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    for name in ("as stated", "as found", "u after/before", "pull", "error shows from"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("finding")
+    group = ""
+    for value in values:
+        if value.group != group:
+            group = value.group
+            table.add_row(Text(GROUPS[group], style="dim"))
+        cells = [
+            value.name,
+            value.unit,
+            _pair(*value.stated_words),
+            _pair(*value.found_words),
+            value.ratio_words,
+            value.pull_words,
+            value.seen_words,
+        ]
+        table.add_row(*(Text(_plain(cell)) for cell in cells), Text(_plain(value.sentence), style=_style(value)))
+    return table
+
+
+def _pair(value: str, std: str) -> str:
+    return f"{value} ± {std}" if std else value
+
+
+def _style(value: Value) -> str:
+    return {"found": "green", "contradicted": "bold red", "not calibrated": "yellow"}.get(value.finding, "")
+
+
+def _plain(text: str) -> str:
+    """Text of a file without what would steer a terminal."""
+    return "".join(sign if sign.isprintable() else " " for sign in text)
+
+
+def _document(results: Results, found: list[Learned]) -> dict[str, Any]:
+    """The same for programs, values in SI."""
+    rows = results.rig.to_dicts() if "rig" in results.rig.columns else []
+    return {
+        "rigs": [
+            {
+                **mapping(results.record, "joint", about.rig),
+                "rig": about.rig,
+                "fits": about.fits,
+                "values": [row for row in rows if str(row["rig"] or "") == about.rig],
+                "outliers": [{"test": item.test, "factor": item.factor} for item in about.outliers],
+                "misfit": list(about.misfit),
+                "unseen": list(about.unseen),
+            }
+            for about in found
+        ],
+        "limits": limit_rows(limits(results)),
+    }

@@ -1,0 +1,208 @@
+"""What the uncertainty is made of: shares of the variance by source, over frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from fourpole.campaign.results import Results
+from fourpole.core.arrays import FloatArray
+from fourpole.plot.layout import Grid, Key, Notes
+from fourpole.plot.panels import tyre_heading
+from fourpole.plot.rig import value_label
+from fourpole.plot.sheet import Sheet, read_sheet
+from fourpole.plot.style import Style
+
+__all__ = ["budget", "source_colour"]
+
+_QUANTITIES = {"K2": "K2", "C": "C", "Re K*": "K'", "Im K*": "K''"}
+_MOST_SOURCES = 6
+_MOST_TYRES = 3
+#: More frequencies than these are taken together.
+_MOST_CELLS = 24
+OTHER = "other"
+#: A source that nowhere has this share is not named.
+_LEAST = 0.005
+#: Colours of sources: families have a hue, and their members are darker and lighter.
+_COLOURS = {
+    "sensor noise": "#56b4e9",
+    "frequency": "#4d4d4d",
+    "gain F1": "#e69f00",
+    "gain V1": "#f3cf80",
+    "gain V2": "#966700",
+    "phase F1": "#f0e442",
+    "phase V1": "#f8f2a1",
+    "phase V2": "#9c942b",
+    "moving_mass": "#009e73",
+    "preload_stiffness": "#66c5ab",
+    "preload_damping": "#005a42",
+    "preload_loss_factor": "#a8dccd",
+    "tyre_mass": "#117733",
+    "frame_stiffness": "#44aa99",
+    "input_mass": "#999933",
+    "K1 branch gap": "#0072b2",
+    "K1 fit": "#003f63",
+    "K1 cycles": "#6a51a3",
+    "K1 gains": "#b3aed6",
+    "K1 stated": "#332288",
+    "added mass": "#cc79a7",
+    "rig misfit": "#d55e00",
+}
+
+
+@dataclass(frozen=True)
+class _Shares:
+    """Median shares (frequencies, sources) of one quantity and tyre; rows add up to 1."""
+
+    frequency: FloatArray
+    share: FloatArray
+
+
+def source_colour(source: str, style: Style) -> str:
+    """The colour of a source, the same in every figure.
+
+    Examples
+    --------
+    >>> source_colour("sensor noise", Style()), source_colour("no such source", Style())
+    ('#56b4e9', '#e3e6e9')
+    """
+    for name, colour in _COLOURS.items():
+        if source == name or source.startswith(f"{name} "):
+            return colour
+    return style.look.grid
+
+
+def budget(results: Results, style: Style) -> Figure | None:
+    """Stacked shares of the variance of K2, C and K* over frequency, a row per quantity, a column per tyre."""
+    if "share [1]" not in results.budget.columns or "test" not in results.dynamic.columns:
+        return None
+    sheet = read_sheet(results)
+    rows = _rows(results.budget, sheet)
+    if rows.is_empty():
+        return None
+    notes, key = Notes(), Key()
+    tyres = sorted(rows["tyre"].unique().to_list())
+    columns = tyres if len(tyres) <= _MOST_TYRES else [-1]
+    if columns == [-1]:
+        notes.say(f"medians over the tests of all {len(tyres)} tyres")
+    else:
+        notes.say("medians over the tests of a tyre at each frequency")
+    quantities = [name for name in _QUANTITIES if name in set(rows["quantity"].to_list())]
+    sources = rows.group_by("source").agg(pl.col("share").sum()).sort("share", "source", descending=[True, False])
+    some = set(rows.filter(pl.col("share") >= _LEAST)["source"].to_list())
+    named = [name for name in sources["source"].to_list() if name in some][:_MOST_SOURCES]
+    cells, count = _cells(sheet)
+    if count < len(sheet.frequencies):
+        notes.say(f"{len(sheet.frequencies)} frequencies taken together in {count} groups")
+    rows = rows.with_columns(pl.col("frequency").replace_strict(dict(enumerate(cells)), default=-1).alias("cell"))
+    grid = Grid.of(len(quantities) * len(columns), len(columns), panel_height=1.25, style=style)
+    for at, ax in enumerate(grid.panels):
+        row, column = divmod(at, len(columns))
+        part = rows.filter(pl.col("quantity") == quantities[row])
+        part = part if columns[column] < 0 else part.filter(pl.col("tyre") == columns[column])
+        _panel(ax, _shares(part, named), [*named, OTHER], style)
+        if row == 0:
+            _heading(ax, sheet, columns[column], style, len(columns))
+    _one_abscissa(grid.panels, style)
+    for source in [*named, *([OTHER] if len(some) > len(named) else [])]:
+        key.add(Patch(facecolor=source_colour(source, style), edgecolor=style.look.muted, linewidth=0.4),
+                value_label(source))  # fmt: skip
+    labels = [f"share of {_QUANTITIES[name]} [%]" for name in quantities]
+    return grid.finish(key=key, notes=notes, x_label="frequency [Hz]", y_labels=labels, headings="top")
+
+
+def _rows(table: pl.DataFrame, sheet: Sheet) -> pl.DataFrame:
+    """Test, quantity, source and share with tyre and frequency group; rejected tests are left out."""
+    tests = pl.DataFrame(
+        {
+            "test": sheet.table["test"],
+            "tyre": sheet.tyre,
+            "frequency": sheet.frequency,
+            "hertz": sheet.values("frequency [Hz]"),
+            "rejected": sheet.rejected,
+        }
+    ).unique("test", maintain_order=True)
+    kept = tests.filter(~pl.col("rejected") & (pl.col("frequency") >= 0)).drop("rejected")
+    share = pl.col("share [1]").cast(pl.Float64, strict=False).fill_nan(None).clip(lower_bound=0.0).alias("share")
+    return (
+        table.select("test", "quantity", "source", share)
+        .drop_nulls()
+        .filter(pl.col("quantity").is_in(list(_QUANTITIES)))
+        .join(kept, on="test", how="inner")
+    )
+
+
+def _cells(sheet: Sheet) -> tuple[list[int], int]:
+    """Which of at most so many cells each frequency group belongs to."""
+    count = len(sheet.frequencies)
+    if count <= _MOST_CELLS:
+        return list(range(count)), count
+    return [at * _MOST_CELLS // count for at in range(count)], _MOST_CELLS
+
+
+def _shares(rows: pl.DataFrame, named: list[str]) -> _Shares:
+    """Medians over tests at each cell, what is not named together, made to add up to 1."""
+    frequency, shares = [], []
+    for _, part in rows.sort("cell").group_by("cell", maintain_order=True):
+        tests = {name: at for at, name in enumerate(part["test"].unique(maintain_order=True).to_list())}
+        table = np.zeros((len(tests), len(named) + 1))
+        columns = [named.index(source) if source in named else len(named) for source in part["source"].to_list()]
+        lines = [tests[name] for name in part["test"].to_list()]
+        np.add.at(table, (lines, columns), part["share"].to_numpy())
+        middle = np.median(table, axis=0)
+        if middle.sum() <= 0:
+            middle = table.mean(axis=0)
+        frequency.append(float(np.median(part["hertz"].to_numpy())))
+        shares.append(middle / max(float(middle.sum()), 1e-300))
+    return _Shares(np.array(frequency), np.array(shares).reshape(len(frequency), len(named) + 1))
+
+
+def _panel(ax: Axes, found: _Shares, sources: list[str], style: Style) -> None:
+    ax.set_ylim(0.0, 103.0)  # the line of the tyre's colour lies on top
+    ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2.5, 5, 10]))
+    ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+    ax.set_axisbelow(False)
+    ax.grid(visible=False)
+    if not found.frequency.size:
+        ax.text(0.5, 0.5, "no value", transform=ax.transAxes, ha="center", va="center", color=style.look.muted)
+        return
+    edges = _edges(found.frequency)
+    x = np.repeat(edges, 2)[1:-1]
+    tops = np.zeros((found.frequency.size, len(sources) + 1))
+    tops[:, 1:] = 100 * np.cumsum(found.share, axis=1)
+    for at, source in enumerate(sources):
+        if np.any(found.share[:, at] > 1e-6):
+            low, high = np.repeat(tops[:, at], 2), np.repeat(tops[:, at + 1], 2)
+            ax.fill_between(x, low, high, facecolor=source_colour(source, style), edgecolor=style.look.paper,
+                            linewidth=0.5, label=f"_{source}")  # fmt: skip
+    ax.set_xlim(edges[0], edges[-1])
+
+
+def _one_abscissa(panels: list[Axes], style: Style) -> None:
+    """The same limits for all panels that show something."""
+    limits = [ax.get_xlim() for ax in panels if ax.collections]
+    if limits:
+        low, high = min(low for low, _ in limits), max(high for _, high in limits)
+        for ax in panels:
+            ax.set_xlim(style.xlim or (low, high))
+
+
+def _edges(frequency: FloatArray) -> FloatArray:
+    """Midway between neighbours; the outer cells are as wide as their neighbours."""
+    if frequency.size == 1:
+        return np.array([0.97 * frequency[0], 1.03 * frequency[0]])
+    middle = 0.5 * (frequency[1:] + frequency[:-1])
+    return np.concatenate([[2 * frequency[0] - middle[0]], middle, [2 * frequency[-1] - middle[-1]]])
+
+
+def _heading(ax: Axes, sheet: Sheet, tyre: int, style: Style, columns: int) -> None:
+    if tyre < 0:
+        ax.set_title("all tyres", loc="left", pad=4.5)
+    else:
+        tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, columns=columns)

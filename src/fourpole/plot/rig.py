@@ -1,0 +1,392 @@
+"""The rig and the sensors: what the rig leaves unexplained, what was learned of it, what an added mass gained."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from fourpole.campaign.results import Results
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.plot.layout import WIDTH, Grid, Key, Notes
+from fourpole.plot.panels import Extent, Marks, curve, limit, means, rejected_tests, span
+from fourpole.plot.sheet import Sheet, floats, grouped, read_sheet
+from fourpole.plot.stiffness import rig_stated
+from fourpole.plot.style import Marker, Style, plain_text
+
+__all__ = ["found", "mass_gain", "residual", "value_label"]
+
+_MOST_RIGS = 4
+_MASS_MARKERS: tuple[Marker, ...] = ("o", "^", "s", "D", "v", "P")
+#: What a value was found to be: mark, filled, colour of the palette (grey where it is None).
+_FINDINGS: dict[str, tuple[Marker, bool, str | None]] = {
+    "found": ("o", True, "#0072B2"),
+    "not determined": ("o", False, None),
+    "contradicted": ("D", True, "#D55E00"),
+    "not calibrated": ("s", False, "#E69F00"),
+}
+_FINDING_LABELS = {
+    "found": "found",
+    "not determined": "not determined: as stated",
+    "contradicted": "contradicts the statement",
+    "not calibrated": "not calibrated: the rig does not fit",
+}
+_NAMES = {
+    "moving_mass": "moving mass m",
+    "preload_stiffness": "preload spring K3",
+    "preload_damping": "damper c3",
+    "preload_loss_factor": "loss factor of K3",
+    "tyre_mass": "tyre mass",
+    "frame_stiffness": "frame stiffness",
+    "input_mass": "input mass",
+}
+_GROUPS = ("rig", "channels", "ratios that K* needs", "added masses")
+#: Further than this from what is stated, in its uncertainty, a value is shown at the edge with its distance.
+_EDGE = 6.0
+_ROW = 0.17
+_MISFIT = "#D55E00"
+
+
+def value_label(name: str) -> str:
+    """A shared value, or a source of uncertainty, as figures name it.
+
+    Examples
+    --------
+    >>> value_label("moving_mass"), value_label("gain F1/V1")
+    ('moving mass m', 'gain F1/V1')
+    """
+    return _NAMES.get(name, plain_text(name.replace("_", " "), 28))
+
+
+@dataclass(frozen=True)
+class _Tests:
+    """residuals.csv with the tyre of each test."""
+
+    rigs: tuple[str, ...]
+    rig: np.ndarray
+    tyre: np.ndarray
+    mass: np.ndarray
+    masses: tuple[str, ...]
+    frequency: FloatArray
+    parts: tuple[FloatArray, FloatArray]
+    stds: tuple[FloatArray, FloatArray]
+    outlier: BoolArray
+    as_stated: tuple[FloatArray, FloatArray]
+
+
+def residual(results: Results, style: Style) -> Figure | None:
+    """F1/V2 - Zr against frequency, real and imaginary part, a row per rig, a marker per added mass."""
+    if "Re residual [N s/m]" not in results.residuals.columns:
+        return None
+    sheet = read_sheet(results)
+    tests = _tests(results, sheet)
+    known = np.isfinite(tests.parts[0]) & np.isfinite(tests.frequency)
+    if not known.any():
+        return None
+    notes, key = Notes(), Key()
+    rigs = [at for at in range(len(tests.rigs)) if np.any(known & (tests.rig == at))]
+    notes.chosen(min(len(rigs), _MOST_RIGS), len(rigs), "rigs are")
+    rigs = rigs[:_MOST_RIGS]
+    grid = Grid.of(2 * len(rigs), 2, panel_height=2.6 if len(rigs) == 1 else 1.9, style=style)
+    for row, at in enumerate(rigs):
+        here = known & (tests.rig == at)
+        fits = _of_rig(results, tests.rigs[at]).get("fits") is not False
+        for column in (0, 1):
+            ax = grid.panels[2 * row + column]
+            _residual_panel(ax, tests, column, here, style, notes, fits=fits)
+        _residual_heading(grid.panels[2 * row], results, tests.rigs[at], style)
+        if not fits:
+            which = f" of {plain_text(tests.rigs[at])}" if tests.rigs[at] else ""
+            notes.say(f"the rig{which} as stated does not fit: its line should be at zero")
+    _residual_key(key, tests, sheet, known, style)
+    if any("does not fit" in note for note in notes.lines):
+        key.add(Line2D([], [], color=_MISFIT, linewidth=2.0), "mean with rig and sensors as stated")
+    lacking = int(np.sum(~known))
+    if lacking:
+        notes.say(f"{lacking} {'test has' if lacking == 1 else 'tests have'} no F1 or no V2")
+    figure = grid.finish(key=key, notes=notes, x_label="frequency [Hz]", y_labels=[""], share_y=False)
+    for at, ax in enumerate(grid.panels):
+        ax.set_ylabel(f"{('Re', 'Im')[at % 2]} (F1/V2 − Zr) [N s/m]")
+    return figure
+
+
+def _tests(results: Results, sheet: Sheet) -> _Tests:
+    rows = results.residuals
+    names = [str(name or "") for name in rows["rig"].to_list()]
+    rigs = tuple(dict.fromkeys(names))
+    tyre_of = dict(zip(sheet.table["test"].to_list() if "test" in sheet.table.columns else [], sheet.tyre, strict=True))
+    masses, mass = grouped(np.nan_to_num(floats(rows, "added mass [kg]")), 1e-3, lambda value, n: f"{value:.{n}g} kg")
+    return _Tests(
+        rigs=rigs,
+        rig=np.array([rigs.index(name) for name in names], dtype=np.int64),
+        tyre=np.array([tyre_of.get(test, -1) for test in rows["test"].to_list()], dtype=np.int64),
+        mass=mass,
+        masses=masses.labels,
+        frequency=floats(rows, "frequency [Hz]"),
+        parts=(floats(rows, "Re residual [N s/m]"), floats(rows, "Im residual [N s/m]")),
+        stds=(floats(rows, "u(Re) [N s/m]"), floats(rows, "u(Im) [N s/m]")),
+        outlier=floats(rows, "outlier [1]") > 1,
+        as_stated=_as_stated(results, sheet),
+    )
+
+
+def _as_stated(results: Results, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
+    """F1/V2 - Zr of each row of residuals.csv with rig and sensors as stated; not-a-number where they are unknown."""
+    stated = (results.record.get("stated") or {}).get("rigs") or {}
+    omega = 2 * np.pi * sheet.values("frequency [Hz]")
+    v1 = sheet.values("V1 [m/s]").astype(complex)
+    f1 = sheet.values("F1 [N]") * np.exp(1j * sheet.values("phase F1-V1 [rad]"))
+    v2 = sheet.values("V2 [m/s]") * np.exp(1j * sheet.values("phase V2-V1 [rad]"))
+    added = np.nan_to_num(sheet.values("added mass [kg]"))
+    left = np.full(omega.size, np.nan, dtype=complex)
+    names = np.array([name or "" for name in sheet.table["rig"].to_list()], dtype=object)
+    for name in set(names.tolist()):
+        rig = rig_stated(stated[name]) if isinstance(stated.get(name), dict) else None
+        at = names == name
+        if rig is not None and not rig.blocked:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                measured = (f1[at] - 1j * omega[at] * rig.input_mass * v1[at]) / v2[at]
+                left[at] = measured - rig.impedance(omega[at], added[at])
+    of_test = dict(zip(sheet.table["test"].to_list(), left.tolist(), strict=True))
+    found = np.array([of_test.get(test, np.nan) for test in results.residuals["test"].to_list()], dtype=complex)
+    return found.real, found.imag
+
+
+def _of_rig(results: Results, rig: str) -> Mapping[str, Any]:
+    """What study.json says of a rig after the joint route; empty where it says nothing."""
+    joint = results.record.get("joint")
+    found = joint.get(rig) if isinstance(joint, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def _residual_panel(
+    ax: Axes, tests: _Tests, column: int, here: BoolArray, style: Style, notes: Notes, *, fits: bool
+) -> None:
+    x, y, std = tests.frequency, tests.parts[column], tests.stds[column]
+    good = here & ~tests.outlier
+    ax.axhline(0.0, color=style.look.ink, linewidth=0.8, zorder=1.0)
+    for tyre in np.unique(tests.tyre[good]):
+        for mass in np.unique(tests.mass[good & (tests.tyre == tyre)]):
+            mask = good & (tests.tyre == tyre) & (tests.mass == mass)
+            curve(ax, x[mask], y[mask], marks=_marks(style, int(tyre), int(mass)), std=std[mask])
+    rejected_tests(ax, x[here & tests.outlier], y[here & tests.outlier], style=style)
+    extent = Extent()
+    shown = good if np.any(good) else here
+    extent.add(np.append(y[shown], 0.0), np.append(std[shown], 0.0))
+    hold = Extent()  # whether zero is within the bars is the question, so the axes hold them
+    reach = np.minimum(np.nan_to_num(std[shown]), 5 * np.nanmedian(np.append(std[shown], 0.0)))
+    hold.add(np.concatenate([y[shown] - reach, y[shown] + reach, np.zeros(1)]))
+    if not fits:
+        line = _misfit_line(
+            ax, x[good], (tests.as_stated[column] if np.any(np.isfinite(tests.as_stated[column])) else y)[good]
+        )
+        hold.add(line)
+    limits = hold.limits()
+    limit(ax, span([x[here]]), limits, style=style)
+    beyond = int(np.sum(here & tests.outlier & ((y < min(limits)) | (y > max(limits)))))
+    if beyond:
+        part = ("real", "imaginary")[column]
+        notes.say(f"the {part} part of {beyond} {'outlier lies' if beyond == 1 else 'outliers lie'} beyond the axes")
+    notes.cut(extent, limits, style)
+
+
+def _misfit_line(ax: Axes, x: FloatArray, y: FloatArray) -> FloatArray:
+    """The mean over the tests at each frequency."""
+    _, groups = grouped(x, 0.02, lambda value, n: f"{value:.{n}g}")
+    line = means(x, y, groups.tolist())
+    ax.plot(*line, color=_MISFIT, linewidth=2.0, label="_misfit", zorder=4.0)
+    return line[1]
+
+
+def _marks(style: Style, tyre: int, mass: int) -> Marks:
+    colour = style.colour(tyre) if tyre >= 0 else style.look.muted
+    face = colour if mass == 0 else style.look.paper
+    return Marks(colour, _MASS_MARKERS[mass % len(_MASS_MARKERS)], face, joined=False)
+
+
+def _residual_heading(ax: Axes, results: Results, rig: str, style: Style) -> None:
+    """Name of the rig, and chi-square of what no tyre can explain, in warning colours where it does not fit."""
+    about = _of_rig(results, rig)
+    chi2, dof = about.get("chi2"), about.get("dof")
+    parts = [f"rig {plain_text(rig)}"] if rig else []
+    if isinstance(chi2, int | float) and isinstance(dof, int | float) and dof > 0:
+        parts.append(f"χ²/dof = {chi2 / dof:.3g} (as stated; {chi2:.4g} / {dof:.4g})")
+    fits = about.get("fits") is not False
+    if not fits:
+        parts.append("does not fit")
+    ax.set_title(", ".join(parts), loc="left", pad=4.5, color=style.look.ink if fits else _MISFIT)
+
+
+def _residual_key(key: Key, tests: _Tests, sheet: Sheet, known: BoolArray, style: Style) -> None:
+    key.tyres(sheet, [int(tyre) for tyre in np.unique(tests.tyre[known]) if tyre >= 0], style)
+    for mass in np.unique(tests.mass[known]):
+        handle = Line2D([], [], linestyle="none", marker=_MASS_MARKERS[mass % len(_MASS_MARKERS)])
+        handle.set_color(style.look.muted)
+        handle.set_markerfacecolor(style.look.muted if mass == 0 else style.look.paper)
+        key.add(handle, f"{tests.masses[mass]} added")
+    if np.any(known & tests.outlier):
+        key.rejected(style)
+        key.entries[-1] = (key.entries[-1][0], "test that does not go with the others")
+
+
+def found(results: Results, style: Style) -> Figure | None:
+    """Each shared value as stated and as found, in what is stated of its uncertainty; a panel per rig."""
+    if "rig" not in results.rig.columns or results.rig.is_empty():
+        return None
+    rigs = list(dict.fromkeys(str(name or "") for name in results.rig["rig"].to_list()))
+    notes, key = Notes(), Key()
+    notes.chosen(min(len(rigs), _MOST_RIGS), len(rigs), "rigs are")
+    tables = [_rows_of(results.rig, rig) for rig in rigs[:_MOST_RIGS]]
+    most = max(len(rows) + sum(group != before for group, before in _changes(rows)) for rows in tables)
+    grid = Grid.of(len(tables), 1, panel_height=_ROW * (most + 1), style=style)
+    seen: set[str] = set()
+    for ax, rig, rows in zip(grid.panels, rigs, tables, strict=False):
+        seen |= _found_panel(ax, rows, style)
+        if rig:
+            ax.set_title(f"rig {plain_text(rig)}", loc="left", pad=4.5)
+        ax.text(1.015, 1.0, "u found /\nu stated", transform=ax.transAxes, va="bottom", fontsize=7.0,
+                color=style.look.muted)  # fmt: skip
+    stated = Line2D([], [], color=style.look.grid, linewidth=5.0)
+    key.add(stated, "as stated, ± u")
+    for finding, (marker, filled, colour) in _FINDINGS.items():
+        if finding in seen:
+            handle = Line2D([], [], marker=marker, color=colour or style.look.muted)
+            handle.set_markerfacecolor((colour or style.look.muted) if filled else style.look.paper)
+            key.add(handle, _FINDING_LABELS[finding])
+    figure = grid.finish(
+        key=key, notes=notes, x_label="found less stated, in stated standard uncertainties [1]", y_labels=[""]
+    )
+    figure.subplots_adjust(left=1.7 / WIDTH, right=1 - 0.75 / WIDTH)
+    return figure
+
+
+def _group(name: str) -> int:
+    kind, _, of = name.partition(" ")
+    if kind in ("gain", "phase") and of:
+        return 2 if "/" in of or "-" in of else 1
+    return 3 if kind == "added" else 0
+
+
+def _rows_of(table: pl.DataFrame, rig: str) -> list[dict[str, Any]]:
+    rows = [row for row in table.rows(named=True) if str(row["rig"] or "") == rig]
+    return sorted(rows, key=lambda row: _group(str(row["value"])))
+
+
+def _changes(rows: list[dict[str, Any]]) -> list[tuple[int, int]]:
+    groups = [_group(str(row["value"])) for row in rows]
+    return list(zip(groups, [-1, *groups[:-1]], strict=True))
+
+
+def _found_panel(ax: Axes, rows: list[dict[str, Any]], style: Style) -> set[str]:
+    """Dots and whiskers from the top down under the names of their groups; the findings that occur."""
+    at, labels, reach = 0, [], 1.6
+    for row, (group, before) in zip(rows, _changes(rows), strict=True):
+        if group != before:
+            labels.append((at, _GROUPS[group], True))
+            at += 1
+        labels.append((at, value_label(str(row["value"])), False))
+        reach = max(reach, _dot(ax, at, row, style))
+        at += 1
+    ax.axvline(0.0, color=style.look.ink, linewidth=0.8, zorder=1.0)
+    ax.set_yticks([place for place, _, _ in labels], [text for _, text, _ in labels])
+    for tick, (_, _, heading) in zip(ax.get_yticklabels(), labels, strict=True):
+        tick.set_color(style.look.muted if heading else style.look.ink)
+        tick.set_fontsize(7.5)
+        tick.set_fontstyle("italic" if heading else "normal")
+    ax.tick_params(axis="y", length=0)
+    ax.grid(visible=False, axis="y")
+    ax.set_ylim(at - 0.4, -0.6)
+    edge = min(reach, _EDGE) * 1.06
+    ax.set_xlim(style.xlim or (-edge, edge))
+    ax.xaxis.set_major_locator(MaxNLocator(7, steps=[1, 2, 5, 10]))
+    return {str(row["finding"]) for row in rows} & set(_FINDINGS)
+
+
+def _dot(ax: Axes, at: int, row: dict[str, Any], style: Style) -> float:
+    """One value; how far it reaches."""
+    numbers = (row["stated"], row["found"], row["u(stated)"], row["u(found)"], row["posterior over prior [1]"])
+    stated, value, prior, std, ratio = (np.nan if x is None else float(x) for x in numbers)
+    if np.isfinite(ratio):
+        ax.text(1.015, at, f"{ratio:.2g}", transform=ax.get_yaxis_transform(), va="center", fontsize=7.0,
+                color=style.look.ink)  # fmt: skip
+    if not prior > 0:
+        return 0.0
+    ax.plot([-1, 1], [at, at], color=style.look.grid, linewidth=5.0, solid_capstyle="butt", label="_stated", zorder=1.5)
+    off, wide = (value - stated) / prior, std / prior
+    if not np.isfinite(off):
+        return 1.0
+    marker, filled, colour = _FINDINGS.get(str(row["finding"]), ("o", False, None))
+    colour = colour or style.look.muted
+    beyond = abs(off) > _EDGE
+    place = float(np.clip(off, -_EDGE, _EDGE))
+    if beyond:
+        text = f"{off:+.0f}".replace("-", "−")
+        ax.text(place - np.sign(off) * 0.25, at, text, va="center", ha="right" if off > 0 else "left", fontsize=7.0)
+        marker = ">" if off > 0 else "<"
+    elif np.isfinite(wide):
+        ax.plot([off - wide, off + wide], [at, at], color=colour, linewidth=1.3, label="_found", zorder=2.5)
+    ax.plot([place], [at], linestyle="none", marker=marker, markersize=5.0, color=colour, zorder=3.0, label="_value",
+            markerfacecolor=colour if filled else style.look.paper)  # fmt: skip
+    return abs(place) + (0.0 if beyond or not np.isfinite(wide) else min(wide, _EDGE))
+
+
+def mass_gain(results: Results, style: Style) -> Figure | None:
+    """Median relative uncertainty of K2 and C without and with the weighed mass, a panel per rig."""
+    joint = results.record.get("joint")
+    gains = {str(rig): _gains(results, str(rig)) for rig in joint} if isinstance(joint, dict) else {}
+    gains = {rig: pairs for rig, pairs in gains.items() if pairs}
+    if not gains:
+        return None
+    notes, key = Notes(), Key()
+    notes.chosen(min(len(gains), _MOST_RIGS), len(gains), "rigs are")
+    shown = list(gains.items())[:_MOST_RIGS]
+    most = max(len(pairs) for _, pairs in shown)
+    grid = Grid.of(len(shown), min(2, len(shown)), panel_height=0.25 + 0.5 * most, style=style)
+    looks = ((style.look.muted, "without the weighed mass"), (_FINDINGS["found"][2] or "", "with it"))
+    for ax, (rig, pairs) in zip(grid.panels, shown, strict=True):
+        _gain_panel(ax, pairs, [colour for colour, _ in looks], len(shown))
+        if rig:
+            ax.set_title(f"rig {plain_text(rig)}", loc="left", pad=4.5)
+    for colour, text in looks:
+        key.add(Line2D([], [], color=colour, linewidth=5.0), text)
+    label = "median standard uncertainty of the tests without the mass [%]"
+    return grid.finish(key=key, notes=notes, x_label=label, y_labels=[""], share_x=False, share_y=False)
+
+
+def _gains(results: Results, rig: str) -> dict[str, tuple[float, float]]:
+    """Shares without and with, by quantity."""
+    found = _of_rig(results, rig).get("gain_of_masses")
+    sides = [found.get(name) for name in ("without", "with")] if isinstance(found, dict) else []
+    if len(sides) < 2 or not all(isinstance(side, dict) for side in sides):
+        return {}
+    before, after = sides
+    pairs = {}
+    for name, first in (before or {}).items():
+        then = (after or {}).get(name)
+        if isinstance(first, int | float) and isinstance(then, int | float) and 0 < first < np.inf and then > 0:
+            pairs[plain_text(str(name), 12)] = (float(first), float(then))
+    return pairs
+
+
+def _gain_panel(ax: Axes, pairs: dict[str, tuple[float, float]], colours: list[str], panels: int) -> None:
+    most = 100 * max(max(pair) for pair in pairs.values())
+    for at, pair in enumerate(pairs.values()):
+        for side, (share, colour) in enumerate(zip(pair, colours, strict=True)):
+            place = at + (-0.19, 0.19)[side]
+            ax.barh(place, 100 * share, height=0.34, color=colour, linewidth=0.0)
+            text = f"{100 * share:#.2g}".rstrip(".") + " %" if share < 0.1 else f"{100 * share:.0f} %"
+            if side and share < pair[0]:
+                text += f", {pair[0] / share:.2g} times smaller"
+            ax.text(100 * share + 0.012 * most, place, text, va="center", fontsize=7.5)
+    ax.set_yticks(range(len(pairs)), list(pairs))
+    ax.tick_params(axis="y", length=0)
+    ax.grid(visible=False, axis="y")
+    ax.set_ylim(len(pairs) - 0.5, -0.5)
+    ax.set_xlim(0.0, (1.3 if panels < 2 else 1.6) * most)  # with room for the words beside the longest bar

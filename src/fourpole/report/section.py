@@ -1,0 +1,53 @@
+"""The section on the rig and the sensors: what was learned, with links to the tests that stand out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fourpole.campaign.results import Results
+from fourpole.report.digits import number
+from fourpole.report.words.learned import Learned, learned
+from fourpole.report.words.shared import GROUPS, Value
+
+__all__ = ["RigSection", "learned_section"]
+
+#: Outliers named one by one.
+_NAMED = 12
+
+
+@dataclass(frozen=True)
+class RigSection:
+    """One rig on the page.
+
+    Attributes
+    ----------
+    about : Learned
+    groups : list of (heading, values)
+        Values by group; groups without values are left out.
+    outliers : list of (test, card, factor)
+        The worst ones; the card is empty where there is none.
+    more : int
+        Outliers that are not named.
+    """
+
+    about: Learned
+    groups: list[tuple[str, list[Value]]]
+    outliers: list[tuple[str, str, str]]
+    more: int
+
+
+def learned_section(results: Results, where: Mapping[str, str]) -> list[RigSection]:
+    """What the page shows of each rig; `where` has the card of each test."""
+    return [_of_rig(found, where) for found in learned(results)]
+
+
+def _of_rig(found: Learned, where: Mapping[str, str]) -> RigSection:
+    groups = [(heading, [value for value in found.values if value.group == group]) for group, heading in GROUPS.items()]
+    named = [(item.test, where.get(item.test, ""), number(item.factor, 2)) for item in found.outliers[:_NAMED]]
+    return RigSection(
+        about=found,
+        groups=[(heading, values) for heading, values in groups if values],
+        outliers=named,
+        more=len(found.outliers) - len(named),
+    )

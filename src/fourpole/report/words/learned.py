@@ -1,0 +1,310 @@
+"""What the joint route learned of a rig and its sensors, in words, and what it could not learn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+
+from fourpole.campaign.results import Results
+from fourpole.report.digits import known, number
+from fourpole.report.stated import mapping, texts
+from fourpole.report.words.facts import natural
+from fourpole.report.words.phrases import counted, joined, percent
+from fourpole.report.words.shared import DECLARED, Value, shared_values
+
+__all__ = ["Learned", "Outlier", "learned"]
+
+#: An undeclared error that would show only above this is told, per cent or degrees; a rig's value likewise in per cent.
+_LATE = {"%": 5.0, "°": 3.0}
+#: A candidate that explains this much of what the best explains cannot be told from it.
+_AS_WELL = 0.9
+_MOST_CANDIDATES = 4
+_MASS = "a repeat with a weighed mass"
+#: Notes of the analysis that the sentences here say already.
+_SAID = ("do not fit their tests", "not go with the others", "did not converge", "beyond the noise")
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A test that does not go with the others; its variance was enlarged by `factor`."""
+
+    test: str
+    factor: float
+
+
+@dataclass(frozen=True)
+class Learned:
+    """One rig and its sensors after the joint route.
+
+    Attributes
+    ----------
+    rig : str
+        Empty where the campaign has one rig without a name.
+    fits : bool
+        Whether rig and channels as stated go with the tests.
+    fit : str
+        Tests, conditions and chi-square.
+    summary : str
+        How many values were found, and how many not.
+    values : tuple of Value
+        As in rig.csv.
+    misfit, candidates, remarks, unseen : tuples of str
+        What does not fit and what was done about it; what would explain it, the best first; scatter, search, notes;
+        errors that the data cannot show.
+    outliers : tuple of Outlier
+    gain : str
+        What the weighed mass gained.
+    """
+
+    rig: str
+    fits: bool
+    fit: str
+    summary: str
+    values: tuple[Value, ...]
+    misfit: tuple[str, ...]
+    candidates: tuple[str, ...]
+    remarks: tuple[str, ...]
+    unseen: tuple[str, ...]
+    outliers: tuple[Outlier, ...]
+    gain: str
+
+
+def learned(results: Results) -> list[Learned]:
+    """What was learned of each rig; nothing where another route was used.
+
+    Parameters
+    ----------
+    results : Results
+
+    Returns
+    -------
+    list of Learned
+        In the order of rig.csv.
+    """
+    names = [str(name or "") for name in results.rig["rig"].to_list()] if "rig" in results.rig.columns else []
+    names += [str(name) for name, found in mapping(results.record, "joint").items() if isinstance(found, dict)]
+    return [_of_rig(results, name) for name in dict.fromkeys(names)]
+
+
+def _of_rig(results: Results, name: str) -> Learned:
+    joint = mapping(results.record, "joint", name)
+    values = shared_values(results.rig, name)
+    fits = joint.get("fits") is not False and not any(value.finding == "not calibrated" for value in values)
+    return Learned(
+        rig=name,
+        fits=fits,
+        fit=_fit(joint),
+        summary=_summary(values, fits=fits),
+        values=values,
+        misfit=() if fits else tuple(_misfit(joint, values)),
+        candidates=() if fits else tuple(_candidates(joint)),
+        remarks=tuple(_remarks(joint)),
+        unseen=tuple(_unseen(values, fits=fits, massed=_massed(results.residuals, name, values))),
+        outliers=_outliers(results.residuals, name),
+        gain=_gain(joint),
+    )
+
+
+def _count(value: object) -> int:
+    return int(known(value) or 0)
+
+
+def _rounded(value: float, digits: int = 3) -> str:
+    return number(float(f"{value:.{digits}g}"), digits)
+
+
+def _fit(joint: Mapping[str, Any]) -> str:
+    chi2, dof = known(joint.get("chi2")), known(joint.get("dof"))
+    tests, conditions, shared = (_count(joint.get(name)) for name in ("tests", "conditions", "shared"))
+    text = f"{counted(tests, 'test')} at {counted(conditions, 'condition')} share {counted(shared, 'unknown value')}"
+    if chi2 is None or not dof:
+        return f"{text}; they leave nothing over by which rig and sensors could be held against each other."
+    return (
+        f"{text}. With rig and sensors as stated chi-square is {_rounded(chi2)} at {dof:.0f} degrees of freedom, "
+        f"{_rounded(chi2 / dof, 2)} per degree, where chance gives about 1."
+    )
+
+
+def _summary(values: Sequence[Value], *, fits: bool) -> str:
+    own = [value for value in values if value.group != "ratio"]
+    if not own:
+        return "All values were stated as exact: there was nothing to find."
+    count = {finding: sum(value.finding == finding for value in own) for finding in ("found", "not determined")}
+    of = f"Of {counted(len(own), 'shared value')}"
+    if not fits:
+        return f"{of} none is called calibrated, because the rig as stated does not fit."
+    text = f"{of} {_was(count['found'])} found by your data"
+    if count["not determined"]:
+        text += f"; {_was(count['not determined'])} not determined by your data, taken from your statement"
+    return f"{text}."
+
+
+def _was(count: int) -> str:
+    return f"{count or 'none'} {'was' if count <= 1 else 'were'}"
+
+
+def _misfit(joint: Mapping[str, Any], values: Sequence[Value]) -> Iterable[str]:
+    chi2, dof = known(joint.get("chi2")), known(joint.get("dof"))
+    per = f": chi-square is {_rounded(chi2 / dof, 2)} per degree of freedom, not 1" if chi2 is not None and dof else ""
+    yield f"The rig and the sensors as stated do not go with these tests{per}."
+    against = [value.name for value in values if value.finding == "contradicted"]
+    if against:
+        yield (
+            f"The data contradict what you state of the {joined(against)}: "
+            f"{'this statement was' if len(against) == 1 else 'these statements were'} set aside, which leaves all "
+            "results less certain."
+        )
+    done = list(_enlarged(joint))
+    if done:
+        yield f"The uncertainties of all results were enlarged to hold the misfit: {joined(done)}."
+    yield "No value of this rig is called calibrated."
+
+
+def _enlarged(joint: Mapping[str, Any]) -> Iterable[str]:
+    error, inflation = known(joint.get("rig_error")) or 0.0, known(joint.get("inflation")) or 1.0
+    if error > 0:
+        yield f"an error of {percent(error)} of its largest part was granted to the rig's impedance in each test"
+    if inflation > 1:
+        yield f"all noise was taken {number(inflation, 2)} times larger"
+
+
+def _candidates(joint: Mapping[str, Any]) -> Iterable[str]:
+    """What would explain the misfit, the best first, and what cannot be told from it."""
+    listed = joint.get("candidates")
+    found = [item for item in listed if isinstance(item, dict) and item.get("text")] if isinstance(listed, list) else []
+    best = known(found[0].get("explains")) if found else None
+    for at, item in enumerate(found[:_MOST_CANDIDATES]):
+        explains = known(item.get("explains"))
+        text = f"{item['text']}{_give_or_take(item)}"
+        if explains is not None:
+            text += f": chi-square would fall by {_rounded(explains)}"
+            if at and best and explains >= _AS_WELL * best:
+                text += ", so nearly as much that the data hardly tell the two apart"
+        yield text
+
+
+def _give_or_take(item: Mapping[str, Any]) -> str:
+    value, std = known(item.get("value")), known(item.get("std"))
+    return f" (known to {percent(std / abs(value))})" if value and std else ""
+
+
+def _remarks(joint: Mapping[str, Any]) -> Iterable[str]:
+    if joint.get("converged") is False:
+        reason = str(joint.get("reason") or "no reason is given")
+        yield f"The joint route did not converge ({reason}): do not rely on it, use the relative route."
+    scatter = known(joint.get("scatter")) or 0.0
+    if scatter > 0:
+        yield (
+            f"Tests at the same condition differ in K* by {percent(scatter)} more than their noise explains; "
+            "this scatter is in the uncertainties. Look at temperature, conditioning and amplitude."
+        )
+    for note in texts(joint.get("notes")):
+        if note and not any(sign in note for sign in _SAID):
+            yield f"{note[:1].upper()}{note[1:].rstrip('.')}."
+
+
+def _outliers(residuals: pl.DataFrame, rig: str) -> tuple[Outlier, ...]:
+    """Tests with an enlarged variance, the worst first."""
+    if "outlier [1]" not in residuals.columns:
+        return ()
+    found = [
+        Outlier(str(row["test"]), factor)
+        for row in residuals.rows(named=True)
+        if str(row["rig"] or "") == rig and (factor := known(row["outlier [1]"])) is not None and factor > 1
+    ]
+    return tuple(sorted(found, key=lambda outlier: (-outlier.factor, natural(outlier.test))))
+
+
+def _gain(joint: Mapping[str, Any]) -> str:
+    """By how much the weighed mass made K2 and C better known."""
+    without, with_it = (mapping(joint, "gain_of_masses", name) for name in ("without", "with"))
+    parts = []
+    for name, before in without.items():
+        first, then = known(before), known(with_it.get(name))
+        if first and then:
+            parts.append(f"{name} to {percent(then)} instead of {percent(first)}")
+    if not parts:
+        return ""
+    return f"With the weighed mass the tests without it give {joined(parts)} (median standard uncertainties)."
+
+
+def _massed(residuals: pl.DataFrame, rig: str, values: Sequence[Value]) -> bool:
+    """Whether tests with an added mass are among those of a rig."""
+    if any(value.group == "mass" for value in values):
+        return True
+    if "added mass [kg]" not in residuals.columns:
+        return False
+    here = residuals.filter(pl.col("rig").fill_null("") == rig)["added mass [kg]"].to_list()
+    return any((known(mass) or 0.0) > 0 for mass in here)
+
+
+def _unseen(values: Sequence[Value], *, fits: bool, massed: bool) -> Iterable[str]:
+    """Which undeclared errors these data cannot show, and what would show them."""
+    groups = ("rig", "channel") if fits else ("channel",)  # where the rig does not fit, an error of it did show
+    hidden = [value for value in values if value.hidden and value.group in groups and value.finding != "contradicted"]
+    common = [value for value in hidden if massed and value.group == "channel" and _ratios_seen(value, values)]
+    if common:
+        yield (
+            f"An error of {_possessives(common)} that all channels have in common would not show in these data, and "
+            "does no harm: K* needs only the ratios of the channels, whose errors would show."
+        )
+    hidden = [value for value in hidden if value not in common]
+    if hidden:
+        many = len(hidden) > 1
+        yield (
+            f"{'Errors' if many else 'An error'} of {_possessives(hidden)} beyond "
+            f"{'their statements' if many else 'its statement'} would not show in these data; "
+            f"{_what_would(hidden, massed=massed)} would show {'them' if many else 'it'}."
+        )
+    if not massed and {"gain F1", "gain V2"} <= {value.key for value in values}:
+        yield (
+            "These data hold F1/V2 against the rig: they cannot tell an error of F1's gain from one of V2's, nor from "
+            "the moving mass and the preload spring off together."
+        )
+    told = any(value.group == "channel" for value in hidden)
+    late = [
+        value
+        for value in values
+        if _late(value) and (value.group in groups or (value.group == "ratio" and not told)) and value not in common
+    ]
+    if late:
+        sizes = joined(f"{value.seen_words} for {_possessive(value)}" for value in late)
+        yield f"Errors beyond what is stated would show only from a size of {sizes}; smaller ones stay unseen."
+
+
+def _ratios_seen(value: Value, values: Sequence[Value]) -> bool:
+    """Whether all ratios of this kind of value would show an error."""
+    kind = value.key.partition(" ")[0]
+    ratios = [other for other in values if other.group == "ratio" and other.key.startswith(kind)]
+    return bool(ratios) and not any(other.hidden or _late(other) for other in ratios)
+
+
+def _late(value: Value) -> bool:
+    """Whether only a large undeclared error would show, much larger than the statement allows for."""
+    if value.seen is None or value.hidden or value.group == "mass":
+        return False
+    if value.seen < DECLARED * (value.stated_std or 0.0):
+        return False
+    if value.unit in _LATE:
+        return value.seen > _LATE[value.unit]
+    return bool(value.stated) and value.seen > 0.01 * _LATE["%"] * abs(value.stated or 0.0)
+
+
+def _possessive(value: Value) -> str:
+    """V1's gain, the moving mass m."""
+    kind, _, of = value.key.partition(" ")
+    return f"{of}'s {kind}" if value.group == "channel" else f"the {value.name}"
+
+
+def _possessives(values: Sequence[Value]) -> str:
+    return joined(_possessive(value) for value in values)
+
+
+def _what_would(hidden: Sequence[Value], *, massed: bool) -> str:
+    """The cheapest thing that would show errors of these values."""
+    if not massed:
+        return _MASS
+    return "a calibration" if all(value.group == "channel" for value in hidden) else "a measurement of its own"

@@ -1,0 +1,50 @@
+"""The figure of a plan."""
+
+import numpy as np
+import pytest
+
+from fourpole.campaign.planning import Guess, Run, bare_plan, plan_table
+from fourpole.core.rig import Rig
+from fourpole.errors import CampaignError
+from fourpole.plot import Style
+from fourpole.plot.plan import draw_plan, write_plan_figure
+
+
+@pytest.fixture(scope="module")
+def frame():
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    return plan_table(bare_plan(rig, Guess(110e3, 100e3, 800.0), Run(), [10.0, 16.0, 24.0]), [5.0, 10.0])
+
+
+def test_lines_show_the_table(frame):
+    figure = draw_plan(frame, wanted=0.01)
+    assert [ax.get_title() for ax in figure.axes] == ["u(K*) over K*", "u(K2) over K2", "u(C) over C"]
+    for ax, column in zip(figure.axes, ("u(K*)/K* [1]", "u(K2)/K2 [1]", "u(C)/C [1]"), strict=True):
+        assert (ax.get_xlabel(), ax.get_yscale()) == ("frequency (Hz)", "log")
+        curves = [line for line in ax.get_lines() if line.get_label() == "_curve"]
+        assert len(curves) == 6  # four routes, and the joint one with each mass
+        shown = np.sort([line.get_ydata()[1] for line in curves])
+        at = frame.filter(frame["frequency [Hz]"] == 16.0)
+        stated = at.filter(plan="as stated")[column].to_list()
+        masses = at.filter((at["plan"] != "as stated") & (at["route"] == "joint") & (at["added mass [kg]"] == 0))[
+            column
+        ]
+        np.testing.assert_allclose(shown, 100 * np.sort([*stated, *masses]), rtol=1e-9)
+        low, high = ax.get_ylim()
+        assert low < min(line.get_ydata().min() for line in curves)
+        assert high > max(line.get_ydata().max() for line in curves)
+        assert any(np.allclose(line.get_ydata(), 1.0) for line in ax.get_lines() if line not in curves)
+    assert "%" in figure.axes[0].get_ylabel()
+
+
+@pytest.mark.parametrize("theme", ["light", "dark", "print"])
+@pytest.mark.parametrize("form", ["svg", "png"])
+def test_the_same_plan_gives_the_same_file(frame, tmp_path, theme, form):
+    style = Style(theme)
+    files = [write_plan_figure(draw_plan(frame, style=style), tmp_path / f"{n}.{form}", style) for n in (1, 2)]
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_another_format_is_refused(frame, tmp_path):
+    with pytest.raises(CampaignError, match="svg or png"):
+        write_plan_figure(draw_plan(frame), tmp_path / "plan.gif")

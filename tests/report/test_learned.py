@@ -1,0 +1,321 @@
+"""Rig, sensors and limits in words: what was found, what was not, and what cannot be seen."""
+
+from dataclasses import replace
+
+import polars as pl
+import pytest
+from tests.plot.conftest import blank, empty_results, results_of
+from tests.plot.learned import JOINT, MASSED, MISFIT, VALUES, rig_table, with_learned
+
+from fourpole.report.words.learned import learned
+from fourpole.report.words.limits import limits
+from fourpole.report.words.shared import DASH, shared_values
+
+NOT_DETERMINED = "not determined by your data, taken from your statement"
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return with_learned(results_of(pressures=(170e3,), preloads=(1000.0,)))
+
+
+def with_values(results, values, **joint):
+    return replace(results, rig=rig_table(values), record={**results.record, "joint": {"": {**JOINT, **joint}}})
+
+
+def changed(name, values=VALUES, **cells):
+    """The values with some cells of one row changed."""
+    names = ("unit", "stated", "u(stated)", "found", "u(found)", "pull", "seen", "finding")
+    row = dict(zip(names, values[name], strict=True)) | cells
+    return {**values, name: tuple(row.values())}
+
+
+def of(results):
+    (found,) = learned(results)
+    return found
+
+
+# ---- the values
+
+
+def test_values_have_the_digits_and_units_of_people(plain):
+    by = {value.key: value for value in of(plain).values}
+    assert by["moving_mass"].stated_words == ("15.00", "0.10")
+    assert by["moving_mass"].found_words == ("15.020", "0.010")
+    assert (by["preload_stiffness"].unit, *by["preload_stiffness"].found_words) == ("kN/m", "12.4510", "0.0060")
+    assert (by["gain F1"].unit, *by["gain F1"].found_words) == ("%", "+0.40", "0.71")
+    assert by["gain V2"].found_words[0] == "−0.40"
+    assert (by["phase V1"].unit, *by["phase V1"].stated_words) == ("°", "0.00", "0.57")
+    assert by["gain F1/V1"].name == "gain of F1 over V1"
+    assert by["moving_mass"].ratio_words == "0.10"
+    assert by["gain F1"].pull_words == "+0.60"
+    assert by["preload_stiffness"].seen_words == "0.061 kN/m"
+    assert by["gain V1"].seen_words == "at no size"
+
+
+def test_what_is_no_number_is_a_dash(plain):
+    nothing = ("kg", 15.0, float("nan"), float("nan"), float("nan"), float("nan"), float("nan"), "found")
+    (value,) = shared_values(rig_table({"moving_mass": nothing}), "")
+    assert value.found_words == (DASH, "")
+    assert value.stated_words == ("15.000", "")
+    assert value.ratio_words == value.pull_words == DASH
+
+
+def test_a_value_that_was_not_determined_is_said_so_in_the_same_words(plain):
+    by = {value.key: value for value in of(plain).values}
+    assert by["gain V1"].sentence == NOT_DETERMINED
+    silent, other = (plain.rig.with_columns(pl.lit(text).alias("remarks")) for text in ("", "V1 stands alone"))
+    assert {v.sentence for v in shared_values(silent, "") if v.finding == "not determined"} == {NOT_DETERMINED}
+    assert {v.sentence for v in shared_values(other, "") if v.finding == "not determined"} == {
+        f"{NOT_DETERMINED}; V1 stands alone"
+    }
+
+
+def test_the_summary_counts_what_was_found(plain):
+    found = of(plain)
+    assert found.summary == (
+        "Of 6 shared values 4 were found by your data; 2 were not determined by your data, taken from your statement."
+    )
+    assert found.fit == (
+        "120 tests at 60 conditions share 6 unknown values. With rig and sensors as stated chi-square is 250 at 240 "
+        "degrees of freedom, 1.0 per degree, where chance gives about 1."
+    )
+    assert (found.fits, found.misfit, found.candidates) == (True, (), ())
+
+
+def test_without_degrees_of_freedom_no_fit_is_claimed(plain):
+    found = of(with_values(plain, VALUES, tests=1, conditions=1, dof=0.0))
+    assert found.fit == (
+        "1 test at 1 condition share 6 unknown values; they leave nothing over by which rig and sensors could be held "
+        "against each other."
+    )
+
+
+def test_values_that_are_all_exact_leave_nothing_to_find(plain):
+    assert of(with_values(plain, {})).summary == "All values were stated as exact: there was nothing to find."
+
+
+def test_another_route_learned_nothing():
+    assert learned(empty_results()) == []
+    assert limits(empty_results()) == []
+
+
+# ---- the misfit
+
+
+def test_where_the_rig_does_not_fit_nothing_is_called_calibrated(plain):
+    values = {name: (*cells[:7], "not calibrated") for name, cells in VALUES.items()}
+    found = of(with_values(plain, values, **MISFIT))
+    assert not found.fits
+    assert found.misfit == (
+        "The rig and the sensors as stated do not go with these tests: chi-square is 10 per degree of freedom, not 1.",
+        (
+            "The uncertainties of all results were enlarged to hold the misfit: an error of 2.0 % of its largest part "
+            "was granted to the rig's impedance in each test and all noise was taken 1.5 times larger."
+        ),
+        "No value of this rig is called calibrated.",
+    )
+    assert found.summary == "Of 6 shared values none is called calibrated, because the rig as stated does not fit."
+    assert found.candidates == (
+        (
+            "a moving mass 0.81 kg larger than stated, as an undeclared tyre mass would make it (known to 1.2 %): "
+            "chi-square would fall by 2100"
+        ),
+        (
+            "a gain of F1 off by +4.5 % (known to 2.2 %): chi-square would fall by 2000, so nearly as much that the "
+            "data hardly tell the two apart"
+        ),
+    )
+    said = " ".join([found.summary, *found.misfit, *(value.sentence for value in found.values)])
+    assert "found from" not in said
+
+
+def test_a_statement_that_was_set_aside_is_named(plain):
+    values = changed("moving_mass", found=15.81, pull=81.0, seen=None, finding="contradicted")
+    found = of(with_values(plain, values, **{**MISFIT, "rig_error": 0.0, "inflation": 1.0}))
+    assert (
+        "The data contradict what you state of the moving mass m: this statement was set aside, which leaves all "
+        "results less certain."
+    ) in found.misfit
+    assert not any("enlarged" in text for text in found.misfit)
+    # It was seen, so it is not among what stays unseen.
+    assert not any("moving mass m" in text for text in found.unseen)
+    assert found.values[0].seen_words == DASH
+
+
+def test_scatter_search_and_notes_are_told_once(plain):
+    notes = [
+        "K* of repeated tests of one condition scatters by 0.01 of its value beyond the noise: look",
+        "2 tests do not go with the others and hardly count",
+        "one test only: rig and channels are taken as you stated them",
+    ]
+    found = of(with_values(plain, VALUES, scatter=0.012, converged=False, reason="no step helps", notes=notes))
+    assert found.remarks == (
+        "The joint route did not converge (no step helps): do not rely on it, use the relative route.",
+        (
+            "Tests at the same condition differ in K* by 1.2 % more than their noise explains; this scatter is in the "
+            "uncertainties. Look at temperature, conditioning and amplitude."
+        ),
+        "One test only: rig and channels are taken as you stated them.",
+    )
+
+
+def test_outliers_are_named_the_worst_first(plain):
+    rows = plain.residuals.with_columns(
+        pl.when(pl.col("test") == "D10").then(60.0).when(pl.col("test") == "D2").then(90.0).otherwise(1.0)
+        .alias("outlier [1]")
+    )  # fmt: skip
+    assert [(item.test, item.factor) for item in of(replace(plain, residuals=rows)).outliers] == [
+        ("D2", 90.0),
+        ("D10", 60.0),
+    ]
+
+
+# ---- what cannot be seen
+
+
+def test_an_error_of_v1_without_a_second_mass_is_said_to_be_unseen(plain):
+    values = {name: cells for name, cells in VALUES.items() if name != "phase V1"}
+    assert of(with_values(plain, values)).unseen[0] == (
+        "An error of V1's gain beyond its statement would not show in these data; a repeat with a weighed mass would "
+        "show it."
+    )
+    assert of(plain).unseen == (
+        (
+            "Errors of V1's gain and V1's phase beyond their statements would not show in these data; a repeat with a "
+            "weighed mass would show them."
+        ),
+        (
+            "These data hold F1/V2 against the rig: they cannot tell an error of F1's gain from one of V2's, nor from "
+            "the moving mass and the preload spring off together."
+        ),
+    )
+
+
+def test_with_a_second_mass_only_a_common_error_is_unseen_and_does_no_harm(plain):
+    assert of(with_values(plain, MASSED)).unseen == (
+        (
+            "An error of V1's gain and V1's phase that all channels have in common would not show in these data, and "
+            "does no harm: K* needs only the ratios of the channels, whose errors would show."
+        ),
+    )
+
+
+def test_an_error_that_would_show_only_when_it_is_large_is_told(plain):
+    values = changed("preload_stiffness", seen=1500.0)
+    assert of(with_values(plain, values)).unseen[-1] == (
+        "Errors beyond what is stated would show only from a size of 1.5 kN/m for the preload spring K3; smaller ones "
+        "stay unseen."
+    )
+    # A sensor stated to 3 % allows for 10 %: that is no undeclared error.
+    loose = changed("gain F1", **{"u(stated)": 0.03, "seen": 0.1})
+    assert not any("F1's gain;" in text or "size of" in text for text in of(with_values(plain, loose)).unseen)
+    # A size that nobody would miss is no size.
+    absurd = changed("moving_mass", seen=3e5)
+    assert "the moving mass m, V1's gain" in of(with_values(plain, absurd)).unseen[0]
+
+
+def test_what_the_weighed_mass_gained_is_told(plain):
+    assert of(plain).gain == (
+        "With the weighed mass the tests without it give K2 to 0.04 % instead of 5.6 % and C to 0.04 % instead of "
+        "8.6 % (median standard uncertainties)."
+    )
+    assert of(with_values(plain, VALUES, gain_of_masses=None)).gain == ""
+
+
+def test_a_record_that_is_not_ours_breaks_nothing(plain):
+    for joint in ({"": 1}, [], None, {"": {"candidates": "x", "notes": 3, "chi2": [], "dof": "y", "fits": "no"}}):
+        (found,) = learned(replace(plain, record={"joint": joint}))
+        assert found.values
+    broken = {"": {**MISFIT, "candidates": [1, {}, {"text": "x", "explains": "y", "value": 0, "std": None}]}}
+    assert of(replace(plain, record={"joint": broken})).candidates == ("x",)
+
+
+# ---- what limits
+
+
+def limit(results, quantity="K2"):
+    (found,) = [found for found in limits(results) if found.quantity == quantity]
+    return found
+
+
+def only(results, source, share=0.8, **joint):
+    return limit(with_learned(results, shares={source: share, "frequency": 1 - share}, **joint))
+
+
+def test_the_largest_source_is_named_with_its_share_and_its_remedy(plain):
+    found = limit(plain)
+    assert (found.source, found.share, found.tests) == ("K1 branch gap", 0.5, 12)
+    assert found.text == (
+        "K2 is known to 2.0 % (median of 12 tests). The gap between the branches of K1 makes most of that, with 50 % "
+        "of the variance; without it about 1.4 % would be left. Next is the noise of the sensors with 30 %. Cheapest "
+        "remedy: repeat the static test, more slowly and with finer steps of load, so that its branches close up."
+    )
+    assert [found.quantity for found in limits(plain)] == ["K2", "C"]
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("sensor noise", "record longer or over more cycles: four times as many halve it"),
+        ("gain V1", ("repeat one condition with a weighed mass added and use the joint route, which makes calibrated "
+                    "sensors unnecessary, or calibrate the gain of V1")),
+        ("moving_mass", "weigh it and state it with a smaller uncertainty, or repeat one condition with a weighed"),
+        ("preload_stiffness", "measure it by itself and state it with a smaller uncertainty"),
+        ("added mass 10 kg", "weigh the added mass on a better balance"),
+        ("K1 fit", "repeat the static test with finer steps of load"),
+        ("K1 cycles", "repeat the static test with more cycles"),
+        ("K1 gains (load and deflection)", "calibrate the load and deflection channels of the static rig"),
+        ("K1 stated", "state K1 with a smaller uncertainty, or add a static test"),
+        ("something new", "state something new with a smaller uncertainty"),
+    ],
+)  # fmt: skip
+def test_each_source_has_its_remedy(plain, source, words):
+    assert only(plain, source).remedy.startswith(words)
+
+
+def test_the_frequency_wants_a_longer_record(plain):
+    assert only(plain, "sensor noise", 0.2).remedy == "record longer at a steady speed"
+
+
+def test_a_misfit_comes_before_everything_that_it_makes_larger(plain):
+    for source in ("rig misfit", "sensor noise"):
+        assert only(plain, source, **MISFIT).remedy == (
+            "settle the misfit first; what would explain it best is a moving mass 0.81 kg larger than stated, as an "
+            "undeclared tyre mass would make it"
+        )
+    assert "look for a part" in only(plain, "rig misfit").remedy
+    assert "scatter of repeats" in only(plain, "sensor noise", scatter=0.01).remedy
+
+
+def test_a_mass_that_was_used_already_is_not_asked_for_again(plain):
+    massed = replace(plain, dynamic=plain.dynamic.with_columns(pl.lit(10.0).alias("added mass [kg]")))
+    assert only(massed, "gain V1").remedy.startswith("repeat the tests with the weighed mass, or record them longer")
+    other = with_learned(massed, shares={"phase F1": 1.0}, route="mobility")
+    assert limit(other).remedy == "use the joint route: with the weighed mass it needs no calibrated sensor"
+
+
+def test_another_route_is_told_of_the_joint_one(plain):
+    other = with_learned(plain, shares={"moving_mass": 1.0}, route="mobility")
+    assert limit(other).remedy.startswith("use the joint route, which finds it from V2")
+    blind = with_learned(blank(plain, "V2 [m/s]"), shares={"moving_mass": 1.0}, route="mobility")
+    assert limit(blind).remedy.endswith("or measure V2 too and use the joint route")
+
+
+def test_without_k2_it_is_k_star_that_is_limited(plain):
+    budget = plain.budget.filter(~pl.col("quantity").is_in(["K2", "C"]))
+    found = limits(replace(plain, budget=budget))
+    assert [item.quantity for item in found] == ["Re K*", "Im K*"]
+    assert found[0].text.startswith("K′ is known to 0.")
+
+
+def test_medians_count_tests_without_a_source_as_none_and_leave_rejected_ones_out(plain):
+    rows = plain.budget.filter((pl.col("source") != "K1 branch gap") | (pl.col("test") == "D1"))
+    found = limit(replace(plain, budget=rows))
+    assert (found.source, found.share) == ("sensor noise", 0.3)
+    rejected = plain.dynamic.with_columns(
+        pl.when(pl.col("test") == "D1").then(pl.lit("ok")).otherwise(pl.lit("rejected")).alias("verdict")
+    )
+    found = limit(replace(plain, budget=rows, dynamic=rejected))
+    assert (found.source, found.tests) == ("K1 branch gap", 1)
+    assert "median of 1 test" in found.text
