@@ -22,6 +22,10 @@ __all__ = ["Learned", "learn"]
 NOT_DETERMINED = 0.9
 #: Less information than this, against the statement's own, is none.
 _NOTHING = 1e-8
+#: Kinds of values in the order of rig.csv, and what a part that nobody stated does not have.
+_ORDER = ("rig", "extra", "channel", "mass")
+_GROUP = {"gain": "channel", "phase": "channel"}
+_STATEMENT = ("stated", "u(stated)", "posterior over prior [1]", "pull [1]", "seen from")
 #: Noise larger than the recordings say by more than this is worth a note.
 _WORTH_SAYING = 1.2
 #: Ratios of gains that K* rests on: over, under.
@@ -98,7 +102,7 @@ def _values(joint: Joint) -> list[dict[str, Any]]:
     stated = joint.stated.std
     rows = []
     for at, quantity in enumerate(joint.stated.quantities):
-        row = {
+        row: dict[str, Any] = {
             "value": quantity.name,
             "unit": quantity.unit,
             "stated": quantity.stated,
@@ -109,8 +113,11 @@ def _values(joint: Joint) -> list[dict[str, Any]]:
             "pull [1]": _first_pull(joint, at, pull),
             "seen from": _seen_from(joint, at),
         }
-        rows.append(row | _finding(joint, at, std[at] / stated[at]))
-    return rows
+        if quantity.kind == "extra":
+            row |= dict.fromkeys(_STATEMENT, float("nan")) | {"u(found)": joint.found_std[at]}
+        group = _ORDER.index(_GROUP.get(quantity.kind, quantity.kind))
+        rows.append((group, at, row | _finding(joint, at, std[at] / stated[at])))
+    return [row for _, _, row in sorted(rows, key=lambda item: item[:2])]
 
 
 def _first_pull(joint: Joint, at: int, pull: FloatArray) -> float:
@@ -270,18 +277,18 @@ def _gain_of_masses(
     fewer = Phasors(*(np.asarray(getattr(phasors, name))[bare] for name in phasors.__dataclass_fields__))
     k1, k1_std = result.k1[bare], result.k1_std[bare]
     alone = identify_joint(fewer, rig, k1, family=family[bare], channels=channels)
-    without = _medians(identification(alone, fewer, k1, k1_std), np.ones(k1.size, dtype=bool))
-    return {"without": without, "with": _medians(result, bare)} if without else {}
+    every = np.ones(k1.size, dtype=bool)
+    without = _medians(identification(alone, fewer, k1, k1_std), identification(alone, fewer, k1, 0.0), every)
+    both = _medians(result, identification(joint, phasors, result.k1, 0.0), bare)
+    return {"without": without, "with": both} if without else {}
 
 
-def _medians(result: Identification, rows: BoolArray) -> dict[str, float]:
-    """Median relative uncertainties of K' (of the modulus), K2 and C."""
+def _medians(result: Identification, known_k1: Identification, rows: BoolArray) -> dict[str, float]:
+    """Median relative uncertainties of K' (of the modulus), K2 and C, these also as if K1 were exact."""
     with np.errstate(invalid="ignore"):
-        arm = np.sqrt(np.diagonal(result.arm_covariance[rows], 0, 1, 2))
-        relative = {
-            "K'": np.sqrt(result.stiffness_covariance[rows, 0, 0]) / np.abs(result.stiffness[rows]),
-            "K2": arm[:, 0] / result.k2[rows],
-            "C": arm[:, 1] / result.c[rows],
-        }
+        relative = {"K'": np.sqrt(result.stiffness_covariance[rows, 0, 0]) / np.abs(result.stiffness[rows])}
+        for found, words in ((result, "{}"), (known_k1, "{}, K1 known")):
+            arm = np.sqrt(np.diagonal(found.arm_covariance[rows], 0, 1, 2))
+            relative |= {words.format("K2"): arm[:, 0] / found.k2[rows], words.format("C"): arm[:, 1] / found.c[rows]}
     known = {name: value[np.isfinite(value)] for name, value in relative.items()}
     return {name: float(np.median(value)) for name, value in known.items() if value.size}

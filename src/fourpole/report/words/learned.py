@@ -225,7 +225,8 @@ def _gain(joint: Mapping[str, Any]) -> str:
     for name, before in without.items():
         first, then = known(before), known(with_it.get(name))
         if first and then:
-            parts.append(f"{name} to {percent(then)} instead of {percent(first)}")
+            what = name.replace(", K1 known", " (if K1 were exact)")
+            parts.append(f"{what} to {percent(then)} instead of {percent(first)}")
     if not parts:
         return ""
     return f"With the weighed mass the tests without it give {joined(parts)} (median standard uncertainties)."

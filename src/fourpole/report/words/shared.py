@@ -21,6 +21,7 @@ FINDINGS = {
     "not determined": "not determined by your data, taken from your statement",
     "contradicted": "contradicted by your data: what you state of it was set aside",
     "not calibrated": "not calibrated: the model of the rig does not fit",
+    "unstated": "not stated by you: the tests want it; look for its cause and state it",
 }
 #: Groups of values with their headings.
 GROUPS = {
@@ -108,6 +109,8 @@ class Value:
         """From which size an undeclared error shows."""
         if self.finding == "contradicted":
             return DASH
+        if self.finding == "unstated":
+            return DASH
         return "at no size" if self.hidden else f"{number(self.seen, 2)} {self.unit}".rstrip().replace(" °", "°")
 
     @property
@@ -126,6 +129,8 @@ class Value:
     @property
     def hidden(self) -> bool:
         """Whether an error of any size that can be stays unseen."""
+        if self.finding == "unstated":
+            return False
         if self.seen is None:
             return True
         most = _MOST.get(self.unit, abs(self.stated or 0.0) or inf)
