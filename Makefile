@@ -15,7 +15,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 PIP_FLAGS := --quiet --disable-pip-version-check
 
 .NOTPARALLEL:
-.PHONY: help demo test check format chromium pytest lowest bench lock clean
+.PHONY: help demo test check format chromium pytest lowest bench validate lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
@@ -95,6 +95,9 @@ lowest:  ## the tests of the library on the lowest versions allowed (Python 3.11
 
 bench: $(READY_BENCH)  ## compare with the peers: runs each script in bench/, in an environment of its own
 	@for script in bench/*.py; do .venv-bench/bin/python "$$script" || exit 1; done
+
+validate: $(READY)  ## thousands of virtual campaigns through the joint route; goes on where it was stopped
+	@$(BIN)/python validation/validate.py
 
 LOCK := .venv-lock/bin/uv --quiet --no-config pip compile --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --upgrade pyproject.toml

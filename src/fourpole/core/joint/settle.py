@@ -117,7 +117,7 @@ def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Flo
     for (
         at
     ) in state.doubtful:  # the values stay where luck would have them; how well they are known does not rest on luck
-        _set_aside(state, at, _IMPOSSIBLE)
+        _set_aside(state, at, _CONFLICT)
     if state.doubtful:
         state.solution = spread(state.problem, state.solution)
     misfit = state.misfit
@@ -300,9 +300,9 @@ def _drawn(state: _State) -> FloatArray:
 
 
 def _set_aside(state: _State, at: int, pull: float) -> None:
-    """Make a statement so wide that it hardly pulls any more, and count z in the new uncertainty."""
+    """Make a statement as wide as the tests draw it away, and count z in the new uncertainty."""
     shared, z = state.problem.shared, state.solution.z.copy()
-    wider = 10.0 * max(pull, 1.0)
+    wider = max(pull, 1.0)
     listed = list(shared.quantities)
     listed[at] = replace(listed[at], std=listed[at].std * wider)
     z[at] /= wider

@@ -1,0 +1,209 @@
+"""What the three phasors of a test should be: values against the rig in phasors, derivatives against differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fourpole.core.joint import model
+from fourpole.core.joint.model import (
+    FLOOR,
+    PARTS,
+    Observed,
+    inverse_upper,
+    linearise,
+    projected,
+    upper_factor,
+    whitened,
+)
+from fourpole.core.joint.shared import Quantity
+
+EPS = np.finfo(float).eps
+#: Step in stated uncertainties, which are about 1 % of the values: central differences err by (1 % of) its square.
+STEP = 1e-4
+
+
+@pytest.fixture(scope="module")
+def at_truth(make):
+    """A campaign of everything at its truth: residuals are zero there, so that their derivatives are the model's."""
+    made = make(masses=(0.0, 6.0, 10.0), frequencies=2, families=2, blocks=(5.0, 10.0), exact=True)
+    problem = made.problem()
+    z = made.true_z(problem.shared)
+    stiffness = np.where(made.family < 0, 1.0, made.campaign.stiffness)
+    return made, problem, z, stiffness
+
+
+def scale_of(linear):
+    """Round-off of a difference of residuals: that of the whitened amplitudes."""
+    return EPS * 1e3 / STEP
+
+
+def test_the_model_gives_what_the_rig_gives(at_truth):
+    made, problem, z, stiffness = at_truth
+    linear = linearise(problem.observed, problem.shared, z, stiffness)
+    assert np.abs(linear.predicted / made.phasors.amplitudes - 1).max() < 64 * EPS * 10  # Zr loses a digit
+    assert np.abs(linear.drive / made.campaign.true_amplitudes[:, 1] - 1).max() < 64 * EPS * 10
+    assert np.abs(linear.ratio) == pytest.approx(made.campaign.transmissibility, rel=1e-12)
+    assert np.abs(linear.residual).max() < 1e3 * 640 * EPS  # noise is 1e-3 of each amplitude
+
+
+def test_every_shared_value_of_every_kind_is_there(at_truth):
+    _, problem, _, _ = at_truth
+    names = [quantity.name for quantity in problem.shared.quantities]
+    assert len(names) == 7 + 6 + 3  # of the rig, of the channels, and the masses of 5, 6 and 10 kg
+    assert {quantity.kind for quantity in problem.shared.quantities} == {"rig", "gain", "phase", "mass"}
+
+
+def test_derivatives_by_every_shared_value(at_truth):
+    _, problem, z, stiffness = at_truth
+    here = linearise(problem.observed, problem.shared, z, stiffness)
+    for at, quantity in enumerate(problem.shared.quantities):
+        step = STEP * np.eye(z.size)[at]
+        above, below = (linearise(problem.observed, problem.shared, z + side * step, stiffness) for side in (1, -1))
+        found = (below.residual - above.residual) / (2 * STEP)
+        column = here.by_shared[:, :, at]
+        assert np.abs(column).max() > 0
+        assert np.abs(found - column).max() < STEP**2 * np.abs(column).max() + scale_of(here), quantity.name
+        by_zr = (above.impedance - below.impedance) / (2 * STEP)
+        size = np.abs(here.impedance_by_shared[:, at]).max()
+        limit = STEP**2 * size + 1e3 * EPS * np.abs(here.impedance).max() / STEP
+        assert np.abs(by_zr - here.impedance_by_shared[:, at]).max() < limit, quantity.name
+
+
+def test_derivatives_by_stiffness(at_truth):
+    made, problem, z, stiffness = at_truth
+    here = linearise(problem.observed, problem.shared, z, stiffness)
+    for at, turn in enumerate((1.0, 1j)):
+        above, below = (
+            linearise(problem.observed, problem.shared, z, stiffness * np.exp(side * STEP * turn)) for side in (1, -1)
+        )
+        found = (below.residual - above.residual) / (2 * STEP)
+        # by log K the third derivative may be 100 times the first, near the resonance of mass and tyre
+        assert np.abs(found - here.by_stiffness[:, :, at]).max() < 100 * STEP**2 * np.abs(here.by_stiffness).max()
+    assert not here.by_stiffness[made.family < 0].any()
+
+
+def test_derivatives_by_impedance_are_those_by_a_mass(at_truth):
+    _made, problem, z, stiffness = at_truth
+    here = linearise(problem.observed, problem.shared, z, stiffness)
+    by_mass = here.by_impedance[:, :, 1] * problem.observed.omega[:, None] * problem.shared.std[0]
+    assert problem.shared.quantities[0].name == "moving_mass"
+    assert np.abs(by_mass - here.by_shared[:, :, 0]).max() < 1e-12 * np.abs(by_mass).max()
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_derivatives_by_a_part_that_nobody_stated(at_truth, part):
+    _, problem, z, stiffness = at_truth
+    size = {"mass": 0.2, "spring": 200.0, "frame": 1e-6, "loss": 0.01, "friction": 0.5}[part]
+    listed = (*problem.shared.quantities, Quantity(f"unstated {part}", PARTS[part], "extra", 0, 0.0, size))
+    shared = replace(problem.shared, quantities=listed)
+    z = np.append(z, 0.0)
+    step = STEP * np.eye(z.size)[-1]
+    here, above, below = (linearise(problem.observed, shared, z + side * step, stiffness) for side in (0, 1, -1))
+    found, column = (below.residual - above.residual) / (2 * STEP), here.by_shared[:, :, -1]
+    assert np.abs(column).max() > 1
+    assert np.abs(found - column).max() < STEP**2 * np.abs(column).max() + scale_of(here)
+
+
+def test_the_tyre_s_mass_is_not_on_a_rigid_block(at_truth):
+    made, problem, z, stiffness = at_truth
+    here = linearise(problem.observed, problem.shared, z, stiffness)
+    at = [quantity.name for quantity in problem.shared.quantities].index("tyre_mass")
+    assert not here.by_shared[made.family < 0, :, at].any()
+    assert here.by_shared[made.family >= 0, :, at].any(axis=1).all()
+
+
+def test_the_drive_is_fitted_out(make):
+    """The residual is the least that any drive leaves, and nothing that is left can be done by a drive."""
+    made = make(masses=(0.0, 10.0), frequencies=3, families=2).without(2, [1]).without(0, [4])
+    problem = made.problem()
+    observed = problem.observed
+    linear = linearise(observed, problem.shared, np.zeros(len(problem.shared)), made.campaign.stiffness)
+    unit = linear.predicted / linear.drive[:, None]
+    columns = whitened(observed.whiten, np.stack([unit, 1j * unit], axis=-1))
+    measured = whitened(observed.whiten, observed.amplitudes[..., None])[..., 0]
+    for test in range(made.family.size):
+        best = np.linalg.lstsq(columns[test], measured[test], rcond=None)[0]
+        left = measured[test] - columns[test] @ best
+        assert np.abs(left - linear.residual[test]).max() < 1e3 * 640 * EPS
+        assert best @ [1, 1j] == pytest.approx(linear.drive[test], rel=1e-12)
+    for name in ("by_stiffness", "by_impedance", "by_shared"):
+        part = getattr(linear, name)
+        assert np.abs(np.swapaxes(linear.frame, 1, 2) @ part).max() < 64 * EPS * np.abs(part).max()
+    assert np.abs(np.swapaxes(linear.frame, 1, 2) @ linear.frame - np.eye(2)).max() < 64 * EPS
+
+
+@given(scale=st.floats(1e-3, 1e3), turn=st.floats(-np.pi, np.pi))
+def test_a_larger_drive_changes_nothing(make, scale, turn):
+    """The same test driven harder, or seen later: same residual and derivatives, if its noise grows with it."""
+    made = make(frequencies=2, families=1)
+    problem = made.problem()
+    factor = scale * np.exp(1j * turn)
+    phasors = made.phasors
+    # the noise of Re and Im is alike, so that turning does not mix it
+    other = replace(phasors, amplitudes=phasors.amplitudes * factor, covariance=phasors.covariance * scale**2)
+    turned = Observed.of(other, problem.observed.mass_at, problem.observed.rigid)
+    z = np.zeros(len(problem.shared))
+    one, two = (linearise(each, problem.shared, z, made.campaign.stiffness) for each in (problem.observed, turned))
+    assert two.drive == pytest.approx(one.drive * factor, rel=1e-12)
+    size = np.abs(two.residual).max()
+    assert np.linalg.norm(two.residual, axis=1) == pytest.approx(np.linalg.norm(one.residual, axis=1), abs=1e-9 * size)
+    assert np.linalg.norm(two.by_shared, axis=1) == pytest.approx(
+        np.linalg.norm(one.by_shared, axis=1), abs=1e-9 * np.abs(one.by_shared).max()
+    )
+
+
+def test_weights_undo_a_covariance_that_joins_all_channels(make):
+    made = make(frequencies=2, families=1)
+    rng = np.random.default_rng(1)
+    root = rng.standard_normal((2, 6, 6)) * np.array([10.0, 10.0, 1e-3, 1e-3, 1e-4, 1e-4])[:, None]
+    covariance = root @ np.swapaxes(root, 1, 2)
+    observed = Observed.of(replace(made.phasors, covariance=covariance), np.full(2, -1), np.zeros(2, dtype=bool))
+    product = observed.whiten @ covariance @ np.swapaxes(observed.whiten, 1, 2)
+    # the floor of 1e-7 of an amplitude beside a noise of 1e-4 of it and more; round-off by the condition of S
+    assert np.abs(product - np.eye(6)).max() < 1e-3
+
+
+def test_without_a_covariance_the_floor_is_the_noise(make):
+    made = make(frequencies=2, families=1)
+    observed = Observed.of(
+        replace(made.phasors, covariance=np.zeros((2, 6, 6))), np.full(2, -1), np.zeros(2, dtype=bool)
+    )
+    expected = 1 / (FLOOR * np.repeat(np.abs(made.phasors.amplitudes), 2, axis=1))
+    assert np.diagonal(observed.whiten, axis1=1, axis2=2) == pytest.approx(expected, rel=1e-12)
+
+
+def test_an_absent_channel_weighs_nothing(make):
+    made = make(frequencies=2, families=1).without(2, [1])
+    observed = made.problem().observed
+    assert not observed.whiten[1, 4:].any()
+    assert not observed.whiten[1, :, 4:].any()
+    assert observed.amplitudes[1, 2] == 0
+    assert np.all(np.diagonal(observed.whiten[0]) > 0)
+
+
+@given(st.floats(1e-6, 1e6), st.floats(-0.999, 0.999), st.floats(1e-6, 1e6))
+def test_the_root_of_a_gram_matrix_and_its_inverse(a, correlation, d):
+    gram = np.array([[a, correlation * np.sqrt(a * d)], [correlation * np.sqrt(a * d), d]])
+    upper = upper_factor(gram)
+    assert upper.T @ upper == pytest.approx(gram, rel=64 * EPS)
+    lost = 64 * EPS / (1 - correlation**2)
+    assert np.abs(upper @ inverse_upper(upper) - np.eye(2)).max() < lost
+
+
+def test_columns_that_do_nothing_have_a_root_all_the_same():
+    assert upper_factor(np.zeros((2, 2))).tolist() == np.eye(2).tolist()
+
+
+@pytest.mark.parametrize("nearly", [1.0, 1e-3, 1e-6])
+def test_two_columns_that_are_nearly_one_are_still_made_orthonormal(nearly):
+    rng = np.random.default_rng(2)
+    first = rng.standard_normal((5, 6))
+    columns = np.stack([first, first + nearly * rng.standard_normal((5, 6))], axis=2)
+    basis, upper = model._orthonormal(columns)
+    assert np.abs(np.swapaxes(basis, 1, 2) @ basis - np.eye(2)).max() < 64 * EPS
+    assert np.abs(basis @ upper - columns).max() < 64 * EPS * np.abs(columns).max()
+    left = projected(basis)(columns)
+    assert np.abs(left).max() < 64 * EPS * np.abs(columns).max()

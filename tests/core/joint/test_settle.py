@@ -1,0 +1,161 @@
+"""What contradicts is found, named and set aside; what is clean is left alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fourpole.core.joint.outputs import identification, outputs
+from fourpole.virtual.phasor_rig import Laboratory
+
+GOOD = Laboratory(
+    moving_mass=(15.0, 0.1),
+    preload_stiffness=(12440.0, 60.0),
+    preload_damping=(15.0, 2.0),
+    std_gain=(2e-4,) * 3,
+    std_phase=(2e-4,) * 3,
+    noise=1e-4,
+)
+#: Declared with an uncertainty: tyre mass, frame, loss.
+DECLARED = {
+    "tyre_mass": (1.0, 0.1),
+    "frame_stiffness": (1e5, 1e4),
+    "preload_loss_factor": (0.1, 0.02),
+}
+
+
+def errors(made, joint):
+    """Of Re and Im K* of each test, in its uncertainty."""
+    found = identification(joint, made.phasors, made.k1, 0.0)
+    error = found.stiffness - made.campaign.stiffness
+    std = np.sqrt(np.diagonal(found.stiffness_covariance, axis1=1, axis2=2))
+    return np.stack([error.real, error.imag], axis=1) / std
+
+
+@pytest.mark.parametrize("masses", [(0.0,), (0.0, 10.0)])
+@pytest.mark.parametrize(
+    ("undeclared", "name"),
+    [
+        ({"tyre_mass": 1.0}, "tyre mass"),
+        ({"frame_stiffness": 1e5}, "frame"),
+        ({"preload_loss_factor": 0.1}, "leaf friction"),
+        ({"leaf_friction": 5.0}, "leaf friction"),
+    ],
+)
+def test_what_is_not_declared_is_seen_and_named_first(make, undeclared, name, masses):
+    made = make(replace(GOOD, undeclared=undeclared), masses=masses, frequencies=8, families=4, within=1.0)
+    joint = made.identify()
+    assert not joint.misfit.fits
+    assert joint.misfit.candidates[0].name == name
+    assert joint.solution.converged
+    assert joint.misfit.chi2 > joint.misfit.dof
+
+
+@pytest.mark.parametrize("masses", [(0.0,), (0.0, 10.0)])
+@pytest.mark.parametrize("name", DECLARED)
+def test_what_is_declared_is_handled(make, name, masses):
+    made = make(replace(GOOD, **{name: DECLARED[name]}), masses=masses, frequencies=8, families=4, within=2.0)
+    joint = made.identify()
+    assert joint.misfit.fits
+    assert not joint.misfit.candidates
+    # 64 tests or fewer, two parts: the largest of 128 normals is beyond 4 once in 120; the seed is fixed
+    assert np.abs(errors(made, joint)).max() < 4
+
+
+@pytest.mark.parametrize(
+    ("undeclared", "blamed"),
+    [
+        ({"moving_mass": 16.0}, "moving_mass"),
+        ({"preload_stiffness": 13400.0}, "preload_stiffness"),
+        ({"gain V1": 0.01}, "gain V1"),
+    ],
+)
+def test_a_statement_that_is_wrong_is_set_aside_and_k_is_right_all_the_same(make, undeclared, blamed):
+    made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=8, families=4, within=1.0, seed=3)
+    joint = made.identify()
+    names = [joint.stated.quantities[at].name for at in joint.misfit.conflicts]
+    assert names == [blamed]
+    assert not joint.misfit.fits
+    assert np.abs(errors(made, joint)).max() < 4.5  # the uncertainty without the statement, and 128 errors
+    at = [quantity.name for quantity in joint.stated.quantities].index(blamed)
+    true = made.true_z(joint.problem.shared)[at]
+    assert abs(joint.solution.z[at] - true) < 4 * np.sqrt(joint.solution.covariance[at, at])
+
+
+def test_an_outlier_is_found_and_the_others_stay(make):
+    made = make(GOOD, masses=(0.0, 5.0, 10.0), frequencies=4, families=3, within=2.0)
+    bad = 13  # of three in its condition: of two it could not be told which
+    amplitudes = made.phasors.amplitudes.copy()
+    amplitudes[bad, 1] *= 1.02
+    off = replace(made, phasors=replace(made.phasors, amplitudes=amplitudes))
+    with_it, without = off.identify(), made.identify()
+    assert np.flatnonzero(with_it.outlier > 1).tolist() == [bad]
+    assert with_it.misfit.fits
+    assert with_it.misfit.scatter == 0
+    others = with_it.condition != with_it.condition[bad]
+    one, two = (outputs(each, made.phasors, made.k1) for each in (with_it, without))
+    std = np.sqrt(np.diagonal(two.covariance_of(slice(0, 2), np.zeros(made.k1.size)), axis1=1, axis2=2))
+    # one of 36 tests less: the others move by a fraction of their uncertainty
+    assert np.all(np.abs(one.value[others, :2] - two.value[others, :2]) < 0.7 * std[others])
+    assert np.abs(errors(off, with_it)[bad]).max() < 4
+
+
+def test_scatter_of_the_tyre_is_found_and_counted(make):
+    """0.5 % from one test to the next of the same condition."""
+    made = make(GOOD, masses=(0.0, 0.0, 10.0), frequencies=5, families=3, scatter=5e-3, within=2.0)
+    joint = made.identify()
+    assert joint.misfit.fits
+    assert 5e-3 / 1.5 < joint.misfit.scatter < 5e-3 * 1.5
+    # three tests in a condition share it: K* is known to 0.5 %/sqrt(3) at best
+    own = np.sqrt(np.diagonal(joint.solution.own, axis1=1, axis2=2))
+    assert own.min() > 0.99 * joint.misfit.scatter / np.sqrt(3)
+    assert np.median(own) < 1.05 * joint.misfit.scatter / np.sqrt(3)
+
+
+def test_uncertainty_with_scatter_is_right(make):
+    """Errors of each condition's K*, over seeds, in their uncertainty: chi-square per number near 1."""
+    squares = []
+    for seed in range(20):
+        made = make(GOOD, masses=(0.0, 0.0, 10.0), frequencies=4, families=3, scatter=5e-3, within=2.0, seed=seed)
+        plain = make(GOOD, masses=(0.0, 0.0, 10.0), frequencies=4, families=3, within=2.0, seed=seed)
+        made = replace(made, campaign=replace(made.campaign, stiffness=plain.campaign.stiffness))
+        squares.append(np.mean(errors(made, made.identify())[::3] ** 2))
+    # 24 numbers in each of 20 campaigns, partly shared: as if half were independent, four uncertainties
+    assert np.mean(squares) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 240))
+
+
+def test_a_clean_campaign_never_warns(make):
+    """The truth within two uncertainties of all that is stated."""
+    for seed in range(60):
+        sensors = (2e-4, 3e-2)[seed % 2]
+        lab = replace(GOOD, std_gain=(sensors,) * 3, std_phase=(sensors / 2,) * 3)
+        masses = ((0.0,), (0.0, 10.0), (0.0, 5.0, 10.0))[seed % 3]
+        made = make(lab, masses=masses, frequencies=5, families=2, spread=0.003, within=2.0, seed=seed)
+        joint = made.identify()
+        misfit = joint.misfit
+        assert misfit.fits, seed
+        assert (misfit.scatter, misfit.rig_error, misfit.inflation) == (0.0, 0.0, 1.0), seed
+        assert not misfit.conflicts
+        assert not misfit.candidates
+        assert np.all(joint.outlier == 1)
+        assert joint.solution.converged
+
+
+def test_noise_larger_than_stated_is_taken_as_it_is(make):
+    """The recordings say a third of what there is: within what may be, but counted."""
+    made = make(replace(GOOD, noise=1e-3), masses=(0.0, 10.0), frequencies=8, families=4, within=2.0)
+    made = replace(made, phasors=replace(made.phasors, covariance=made.phasors.covariance / 9))
+    joint = made.identify()
+    assert not joint.misfit.conflicts
+    grown = np.hypot(joint.misfit.inflation, 1) if joint.misfit.scatter else joint.misfit.inflation
+    assert grown > 1.2
+    assert np.abs(errors(made, joint)).max() < 5
+
+
+def test_all_the_statements_wrong_at_once_still_ends(make):
+    undeclared = {"tyre_mass": 2.0, "frame_stiffness": 5e4, "leaf_friction": 5.0, "gain F1": 0.1, "phase V2": 0.1}
+    made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=5, families=2)
+    joint = made.identify()
+    assert not joint.misfit.fits
+    assert np.all(np.isfinite(joint.solution.stiffness))
+    assert np.all(np.isfinite(joint.found_std))

@@ -1,0 +1,213 @@
+"""Thousands of virtual campaigns through the joint route, their truth known: `python validation/validate.py`.
+
+Part A is at phasor level, part B goes through recordings in the time domain. What is done is kept in
+validation/results, campaign by campaign, so that a run that was stopped goes on where it was; results of other code or
+settings are begun anew, unless --keep is given. The table goes to docs/validation.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import sys
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+# One thread of linear algebra: the matrices are small.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+RESULTS = HERE / "results"
+DOCUMENT = ROOT / "docs" / "validation.md"
+BEGIN, END = "<!-- begin: made by make validate -->", "<!-- end: made by make validate -->"
+
+OUTPUTS = ("K'", "K''", "loss factor", "K2", "C", "TR", "R", "I")
+
+
+def main() -> int:
+    """Run what is missing of both parts, then write the document."""
+    parser = argparse.ArgumentParser(description="Validate the joint route against virtual campaigns.")
+    parser.add_argument("--phasors", type=int, default=2000, metavar="N", help="campaigns at phasor level")
+    parser.add_argument("--recordings", type=int, default=200, metavar="N", help="campaigns in the time domain")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after so long; go on another time")
+    parser.add_argument("--keep", action="store_true", help="go on with results of other code")
+    asked = parser.parse_args()
+    warnings.simplefilter("ignore")  # a campaign's warnings are among its results
+    from phasor_level import run as phasor_level  # once the number of threads is set
+    from time_domain import run as time_domain
+
+    until = time.monotonic() + asked.seconds
+    phasors, recordings = Part("phasors", phasor_level), Part("recordings", time_domain)
+    try:
+        for part, count in ((phasors, asked.phasors), (recordings, asked.recordings)):
+            part.open(keep=asked.keep)
+            part.run(count, until)
+    except KeyboardInterrupt:
+        _say("\nStopped; what is done is kept, and the same command goes on from there.\n")
+        return 130
+    write_document(phasors.results(asked.phasors), recordings.results(asked.recordings))
+    _say(f"{DOCUMENT.relative_to(ROOT)} is written.\n")
+    return 0
+
+
+class Part:
+    """Campaigns numbered from 0, one line of JSON each, after a line that says which code made them."""
+
+    def __init__(self, name: str, work: Callable[[int], dict[str, Any]]) -> None:
+        self.name, self.work = name, work
+        self.file = RESULTS / f"{name}.jsonl"
+
+    def open(self, *, keep: bool) -> None:
+        """Drop what other code made, and a line that was being written when the run ended."""
+        RESULTS.mkdir(parents=True, exist_ok=True)
+        lines = self.file.read_text().splitlines(keepends=True) if self.file.exists() else []
+        lines = [line for line in lines if line.endswith("\n")]
+        if lines and not keep and json.loads(lines[0]) != {"code": _code()}:
+            _say(f"{self.name}: the results were made by other code, begun anew (--keep goes on with them)\n")
+            lines = []
+        kept = "".join(lines) or json.dumps({"code": _code()}) + "\n"
+        self.file.write_text(kept)
+
+    def results(self, count: int = sys.maxsize) -> list[dict[str, Any]]:
+        """What is done, in order."""
+        found = [json.loads(line) for line in self.file.read_text().splitlines()[1:]]
+        return sorted((each for each in found if each["number"] < count), key=lambda each: each["number"])
+
+    def run(self, count: int, until: float) -> None:
+        """The campaigns that are missing."""
+        missing = sorted(set(range(count)) - {each["number"] for each in self.results()})
+        began, shown = time.monotonic(), 0.0
+        with self.file.open("a") as file:
+            for done, number in enumerate(missing):
+                now = time.monotonic()
+                if now > until:
+                    break
+                if now - shown > 0.5:
+                    left = (now - began) / done * (len(missing) - done) if done else float("nan")
+                    _say(f"\r{self.name}: {count - len(missing) + done} of {count}, {_words(left)} left   ")
+                    shown = now
+                file.write(json.dumps(self.work(number)) + "\n")
+                file.flush()
+        if missing:
+            _say(f"\r{self.name}: {len(self.results(count))} of {count} done                  \n")
+
+
+def _words(seconds: float) -> str:
+    if seconds != seconds:
+        return "?"
+    return f"{seconds / 60:.0f} min" if seconds > 90 else f"{seconds:.0f} s"
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text)
+    sys.stderr.flush()
+
+
+def _code() -> str:
+    """Hash of all that results depend on."""
+    rooms = [ROOT / "src" / "fourpole" / room for room in ("core", "virtual", "units", "io", "campaign")]
+    files = [file for room in rooms for file in sorted(room.rglob("*.py"))]
+    files += [HERE / name for name in ("laboratories.py", "phasor_level.py", "bound.py", "time_domain.py")]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
+
+
+def write_document(phasors: Sequence[dict[str, Any]], recordings: Sequence[dict[str, Any]]) -> None:
+    """Put the tables between the marks of the document."""
+    from laboratories import RANGES
+    from time_domain import RANGES as RANGES_RECORDED
+
+    lines = [*_part("Part A: phasors", phasors, RANGES), *_findings(phasors)]
+    lines += _part("Part B: recordings", recordings, RANGES_RECORDED)
+    if recordings:
+        lines += _verdicts(recordings)
+    text = DOCUMENT.read_text()
+    before, rest = text.split(BEGIN)
+    DOCUMENT.write_text(f"{before}{BEGIN}\n" + "\n".join(lines) + f"\n{END}{rest.split(END)[1]}")
+
+
+def _part(title: str, results: Sequence[dict[str, Any]], ranges: dict[str, str]) -> list[str]:
+    from scores import against_bound, collect, coverage_table
+
+    lines = [f"\n## {title}\n", f"{len(results)} campaigns, numbers 0 to {max([-1, *(r['number'] for r in results)])}."]
+    lines += ["", "| drawn | from |", "|---|---|", *(f"| {name} | {words} |" for name, words in ranges.items()), ""]
+    if len(results) < 2:
+        return [*lines, "Too few campaigns for a table."]
+    samples = collect(results)
+    shared = sorted(name for name in samples if name not in OUTPUTS and name != "K1")
+    lines += [*coverage_table(samples, ("K1", *OUTPUTS)), ""]
+    if shared:
+        lines += ["What the campaign's tests share:", "", *coverage_table(samples, shared), ""]
+    for masses in ("one mass", "two masses", "three masses"):
+        some = [result for result in results if result["masses"] == masses]
+        lines += [f"With {masses} ({len(some)} campaigns):", "", *coverage_table(collect(some), OUTPUTS[:6]), ""]
+    if any("bound" in result for result in results):
+        lines += ["Stated uncertainty over the least possible (posterior Cramér-Rao bound at the truth):", ""]
+        lines += [*against_bound(results, (*OUTPUTS, *shared)), ""]
+    return lines
+
+
+def _findings(results: Sequence[dict[str, Any]]) -> list[str]:
+    """How often something is found amiss where nothing is."""
+    from scores import exact_limits
+
+    def share(words: str, met: int, of: int) -> str:
+        low, high = exact_limits(met, of)
+        return f"| {words} | {met} of {of} | {100 * met / of:.2f} % | {100 * low:.2f} to {100 * high:.2f} % |"
+
+    count, tests = len(results), sum(result["tests"] for result in results)
+    lines = [
+        "Found amiss though all is as stated:",
+        "",
+        "| what | how often | share | 95 % limits |",
+        "|---|---|---|---|",
+    ]
+    lines.append(
+        share("a stated value contradicted, or the rig or noise enlarged", sum(not r["fits"] for r in results), count)
+    )
+    lines.append(share("... an unstated part granted to the rig", sum(bool(r["parts"]) for r in results), count))
+    lines.append(share("noise taken larger than it is", sum(r["inflation"] > 1 for r in results), count))
+    lines.append(share("scatter of K* between the tests of a condition", sum(r["scatter"] > 0 for r in results), count))
+    for low, high in ((2, 3), (4, 5), (6, 20)):
+        some = [r for r in results if low <= r["frequencies"] <= high]
+        if some:
+            words = f"... in campaigns with {low} to {high} frequencies and more than one mass"
+            some = [r for r in some if r["masses"] != "one mass"]
+            lines.append(share(words, sum(r["scatter"] > 0 for r in some), max(len(some), 1)))
+    lines.append(share("outliers, of all tests", sum(r["outliers"] for r in results), tests))
+    lines.append(share("the search did not come to rest", sum(not r["converged"] for r in results), count))
+    lines.append(share("K2 and C blank, of all tests", sum(r["blank"] for r in results), tests))
+    named = Counter(name for r in results for name in r["conflicts"])
+    told = ", ".join(f"{name} {times}" for name, times in named.most_common())
+    return [*lines, "", f"Contradicted: {told or 'none'}.", ""]
+
+
+def _verdicts(results: Sequence[dict[str, Any]]) -> list[str]:
+    total: Counter[str] = Counter()
+    for result in results:
+        total.update(result["verdicts"])
+    told = ", ".join(f"{name} {count}" for name, count in sorted(total.items()))
+    routes = Counter(" and ".join(result["routes"]) for result in results)
+    rigs = [rig for result in results for rig in result["joint"]]
+    chi2, dof = sum(rig["chi2"] for rig in rigs), sum(rig["dof"] for rig in rigs)
+    found = {
+        "rigs that do not fit, or statements contradicted": sum(not rig["fits"] for rig in rigs),
+        "noise found larger than the recordings say": sum(rig["inflation"] > 1 for rig in rigs),
+        "scatter of K* found": sum(rig["scatter"] > 0 for rig in rigs),
+    }
+    return [
+        f"Verdicts of the tests: {told}. Routes: {', '.join(f'{route} {times}' for route, times in routes.items())}.",
+        f"Of {len(rigs)} rigs: {', '.join(f'{what} {times}' for what, times in found.items())}.",
+        f"What no tyre could explain has {chi2 / max(dof, 1):.3f} of the chi-square that is due, all together.",
+        "",
+    ]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
