@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,10 +19,10 @@ from fourpole.core.joint import Joint, identify_joint
 from fourpole.core.joint.outputs import identification, outputs
 from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_source
 from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_route
-from fourpole.core.phasor import CHANNELS, Phasors
+from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 
-__all__ = ["Group", "Identified", "Setup", "identify_tests", "possible_route"]
+__all__ = ["Group", "Identified", "Setup", "identify_tests", "possible_route", "setup_of"]
 
 #: An added mass of unstated uncertainty is known to this.
 ADDED_MASS_STD = 1e-4
@@ -129,18 +129,34 @@ def identify_tests(
         members = [i for i, test in enumerate(tests) if test.rig == rig_name and _usable(test, reduced[i], route)]
         if not members:
             continue
-        setup = _setup(campaign, rig_name, [tests[i] for i in members], [stiffness[i] for i in members])
-        phasors = Phasors.stack([item.found.phasors for i in members if (item := reduced[i]).found is not None])
+        setup = setup_of(campaign, rig_name, [tests[i] for i in members], [stiffness[i] for i in members])
+        phasors = Phasors.stack([phasors for i in members if (phasors := _phasors(reduced[i], route)) is not None])
         used, note = _route_of(setup, phasors, route)
+        names, parts = tuple(tests[i].name for i in members), [stiffness[i].parts for i in members]
+        try:
+            group = _identified(names, setup, phasors, used, parts)
+        except np.linalg.LinAlgError as error:
+            note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
+            group = _identified(names, setup, phasors, "mobility", parts)
         if note:
             notes.append(f"{_where(rig_name)}: {note}")
-        parts = [stiffness[i].parts for i in members]
-        group = _identified(tuple(tests[i].name for i in members), setup, phasors, used, parts)
         group = _with_intervals(group, draws, np.random.default_rng([seed, len(members)]))
         if group.learned is not None:
             notes += [f"{_where(rig_name)}: {line}" for line in group.learned.notes]
         found.update({i: Identified(group, at) for at, i in enumerate(members)})
     return found, notes
+
+
+def _phasors(reduced: Reduced, route: str) -> Phasors | None:
+    """Amplitudes of a test; what hardly moves may warn, but must not be taken for a measurement by the joint route."""
+    if reduced.found is None:
+        return None
+    phasors = reduced.found.phasors
+    still = {row.name for row in reduced.checks if row.name.startswith("excitation of") and row.statistic > row.limit}
+    idle = [f"excitation of {symbol}" in still for symbol in SYMBOLS.values()]
+    if route != "joint" or not any(idle):
+        return phasors
+    return replace(phasors, amplitudes=np.where(idle, np.nan, phasors.amplitudes))
 
 
 def _where(rig_name: str) -> str:
@@ -167,7 +183,8 @@ def _route_of(setup: Setup, phasors: Phasors, route: str) -> tuple[str, str]:
     return route, ""
 
 
-def _setup(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness: Sequence[StaticStiffness]) -> Setup:
+def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness: Sequence[StaticStiffness]) -> Setup:
+    """What identification needs of the tests of one rig."""
     stated = campaign.stated.all_rigs.get(rig_name)
     channels = [campaign.stated.channels.named(role) for role in CHANNELS]
     added = np.array([test.value("added_mass") or 0.0 for test in tests])
@@ -189,18 +206,20 @@ def _setup(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness: 
 
 def _families(tests: Sequence[Test]) -> np.ndarray:
     """Number of the tyre, pressure, preload and temperature of each test; negative for a rigid block."""
-    known: dict[str, list[tuple[float | None, ...]]] = {}
-    labels: dict[tuple[str, int], int] = {}
+    known: dict[str, list[tuple[tuple[float | None, ...], int]]] = {}
+    exactly: dict[tuple[Any, ...], int] = {}
     family = np.full(len(tests), -1)
     for at, test in enumerate(tests):
         if test.kind == "calibration":
             continue
         state = tuple(test.value(name) for name in ("pressure", "preload", "temperature"))
-        seen = known.setdefault(test.tyre, [])
-        number = next((i for i, other in enumerate(seen) if _alike(state, other)), len(seen))
-        if number == len(seen):
-            seen.append(state)
-        family[at] = labels.setdefault((test.tyre, number), len(labels))
+        key = (test.tyre, *state)
+        if key not in exactly:
+            seen = known.setdefault(test.tyre, [])
+            alike = (number for other, number in seen if _alike(state, other))
+            exactly[key] = next(alike, len({*exactly.values()}))
+            seen.append((state, exactly[key]))
+        family[at] = exactly[key]
     return family
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from fourpole.campaign.folder import Campaign, Test
-from fourpole.campaign.identified import ADDED_MASS_STD, _setup
+from fourpole.campaign.identified import ADDED_MASS_STD, setup_of
 from fourpole.campaign.results import read_results
 from fourpole.campaign.schema import DEFAULT_GAIN_STD, DEFAULT_PHASE_STD, DEFAULT_RIG_STD
 from fourpole.campaign.static import StaticStiffness
@@ -153,7 +153,7 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
     for name in dict.fromkeys(test.rig for test in planned):
         tests = tuple(test for test in planned if test.rig == name)
         tyre = [_tyre(test, guess, earlier) for test in tests]
-        setup = _setup(campaign, name, tests, [StaticStiffness(row[0], row[1]) for row in tyre])
+        setup = setup_of(campaign, name, tests, [StaticStiffness(row[0], row[1]) for row in tyre])
         if setup.rig is None:
             raise RigError("campaign.toml: [rig] is missing: a plan needs moving_mass and preload_stiffness")
         named = [campaign.stated.channels.named(role) is not None for role in CHANNELS]

@@ -65,7 +65,7 @@ class Observed:
     def of(cls, phasors: Phasors, mass_at: np.ndarray, rigid: BoolArray) -> Observed:
         """From phasors of N tests."""
         amplitudes = phasors.amplitudes
-        present = np.isfinite(amplitudes)
+        present = np.isfinite(amplitudes) & (amplitudes != 0)
         amplitudes = np.where(present, amplitudes, 0.0)
         whiten = whitening(phasors.covariance, amplitudes, present)
         return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid)
