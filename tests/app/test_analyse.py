@@ -102,7 +102,6 @@ def test_figures_and_report_come_with_the_tables_also_of_a_hurt_campaign(run, ca
     assert list((campaign / "results" / "figures").glob("*.svg"))
 
 
-@pytest.mark.xfail(reason="control characters of a test's name reach the terminal as they are")
 def test_names_in_the_campaign_cannot_steer_the_terminal(run, campaign):
     edit(campaign / "tests.csv", "D2,recordings/D2.csv", "\x1b[31mD2\x07,recordings/\x1b]0;x\x07.csv")
     ran = run("analyse", campaign, "--tables-only")

@@ -267,7 +267,6 @@ def test_a_test_on_no_rig_of_several_is_rejected(bench, rig, remark):
     assert remark in found["remarks"]
 
 
-@pytest.mark.xfail(reason="with several rigs a static test is rejected where its row names none of them")
 def test_a_static_test_belongs_to_no_rig(bench):
     bench.rig = bench.rig.replace("[rig]", "[rigs.light]") + bench.rig.replace("[rig]", "[rigs.heavy]")
     bench.channels |= {

@@ -227,7 +227,6 @@ def test_what_one_branch_cannot_know_is_in_its_uncertainty(bench):
     assert row["K1 [N/m]"] == pytest.approx(tangent(1000.0), abs=4 * row["u(K1) [N/m]"])
 
 
-@pytest.mark.xfail(reason="a dynamic test says nothing of the warning of the static test that its K1 is from")
 def test_a_doubtful_k1_is_said_where_it_is_used(bench):
     bench.static("S1", "1.7,", gap=50.0)
     bench.dynamic("D1", "1.7,1000")

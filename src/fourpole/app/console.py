@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import os
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator
@@ -35,6 +36,8 @@ __all__ = [
 
 P = ParamSpec("P")
 
+_STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+
 OK, UNREADABLE, SOME_REJECTED, STOPPED, OURS = 0, 2, 3, 130, 70
 
 
@@ -43,24 +46,29 @@ def _console(stderr: bool) -> Console:
     return Console(stderr=stderr, soft_wrap=not stream.isatty(), highlight=False)
 
 
+def _harmless(text: str) -> str:
+    """Text from a file without what would steer the terminal: control characters but line ends and tabs."""
+    return _STEERING.sub("\ufffd", text)
+
+
 def out(text: str = "") -> None:
-    """Print a result as it is."""
-    typer.echo(text)
+    """Print a result."""
+    typer.echo(_harmless(text))
 
 
 def say(text: str) -> None:
     """Tell the user something that is not the result."""
-    _console(stderr=True).print(escape(text))
+    _console(stderr=True).print(escape(_harmless(text)))
 
 
 def warn(text: str) -> None:
     """Tell the user what to look at."""
-    _console(stderr=True).print(f"[yellow]warning:[/yellow] {escape(text)}")
+    _console(stderr=True).print(f"[yellow]warning:[/yellow] {escape(_harmless(text))}")
 
 
 def fail(text: str, code: int = UNREADABLE) -> NoReturn:
     """Say what is wrong, and end."""
-    _console(stderr=True).print(f"[red]error:[/red] {escape(text)}")
+    _console(stderr=True).print(f"[red]error:[/red] {escape(_harmless(text))}")
     raise typer.Exit(code)
 
 

@@ -30,6 +30,7 @@ def dynamic_cells(
         cells.update(amplitude_cells(reduced.found.phasors))
     if found is not None:
         rows += _calibration_checks(test) if test.kind == "calibration" else _arm_checks(found, stiffness)
+        rows += [Check("K1", float("nan"), float("nan"), "ok", stiffness.doubt)] if stiffness.doubt else []
         rows += _outlier_checks(found)
         cells.update(_identified_cells(found.result, found.at))
     elif test.kind == "calibration" and reduced.found is not None and route != "joint":

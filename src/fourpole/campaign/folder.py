@@ -309,7 +309,7 @@ def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str
     rig = texts.get("rig", "")
     if rig and rig not in stated.all_rigs:
         yield f"rig {units.shown(rig)} is not in campaign.toml; add [rigs.{units.shown(rig)[1:-1]}]"
-    if not rig and len(stated.all_rigs) > 1:
+    if not rig and len(stated.all_rigs) > 1 and kind != "static":
         yield "several rigs are stated: name one of them in the column 'rig'"
     if not texts.get("file"):
         yield "no recording is named: fill in the column 'file'"

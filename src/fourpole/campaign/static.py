@@ -40,11 +40,12 @@ class StaticRow:
 
 @dataclass(frozen=True)
 class StaticStiffness:
-    """K1 for a dynamic test with the parts of its uncertainty, or why there is none."""
+    """K1 for a dynamic test with the parts of its uncertainty and what is doubtful of it, or why there is none."""
 
     value: float = float("nan")
     std: float = float("nan")
     reason: str = ""
+    doubt: str = ""
     parts: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -186,7 +187,8 @@ def stiffness_for(test: Test, statics: Sequence[StaticRow]) -> StaticStiffness:
     if spread > 0:
         parts["K1 repeats"] = float(spread)
     std = float(np.hypot(np.mean([row.std for row in nearest]), spread))
-    return StaticStiffness(float(values.mean()), std, parts=parts)
+    doubts = [f"K1 from {row.test.name}: {'; '.join(row.remarks)}" for row in nearest if row.verdict == "warning"]
+    return StaticStiffness(float(values.mean()), std, doubt="; ".join(doubts), parts=parts)
 
 
 def _nearest_pressure(test: Test, rows: list[StaticRow]) -> list[StaticRow]:
