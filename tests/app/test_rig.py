@@ -40,7 +40,7 @@ def test_values_fit_unseen_and_limits_are_shown(run, folder, learned_results):
         "Of 6 shared values 4 were found by your data; 2 were not determined by your data, taken from your statement.",
         "What these data cannot show: - Errors of V1's gain and V1's phase beyond their statements would not show",
         "What limits me: - K2 is known to 2.0 % (median of 12 tests).",
-        "Cheapest remedy: repeat the static test",
+        "Cheapest remedy: use K' and K''",
         "give K2 to 0.04 % instead of 5.6 %",
     ):
         assert text in said, text

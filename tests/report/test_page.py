@@ -344,7 +344,7 @@ def test_the_rig_and_the_sensors_stand_as_stated_and_as_found():
         "Errors of V1's gain and V1's phase beyond their statements would not show in these data",
         "give K2 to 0.04 % instead of 5.6 %",
         "What limits me K2 is known to 7.3 % (median of 4 tests).",
-        "Cheapest remedy: repeat the static test",
+        "Cheapest remedy: use K' and K''",
     ):
         assert text in said, text
     assert "does not fit" not in said

@@ -20,6 +20,8 @@ __all__ = ["Learned", "learn"]
 
 #: Above this ratio of posterior to prior uncertainty the tests have not determined a value.
 NOT_DETERMINED = 0.9
+#: Above this the statement still has a good part in the value.
+_HALF = 0.5
 #: Less information than this, against the statement's own, is none.
 _NOTHING = 1e-8
 #: Kinds of values in the order of rig.csv, and what a part that nobody stated does not have.
@@ -82,7 +84,10 @@ def learn(
         "reason": solution.reason,
         "steps": solution.steps,
         "notes": list(notes),
-        "candidates": [asdict(candidate) for candidate in misfit.candidates[:6]],
+        "candidates": [
+            asdict(candidate) | {"explains": min(candidate.explains, misfit.chi2)}
+            for candidate in misfit.candidates[:6]
+        ],
     }
     if gained:
         record["gain_of_masses"] = gained
@@ -157,6 +162,8 @@ def _finding(joint: Joint, at: int, ratio: float) -> dict[str, str]:
         return {"finding": "not determined", "remarks": "not determined by your data, taken from your statement"}
     if not joint.misfit.fits:
         return {"finding": "not calibrated", "remarks": "the rig as stated does not fit: not calibrated"}
+    if ratio > _HALF:
+        return {"finding": "found", "remarks": "found in part from your data, in part from your statement"}
     return {"finding": "found", "remarks": "found from your data"}
 
 

@@ -74,9 +74,11 @@ def transmissibility(results: Results, style: Style) -> Figure | None:
         y, std = sheet.shown(quantity)
         notes.say("predicted from K* and the rig: V2 was not measured")
     x, _ = sheet.shown(FREQUENCY)
-    visible = np.isfinite(x) & np.isfinite(y)
+    visible = np.isfinite(x) & np.isfinite(y) & ~sheet.massed
     if not np.any(visible):
         return None
+    if np.any(sheet.massed):
+        notes.say("tests with an added mass have another TR and are left out")
     pressures = _pressures(sheet, visible)
     concerned = np.isin(sheet.pressure, pressures)
     found = list(present(sheet.pressure, visible))
@@ -104,7 +106,7 @@ def transmissibility(results: Results, style: Style) -> Figure | None:
         lost = visible & here & sheet.rejected
         rejected_tests(ax, x[lost], y[lost], style=style)
         mark_crossings(ax, _crossings(sheet, x, y, used & here, tyres, pressures), style=style)
-        _heading(ax, sheet, load, setting)
+        _heading(ax, sheet, load, setting if settings > 1 else -1)
         limit(ax, span([x[visible]]), limits, style=style, ticks=6 if columns < 3 else 4)
     key.tyres(sheet, tyres, style)
     key.pressures(sheet, pressures, style)
@@ -145,7 +147,7 @@ def _crossings(
 
 
 def _heading(ax: Axes, sheet: Sheet, load: int, setting: int) -> None:
-    parts = [sheet.name_of_load(load), sheet.settings[setting] if sheet.settings else ""]
+    parts = [sheet.name_of_load(load), sheet.settings[setting] if sheet.settings and setting >= 0 else ""]
     ax.set_title(", ".join(part for part in parts if part), loc="left", pad=4.5)
 
 

@@ -357,7 +357,9 @@ def mass_gain(results: Results, style: Style) -> Figure | None:
     for colour, text in looks:
         key.add(Line2D([], [], color=colour, linewidth=5.0), text)
     label = "median standard uncertainty of the tests without the mass [%]"
-    return grid.finish(key=key, notes=notes, x_label=label, y_labels=[""], share_x=False, share_y=False)
+    figure = grid.finish(key=key, notes=notes, x_label=label, y_labels=[""], share_x=False, share_y=False)
+    figure.subplots_adjust(left=0.95 / WIDTH)  # room for two words
+    return figure
 
 
 def _gains(results: Results, rig: str) -> dict[str, tuple[float, float]]:
@@ -371,7 +373,8 @@ def _gains(results: Results, rig: str) -> dict[str, tuple[float, float]]:
     for name, first in (before or {}).items():
         then = (after or {}).get(name)
         if isinstance(first, int | float) and isinstance(then, int | float) and 0 < first < np.inf and then > 0:
-            pairs[plain_text(str(name), 12)] = (float(first), float(then))
+            shown = plain_text(str(name), 12).replace(", K1", ",\nK1")
+            pairs[shown] = (float(first), float(then))
     return pairs
 
 
@@ -383,7 +386,7 @@ def _gain_panel(ax: Axes, pairs: dict[str, tuple[float, float]], colours: list[s
             ax.barh(place, 100 * share, height=0.34, color=colour, linewidth=0.0)
             text = f"{100 * share:#.2g}".rstrip(".") + " %" if share < 0.1 else f"{100 * share:.0f} %"
             if side and share < pair[0]:
-                text += f", {pair[0] / share:.2g} times smaller"
+                text += f", {float(f'{pair[0] / share:.2g}'):g} times smaller"
             ax.text(100 * share + 0.012 * most, place, text, va="center", fontsize=7.5)
     ax.set_yticks(range(len(pairs)), list(pairs))
     ax.tick_params(axis="y", length=0)

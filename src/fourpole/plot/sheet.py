@@ -119,6 +119,16 @@ class Sheet:
         )
         return value, std
 
+    @property
+    def massed(self) -> BoolArray:
+        """Tests with an added mass whose condition was tested with less: they show the rig, not another tyre."""
+        added = np.nan_to_num(self.values("added mass [kg]"))
+        places = list(zip(self.tyre, self.pressure, self.load, _texts(self.table, "rig"), strict=True))
+        least: dict[object, float] = {}
+        for place, mass in zip(places, added, strict=True):
+            least[place] = min(mass, least.get(place, np.inf))
+        return np.array([mass > least[place] for place, mass in zip(places, added, strict=True)], dtype=bool)
+
     def name_of_load(self, at: int) -> str:
         """A load as a heading."""
         return self.loads.labels[at] if self.loads.stated() or len(self.loads) > 1 else ""

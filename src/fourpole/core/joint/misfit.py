@@ -19,7 +19,7 @@ from fourpole.core.joint.model import (
     upper_factor,
     whitened,
 )
-from fourpole.core.joint.solve import Problem, Solution, without_stiffness
+from fourpole.core.joint.solve import Problem, Solution, with_columns, without_stiffness
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.rig import Rig
 
@@ -175,7 +175,7 @@ def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
         if group.stop > group.start:
             starts = problem.conditions.starts[group] - rows.start
             columns = without_stiffness(linear.by_stiffness, columns, starts)[2]
-        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, columns.reshape(-1, columns.shape[2])]), mode="r"))
+        triangle = with_columns(triangle, columns)
     block, target = triangle[p:-1, p:-1], triangle[p:-1, -1]
     weight, pull = np.sum(block**2, axis=0), block.T @ target
     found = []
@@ -183,7 +183,7 @@ def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
         if weight[at] > _SEEN * size[at] and (said := words(float(pull[at] / weight[at]))) is not None:
             relative = float(np.sqrt(weight[at]) / abs(pull[at]))
             name, value, unit, text = said
-            explains = float(pull[at] ** 2 / weight[at])
+            explains = min(float(pull[at] ** 2 / weight[at]), solution.objective)
             std = abs(value) * relative
             found.append(Candidate(name, value, std, unit, explains, part, float(pull[at] / weight[at]), text))
     return sorted(found, key=lambda candidate: -candidate.explains)

@@ -17,6 +17,8 @@ __all__ = ["Misfit", "largest_part", "settle"]
 #: A stated value drawn further than this from what is stated, in standard uncertainties, contradicts the tests; it may
 #: still be true by bad luck, so until luck is out of the question only the uncertainties are those without it.
 _CONFLICT, _IMPOSSIBLE = 3.0, 5.0
+#: A statement so many times as uncertain as stated says hardly anything any more.
+_FAR = 50.0
 #: A test whose squared residual is this many times the usual one does not belong with the others.
 _OUTLIER = 50.0
 #: More outliers than this share are no outliers: the rig as stated is wrong.
@@ -117,7 +119,7 @@ def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Flo
     for (
         at
     ) in state.doubtful:  # the values stay where luck would have them; how well they are known does not rest on luck
-        _set_aside(state, at, _CONFLICT)
+        _set_aside(state, at, _FAR)
     if state.doubtful:
         state.solution = spread(state.problem, state.solution)
     misfit = state.misfit

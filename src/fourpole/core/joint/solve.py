@@ -12,10 +12,11 @@ from fourpole.core.joint.conditions import Conditions
 from fourpole.core.joint.model import Linear, Observed, inverse_upper, linearise, upper_factor
 from fourpole.core.joint.shared import Shared
 
-__all__ = ["Problem", "Solution", "solve", "spread", "without_stiffness"]
+__all__ = ["Problem", "Solution", "solve", "spread", "with_columns", "without_stiffness"]
 
 #: Tests worked on at once: what fits into the processor's cache many times over, so that memory stays bounded.
 _CHUNK = 4096
+_BLOCK = 6 * 64
 _MOST_STEPS = 60
 #: A step below this share of every uncertainty ends the search.
 _SMALL = 1e-5
@@ -225,12 +226,21 @@ def _sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> _Step:
             roots.append(root)
             slopes.append(moved[:, :, :p])
             own_steps.append(moved[:, :, p])
-        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, columns.reshape(-1, p + 1)]), mode="r"))
+        triangle = with_columns(triangle, columns)
     dz = np.linalg.solve(triangle[:p, :p], triangle[:p, p]) if p else np.zeros(0)
     slope = np.concatenate(slopes) if slopes else np.zeros((0, 2, p))
     own_step = np.concatenate(own_steps) if own_steps else np.zeros((0, 2))
     own_root = np.concatenate(roots) if roots else np.zeros((0, 2, 2))
     return _Step(objective, dz, own_step - slope @ dz, own_step, triangle[:p, :p], own_root, slope)
+
+
+def with_columns(triangle: FloatArray, columns: FloatArray) -> FloatArray:
+    """R of a triangle (k, k) on top of the columns (N, 6, k); in small blocks, which need no threads to be quick."""
+    k = columns.shape[2]
+    rows = columns.reshape(-1, k)
+    whole = rows.shape[0] // _BLOCK * _BLOCK
+    blocks = np.asarray(np.linalg.qr(rows[:whole].reshape(-1, _BLOCK, k), mode="r")).reshape(-1, k)
+    return np.asarray(np.linalg.qr(np.vstack([triangle, blocks, rows[whole:]]), mode="r"))
 
 
 def without_stiffness(

@@ -154,8 +154,8 @@ def _misfit(joint: Mapping[str, Any], values: Sequence[Value]) -> Iterable[str]:
     if against:
         yield (
             f"The data contradict what you state of the {joined(against)}: "
-            f"{'this statement was' if len(against) == 1 else 'these statements were'} set aside, which leaves all "
-            "results less certain."
+            f"no uncertainty rests on {'this statement' if len(against) == 1 else 'these statements'}, "
+            "which leaves all results less certain."
         )
     done = list(_enlarged(joint))
     if done:

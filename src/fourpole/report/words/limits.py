@@ -39,7 +39,8 @@ _SOURCES = {
 }
 _K1_REMEDIES = {
     "K1 fit": "repeat the static test with finer steps of load round the preload",
-    "K1 branch gap": "repeat the static test, more slowly and with finer steps of load, so that its branches close up",
+    "K1 branch gap": "use K' and K'', which need no K1; or state the K1 that you mean, with its uncertainty, in "
+    "tests.csv (the gap is the rubber's own hysteresis, which no test closes)",
     "K1 cycles": "repeat the static test with more cycles, until two follow each other closely",
     "K1 stated": "state K1 with a smaller uncertainty, or add a static test",
 }
@@ -111,7 +112,7 @@ def limits(results: Results) -> list[Limit]:
         here, about = rows.filter(pl.col("rig") == name), _about(results, tests, name)
         for quantity in _quantities(here):
             part = here.filter(pl.col("quantity") == quantity)
-            found.append(_limit(name, quantity, _median_shares(part), part["test"].unique(), tests, about))
+            found.append(_limit(name, quantity, part, tests, about))
     return found
 
 
@@ -147,11 +148,12 @@ def _about(results: Results, tests: pl.DataFrame, rig: str) -> _About:
     )
 
 
-def _limit(
-    rig: str, quantity: str, shares: list[tuple[str, float]], names: pl.Series, tests: pl.DataFrame, about: _About
-) -> Limit:
+def _limit(rig: str, quantity: str, rows: pl.DataFrame, tests: pl.DataFrame, about: _About) -> Limit:
+    shares, names = _median_shares(rows), rows["test"].unique()
     source, share = shares[0]
-    relative = _relative(tests.filter(pl.col("test").is_in(names.to_list())), quantity)
+    of_source = rows.filter(pl.col("source") == source).group_by("test").agg(pl.col("share [1]").sum())
+    here = tests.filter(pl.col("test").is_in(names.to_list())).join(of_source, on="test", how="left")
+    relative, left = _relative(here, quantity), _relative(here, quantity, without=True)
     remedy = _remedy(source, about)
     symbol = _SYMBOLS.get(quantity, quantity)
     opening = (
@@ -161,18 +163,21 @@ def _limit(
     if not relative:
         much = f"makes most of the uncertainty of {symbol}" if share >= _MOST_OF_IT else f"limits {symbol} most"
     text = f"{opening}{_capital(source_in_words(source))} {much}, with {percent(share)} of the variance"
-    if relative and share < 1:
-        text += f"; without it about {percent(relative * sqrt(1 - share))} would be left"
+    if relative and left:
+        text += f"; without it about {percent(left)} would be left"
     if len(shares) > 1 and shares[1][1] >= _WORTH_NAMING:
         text += f". Next is {source_in_words(shares[1][0])} with {percent(shares[1][1])}"
     return Limit(rig, quantity, source, share, relative, len(names), remedy, f"{text}. Cheapest remedy: {remedy}.")
 
 
-def _relative(tests: pl.DataFrame, quantity: str) -> float | None:
-    """Median relative uncertainty over tests."""
+def _relative(tests: pl.DataFrame, quantity: str, *, without: bool = False) -> float | None:
+    """Median relative uncertainty over tests; without the share of the source that stands beside them, if so asked."""
     value, std = _COLUMNS[quantity]
-    pairs = [(known(row.get(value)), known(row.get(std))) for row in tests.rows(named=True)]
-    found = [u / abs(x) for x, u in pairs if x and u is not None]
+    found = []
+    for row in tests.rows(named=True):
+        x, u, share = known(row.get(value)), known(row.get(std)), known(row.get("share [1]")) or 0.0
+        if x and u is not None:
+            found.append(u / abs(x) * sqrt(max(1.0 - share, 0.0) if without else 1.0))
     return float(np.median(found)) if found else None
 
 

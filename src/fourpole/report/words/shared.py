@@ -19,7 +19,7 @@ DASH = "–"
 FINDINGS = {
     "found": "found by your data",
     "not determined": "not determined by your data, taken from your statement",
-    "contradicted": "contradicted by your data: what you state of it was set aside",
+    "contradicted": "contradicted by your data: no uncertainty rests on your statement",
     "not calibrated": "not calibrated: the model of the rig does not fit",
     "unstated": "not stated by you: the tests want it; look for its cause and state it",
 }
