@@ -134,8 +134,8 @@ def test_a_statement_that_was_set_aside_is_named(plain):
     values = changed("moving_mass", found=15.81, pull=81.0, seen=None, finding="contradicted")
     found = of(with_values(plain, values, **{**MISFIT, "rig_error": 0.0, "inflation": 1.0}))
     assert (
-        "The data contradict what you state of the moving mass m: no uncertainty rests on this statement, which leaves all "
-        "results less certain."
+        "The data contradict what you state of the moving mass m: no uncertainty rests on this statement, which leaves "
+        "all results less certain."
     ) in found.misfit
     assert not any("enlarged" in text for text in found.misfit)
     # It was seen, so it is not among what stays unseen.
@@ -249,8 +249,8 @@ def test_the_largest_source_is_named_with_its_share_and_its_remedy(plain):
     assert found.text == (
         "K2 is known to 2.0 % (median of 12 tests). The gap between the branches of K1 makes most of that, with 50 % "
         "of the variance; without it about 1.4 % would be left. Next is the noise of the sensors with 30 %. Cheapest "
-        "remedy: use K' and K'', which need no K1; or state the K1 that you mean, with its uncertainty, in tests.csv (the "
-        "gap is the rubber's own hysteresis, which no test closes)."
+        "remedy: use K' and K'', which need no K1; or state the K1 that you mean, with its uncertainty, in tests.csv "
+        "(the gap is the rubber's own hysteresis, which no test closes)."
     )
     assert [found.quantity for found in limits(plain)] == ["K2", "C"]
 

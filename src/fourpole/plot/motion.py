@@ -80,7 +80,7 @@ def transmissibility(results: Results, style: Style) -> Figure | None:
     if np.any(sheet.massed):
         notes.say("tests with an added mass have another TR and are left out")
     pressures = _pressures(sheet, visible)
-    concerned = np.isin(sheet.pressure, pressures)
+    concerned = np.isin(sheet.pressure, pressures) & ~sheet.massed
     found = list(present(sheet.pressure, visible))
     notes.chosen(len(pressures), len(found), "pressures")
     visible &= concerned
