@@ -193,12 +193,13 @@ def test_an_error_of_v1_without_a_second_mass_is_said_to_be_unseen(plain):
 
 
 def test_with_a_second_mass_only_a_common_error_is_unseen_and_does_no_harm(plain):
-    assert of(with_values(plain, MASSED)).unseen == (
-        (
-            "An error of V1's gain and V1's phase that all channels have in common would not show in these data, and "
-            "does no harm: K* needs only the ratios of the channels, whose errors would show."
-        ),
+    common, mass = of(with_values(plain, MASSED)).unseen
+    assert common == (
+        "An error of V1's gain and V1's phase that all channels have in common would not show in these data, and "
+        "does no harm: K* needs only the ratios of the channels, whose errors would show."
     )
+    assert mass.startswith("The scale of the sensors, and so of K*, rests on the weight of the added mass 10 kg")
+    assert mass.endswith("Weigh it twice; a second, different mass would show it.")
 
 
 def test_an_error_that_would_show_only_when_it_is_large_is_told(plain):

@@ -18,6 +18,8 @@ __all__ = ["dynamic_cells"]
 
 #: Above this relative uncertainty linear propagation is no longer to be trusted.
 _LINEAR = 0.3
+#: Where more than this share of what may be is not passive, no passive answer exists.
+_NEVER_PASSIVE = 0.975
 
 
 def dynamic_cells(
@@ -31,7 +33,7 @@ def dynamic_cells(
     if found is not None:
         rows += _calibration_checks(test) if test.kind == "calibration" else _arm_checks(found, stiffness)
         rows += [Check("K1", float("nan"), float("nan"), "ok", stiffness.doubt)] if stiffness.doubt else []
-        rows += _outlier_checks(found)
+        rows += [*_outlier_checks(found), *_convergence_checks(found)]
         cells.update(_identified_cells(found.result, found.at))
     elif test.kind == "calibration" and reduced.found is not None and route != "joint":
         rows.append(_warning("calibration", f"a calibration test serves the joint route only, not the {route} route"))
@@ -48,6 +50,13 @@ def _calibration_checks(test: Test) -> list[Check]:
     mass = test.value("added_mass") or 0.0
     remark = f"a rigid mass of {mass:g} kg in place of the tyre: it serves the rig and the channels"
     return [Check("calibration", float("nan"), float("nan"), "ok", remark)]
+
+
+def _convergence_checks(found: Identified) -> list[Check]:
+    joint = found.group.joint
+    if joint is None or joint.solution.converged:
+        return []
+    return [_warning("convergence", "the joint route did not converge for this rig: use --route relative or mobility")]
 
 
 def _outlier_checks(found: Identified) -> list[Check]:
@@ -68,6 +77,12 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
     reason, value = result.reasons[at], result.stiffness[at]
     if stiffness.reason and value.real > 0 and value.imag > 0:
         return [_warning("K1", f"K2 and C are left blank: {stiffness.reason}")]
+    interval = _interval(found, 0) if at in found.group.intervals else ""
+    if reason and interval and found.group.intervals[at][0].impassive < _NEVER_PASSIVE:
+        remark = (
+            f"K2 and C cannot be told: K' lies too close to K1 for its uncertainty; K2 is{interval}: use K* instead"
+        )
+        return [Check("passive arm", found.group.intervals[at][0].impassive, _NEVER_PASSIVE, "warning", remark)]
     if reason:
         return [Check("passive arm", float("nan"), 0.0, "rejected", reason)]
     with np.errstate(invalid="ignore"):
@@ -76,17 +91,23 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
     if worst <= _LINEAR:
         return [Check("uncertainty", worst, _LINEAR, "ok")]
     which = int(np.argmax(relative))
-    what, unit = (("K2", "N/m"), ("C", "N s/m"))[which]
-    interval = ""
-    if at in found.group.intervals:
-        low, _, high = found.group.intervals[at][which].quantiles
-        upper = f"and {high:.3g} {unit}" if np.isfinite(high) else "and no upper limit"
-        interval = f" between {low:.3g} {unit} {upper} (95 %, drawn)" if np.isfinite(low) else " without a limit"
+    what = ("K2", "C")[which]
+    interval = _interval(found, which) if at in found.group.intervals else ""
     remark = (
         f"{what} is known to {worst:.0%} only,{interval or ' so its interval is not symmetric'}: use K* instead, "
         "or state the rig, K1 and the channels with smaller uncertainties"
     )
     return [Check("uncertainty", worst, _LINEAR, "warning", remark)]
+
+
+def _interval(found: Identified, which: int) -> str:
+    """The drawn interval of K2 or C in words."""
+    low, _, high = found.group.intervals[found.at][which].quantiles
+    unit = ("N/m", "N s/m")[which]
+    if not np.isfinite(low):
+        return " without a limit"
+    upper = f"and {high:.3g} {unit}" if np.isfinite(high) else "and no upper limit"
+    return f" between {low:.3g} {unit} {upper} (95 %, drawn)"
 
 
 def _identified_cells(result: Identification, at: int) -> dict[str, float]:

@@ -14,7 +14,7 @@ from fourpole.campaign.reduce import Reduced
 from fourpole.campaign.static import SAME_PRESSURE, StaticStiffness
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.checks import worst_verdict
-from fourpole.core.identify import OUTPUTS, ChannelUncertainty, Identification, identify, variance_by_source
+from fourpole.core.identify import ChannelUncertainty, Identification, identify, variance_by_source
 from fourpole.core.joint import Joint, identify_joint
 from fourpole.core.joint.outputs import identification, outputs
 from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_source
@@ -30,6 +30,8 @@ ADDED_MASS_STD = 1e-4
 _SAME_PRELOAD, _SAME_TEMPERATURE = 0.01, 5.0
 #: Above this relative uncertainty of K2 or C their distribution is drawn, not taken as normal.
 _SKEW = 0.1
+#: A K' below K1, or a K'' below zero, by more of their uncertainty than this is no matter of luck.
+_LOST = 3.0
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,7 @@ class Setup:
     added: FloatArray
     added_std: FloatArray
     family: np.ndarray
+    nominal: FloatArray
 
 
 @dataclass(frozen=True)
@@ -140,7 +143,7 @@ def identify_tests(
             group = _identified(names, setup, phasors, "mobility", parts)
         if note:
             notes.append(f"{_where(rig_name)}: {note}")
-        group = _with_intervals(group, draws, np.random.default_rng([seed, len(members)]))
+        group = _with_intervals(group, draws, seed)
         if group.learned is not None:
             notes += [f"{_where(rig_name)}: {line}" for line in group.learned.notes]
         found.update({i: Identified(group, at) for at, i in enumerate(members)})
@@ -201,26 +204,30 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         added=added,
         added_std=np.array([ADDED_MASS_STD * m if s is None else s for m, s in zip(added, added_std, strict=True)]),
         family=_families(tests),
+        nominal=np.array([test.value("frequency") or np.nan for test in tests]),
     )
 
 
 def _families(tests: Sequence[Test]) -> np.ndarray:
-    """Number of the tyre, pressure, preload and temperature of each test; negative for a rigid block."""
-    known: dict[str, list[tuple[tuple[float | None, ...], int]]] = {}
-    exactly: dict[tuple[Any, ...], int] = {}
-    family = np.full(len(tests), -1)
-    for at, test in enumerate(tests):
-        if test.kind == "calibration":
-            continue
-        state = tuple(test.value(name) for name in ("pressure", "preload", "temperature"))
-        key = (test.tyre, *state)
-        if key not in exactly:
-            seen = known.setdefault(test.tyre, [])
-            alike = (number for other, number in seen if _alike(state, other))
-            exactly[key] = next(alike, len({*exactly.values()}))
-            seen.append((state, exactly[key]))
-        family[at] = exactly[key]
-    return family
+    """Number of the tyre, pressure, preload and temperature of each test; negative for a rigid block.
+
+    States are taken in rising order, and each joins the first that it is like: the order of the tests does not matter,
+    and no family is wider than what counts as the same.
+    """
+    names = ("pressure", "preload", "temperature")
+    states = [(test.tyre, tuple(test.value(name) for name in names)) for test in tests]
+    rising = sorted(set(states), key=lambda state: (state[0], [(x is None, x or 0.0) for x in state[1]]))
+    leaders: dict[str, list[tuple[tuple[float | None, ...], int]]] = {}
+    number: dict[tuple[str, tuple[float | None, ...]], int] = {}
+    for tyre, state in rising:
+        led = leaders.setdefault(tyre, [])
+        alike = next((at for leader, at in led if _alike(state, leader)), None)
+        if alike is None:
+            alike = sum(map(len, leaders.values()))
+            led.append((state, alike))
+        number[tyre, state] = alike
+    rigid = [test.kind == "calibration" for test in tests]
+    return np.array([-1 if block else number[state] for block, state in zip(rigid, states, strict=True)])
 
 
 def _alike(one: tuple[float | None, ...], other: tuple[float | None, ...]) -> bool:
@@ -241,6 +248,7 @@ def _identified(names: tuple[str, ...], setup: Setup, phasors: Phasors, route: s
             setup.rig,
             setup.k1,
             family=setup.family,
+            nominal_frequency=setup.nominal,
             added_mass=setup.added,
             added_mass_std=setup.added_std,
             channels=setup.channels,
@@ -248,7 +256,7 @@ def _identified(names: tuple[str, ...], setup: Setup, phasors: Phasors, route: s
         found = outputs(joint, phasors, setup.k1)
         result = identification(joint, phasors, setup.k1, setup.k1_std, found)
         variance = joint_variance_by_source(joint, found, setup.k1_std)
-        learned = learn(joint, names, phasors, setup.rig, setup.channels, setup.family, result)
+        learned = learn(joint, names, phasors, setup.rig, setup.channels, (setup.family, setup.nominal), result)
         return Group(names, setup, phasors, route, result, joint, _k1_apart(variance, parts), learned=learned)
     arguments: dict[str, Any] = {
         "k1_std": setup.k1_std,
@@ -265,7 +273,8 @@ def _identified(names: tuple[str, ...], setup: Setup, phasors: Phasors, route: s
 def _k1_apart(variance: dict[str, FloatArray], parts: Sequence[Any]) -> dict[str, FloatArray]:
     """The variance that K1 makes, in the parts that K1's own uncertainty has."""
     whole = variance.pop("K1")
-    squares = {name: np.array([part.get(name, 0.0) ** 2 for part in parts]) for part in parts for name in part}
+    names = dict.fromkeys(name for part in parts for name in part)
+    squares = {name: np.array([part.get(name, 0.0) ** 2 for part in parts]) for name in names}
     total = np.sum(list(squares.values()), axis=0) if squares else np.zeros(len(parts))
     for name, square in squares.items():
         share = np.divide(square, total, out=np.zeros_like(square), where=total > 0)
@@ -273,18 +282,29 @@ def _k1_apart(variance: dict[str, FloatArray], parts: Sequence[Any]) -> dict[str
     return variance
 
 
-def _with_intervals(group: Group, draws: int, rng: np.random.Generator) -> Group:
-    """The group with K2 and C drawn where their uncertainty is too large for them to be normal."""
-    result = group.result
-    with np.errstate(invalid="ignore"):
+def _with_intervals(group: Group, draws: int, seed: int) -> Group:
+    """The group with K2 and C drawn where their uncertainty is too large for them to be normal.
+
+    Each test has draws of its own, whatever the others are and in whatever order.
+    """
+    for at in np.flatnonzero(_skew(group.result)) if draws else ():
+        rng = np.random.default_rng([seed, *group.names[at].encode()])
+        stiffness = _drawn(group, int(at), draws, rng)
+        k1 = group.result.k1[at] + np.nan_to_num(group.result.k1_std[at]) * rng.standard_normal(draws)
+        group.intervals[int(at)] = arm_intervals(stiffness, k1, float(2 * np.pi * group.result.frequency[at]))
+    return group
+
+
+def _skew(result: Identification) -> np.ndarray:
+    """Tests whose K2 or C is known so badly, or not at all, that its distribution is not normal."""
+    with np.errstate(invalid="ignore", divide="ignore"):
         variance = np.diagonal(result.arm_covariance, 0, 1, 2)
         relative = np.sqrt(variance) / np.stack([result.k2, result.c], axis=1)
-        skew = np.flatnonzero(np.any(relative > _SKEW, axis=1) & np.isfinite(result.k1))
-    for at in skew if draws else ():
-        stiffness = _drawn(group, int(at), draws, rng)
-        k1 = result.k1[at] + np.nan_to_num(result.k1_std[at]) * rng.standard_normal(draws)
-        group.intervals[int(at)] = arm_intervals(stiffness, k1, float(2 * np.pi * result.frequency[at]))
-    return group
+        off = np.stack([result.stiffness.real - result.k1, result.stiffness.imag], axis=1)
+        spread = np.sqrt(np.diagonal(result.stiffness_covariance, 0, 1, 2))
+        spread[:, 0] = np.hypot(spread[:, 0], np.nan_to_num(result.k1_std))
+        lost = np.isnan(result.k2) & np.all(off > -_LOST * spread, axis=1)
+        return np.isfinite(result.k1) & np.isfinite(result.stiffness) & (np.any(relative > _SKEW, axis=1) | lost)
 
 
 def _drawn(group: Group, at: int, draws: int, rng: np.random.Generator) -> ComplexArray:
@@ -304,20 +324,19 @@ def _drawn(group: Group, at: int, draws: int, rng: np.random.Generator) -> Compl
     )
 
 
-def budget_rows(group: Group) -> dict[str, list[Any]]:
-    """budget.csv: every output of every test with what each source gives to its uncertainty."""
-    table: dict[str, list[Any]] = {name: [] for name in ("test", "quantity", "unit", "source", "u", "share [1]")}
+def budget_columns(group: Group) -> dict[str, list[np.ndarray]]:
+    """budget.csv as numbers: per source the tests, outputs, uncertainties and shares that are not zero."""
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in ("source", "test", "quantity", "u", "share")}
     known = _known(group.result)
     total = np.sum(list(group.variance.values()), axis=0)
-    for source, variance in group.variance.items():
-        rows, columns = np.nonzero(known & (variance > 0) & (total > 0))
-        table["test"] += [group.names[i] for i in rows]
-        table["quantity"] += [list(OUTPUTS)[j] for j in columns]
-        table["unit"] += [list(OUTPUTS.values())[j] for j in columns]
-        table["source"] += [source] * len(rows)
-        table["u"] += np.sqrt(variance[rows, columns]).tolist()
-        table["share [1]"] += (variance[rows, columns] / total[rows, columns]).tolist()
-    return table
+    for at, variance in enumerate(group.variance.values()):
+        rows, outputs_ = np.nonzero(known & (variance > 0) & (total > 0))
+        columns["source"].append(np.full(rows.size, at))
+        columns["test"].append(rows)
+        columns["quantity"].append(outputs_)
+        columns["u"].append(np.sqrt(variance[rows, outputs_]))
+        columns["share"].append(variance[rows, outputs_] / total[rows, outputs_])
+    return columns
 
 
 def _known(result: Identification) -> np.ndarray:

@@ -28,6 +28,14 @@ _NOTHING = 1e-8
 _ORDER = ("rig", "extra", "channel", "mass")
 _GROUP = {"gain": "channel", "phase": "channel"}
 _STATEMENT = ("stated", "u(stated)", "posterior over prior [1]", "pull [1]", "seen from")
+#: What cannot be told from a value: it moves, or gives way, with it.
+_HIDDEN = {"moving_mass": "tyre_mass", "preload_stiffness": "frame_stiffness"}
+_HIDDEN_WORDS = {
+    "moving_mass": "; whatever else moves with V2, such as the tyre's own moving part, is in it",
+    "preload_stiffness": "; whatever gives way with the spring, such as the frame, is in it",
+}
+#: Further from its statement than this, in stated uncertainties, a value may hold what nobody stated.
+_FAR = 2.0
 #: Noise larger than the recordings say by more than this is worth a note.
 _WORTH_SAYING = 1.2
 #: Ratios of gains that K* rests on: over, under.
@@ -63,11 +71,14 @@ def learn(
     phasors: Phasors,
     rig: Rig,
     channels: ChannelUncertainty,
-    family: np.ndarray,
+    places: tuple[np.ndarray, FloatArray],
     result: Identification,
 ) -> Learned:
-    """Put a joint solution into rows and words; `result` is what it says of the tests."""
-    gained = _gain_of_masses(joint, phasors, rig, channels, family, result)
+    """Put a joint solution into rows and words.
+
+    `places` are family and nominal frequency of each test, `result` is what the solution says of them.
+    """
+    gained = _gain_of_masses(joint, phasors, rig, channels, places, result)
     notes = tuple(_notes(joint))
     misfit, solution = joint.misfit, joint.solution
     record: dict[str, Any] = {
@@ -133,13 +144,20 @@ def _first_pull(joint: Joint, at: int, pull: FloatArray) -> float:
 
 
 def _honest_std(joint: Joint) -> FloatArray:
-    """Uncertainty of each value; where the rig does not fit, none is smaller than what is wrong, or was stated."""
+    """Uncertainty of each value; where the rig does not fit, none is smaller than what is wrong, or was stated.
+
+    A tyre's moving part is as good as a part of the moving mass, and a frame as a part of the spring: where nobody
+    stated these, a mass or spring found further from its statement than chance easily takes it may hold them.
+    """
     std = joint.found_std.copy()
-    off = np.abs(joint.found - np.array([quantity.stated for quantity in joint.stated.quantities]))
-    aside = list(joint.misfit.conflicts)
-    std[aside] = np.maximum(np.hypot(std[aside], off[aside]), joint.stated.std[aside])
-    if joint.misfit.rig_error > 0 or (joint.misfit.inflation > 1 and not joint.misfit.fits):
-        std = np.maximum(np.hypot(std, off), joint.stated.std)
+    stated = joint.stated.quantities
+    off = np.abs(joint.found - np.array([quantity.stated for quantity in stated]))
+    names = [quantity.name for quantity in stated]
+    for at, quantity in enumerate(stated):
+        hidden = _HIDDEN.get(quantity.name)
+        far = off[at] > _FAR * joint.stated.std[at]
+        if at in joint.misfit.conflicts or not joint.misfit.fits or (hidden and hidden not in names and far):
+            std[at] = max(float(np.hypot(std[at], off[at])), joint.stated.std[at] if not joint.misfit.fits else 0.0)
     return std
 
 
@@ -162,9 +180,12 @@ def _finding(joint: Joint, at: int, ratio: float) -> dict[str, str]:
         return {"finding": "not determined", "remarks": "not determined by your data, taken from your statement"}
     if not joint.misfit.fits:
         return {"finding": "not calibrated", "remarks": "the rig as stated does not fit: not calibrated"}
-    if ratio > _HALF:
-        return {"finding": "found", "remarks": "found in part from your data, in part from your statement"}
-    return {"finding": "found", "remarks": "found from your data"}
+    name = joint.stated.quantities[at].name if at >= 0 else ""
+    names = [quantity.name for quantity in joint.stated.quantities]
+    more = _HIDDEN_WORDS.get(name, "") if _HIDDEN.get(name) not in names else ""
+    part = " in part" if ratio > _HALF else ""
+    rest = ", in part from your statement" if part else ""
+    return {"finding": "found", "remarks": f"found{part} from your data{rest}{more}"}
 
 
 def _ratios(joint: Joint) -> list[dict[str, Any]]:
@@ -263,10 +284,25 @@ def _notes(joint: Joint) -> list[str]:
         )
     strange = int(np.sum(joint.outlier > 1))
     if strange:
-        notes.append(f"{strange} test{'s do' if strange > 1 else ' does'} not go with the others and hardly count")
+        many = "tests do" if strange > 1 else "test does"
+        notes.append(f"{strange} {many} not go with the others and hardly {'count' if strange > 1 else 'counts'}")
+    notes += _unshared_masses(joint)
     if joint.problem.conditions.label.size == 1:
         notes.append("one test only: rig and channels are taken as you stated them")
     return notes
+
+
+def _unshared_masses(joint: Joint) -> list[str]:
+    """Whether the tests with different masses are of other tyres, loads or temperatures, so that they tell nothing."""
+    mass_at, label = joint.problem.observed.mass_at, joint.problem.conditions.label
+    pairs = {(int(c), int(m)) for c, m in zip(label, mass_at, strict=True) if c >= 0}
+    if len({m for _, m in pairs}) < 2 or len({c for c, _ in pairs}) < len(pairs):
+        return []
+    text = (
+        "no condition was tested with two masses, so the added mass tells nothing of the sensors: tyre, "
+        "pressure (2 %), preload (1 %), temperature (5 K) and frequency (1 %) must be the same without and with it"
+    )
+    return [text]
 
 
 def _short(value: float, unit: str) -> str:
@@ -274,7 +310,12 @@ def _short(value: float, unit: str) -> str:
 
 
 def _gain_of_masses(
-    joint: Joint, phasors: Phasors, rig: Rig, channels: ChannelUncertainty, family: np.ndarray, result: Identification
+    joint: Joint,
+    phasors: Phasors,
+    rig: Rig,
+    channels: ChannelUncertainty,
+    places: tuple[np.ndarray, FloatArray],
+    result: Identification,
 ) -> dict[str, dict[str, float]]:
     """Median relative uncertainties of K2 and C in the tests without an added mass, from these alone and from all."""
     mass_at = joint.problem.observed.mass_at[np.argsort(joint.order)]
@@ -283,7 +324,8 @@ def _gain_of_masses(
         return {}
     fewer = Phasors(*(np.asarray(getattr(phasors, name))[bare] for name in phasors.__dataclass_fields__))
     k1, k1_std = result.k1[bare], result.k1_std[bare]
-    alone = identify_joint(fewer, rig, k1, family=family[bare], channels=channels)
+    family, nominal = (place[bare] for place in places)
+    alone = identify_joint(fewer, rig, k1, family=family, nominal_frequency=nominal, channels=channels)
     every = np.ones(k1.size, dtype=bool)
     without = _medians(identification(alone, fewer, k1, k1_std), identification(alone, fewer, k1, 0.0), every)
     both = _medians(result, identification(joint, phasors, result.k1, 0.0), bare)

@@ -10,10 +10,11 @@ import polars as pl
 from numpy.typing import NDArray
 
 from fourpole.campaign.folder import Campaign, Test
-from fourpole.campaign.identified import Group, budget_rows
+from fourpole.campaign.identified import Group, budget_columns
 from fourpole.campaign.reduce import Reduced
 from fourpole.campaign.static import StaticRow, StaticTest
 from fourpole.core.demodulate import Demodulation
+from fourpole.core.identify import OUTPUTS
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.phasor import SYMBOLS, Phasors
 
@@ -209,8 +210,17 @@ def residual_table(groups: Sequence[Group]) -> pl.DataFrame:
 def budget_table(groups: Sequence[Group]) -> pl.DataFrame:
     """budget.csv: what each source gives to the uncertainty of each output of each test."""
     types = {name: pl.Float64 if name in ("u", "share [1]") else pl.String for name in BUDGET_COLUMNS}
-    empty = pl.DataFrame(schema=types)
-    return pl.concat([empty, *(pl.DataFrame(budget_rows(group), schema=types) for group in groups)])
+    frames = [pl.DataFrame(schema=types)]
+    for group in groups:
+        columns = {name: np.concatenate(parts) for name, parts in budget_columns(group).items()}
+        names = {
+            "test": pl.Series(group.names, dtype=pl.String).gather(columns["test"]),
+            "quantity": pl.Series(list(OUTPUTS)).gather(columns["quantity"]),
+            "unit": pl.Series(list(OUTPUTS.values())).gather(columns["quantity"]),
+            "source": pl.Series(list(group.variance)).gather(columns["source"]),
+        }
+        frames.append(pl.DataFrame({**names, "u": columns["u"], "share [1]": columns["share"]}, schema=types))
+    return pl.concat(frames)
 
 
 def quantile_table(groups: Sequence[Group]) -> pl.DataFrame:

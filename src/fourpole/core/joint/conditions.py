@@ -11,12 +11,16 @@ __all__ = ["Conditions", "group_conditions"]
 
 #: Frequencies closer than this to the next are one condition, up to the whole width.
 _STEP, _WIDTH = 1.0105, 1.0161
+#: Nominal frequencies are the same up to the digits that are written.
+_SAME = 1.0005
 #: Closer than this to K1 the arm is too soft to say how it changes.
 _HARDLY_AN_ARM = 1e-3
 
 
-def group_conditions(family: np.ndarray, frequency: FloatArray) -> np.ndarray:
-    """Number the conditions: tests of a family whose frequencies lie within about 1 % of each other.
+def group_conditions(family: np.ndarray, frequency: FloatArray, nominal: FloatArray | None = None) -> np.ndarray:
+    """Number the conditions: tests of a family at the same nominal frequency, or within about 1 % of each other.
+
+    A sweep in steps finer than that is told from repeats by its nominal frequencies only.
 
     Parameters
     ----------
@@ -24,6 +28,8 @@ def group_conditions(family: np.ndarray, frequency: FloatArray) -> np.ndarray:
         Same tyre, pressure and preload; negative for tests without a tyre, which keep -1.
     frequency : (N,) float array [Hz]
         As found.
+    nominal : (N,) float array, optional [Hz]
+        As stated; not-a-number where it is not. It counts where it is stated for all tests of a family.
 
     Returns
     -------
@@ -35,18 +41,29 @@ def group_conditions(family: np.ndarray, frequency: FloatArray) -> np.ndarray:
     >>> group_conditions(np.array([0, 0, 0, 1, -1]), np.array([10.0, 12.0, 10.05, 10.0, 10.0])).tolist()
     [0, 1, 0, 2, -1]
     """
-    order = np.lexsort((frequency, family))
+    named = _named(family, nominal)
+    places = frequency if nominal is None else np.where(named, nominal, frequency)
+    order = np.lexsort((frequency, places, family))
     labels = np.full(family.size, -1)
     current, first, last, label = -1, 0.0, 0.0, -1
     for at in order:
         if family[at] < 0:
             continue
-        f = float(frequency[at])
-        if family[at] != current or f > _STEP * last or f > _WIDTH * first:
+        f = float(places[at])
+        step, width = (_SAME, _SAME) if named[at] else (_STEP, _WIDTH)
+        if family[at] != current or f > step * last or f > width * first:
             label, first, current = label + 1, f, family[at]
         last = f
         labels[at] = label
     return labels
+
+
+def _named(family: np.ndarray, nominal: FloatArray | None) -> np.ndarray:
+    """Tests of families whose nominal frequencies are all stated."""
+    if nominal is None:
+        return np.zeros(family.size, dtype=bool)
+    lacking = np.unique(family[~np.isfinite(nominal)])
+    return ~np.isin(family, lacking)
 
 
 class Conditions:
@@ -117,6 +134,24 @@ class Conditions:
         ratio[here] = np.where(use, by_arm, ratio[here])
         return ratio
 
+    def lead(self, slope: FloatArray) -> FloatArray:
+        """How log `carried` follows the shared values, as the K* of the neighbours do.
+
+        Parameters
+        ----------
+        slope : (count, 2, p) float array
+            Fall of log K* of each condition with the shared values.
+
+        Returns
+        -------
+        (N, 2, p) float array
+            0 for tests without a tyre, and at the mean frequency of a condition.
+        """
+        lead = np.zeros((self.label.size, *slope.shape[1:]))
+        if self.count:
+            lead[self.first :] = -self._slopes(slope)[self.label[self.first :]] * self._apart[:, None, None]
+        return lead
+
     def _moved(self, values: FloatArray) -> FloatArray:
         """Real values of the conditions, at each test's own frequency."""
         label = self.label[self.first :]
@@ -125,8 +160,9 @@ class Conditions:
 
     def _slopes(self, values: np.ndarray) -> np.ndarray:
         """Slope of each value by log frequency, over the neighbours in its family; 0 where it has none."""
-        at = np.arange(values.size)
+        at = np.arange(values.shape[0])
         below = np.where((at > 0) & (self.family == np.roll(self.family, 1)), at - 1, at)
-        above = np.where((at < values.size - 1) & (self.family == np.roll(self.family, -1)), at + 1, at)
+        above = np.where((at < values.shape[0] - 1) & (self.family == np.roll(self.family, -1)), at + 1, at)
         span = np.log(self.mean_frequency[above] / self.mean_frequency[below])
-        return (values[above] - values[below]) / np.where(span > 0, span, 1.0)
+        span = np.where(span > 0, span, 1.0).reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray((values[above] - values[below]) / span)

@@ -70,6 +70,7 @@ def identify_joint(
     k1: ArrayLike = np.nan,
     *,
     family: ArrayLike = 0,
+    nominal_frequency: ArrayLike = np.nan,
     added_mass: ArrayLike = 0.0,
     added_mass_std: ArrayLike = 0.0,
     channels: ChannelUncertainty | None = None,
@@ -91,6 +92,8 @@ def identify_joint(
     family : (N,) int array
         Tests with the same number have the same tyre, pressure and preload; negative: a rigid block in place of the
         tyre, its mass within `added_mass`.
+    nominal_frequency : (N,) float array [Hz]
+        As stated, which tells repeats from a fine sweep; not-a-number where it is not.
     added_mass, added_mass_std : (N,) float arrays [kg]
         Mass fixed to the moving mass; one error common to all tests with the same mass.
     channels : ChannelUncertainty, optional
@@ -122,7 +125,8 @@ def identify_joint(
     family = np.broadcast_to(np.asarray(family, dtype=int), count)
     channels = channels or ChannelUncertainty()
 
-    label = group_conditions(family, phasors.frequency)
+    nominal = np.broadcast_to(np.asarray(nominal_frequency, dtype=float), count)
+    label = group_conditions(family, phasors.frequency, nominal)
     order = np.lexsort((np.arange(count), label))
     masses, mass_at, masses_std = _distinct(added, added_std)
     stated = Shared.stated(rig, channels, masses, masses_std)
@@ -134,7 +138,12 @@ def identify_joint(
     )
     start = closed_form_start(problem.observed, problem.conditions, stated, channels)
     problem = _with_frequency_noise(problem, start)
-    problem, solution, outlier, misfit = settle(problem, solve(problem, start))
+    solution = solve(problem, start)
+    if not solution.converged:  # K2 and C near their poles change too fast to carry: K* does not
+        smooth = np.full(count, np.nan)
+        problem = replace(problem, conditions=Conditions(label[order], family[order], sorted_phasors.frequency, smooth))
+        solution = solve(problem, start)
+    problem, solution, outlier, misfit = settle(problem, solution)
     back = np.argsort(order)
     left = residuals(problem, solution)
     return Joint(

@@ -164,18 +164,9 @@ class Candidate:
 
 def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
     """Unstated parts, by how much of the misfit each alone would explain, best first."""
-    shared = problem.shared
-    p, rig = len(shared), shared.rig_at(solution.z)
-    triangle = np.hstack([np.eye(p), np.zeros((p, len(_EXTRAS))), -solution.z[:, None]])
-    size = np.zeros(len(_EXTRAS))
-    for rows, group, linear in problem.linearised(solution.z, solution.stiffness):
-        extra = _extra_columns(problem.observed.part(rows), linear, rig)
-        size += np.sum(extra**2, axis=(0, 1))
-        columns = np.concatenate([linear.by_shared, extra, linear.residual[:, :, None]], axis=2)
-        if group.stop > group.start:
-            starts = problem.conditions.starts[group] - rows.start
-            columns = without_stiffness(linear.by_stiffness, columns, starts)[2]
-        triangle = with_columns(triangle, columns)
+    p = len(problem.shared)
+    _, _, slope = _with_extras(problem, solution, np.zeros((problem.conditions.count, 2, p + len(_EXTRAS))))
+    triangle, size, _ = _with_extras(problem, solution, slope)
     block, target = triangle[p:-1, p:-1], triangle[p:-1, -1]
     weight, pull = np.sum(block**2, axis=0), block.T @ target
     found = []
@@ -189,10 +180,33 @@ def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
     return sorted(found, key=lambda candidate: -candidate.explains)
 
 
+def _with_extras(problem: Problem, solution: Solution, slope: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Triangle of shared values, extra parts and residual; size of the parts' columns; slope of log K* with all.
+
+    `slope` is that of the neighbours, whose K* each test's is carried by.
+    """
+    shared = problem.shared
+    p, rig = len(shared), shared.rig_at(solution.z)
+    triangle = np.hstack([np.eye(p), np.zeros((p, len(_EXTRAS))), -solution.z[:, None]])
+    size, slopes = np.zeros(len(_EXTRAS)), [np.zeros((0, 2, slope.shape[2]))]
+    lead = problem.conditions.lead(slope)
+    for rows, group, linear in problem.linearised(solution.z, solution.stiffness):
+        extra = _extra_columns(problem.observed.part(rows), linear, rig)
+        size += np.sum(extra**2, axis=(0, 1))
+        moved = np.concatenate([linear.by_shared, extra], axis=2) + linear.by_stiffness @ lead[rows]
+        columns = np.concatenate([moved, linear.residual[:, :, None]], axis=2)
+        if group.stop > group.start:
+            starts = problem.conditions.starts[group] - rows.start
+            root, share, columns = without_stiffness(linear.by_stiffness, columns, starts)
+            slopes.append((root @ share)[:, :, :-1])
+        triangle = with_columns(triangle, columns)
+    return triangle, size, np.concatenate(slopes)
+
+
 def _extra_columns(observed: Observed, linear: Linear, rig: Rig) -> FloatArray:
     """Derivatives (N, 6, extras) by each part of `_EXTRAS`, the drive fitted out."""
     omega = observed.omega
-    shapes = part_shapes(omega, rig, np.abs(linear.drive * linear.ratio))
+    shapes = part_shapes(omega, rig, np.abs(linear.drive * linear.ratio), observed.rigid)
     changes = np.stack([shapes[part] for part in PARTS], axis=-1)
     columns = (
         linear.by_impedance[:, :, :1] * changes.real[:, None] + linear.by_impedance[:, :, 1:] * changes.imag[:, None]

@@ -135,7 +135,7 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     impedance = np.asarray(rig.impedance(observed.omega, added))
     extra = shared.extra_at(z)
     if extra:
-        shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]))
+        shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]), observed.rigid)
         impedance = impedance + sum(value * shapes[part] for part, value in extra.items())
     ratio = np.where(observed.rigid, 1.0, stiffness / (stiffness + jw * impedance))
     by_log_k = ratio * (1 - ratio)
@@ -173,7 +173,7 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
 PARTS = {"mass": "kg", "spring": "N/m", "frame": "m/N", "loss": "1", "friction": "N"}
 
 
-def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray) -> dict[str, ComplexArray]:
+def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray, rigid: BoolArray) -> dict[str, ComplexArray]:
     """Derivative of Zr by each of `PARTS`, (N,) each.
 
     Parameters
@@ -182,11 +182,13 @@ def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray) -> dict[str, Com
     rig : Rig
     speed : (N,) float array [m/s]
         Amplitude of V2, on which dry friction depends; 0 where unknown, where it is left out.
+    rigid : (N,) bool array
+        Rigid blocks in place of the tyre, which have no tyre's mass.
     """
     support = np.asarray(rig.impedance(omega)) - 1j * omega * (rig.moving_mass + rig.tyre_mass)
     dry = np.divide(4 / np.pi, speed, out=np.zeros(omega.size), where=speed > 0)
     return {
-        "mass": 1j * omega,
+        "mass": np.where(rigid, 0.0, 1j * omega),
         "spring": 1 / (1j * omega),
         "frame": -1j * omega * support**2,
         "loss": rig.preload_stiffness / omega + 0j,
@@ -196,7 +198,7 @@ def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray) -> dict[str, Com
 
 def _impedance_by_shared(observed: Observed, shared: Shared, rig: Rig, gradient: ComplexArray) -> ComplexArray:
     """dZr/dz of each test, (N, p)."""
-    shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]))
+    shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]), observed.rigid)
     change = np.zeros((observed.omega.size, len(shared)), dtype=complex)
     for at, quantity in enumerate(shared.quantities):
         if quantity.kind == "rig":

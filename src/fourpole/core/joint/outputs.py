@@ -84,7 +84,7 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
         complex(np.nan, np.nan),
         _per_test(joint, solution.stiffness, np.nan) * problem.conditions.carried(solution.stiffness)[back],
     )
-    slope = _per_test(joint, solution.slope, 0.0)
+    slope = _per_test(joint, solution.slope, 0.0) - problem.conditions.lead(solution.slope)[back]
     linear = [part for _, _, part in problem.linearised(solution.z, solution.stiffness)]
     impedance, ratio, impedance_by = (
         np.concatenate([getattr(part, name) for part in linear])[back]

@@ -17,12 +17,10 @@ __all__ = ["Misfit", "largest_part", "settle"]
 #: A stated value drawn further than this from what is stated, in standard uncertainties, contradicts the tests; it may
 #: still be true by bad luck, so until luck is out of the question only the uncertainties are those without it.
 _CONFLICT, _IMPOSSIBLE = 3.0, 5.0
-#: A statement so many times as uncertain as stated says hardly anything any more.
-_FAR = 50.0
 #: A test whose squared residual is this many times the usual one does not belong with the others.
 _OUTLIER = 50.0
 #: More outliers than this share are no outliers: the rig as stated is wrong.
-_FEW = 0.1
+_FEW, _FEW_OF_A_KIND = 0.1, 0.35
 #: A stated value is to blame where nothing unstated would explain much more than it does, and so is any other that
 #: is drawn nearly as far: the tests cannot tell them apart.
 _AS_GOOD, _AS_FAR = 0.8, 0.9
@@ -89,6 +87,7 @@ class _State:
     inflation: float = 1.0
     scatter: float = 0.0
     trifle: bool = True
+    settled: bool = True
 
     def solve(self, problem: Problem) -> None:
         self.problem = problem
@@ -109,21 +108,21 @@ def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Flo
     state = _State(problem, solution, np.ones(problem.observed.omega.size))
     for _ in range(_MOST_ROUNDS):
         left = residuals(state.problem, state.solution)
-        strange = _outliers(state.problem, left)
+        strange = _outliers(state, left)
         if strange.any():
             factor = np.where(strange, np.maximum(left.whole / 2, 1.0), 1.0)
             state.outlier = state.outlier * factor
             state.solve(state.problem.rewhitened(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
         elif not _mend(state, left):
             break
-    for (
-        at
-    ) in state.doubtful:  # the values stay where luck would have them; how well they are known does not rest on luck
-        _set_aside(state, at, _FAR)
+    else:
+        state.settled = False
+    # Doubtful values stay where luck would have them; how well they are known does not rest on luck.
+    for at in state.doubtful:
+        _set_aside(state, at, _IMPOSSIBLE)
     if state.doubtful:
         state.solution = spread(state.problem, state.solution)
-    misfit = state.misfit
-    assert misfit is not None
+    misfit = state.misfit or _unmended(state)
     return (
         state.problem,
         state.solution,
@@ -135,7 +134,8 @@ def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Flo
             scatter=state.scatter,
             conflicts=tuple(state.conflicts),
             parts=tuple(state.parts),
-            fits=not (state.conflicts or state.parts or state.rig_error)
+            fits=state.settled
+            and not (state.conflicts or state.parts or state.rig_error)
             and (state.trifle or state.inflation <= _NOISE_IN_DOUBT),
         ),
     )
@@ -180,6 +180,8 @@ class _Diagnosis:
     @property
     def rest(self) -> float:
         """Chi-square per degree of freedom that the statement drawn furthest away does not explain; at least 1."""
+        if not (self.rig_bad or self.tyre_bad):
+            return 1.0
         dof = max(self.rig_dof + self.tyre_dof - 1, 1.0)
         return max((self.rig_chi2 + self.tyre_chi2 - self.pull**2) / dof, 1.0)
 
@@ -219,7 +221,8 @@ def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
     effect = 0.0
     if named and named[0].of_rig:
         speed = np.abs(problem.observed.amplitudes[:, 2])
-        shape = part_shapes(problem.observed.omega, problem.shared.rig_at(solution.z), speed)[named[0].part]
+        rig = problem.shared.rig_at(solution.z)
+        shape = part_shapes(problem.observed.omega, rig, speed, problem.observed.rigid)[named[0].part]
         effect = float(np.max(np.abs(named[0].size * shape) / size))
     return _Diagnosis(
         left=left,
@@ -279,18 +282,34 @@ def _name(state: _State, named: list[Candidate]) -> None:
         state.misfit = replace(state.misfit, candidates=tuple(named))
 
 
-def _outliers(problem: Problem, left: Residuals) -> BoolArray:
-    """The few tests that do not go with the others, the worst of each condition at a time."""
-    whole = left.whole
+def _unmended(state: _State) -> Misfit:
+    """The misfit where outliers alone took all rounds."""
+    left = residuals(state.problem, state.solution)
+    return Misfit(float(left.rig.sum() + state.solution.z @ state.solution.z), float(left.rig_dof.sum()))
+
+
+def _outliers(state: _State, left: Residuals) -> BoolArray:
+    """The few tests that do not go with the others, the worst of each condition at a time.
+
+    They are few in all, and never most of the tests with one mass, or of the rigid blocks: what concerns these
+    together is no outlier but what they are there to show.
+    """
+    whole, label = left.whole, state.problem.conditions.label
     limit = _OUTLIER * max(1.0, float(np.median(whole)) / 1.4)  # 1.4: the median of chi-square with 2 degrees
-    strange = whole > limit
-    few = max(_FEW * whole.size, 1.0 if whole.size > 2 else 0.0)
-    if not strange.any() or strange.sum() > few:
-        return np.zeros(whole.size, dtype=bool)
-    label = problem.conditions.label
+    before = state.outlier > 1
+    strange = (whole > limit) & ~before
     worst = np.zeros(int(label.max(initial=-1)) + 2)
     np.maximum.at(worst, label, whole)
-    return strange & (whole >= worst[label])
+    chosen = strange & (whole >= worst[label])
+    observed = state.problem.observed
+    kinds = np.unique(np.stack([observed.rigid, observed.mass_at], axis=1), axis=0, return_inverse=True)[1].ravel()
+    crowded = any(
+        np.sum((chosen | before)[kinds == kind]) > _FEW_OF_A_KIND * np.sum(kinds == kind) for kind in np.unique(kinds)
+    )
+    few = max(_FEW * whole.size, 1.0 if whole.size > 2 else 0.0)
+    if crowded or np.sum(strange | before) > few:
+        return np.zeros(whole.size, dtype=bool)
+    return chosen
 
 
 def _drawn(state: _State) -> FloatArray:
@@ -302,9 +321,9 @@ def _drawn(state: _State) -> FloatArray:
 
 
 def _set_aside(state: _State, at: int, pull: float) -> None:
-    """Make a statement as wide as the tests draw it away, and count z in the new uncertainty."""
+    """Make a statement so wide that it hardly pulls any more, and count z in the new uncertainty."""
     shared, z = state.problem.shared, state.solution.z.copy()
-    wider = max(pull, 1.0)
+    wider = 10.0 * max(pull, 1.0)
     listed = list(shared.quantities)
     listed[at] = replace(listed[at], std=listed[at].std * wider)
     z[at] /= wider

@@ -20,6 +20,8 @@ _BLOCK = 6 * 64
 _MOST_STEPS = 60
 #: A step below this share of every uncertainty ends the search.
 _SMALL = 1e-5
+#: Where it does not, a step below this share of every uncertainty is near enough.
+_CLOSE = 1e-2
 #: The objective may rise by this: K* is carried within a condition by slopes of the step before.
 _LAGGED = 1e-3
 #: Where a step raises the objective, K* alone is mended this often before the step is halved.
@@ -165,7 +167,8 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
         `converged` is False, with a reason, where no rest was found; the values are the best that were met.
     """
     z = np.zeros(len(problem.shared)) if z is None else z
-    stiffness, step, share = start, _sweep(problem, z, start), 1.0
+    first = _sweep(problem, z, start)
+    stiffness, step, share = start, _sweep(problem, z, start, first.slope), 1.0
     before = (z, stiffness, step)
     reason = f"the search did not come to rest in {_MOST_STEPS} steps"
     converged = False
@@ -184,14 +187,16 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
         z0, k0, best = before
         z = z0 + share * best.dz
         stiffness = _moved(k0, share * best.dlog_k)
-        step = _sweep(problem, z, stiffness)
+        step = _sweep(problem, z, stiffness, best.slope)
         for _ in range(_MENDED):
             # a step along the shared values is long where they are hardly known: K* does not follow in a straight line
             if _no_worse(step, best):
                 break
             stiffness = _moved(stiffness, step.own_step)
-            step = _sweep(problem, z, stiffness)
+            step = _sweep(problem, z, stiffness, best.slope)
     z, stiffness, step = before
+    if step.size() < _CLOSE:
+        converged, reason = True, ""
     return Solution(z, stiffness, step.covariance, step.own, step.slope, step.objective, count, converged, reason)
 
 
@@ -207,18 +212,22 @@ def _moved(stiffness: ComplexArray, dlog_k: FloatArray) -> ComplexArray:
 
 def spread(problem: Problem, solution: Solution) -> Solution:
     """The same values with the uncertainties that another problem gives them."""
-    step = _sweep(problem, solution.z, solution.stiffness)
+    first = _sweep(problem, solution.z, solution.stiffness)
+    step = _sweep(problem, solution.z, solution.stiffness, first.slope)
     return replace(solution, covariance=step.covariance, own=step.own, slope=step.slope)
 
 
-def _sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> _Step:
+def _sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray | None = None) -> _Step:
+    """One look at all tests; `before` is the slope of log K* as last known, which the carried K* follow."""
     p = len(problem.shared)
+    lead = np.zeros((problem.conditions.label.size, 2, p)) if before is None else problem.conditions.lead(before)
     triangle = np.hstack([np.eye(p), -z[:, None]])
     objective = float(z @ z)
     roots, slopes, own_steps = [], [], []
     for rows, group, linear in problem.linearised(z, stiffness):
         objective += float(np.sum(linear.residual**2))
-        columns = np.concatenate([linear.by_shared, linear.residual[:, :, None]], axis=2)
+        by_shared = linear.by_shared + linear.by_stiffness @ lead[rows]
+        columns = np.concatenate([by_shared, linear.residual[:, :, None]], axis=2)
         if group.stop > group.start:
             starts = problem.conditions.starts[group] - rows.start
             root, share, columns = without_stiffness(linear.by_stiffness, columns, starts)

@@ -265,6 +265,7 @@ def _unseen(values: Sequence[Value], *, fits: bool, massed: bool) -> Iterable[st
             "These data hold F1/V2 against the rig: they cannot tell an error of F1's gain from one of V2's, nor from "
             "the moving mass and the preload spring off together."
         )
+    yield from _trusted_masses(values)
     told = any(value.group == "channel" for value in hidden)
     late = [
         value
@@ -274,6 +275,18 @@ def _unseen(values: Sequence[Value], *, fits: bool, massed: bool) -> Iterable[st
     if late:
         sizes = joined(f"{value.seen_words} for {_possessive(value)}" for value in late)
         yield f"Errors beyond what is stated would show only from a size of {sizes}; smaller ones stay unseen."
+
+
+def _trusted_masses(values: Sequence[Value]) -> Iterable[str]:
+    """That the scale of all results is the weight of a mass, and from which size an error of it would show."""
+    for value in values:
+        if value.group == "mass" and value.finding == "not determined":
+            below = "" if value.seen is None or value.hidden else f" below {value.seen_words}"
+            yield (
+                f"The scale of the sensors, and so of K*, rests on the weight of the {value.name}: an undeclared error "
+                f"of it{below} would not show, and moves K* by its share and K2 and C by several times that. Weigh it "
+                "twice; a second, different mass would show it."
+            )
 
 
 def _ratios_seen(value: Value, values: Sequence[Value]) -> bool:
