@@ -91,6 +91,7 @@ def learn(
         "rig_error": misfit.rig_error,
         "inflation": misfit.inflation,
         "scatter": misfit.scatter,
+        "unsteady": misfit.unsteady,
         "converged": solution.converged,
         "reason": solution.reason,
         "steps": solution.steps,
@@ -276,6 +277,11 @@ def _notes(joint: Joint) -> list[str]:
         notes.append(
             f"noise counts as {misfit.inflation:.2g} times what each recording by itself says: the tests differ by "
             "more, and nothing unstated explains it (an unsteady drive would)"
+        )
+    if misfit.unsteady > 0:
+        notes.append(
+            f"the drive is unsteady: the tests scatter as if each frequency were off by {misfit.unsteady:.1g} of it, "
+            "and the uncertainties hold that"
         )
     if misfit.scatter > 0:
         notes.append(

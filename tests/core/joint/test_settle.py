@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fourpole.core.joint import identify_joint
 from fourpole.core.joint.outputs import identification, outputs
-from fourpole.virtual.phasor_rig import Laboratory
+from fourpole.core.rig import Rig
+from fourpole.virtual.phasor_rig import Conditions, Laboratory, simulate_phasors
 
 GOOD = Laboratory(
     moving_mass=(15.0, 0.1),
@@ -159,3 +161,30 @@ def test_all_the_statements_wrong_at_once_still_ends(make):
     assert not joint.misfit.fits
     assert np.all(np.isfinite(joint.solution.stiffness))
     assert np.all(np.isfinite(joint.found_std))
+
+
+def test_an_unsteady_drive_is_found_as_what_it_is():
+    """Frequencies off by 3e-5 at noise of 1e-5 and an exact rig: what inertia makes of it is no fault of the rig."""
+    level, ratios = 3e-5, []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        frequency = np.tile(np.linspace(10.0, 24.0, 16), 4)
+        values = {"moving_mass": 15.0, "preload_stiffness": 12440.0, "preload_damping": 15.0}
+        exact = Laboratory(**{name: (value, 0.0) for name, value in values.items()}, noise=1e-5)
+        family = np.repeat(np.arange(4), 16)
+        k1 = np.array([120e3, 150e3, 180e3, 210e3])[family]
+        made = simulate_phasors(exact, Conditions(frequency, k1, 0.6 * k1, 700.0), rng)
+        wrong = frequency * (1 + level * rng.standard_normal(frequency.size))
+        found = identify_joint(
+            replace(made.phasors, frequency=wrong),
+            Rig(**values),
+            k1,
+            family=family,
+        )
+        assert found.misfit.fits
+        assert found.misfit.inflation == 1
+        ratios.append(found.misfit.unsteady / level)
+    # from 64 tests a standard deviation is known to 9 %
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.1)
+    assert min(ratios) > 0.65
+    assert max(ratios) < 1.35

@@ -141,9 +141,9 @@ def _frequency_part(joint: Joint) -> FloatArray:
     """Covariance of log K* of each condition that comes from the uncertainty of its tests' frequencies."""
     problem, solution = joint.problem, joint.solution
     conditions, observed = problem.conditions, problem.observed
-    if not np.any(observed.frequency_std > 0):
+    relative = np.hypot(2 * np.pi * observed.frequency_std / observed.omega, joint.misfit.unsteady)
+    if not np.any(relative > 0):
         return np.zeros((conditions.count, 2, 2))
-    relative = 2 * np.pi * observed.frequency_std / observed.omega
     change = problem.by_log_frequency(solution.z, solution.stiffness) * relative[:, None]
     by_k = np.concatenate([part.by_stiffness for _, _, part in problem.linearised(solution.z, solution.stiffness)])
     drawn = np.einsum("nij,ni->nj", by_k, change)

@@ -8,7 +8,7 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.joint.misfit import Candidate, Residuals, candidates, is_unlikely, pulls, residuals
-from fourpole.core.joint.model import PARTS, part_shapes
+from fourpole.core.joint.model import PARTS, inverse_upper, part_shapes, projected, upper_factor
 from fourpole.core.joint.shared import Quantity
 from fourpole.core.joint.solve import Problem, Solution, solve, spread
 
@@ -32,6 +32,10 @@ _TRIFLE = 1e-4
 _PLAIN = 5.0
 #: Noise may be this many times what each recording by itself says before the rig is doubted.
 _NOISE_IN_DOUBT = 2.0
+#: A cause that explains more than this share of a misfit is it.
+_MOSTLY = 0.7
+#: Degrees of freedom with which the noise of a test follows that of all.
+_KNOWN = 4.0
 _MOST_ROUNDS = 12
 
 
@@ -53,6 +57,8 @@ class Misfit:
         By how much all noise had to be taken larger than each recording by itself says; 1 where it is as it says.
     scatter : float [1]
         Relative scatter of K* between tests of one condition beyond the noise; 0 where there is none.
+    unsteady : float [1]
+        Relative error that had to be granted to the frequency of each test, whose drive has no one speed; 0 for none.
     conflicts : tuple of int
         Shared values that the tests contradict; where chance is out of the question their statement was set aside.
     parts : tuple of str
@@ -67,6 +73,7 @@ class Misfit:
     rig_error: float = 0.0
     inflation: float = 1.0
     scatter: float = 0.0
+    unsteady: float = 0.0
     conflicts: tuple[int, ...] = ()
     parts: tuple[str, ...] = ()
     candidates: tuple[Candidate, ...] = ()
@@ -86,6 +93,7 @@ class _State:
     rig_error: float = 0.0
     inflation: float = 1.0
     scatter: float = 0.0
+    unsteady: float = 0.0
     trifle: bool = True
     settled: bool = True
 
@@ -132,6 +140,7 @@ def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Flo
             rig_error=state.rig_error,
             inflation=state.inflation,
             scatter=state.scatter,
+            unsteady=state.unsteady,
             conflicts=tuple(state.conflicts),
             parts=tuple(state.parts),
             fits=state.settled
@@ -263,16 +272,48 @@ def _mend(state: _State, left: Residuals) -> bool:
         state.rig_error = float(np.hypot(state.rig_error, found.level))
         columns = problem.columns("by_impedance", solution.z, solution.stiffness)
         state.solve(problem.widened(columns * (found.level * found.size)[:, None, None]))
+    elif found.rig_bad and state.unsteady == 0 and (drive := _unsteady_drive(state, left, found)) is not None:
+        state.unsteady, columns = drive
+        state.solve(problem.widened(columns))
     elif found.rig_bad or found.tyre_bad:
         if found.level > _TRIFLE and found.explained > _WORTH_NAMING * found.excess:
             _name(state, found.named)
         state.trifle = state.trifle and found.level <= _TRIFLE
-        ratio = np.sqrt((found.rig_chi2 + found.tyre_chi2) / (found.rig_dof + found.tyre_dof))
-        state.inflation *= float(ratio)
-        state.solve(problem.rewhitened(problem.observed.whiten / ratio))
+        ratio = (found.rig_chi2 + found.tyre_chi2) / (found.rig_dof + found.tyre_dof)
+        state.inflation *= float(np.sqrt(ratio))
+        state.solve(problem.rewhitened(problem.observed.whiten / np.sqrt(_each(left, ratio))[:, None, None]))
     else:
         return False
     return True
+
+
+def _unsteady_drive(state: _State, left: Residuals, found: _Diagnosis) -> tuple[float, FloatArray] | None:
+    """A random error of each frequency, relative, and its columns (N, 6, 1), where it explains most of the misfit.
+
+    A drive whose speed wanders has no one frequency, and the inertia of the rig goes with its square.
+    """
+    problem, solution = state.problem, state.solution
+    by_k, residual = (problem.columns(name, solution.z, solution.stiffness) for name in ("by_stiffness", "residual"))
+    basis = by_k @ inverse_upper(upper_factor(np.swapaxes(by_k, 1, 2) @ by_k))
+    by_frequency = problem.by_log_frequency(solution.z, solution.stiffness)
+    rest, along = (projected(basis)(columns[..., None])[..., 0] for columns in (residual, by_frequency))
+    weight = np.sum(along**2, axis=1)
+    seen = (left.rig_dof > 0) & (weight > 0)
+    part = np.sum(along * rest, axis=1)
+    mine = float(np.sum(part[seen] ** 2 / weight[seen])) - float(seen.sum())
+    if mine < _MOSTLY * (found.rig_chi2 - found.rig_dof):
+        return None
+    level = _level(part[seen, None], weight[seen, None, None], float(seen.sum()), np.ones(int(seen.sum())))
+    return (level, (by_frequency * level)[:, :, None]) if level < _TRIFLE else None
+
+
+def _each(left: Residuals, ratio: float) -> FloatArray:
+    """By how much the variance of each test is larger: all by the ratio on average, a test that is far off by more.
+
+    The mean of a variance that is itself drawn, with `_KNOWN` degrees of freedom about the ratio, given the residual
+    of the test: where noise is larger than the recordings say, it seldom is so in all of them alike.
+    """
+    return ratio * (_KNOWN + left.rig / ratio) / (_KNOWN + left.rig_dof)
 
 
 def _name(state: _State, named: list[Candidate]) -> None:
