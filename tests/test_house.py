@@ -112,8 +112,11 @@ def test_the_lowest_lock_is_at_the_lower_bounds():
     versions = pinned(ROOT / "requirements-lowest.lock")
     for requirement in base_requirements():
         (bound,) = (part.version for part in requirement.specifier if part.operator == ">=")
-        (held,) = versions[requirement.name]
-        assert re.fullmatch(rf"{re.escape(bound)}(\.0)*", held), f"{requirement} is tested with {held}"
+        held = versions[
+            requirement.name
+        ]  # several where a Python too new for the lowest tests has no wheel of the bound
+        at_bound = [version for version in held if re.fullmatch(rf"{re.escape(bound)}(\.0)*", version)]
+        assert at_bound, f"{requirement} is tested with {held}"
 
 
 def test_continuous_integration_runs_everything():

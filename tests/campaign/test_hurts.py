@@ -131,7 +131,7 @@ HURTS = {
     "binary": Hurt(
         "rejected",
         ("recordings/D2.csv: is binary, not text; export it as CSV",),
-        lambda f: f.recording("D2").write_bytes(b"TDSm\x0e\x00\x00\x00" * 500),
+        lambda f: f.recording("D2").write_bytes(b"\x7fELF\x0e\x00\x00\x00" * 500),
     ),
     "dots": Hurt("rejected", (OUTSIDE, "'recordings/../../outside.csv'"), elsewhere("dots")),
     "absolute": Hurt("rejected", (OUTSIDE,), elsewhere("absolute")),

@@ -111,6 +111,18 @@ def analyse(
 
 @app.command()
 @ends_well
+def info(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording in any format.")],
+    as_json: JsonFlag = False,
+) -> None:
+    """Say what a file holds: its format, its channels with units, rates and lengths."""
+    from fourpole.app.info import run_info
+
+    raise typer.Exit(run_info(file, as_json=as_json))
+
+
+@app.command()
+@ends_well
 def identify(
     table: Annotated[Path, typer.Argument(metavar="TABLE", help="Text table with a row per frequency.")],
     k1: Annotated[str, typer.Option("--k1", help='Static stiffness, as "180 kN/m".')],

@@ -26,6 +26,7 @@ __all__ = [
     "UNREADABLE",
     "ends_well",
     "fail",
+    "harmless",
     "option",
     "out",
     "print_json",
@@ -46,29 +47,29 @@ def _console(stderr: bool) -> Console:
     return Console(stderr=stderr, soft_wrap=not stream.isatty(), highlight=False)
 
 
-def _harmless(text: str) -> str:
+def harmless(text: str) -> str:
     """Text from a file without what would steer the terminal: control characters but line ends and tabs."""
     return _STEERING.sub("\ufffd", text)
 
 
 def out(text: str = "") -> None:
     """Print a result."""
-    typer.echo(_harmless(text))
+    typer.echo(harmless(text))
 
 
 def say(text: str) -> None:
     """Tell the user something that is not the result."""
-    _console(stderr=True).print(escape(_harmless(text)))
+    _console(stderr=True).print(escape(harmless(text)))
 
 
 def warn(text: str) -> None:
     """Tell the user what to look at."""
-    _console(stderr=True).print(f"[yellow]warning:[/yellow] {escape(_harmless(text))}")
+    _console(stderr=True).print(f"[yellow]warning:[/yellow] {escape(harmless(text))}")
 
 
 def fail(text: str, code: int = UNREADABLE) -> NoReturn:
     """Say what is wrong, and end."""
-    _console(stderr=True).print(f"[red]error:[/red] {escape(_harmless(text))}")
+    _console(stderr=True).print(f"[red]error:[/red] {escape(harmless(text))}")
     raise typer.Exit(code)
 
 

@@ -15,7 +15,8 @@ from fourpole.core.checks import clipped_share
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recording import Channel, Recording, uniform_time
 from fourpole.errors import FileError, TableError, UnitError
-from fourpole.io.columns import Columns, read_columns
+from fourpole.io.columns import Columns
+from fourpole.io.recordings import read_recording
 
 __all__ = ["inside", "load_curve", "load_recording"]
 
@@ -27,6 +28,8 @@ def inside(folder: Path, test: Test) -> Path:
     name = units.shown(test.file, 200)
     try:
         path = (folder / test.file).resolve()
+        if "#" in test.file and not path.exists():
+            path = (folder / test.file.rpartition("#")[0]).resolve()
         within = path.is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError) as error:
         raise FileError(f"file {name} cannot be looked up: {getattr(error, 'strerror', None) or error}") from None
@@ -35,12 +38,18 @@ def inside(folder: Path, test: Test) -> Path:
     return path
 
 
+def group_of(path: Path, test: Test) -> str:
+    """The group that `file#group` names; empty where the file itself is named."""
+    file, mark, group = test.file.rpartition("#")
+    return group if mark and Path(file).name == path.name else ""
+
+
 def load_recording(path: Path, test: Test, channels: ChannelsFile, roles: Sequence[str]) -> tuple[Recording, list[str]]:
     """The channels `roles` of a dynamic test, with remarks on its time base."""
     stated = {role: channels.named(role) for role in roles}
     names = [channel.column for channel in stated.values() if channel is not None]
     clock = _clock(channels)
-    table = read_columns(path, [*names, *([clock] if clock else [])], max_bytes=MOST_BYTES, label=test.file)
+    table = read_recording(path, names, clock=clock, group=group_of(path, test), max_bytes=MOST_BYTES, label=test.file)
 
     remarks: list[str] = []
     keep = slice(None)
@@ -67,8 +76,14 @@ def load_curve(path: Path, test: Test, channels: ChannelsFile) -> LoadCurve:
     assert load is not None
     assert deflection is not None
     clock = _clock(channels) if test.window is not None else None
-    wanted = [load.column, deflection.column, *([clock] if clock else [])]
-    table = read_columns(path, wanted, max_bytes=MOST_BYTES, label=test.file)
+    table = read_recording(
+        path,
+        [load.column, deflection.column],
+        clock=clock,
+        group=group_of(path, test),
+        max_bytes=MOST_BYTES,
+        label=test.file,
+    )
     keep = _within(_times(table, channels, clock), test.window) if test.window is not None else slice(None)
     force = _channel(table, load.column, load.unit, channels.conversion("load"), keep)
     travel = _channel(table, deflection.column, deflection.unit, channels.conversion("deflection"), keep)

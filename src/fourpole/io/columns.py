@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
+from fourpole.io.clock import is_moment, seconds
 from fourpole.io.layout import (
     Layout,
     find_column,
@@ -33,13 +34,14 @@ from fourpole.io.layout import (
 from fourpole.io.source import decode, encoding_of, name_of, open_regular
 from fourpole.units import shown
 
-__all__ = ["Columns", "read_columns"]
+__all__ = ["Columns", "Survey", "read_columns", "survey_columns"]
 
 _HEAD = 32_768
 _LARGEST_HEAD = 4_000_000
 _TAIL = 4096
 _BLOCK = 1 << 18  # bytes that stay in the processor's cache
 _CHUNK = 20_000
+_UTF8_MARK = b"\xef\xbb\xbf"
 _NAN_WORDS = ["NaN", "nan", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "-"]
 
 
@@ -68,6 +70,38 @@ class Columns:
         return len(next(iter(self.values.values()), ()))
 
 
+@dataclass(frozen=True)
+class Survey:
+    """What a recording of text holds, without its numbers.
+
+    Attributes
+    ----------
+    layout : Layout
+    encoding : str
+    above : tuple of str
+        The lines above the rows that are neither names nor units alone: title, date, rate.
+    rows : int
+        Lines from the first row on, blank ones at the end left out.
+    """
+
+    layout: Layout
+    encoding: str
+    above: tuple[str, ...]
+    rows: int
+
+
+def survey_columns(path: str | os.PathLike[str], *, max_bytes: int = 4_000_000_000, label: str | None = None) -> Survey:
+    """What columns a recording has, and how many rows; see `read_columns`."""
+    name = name_of(path, label)
+    with open_regular(path, max_bytes=max_bytes, label=label) as file:
+        source, layout, encoding, start = _laid_out(file, name)
+        lines = split_lines(start.removeprefix(_UTF8_MARK).decode(encoding, errors="replace"))[: layout.first_row - 1]
+        above = tuple(line for at, line in enumerate(lines, 1) if at != layout.header_line)
+        file.seek(0)
+        written, _ = encoding_of(file.read(4) if source is not file else start, name)
+        return Survey(layout, written, above, _row_count(source, start, layout.first_row))
+
+
 def read_columns(
     path: str | os.PathLike[str],
     names: Sequence[str],
@@ -81,7 +115,8 @@ def read_columns(
     ----------
     path : path
         A regular file of text: comma, semicolon, tab or white space between the cells, a header, and
-        perhaps a row of units below it.
+        perhaps a row of units below it. A column of times of day, with or without dates, gives the
+        seconds from the first one.
     names : sequence of str
         The columns to read, as in the header, with or without their unit, in any case.
     max_bytes : int [byte]
@@ -112,22 +147,38 @@ def read_columns(
     """
     name = name_of(path, label)
     with open_regular(path, max_bytes=max_bytes, label=label) as file:
-        source: BinaryIO = file
-        start, whole = _head(file, name)
-        encoding, mark = encoding_of(start, name)
-        if encoding.startswith("utf-16"):
-            text, _ = decode(start + file.read(), name)
-            source, encoding = io.BytesIO(text.encode()), "utf-8"
-            start, whole = _head(source, name)
-            mark = 0
-        lines = split_lines(start[mark:].decode(encoding, errors="replace"))
-        layout = find_layout(lines if whole else lines[:-1], name)
+        source, layout, encoding, start = _laid_out(file, name)
         wanted = {one: find_column(layout.names, one, name) for one in names}
         values = _quickly(source, start, layout, wanted)
         if values is None:
-            source.seek(mark)
+            source.seek(len(_UTF8_MARK) if start.startswith(_UTF8_MARK) else 0)
             values = _slowly(source, encoding, layout, wanted, name)
-    return Columns(values, {one: layout.units[index] for one, index in wanted.items()}, layout.first_row)
+    units = {one: "s" if index in layout.clocks else layout.units[index] for one, index in wanted.items()}
+    return Columns(values, units, layout.first_row)
+
+
+def _laid_out(file: BinaryIO, name: str) -> tuple[BinaryIO, Layout, str, bytes]:
+    """A recording to be read, its layout and encoding, and its first lines."""
+    source: BinaryIO = file
+    start, whole = _head(file, name)
+    encoding, mark = encoding_of(start, name)
+    if encoding.startswith("utf-16"):
+        text, _ = decode(start + file.read(), name)
+        source, encoding, mark = io.BytesIO(text.encode()), "utf-8", 0
+        start, whole = _head(source, name)
+    lines = split_lines(start[mark:].decode(encoding, errors="replace"))
+    return source, find_layout(lines if whole else lines[:-1], name), encoding, start
+
+
+def _row_count(file: BinaryIO, start: bytes, first_row: int) -> int:
+    """Lines from the first row on, blank ones at the end left out."""
+    ending = b"\n" if b"\n" in start else b"\r"
+    offset = _line_start(start, ending, first_row)
+    if offset is None:
+        return 0
+    with _content(file) as content:
+        count = _count(ending, content, offset) + (content[-1:] != ending)
+    return max(count - _blank_lines_at_end(file, ending), 0)
 
 
 def _head(file: BinaryIO, name: str) -> tuple[bytes, bool]:
@@ -155,13 +206,12 @@ def _quickly(
     if ending == b"\n" and start.count(b"\r") > start.count(b"\r\n") + start.endswith(b"\r"):
         return None  # two kinds of line end
     offset = _line_start(start, ending, layout.first_row)
-    if offset is None:
-        return None
-    if _has(b'"', file, offset):
+    if offset is None or _has(b'"', file, offset):
         return None  # what a quote means depends on what is before it
     last = layout.width - 1
     indices = sorted({*wanted.values(), last})
-    schema = {str(index): pl.Float64() if index in wanted.values() else pl.String() for index in range(layout.width)}
+    floats = set(wanted.values()) - layout.clocks
+    schema = {str(index): pl.Float64() if index in floats else pl.String() for index in range(layout.width)}
     for words in (None, _NAN_WORDS):  # looking for words makes it a quarter slower
         file.seek(0)
         try:
@@ -188,9 +238,13 @@ def _quickly(
         file, offset, layout, len(frame)
     ):
         return None
-    columns = {index: frame[str(index)].to_numpy() for index in set(wanted.values())}
+    columns = {index: frame[str(index)].to_numpy() for index in floats}
     if any(np.isinf(column).any() for column in columns.values()):
         return None
+    for index in layout.clocks.intersection(wanted.values()):
+        columns[index] = seconds(frame[str(index)])
+        if np.isnan(columns[index]).any():
+            return None
     return {one: columns[index] for one, index in wanted.items()}
 
 
@@ -232,10 +286,13 @@ def _has(sign: bytes, file: BinaryIO, offset: int) -> bool:
 def _is_full(file: BinaryIO, offset: int, layout: Layout, rows: int) -> bool:
     """Whether there are as many delimiters from the offset on as full rows have."""
     with _content(file) as content:
-        blocks = (content[at : at + _BLOCK] for at in range(offset, len(content), _BLOCK))
-        sign = ord(layout.delimiter)
-        count = sum(int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == sign)) for block in blocks)
-    return count == rows * (layout.width - 1)
+        return _count(layout.delimiter.encode(), content, offset) == rows * (layout.width - 1)
+
+
+def _count(sign: bytes, content: mmap.mmap | bytes, offset: int) -> int:
+    """How often a sign stands from the offset on."""
+    blocks = (content[at : at + _BLOCK] for at in range(offset, len(content), _BLOCK))
+    return sum(int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == ord(sign))) for block in blocks)
 
 
 def _slowly(
@@ -248,14 +305,23 @@ def _slowly(
             text.readline()
         rows = _full_rows(text, layout, name)
         parts: list[list[NDArray[np.float64]]] = [[] for _ in wanted]
+        moments: dict[int, list[str | None]] = {index: [] for index in layout.clocks.intersection(wanted.values())}
         while chunk := list(islice(rows, _CHUNK)):
+            for index in moments:
+                moments[index] += _moments(chunk, index, layout, name)
             for part, index in zip(parts, wanted.values(), strict=True):
-                part.append(_floats(chunk, index, layout, name))
+                if index not in moments:
+                    part.append(_floats(chunk, index, layout, name))
+        clocks = {index: _since_first(cells, index, layout, name) for index, cells in moments.items()}
     finally:
         text.detach()
-    if parts and not parts[0]:
+    values = {
+        one: clocks[index] if index in clocks else np.concatenate([np.empty(0), *part])
+        for (one, index), part in zip(wanted.items(), parts, strict=True)
+    }
+    if any(not len(column) for column in values.values()):
         raise TableError(f"{name}: has a header (line {layout.header_line}) but no row below it")
-    return {one: np.concatenate(part) for one, part in zip(wanted, parts, strict=True)}
+    return values
 
 
 def _full_rows(text: io.TextIOWrapper, layout: Layout, name: str) -> Iterator[tuple[int, list[str]]]:
@@ -282,6 +348,32 @@ def _full_rows(text: io.TextIOWrapper, layout: Layout, name: str) -> Iterator[tu
 def _ragged(cells: list[str], line: int, layout: Layout, name: str) -> None:
     found = f"{len(cells)} cell{'s' if len(cells) > 1 else ''} ({shown(layout.delimiter.join(cells), 40)})"
     raise TableError(f"{name} row {line}: has {found} where the header has {layout.width}; mend or remove it")
+
+
+def _moments(chunk: list[tuple[int, list[str]]], index: int, layout: Layout, name: str) -> list[str | None]:
+    """One column of times of day of some rows, None where there is none."""
+    cells: list[str | None] = []
+    for line, row in chunk:
+        if is_moment(row[index]):
+            cells.append(row[index])
+        elif is_missing(row[index]):
+            cells.append(None)
+        else:
+            where = f"{name} row {line}, column {shown(layout.names[index])}"
+            raise TableError(f"{where}: {shown(row[index])} is no time of day as those above it are; mend it")
+    return cells
+
+
+def _since_first(cells: list[str | None], index: int, layout: Layout, name: str) -> NDArray[np.float64]:
+    """Seconds since the first of a column's moments."""
+    import polars as pl
+
+    found = seconds(pl.Series(cells, dtype=pl.String))
+    for cell, value in zip(cells, found, strict=True):
+        if cell is not None and np.isnan(value):
+            where = f"{name}, column {shown(layout.names[index])}"
+            raise TableError(f"{where}: {shown(cell)} is no time of day, or not written as the first one; mend it")
+    return found
 
 
 def _floats(chunk: list[tuple[int, list[str]]], index: int, layout: Layout, name: str) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from fourpole.errors import TableError
+from fourpole.io.clock import is_date, is_moment
 from fourpole.units import column_unit, is_unit, shown
 
 __all__ = [
@@ -37,6 +38,9 @@ _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 _WORD = re.compile(r'"[^"]*"|\S+')
 _NAME_AND_UNIT = re.compile(r"[^\s\[\]]+\s*\[[^\[\]]*\]|\S+")
+# What catman calls its columns of time, above lines with the sensors and rates of each channel.
+_CATMAN_TIME = re.compile(r"(?:Time|Zeit|Temps)  ?[0-9]+ - .*")
+_NTH = re.compile(r"(.+)\.([1-9][0-9]{0,3})")
 _UNIT_CELL = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
 
 
@@ -52,6 +56,8 @@ class Layout:
     header_line: int
     first_row: int
     """The first line after header and units, a row of numbers if the file has any."""
+    clocks: frozenset[int] = frozenset()
+    """The columns that hold times of day, with or without a date."""
 
     @property
     def width(self) -> int:
@@ -108,20 +114,29 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
     decimal = _decimal(rows.values(), delimiter)
     names, header = _header(lines, rows, delimiter, decimal, name)
     below = [index for index in sample if index > header]
-    next_line = next((index for index in range(header + 1, len(lines)) if lines[index].strip()), header)
+    described = next((index for index in range(header + 1, len(lines)) if lines[index].strip()), header)
+    if _CATMAN_TIME.fullmatch(names[0]):  # units, sensors and rates of the channels, a line for each
+        values = (index for index, row in rows.items() if index > header and _is_values(row, decimal))
+        described = max(header, next(values, described + 1) - 1)
     units: tuple[str | None, ...] = tuple(column_unit(one)[1] for one in names)
-    stated = _names_in(lines[next_line], delimiter, width, False) if next_line > header else None
-    if stated and _is_units_row(stated):
-        units = tuple(one or _stated(cell) for one, cell in zip(units, stated, strict=True))
-        below = [index for index in below if index > next_line]
+    for index in (*range(header + 1, described + 1), *range(max(header - 1, 0), header)):
+        stated = _names_in(lines[index], delimiter, width, False)
+        if stated and _is_units_row(stated):
+            units = tuple(one or _stated(cell) for one, cell in zip(units, stated, strict=True))
+            below = [other for other in below if other > max(index, header)]
+            break
+    if _CATMAN_TIME.fullmatch(names[0]):
+        below = [other for other in below if other > described]
     if not below:
         raise TableError(f"{name}: has a header (line {header + 1}) but no row below it")
-    return Layout(names, units, delimiter, decimal, header + 1, below[0] + 1)
+    clocks = _clocks([row for index, row in rows.items() if index >= below[0]])
+    return Layout(names, units, delimiter, decimal, header + 1, below[0] + 1, clocks)
 
 
 def find_column(names: Sequence[str], wanted: str, name: str) -> int:
     """Where a wanted column is: by its name as written, without its unit, or in another case.
 
+    Of several with the same name, F1.1 is the first and F1.2 the next.
     Raises TableError if it is not there (with the nearest name) or there more than once.
     """
     spelling = wanted.strip()
@@ -139,7 +154,13 @@ def find_column(names: Sequence[str], wanted: str, name: str) -> int:
             return found[0]
         if found:
             which = ", ".join(f"{shown(names[index])} (column {index + 1})" for index in found[:5])
-            raise TableError(f"{name}: column {shown(wanted)} is ambiguous: {which}; rename one of them")
+            how = f"write {shown(f'{spelling}.1')} for the first, {shown(f'{spelling}.2')} for the next"
+            raise TableError(f"{name}: column {shown(wanted)} is ambiguous: {which}; {how}, or rename one of them")
+    if nth := _NTH.fullmatch(spelling):
+        stem = column_unit(nth[1])[0].casefold()
+        same = [index for index, one in enumerate(names) if column_unit(one)[0].casefold() == stem]
+        if 1 < len(same) >= int(nth[2]):
+            return same[int(nth[2]) - 1]
     raise TableError(_no_column(bare, wanted, name))
 
 
@@ -185,9 +206,15 @@ def _delimiter(lines: Sequence[str]) -> tuple[str, int]:
     for delimiter in _DELIMITERS:
         counts = Counter(_cell_count(line, delimiter) for line in lines)
         count, often = max(counts.items(), key=lambda item: (item[1], item[0]))
-        if count >= 2 and often > share:
+        if count >= 2 and (often > share or (often == share and delimiter == " " and _spaced(lines, best))):
             best, share, width = delimiter, often, count
     return best, width
+
+
+def _spaced(lines: Sequence[str], best: str) -> bool:
+    """Whether the commas that seem to part the last line are the decimal signs of numbers with blanks between."""
+    words = lines[-1].split()
+    return best == "," and len(words) >= 2 and all(_DECIMAL_COMMA.fullmatch(word) for word in words)
 
 
 def _cell_count(line: str, delimiter: str) -> int:
@@ -211,8 +238,13 @@ def _header(
 ) -> tuple[tuple[str, ...], int]:
     """The names, and the index of their line."""
     top = next(iter(rows))
-    first = next((i for i, row in rows.items() if any(number(one, decimal) is not None for one in row)), None)
-    if first is None or any(number(one, decimal) is None and not is_missing(one) for one in rows[first]):
+    for index, row in rows.items():
+        if _CATMAN_TIME.fullmatch(row[0]):
+            return tuple(row), index
+    first = next((i for i, row in rows.items() if any(_is_value(one, decimal) for one in row)), None)
+    if first is not None and not _is_values(rows[first], decimal):
+        first = _below_preamble(rows, decimal)
+    if first is None:
         return tuple(rows[top]), top  # text beside numbers, or alone: only the place tells the header
     width = len(rows[first])
     above = [index for index in reversed(range(first)) if lines[index].strip()]
@@ -240,6 +272,40 @@ def _names_in(line: str, delimiter: str, width: int, ended: bool) -> list[str] |
     elif ended:
         ways.append([*cells, ""])  # the rows end with a delimiter, the header does not
     return next((way for way in ways if len(way) == width), None)
+
+
+def _below_preamble(rows: dict[int, list[str]], decimal: str) -> int | None:
+    """The first row of values only, if those above it are names and lines such as "rate;2000;Hz"."""
+    last = max((i for i, row in rows.items() if not _is_values(row, decimal)), default=None)
+    if last is None or any(_is_value(one, decimal) for one in rows[last]):
+        return None  # what is above the values is no header
+    valued = (row for i, row in rows.items() if i < last and any(_is_value(one, decimal) for one in row))
+    if any(_is_value(row[0], decimal) or sum(one != "" for one in row) > 3 for row in valued):
+        return None
+    return next((i for i in rows if i > last), None)
+
+
+def _is_value(cell: str, decimal: str) -> bool:
+    """Whether a cell holds a number or a point in time."""
+    return number(cell, decimal) is not None or is_moment(cell) or is_date(cell)
+
+
+def _is_values(cells: list[str], decimal: str) -> bool:
+    """Whether a row holds values, none of them text."""
+    kinds = [_is_value(cell, decimal) or (None if is_missing(cell) else False) for cell in cells]
+    return any(kinds) and False not in kinds
+
+
+def _clocks(rows: list[list[str]]) -> frozenset[int]:
+    """The columns that hold times of day."""
+    columns = (
+        (index, [cell for cell in cells if not is_missing(cell)]) for index, cells in enumerate(zip(*rows, strict=True))
+    )
+    return frozenset(
+        index
+        for index, cells in columns
+        if cells and is_moment(cells[0]) and 2 * sum(map(is_moment, cells)) >= len(cells)
+    )
 
 
 def _stated(cell: str) -> str | None:

@@ -110,13 +110,17 @@ def identify_joint(
 
     Examples
     --------
-    >>> from fourpole.core.tyre import mobility
-    >>> phasors = Phasors.from_polar(
-    ...     [10.0, 12.0], [51.9086, 95.9412], [0.05, 0.08], [1.51, 1.4], [0.0649, 0.1], [-0.1, -0.1]
-    ... )
+    A moving mass stated as 15.0 ± 0.3 kg, that is 15.2 kg:
+
+    >>> omega = 2 * np.pi * np.array([10.0, 12.0])
+    >>> impedance = Rig(moving_mass=15.2, preload_stiffness=12440.0).impedance(omega)
+    >>> ratio = (2e5 + 4e4j) / (2e5 + 4e4j + 1j * omega * impedance)
+    >>> amplitudes = 0.06 * np.stack([impedance * ratio, np.ones(2), ratio], axis=1)
+    >>> nothing = np.zeros(2)
+    >>> phasors = Phasors(omega / (2 * np.pi), amplitudes, np.zeros((2, 6, 6)), nothing, nothing + np.inf)
     >>> found = identify_joint(phasors, Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.3}))
-    >>> found.solution.converged, [quantity.name for quantity in found.stated.quantities]
-    (True, ['moving_mass'])
+    >>> found.found.round(4), found.solution.stiffness.round(0)
+    (array([15.2]), array([200000.+40000.j, 200000.+40000.j]))
     """
     if rig.blocked:
         raise RigError("a blocked rig has no V2 that could be held against its force: use the mobility route")

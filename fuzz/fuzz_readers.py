@@ -1,0 +1,275 @@
+"""Mutated recordings through the readers: each must be read or refused with one clear error, soon and in bounds.
+
+    python fuzz/fuzz_readers.py [--minutes 2] [--reader tydex] [--state FILE]
+
+It goes on where it was stopped: the state file holds the number of the next mutation, and every mutation
+follows from its number alone. What breaks a reader is kept beside the state file, in a folder `broken`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import random
+import resource
+import signal
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+
+import numpy as np
+
+from fourpole.errors import FourpoleError
+from fourpole.io.formats import lvm, text, tydex
+from fourpole.io.signals import FileInfo, Format, Request, Signal
+
+MAX_BYTES = 20_000_000
+TIME_LIMIT = 2  # seconds for an input of a few kilobytes
+MEMORY_LIMIT = 4_000_000_000
+WORDS = [b"**", b"**END", b"**HEADER", b"**MEASURDATA 99999999999", b"**MEASURCHANNELS", b"***End_of_Header***"]
+WORDS += [
+    b"Channels\t2",
+    b"Channels\t999999999",
+    b"Samples\t-1",
+    b"***Start_Special***",
+    b"Delta_X\t0",
+    b"Separator\tComma",
+]
+WORDS += [
+    b"1e999",
+    b"-1e308",
+    b"nan",
+    b"1D400",
+    b"0x10",
+    b"1_0",
+    b"\xd9\xa3",
+    b"9" * 400,
+    b"1" + b"0" * 5000,
+    b"\xff\xfe",
+]
+WORDS += [
+    b'"',
+    b'""',
+    b"\t",
+    b";",
+    b",",
+    b" ",
+    b"\n",
+    b"\r",
+    b"\r\n",
+    b"\x00",
+    b"\x85",
+    b"\xe2\x80\xa8",
+    b"!",
+    b"#",
+    b"%",
+]
+WORDS += [
+    b"01.02.2024 10:00:00,5",
+    b"2024-02-30T25:61:61",
+    b"23:59:59",
+    b"31/12/9999 00:00:00 AM",
+    b"[N]",
+    b"F1",
+    b"F1.2",
+]
+
+TYDEX = b"""**HEADER
+RELEASE   Release of TYDEX-Format                 1.3
+**COMMENTS
+! new tyre
+**CONSTANTS
+INFLPRES  Inflation pressure            bar       2.1
+**MEASURCHANNELS
+RUNTIME   Running time                  s         0.001     0         0
+F1        Vertical force                N         2         0         100
+**MEASURDATA 3
+         0      1000
+         1    1000.5
+         2  NOTAVAIL
+**MODELPARAMETERS
+FNOMIN    Nominal load                  N         4000
+**MODELDEFINITION
+text
+**END
+"""
+LVM = b"""LabVIEW Measurement\t
+Writer_Version\t2
+Separator\tTab
+Decimal_Separator\t.
+Multi_Headings\tYes
+X_Columns\tMulti
+***End_of_Header***\t
+\t
+Channels\t2\t\t\t
+Samples\t3\t\t3\t
+X_Dimension\tTime\t\tTime\t
+X0\t0.0\t\t0.0\t
+Delta_X\t0.001\t\t0.001\t
+***End_of_Header***\t\t\t\t
+X_Value\tF1\tX_Value\tV1\tComment
+0.0\t1.0\t0.0\t2.0
+0.001\t1.5\t0.001\t2.5
+0.002\t1.0\t0.002\t2.0
+"""
+TEXTS = [
+    b"t [s];F1 [N];V1\n0;1,5;2\n0,001;;-3\n0,002;4,5;1\n",
+    b"Logger 7\nSample rate: 2000 Hz\nF1,V1\nN,m/s\n1,2\n3,4\n5,6\n",
+    b"Zeit;F1\n01.02.2024 10:00:00,000;1,5\n01.02.2024 10:00:00,500;2,5\n",
+    b"time,F1,F1\n2024-02-01T10:00:00.5Z,1,2\n2024-02-01T10:00:01Z,3,4\n",
+    b"Zeit  1 - Standardmessrate [s]\tF1\nSensor\tSG\n2,00 ms (500 Hz)\tx\ns\tN\n0\t1,5\n0,002\t2,5\n",
+    "Zeit;F1 [µm]\n0;1\n1;2\n".encode("utf-16"),
+    b"# t F1 V1\n0 1.5 2\n1e-3 nan -3\n",
+]
+READERS: dict[str, tuple[Format, list[bytes]]] = {
+    "tydex": (
+        tydex.FORMAT,
+        [TYDEX, TYDEX.replace(b"\n", b"\r\n"), TYDEX.replace(b"  ", b"\t"), TYDEX.decode().encode("utf-16")],
+    ),
+    "lvm": (
+        lvm.FORMAT,
+        [LVM, LVM.replace(b".", b","), LVM + LVM[LVM.index(b"Channels") :]],
+    ),
+    "text": (text.FORMAT, TEXTS),
+}
+
+
+class Overdue(BaseException):
+    """A reader took longer than it may; no reader can catch it as an error of its own."""
+
+
+def _overdue(_number: int, _frame: FrameType | None) -> None:
+    raise Overdue
+
+
+def mutated(seed: bytes, chance: random.Random) -> bytes:
+    """A seed with a few changes: bytes, words, lines and ends."""
+    content = bytearray(seed)
+    for _ in range(chance.choice((1, 1, 2, 3, 6, 12))):
+        at, end = sorted((chance.randrange(len(content) + 1), chance.randrange(len(content) + 1)))
+        end = min(end, at + chance.choice((1, 4, 30, 300)))
+        lines = content.split(b"\n")
+        line = chance.randrange(len(lines))
+        match chance.randrange(9):
+            case 0:
+                content[at:at] = chance.choice(WORDS)
+            case 1:
+                content[at:end] = b""
+            case 2:
+                content[at:end] = bytes(chance.randrange(256) for _ in range(end - at))
+            case 3:
+                content[at:end] = content[at:end] * chance.choice((2, 3, 50))
+            case 4:
+                lines.insert(chance.randrange(len(lines)), lines[line])
+                content = bytearray(b"\n".join(lines))
+            case 5:
+                del lines[line]
+                content = bytearray(b"\n".join(lines))
+            case 6:
+                cells = lines[line].split()
+                if cells:
+                    lines[line] = lines[line].replace(chance.choice(cells), chance.choice(WORDS), 1)
+                content = bytearray(b"\n".join(lines))
+            case 7:
+                content = content[:at] if chance.random() < 0.3 else content
+            case 8 if content:
+                content[at % len(content)] ^= 1 << chance.randrange(8)
+        content = content[:200_000]
+    return bytes(content)
+
+
+def tried(reader: Format, content: bytes, path: Path) -> str:
+    """What a reader makes of a content: read, or refused with an error of ours."""
+    path.write_bytes(content)
+    reader.recognises(content[:4096])
+    said = "refused"
+    for names in ((), ("F1",), ("Zeit", "F1"), ("F1.2",)):
+        try:
+            if not names:
+                check_survey(reader.survey(path, path.name, MAX_BYTES))
+                continue
+            check_signals(reader.read(Request(path, names, "", path.name, MAX_BYTES)), names)
+            said = "read"
+        except FourpoleError as error:
+            if len(str(error)) > 2000 or "\n" in str(error) or not str(error).startswith(path.name):
+                raise AssertionError(f"an error of {len(str(error))} characters: {error!s:.300}") from error
+    return said
+
+
+def check_survey(info: FileInfo) -> None:
+    for one in info.signals:
+        assert one.count >= 0
+        assert one.rate is None or (one.rate > 0 and math.isfinite(one.rate))
+        assert all(value is None or math.isfinite(value) for value in (one.start, one.duration))
+    assert all(note.isprintable() for note in (info.format, *info.notes))
+
+
+def check_signals(signals: Sequence[Signal], names: Sequence[str]) -> None:
+    assert len(signals) == len(names)
+    for one in signals:
+        assert one.samples.dtype == np.float64
+        assert one.samples.ndim == 1
+        assert len(one.samples)
+        assert not np.isinf(one.samples).any()
+        assert one.rate is None or (one.rate > 0 and math.isfinite(one.rate))
+        assert math.isfinite(one.start)
+        assert one.time is None or (len(one.time) == len(one.samples) and not np.isinf(one.time).any())
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Mutated recordings through the readers.")
+    parser.add_argument("--minutes", type=float, default=2.0)
+    parser.add_argument("--reader", choices=sorted(READERS), action="append")
+    parser.add_argument("--state", type=Path, default=Path("fuzz-state/readers.json"))
+    asked = parser.parse_args()
+    warnings.simplefilter("error")
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
+    asked.state.parent.mkdir(parents=True, exist_ok=True)
+    state = json.loads(asked.state.read_text()) if asked.state.exists() else {}
+    signal.signal(signal.SIGALRM, _overdue)
+    chosen = asked.reader or sorted(READERS)
+    until = time.monotonic() + 60 * asked.minutes
+    counts: Counter[str] = Counter()
+    slowest = 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        for reader, seeds in READERS.values():  # what is loaded at first use takes longer than an input may
+            for seed in seeds:
+                tried(reader, seed, Path(folder, "input.dat"))
+        while time.monotonic() < until:
+            for name in chosen:
+                number = state[name] = state.get(name, -1) + 1
+                reader, seeds = READERS[name]
+                chance = random.Random(f"{name} {number}")
+                content = mutated(chance.choice(seeds), chance)
+                begun = time.monotonic()
+                signal.setitimer(signal.ITIMER_REAL, TIME_LIMIT)
+                try:
+                    counts[f"{name}: {tried(reader, content, Path(folder, 'input.dat'))}"] += 1
+                except (Exception, Overdue) as error:  # noqa: BLE001 - that is what is looked for
+                    counts[f"{name}: broken"] += 1
+                    broken = asked.state.parent / "broken"
+                    broken.mkdir(exist_ok=True)
+                    (broken / f"{name}-{number}").write_bytes(content)
+                    print(f"{name} {number}: {type(error).__name__}: {error!s:.300}")
+                    print("".join(traceback.format_tb(error.__traceback__)[-2:]))
+                finally:
+                    signal.setitimer(signal.ITIMER_REAL, 0)
+                slowest = max(slowest, time.monotonic() - begun)
+            if number % 500 == 0:
+                asked.state.write_text(json.dumps(state))
+    asked.state.write_text(json.dumps(state))
+    for what, count in sorted(counts.items()):
+        print(f"{what:20} {count}")
+    print(f"slowest input: {slowest:.2f} s; mutations so far: {state}")
+    return 1 if any("broken" in what for what in counts) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,387 @@
+"""HDF5: one group per recording, in it one dataset per channel.
+
+The layout that says all it can::
+
+    /run1              a group, called `file#run1`; attributes rate, start and time count for all in it
+    /run1/F1           (n,) numbers, with the attributes
+                         unit   "N"
+                         rate   2048.0          samples per second, or
+                         time   "t"             the dataset of the same group with the time of each sample
+                         start  0.0             seconds at the first sample, from the file's own zero
+    /run1/t            (n,) numbers, its unit "s"
+
+Other files are read as far as they can be understood: any dataset with one row of numbers is a channel;
+`units`; `sample_rate`, `sampling_rate`, `fs`, or the step `dt`, `increment`; `t0`, `offset`; a dataset
+called `t` or `time` beside it and as long is its time. Datasets at the top are in no group.
+
+Nothing is read outside the file: links to other files, samples kept in other files and datasets put
+together from other files are refused, and so are filters that are not part of HDF5 itself.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fourpole.errors import TableError
+from fourpole.io.formats.guard import Guard, afford, find, is_time, of_name, seconds, tidy
+from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.source import name_of, open_regular
+from fourpole.units import shown
+
+__all__ = ["FORMAT", "Leaf", "attributes", "is_elsewhere", "leaf_of", "leaves", "opened", "samples"]
+
+_KIND = "an HDF5 file"
+_LIBRARY = "h5py"
+_MAGIC = b"\x89HDF\r\n\x1a\n"
+_PLACES = (0, 512, 1024, 2048)
+_MATLAB = b"MATLAB 7.3"
+_UNITS = ("unit", "units", "Unit", "Units")
+_RATES = ("rate", "sample_rate", "sampling_rate", "samplerate", "fs", "Fs", "sampling_frequency")
+_STEPS = ("dt", "increment", "step", "sample_interval")
+_STARTS = ("start", "t0", "offset", "start_offset")
+_NOTES = ("note", "comment", "description", "title", "long_name")
+_MOST_OBJECTS = 100_000
+_DEEPEST = 32
+_MOST_HOPS = 8
+_DEFLATE, _LZF = 1, 32000
+_FILTERS = frozenset({1, 2, 3, 4, 5, 6, _LZF})
+_MOST_INFLATED = 1100  # times: more than any of these filters can
+_LONGEST_TEXT = 4096
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A dataset of a file, or what stands in its place."""
+
+    group: str
+    name: str
+    dataset: Any
+    barred: str
+    """Why it cannot be read; empty if it can."""
+    inherited: dict[str, Any]
+    """The attributes of its group."""
+
+    @property
+    def path(self) -> str:
+        """Its name from the top of the file."""
+        return f"{self.group}/{self.name}" if self.group else self.name
+
+
+def _recognises(head: bytes) -> bool:
+    return not head.startswith(_MATLAB) and any(head[at : at + 8] == _MAGIC for at in _PLACES)
+
+
+def opened(guard: Guard, file: BinaryIO, name: str) -> Any:
+    """The file as the library sees it: through the open file alone, so that it can open no other."""
+    head = file.read(4096)
+    if not any(head[at : at + 8] == _MAGIC for at in _PLACES):
+        raise TableError(f"{name}: is not {_KIND}: it does not begin as one; check what wrote it")
+    file.seek(0)
+    return guard.load(_LIBRARY).File(file, "r")
+
+
+def leaves(h5py: Any, root: Any, name: str) -> list[Leaf]:
+    """The datasets of a file, each once, without following a link out of it."""
+    found: list[Leaf] = []
+    seen = {h5py.h5o.get_info(root.id).addr}
+    waiting: list[tuple[str, Any]] = [("", root)]
+    count = 0
+    while waiting:
+        path, group = waiting.pop(0)
+        inherited = attributes(h5py, group)
+        for key in group:
+            count += 1
+            if count > _MOST_OBJECTS:
+                raise TableError(f"{name}: has more than {_MOST_OBJECTS} objects; split it")
+            thing, barred = _resolved(h5py, root, group, key)
+            if barred:
+                found.append(Leaf(path, key, None, barred, inherited))
+            elif isinstance(thing, h5py.Dataset):
+                found.append(Leaf(path, key, thing, _barred(h5py, thing), inherited))
+            elif isinstance(thing, h5py.Group) and (address := h5py.h5o.get_info(thing.id).addr) not in seen:
+                seen.add(address)
+                below = f"{path}/{key}" if path else key
+                if below.count("/") >= _DEEPEST:
+                    raise TableError(f"{name}: has groups more than {_DEEPEST} deep; this is no recording")
+                waiting.append((below, thing))
+    return found
+
+
+def leaf_of(h5py: Any, dataset: Any) -> Leaf:
+    """A dataset that is reached by a reference, not by its name."""
+    return Leaf("", "", dataset, _barred(h5py, dataset), {})
+
+
+def _resolved(h5py: Any, root: Any, group: Any, key: str, hops: int = 0) -> tuple[Any, str]:
+    """What is behind a name, or why that is not looked at."""
+    try:
+        link = group.get(key, getlink=True)
+        if isinstance(link, h5py.HardLink):
+            return group[key], ""
+        if not isinstance(link, h5py.SoftLink):
+            return None, "leads to another file, which is not followed; copy the samples into this one"
+        if hops >= _MOST_HOPS:
+            return None, "is a link that leads nowhere"
+        parts = [part for part in link.path.split("/") if part not in ("", ".")]
+        at = root if link.path.startswith("/") else group
+        for part in parts[:_DEEPEST]:
+            at, barred = _resolved(h5py, root, at, part, hops + 1)
+            if barred:
+                return None, barred
+    except (KeyError, OSError, RuntimeError, TypeError, ValueError, AttributeError):
+        return None, "cannot be opened: it is damaged, or a link that leads nowhere"
+    return at, ""
+
+
+def is_elsewhere(h5py: Any, dataset: Any) -> bool:
+    """Whether the samples of a dataset are in other files."""
+    plan = dataset.id.get_create_plist()
+    return bool(plan.get_layout() == h5py.h5d.VIRTUAL or plan.get_external_count() > 0)
+
+
+def _barred(h5py: Any, dataset: Any) -> str:
+    """Why a dataset is no channel, or must not be read."""
+    plan = dataset.id.get_create_plist()
+    if is_elsewhere(h5py, dataset):
+        return "has its samples in another file, which is not read; copy them into this one"
+    strange = [plan.get_filter(at)[0] for at in range(plan.get_nfilters())]
+    strange = [one for one in strange if one not in _FILTERS]
+    if strange:
+        return f"is compressed by the filter {strange[0]}, which is no part of HDF5; repack it with GZIP"
+    try:
+        kind, shape = dataset.dtype.kind, dataset.shape
+    except (TypeError, ValueError, OSError, RuntimeError):
+        return "is of a kind that is not known"
+    if kind not in "fiu" or shape is None:
+        return "holds no numbers" if kind != "c" else "holds complex numbers"
+    return ""
+
+
+def attributes(h5py: Any, thing: Any) -> dict[str, Any]:
+    """The attributes that are one short text or one number."""
+    found: dict[str, Any] = {}
+    for key in (*_UNITS, *_RATES, *_STEPS, *_STARTS, *_NOTES, "time", "MATLAB_class", "MATLAB_empty"):
+        if key in thing.attrs:
+            value = _attribute(h5py, thing, key)
+            if value is not None:
+                found[key] = value
+    return found
+
+
+def _attribute(h5py: Any, thing: Any, key: str) -> str | float | None:
+    handle = thing.attrs.get_id(key)
+    if int(np.prod(handle.shape, dtype=object)) != 1 or handle.dtype.itemsize > _LONGEST_TEXT:
+        return None
+    text = h5py.check_string_dtype(handle.dtype) is not None
+    if not text and handle.dtype.kind not in "fiu":
+        return None
+    value = np.asarray(thing.attrs[key]).ravel()[0]
+    if isinstance(value, bytes):
+        return value.decode("utf-8", errors="replace")
+    return str(value) if text else float(value)
+
+
+def samples(leaf: Leaf, max_bytes: int, name: str, *, row: int | None = None, axis: int = 0) -> NDArray[np.float64]:
+    """The numbers of a dataset in its own shape, or one row of a matrix, converted as they are read."""
+    dataset = leaf.dataset
+    if leaf.barred:
+        raise TableError(f"{name}: channel {shown(leaf.path)} {leaf.barred}")
+    shape = tuple(dataset.shape) if row is None else (dataset.shape[1 - axis],)
+    afford(8 * int(np.prod(shape, dtype=object)), max_bytes, name, shown(leaf.path))
+    if dataset.chunks is not None:
+        _check_chunks(dataset, leaf, max_bytes, name)
+    elif dataset.id.get_storage_size() == 0 and dataset.size:
+        raise TableError(f"{name}: channel {shown(leaf.path)} declares {dataset.size} samples and holds none")
+    values = np.empty(shape)
+    if row is None and dataset.size:
+        dataset.read_direct(values)
+    elif row is not None and dataset.size:
+        dataset.read_direct(values, np.s_[row, :] if axis == 0 else np.s_[:, row])
+    return values
+
+
+def _check_chunks(dataset: Any, leaf: Leaf, max_bytes: int, name: str) -> None:
+    """Refuse chunks that declare, or inflate to, more than may be held, and samples that were never written."""
+    what = f"channel {shown(leaf.path)}"
+    declared = int(np.prod(dataset.chunks, dtype=object)) * dataset.dtype.itemsize
+    plan = dataset.id.get_create_plist()
+    squeezed = [plan.get_filter(at)[0] for at in range(plan.get_nfilters())]
+    packers = [one for one in squeezed if one in (_DEFLATE, 4, _LZF)]
+    chunks: list[Any] = []
+    dataset.id.chunk_iter(chunks.append)
+    if dataset.size and not chunks:
+        raise TableError(f"{name}: {what} declares {dataset.size} samples and holds none")
+    largest = max((one.size for one in chunks), default=0)
+    afford(2 * declared, max_bytes, name, f"a part of {what}")
+    if not packers or largest * _MOST_INFLATED ** len(packers) <= max_bytes:
+        return
+    if packers != [_DEFLATE]:
+        afford(largest * _MOST_INFLATED ** len(packers), max_bytes, name, f"a part of {what}, unpacked,")
+    for one in chunks:
+        if one.size * _MOST_INFLATED > max_bytes:
+            _, packed = dataset.id.read_direct_chunk(one.chunk_offset)
+            tail = 4 if 3 in squeezed else 0
+            if not one.filter_mask and not _inflates_to(packed, declared + tail):
+                raise TableError(f"{name}: {what} unpacks to more than it declares; it is damaged: export it again")
+
+
+def _inflates_to(packed: bytes, most: int) -> bool:
+    """Whether a deflated part keeps within what it should be, without holding it."""
+    stream, total = zlib.decompressobj(), 0
+    rest = packed
+    while rest and not stream.eof:
+        total += len(stream.decompress(rest, 1 << 20))
+        rest = stream.unconsumed_tail
+        if total > most:
+            return False
+    return True
+
+
+def _is_row(leaf: Leaf) -> bool:
+    if leaf.barred:
+        return False
+    shape = leaf.dataset.shape
+    return len(shape) >= 1 and sum(length != 1 for length in shape) <= 1
+
+
+def _count(leaf: Leaf) -> int:
+    return int(np.prod(leaf.dataset.shape, dtype=object))
+
+
+@dataclass(frozen=True)
+class _Timing:
+    rate: float | None
+    start: float
+    time: Leaf | None
+
+
+def _number(stated: dict[str, Any], keys: Sequence[str]) -> float | None:
+    values = (stated.get(key) for key in keys)
+    return next((float(one) for one in values if isinstance(one, float) and np.isfinite(one)), None)
+
+
+def _timing(leaf: Leaf, own: dict[str, Any], beside: dict[str, Leaf], name: str) -> _Timing:
+    """The time base that a channel states, else that of its group, else the time beside it."""
+    start = _number(own, _STARTS) or _number(leaf.inherited, _STARTS) or 0.0
+    for stated in (own, leaf.inherited):
+        rate, step = _number(stated, _RATES), _number(stated, _STEPS)
+        if (rate := rate or (1.0 / step if step else None)) is not None and rate > 0:
+            return _Timing(rate, start, None)
+        if isinstance(stated.get("time"), str):
+            time = beside.get(stated["time"].rpartition("/")[2])
+            if time is None or not _is_row(time) or _count(time) != _count(leaf):
+                if time is leaf or stated is leaf.inherited:
+                    continue
+                what = f"names the time {shown(stated['time'])}, which is not beside it or not as long"
+                raise TableError(f"{name}: channel {shown(leaf.path)} {what}; mend its attribute 'time'")
+            if time is not leaf:
+                return _Timing(None, 0.0, time)
+    if not is_time(leaf.name):
+        for one in beside.values():
+            if is_time(one.name) and _is_row(one) and _count(one) == _count(leaf):
+                return _Timing(None, 0.0, one)
+    return _Timing(None, start, None)
+
+
+def _unit(leaf: Leaf, own: dict[str, Any]) -> str | None:
+    return of_name(leaf.name, next((own[key] for key in _UNITS if isinstance(own.get(key), str)), None))
+
+
+def _beside(found: Sequence[Leaf]) -> dict[str, dict[str, Leaf]]:
+    groups: dict[str, dict[str, Leaf]] = {}
+    for leaf in found:
+        groups.setdefault(leaf.group, {})[leaf.name] = leaf
+    return groups
+
+
+def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
+    name = name_of(path, label)
+    with open_regular(path, max_bytes=max_bytes, label=label) as file, Guard(name, _KIND, _LIBRARY) as guard:
+        h5py = guard.load(_LIBRARY)
+        with opened(guard, file, name) as root:
+            found = leaves(h5py, root, name)
+            groups = _beside(found)
+            signals = [_info(h5py, one, groups[one.group], max_bytes, name) for one in found if _is_row(one)]
+            notes = [f"{key}: {tidy(value)}" for key, value in attributes(h5py, root).items()]
+            notes += [f"{tidy(one.path)} {one.barred}" for one in found if one.barred][:20]
+            wide = [tidy(one.path) for one in found if not one.barred and not _is_row(one)]
+            if wide:
+                notes.append(f"not channels, since they are no single row: {', '.join(wide[:12])}")
+    return FileInfo("HDF5", tuple(signals), tuple(notes))
+
+
+def _info(h5py: Any, leaf: Leaf, beside: dict[str, Leaf], max_bytes: int, name: str) -> SignalInfo:
+    own = attributes(h5py, leaf.dataset)
+    timing = _timing(leaf, own, beside, name)
+    count = _count(leaf)
+    start = timing.start if timing.rate else None
+    duration = max(count - 1, 0) / timing.rate if timing.rate else None
+    note = "; ".join(tidy(own[key]) for key in _NOTES if key in own)
+    if timing.time is not None and count:
+        ends = _ends(h5py, timing.time, max_bytes, name)
+        start, duration = ends[0], ends[1] - ends[0]
+        note = "; ".join(part for part in (note, f"time from {tidy(timing.time.name)}") if part)
+    return SignalInfo(leaf.name, _unit(leaf, own), leaf.group, count, timing.rate, start, duration, note)
+
+
+def _ends(h5py: Any, leaf: Leaf, max_bytes: int, name: str) -> tuple[float, float]:
+    """First and last time."""
+    scale = _scale(h5py, leaf, name)
+    if leaf.dataset.chunks is not None:
+        _check_chunks(leaf.dataset, leaf, max_bytes, name)
+    flat = leaf.dataset.shape.index(max(leaf.dataset.shape))
+    first, last = ([0] * leaf.dataset.ndim for _ in range(2))
+    last[flat] = leaf.dataset.shape[flat] - 1
+    return float(leaf.dataset[tuple(first)]) * scale, float(leaf.dataset[tuple(last)]) * scale
+
+
+def _scale(h5py: Any, time: Leaf, name: str) -> float:
+    unit = _unit(time, attributes(h5py, time.dataset))
+    scale = seconds(unit)
+    if scale is None:
+        raise TableError(f"{name}: the time {shown(time.path)} has the unit {shown(unit)}; state it in s, ms or µs")
+    return scale
+
+
+def _read(request: Request) -> Sequence[Signal]:
+    name = name_of(request.path, request.label)
+    with (
+        open_regular(request.path, max_bytes=request.max_bytes, label=request.label) as file,
+        Guard(name, _KIND, _LIBRARY) as guard,
+    ):
+        h5py = guard.load(_LIBRARY)
+        with opened(guard, file, name) as root:
+            found = leaves(h5py, root, name)
+            rows = [one for one in found if one.barred or _is_row(one)]
+            chosen = [rows[at] for at in find([(one.group, one.name) for one in rows], request)]
+            declared = sum(_count(one) for one in chosen if not one.barred)
+            afford(16 * declared, request.max_bytes, name)
+            return list(_signals(h5py, chosen, _beside(found), request.max_bytes, name))
+
+
+def _signals(
+    h5py: Any, chosen: Sequence[Leaf], groups: dict[str, dict[str, Leaf]], max_bytes: int, name: str
+) -> Iterator[Signal]:
+    times: dict[str, NDArray[np.float64]] = {}
+    for leaf in chosen:
+        values = samples(leaf, max_bytes, name).ravel()
+        own = attributes(h5py, leaf.dataset)
+        timing = _timing(leaf, own, groups[leaf.group], name)
+        time = None
+        if timing.time is not None:
+            if timing.time.path not in times:
+                scale = _scale(h5py, timing.time, name)
+                times[timing.time.path] = scale * samples(timing.time, max_bytes, name).ravel()
+            time = times[timing.time.path]
+        start = float(time[0]) if time is not None and len(time) else timing.start
+        yield Signal(leaf.name, _unit(leaf, own), values, start, timing.rate, time)
+
+
+FORMAT = Format("HDF5", (".h5", ".hdf5", ".hdf", ".he5"), _recognises, _survey, _read, "formats")

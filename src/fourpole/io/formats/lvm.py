@@ -1,0 +1,335 @@
+"""LabVIEW measurement files (.lvm): a header, then segments of channels with their start and interval.
+
+References
+----------
+National Instruments, "Specification for the LabVIEW Measurement File (.lvm)", tutorial 4139, versions 1 and 2.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fourpole.errors import TableError
+from fourpole.io.formats.guard import afford, find, tidy
+from fourpole.io.layout import is_missing, number
+from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.source import decode, encoding_of, name_of, read_bytes
+from fourpole.units import column_unit, shown
+
+__all__ = ["FORMAT"]
+
+_START = b"LabVIEW Measurement"
+_END_OF_HEADER = re.compile(rb"^\*\*\*End_of_Header\*\*\*[^\n]*(?:\n|\Z)", re.MULTILINE)
+_SEGMENT = re.compile(rb"^Channels(?=\W)", re.MULTILINE)
+_START_SPECIAL, _END_SPECIAL = b"\n***Start_Special***", b"\n***End_Special***"
+_SEPARATORS = {"tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
+_LONGEST_HEADER = 4_000_000
+_MOST_CHANNELS = 100_000
+_SHORTEST, _LONGEST = 1e-12, 1e6  # s, between samples
+_NULLS = ["NaN", "nan", "NAN", "-NaN", "Inf", "-Inf"]
+
+
+@dataclass(frozen=True)
+class _Channel:
+    """One column of a segment; `x_column` is that of its x values, None where there is none."""
+
+    name: str
+    unit: str | None
+    column: int
+    x_column: int | None
+    samples: int
+    start: float
+    step: float
+    is_time: bool
+    note: str
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """The channels of a part of the file, and where its rows are."""
+
+    channels: tuple[_Channel, ...]
+    width: int
+    begin: int
+    end: int
+
+    def follows(self, before: _Segment) -> bool:
+        """Whether each channel goes on where it ended before."""
+        return len(self.channels) == len(before.channels) and all(
+            (one.name, one.unit, one.step) == (last.name, last.unit, last.step)
+            and one.is_time
+            and one.step > 0
+            and abs(last.start + last.samples * last.step - one.start) < one.step / 2
+            for one, last in zip(self.channels, before.channels, strict=True)
+        )
+
+
+@dataclass(frozen=True)
+class _Measurement:
+    """What the file's header says, and its segments: those that follow on are one group."""
+
+    tags: dict[str, str]
+    separator: str
+    decimal: str
+    groups: tuple[tuple[_Segment, ...], ...]
+
+    @property
+    def places(self) -> list[tuple[str, str]]:
+        """Group and name of each channel."""
+        many = len(self.groups) > 1
+        return [
+            (str(at) if many else "", one.name) for at, group in enumerate(self.groups, 1) for one in group[0].channels
+        ]
+
+
+def _recognises(head: bytes) -> bool:
+    return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(_START) or head.startswith(
+        (b"\xff\xfe" + _START.decode().encode("utf-16-le"), b"\xfe\xff" + _START.decode().encode("utf-16-be"))
+    )
+
+
+def _opened(path: Path, label: str, max_bytes: int) -> tuple[bytes, _Measurement, str]:
+    """The content of a file, in lines that end with a line feed, what its headers say, and its name."""
+    name = name_of(path, label)
+    content = read_bytes(path, max_bytes=max_bytes, label=label)
+    encoding, mark = encoding_of(content[:65536], name)
+    content = decode(content, name)[0].encode() if encoding.startswith("utf-16") else content[mark:]
+    if not _recognises(content[:64]):
+        raise TableError(f"{name}: is no LabVIEW measurement file: it does not begin with 'LabVIEW Measurement'")
+    if b"\r" in content[:_LONGEST_HEADER]:
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    content = _without_special(content)
+    return content, _measurement(content, name), name
+
+
+def _without_special(content: bytes) -> bytes:
+    """The content without the blocks that are nobody else's."""
+    kept, at = [], 0
+    while (begin := content.find(_START_SPECIAL, at)) >= 0 and (end := content.find(_END_SPECIAL, begin)) >= 0:
+        kept.append(content[at:begin])
+        at = content.find(b"\n", end + 1)
+        at = len(content) if at < 0 else at
+    return b"".join([*kept, content[at:]]) if kept else content
+
+
+def _text(content: bytes) -> str:
+    try:
+        return content.decode()
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")
+
+
+def _measurement(content: bytes, name: str) -> _Measurement:
+    """The headers of a file."""
+    first = _END_OF_HEADER.search(content, 0, _LONGEST_HEADER)
+    if first is None:
+        raise TableError(f"{name}: its header has no end (***End_of_Header***); it is cut off, write it again")
+    header = _text(content[: first.start()])
+    named = re.search(r"^Separator(\W)(\w*)", header, re.MULTILINE)
+    separator = _SEPARATORS.get(named[2].lower(), named[1]) if named else "\t"
+    tags = {key: cells[0] for key, cells in _tags(header, separator).items() if cells}
+    decimal = "," if tags.get("Decimal_Separator", ".") == "," and separator != "," else "."
+    segments: list[_Segment] = []
+    at = first.end()
+    while begin := _SEGMENT.search(content, at):
+        end = _END_OF_HEADER.search(content, begin.start(), begin.start() + _LONGEST_HEADER)
+        if end is None:
+            raise TableError(f"{name}: segment {len(segments) + 1} has no end of its header; the file is cut off")
+        following = _SEGMENT.search(content, end.end())
+        at = following.start() if following else len(content)
+        line = content.find(b"\n", end.end())
+        line = at if line < 0 else line
+        head = _tags(_text(content[begin.start() : end.start()]), separator)
+        names = [cell.strip().strip('"') for cell in _text(content[end.end() : line]).split(separator)]
+        where = f"{name}, segment {len(segments) + 1}"
+        channels = _channels(head, names, tags.get("X_Columns", "One").lower(), decimal, where)
+        segments.append(_Segment(channels, len(names), min(line + 1, at), at))
+    if not segments:
+        raise TableError(f"{name}: has a header but no segment of channels below it; write it again, with headers")
+    groups: list[list[_Segment]] = []
+    for segment in segments:
+        if groups and segment.follows(groups[-1][-1]):
+            groups[-1].append(segment)
+        else:
+            groups.append([segment])
+    return _Measurement(tags, separator, decimal, tuple(map(tuple, groups)))
+
+
+def _tags(header: str, separator: str) -> dict[str, list[str]]:
+    """The lines of a header: a tag, then its cells."""
+    lines = (line.split(separator) for line in header.split("\n") if line.strip())
+    return {cells[0].strip(): [cell.strip() for cell in cells[1:]] for cells in lines}
+
+
+def _channels(
+    head: dict[str, list[str]], names: list[str], columns: str, decimal: str, where: str
+) -> tuple[_Channel, ...]:
+    """The channels of a segment by its header and its line of names."""
+    said = (head.get("Channels") or [""])[0]
+    if not said.isascii() or not said.isdigit() or not 0 < int(said[:9]) <= _MOST_CHANNELS:
+        raise TableError(f"{where}: says it has {shown(said)} channels; write the file again")
+    count, multi = int(said), columns == "multi"
+    places = [1 + at * (2 if multi else 1) for at in range(count)]
+    if places[-1] >= len(names):
+        raise TableError(f"{where}: says it has {count} channels but names {len(names)} columns; it is cut off")
+
+    def cell(tag: str, at: int) -> str:
+        cells = head.get(tag, [])
+        filled = [cells[place - 1] for place in places] if len(cells) >= places[-1] else cells
+        if multi and not all(filled[:count]) and sum(map(bool, cells)) == count:
+            filled = [one for one in cells if one]  # one after the other, not above their columns
+        return filled[at] if at < len(filled) else ""
+
+    def interval(at: int) -> float:
+        step = number(cell("Delta_X", at), decimal) or 0.0
+        return step if _SHORTEST < step < _LONGEST else 0.0
+
+    called = [names[place] or f"channel {at + 1}" for at, place in enumerate(places)]
+    often, seen = Counter(called), Counter[str]()
+    channels = []
+    for at, place in enumerate(places):
+        seen[called[at]] += 1
+        own = f"{called[at]}.{seen[called[at]]}" if often[called[at]] > 1 else called[at]
+        date = " ".join(filter(None, (cell("Date", at), cell("Time", at))))
+        samples = cell("Samples", at)
+        channels.append(
+            _Channel(
+                name=own,
+                unit=cell("Y_Unit_Label", at) or column_unit(own)[1],
+                column=place,
+                x_column=place - 1 if multi else 0 if columns == "one" else None,
+                samples=int(samples[:15]) if samples.isascii() and samples.isdigit() else 0,
+                start=number(cell("X0", at), decimal) or 0.0,
+                step=interval(at),
+                is_time=cell("X_Dimension", at).lower() in ("", "time"),
+                note=tidy(date),
+            )
+        )
+    return tuple(channels)
+
+
+def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
+    content, found, _ = _opened(path, label, max_bytes)
+    infos: list[SignalInfo] = []
+    places = found.places
+    for group in found.groups:
+        rows = sum(_rows(content, found, part) for part in group)
+        for at, first in enumerate(group[0].channels):
+            count = max(sum(part.channels[at].samples for part in group), rows)
+            rate = 1 / first.step if first.is_time and first.step > 0 else None
+            start, duration = (first.start, max(count - 1, 0) / rate) if rate else (None, None)
+            called = places[len(infos)][0]
+            infos.append(SignalInfo(first.name, first.unit, called, count, rate, start, duration, first.note))
+    notes = [
+        tidy(f"{tag}: {found.tags[tag]}")
+        for tag in ("Date", "Time", "Operator", "Description", "Project")
+        if found.tags.get(tag)
+    ]
+    version = found.tags.get("Writer_Version", "")
+    return FileInfo(tidy(f"LabVIEW measurement {version}".strip()), tuple(infos), tuple(notes))
+
+
+def _rows(content: bytes, found: _Measurement, segment: _Segment) -> int:
+    """Lines of a segment where its header does not count them: one header may serve what was written later."""
+    if found.tags.get("Multi_Headings", "No").lower() == "yes":
+        return 0
+    return content[segment.begin : segment.end].strip().count(b"\n") + 1
+
+
+def _read(request: Request) -> Sequence[Signal]:
+    content, found, name = _opened(request.path, request.label, request.max_bytes)
+    which = find(found.places, request)
+    flat = [(group, at) for group in found.groups for at in range(len(group[0].channels))]
+    asked = [flat[index] for index in which]
+    lines = {id(group): sum(content.count(b"\n", one.begin, one.end) + 1 for one in group) for group, _ in asked}
+    afford(sum(16 * lines[id(group)] for group, _ in asked), request.max_bytes, name)
+    signals = []
+    for group, at in asked:
+        parts = [_columns(content, found, segment, segment.channels[at], name) for segment in group]
+        samples = np.concatenate([values for values, _ in parts])
+        first = group[0].channels[at]
+        x = np.concatenate([steps for _, steps in parts if steps is not None] or [np.empty(0)])
+        signals.append(_signal(first, samples, x if len(x) == len(samples) else None))
+    return signals
+
+
+def _signal(channel: _Channel, samples: NDArray[np.float64], x: NDArray[np.float64] | None) -> Signal:
+    """A channel on its time base: that of the header where the x values agree with it."""
+    if not channel.is_time:
+        return Signal(channel.name, channel.unit, samples)
+    if channel.step > 0:
+        even = channel.start + channel.step * np.arange(len(samples))
+        if x is None or np.abs(x - even).max(initial=0.0) < channel.step / 2:
+            return Signal(channel.name, channel.unit, samples, channel.start, 1 / channel.step)
+    return Signal(channel.name, channel.unit, samples, time=x)
+
+
+def _columns(
+    content: bytes, found: _Measurement, segment: _Segment, channel: _Channel, name: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """The samples of a channel in one segment and, where they are written, their x values."""
+    import polars as pl
+
+    wanted = sorted({channel.column, *(() if channel.x_column is None else (channel.x_column,))})
+    rows = content[segment.begin : segment.end]
+    schema = {str(at): pl.Float64() if at in wanted else pl.String() for at in range(segment.width)}
+    try:
+        frame = pl.read_csv(
+            io.BytesIO(rows),
+            has_header=False,
+            columns=wanted,
+            schema=schema,
+            separator=found.separator,
+            quote_char=None,
+            null_values=_NULLS,
+            decimal_comma=found.decimal == ",",
+            truncate_ragged_lines=True,
+        )
+        columns = {at: frame[str(at)].fill_null(np.nan).to_numpy() for at in wanted}
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError):
+        columns = _slowly(rows, found, wanted, content.count(b"\n", 0, segment.begin), name)
+    values = columns[channel.column]
+    known = np.flatnonzero(np.isfinite(values))
+    count = int(known[-1]) + 1 if len(known) else 0
+    if count < channel.samples <= len(values):
+        count = channel.samples  # the last ones are missing, and say so
+    if count < channel.samples or not count:
+        said = f"{count} of the {channel.samples} samples" if channel.samples else "no samples"
+        raise TableError(
+            f"{name}: channel {shown(channel.name)} has {said} that its header states; the file is cut off"
+        )
+    x = columns[channel.x_column][:count] if channel.x_column is not None else None
+    return values[:count], x if x is not None and np.isfinite(x).all() else None
+
+
+def _slowly(
+    rows: bytes, found: _Measurement, wanted: Sequence[int], before: int, name: str
+) -> dict[int, NDArray[np.float64]]:
+    """Columns cell by cell; TableError names the first that is no number."""
+    columns: dict[int, list[float]] = {at: [] for at in wanted}
+    for line, row in enumerate(_text(rows).split("\n"), before + 1):
+        cells = row.split(found.separator)
+        for at, column in columns.items():
+            cell = cells[at] if at < len(cells) else ""
+            value = number(cell, found.decimal)
+            if value is None and not is_missing(cell) and cell.strip() not in _NULLS:
+                raise TableError(f"{name} row {line}: {shown(cell)} is no number; mend it, or leave it blank")
+            column.append(np.nan if value is None else value)
+    return {at: np.array(column) for at, column in columns.items()}
+
+
+FORMAT = Format(
+    name="LabVIEW measurement",
+    endings=(".lvm",),
+    recognises=_recognises,
+    survey=_survey,
+    read=_read,
+)

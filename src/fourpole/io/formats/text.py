@@ -1,0 +1,124 @@
+"""Tables of text as signals: names in a header, a rate perhaps in the lines above it."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from fourpole.errors import FourpoleError, TableError
+from fourpole.io.columns import read_columns, survey_columns
+from fourpole.io.formats.guard import afford, seconds, tidy
+from fourpole.io.layout import number
+from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.units import column_unit, quantity
+
+__all__ = ["FORMAT"]
+
+_NUMBER = r"(?P<value>(?>[0-9]+(?:[.,][0-9]+)?(?:[eE][+-]?[0-9]+)?))"
+_GAP = r"\W{0,4}(?:\[(?P<before>[^\[\]]{1,8})\]|\((?P<round>[^()]{1,8})\))?[\s:=;,\"]{1,6}"
+_RATE = re.compile(
+    r"(?:sampl(?:e|ing)[ _-]?(?:rate|freq(?:uency|\.)?)|scan[ _-]?rate|abtastrate|abtastfrequenz|messrate|\bfs|\bSR)"
+    rf"{_GAP}{_NUMBER}(?!\s*[mµu]?s\b)[\s;,\"]{{0,3}}(?P<after>[kM]?Hz|S/s|kS/s|1/s)?",
+    re.IGNORECASE,
+)
+_INTERVAL = re.compile(
+    r"(?:sampl(?:e|ing)[ _-]?(?:interval|period|time)|abtastintervall|abtastzeit|time[ _-]?step|\bdt|delta[ _-]?t)"
+    rf"{_GAP}{_NUMBER}[\s;,\"]{{0,3}}(?P<after>[mµu]?s\b)?",
+    re.IGNORECASE,
+)
+_CATMAN_RATE = re.compile(r"[0-9.,]+ m?s \((?P<value>[0-9]+(?:[.,][0-9]+)?)\s?(?P<after>k?Hz)\)")
+_LOWEST, _HIGHEST = 1e-6, 1e12  # Hz
+_MOST_NOTES = 20
+
+
+def _recognises(head: bytes) -> bool:
+    """Text of any kind: what is to be tried when it is of no other."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return True
+    return bool(head.strip()) and not any(byte < 9 or 13 < byte < 26 for byte in head.removeprefix(codecs.BOM_UTF8))
+
+
+def _rate(lines: Sequence[str]) -> float | None:
+    """Samples per second by the lines above the rows; None where none or several rates are stated."""
+    found: set[float] = set()
+    for line in lines:
+        for pattern in (_RATE, _INTERVAL, _CATMAN_RATE):
+            for match in pattern.finditer(line[:2000]):
+                rate = _hertz(match, inverse=pattern is _INTERVAL)
+                if rate is not None and _LOWEST < rate < _HIGHEST:
+                    found.add(rate)
+    return found.pop() if len(found) == 1 else None
+
+
+def _hertz(match: re.Match[str], *, inverse: bool) -> float | None:
+    """The rate that a line states; a bare number is in hertz or seconds."""
+    groups = match.groupdict()
+    stated = groups.get("before") or groups.get("round") or groups.get("after")
+    value = number(match["value"], "," if "," in match["value"] else ".")
+    if value is None or value <= 0:
+        return None
+    if inverse:
+        step = value * (seconds(stated) or 0.0)
+        return float(f"{1 / step:.12g}") if step > 1 / _HIGHEST else None
+    if stated is None:
+        return value
+    unit = stated.strip().replace("kS/s", "kHz").replace("S/s", "Hz").replace("1/s", "Hz")
+    try:
+        return quantity(f"{value!r} {unit}", "frequency")
+    except FourpoleError:
+        return None
+
+
+def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
+    found = survey_columns(path, max_bytes=max_bytes, label=label)
+    rate = _rate(found.above)
+    bare = [column_unit(one)[0] for one in found.layout.names]
+    often, seen = Counter(bare), Counter[str]()
+    signals = []
+    for index, one in enumerate(bare):
+        seen[one] += 1
+        if one:
+            clock = index in found.layout.clocks
+            signals.append(
+                SignalInfo(
+                    name=f"{one}.{seen[one]}" if often[one] > 1 else one,
+                    unit="s" if clock else found.layout.units[index],
+                    group="",
+                    count=found.rows,
+                    rate=rate,
+                    start=0.0 if rate else None,
+                    duration=(found.rows - 1) / rate if rate else None,
+                    note="times of day, read as seconds from the first" if clock else "",
+                )
+            )
+    notes = [tidy(line) for line in found.above[: found.layout.header_line - 1] if line.strip()]
+    kept = (
+        notes
+        if len(notes) <= _MOST_NOTES
+        else [*notes[: _MOST_NOTES - 1], f"{len(notes) - _MOST_NOTES + 1} more lines"]
+    )
+    between = {"\t": "tabs", " ": "blanks", ",": "commas", ";": "semicolons"}[found.layout.delimiter]
+    decimal = ", decimal commas" if found.layout.decimal == "," else ""
+    return FileInfo(f"text in {found.encoding}, {between} between the cells{decimal}", tuple(signals), tuple(kept))
+
+
+def _read(request: Request) -> Sequence[Signal]:
+    if request.group:
+        raise TableError(f"{request.label}: has no groups; leave out '#{tidy(request.group)}' after the file")
+    found = survey_columns(request.path, max_bytes=request.max_bytes, label=request.label)
+    afford(8 * found.rows * max(len(request.names), 1), request.max_bytes, request.label)
+    rate = _rate(found.above)
+    columns = read_columns(request.path, request.names, max_bytes=request.max_bytes, label=request.label)
+    return [Signal(one, columns.units[one], columns[one], rate=rate) for one in request.names]
+
+
+FORMAT = Format(
+    name="text",
+    endings=(".csv", ".txt", ".asc", ".dat", ".tsv", ".prn"),
+    recognises=_recognises,
+    survey=_survey,
+    read=_read,
+)

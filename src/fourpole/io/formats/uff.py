@@ -1,0 +1,283 @@
+"""UFF 58, also binary (58b): time signals as channels; other functions are listed as what they are.
+
+A channel's name is the function's description (ID line 1) where all time signals have different ones,
+else its response: entity, node and direction, as in `12+Z`. Its unit is the label of its axis, or else
+what the kind of the ordinate is in the unit system of the file (data set 164), if that is stated. The
+header rounds the time step to six digits: a whole number of Hz that rounds to the same step is the rate.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+import re
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fourpole.errors import TableError
+from fourpole.io.formats.guard import Guard, afford, find, floats, tidy
+from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.source import name_of, open_regular
+from fourpole.units import shown
+
+__all__ = ["FORMAT"]
+
+_KIND = "a UFF file"
+_LIBRARY = "pyuff"
+_MARK = re.compile(rb"    -1[ ]*(?=\r|\n|$)")
+_START = re.compile(rb"[\s\x00]*?[ ]{0,4}-1[ ]*\r?\n[ ]{0,5}[0-9]{1,6}(?:b|\s)", re.IGNORECASE)
+_HEADER = 13  # lines of a data set 58 before its values, the mark included
+_LONGEST_HEADER = 1 << 14
+_MOST_SETS = 100_000
+_TIME_RESPONSE, _GENERAL = 1, 0
+_TIME_AXIS = (0, 1, 17)
+_DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", 4: "+RX", 5: "+RY", 6: "+RZ"}
+_FUNCTIONS = {
+    0: "general function",
+    1: "time signal",
+    2: "auto spectrum",
+    3: "cross spectrum",
+    4: "frequency response function",
+    5: "transmissibility",
+    6: "coherence",
+    7: "auto correlation",
+    8: "cross correlation",
+    9: "power spectral density",
+    10: "energy spectral density",
+    12: "spectrum",
+    24: "shock response spectrum",
+    27: "order function",
+}
+_LENGTHS = {1: "m", 2: "ft", 3: "m", 4: "ft", 5: "mm", 6: "cm", 7: "in", 8: "mm", 10: "mm"}
+_FORCES = {1: "N", 2: "lbf", 3: "kgf", 5: "mN", 6: "cN", 7: "lbf", 8: "kgf", 10: "N"}
+_ORDINATES = {5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force"}
+
+
+@dataclass(frozen=True)
+class _Set:
+    """A data set: where it is in the file, and its header."""
+
+    start: int
+    stop: int
+    header: Mapping[str, Any]
+
+    @property
+    def is_signal(self) -> bool:
+        kind, axis = self.header["func_type"], self.header.get("abscissa_spec_data_type", 0)
+        return axis in _TIME_AXIS if kind == _TIME_RESPONSE else kind == _GENERAL and axis == _TIME_AXIS[-1]
+
+    @property
+    def is_complex(self) -> bool:
+        return int(self.header["ord_data_type"]) in (5, 6)
+
+    @property
+    def count(self) -> int:
+        return int(self.header["num_pts"])
+
+    @property
+    def even(self) -> bool:
+        return int(self.header["abscissa_spacing"]) == 1
+
+    @property
+    def words(self) -> str:
+        kind = int(self.header["func_type"])
+        return _FUNCTIONS.get(kind, f"function of type {kind}")
+
+
+def _recognises(head: bytes) -> bool:
+    return _START.match(head) is not None
+
+
+def _blocks(content: mmap.mmap, name: str) -> Iterator[tuple[int, int]]:
+    """Where the data sets are, from their first mark to their last."""
+    position, number = 0, 0
+    while (mark := _at_line_start(content, position)) is not None:
+        number += 1
+        if number > _MOST_SETS:
+            raise TableError(f"{name}: has more than {_MOST_SETS} data sets; split it")
+        head = content[mark.end() : mark.end() + _LONGEST_HEADER].lstrip(b"\r\n").splitlines(keepends=True)
+        if not head or re.match(rb"\s*[0-9]+\s*(b|$)?", head[0], re.IGNORECASE) is None:
+            raise TableError(f"{name}: is damaged: no data set begins at byte {mark.start()}; export it again")
+        after = mark.end()
+        binary = head[0][6:7].lower() == b"b"
+        if binary:  # samples may look like a mark: they are passed over, by their stated size
+            size = int(head[0][31:43].strip() or b"0")
+            after += sum(map(len, head[: _HEADER - 1])) + size
+            if size < 0 or after > len(content):
+                raise TableError(f"{name}: is cut short in data set {number}; copy or export it again")
+        end = _MARK.search(content, after) if binary else _at_line_start(content, after)
+        if end is None:
+            raise TableError(f"{name}: is cut short: data set {number} does not end; copy or export it again")
+        yield mark.start(), end.end()
+        position = end.end()
+
+
+def _at_line_start(content: mmap.mmap, position: int) -> re.Match[bytes] | None:
+    for mark in _MARK.finditer(content, position):
+        if mark.start() == 0 or content[mark.start() - 1] in b"\r\n":
+            return mark
+    return None
+
+
+@contextlib.contextmanager
+def _copied(parts: Sequence[bytes]) -> Iterator[str]:
+    """A file with some data sets alone: the library reads a file whole, and only by its name."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "sets.uff")
+        with path.open("wb") as file:
+            file.writelines(parts)
+        yield str(path)
+
+
+def _headers(pyuff: Any, content: mmap.mmap, name: str) -> tuple[list[_Set], int]:
+    """The data sets 58 of a file, and the unit system it states (0: none)."""
+    places, heads, system = [], [], 0
+    for start, stop in _blocks(content, name):
+        lines = content[start : min(stop, start + _LONGEST_HEADER)].lstrip(b"\r\n").splitlines(keepends=True)
+        tag = lines[1][:6].strip()
+        if tag == b"58":
+            places.append((start, stop))
+            heads.append(b"".join([*lines[:_HEADER]]).rstrip(b"\r\n") + b"\n    -1\n")
+        elif tag == b"164":
+            with contextlib.suppress(IndexError, ValueError):
+                system = int(lines[2][:10])
+    if not places:
+        return [], system
+    with _copied(heads) as path:
+        uff = pyuff.UFF(path)
+        found = uff.read_sets(header_only=True)
+    found = found if isinstance(found, list) else [found]
+    if len(found) != len(places) or any(one.get("type") != 58 for one in found):
+        raise TableError(
+            f"{name}: is damaged: {len(places)} data sets begin, {len(found)} can be read; export it again"
+        )
+    sets = [_Set(start, stop, head) for (start, stop), head in zip(places, found, strict=True)]
+    for number, one in enumerate(sets, 1):
+        least = (4 if one.header["ord_data_type"] in (2, 5) else 8) if one.header.get("binary") else 13
+        if one.count < 0 or one.count * least > one.stop - one.start + 80:
+            raise TableError(
+                f"{name}: is cut short: function {number} declares {one.count} values and has fewer; export it again"
+            )
+    return sets, system
+
+
+def _dof(header: Mapping[str, Any]) -> str:
+    entity = str(header.get("rsp_ent_name", "")).strip()
+    direction = int(header.get("rsp_dir", 0))
+    sign = _DIRECTIONS.get(abs(direction), "")
+    if direction < 0:
+        sign = sign.replace("+", "-")
+    prefix = "" if entity.upper() in ("", "NONE") else f"{entity}:"
+    return f"{prefix}{header.get('rsp_node', 0)}{sign}"
+
+
+def _label(header: Mapping[str, Any], key: str) -> str:
+    text = str(header.get(key, "")).strip()
+    return "" if text.upper() == "NONE" else text
+
+
+def _names(sets: Sequence[_Set]) -> list[str]:
+    """What the functions are called; see the module."""
+    titles = [_label(one.header, "id1") for one in sets]
+    signals = [title for title, one in zip(titles, sets, strict=True) if one.is_signal]
+    titled = all(signals) and len(set(signals)) == len(signals)
+    names = [title if titled and one.is_signal else _dof(one.header) for title, one in zip(titles, sets, strict=True)]
+    often = Counter(names)
+    return [name if often[name] == 1 else f"{name} ({number})" for number, name in enumerate(names, 1)]
+
+
+def _unit(header: Mapping[str, Any], system: int) -> str | None:
+    if stated := _label(header, "ordinate_axis_units_lab"):
+        return stated
+    length, force = _LENGTHS.get(system), _FORCES.get(system)
+    kind = _ORDINATES.get(int(header.get("ordinate_spec_data_type", 0)))
+    rotates = abs(int(header.get("rsp_dir", 0))) > 3
+    if rotates or length is None:
+        return None
+    units = {"displacement": length, "velocity": f"{length}/s", "acceleration": f"{length}/s^2", "force": force}
+    return units.get(kind or "")
+
+
+def _rate(header: Mapping[str, Any]) -> float | None:
+    step = float(header.get("abscissa_inc", 0.0))
+    if not (np.isfinite(step) and step > 0):
+        return None
+    whole = round(1.0 / step) if step > 1e-12 else 0
+    return float(whole) if whole and f"{1.0 / whole:.5E}" == f"{step:.5E}" else 1.0 / step
+
+
+def _info(one: _Set, name: str, system: int) -> SignalInfo:
+    rate = _rate(one.header) if one.even and one.is_signal else None
+    said = [one.words, _label(one.header, "id1"), _dof(one.header)]
+    notes = list(dict.fromkeys(tidy(text) for text in said if text and text != name))
+    if one.is_signal and _label(one.header, "ordinate_axis_lab"):
+        notes.append(tidy(_label(one.header, "ordinate_axis_lab")))
+    return SignalInfo(
+        name,
+        _unit(one.header, system) if one.is_signal else None,
+        "",
+        one.count,
+        rate,
+        float(one.header["abscissa_min"]) if rate else None,
+        max(one.count - 1, 0) / rate if rate else None,
+        "; ".join(notes) if one.is_signal else f"no recording: {'; '.join(notes)}",
+    )
+
+
+@contextlib.contextmanager
+def _mapped(path: Path, label: str, max_bytes: int) -> Iterator[mmap.mmap]:
+    name = name_of(path, label)
+    with open_regular(path, max_bytes=max_bytes, label=label) as file:
+        if not _recognises(file.read(4096)):
+            raise TableError(f"{name}: is not {_KIND}: it does not begin with -1 and a number; check what wrote it")
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            yield content
+
+
+def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
+    name = name_of(path, label)
+    with Guard(name, _KIND, _LIBRARY) as guard, _mapped(path, label, max_bytes) as content:
+        sets, system = _headers(guard.load(_LIBRARY), content, name)
+    signals = tuple(_info(one, called, system) for one, called in zip(sets, _names(sets), strict=True))
+    notes = [tidy(_label(sets[0].header, key)) for key in ("id2", "id3", "id4", "id5")] if sets else []
+    binary = any(one.header.get("binary") for one in sets)
+    return FileInfo("UFF 58b" if binary else "UFF 58", signals, tuple(note for note in notes if note))
+
+
+def _read(request: Request) -> Sequence[Signal]:
+    name = name_of(request.path, request.label)
+    with (
+        Guard(name, _KIND, _LIBRARY) as guard,
+        _mapped(request.path, request.label, request.max_bytes) as content,
+    ):
+        pyuff = guard.load(_LIBRARY)
+        sets, system = _headers(pyuff, content, name)
+        names = _names(sets)
+        chosen = find([("", one) for one in names], request)
+        sizes = [sets[one].stop - sets[one].start for one in chosen]
+        afford(16 * sum(sets[one].count for one in chosen) + 8 * max(sizes, default=0), request.max_bytes, name)
+        return [_signal(pyuff, content, sets[one], names[one], system, name) for one in chosen]
+
+
+def _signal(pyuff: Any, content: mmap.mmap, one: _Set, called: str, system: int, name: str) -> Signal:
+    if not one.is_signal or one.is_complex:
+        what = one.words if not one.is_signal else f"complex {one.words}"
+        raise TableError(f"{name}: {shown(called)} is a {what}, no recording; name a time signal (function type 1)")
+    with _copied([content[one.start : one.stop], b"\n"]) as path:
+        found = pyuff.UFF(path).read_sets()
+    if not isinstance(found, dict) or len(np.atleast_1d(found.get("data", ()))) < one.count:
+        raise TableError(f"{name}: is cut short: {shown(called)} has not its {one.count} values; export it again")
+    samples = floats(found["data"][: one.count], called, name)
+    unit = _unit(one.header, system)
+    if one.even:
+        return Signal(called, unit, samples, float(one.header["abscissa_min"]), _rate(one.header))
+    return Signal(called, unit, samples, time=floats(found["x"][: one.count], called, name))
+
+
+FORMAT = Format("UFF 58", (".uff", ".unv", ".ufb", ".bunv"), _recognises, _survey, _read, "formats")

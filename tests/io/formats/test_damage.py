@@ -1,0 +1,180 @@
+"""Damaged files of every format: samples, or one error of ours that names the file; nothing printed, nothing left."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat, wavfile
+
+from fourpole.errors import FileError, TableError
+from fourpole.io.formats import hdf5, matlab, mdf, tdms, uff, wav
+from fourpole.io.signals import Format, Request
+
+LIMIT = 50_000_000
+VALUES = np.random.default_rng(5).normal(size=300)
+FORMATS: dict[str, Format] = {
+    "wav": wav.FORMAT,
+    "tdms": tdms.FORMAT,
+    "uff": uff.FORMAT,
+    "mat": matlab.FORMAT,
+    "h5": hdf5.FORMAT,
+    "mf4": mdf.FORMAT,
+}
+LIBRARIES = {"tdms": "nptdms", "uff": "pyuff", "h5": "h5py", "mf4": "asammdf"}
+NAMES = {"wav": "1"}
+
+
+def write_wav(path: Path) -> None:
+    wavfile.write(path, 2000, VALUES.astype("f4"))
+
+
+def write_mat(path: Path) -> None:
+    savemat(path, {"F1": VALUES, "s": {"a": VALUES[:20], "n": "text"}, "fs": 100.0}, do_compression=True)
+
+
+def write_tdms(path: Path) -> None:
+    nptdms = importlib.import_module("nptdms")
+    with nptdms.TdmsWriter(path) as file:
+        for part in (VALUES[:100], VALUES[100:]):
+            file.write_segment([nptdms.ChannelObject("g", "F1", part, {"wf_increment": 0.01, "unit_string": "N"})])
+
+
+def write_uff(path: Path) -> None:
+    pyuff = importlib.import_module("pyuff")
+    fields = {"func_type": 1, "rsp_node": 1, "rsp_dir": 3, "ref_node": 0, "ref_dir": 0, "id1": "F1", "binary": 0}
+    fields |= {"abscissa_spacing": 1, "abscissa_min": 0.0, "abscissa_inc": 0.01, "ord_data_type": 4}
+    fields |= {"ordinate_spec_data_type": 13, "abscissa_spec_data_type": 17, "orddenom_spec_data_type": 0}
+    pyuff.UFF(str(path)).write_sets(pyuff.prepare_58(**fields, data=VALUES, x=np.arange(300) * 0.01))
+
+
+def write_h5(path: Path) -> None:
+    with importlib.import_module("h5py").File(path, "w") as file:
+        file.create_dataset("g/F1", data=VALUES, chunks=(100,), compression="gzip")
+        file["g/F1"].attrs.update({"unit": "N", "rate": 100.0})
+
+
+def write_mf4(path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        asammdf = importlib.import_module("asammdf")
+        made = asammdf.MDF(version="4.10")
+        made.append(
+            [asammdf.Signal(VALUES, np.arange(300) * 0.01, name="F1", unit="N", conversion={"a": 2.0, "b": 1.0})]
+        )
+        made.save(path, overwrite=True, compression=1)
+        made.close()
+
+
+WRITERS: dict[str, Callable[[Path], None]] = {
+    "wav": write_wav,
+    "tdms": write_tdms,
+    "uff": write_uff,
+    "mat": write_mat,
+    "h5": write_h5,
+    "mf4": write_mf4,
+}
+
+
+@pytest.fixture(params=sorted(FORMATS))
+def kind(request: pytest.FixtureRequest) -> str:
+    found = str(request.param)
+    if found in LIBRARIES:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            pytest.importorskip(LIBRARIES[found])
+    return found
+
+
+def use(kind: str, path: Path) -> bool:
+    """Whether a file can be read; if not, our error says so."""
+    format_, name = FORMATS[kind], NAMES.get(kind, "F1")
+    said = []
+    for step in (
+        lambda: format_.survey(path, path.name, LIMIT),
+        lambda: format_.read(Request(path, (name,), "", path.name, LIMIT)),
+    ):
+        try:
+            step()
+        except (TableError, FileError) as error:
+            said.append(error)
+    for error in said:
+        message = str(error)
+        assert message.startswith(f"{path.name}: ")
+        assert message.isprintable()
+        assert len(message) < 1200
+        assert error.__suppress_context__ or error.__context__ is None
+    return not said
+
+
+def test_a_cut_or_flipped_file_gives_samples_or_our_error(
+    kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path, other = tmp_path / f"a.{kind}", tmp_path / f"b.{kind}"
+    WRITERS[kind](path)
+    capfd.readouterr()
+    assert use(kind, path)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(7)
+    for length in rng.integers(1, len(whole), 12):
+        other.write_bytes(whole[:length])
+        use(kind, other)
+    for _ in range(30):
+        made = bytearray(whole)
+        head = len(made) if rng.random() < 0.5 else min(len(made), 400)
+        for at in rng.integers(0, head, rng.integers(1, 6)):
+            made[at] = rng.choice([0, 1, 0x7F, 0x80, 0xFF, int(rng.integers(256))])
+        other.write_bytes(made)
+        use(kind, other)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_what_is_empty_or_something_else_is_refused(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a.{kind}"
+    for content in (b"", b"\0" * 5000, b"t,F1\n0,1\n", b"PK\x03\x04" + bytes(100), b"\x1f\x8b\x08" + bytes(100)):
+        path.write_bytes(content)
+        assert not use(kind, path)
+    assert not use(kind, tmp_path / f"missing.{kind}")
+    assert not use(kind, tmp_path)
+
+
+def test_each_format_knows_its_own_files_only(kind: str, tmp_path: Path) -> None:
+    WRITERS[kind](tmp_path / f"a.{kind}")
+    head = (tmp_path / f"a.{kind}").read_bytes()[:4096]
+    assert [name for name, one in FORMATS.items() if one.recognises(head)] == [kind]
+
+
+def test_a_library_that_is_missing_is_named(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if kind not in LIBRARIES:
+        pytest.skip("needs no further library")
+    WRITERS[kind](tmp_path / f"a.{kind}")
+    library = LIBRARIES[kind]
+    found = importlib.import_module
+
+    def without(name: str, package: str | None = None) -> object:
+        if name == library:
+            raise ImportError(name)
+        return found(name, package)
+
+    monkeypatch.setattr(importlib, "import_module", without)
+    with pytest.raises(
+        FileError, match=rf"^a: .* {library}, which is not installed; pip install 'fourpole\[formats\]'"
+    ):
+        FORMATS[kind].survey(tmp_path / f"a.{kind}", "a", LIMIT)
+
+
+def test_loggers_speak_again_afterwards(kind: str, tmp_path: Path) -> None:
+    (tmp_path / f"a.{kind}").write_bytes(b"something else")
+    before = {
+        name: one.disabled for name, one in logging.root.manager.loggerDict.items() if isinstance(one, logging.Logger)
+    }
+    use(kind, tmp_path / f"a.{kind}")
+    after = {
+        name: one.disabled for name, one in logging.root.manager.loggerDict.items() if isinstance(one, logging.Logger)
+    }
+    assert {name: after[name] for name in before} == before
