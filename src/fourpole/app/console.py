@@ -32,11 +32,14 @@ __all__ = [
     "print_json",
     "progress",
     "say",
+    "table_console",
     "warn",
 ]
 
 P = ParamSpec("P")
 
+#: Columns of a table where nothing says how wide the reader's page is.
+_WIDE = 150
 _STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 OK, UNREADABLE, SOME_REJECTED, STOPPED, OURS = 0, 2, 3, 130, 70
@@ -45,6 +48,11 @@ OK, UNREADABLE, SOME_REJECTED, STOPPED, OURS = 0, 2, 3, 130, 70
 def _console(stderr: bool) -> Console:
     stream = sys.stderr if stderr else sys.stdout
     return Console(stderr=stderr, soft_wrap=not stream.isatty(), highlight=False)
+
+
+def table_console() -> Console:
+    """Where tables are printed: as wide as the terminal, wide where there is none."""
+    return Console(width=None if sys.stdout.isatty() else _WIDE, highlight=False, markup=False, emoji=False)
 
 
 def harmless(text: str) -> str:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
 
 from rich import box
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fourpole.app.console import OK, harmless, out, print_json
+from fourpole.app.console import OK, harmless, out, print_json, table_console
 from fourpole.io.recordings import survey
 
 __all__ = ["run_info"]
@@ -36,5 +34,5 @@ def run_info(file: Path, *, as_json: bool) -> int:
         cells = [signal.name, signal.unit or "", str(signal.count), *("" if x is None else f"{x:.6g}" for x in numbers)]
         texts = [*([signal.group] if groups else []), *cells, signal.note]
         table.add_row(*(Text(harmless(text)) for text in texts))
-    Console(width=None if sys.stdout.isatty() else 160).print(table)
+    table_console().print(table)
     return OK

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fourpole.app.console import out, print_json
+from fourpole.app.console import out, print_json, table_console
 from fourpole.campaign.results import Results, read_results
 from fourpole.errors import CampaignError
 from fourpole.report.stated import mapping
@@ -21,9 +20,6 @@ from fourpole.report.words.limits import limit_rows, limits
 from fourpole.report.words.shared import GROUPS, Value
 
 __all__ = ["run_rig"]
-
-#: Columns of the table where nothing says how wide the reader's page is.
-_WIDE = 150
 
 
 def run_rig(folder: Path, *, as_json: bool) -> None:
@@ -39,18 +35,13 @@ def run_rig(folder: Path, *, as_json: bool) -> None:
     if as_json:
         print_json(_document(results, found))
         return
-    console = _console()
+    console = table_console()
     for at, about in enumerate(found):
         if at:
             out()
         _show(console, about)
     lines = [f"{f'rig {_plain(limit.rig)}: ' if limit.rig else ''}{limit.text}" for limit in limits(results)]
     _listed("What limits me", lines)
-
-
-def _console() -> Console:
-    terminal = sys.stdout.isatty()
-    return Console(width=None if terminal else _WIDE, highlight=False, markup=False, emoji=False)
 
 
 def _show(console: Console, about: Learned) -> None:

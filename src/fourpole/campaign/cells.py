@@ -10,8 +10,8 @@ from fourpole.campaign.folder import Test
 from fourpole.campaign.identified import Identified
 from fourpole.campaign.reduce import Reduced
 from fourpole.campaign.static import StaticStiffness
-from fourpole.campaign.tables import amplitude_cells, covariance_cells
-from fourpole.core.checks import Check, worst_verdict
+from fourpole.campaign.tables import amplitude_cells, covariance_cells, tyre_cells
+from fourpole.core.checks import Check, remarked, worst_verdict
 from fourpole.core.identify import Identification
 
 __all__ = ["dynamic_cells"]
@@ -32,31 +32,33 @@ def dynamic_cells(
         cells.update(amplitude_cells(reduced.found.phasors))
     if found is not None:
         rows += _calibration_checks(test) if test.kind == "calibration" else _arm_checks(found, stiffness)
-        rows += [Check("K1", float("nan"), float("nan"), "ok", stiffness.doubt)] if stiffness.doubt else []
+        rows += [remarked("K1", "ok", stiffness.doubt)] if stiffness.doubt else []
         rows += [*_outlier_checks(found), *_convergence_checks(found)]
         cells.update(_identified_cells(found.result, found.at))
     elif test.kind == "calibration" and reduced.found is not None and route != "joint":
-        rows.append(_warning("calibration", f"a calibration test serves the joint route only, not the {route} route"))
+        rows.append(
+            remarked("calibration", "warning", f"a calibration test serves the joint route only, not the {route} route")
+        )
     cells["verdict"] = worst_verdict(row.verdict for row in rows)
     cells["remarks"] = "; ".join(row.remark for row in rows if row.remark)
     return cells
 
 
-def _warning(name: str, remark: str) -> Check:
-    return Check(name, float("nan"), float("nan"), "warning", remark)
-
-
 def _calibration_checks(test: Test) -> list[Check]:
     mass = test.value("added_mass") or 0.0
     remark = f"a rigid mass of {mass:g} kg in place of the tyre: it serves the rig and the channels"
-    return [Check("calibration", float("nan"), float("nan"), "ok", remark)]
+    return [remarked("calibration", "ok", remark)]
 
 
 def _convergence_checks(found: Identified) -> list[Check]:
     joint = found.group.joint
     if joint is None or joint.solution.converged:
         return []
-    return [_warning("convergence", "the joint route did not converge for this rig: use --route relative or mobility")]
+    return [
+        remarked(
+            "convergence", "warning", "the joint route did not converge for this rig: use --route relative or mobility"
+        )
+    ]
 
 
 def _outlier_checks(found: Identified) -> list[Check]:
@@ -76,7 +78,7 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
     result, at = found.result, found.at
     reason, value = result.reasons[at], result.stiffness[at]
     if stiffness.reason and value.real > 0 and value.imag > 0:
-        return [_warning("K1", f"K2 and C are left blank: {stiffness.reason}")]
+        return [remarked("K1", "warning", f"K2 and C are left blank: {stiffness.reason}")]
     interval = _interval(found, 0) if at in found.group.intervals else ""
     if reason and interval and found.group.intervals[at][0].impassive < _NEVER_PASSIVE:
         remark = (
@@ -112,28 +114,15 @@ def _interval(found: Identified, which: int) -> str:
 
 def _identified_cells(result: Identification, at: int) -> dict[str, float]:
     u_r, u_i, corr_ri = covariance_cells(result.mobility_covariance[at])
-    u_re, u_im, corr_k = covariance_cells(result.stiffness_covariance[at])
-    u_k2, u_c, corr_arm = covariance_cells(result.arm_covariance[at])
     return {
         "R [m/(N s)]": float(result.mobility[at].real),
         "I [m/(N s)]": float(result.mobility[at].imag),
         "u(R) [m/(N s)]": u_r,
         "u(I) [m/(N s)]": u_i,
         "corr(R,I) [1]": corr_ri,
-        "Re K* [N/m]": float(result.stiffness[at].real),
-        "Im K* [N/m]": float(result.stiffness[at].imag),
-        "u(Re K*) [N/m]": u_re,
-        "u(Im K*) [N/m]": u_im,
-        "corr(Re,Im K*) [1]": corr_k,
         "loss factor [1]": float(result.loss_factor[at]),
         "u(loss factor) [1]": float(result.loss_factor_std[at]),
-        "K1 [N/m]": float(result.k1[at]),
-        "u(K1) [N/m]": float(result.k1_std[at]),
-        "K2 [N/m]": float(result.k2[at]),
-        "C [N s/m]": float(result.c[at]),
-        "u(K2) [N/m]": u_k2,
-        "u(C) [N s/m]": u_c,
-        "corr(K2,C) [1]": corr_arm,
+        **tyre_cells(result, at),
         "TR measured [1]": float(result.tr_measured[at]),
         "TR predicted [1]": float(result.tr_predicted[at]),
         "u(TR) [1]": float(result.tr_std[at]),

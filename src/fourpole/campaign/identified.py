@@ -51,7 +51,7 @@ class Setup:
 
 @dataclass(frozen=True)
 class Identified:
-    """One test: where it stands in its group, or why it is in none."""
+    """One test: where it stands in its group."""
 
     group: Group
     at: int
@@ -256,7 +256,7 @@ def _identified(names: tuple[str, ...], setup: Setup, phasors: Phasors, route: s
         found = outputs(joint, phasors, setup.k1)
         result = identification(joint, phasors, setup.k1, setup.k1_std, found)
         variance = joint_variance_by_source(joint, found, setup.k1_std)
-        learned = learn(joint, names, phasors, setup.rig, setup.channels, (setup.family, setup.nominal), result)
+        learned = learn(joint, names, phasors, setup.rig, setup.channels, (setup.family, setup.nominal), found, result)
         return Group(names, setup, phasors, route, result, joint, _k1_apart(variance, parts), learned=learned)
     arguments: dict[str, Any] = {
         "k1_std": setup.k1_std,
@@ -310,7 +310,7 @@ def _skew(result: Identification) -> np.ndarray:
 def _drawn(group: Group, at: int, draws: int, rng: np.random.Generator) -> ComplexArray:
     if group.joint is not None:
         return draw_around(complex(group.result.stiffness[at]), group.result.stiffness_covariance[at], draws, rng)
-    one = Phasors(*(getattr(group.phasors, name)[at] for name in group.phasors.__dataclass_fields__))
+    one = group.phasors.part(at)
     setup = group.setup
     return draw_route(
         one,

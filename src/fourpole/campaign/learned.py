@@ -12,7 +12,7 @@ from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.identify import ChannelUncertainty, Identification
 from fourpole.core.joint import Joint, identify_joint
 from fourpole.core.joint.misfit import pulls
-from fourpole.core.joint.outputs import identification
+from fourpole.core.joint.outputs import Outputs, identification, outputs
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 
@@ -72,13 +72,14 @@ def learn(
     rig: Rig,
     channels: ChannelUncertainty,
     places: tuple[np.ndarray, FloatArray],
+    found: Outputs,
     result: Identification,
 ) -> Learned:
     """Put a joint solution into rows and words.
 
-    `places` are family and nominal frequency of each test, `result` is what the solution says of them.
+    `places` are family and nominal frequency of each test, `found` and `result` what the solution says of them.
     """
-    gained = _gain_of_masses(joint, phasors, rig, channels, places, result)
+    gained = _gain_of_masses(joint, phasors, rig, channels, places, found, result)
     notes = tuple(_notes(joint))
     misfit, solution = joint.misfit, joint.solution
     record: dict[str, Any] = {
@@ -321,6 +322,7 @@ def _gain_of_masses(
     rig: Rig,
     channels: ChannelUncertainty,
     places: tuple[np.ndarray, FloatArray],
+    found: Outputs,
     result: Identification,
 ) -> dict[str, dict[str, float]]:
     """Median relative uncertainties of K2 and C in the tests without an added mass, from these alone and from all."""
@@ -328,13 +330,15 @@ def _gain_of_masses(
     bare = (mass_at < 0) & (joint.condition >= 0)
     if bare.all() or not bare.any():
         return {}
-    fewer = Phasors(*(np.asarray(getattr(phasors, name))[bare] for name in phasors.__dataclass_fields__))
+    fewer = phasors.part(bare)
     k1, k1_std = result.k1[bare], result.k1_std[bare]
     family, nominal = (place[bare] for place in places)
     alone = identify_joint(fewer, rig, k1, family=family, nominal_frequency=nominal, channels=channels)
     every = np.ones(k1.size, dtype=bool)
-    without = _medians(identification(alone, fewer, k1, k1_std), identification(alone, fewer, k1, 0.0), every)
-    both = _medians(result, identification(joint, phasors, result.k1, 0.0), bare)
+    fewer_found = outputs(alone, fewer, k1)
+    stated, exact = (identification(alone, fewer, k1, std, fewer_found) for std in (k1_std, 0.0))
+    without = _medians(stated, exact, every)
+    both = _medians(result, identification(joint, phasors, result.k1, 0.0, found), bare)
     return {"without": without, "with": both} if without else {}
 
 

@@ -15,7 +15,7 @@ from fourpole.campaign.identified import ADDED_MASS_STD, setup_of
 from fourpole.campaign.results import read_results
 from fourpole.campaign.schema import DEFAULT_GAIN_STD, DEFAULT_PHASE_STD, DEFAULT_RIG_STD
 from fourpole.campaign.static import StaticStiffness
-from fourpole.campaign.tables import covariance_cells
+from fourpole.campaign.tables import tyre_cells
 from fourpole.core.arrays import FloatArray
 from fourpole.core.identify import ChannelUncertainty
 from fourpole.core.phasor import CHANNELS
@@ -383,8 +383,6 @@ def _rows(
         test = tests[at]
         if plan.tests.rigid[at]:
             continue
-        u_re, u_im, corr_k = covariance_cells(found.stiffness_covariance[at])
-        u_k2, u_c, corr_arm = covariance_cells(found.arm_covariance[at])
         rows.append(
             {
                 "plan": name,
@@ -396,18 +394,7 @@ def _rows(
                 "added mass [kg]": float(plan.tests.added_mass[at]),
                 "frequency [Hz]": float(plan.tests.frequency[at]),
                 "route": route,
-                "Re K* [N/m]": float(found.stiffness[at].real),
-                "Im K* [N/m]": float(found.stiffness[at].imag),
-                "u(Re K*) [N/m]": u_re,
-                "u(Im K*) [N/m]": u_im,
-                "corr(Re,Im K*) [1]": corr_k,
-                "K1 [N/m]": float(found.k1[at]),
-                "u(K1) [N/m]": float(found.k1_std[at]),
-                "K2 [N/m]": float(found.k2[at]),
-                "C [N s/m]": float(found.c[at]),
-                "u(K2) [N/m]": u_k2,
-                "u(C) [N s/m]": u_c,
-                "corr(K2,C) [1]": corr_arm,
+                **tyre_cells(found, at),
                 "u(K2) from K1 [N/m]": float(of_k1[at, 0]),
                 "u(C) from K1 [N s/m]": float(of_k1[at, 1]),
                 "TR predicted [1]": float(found.tr_predicted[at]),

@@ -14,7 +14,7 @@ from fourpole.campaign.cache import cache_name, recall, remember
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.load import MOST_BYTES, inside, load_recording
 from fourpole.core import checks
-from fourpole.core.checks import Check
+from fourpole.core.checks import Check, remarked
 from fourpole.core.demodulate import Demodulation, demodulate
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
@@ -86,7 +86,7 @@ def _unordered(
 def _reduce(campaign: Campaign, test: Test, route: str, cache: Path | None) -> Reduced:
     """One test, from the cache where it is there; whatever goes wrong stays with this test."""
     if test.problem:
-        return Reduced(None, (_rejected("tests.csv", test.problem),))
+        return Reduced(None, (remarked("tests.csv", "rejected", test.problem),))
     try:
         return _read_and_reduce(campaign, test, route, cache)
     except FourpoleError as error:
@@ -95,7 +95,7 @@ def _reduce(campaign: Campaign, test: Test, route: str, cache: Path | None) -> R
         remark = f"{test.file} does not fit into memory: cut it with window [s]"
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
         remark = f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it with this recording"
-    return Reduced(None, (_rejected("recording", remark),))
+    return Reduced(None, (remarked("recording", "rejected", remark),))
 
 
 def _read_and_reduce(campaign: Campaign, test: Test, route: str, cache: Path | None) -> Reduced:
@@ -108,14 +108,6 @@ def _read_and_reduce(campaign: Campaign, test: Test, route: str, cache: Path | N
     if place is not None and result.found is not None:
         remember(place, result.found, result.checks)
     return result
-
-
-def _rejected(name: str, remark: str) -> Check:
-    return Check(name, float("nan"), float("nan"), "rejected", remark)
-
-
-def _warning(name: str, remark: str) -> Check:
-    return Check(name, float("nan"), float("nan"), "warning", remark)
 
 
 def _demodulated(campaign: Campaign, path: Path, test: Test, route: str) -> Reduced:
@@ -134,7 +126,7 @@ def _demodulated(campaign: Campaign, path: Path, test: Test, route: str) -> Redu
             raise
         recording, remarks = load_recording(path, test, campaign.stated.channels, needed)
         rows.append(_left_out(spare[0], str(error)))
-    rows += [_warning("time base", remark) for remark in remarks]
+    rows += [remarked("time base", "warning", remark) for remark in remarks]
     recording, clipped = _unclipped(recording, needed)
     rows += clipped
     try:
@@ -149,7 +141,7 @@ def _demodulated(campaign: Campaign, path: Path, test: Test, route: str) -> Redu
 
 
 def _left_out(role: str, why: str) -> Check:
-    return _warning(SYMBOLS[role], f"{SYMBOLS[role]} was left out: {why}")
+    return remarked(SYMBOLS[role], "warning", f"{SYMBOLS[role]} was left out: {why}")
 
 
 def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:

@@ -14,7 +14,7 @@ from fourpole.campaign.identified import Group, budget_columns
 from fourpole.campaign.reduce import Reduced
 from fourpole.campaign.static import StaticRow, StaticTest
 from fourpole.core.demodulate import Demodulation
-from fourpole.core.identify import OUTPUTS
+from fourpole.core.identify import OUTPUTS, Identification
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.phasor import SYMBOLS, Phasors
 
@@ -36,6 +36,7 @@ __all__ = [
     "residual_table",
     "rig_table",
     "static_table",
+    "tyre_cells",
 ]
 
 STATIC_COLUMNS = (
@@ -311,6 +312,26 @@ def covariance_cells(covariance: NDArray[np.float64]) -> tuple[float, float, flo
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance[0, 1] / (first * second)
     return float(first), float(second), float(np.clip(correlation, -1.0, 1.0))
+
+
+def tyre_cells(found: Identification, at: int) -> dict[str, float]:
+    """K*, K1, K2 and C of one test, with their uncertainties."""
+    u_re, u_im, corr_k = covariance_cells(found.stiffness_covariance[at])
+    u_k2, u_c, corr_arm = covariance_cells(found.arm_covariance[at])
+    return {
+        "Re K* [N/m]": float(found.stiffness[at].real),
+        "Im K* [N/m]": float(found.stiffness[at].imag),
+        "u(Re K*) [N/m]": u_re,
+        "u(Im K*) [N/m]": u_im,
+        "corr(Re,Im K*) [1]": corr_k,
+        "K1 [N/m]": float(found.k1[at]),
+        "u(K1) [N/m]": float(found.k1_std[at]),
+        "K2 [N/m]": float(found.k2[at]),
+        "C [N s/m]": float(found.c[at]),
+        "u(K2) [N/m]": u_k2,
+        "u(C) [N s/m]": u_c,
+        "corr(K2,C) [1]": corr_arm,
+    }
 
 
 def _construction(campaign: Campaign, test: Test) -> str:

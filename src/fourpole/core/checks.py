@@ -26,6 +26,7 @@ __all__ = [
     "check_mains",
     "check_noise",
     "check_resonance",
+    "remarked",
     "worst_verdict",
 ]
 
@@ -67,6 +68,11 @@ def worst_verdict(verdicts: Iterable[str]) -> str:
     'rejected'
     """
     return max(verdicts, key=VERDICTS.index, default="ok")
+
+
+def remarked(name: str, verdict: str, remark: str) -> Check:
+    """A check that has no statistic, only a verdict and what to say."""
+    return Check(name, float("nan"), float("nan"), verdict, remark)
 
 
 def _graded(

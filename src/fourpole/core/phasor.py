@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -92,6 +93,10 @@ class Phasors:
     def stack(cls, items: Sequence[Phasors]) -> Phasors:
         """Join tests of the same shape along a new first axis."""
         return cls(*(np.stack([getattr(item, f.name) for item in items]) for f in fields(cls)))
+
+    def part(self, rows: Any) -> Phasors:
+        """Some of the tests, by whatever indexes an array; one number gives that test alone."""
+        return type(self)(*(np.asarray(getattr(self, f.name))[rows] for f in fields(self)))
 
     @property
     def omega(self) -> FloatArray:

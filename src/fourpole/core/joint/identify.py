@@ -134,7 +134,7 @@ def identify_joint(
     order = np.lexsort((np.arange(count), label))
     masses, mass_at, masses_std = _distinct(added, added_std)
     stated = Shared.stated(rig, channels, masses, masses_std)
-    sorted_phasors = Phasors(*(np.asarray(getattr(phasors, name))[order] for name in phasors.__dataclass_fields__))
+    sorted_phasors = phasors.part(order)
     problem = Problem(
         Observed.of(sorted_phasors, mass_at[order], family[order] < 0),
         Conditions(label[order], family[order], sorted_phasors.frequency, k1[order]),

@@ -13,6 +13,7 @@ from fourpole.core.joint.model import (
     PARTS,
     Linear,
     Observed,
+    cholesky_qr,
     inverse_upper,
     part_shapes,
     projected,
@@ -78,7 +79,7 @@ def residuals(problem: Problem, solution: Solution) -> Residuals:
 
 def _of_chunk(observed: Observed, linear: Linear) -> tuple[np.ndarray, ...]:
     by_k, tyre_weight = linear.by_stiffness, _gram(linear.by_stiffness)
-    basis = by_k @ inverse_upper(upper_factor(tyre_weight))
+    basis, _ = cholesky_qr(by_k)
     tyre = _across(basis, linear.residual)
     fit_out = projected(basis)
     rest = fit_out(linear.residual[..., None])[..., 0]

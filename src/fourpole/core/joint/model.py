@@ -24,6 +24,7 @@ __all__ = [
     "PARTS",
     "Linear",
     "Observed",
+    "cholesky_qr",
     "inverse_upper",
     "linearise",
     "part_shapes",
@@ -206,7 +207,7 @@ def _impedance_by_shared(observed: Observed, shared: Shared, rig: Rig, gradient:
             if quantity.name == "tyre_mass":
                 change[observed.rigid, at] = 0.0
         elif quantity.kind == "extra":
-            change[:, at] = shapes[quantity.name.removeprefix("unstated ")]
+            change[:, at] = shapes[quantity.part]
         elif quantity.kind == "mass":
             change[:, at] = np.where(observed.mass_at == quantity.index, gradient[:, -1], 0.0)
     return np.asarray(change * shared.std)
@@ -248,12 +249,13 @@ def _both(whiten: FloatArray, values: ComplexArray) -> FloatArray:
 
 def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Q and R of (N, 6, 2) columns; their Cholesky factor, applied twice, is as good as reflections and much faster."""
-    first, r1 = _cholesky_qr(columns)
-    second, r2 = _cholesky_qr(first)
+    first, r1 = cholesky_qr(columns)
+    second, r2 = cholesky_qr(first)
     return second, r2 @ r1
 
 
-def _cholesky_qr(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+def cholesky_qr(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Q and R of (N, 6, 2) columns, by their Cholesky factor once."""
     upper = upper_factor(np.swapaxes(columns, 1, 2) @ columns)
     return columns @ inverse_upper(upper), upper
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.joint.misfit import Candidate, Residuals, candidates, is_unlikely, pulls, residuals
-from fourpole.core.joint.model import PARTS, inverse_upper, part_shapes, projected, upper_factor
+from fourpole.core.joint.model import PARTS, cholesky_qr, part_shapes, projected
 from fourpole.core.joint.shared import Quantity
 from fourpole.core.joint.solve import Problem, Solution, solve, spread
 
@@ -130,7 +131,7 @@ def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Flo
         _set_aside(state, at, _IMPOSSIBLE)
     if state.doubtful:
         state.solution = spread(state.problem, state.solution)
-    misfit = state.misfit or _unmended(state)
+    misfit = state.misfit or _as_it_is(state.solution, residuals(state.problem, state.solution))
     return (
         state.problem,
         state.solution,
@@ -212,10 +213,10 @@ class _Diagnosis:
         """Whether one unstated part of the rig explains a good share of a misfit, or is plain by itself."""
         if not self.named or not self.named[0].of_rig or self.effect < _TRIFLE:
             return False
-        plain = self.explained > _PLAIN**2 * max(self.rest, 1.0)
+        plain = self.explained > _PLAIN**2 * self.rest
         return plain or (self.rig_bad and self.explained > _WORTH_NAMING * (self.rig_chi2 - self.rig_dof))
 
-    @property
+    @cached_property
     def level(self) -> float:
         """Relative random error of Zr that would make the misfit of the rig what chance would."""
         if not self.rig_bad:
@@ -249,7 +250,7 @@ def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
 def _mend(state: _State, left: Residuals) -> bool:
     """One remedy for the worst of what chance cannot explain; False where there is nothing more to do."""
     found = _diagnosed(state, left)
-    state.misfit = state.misfit or Misfit(found.rig_chi2, found.rig_dof)
+    state.misfit = state.misfit or _as_it_is(state.solution, left)
     problem, solution = state.problem, state.solution
     if state.rig_error == 0 and found.contradicted:
         _name(state, found.named)
@@ -294,7 +295,7 @@ def _unsteady_drive(state: _State, left: Residuals, found: _Diagnosis) -> tuple[
     """
     problem, solution = state.problem, state.solution
     by_k, residual = (problem.columns(name, solution.z, solution.stiffness) for name in ("by_stiffness", "residual"))
-    basis = by_k @ inverse_upper(upper_factor(np.swapaxes(by_k, 1, 2) @ by_k))
+    basis, _ = cholesky_qr(by_k)
     by_frequency = problem.by_log_frequency(solution.z, solution.stiffness)
     rest, along = (projected(basis)(columns[..., None])[..., 0] for columns in (residual, by_frequency))
     weight = np.sum(along**2, axis=1)
@@ -323,10 +324,9 @@ def _name(state: _State, named: list[Candidate]) -> None:
         state.misfit = replace(state.misfit, candidates=tuple(named))
 
 
-def _unmended(state: _State) -> Misfit:
-    """The misfit where outliers alone took all rounds."""
-    left = residuals(state.problem, state.solution)
-    return Misfit(float(left.rig.sum() + state.solution.z @ state.solution.z), float(left.rig_dof.sum()))
+def _as_it_is(solution: Solution, left: Residuals) -> Misfit:
+    """The misfit of a solution, before anything is done about it."""
+    return Misfit(float(left.rig.sum() + solution.z @ solution.z), float(left.rig_dof.sum()))
 
 
 def _outliers(state: _State, left: Residuals) -> BoolArray:

@@ -40,6 +40,11 @@ class Quantity:
     stated: float
     std: float
 
+    @property
+    def part(self) -> str:
+        """Of an extra value, which of `model.PARTS` it is."""
+        return self.name.removeprefix("unstated ")
+
 
 @dataclass(frozen=True)
 class Shared:
@@ -107,7 +112,7 @@ class Shared:
     def extra_at(self, z: FloatArray) -> dict[str, float]:
         """Sizes of the unstated parts, by name."""
         sizes = zip(z * self.std, self.quantities, strict=True)
-        return {quantity.name.removeprefix("unstated "): float(v) for v, quantity in sizes if quantity.kind == "extra"}
+        return {quantity.part: float(v) for v, quantity in sizes if quantity.kind == "extra"}
 
     def found(self, z: FloatArray) -> FloatArray:
         """Values at z, each in its unit."""
