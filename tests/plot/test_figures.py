@@ -380,3 +380,19 @@ def test_key_and_notes_stay_off_the_panels(study, key, case):
         assert box.y0 >= 0
     for one in boxes:
         assert not any(one.overlaps(other) for other in boxes if other is not one)
+
+
+@pytest.mark.parametrize(("key", "what"), [("mobility", "mobility"), ("fig14", "TR")])
+def test_what_an_added_mass_changes_is_drawn_without_it(study, key, what):
+    """Every condition once more with 10 kg: the same points, and the reason why the others are not there."""
+    added = study.dynamic.with_columns(
+        pl.col("test") + "m",
+        pl.lit(10.0).alias("added mass [kg]"),
+        *(pl.col(name) * 2.0 for name in ("R [m/(N s)]", "I [m/(N s)]", "TR measured [1]")),
+    )
+    both = changed(study, lambda table: pl.concat([table, added]))
+    alone, together = draw(study, key), draw(both, key)
+    for before, after in zip(alone.axes, together.axes, strict=True):
+        np.testing.assert_array_equal(points(after), points(before))
+    said = " ".join(text.get_text() for text in together.texts)
+    assert f"ests with an added mass have another {what} and are left out" in said

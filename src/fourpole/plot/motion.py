@@ -74,13 +74,13 @@ def transmissibility(results: Results, style: Style) -> Figure | None:
         y, std = sheet.shown(quantity)
         notes.say("predicted from K* and the rig: V2 was not measured")
     x, _ = sheet.shown(FREQUENCY)
-    visible = np.isfinite(x) & np.isfinite(y) & ~sheet.massed
+    bare, said = sheet.bare("TR")
+    visible = np.isfinite(x) & np.isfinite(y) & bare
     if not np.any(visible):
         return None
-    if np.any(sheet.massed):
-        notes.say("tests with an added mass have another TR and are left out")
+    notes.say(said)
     pressures = _pressures(sheet, visible)
-    concerned = np.isin(sheet.pressure, pressures) & ~sheet.massed
+    concerned = np.isin(sheet.pressure, pressures) & bare
     found = list(present(sheet.pressure, visible))
     notes.chosen(len(pressures), len(found), "pressures")
     visible &= concerned

@@ -129,6 +129,11 @@ class Sheet:
             least[place] = min(mass, least.get(place, np.inf))
         return np.array([mass > least[place] for place, mass in zip(places, added, strict=True)], dtype=bool)
 
+    def bare(self, what: str) -> tuple[BoolArray, str]:
+        """The tests that are not `massed`, and what to say of the others in a figure of what the mass changes."""
+        massed = self.massed
+        return ~massed, f"tests with an added mass have another {what} and are left out" if np.any(massed) else ""
+
     def name_of_load(self, at: int) -> str:
         """A load as a heading."""
         return self.loads.labels[at] if self.loads.stated() or len(self.loads) > 1 else ""

@@ -101,10 +101,12 @@ def _rows(
 ) -> Figure | None:
     """A row per quantity and a column per tyre, against frequency; with a model, its curve in place of the line."""
     frequency, _ = sheet.shown(FREQUENCY)
-    visible = np.isfinite(frequency) & np.isfinite(shown[0][0])
+    bare, said = sheet.bare("mobility") if model else (np.ones(frequency.size, dtype=bool), "")
+    visible = np.isfinite(frequency) & np.isfinite(shown[0][0]) & bare
     if not np.any(visible):
         return None
     notes, key = Notes(), Key()
+    notes.say(said)
     choice = _choose(sheet, visible, notes)
     chosen = visible & choice.mask(sheet)
     used = chosen & ~sheet.rejected
@@ -140,7 +142,7 @@ def _rows(
     key.loads(sheet, choice.loads, style)
     if np.any(chosen & sheet.rejected):
         key.rejected(style)
-    notes.tests(sheet.rejected, visible, what)
+    notes.tests(sheet.rejected[bare], visible[bare], what)
     labels = [quantity.label for quantity in quantities]
     return grid.finish(key=key, notes=notes, x_label=FREQUENCY.label, y_labels=labels, headings="top")
 
