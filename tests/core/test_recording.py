@@ -13,7 +13,7 @@ def test_from_arrays():
     t = np.arange(500) / 250.0 + 3.0
     recording = Recording.from_arrays(t, force_in=list(t), motion_in=2 * t, motion_out=3 * t, motion="acceleration")
     assert recording.sample_rate == pytest.approx(250.0, rel=1e-12)
-    assert recording.size == 500
+    assert recording.channels["motion_in"].samples.size == 500
     assert recording.duration == pytest.approx(2.0, rel=1e-12)
     assert {name: channel.quantity for name, channel in recording.channels.items()} == {
         "force_in": "force",

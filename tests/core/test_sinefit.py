@@ -83,7 +83,7 @@ def test_refine_finds_the_frequency_from_within_half_a_bin(off):
     truth = np.array([[1.0 + 1.0j, 0.2], [0.5j, 0.0]])
     signals = np.stack([wave(time, omega, row) for row in truth])
     start = fit_sines(signals, everything(samples), time, omega + off * bin_, 2, np.empty(0))
-    fit, _ = refine(start, signals, informing=np.ones(2, dtype=bool))
+    (fit,), _ = refine([start], informing=[np.ones(2, dtype=bool)])
     assert fit.omega == pytest.approx(omega, rel=1e-12)
     np.testing.assert_allclose(fit.amplitudes(), truth, atol=1e-10)
 
@@ -93,7 +93,7 @@ def test_a_frequency_that_is_given_stays_and_lines_still_move():
     time, omega, line = times(samples), 2 * np.pi * 12.0, 2 * np.pi * 50.0
     signals = (wave(time, omega, [1.0]) + 0.3 * np.cos(line * time))[None]
     start = fit_sines(signals, everything(samples), time, omega, 1, np.array([line + 1.0]))
-    fit, std = refine(start, signals, informing=np.ones(1, dtype=bool), free=False)
+    (fit,), std = refine([start], informing=[np.ones(1, dtype=bool)], free=False)
     assert fit.omega == omega
     assert std == 0.0
     assert fit.lines[0] == pytest.approx(line, rel=1e-10)
@@ -106,8 +106,8 @@ def test_a_harmonic_that_does_not_inform_leaves_the_frequency_alone():
     hum = 0.3 * np.cos(2 * (omega + 0.05) * time + 1.0)  # 0.03 bins off
     signals = (wave(time, omega, [1.0, 0.1]) + hum)[None]
     start = fit_sines(signals, everything(samples), time, omega, 2, np.empty(0))
-    wrong, _ = refine(start, signals, informing=np.array([True, True]))
-    right, _ = refine(start, signals, informing=np.array([True, False]))
+    (wrong,), _ = refine([start], informing=[np.array([True, True])])
+    (right,), _ = refine([start], informing=[np.array([True, False])])
     assert abs(right.omega - omega) < 0.02 * abs(wrong.omega - omega)
 
 
@@ -119,7 +119,7 @@ def test_frequency_uncertainty_is_the_cramer_rao_bound(amplitudes):
     time, omega = times(samples), 2 * np.pi * 20.3
     signals = (wave(time, omega, amplitudes) + noise * rng.standard_normal(samples))[None]
     start = fit_sines(signals, everything(samples), time, omega, len(amplitudes), np.empty(0))
-    fit, std = refine(start, signals, informing=np.ones(len(amplitudes), dtype=bool), weights=np.array([noise**-2]))
+    (fit,), std = refine([start], informing=[np.ones(len(amplitudes), dtype=bool)], weights=[np.array([noise**-2])])
     power = sum((k * a) ** 2 for k, a in enumerate(amplitudes, start=1))
     bound = np.sqrt(24 * noise**2 / (power * samples * (samples**2 - 1))) * RATE
     assert std == pytest.approx(bound, rel=0.01)

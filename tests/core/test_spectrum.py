@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
-from fourpole.core.spectrum import find_lines, noise_beside, strongest_line
+from fourpole.core.spectrum import Left, find_lines, noise_beside, strongest_line
 
 RATE, SAMPLES = 1000.0, 2000
 TIME = np.arange(SAMPLES) / RATE
 EVERYTHING = np.ones(SAMPLES, dtype=bool)
 NO_LINES = np.empty(0)
+
+
+def left(residual, present, dof, lines=NO_LINES):
+    samples = residual.shape[1]
+    return Left(residual, present, (np.arange(samples) - 0.5 * (samples - 1)) / RATE, lines, dof)
 
 
 @pytest.mark.parametrize("frequency", [3.7, 10.0, 10.13, 10.25, 44.4])
@@ -70,7 +75,7 @@ def test_noise_beside_white_noise():
     mixing = np.array([[1.0, 0.0, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 2.0]])
     estimates = []
     for _ in range(300):
-        noise = noise_beside(mixing @ rng.standard_normal((3, SAMPLES)), EVERYTHING, RATE, 10.3, NO_LINES, 1900)
+        noise = noise_beside([left(mixing @ rng.standard_normal((3, SAMPLES)), EVERYTHING, 1900)], 10.3)
         estimates.append(noise.covariance)
         assert noise.dof == 28.0  # offsets 2 to 8 bins either way: 8 is 0.4 of 10.3 Hz
         assert noise.band == pytest.approx((6.3, 14.3))
@@ -90,7 +95,7 @@ def test_noise_beside_follows_the_colour():
         white = np.fft.rfft(rng.standard_normal((1, SAMPLES)))
         coloured = np.fft.irfft(white * np.where(frequency < 50.0, 2.0, 1.0), SAMPLES)
         for at, found in levels.items():
-            found.append(noise_beside(coloured, EVERYTHING, RATE, at, NO_LINES, 1900).covariance[0, 0].real)
+            found.append(noise_beside([left(coloured, EVERYTHING, 1900)], at).covariance[0, 0].real)
     # 200 · 14 and 200 · 30 bins: 2 %, five of these
     assert np.mean(levels[10.3]) == pytest.approx(4 * 4 / SAMPLES, rel=0.1)
     assert np.mean(levels[100.3]) == pytest.approx(4 / SAMPLES, rel=0.1)
@@ -99,10 +104,10 @@ def test_noise_beside_follows_the_colour():
 def test_noise_beside_leaves_out_removed_lines_and_the_frequency_itself():
     quiet = 1e-9 * np.random.default_rng(5).standard_normal((1, SAMPLES))
     near = quiet + np.cos(2 * np.pi * 10.0 * TIME)  # in the very bin
-    assert noise_beside(near, EVERYTHING, RATE, 10.0, NO_LINES, 1900).covariance[0, 0].real < 1e-17
+    assert noise_beside([left(near, EVERYTHING, 1900)], 10.0).covariance[0, 0].real < 1e-17
     beside = quiet + np.cos(2 * np.pi * 12.0 * TIME)  # four bins off
-    assert noise_beside(beside, EVERYTHING, RATE, 10.0, NO_LINES, 1900).covariance[0, 0].real > 0.01
-    without = noise_beside(beside, EVERYTHING, RATE, 10.0, np.array([12.0]), 1900)
+    assert noise_beside([left(beside, EVERYTHING, 1900)], 10.0).covariance[0, 0].real > 0.01
+    without = noise_beside([left(beside, EVERYTHING, 1900, np.array([12.0]))], 10.0)
     assert without.covariance[0, 0].real < 1e-17
     assert without.dof == 2.0 * (14 - 3)  # the line's bin and its neighbours
 
@@ -111,7 +116,7 @@ def test_a_short_record_is_taken_as_white():
     rng = np.random.default_rng(6)
     samples = 400  # four cycles of 10 Hz: no bins to spare
     residual = rng.standard_normal((2, samples))
-    noise = noise_beside(residual, np.ones(samples, dtype=bool), RATE, 10.0, NO_LINES, 376)
+    noise = noise_beside([left(residual, np.ones(samples, dtype=bool), 376)], 10.0)
     np.testing.assert_allclose(noise.covariance, residual @ residual.T / 376 * 4 / samples, rtol=1e-12)
     assert noise.dof == 376.0
     assert noise.band == (0.0, 500.0)
@@ -123,6 +128,6 @@ def test_missing_samples_do_not_dilute_the_noise():
     for _ in range(300):
         present = rng.random(SAMPLES) > 0.15
         residual = np.where(present, rng.standard_normal((1, SAMPLES)), 0.0)
-        covariance = noise_beside(residual, present, RATE, 10.3, NO_LINES, 1600).covariance[0, 0].real
+        covariance = noise_beside([left(residual, present, 1600)], 10.3).covariance[0, 0].real
         found.append(covariance * present.sum() / 4)
     assert np.mean(found) == pytest.approx(1.0, rel=0.08)  # 1/sqrt(4200) = 1.5 %, five of these

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fourpole.core.checks import Check
+from fourpole.core.corrections import Correction
 from fourpole.core.demodulate import Demodulation
 from fourpole.core.phasor import Phasors
 from fourpole.core.preview import Preview
@@ -19,7 +20,7 @@ from fourpole.io.write import write_text
 __all__ = ["cache_name", "recall", "remember"]
 
 #: Raised whenever demodulation or its checks change, so that what older versions kept is not used.
-_VERSION = 3
+_VERSION = 4
 
 
 def cache_name(depends_on: list[object], sha256: str) -> str:
@@ -32,8 +33,15 @@ def remember(place: Path, result: Demodulation, rows: tuple[Check, ...]) -> None
     """Keep a result."""
     phasors = {name: _plain(value) for name, value in vars(result.phasors).items()}
     shown = {name: np.asarray(value, dtype=np.float32).tolist() for name, value in vars(result.preview).items()}
-    found = {name: _plain(value) for name, value in vars(result).items() if name not in ("phasors", "preview")}
-    content = {"phasors": phasors, "found": found, "preview": shown, "checks": [asdict(row) for row in rows]}
+    apart = ("phasors", "preview", "corrections")
+    found = {name: _plain(value) for name, value in vars(result).items() if name not in apart}
+    content = {
+        "phasors": phasors,
+        "found": found,
+        "preview": shown,
+        "corrections": [asdict(row) for row in result.corrections],
+        "checks": [asdict(row) for row in rows],
+    }
     write_text(place, json.dumps(content))
 
 
@@ -66,6 +74,8 @@ def recall(place: Path) -> tuple[Demodulation, tuple[Check, ...]] | None:
             missing=float(found["missing"]),
             channels=tuple(found["channels"]),
             preview=Preview(**{name: np.asarray(value, dtype=float) for name, value in content["preview"].items()}),
+            corrections=tuple(Correction(**row) for row in content["corrections"]),
+            response_std=np.asarray(found["response_std"], dtype=float),
         )
         return kept, rows
     except (OSError, ValueError, KeyError, TypeError):

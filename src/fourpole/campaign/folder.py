@@ -11,10 +11,11 @@ from pathlib import Path
 
 from fourpole import units
 from fourpole.campaign.schema import CampaignFile, parse_campaign
-from fourpole.errors import CampaignError, FileError, TableError, UnitError
+from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
+from fourpole.io.recordings import survey
 from fourpole.io.source import decode, read_bytes
 
-__all__ = ["Campaign", "Test", "read_campaign"]
+__all__ = ["Campaign", "Test", "inside", "read_campaign"]
 
 _MOST_TOML = 4_000_000
 _MOST_TESTS = 200_000_000
@@ -121,8 +122,24 @@ def read_campaign(folder: str | Path) -> Campaign:
         raise CampaignError("tests.csv: lists no test below its row of names")
     _check_names(tests)
     _check_channels(stated, tests)
+    _check_files(folder, stated, tests)
     extra = tuple(column.label for column in columns if column.role == "extra" and column.label)
     return Campaign(folder, stated, tuple(tests), extra)
+
+
+def inside(folder: Path, file: str) -> Path:
+    """Where a file of a campaign lies, which must be inside its folder, links followed; `file#group` is the file."""
+    name = units.shown(file, 200)
+    try:
+        path = (folder / file).resolve()
+        if "#" in file and not path.exists():
+            path = (folder / file.rpartition("#")[0]).resolve()
+        within = path.is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError) as error:
+        raise FileError(f"file {name} cannot be looked up: {getattr(error, 'strerror', None) or error}") from None
+    if not within:
+        raise FileError(f"file {name} lies outside the campaign folder: copy it into the folder and name it from there")
+    return path
 
 
 def _text(path: Path, most: int, *, strict: bool) -> str:
@@ -336,7 +353,34 @@ def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
                     f"campaign.toml: [channels] {role} is missing, {kind} tests need it: "
                     f'{role} = {{ column = "...", unit = "..." }}'
                 )
-    if any(test.kind != "static" for test in tests) and stated.channels.time is None and stated.channels.rate is None:
+
+
+def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
+    """What campaign.toml leaves to the files, time and units: whether the first of them says it."""
+    channels = stated.channels
+    timeless = channels.time is None and channels.rate is None
+    unitless = [role for role in ("force_in", "motion_in", "motion_out") if _lacks_unit(stated, role)]
+    first = next((test for test in tests if test.kind == "dynamic" and not test.problem), None)
+    if first is None or not (timeless or unitless):
+        return
+    try:
+        found = survey(inside(folder, first.file), label=first.file)
+    except FourpoleError:
+        return  # the test itself will say so
+    if timeless and all(one.rate is None and one.duration is None for one in found.signals):
         raise CampaignError(
-            'campaign.toml: [channels] time is missing: time = { column = "t", unit = "s" }, or sample_rate = "2 kHz"'
+            f"campaign.toml: [channels] time is missing, and {units.shown(first.file)} does not know its times: "
+            'time = { column = "t", unit = "s" }, or sample_rate = "2 kHz"'
         )
+    for role in unitless:
+        column = stated.channels.named(role)
+        if column is not None and not any(one.unit for one in found.signals if one.name == column.column):
+            raise CampaignError(
+                f'campaign.toml: [channels] {role}: unit is missing: write it, as unit = "N", or give a sensitivity '
+                f"for volts ({units.shown(first.file)} states none)"
+            )
+
+
+def _lacks_unit(stated: CampaignFile, role: str) -> bool:
+    channel = stated.channels.named(role)
+    return channel is not None and channel.has_no_unit

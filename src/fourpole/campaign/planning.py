@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from fourpole.campaign.channels import DEFAULT_GAIN_STD, DEFAULT_PHASE_STD
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.identified import ADDED_MASS_STD, setup_of
 from fourpole.campaign.results import read_results
-from fourpole.campaign.schema import DEFAULT_GAIN_STD, DEFAULT_PHASE_STD, DEFAULT_RIG_STD
+from fourpole.campaign.schema import DEFAULT_RIG_STD
 from fourpole.campaign.static import StaticStiffness
 from fourpole.campaign.tables import tyre_cells
 from fourpole.core.arrays import FloatArray

@@ -11,13 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.campaign.cache import cache_name, recall, remember
-from fourpole.campaign.folder import Campaign, Test
-from fourpole.campaign.load import MOST_BYTES, inside, load_recording
+from fourpole.campaign.folder import Campaign, Test, inside
+from fourpole.campaign.load import MOST_BYTES, load_recording
 from fourpole.core import checks
 from fourpole.core.checks import Check, remarked
-from fourpole.core.demodulate import Demodulation, demodulate
+from fourpole.core.demodulate import Demodulation, demodulate, first_guess
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
+from fourpole.core.steady import steady_part
+from fourpole.core.wander import follow_wander
 from fourpole.errors import FourpoleError, RecordingError, TableError
 from fourpole.io.source import sha256_of
 
@@ -99,7 +101,7 @@ def _reduce(campaign: Campaign, test: Test, route: str, cache: Path | None) -> R
 
 
 def _read_and_reduce(campaign: Campaign, test: Test, route: str, cache: Path | None) -> Reduced:
-    path = inside(campaign.folder, test)
+    path = inside(campaign.folder, test.file)
     sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=test.file)
     place = cache / cache_name(_depends_on(campaign, test, route), sha256) if cache is not None else None
     if place is not None and (known := recall(place)) is not None:
@@ -120,24 +122,64 @@ def _demodulated(campaign: Campaign, path: Path, test: Test, route: str) -> Redu
     rows: list[Check] = []
     spare = [role for role in roles if role not in needed]
     try:
-        recording, remarks = load_recording(path, test, campaign.stated.channels, roles)
+        recording, remarks = load_recording(campaign.folder, path, test, campaign.stated.channels, roles)
     except TableError as error:
         if not spare:
             raise
-        recording, remarks = load_recording(path, test, campaign.stated.channels, needed)
+        recording, remarks = load_recording(campaign.folder, path, test, campaign.stated.channels, needed)
         rows.append(_left_out(spare[0], str(error)))
     rows += [remarked("time base", "warning", remark) for remark in remarks]
+    if test.window is None:
+        recording, cut = _trimmed(recording, test.value("frequency"))
+        rows += cut
     recording, clipped = _unclipped(recording, needed)
     rows += clipped
     try:
-        found = demodulate(recording, near=test.value("frequency"))
+        found, wandering = _followed(recording, test.value("frequency"))
     except RecordingError as error:
         present = [role for role in spare if role in recording.channels]
         if not present:
             raise
-        found = demodulate(recording.without(present[0]), near=test.value("frequency"))
+        found, wandering = _followed(recording.without(present[0]), test.value("frequency"))
         rows.append(_left_out(present[0], str(error)))
-    return Reduced(found, (*rows, *_judge(campaign, test, route, found)))
+    return Reduced(found, (*rows, *wandering, *_judge(campaign, test, route, found)))
+
+
+def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[Check]]:
+    """The steady part of a recording, and what was cut."""
+    try:
+        part = steady_part(recording, first_guess(recording, near))
+    except RecordingError:
+        return recording, []  # demodulation says what is wrong
+    if part is None:
+        return recording, []
+    low, high = recording.span
+    before, after = max(part[0] - low, 0.0), max(high - part[1], 0.0)
+    cut = " and ".join(
+        text
+        for text in (
+            f"the first {before:.3g} s (lead-in, run-up)" if before else "",
+            f"the last {after:.3g} s (run-down)" if after else "",
+        )
+        if text
+    )
+    remark = f"{cut} of {high - low:.4g} s were cut, for the drive was not steady there; state window [s] to choose"
+    return recording.between(*part), [remarked("steady part", "ok", remark)]
+
+
+def _followed(recording: Recording, near: float | None) -> tuple[Demodulation, list[Check]]:
+    """Amplitudes; along the phase of V1 where there is no reference and the speed wanders so that it matters."""
+    found = demodulate(recording, near=near)
+    followed = follow_wander(recording, found) if recording.reference is None else None
+    if followed is None:
+        return found, []
+    better, wander = followed
+    remark = (
+        f"the speed of the drive wanders by up to {wander.speed:.2%} of its mean, which makes V1/F1 or V2/V1 wrong by "
+        f"{wander.shift:.2g} of it at one frequency: followed along the phase of V1; record a tacho or encoder and "
+        "state it as [channels] reference"
+    )
+    return better, [Check("speed", wander.speed, 0.0, "warning", remark)]
 
 
 def _left_out(role: str, why: str) -> Check:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fourpole.campaign.folder import Campaign, Test
-from fourpole.campaign.load import MOST_BYTES, inside, load_curve
+from fourpole.campaign.folder import Campaign, Test, inside
+from fourpole.campaign.load import MOST_BYTES, load_curve
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import FourpoleError, LoadCurveError
 from fourpole.io.source import sha256_of
@@ -92,7 +92,7 @@ def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticT
     try:
         if test.problem:
             raise LoadCurveError(test.problem)
-        path = inside(campaign.folder, test)
+        path = inside(campaign.folder, test.file)
         sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=test.file)
         curve = load_curve(path, test, campaign.stated.channels)
         whole = StaticRow(test, nowhere, loss=curve.hysteresis_loss, nonlinearity=curve.nonlinearity)

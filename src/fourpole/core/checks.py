@@ -126,6 +126,8 @@ def check_clipping(name: str, channel: Channel) -> Check:
 
 def clipped_share(channel: Channel) -> float:
     """Share of the samples at the full scale, or in flat tops that no sine with this resolution would have."""
+    if channel.clipped is not None:
+        return channel.clipped
     samples = channel.samples[np.isfinite(channel.samples)]
     if samples.size == 0:
         return 0.0

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
-from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
+from fourpole.core.corrections import Correction, corrections_of, links_of, response_std, without_crosstalk
+from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.preview import Preview, preview
 from fourpole.core.recording import DERIVATIVES, Channel, Recording
 from fourpole.core.sinefit import SineFit, fit_sines, refine
-from fourpole.core.spectrum import LINE_GAP, Noise, find_lines, noise_beside, strongest_line
+from fourpole.core.spectrum import LINE_GAP, Left, Noise, find_lines, noise_beside, strongest_line
+from fourpole.core.tracks import Track, following, named, tracks_of
 from fourpole.errors import RecordingError
 
-__all__ = ["Demodulation", "demodulate"]
+__all__ = ["Demodulation", "demodulate", "first_guess"]
 
 
 _HARMONICS = 10
@@ -22,10 +24,8 @@ _MOST_LINES = 12
 _LINE_PASSES = 4
 _NEGLIGIBLE = 1e-9  # of the fundamental: a line that small cannot matter
 _FEWEST_CYCLES = 3.0
-_FEWEST_SAMPLES = 16
-_MOST_MISSING = 0.2
-_LARGEST = 1e30  # beyond any measurement, and safe to square
 _NEAR = 0.05
+_SIDE = 0.35  # of the frequency: a drive's speed does not wander faster
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,10 @@ class Demodulation:
         The channels demodulated, in the order of `preview`.
     preview : Preview
         A few cycles of signal and fit, and the residual's extremes.
+    corrections : tuple of Correction
+        What was undone at the amplitudes.
+    response_std : (3, 2) float [1], [rad]
+        What the calibrated responses of F1, V1, V2 leave unknown of gain and phase.
     """
 
     phasors: Phasors
@@ -66,6 +70,8 @@ class Demodulation:
     missing: float
     channels: tuple[str, ...]
     preview: Preview
+    corrections: tuple[Correction, ...] = ()
+    response_std: FloatArray = field(default_factory=lambda: np.zeros((3, 2)))
 
 
 def demodulate(
@@ -79,15 +85,18 @@ def demodulate(
     r"""Complex amplitudes of F1, V1, V2 at the excitation frequency, with their 6×6 covariance.
 
     Least squares with harmonics of the excitation, mean, a cubic drift and interfering lines; one frequency for all
-    channels. The noise is that of the residual's spectrum beside the frequency, cross-spectra included, so that what
-    channels have in common stays common.
+    channels, each on its own times. Where the recording has a reference, the sines follow its phase, and amplitudes are
+    those at the mean speed. What delays, filters and cross-talk did is undone at the amplitudes. The noise is that of
+    the residual's spectrum beside the frequency, cross-spectra included, so that what channels have in common stays
+    common.
 
     Parameters
     ----------
     recording : Recording
         At least three cycles.
     frequency : float [Hz], optional
-        The excitation frequency, if it is known exactly; otherwise it is estimated.
+        The excitation frequency, if it is known exactly; otherwise it is that of the recording's reference, as the
+        mean speed, or estimated.
     near : float [Hz], optional
         Where a line within 5 % is looked for first; the estimate itself comes from the recording.
     mains : float [Hz], optional
@@ -123,73 +132,73 @@ def demodulate(
     (np.float64(10.3), np.float64(0.001))
     """
     names = [name for name in CHANNELS if name in recording.channels]
-    signals, present = _signals(recording, names)
-    rate = recording.sample_rate
-    time = (np.arange(recording.size) - 0.5 * (recording.size - 1)) / rate
-    start = frequency if frequency is not None else _start(signals[names.index("motion_in")], recording, near)
-    _check_length(recording, start, given=frequency is not None)
+    tracks = tracks_of(recording, names)
+    if recording.reference is not None and frequency is None:
+        tracks, omega = following(tracks, recording.reference, recording.span)
+        return _fitted(recording, tracks, omega / (2 * np.pi), mains, harmonics, free=False)
+    start = frequency if frequency is not None else _strongest(recording, tracks[0], near)
+    return _fitted(recording, tracks, start, mains, harmonics, free=frequency is None)
 
-    count = max(1, min(harmonics, int(0.45 * rate / start)))
-    fit = fit_sines(signals, present, time, 2 * np.pi * start, count, np.empty(0))
-    free = frequency is None
-    informing = _informing(start, count, rate / recording.size, mains)
+
+def _fitted(
+    recording: Recording, tracks: list[Track], start: float, mains: float | None, harmonics: int, *, free: bool
+) -> Demodulation:
+    """Amplitudes from a first guess of the frequency; not `free`: at just that one."""
+    _check_length(recording, tracks, start, given=not free)
+    fits, informing = [], []
+    for track in tracks:
+        count = max(1, min(harmonics, int(0.45 * track.rate / start)))
+        informing.append(_informing(start, count, track.rate / track.time.size, mains))
+        fits.append(
+            fit_sines(
+                track.signals, track.present, track.time, 2 * np.pi * start, count, np.empty(0), course=track.course
+            )
+        )
     if free:
-        fit, _ = refine(fit, signals, informing=informing)
-    fit = _remove_lines(fit, signals, informing, rate, mains, free=free)
+        fits, _ = refine(fits, informing=informing)
+    fits = _remove_lines(fits, informing, mains, free=free)
 
-    found = fit.omega / (2 * np.pi)
-    noise = noise_beside(fit.residual, present, rate, found, fit.lines / (2 * np.pi), fit.dof)
-    white = np.maximum(np.diag(noise.covariance).real, 0.0) * present.sum() / 4.0
-    floor = np.max(np.abs(signals), axis=1) ** 2 * 1e-30 + 1e-300
-    fit, omega_std = refine(fit, signals, informing=informing, free=free, weights=1.0 / np.maximum(white, floor))
-    return _assemble(recording, names, signals, fit, noise, omega_std)
+    left = [_left(fit) for fit in fits]
+    noise = noise_beside(left, fits[0].omega / (2 * np.pi))
+    fits, omega_std = refine(fits, informing=informing, free=free, weights=_weights(fits, noise))
+    return _assemble(recording, tracks, fits, noise, omega_std)
 
 
-def _signals(recording: Recording, names: list[str]) -> tuple[FloatArray, BoolArray]:
-    """Channels (C, N) less their means, missing samples set to 0; and which samples all channels have."""
-    raw = np.stack([recording.channels[name].samples for name in names])
-    if raw.shape[1] < _FEWEST_SAMPLES:
-        raise RecordingError(
-            f"{recording.label} has {raw.shape[1]} samples, at least {_FEWEST_SAMPLES} are needed: "
-            "record three cycles or more"
-        )
-    there = np.isfinite(raw)
-    present = np.asarray(there.all(axis=0))
-    if np.mean(present) < 1.0 - _MOST_MISSING:
-        worst = int(np.argmin(there.mean(axis=1)))
-        raise RecordingError(
-            f"{_named(names[worst])}: {1.0 - there[worst].mean():.0%} of the samples are missing "
-            f"({1.0 - present.mean():.0%} in any channel), at most {_MOST_MISSING:.0%} can be bridged; "
-            "record the test again"
-        )
-    signals = np.where(present, raw, 0.0)
-    size = np.max(np.abs(signals), axis=1)
-    for name, largest in zip(names, size, strict=True):
-        if largest > _LARGEST:
-            raise RecordingError(
-                f"{_named(name)} reaches {largest:.3g} in SI units, which is no measurement: "
-                "check its column, unit and gain"
-            )
-    signals -= np.where(present, signals.sum(axis=1, keepdims=True) / present.sum(), 0.0)
-    for name, row, largest in zip(names, signals, size, strict=True):
-        if np.max(np.abs(row)) <= 1e-12 * largest or largest == 0:
-            raise RecordingError(
-                f"{_named(name)} is constant ({largest:.6g} in SI units): "
-                "the sensor was off, unplugged, or another column is meant"
-            )
-    return signals, present
+def _left(fit: SineFit) -> Left:
+    turn = None if fit.course is None else fit.course.turn
+    return Left(fit.residual, fit.present, fit.time, fit.lines / (2 * np.pi), fit.dof, turn)
 
 
-def _named(role: str) -> str:
-    return f"{SYMBOLS[role]} ({role})"
+def _weights(fits: list[SineFit], noise: Noise) -> list[FloatArray]:
+    """Inverse variances of the samples of each channel, as if its noise were as beside the frequency everywhere."""
+    variances = np.split(np.diag(noise.covariance).real, np.cumsum([len(fit.signals) for fit in fits])[:-1])
+    weights = []
+    for fit, variance in zip(fits, variances, strict=True):
+        white = np.maximum(variance, 0.0) * fit.present.sum() / 4.0
+        floor = np.max(np.abs(fit.signals), axis=1) ** 2 * 1e-30 + 1e-300
+        weights.append(1.0 / np.maximum(white, floor))
+    return weights
 
 
-def _start(motion: FloatArray, recording: Recording, near: float | None) -> float:
-    """First guess of the excitation frequency [Hz]: the strongest line of V1, or a strong one near the stated."""
+def first_guess(recording: Recording, near: float | None = None) -> float:
+    """About what the excitation's frequency is [Hz]; see `demodulate` for `near` and what may be wrong.
+
+    Examples
+    --------
+    >>> t = np.arange(5000) / 1000.0
+    >>> first_guess(Recording.from_arrays(t, force_in=t, motion_in=np.sin(2 * np.pi * 10.3 * t))).__round__(1)
+    10.3
+    """
+    return _strongest(recording, tracks_of(recording, ["motion_in"])[0], near)
+
+
+def _strongest(recording: Recording, track: Track, near: float | None) -> float:
+    """The strongest line of V1, or a strong one near the stated frequency [Hz]."""
     order = DERIVATIVES[recording.channels["motion_in"].quantity]
+    motion = track.signals[track.names.index("motion_in")]
     index = np.arange(motion.size) - 0.5 * (motion.size - 1)
     trend = motion.mean() + index * (index @ motion / (index @ index))
-    strongest, frequency, spectrum = strongest_line(motion - trend, recording.sample_rate, order=order)
+    strongest, frequency, spectrum = strongest_line(motion - trend, track.rate, order=order)
     if near is not None:
         beside = np.flatnonzero(np.abs(frequency - near) <= _NEAR * near)
         if beside.size:
@@ -200,11 +209,13 @@ def _start(motion: FloatArray, recording: Recording, near: float | None) -> floa
     return strongest
 
 
-def _check_length(recording: Recording, frequency: float, *, given: bool) -> None:
-    if not 0 < frequency < 0.45 * recording.sample_rate:
+def _check_length(recording: Recording, tracks: list[Track], frequency: float, *, given: bool) -> None:
+    slowest = min(tracks, key=lambda track: track.rate)
+    if not 0 < frequency < 0.45 * slowest.rate:
+        which = f" of {named(slowest.names[0])}" if len(tracks) > 1 else ""
         raise RecordingError(
             f"{recording.label}: an excitation at {frequency:.6g} Hz is not resolved by "
-            f"{recording.sample_rate:.6g} samples per second; sample faster"
+            f"{slowest.rate:.6g} samples per second{which}; sample faster"
         )
     cycles = frequency * recording.duration
     if cycles < _FEWEST_CYCLES - (1e-6 if given else 0.02):
@@ -225,26 +236,41 @@ def _informing(frequency: float, count: int, resolution: float, mains: float | N
     return clear
 
 
-def _remove_lines(
-    fit: SineFit, signals: FloatArray, informing: BoolArray, rate: float, mains: float | None, *, free: bool
-) -> SineFit:
+def _remove_lines(fits: list[SineFit], informing: list[BoolArray], mains: float | None, *, free: bool) -> list[SineFit]:
     """Fit stated mains and whatever lines stand out of the residual, each at its own free frequency.
 
     A line too close to a harmonic to be told from it makes that harmonic unsteady instead.
     """
-    found = np.empty(0) if mains is None else mains * np.arange(1, max(1, min(5, int(0.45 * rate / mains))) + 1)
-    for _ in range(_LINE_PASSES):
-        size = np.hypot(*fit.coefficients[:2])
-        found = np.concatenate([found, find_lines(fit.residual, rate, _NEGLIGIBLE * size)])
-        lines, unsteady = _new_terms(fit, found, rate / signals.shape[1], rate)
-        wider = 2 * lines.size + 4 * (len(unsteady) - len(fit.unsteady))
-        if not wider or fit.dof < 4 * (fit.basis.shape[0] + wider):
+    for turn in range(_LINE_PASSES):
+        wider = [_with_lines(fit, mains if turn == 0 else None) for fit in fits]
+        if all(found is None for found in wider):
             break
-        joined = np.concatenate([fit.lines, 2 * np.pi * lines])
-        fit = fit_sines(signals, fit.present, fit.time, fit.omega, fit.harmonics, joined, unsteady)
-        fit, _ = refine(fit, signals, informing=informing, free=free)
-        found = np.empty(0)
-    return fit
+        fits = [fit if found is None else found for fit, found in zip(fits, wider, strict=True)]
+        fits, _ = refine(fits, informing=informing, free=free)
+    return fits
+
+
+def _with_lines(fit: SineFit, mains: float | None) -> SineFit | None:
+    """The fit with the lines that its residual shows, and `mains`; None where there are none, or too few samples."""
+    rate = _left(fit).rate
+    stated = np.empty(0) if mains is None else mains * np.arange(1, max(1, min(5, int(0.45 * rate / mains))) + 1)
+    size = np.hypot(*fit.coefficients[:2])
+    seen = find_lines(fit.residual, rate, _NEGLIGIBLE * size)
+    found = np.concatenate([stated, seen if fit.course is None else _foreign(seen, fit, mains)])
+    lines, unsteady = _new_terms(fit, found, rate / fit.time.size, rate)
+    more = 2 * lines.size + 4 * (len(unsteady) - len(fit.unsteady))
+    if not more or fit.dof < 4 * (fit.basis.shape[0] + more):
+        return None
+    return fit.at(fit.omega, np.concatenate([fit.lines, 2 * np.pi * lines]), unsteady)
+
+
+def _foreign(lines: FloatArray, fit: SineFit, mains: float | None) -> FloatArray:
+    """Lines that are no sidebands of a drive whose speed is followed: those of the mains, or far from any harmonic."""
+    order = lines / (fit.omega / (2 * np.pi))
+    beside = np.abs(order - np.maximum(np.round(order), 1.0)) < _SIDE
+    gap = LINE_GAP * _left(fit).resolution
+    hum = [np.abs(lines - base * np.maximum(np.round(lines / base), 1.0)) < gap for base in (50.0, 60.0, mains or 50.0)]
+    return lines[~beside | np.any(hum, axis=0)]
 
 
 def _new_terms(fit: SineFit, found: FloatArray, resolution: float, rate: float) -> tuple[FloatArray, tuple[int, ...]]:
@@ -263,49 +289,69 @@ def _new_terms(fit: SineFit, found: FloatArray, resolution: float, rate: float) 
 
 
 def _assemble(
-    recording: Recording, names: list[str], signals: FloatArray, fit: SineFit, noise: Noise, omega_std: float
+    recording: Recording, tracks: list[Track], fits: list[SineFit], noise: Noise, omega_std: float
 ) -> Demodulation:
-    amplitudes = fit.amplitudes()
+    names = [name for track in tracks for name in track.names]
     at = [CHANNELS.index(name) for name in names]
-    to_si = np.array([_to_velocity(recording.channels[name], fit.omega) for name in names])
+    omega = fits[0].omega
+    raw = [row for fit in fits for row in fit.amplitudes()]
+    corrections = {name: corrections_of(name, recording.channels[name], omega) for name in names}
+    waves = [
+        row * _to_velocity(recording.channels[name], omega, row.size) for name, row in zip(names, raw, strict=True)
+    ]
+    inflation = np.concatenate(
+        [np.full(len(fit.signals), np.sqrt(fit.amplitude_variance() * fit.present.sum() / 2.0)) for fit in fits]
+    )
+    to_si = inflation * np.array([wave[0] / row[0] for wave, row in zip(waves, raw, strict=True)])
+    mixed, talk = without_crosstalk(recording, names, omega)
+    to_true = mixed * to_si
 
-    inflation = fit.amplitude_variance() * fit.present.sum() / 2.0
-    covariance = noise.covariance * inflation * np.outer(to_si, to_si.conj())
+    amplitudes = np.full(3, complex(np.nan, np.nan))
+    amplitudes[at] = mixed @ np.array([wave[0] for wave in waves])
     whole = np.zeros((3, 3), dtype=complex)
-    whole[np.ix_(at, at)] = covariance
-    si_amplitudes = np.full(3, complex(np.nan, np.nan))
-    si_amplitudes[at] = amplitudes[:, 0] * to_si
+    whole[np.ix_(at, at)] = to_true @ noise.covariance @ to_true.conj().T
 
-    quality = np.full((2, 3), np.nan)
-    fundamental = np.abs(amplitudes[:, 0])
-    # Harmonic n of a velocity is n times too large for a displacement, of an acceleration n² times.
-    integrations = [1 - DERIVATIVES[q] if (q := recording.channels[name].quantity) != "force" else 0 for name in names]
-    numbers = np.arange(1.0, fit.harmonics + 1) ** -np.array(integrations)[:, None]
-    quality[0, at] = np.sqrt(np.sum(np.abs(amplitudes * numbers)[:, 1:] ** 2, axis=1)) / fundamental
-    quality[1, at] = np.sqrt(2 * np.mean(fit.residual**2, axis=1)) / fundamental
+    distortion, noise_ratio = np.full(3, np.nan), np.full(3, np.nan)
+    residual = np.array([rms for fit in fits for rms in np.sqrt(np.sum(fit.residual**2, axis=1) / fit.time.size)])
+    noise_ratio[at] = np.sqrt(2.0) * residual / np.abs([row[0] for row in raw])
+    distortion[at] = [_distortion(name, wave) for name, wave in zip(names, waves, strict=True)]
+    known = [i for i, name in enumerate(CHANNELS) if name in names]
     return Demodulation(
         phasors=Phasors(
-            frequency=np.asarray(fit.omega / (2 * np.pi)),
-            amplitudes=si_amplitudes,
+            frequency=np.asarray(omega / (2 * np.pi)),
+            amplitudes=amplitudes,
             covariance=_real_covariance(whole),
             frequency_std=np.asarray(omega_std / (2 * np.pi)),
             dof=np.asarray(noise.dof),
         ),
-        cycles=fit.omega * recording.duration / (2 * np.pi),
+        cycles=omega * recording.duration / (2 * np.pi),
         band=noise.band,
-        distortion=quality[0],
-        noise_ratio=quality[1],
-        force_peak=_peak_of(amplitudes[names.index("force_in")]) if "force_in" in names else float("nan"),
-        lines=fit.lines / (2 * np.pi),
-        missing=1.0 - float(np.mean(fit.present)),
-        channels=tuple(names),
-        preview=preview(fit, signals),
+        distortion=distortion,
+        noise_ratio=noise_ratio,
+        force_peak=_peak_of(waves[names.index("force_in")]) if "force_in" in names else float("nan"),
+        lines=np.concatenate([fit.lines for fit in fits]) / (2 * np.pi),
+        missing=1.0 - min(float(np.mean(fit.present)) for fit in fits),
+        channels=tuple(CHANNELS[i] for i in known),
+        preview=preview(fits, [names.index(CHANNELS[i]) for i in known]),
+        corrections=(*(row for name in names for row in corrections[name]), *talk),
+        response_std=response_std(recording, omega),
     )
 
 
-def _to_velocity(channel: Channel, omega: float) -> complex:
-    """Factor from a recorded amplitude to that of the force or velocity at the sensor, delay undone."""
-    return complex((1j * omega) ** DERIVATIVES[channel.quantity] * np.exp(1j * omega * channel.delay))
+def _distortion(name: str, wave: ComplexArray) -> float:
+    """Root of the summed squares of the harmonics over the fundamental, of the displacement behind a motion."""
+    # Harmonic n of a velocity is n times too large for a displacement.
+    numbers = 1.0 if name == "force_in" else np.arange(1.0, wave.size + 1)
+    return float(np.sqrt(np.sum(np.abs(wave / numbers)[1:] ** 2)) / np.abs(wave[0]))
+
+
+def _to_velocity(channel: Channel, omega: float, harmonics: int) -> ComplexArray:
+    """Factors from recorded amplitudes of harmonics to those of the force or velocity at the sensor."""
+    each = omega * np.arange(1, harmonics + 1)
+    factors = (1j * each) ** DERIVATIVES[channel.quantity]
+    for link in links_of(channel):
+        factors = factors / link.at(each / (2 * np.pi))
+    return np.asarray(factors)
 
 
 def _real_covariance(gamma: ComplexArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,19 +40,33 @@ class Preview:
     residual: FloatArray
 
 
-def preview(fit: SineFit, signals: FloatArray) -> Preview:
-    """Pick a preview out of a fit to (channels, N) signals."""
-    count = fit.time.size
-    step = float(fit.time[1] - fit.time[0])
-    half = min(count // 2, max(8, round(0.5 * _CYCLES * 2 * np.pi / fit.omega / step)))
+def preview(fits: Sequence[SineFit], order: Sequence[int]) -> Preview:
+    """Pick a preview out of fits to (channels, N) signals, their channels put in an order."""
+    first = fits[0]
+    count = first.time.size
+    step = float(first.time[1] - first.time[0])
+    half = min(count // 2, max(8, round(0.5 * _CYCLES * 2 * np.pi / first.omega / step)))
     window = np.arange(count // 2 - half, count // 2 + half)
-    shown = window[:: max(1, int(np.ceil(window.size / _POINTS)))]
-    blocks = np.array_split(np.arange(count), min(_BLOCKS, count))
-    extremes = [(fit.residual[:, block].min(axis=1), fit.residual[:, block].max(axis=1)) for block in blocks]
+    shown = first.time[window[:: max(1, int(np.ceil(window.size / _POINTS)))]]
+    blocks = min(_BLOCKS, *(fit.time.size for fit in fits))
+    signals = np.concatenate([_at(fit, fit.signals, shown) for fit in fits])
+    left = np.concatenate([_at(fit, fit.residual, shown) for fit in fits])
     return Preview(
-        time=fit.time[shown],
-        signals=signals[:, shown],
-        fit=(signals - fit.residual)[:, shown],
-        blocks=np.repeat([fit.time[block].mean() for block in blocks], 2),
-        residual=np.array(extremes).reshape(-1, signals.shape[0]).T,
+        time=shown,
+        signals=signals[list(order)],
+        fit=(signals - left)[list(order)],
+        blocks=np.repeat([part.mean() for part in np.array_split(first.time, blocks)], 2),
+        residual=np.concatenate([_extremes(fit.residual, blocks) for fit in fits])[list(order)],
     )
+
+
+def _at(fit: SineFit, values: FloatArray, times: FloatArray) -> FloatArray:
+    """Values of each channel at given times, between samples by a straight line."""
+    return np.stack([np.interp(times, fit.time, row) for row in values])
+
+
+def _extremes(values: FloatArray, blocks: int) -> FloatArray:
+    """Least and largest value of each block in turn, (channels, 2 blocks)."""
+    parts = np.array_split(values, blocks, axis=1)
+    pairs = [(part.min(axis=1), part.max(axis=1)) for part in parts]
+    return np.array(pairs).reshape(-1, len(values)).T

@@ -1,4 +1,4 @@
-"""A recording: channels in SI units on one time base, with what is known of each channel."""
+"""A recording: channels in SI units, each on its time base, with what is known of each channel."""
 
 from __future__ import annotations
 
@@ -9,13 +9,34 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import FloatArray
+from fourpole.core.chain import Link
+from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
 
-__all__ = ["DERIVATIVES", "Channel", "Recording", "uniform_time"]
+__all__ = ["DERIVATIVES", "Channel", "CrossTalk", "Recording", "uniform_time"]
 
 
 #: How many times a motion must be differentiated to become a velocity; a force is taken as it is.
 DERIVATIVES = {"force": 0, "displacement": 1, "velocity": 0, "acceleration": -1}
+
+
+@dataclass(frozen=True)
+class CrossTalk:
+    """What a channel shows of another one.
+
+    Attributes
+    ----------
+    source : str
+        The other channel's role.
+    quantity : str
+        As what it counts: force, displacement, velocity or acceleration.
+    coefficient : float
+        This channel's SI unit per SI unit of that quantity.
+    """
+
+    source: str
+    quantity: str
+    coefficient: float
 
 
 @dataclass(frozen=True)
@@ -32,6 +53,16 @@ class Channel:
         How late the samples are: ``recorded(t) = true(t - delay)``.
     limits : (float, float), optional
         Values at which the channel is at its full scale, in the units of `samples`.
+    rate : float [Hz], optional
+        Samples per second; by default the recording's.
+    start : float [s]
+        Time of the first sample.
+    chain : tuple of Link
+        What the measurement does to an amplitude besides the delay: filters, a calibrated response.
+    crosstalk : tuple of CrossTalk
+        What it shows of other channels, before its own chain.
+    clipped : float [1], optional
+        Share of the samples at full scale, where `samples` no longer show it.
 
     Raises
     ------
@@ -48,6 +79,11 @@ class Channel:
     quantity: str
     delay: float = 0.0
     limits: tuple[float, float] | None = None
+    rate: float | None = None
+    start: float = 0.0
+    chain: tuple[Link, ...] = ()
+    crosstalk: tuple[CrossTalk, ...] = ()
+    clipped: float | None = None
 
     def __post_init__(self) -> None:
         if self.quantity not in DERIVATIVES:
@@ -56,16 +92,19 @@ class Channel:
 
 @dataclass(frozen=True)
 class Recording:
-    """Channels on one uniform time base.
+    """Channels, each sampled uniformly.
 
     Parameters
     ----------
     sample_rate : float [Hz]
-        Samples per second.
+        Samples per second of the channels that do not state their own.
     channels : mapping of str to Channel
-        ``motion_in`` and, where measured, ``force_in`` and ``motion_out``, all of the same length.
+        ``motion_in`` and, where measured, ``force_in`` and ``motion_out``; those of the same rate and start have the
+        same length.
     label : str
         Where it comes from, for messages.
+    reference : Reference, optional
+        How the excitation really turned.
 
     Raises
     ------
@@ -83,13 +122,20 @@ class Recording:
     sample_rate: float
     channels: Mapping[str, Channel]
     label: str = "recording"
+    reference: Reference | None = None
 
     def __post_init__(self) -> None:
         if "motion_in" not in self.channels:
             raise RecordingError(f"{self.label}: no channel 'motion_in': the motion at the contact must be there")
-        lengths = {name: channel.samples.size for name, channel in self.channels.items()}
-        if len(set(lengths.values())) > 1:
-            raise RecordingError(f"{self.label}: channels differ in length: {lengths}")
+        for base in {self.base(name) for name in self.channels}:
+            lengths = {name: channel.samples.size for name, channel in self.channels.items() if self.base(name) == base}
+            if len(set(lengths.values())) > 1:
+                raise RecordingError(f"{self.label}: channels differ in length: {lengths}")
+
+    def base(self, name: str) -> tuple[float, float]:
+        """Rate [Hz] and start [s] of a channel."""
+        channel = self.channels[name]
+        return (self.sample_rate if channel.rate is None else channel.rate), channel.start
 
     @classmethod
     def from_arrays(
@@ -148,14 +194,31 @@ class Recording:
         return replace(self, channels=kept)
 
     @property
-    def size(self) -> int:
-        """Samples per channel."""
-        return self.channels["motion_in"].samples.size
+    def span(self) -> tuple[float, float]:
+        """From when to when all channels were sampled, and the reference turned, half an interval either side [s]."""
+        spans = []
+        for name, channel in self.channels.items():
+            rate, start = self.base(name)
+            spans.append((start - 0.5 / rate, start + (channel.samples.size - 0.5) / rate))
+        if self.reference is not None:
+            spans.append(self.reference.span)
+        return max(first for first, _ in spans), min(last for _, last in spans)
 
     @property
     def duration(self) -> float:
-        """Length, one sampling interval per sample [s]."""
-        return self.size / self.sample_rate
+        """How long all channels were sampled, one sampling interval per sample [s]."""
+        first, last = self.span
+        return last - first
+
+    def between(self, first: float, last: float) -> Recording:
+        """The samples from one time to another [s]."""
+        cut = {}
+        for name, channel in self.channels.items():
+            rate, start = self.base(name)
+            low = max(0, int(np.ceil((first - start) * rate - 1e-6)))
+            high = max(low, int(np.floor((last - start) * rate + 1e-6)) + 1)
+            cut[name] = replace(channel, samples=channel.samples[low:high], start=start + low / rate)
+        return replace(self, channels=cut)
 
 
 def uniform_time(time: FloatArray) -> tuple[float, str]:

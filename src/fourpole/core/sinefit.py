@@ -1,12 +1,14 @@
 r"""Least-squares fit of a periodic signal, its harmonics, interfering lines and drift to several channels at once.
 
-All channels share one fundamental frequency and the frequency of each interfering line; these are found by Gauss-Newton
-on the residual with the linear amplitudes eliminated (variable projection), each channel weighted by its noise. The
-number of cycles need not be whole: sines, mean and drift are fitted together, so none leaks into another.
+All channels share one fundamental frequency, and those of one fit its times and the frequency of each interfering
+line; these are found by Gauss-Newton on the residual with the linear amplitudes eliminated (variable projection), each
+channel weighted by its noise. The number of cycles need not be whole: sines, mean and drift are fitted together, so
+none leaks into another. Where a reference says how the phase really ran, the sines follow it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,11 +16,27 @@ from scipy import linalg
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 
-__all__ = ["SineFit", "fit_sines", "refine"]
+__all__ = ["Course", "SineFit", "fit_sines", "refine"]
 
 
 _DRIFT_ORDER = 3  # mean, slope, parabola, cubic
 _ITERATIONS = 12
+
+
+@dataclass(frozen=True)
+class Course:
+    """How the excitation really ran.
+
+    Attributes
+    ----------
+    turn : (N,) float [rad]
+        Phase of the fundamental beyond omega·t.
+    follow : (M, N) float [1]
+        What the amplitude of the fundamental may follow besides, 0 at the mean speed.
+    """
+
+    turn: FloatArray
+    follow: FloatArray
 
 
 @dataclass(frozen=True)
@@ -27,8 +45,12 @@ class SineFit:
 
     Attributes
     ----------
+    signals : (channels, N) float
+        What was fitted, in units of each channel; 0 where samples are missing.
     time : (N,) float [s]
         From the middle of the record.
+    course : Course or None
+        Where the phase was not uniform.
     present : (N,) bool
         Samples that are there.
     omega, lines : float, (L,) float [rad/s]
@@ -46,7 +68,9 @@ class SineFit:
         0 where samples are missing.
     """
 
+    signals: FloatArray
     time: FloatArray
+    course: Course | None
     present: BoolArray
     omega: float
     lines: FloatArray
@@ -73,6 +97,11 @@ class SineFit:
         unit[0, 0] = unit[1, 1] = 1.0
         return float(0.5 * np.trace(linalg.cho_solve(self.factor, unit)[:2]))
 
+    def at(self, omega: float, lines: FloatArray, unsteady: tuple[int, ...] | None = None) -> SineFit:
+        """The same signals fitted at other frequencies."""
+        kept = self.unsteady if unsteady is None else unsteady
+        return fit_sines(self.signals, self.present, self.time, omega, self.harmonics, lines, kept, self.course)
+
 
 def fit_sines(
     signals: FloatArray,
@@ -82,13 +111,16 @@ def fit_sines(
     harmonics: int,
     lines: FloatArray,
     unsteady: tuple[int, ...] = (),
+    course: Course | None = None,
 ) -> SineFit:
     """Fit (channels, N) signals at given frequencies; missing samples must be 0 in `signals`."""
-    basis = _basis(time, present, omega, harmonics, lines, unsteady)
+    basis = _basis(time, present, omega, harmonics, lines, unsteady, course)
     factor = linalg.cho_factor(basis @ basis.T, lower=True)
     coefficients = linalg.cho_solve(factor, basis @ signals.T)
     residual = signals - coefficients.T @ basis
-    return SineFit(time, present, omega, lines, harmonics, unsteady, basis, factor, coefficients, residual)
+    return SineFit(
+        signals, time, course, present, omega, lines, harmonics, unsteady, basis, factor, coefficients, residual
+    )
 
 
 def _basis(
@@ -98,10 +130,12 @@ def _basis(
     harmonics: int,
     lines: FloatArray,
     unsteady: tuple[int, ...],
+    course: Course | None,
 ) -> FloatArray:
     steady = 2 * (harmonics + lines.size)
-    rows = np.empty((steady + 4 * len(unsteady) + _DRIFT_ORDER + 1, time.size))
-    rotation = np.exp(1j * omega * time)
+    followed = 0 if course is None else len(course.follow)
+    rows = np.empty((steady + 4 * len(unsteady) + 2 * followed + _DRIFT_ORDER + 1, time.size))
+    rotation = np.exp(1j * (omega * time if course is None else omega * time + course.turn))
     power = np.ones_like(rotation)
     for k in range(harmonics):
         power *= rotation
@@ -114,6 +148,9 @@ def _basis(
         pair = rows[2 * harmonic - 2 : 2 * harmonic]
         at = steady + 4 * i
         rows[at : at + 2], rows[at + 2 : at + 4] = pair * place, pair * (place**2 - 1.0 / 3.0)
+    if course is not None:
+        at = steady + 4 * len(unsteady)
+        rows[at : at + 2 * followed] = (course.follow[:, None] * rows[:2]).reshape(2 * followed, time.size)
     rows[-4], rows[-3], rows[-2], rows[-1] = 1.0, place, place**2 - 1.0 / 3.0, place * (place**2 - 0.6)
     if not present.all():
         rows[:, ~present] = 0.0
@@ -121,52 +158,55 @@ def _basis(
 
 
 def refine(
-    fit: SineFit,
-    signals: FloatArray,
+    fits: Sequence[SineFit],
     *,
-    informing: BoolArray,
+    informing: Sequence[BoolArray],
     free: bool = True,
-    weights: FloatArray | None = None,
-) -> tuple[SineFit, float]:
-    """Move the fundamental (if `free`) and all lines to where the weighted residual is least.
+    weights: Sequence[FloatArray] | None = None,
+) -> tuple[list[SineFit], float]:
+    """Move the common fundamental (if `free`) and all lines to where the weighted residual is least.
 
-    `informing` (harmonics,) says which harmonics may speak of the frequency: one that falls on the mains must not.
-    `weights` (channels,) are inverse variances of the samples; by default those of the residual.
+    `informing` (harmonics,) of each fit says which harmonics may speak of the frequency: one on the mains must not.
+    `weights` (channels,) of each fit are inverse variances of the samples; by default those of the residual.
 
-    Returns the fit and the standard uncertainty of the fundamental [rad/s].
+    Returns the fits and the standard uncertainty of the fundamental [rad/s].
     """
-    resolution = 2 * np.pi / (fit.time[-1] - fit.time[0])
+    fits = list(fits)
+    resolution = 2 * np.pi / max(fit.time[-1] - fit.time[0] for fit in fits)
     for _ in range(_ITERATIONS):
-        used = _weights(fit, signals) if weights is None else weights
-        step, std = _newton_step(fit, informing, used, free=free)
+        used = [_weights(fit) for fit in fits] if weights is None else weights
+        step, std = _newton_step(fits, informing, used, free=free)
         if np.all(np.abs(step) < np.maximum(1e-12 * resolution, 1e-3 * std)):
             break
         step = np.clip(step, -0.3 * resolution, 0.3 * resolution)
-        fit = fit_sines(
-            signals, fit.present, fit.time, fit.omega + step[0], fit.harmonics, fit.lines + step[1:], fit.unsteady
-        )
-    return fit, float(std[0])
+        moved = np.split(step[1:], np.cumsum([fit.lines.size for fit in fits])[:-1])
+        fits = [fit.at(fit.omega + step[0], fit.lines + lines) for fit, lines in zip(fits, moved, strict=True)]
+    return fits, float(std[0])
 
 
-def _weights(fit: SineFit, signals: FloatArray) -> FloatArray:
+def _weights(fit: SineFit) -> FloatArray:
     """Inverse variances of the samples; round-off is the floor of a noiseless channel."""
     variance = np.sum(fit.residual**2, axis=1) / max(fit.dof, 1)
-    floor = np.max(np.abs(signals), axis=1) ** 2 * 1e-30 + 1e-300
+    floor = np.max(np.abs(fit.signals), axis=1) ** 2 * 1e-30 + 1e-300
     return 1.0 / np.maximum(variance, floor)
 
 
 def _newton_step(
-    fit: SineFit, informing: BoolArray, weights: FloatArray, *, free: bool
+    fits: Sequence[SineFit], informing: Sequence[BoolArray], weights: Sequence[FloatArray], *, free: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Newton step of the fundamental and the lines, with its standard uncertainty [rad/s]."""
-    count = 1 + fit.lines.size
+    """Gauss-Newton step of the fundamental and the lines of each fit, with its standard uncertainty [rad/s]."""
+    count = 1 + sum(fit.lines.size for fit in fits)
     normal, right = np.zeros((count, count)), np.zeros(count)
-    every = _slopes(fit, informing, free=free)
-    along = np.swapaxes(every @ fit.basis.T, -1, -2)
-    for weight, slopes, shared, residual in zip(weights, every, along, fit.residual, strict=True):
-        # The part of the slopes that amplitudes can follow is taken away; the residual holds none of it.
-        normal += weight * (slopes @ slopes.T - shared.T @ linalg.cho_solve(fit.factor, shared))
-        right += weight * slopes @ residual
+    at = 1
+    for fit, spoken, weighed in zip(fits, informing, weights, strict=True):
+        own = np.r_[0, at : at + fit.lines.size]
+        at += fit.lines.size
+        every = _slopes(fit, spoken, free=free)
+        along = np.swapaxes(every @ fit.basis.T, -1, -2)
+        for weight, slopes, shared, residual in zip(weighed, every, along, fit.residual, strict=True):
+            # The part of the slopes that amplitudes can follow is taken away; the residual holds none of it.
+            normal[np.ix_(own, own)] += weight * (slopes @ slopes.T - shared.T @ linalg.cho_solve(fit.factor, shared))
+            right[own] += weight * slopes @ residual
     if not free:
         normal[0, 0] = 1.0
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))

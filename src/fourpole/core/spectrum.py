@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import linalg
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 
-__all__ = ["Noise", "find_lines", "noise_beside", "strongest_line"]
+__all__ = ["Left", "Noise", "find_lines", "noise_beside", "strongest_line"]
 
 
 #: Power over the local noise at which a line is real: one false line in some ten thousand records of 10 000 bins.
@@ -98,27 +100,75 @@ def _floor(power: FloatArray, block: int = _BLOCK) -> FloatArray:
     return level[:, np.minimum(np.arange(bins) // size, level.shape[1] - 1)]
 
 
-def noise_beside(
-    residual: FloatArray, present: BoolArray, rate: float, frequency: float, lines: FloatArray, dof: int
-) -> Noise:
-    """Cross-spectrum of the residual in the bins beside a frequency, up to 16 either way and 0.4 of the frequency.
+@dataclass(frozen=True)
+class Left:
+    """What a fit leaves of channels that share their times.
+
+    Attributes
+    ----------
+    residual : (channels, N) float
+    present : (N,) bool
+    time : (N,) float [s]
+        Uniform, from the middle of the record.
+    lines : (L,) float [Hz]
+        Interfering lines that were removed.
+    dof : int
+        Samples less fitted parameters.
+    turn : (N,) float [rad], optional
+        Phase of the fundamental beyond its mean speed.
+    """
+
+    residual: FloatArray
+    present: BoolArray
+    time: FloatArray
+    lines: FloatArray
+    dof: int
+    turn: FloatArray | None = None
+
+    @property
+    def resolution(self) -> float:
+        """1/T [Hz]."""
+        size = self.time.size
+        return float((size - 1) / (self.time[-1] - self.time[0]) / size)
+
+    @property
+    def rate(self) -> float:
+        """Samples per second [Hz]."""
+        return self.resolution * self.time.size
+
+
+def noise_beside(parts: Sequence[Left], frequency: float) -> Noise:
+    """Cross-spectrum of what is left in the bins beside a frequency, up to 16 either way and 0.4 of the frequency.
 
     Bins next to the frequency and to removed lines are left out. A record too short to have four such bins is taken
     to hold white noise, which the whole residual then measures.
     """
-    count, held = residual.shape[1], int(present.sum())
-    resolution = rate / count
+    resolution, rate = parts[0].resolution, min(part.rate for part in parts)
     reach = min(_MOST_BINS, int(_BAND * frequency / resolution), int((0.5 * rate - frequency) / resolution) - 1)
     offsets = np.arange(2, reach + 1)
     offsets = np.concatenate([-offsets[::-1], offsets])
     places = frequency + offsets * resolution
+    lines = np.concatenate([part.lines for part in parts])
     if lines.size:
         offsets = offsets[np.min(np.abs(places[:, None] - lines), axis=1) > 1.5 * resolution]
     if offsets.size < _FEWEST_BINS:
-        white = residual @ residual.T / max(dof, 1) * (4.0 / held)
-        return Noise(white.astype(complex), (0.0, 0.5 * rate), float(max(dof, 1)))
-    shifted = residual * np.exp(-2j * np.pi * frequency / rate * np.arange(count))
-    bins = np.fft.fft(shifted, axis=1)[:, offsets] * (2.0 / held)
+        return _white(parts, rate)
+    bins = np.concatenate([_bins(part, frequency, offsets) for part in parts])
     covariance = bins @ bins.conj().T / offsets.size
     band = (frequency + float(offsets.min()) * resolution, frequency + float(offsets.max()) * resolution)
     return Noise(covariance, band, 2.0 * offsets.size)
+
+
+def _bins(part: Left, frequency: float, offsets: np.ndarray) -> ComplexArray:
+    """Amplitudes (channels, offsets) of what is left whole bins beside the fundamental, at the middle of the record."""
+    phase = 2 * np.pi * frequency * part.time
+    shifted = part.residual * np.exp(-1j * (phase if part.turn is None else phase + part.turn))
+    to_middle = np.exp(-2j * np.pi * offsets * part.resolution * part.time[0])
+    return np.asarray(np.fft.fft(shifted, axis=1)[:, offsets] * (2.0 / part.present.sum()) * to_middle)
+
+
+def _white(parts: Sequence[Left], rate: float) -> Noise:
+    """Noise as if white, of each part by itself."""
+    blocks = [part.residual @ part.residual.T / max(part.dof, 1) * (4.0 / part.present.sum()) for part in parts]
+    dof = min(part.dof for part in parts)
+    return Noise(linalg.block_diag(*blocks).astype(complex), (0.0, 0.5 * rate), float(max(dof, 1)))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
@@ -11,14 +12,20 @@ from numpy.typing import NDArray
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.columns import Columns, read_columns
-from fourpole.io.signals import FileInfo, Format, Request, Signal
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal
 from fourpole.io.source import name_of, open_regular
 
-__all__ = ["format_of", "read_recording", "survey"]
+__all__ = ["Piece", "Source", "format_of", "pieces", "read_recording", "survey"]
 
 #: Modules of `fourpole.io.formats` in the order in which they look at a file; text takes what nobody else knows.
 _MODULES = ("mdf", "tdms", "hdf5", "matlab", "uff", "wav", "tydex", "lvm", "text")
 _HEAD = 4096
+#: A file up to this size is read whole without a look at what it declares [byte].
+_SMALL = 20_000_000
+#: Channels that take no more memory than this are read whole [byte]; nothing is read that needs more than the other.
+_WHOLE, _MOST_MEMORY = 200_000_000, 2_000_000_000
+#: Rows of a stretch: 8 MB per channel.
+_ROWS = 1 << 20
 #: Times of two channels are the same within this share of a step.
 _SAME_TIME = 1e-3
 
@@ -46,6 +53,101 @@ def survey(path: str | Path, *, max_bytes: int = 4_000_000_000, label: str | Non
     """
     name = name_of(path, label)
     return format_of(path, max_bytes=max_bytes, label=name).survey(Path(path), name, max_bytes)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A stretch of a recording.
+
+    Attributes
+    ----------
+    signals : dict of str to Signal
+        By the names that were asked for.
+    clock : Signal or None
+        The column of times, in its own unit, where the file does not know its times itself.
+    """
+
+    signals: dict[str, Signal]
+    clock: Signal | None
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording to be read: where it is, and what is wanted of it.
+
+    Attributes
+    ----------
+    path : Path
+    names : tuple of str
+        The channels.
+    clock : str or None
+        Column of the time; a file that knows its own time need not have it.
+    group : str
+        Of a file with several recordings.
+    label : str
+        The file's name in messages.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    clock: str | None
+    group: str
+    label: str
+
+
+def pieces(source: Source) -> tuple[int, Iterator[Piece]]:
+    """The channels of a recording, whole where that takes little memory, else one stretch after the other.
+
+    Parameters
+    ----------
+    source : Source
+
+    Returns
+    -------
+    count : int
+        Samples of the longest channel wanted; 0 where the recording comes whole.
+    pieces : iterator of Piece
+        In order of time; each channel's samples put together are the recording's.
+
+    Raises
+    ------
+    FileError, TableError
+        If the file cannot be read, lacks a channel, or does not fit into memory and cannot be read in parts.
+    """
+    kind = format_of(source.path, max_bytes=MAX_FILE_BYTES, label=source.label)
+    names = tuple(dict.fromkeys(source.names))
+    if kind.name == "text" and source.clock is not None:
+        names = tuple(dict.fromkeys([*names, source.clock]))
+    count = _count(kind, source, names)
+    if 8 * count * len(names) <= _WHOLE or kind.blocks is None:
+        request = Request(source.path, names, source.group, source.label, _MOST_MEMORY)
+        return 0, iter([_piece(kind.read(request), names, source, kind.read)])
+    request = Request(source.path, names, source.group, source.label, _MOST_MEMORY)
+    return count, (_piece(block, names, source, None) for block in kind.blocks(request, _ROWS))
+
+
+def _count(kind: Format, source: Source, names: tuple[str, ...]) -> int:
+    """Samples of the longest of some channels, 0 where the file is small enough for that not to matter."""
+    size = source.path.stat().st_size
+    if size <= _SMALL:
+        return 0
+    found = kind.survey(source.path, source.label, MAX_FILE_BYTES)
+    inside = [one.count for one in found.signals if one.name in names and source.group in ("", one.group)]
+    return max(inside or [one.count for one in found.signals], default=0)
+
+
+_Read = Callable[[Request], Sequence[Signal]]
+
+
+def _piece(signals: Sequence[Signal], names: tuple[str, ...], source: Source, again: _Read | None) -> Piece:
+    """Signals by name, the clock apart; a file without times of its own is asked for the clock by its name."""
+    by_name = dict(zip(names, signals, strict=True))
+    clock = by_name.get(source.clock) if source.clock is not None else None
+    timeless = all(one.rate is None and one.time is None for one in signals)
+    if clock is None and source.clock is not None and timeless and again is not None:
+        request = Request(source.path, (source.clock,), source.group, source.label, _MOST_MEMORY)
+        clock = again(request)[0]
+    return Piece({name: by_name[name] for name in source.names}, clock if timeless else None)
 
 
 def read_recording(

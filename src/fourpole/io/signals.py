@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FileInfo", "Format", "Request", "Signal", "SignalInfo"]
+__all__ = ["MAX_FILE_BYTES", "FileInfo", "Format", "Request", "Signal", "SignalInfo"]
+
+MAX_FILE_BYTES = 64_000_000_000
+"""The largest file that is looked at, where what is read of it is a small part at a time."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +104,8 @@ class Request:
         The file's name in messages.
     max_bytes : int
         Nothing that needs more memory is read.
+    max_file_bytes : int
+        No larger file is read, in blocks or in part.
     """
 
     path: Path
@@ -108,6 +113,7 @@ class Request:
     group: str
     label: str
     max_bytes: int
+    max_file_bytes: int = MAX_FILE_BYTES
 
 
 @dataclass(frozen=True)
@@ -128,6 +134,12 @@ class Format:
         One Signal per name of a Request, in its order.
     extra : str
         Extra of the package that must be installed for it; empty where none.
+    blocks : callable or None
+        Of a Request and a number of rows, the recording piece by piece: each time one Signal per name, in
+        the order of the request, with its next samples, `rows` of them at most, and their `start` and
+        `time`. Channels of different rates go on together in time; one that has ended gives empty pieces.
+        All pieces of a channel together are what `read` gives; memory goes with `rows`, not with the file.
+        None where the format cannot be read in part.
     """
 
     name: str
@@ -136,3 +148,4 @@ class Format:
     survey: Callable[[Path, str, int], FileInfo]
     read: Callable[[Request], Sequence[Signal]]
     extra: str = ""
+    blocks: Callable[[Request, int], Iterator[Sequence[Signal]]] | None = None

@@ -24,6 +24,7 @@ __all__ = [
     "MOTIONS",
     "channel_scale",
     "column_unit",
+    "crosstalk",
     "frequency_grid",
     "is_unit",
     "motion_scale",
@@ -241,6 +242,44 @@ def sensitivity(text: str) -> tuple[float, str]:
         if dimensions == add_up((measured, 1), (volts, -1)):
             return _finite(one / (number * scale * volt), text), kind
     raise UnitError(f"sensitivity {shown(text)} is not volts per force or motion; {example} or '20 V/(m/s)'")
+
+
+def crosstalk(text: str, kind: str) -> tuple[float, str]:
+    """What a sensor of one kind shows of a force or motion: its SI unit per SI unit of that, and the kind of that.
+
+    Parameters
+    ----------
+    text : str
+        "0.02 N/(m/s2)", "0.02 kg", "0.5 %" of the same kind, "-1e-4 (m/s2)/N".
+    kind : str
+        Of the sensor: "force", "displacement", "velocity" or "acceleration".
+
+    Returns
+    -------
+    float
+        Of either sign.
+    str
+        "force", "displacement", "velocity" or "acceleration".
+
+    Raises
+    ------
+    UnitError
+        If it is not the sensor's kind per force or motion.
+
+    Examples
+    --------
+    >>> crosstalk("0.02 N/(m/s2)", "force"), crosstalk("0.5 %", "acceleration")
+    ((0.02, 'acceleration'), (0.005, 'acceleration'))
+    """
+    number, unit = _number_and_unit(text, None)
+    scale, dimensions = parse(unit or "1", True)
+    one, shown_in = parse(kind_named(kind).si, False)
+    for of in (kind, "force", *MOTIONS):
+        other, measured = parse(kind_named(of).si, False)
+        if dimensions == add_up((shown_in, 1), (measured, -1)):
+            return _finite(number * scale * other / one, text), of
+    example = f"({kind_named(kind).si})/(m/s2)"
+    raise UnitError(f"crosstalk {shown(text)} is not {kind} per force or motion; write it as in '0.02 {example}'")
 
 
 def frequency_grid(text: str) -> list[float]:

@@ -1,0 +1,330 @@
+"""What [channels] of campaign.toml may say: which column is what, and what its sensor makes of it."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from fourpole import units
+from fourpole.core.chain import Geophone, HighPass, Link, LowPass
+from fourpole.core.recording import CrossTalk
+from fourpole.errors import TableError
+
+__all__ = [
+    "CHANNEL_KINDS",
+    "ChannelFile",
+    "ChannelsFile",
+    "Conversion",
+    "File",
+    "ReferenceFile",
+    "TimeFile",
+    "did_you_mean",
+    "known_keys",
+]
+
+#: What an unstated uncertainty is taken as.
+DEFAULT_GAIN_STD = 0.01
+DEFAULT_PHASE_STD = 0.5 * 3.141592653589793 / 180.0
+_HIGHEST_ORDER = 12
+_MOTIONS = ("displacement", "velocity", "acceleration")
+_ROLES = ("force_in", "motion_in", "motion_out")
+
+
+def known_keys(raw: dict[str, Any], known: tuple[str, ...]) -> None:
+    """ValueError for a key of a table that is not known, with the nearest one that is."""
+    for key in raw:
+        if key not in known:
+            raise ValueError(f"unknown key {units.shown(key)}{did_you_mean(key, known)}")
+
+
+def did_you_mean(key: str, known: tuple[str, ...]) -> str:
+    """The nearest known key, or all of them, as the end of a message."""
+    near = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
+    return f"; did you mean '{near[0]}'?" if near else f"; known are {', '.join(known)}"
+
+
+def _ratio(raw: Any) -> float:
+    return units.quantity(raw, "ratio", default_unit="1")
+
+
+def _time(raw: Any) -> float:
+    return units.quantity(raw, "time")
+
+
+def _angle(raw: Any) -> float:
+    return units.quantity(raw, "angle")
+
+
+def _frequency(raw: Any) -> float:
+    return units.quantity(raw, "frequency")
+
+
+def _numbers(raw: Any, kinds: dict[str, str], example: str) -> dict[str, float]:
+    """The quantities of a small table, all of them needed but "order"; a bare text is the first one."""
+    if isinstance(raw, str):
+        raw = {next(iter(kinds)): raw}
+    if not isinstance(raw, dict):
+        raise ValueError(f"write it as {example}, not {raw!r}")
+    known_keys(raw, tuple(kinds))
+    for name in kinds:
+        if name not in raw and name != "order":
+            raise ValueError(f"{name} is missing: write it as {example}")
+    found = {
+        name: units.quantity(raw[name], kind, default_unit="1" if kind == "ratio" else None)
+        for name, kind in kinds.items()
+        if name in raw
+    }
+    for name, value in found.items():
+        if value <= 0:
+            raise ValueError(f"{name} must be positive")
+    return found
+
+
+def _filter(kind: type[HighPass] | type[LowPass]) -> Any:
+    example = '{ corner = "0.5 Hz", order = 1 }'
+
+    def read(raw: Any) -> HighPass | LowPass:
+        found = _numbers(raw, {"corner": "frequency", "order": "ratio"}, example)
+        order = found.get("order", 1.0)
+        if order != int(order) or order > _HIGHEST_ORDER:
+            raise ValueError(f"order must be a whole number from 1 to {_HIGHEST_ORDER}, not {order:g}")
+        return kind(found["corner"], int(order))
+
+    return read
+
+
+def _geophone(raw: Any) -> Geophone:
+    example = '{ natural_frequency = "4.5 Hz", damping = 0.7 }'
+    found = _numbers(raw, {"natural_frequency": "frequency", "damping": "ratio"}, example)
+    return Geophone(found["natural_frequency"], found["damping"])
+
+
+def _no_table_of_text(raw: Any) -> dict[str, str]:
+    if not isinstance(raw, dict) or not all(isinstance(value, str) for value in raw.values()):
+        raise ValueError('write it as { motion_in = "0.02 N/(m/s2)" }')
+    known_keys(raw, _ROLES)
+    return raw
+
+
+class File(BaseModel):
+    """A table of campaign.toml, whose unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+class ChannelFile(File):
+    """One of [channels]: which column it is, and how its numbers become SI values."""
+
+    column: str = Field(min_length=1)
+    unit: str | None = None
+    gain: float = Field(1.0, allow_inf_nan=False)
+    offset: float | str = 0.0
+    sensitivity: str | None = None
+    delay: Annotated[float, BeforeValidator(_time)] = 0.0
+    std_delay: Annotated[float, BeforeValidator(_time), Field(ge=0)] = 0.0
+    high_pass: Annotated[HighPass | None, BeforeValidator(_filter(HighPass))] = None
+    low_pass: Annotated[LowPass | None, BeforeValidator(_filter(LowPass))] = None
+    geophone: Annotated[Geophone | None, BeforeValidator(_geophone)] = None
+    response: str | None = Field(None, min_length=1)
+    crosstalk: Annotated[dict[str, str], BeforeValidator(_no_table_of_text)] = {}
+    invert: bool = False
+    range: float | str | None = None
+    std_gain: Annotated[float, BeforeValidator(_ratio), Field(ge=0)] | None = None
+    std_phase: Annotated[float, BeforeValidator(_angle), Field(ge=0)] | None = None
+    exact: bool = False
+
+    @model_validator(mode="after")
+    def _readable(self) -> ChannelFile:
+        if self.gain == 0:
+            raise ValueError("gain is zero: state the factor from the recorded to the true value")
+        if self.exact and (self.std_gain or self.std_phase or self.std_delay):
+            raise ValueError("exact = true and std_gain, std_phase or std_delay contradict each other: keep one")
+        return self
+
+    def conversion(self, kinds: tuple[str, ...]) -> Conversion:
+        """How recorded numbers become SI, for a channel that must be of one of `kinds`."""
+        kind, scale, recorded = self._recorded(kinds)
+        slope = scale * self.gain * (-1.0 if self.invert else 1.0)
+        offset = self._in_recorded(self.offset, recorded)
+        limits = None
+        if self.range is not None:
+            full = self._in_recorded(self.range, recorded)
+            if full <= 0:
+                raise ValueError("range must be positive: the full scale of the channel")
+            low, high = sorted((slope * (-full - offset), slope * (full - offset)))
+            limits = (low, high)
+        if self.geophone is not None and kind != "velocity":
+            raise TableError(f"geophone is for a sensor of velocity, this one is of {kind}")
+        talk = tuple(_crosstalk(source, text, kind) for source, text in self.crosstalk.items())
+        return Conversion(kind, slope, offset, self.delay, limits, self.chain, talk)
+
+    @property
+    def has_no_unit(self) -> bool:
+        """Whether the file must say what unit its numbers have."""
+        return self.unit is None and self.sensitivity is None
+
+    @property
+    def chain(self) -> tuple[Link, ...]:
+        """What the sensor and its filters do to an amplitude, a calibrated response apart."""
+        return tuple(link for link in (self.high_pass, self.low_pass, self.geophone) if link is not None)
+
+    def _recorded(self, kinds: tuple[str, ...]) -> tuple[str, float, str]:
+        """Kind measured, its SI value per recorded unit, and the recorded unit."""
+        if self.sensitivity is None:
+            if self.unit is None:
+                raise TableError(
+                    f"the file states no unit of {units.shown(self.column)}: unit is missing in campaign.toml: "
+                    'write it, as unit = "N", or give a sensitivity for volts'
+                )
+            kind, scale = units.channel_scale(self.unit, kinds)
+            return kind, scale, self.unit
+        volts, kind = units.sensitivity(self.sensitivity)
+        if kind not in kinds:
+            raise ValueError(f"sensitivity '{self.sensitivity}' is of a {kind}, a {' or '.join(kinds)} is needed")
+        unit = self.unit or "V"
+        stated, scale = units.channel_scale(unit, ("voltage", *kinds))
+        if stated == kind:  # the unit says what the volts mean, not what was recorded
+            unit, scale = "V", 1.0
+        elif stated != "voltage":
+            raise ValueError(f"unit '{unit}' and sensitivity '{self.sensitivity}' contradict each other")
+        return kind, scale / volts, unit
+
+    @staticmethod
+    def _in_recorded(value: float | str, unit: str) -> float:
+        """A number in the recorded unit, or a quantity turned into it."""
+        if isinstance(value, float):
+            return value
+        kind, scale = units.channel_scale(unit, ("voltage", "force", "displacement", "velocity", "acceleration"))
+        return units.quantity(value, kind, default_unit=unit) / scale
+
+    @property
+    def gain_std(self) -> float:
+        """Relative standard uncertainty of the gain."""
+        return 0.0 if self.exact else (DEFAULT_GAIN_STD if self.std_gain is None else self.std_gain)
+
+    @property
+    def phase_std(self) -> float:
+        """Standard uncertainty of the phase [rad]."""
+        return 0.0 if self.exact else (DEFAULT_PHASE_STD if self.std_phase is None else self.std_phase)
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """SI value = slope · (recorded − offset); the limits and the delay are in SI."""
+
+    kind: str
+    slope: float
+    offset: float
+    delay: float
+    limits: tuple[float, float] | None
+    chain: tuple[Link, ...] = ()
+    crosstalk: tuple[CrossTalk, ...] = ()
+
+
+def _crosstalk(source: str, text: str, kind: str) -> CrossTalk:
+    coefficient, of = units.crosstalk(text, kind)
+    if source == "force_in" and of != "force":
+        raise ValueError(f"crosstalk of force_in is per force, as in '0.001 ({units.si_unit(kind)})/N', not '{text}'")
+    if source != "force_in" and of == "force":
+        raise ValueError(f"crosstalk of {source} is per motion, not '{text}'")
+    return CrossTalk(source, of, coefficient)
+
+
+class ReferenceFile(File):
+    """What says how the drive turns: a tacho's pulses, or an encoder's angle."""
+
+    column: str = Field(min_length=1)
+    unit: str = "V"
+    pulses: int = Field(1, ge=1, le=100_000)
+    cycles: float = Field(1.0, gt=0, allow_inf_nan=False)
+
+    @model_validator(mode="after")
+    def _readable(self) -> ReferenceFile:
+        if self.is_angle and "pulses" in self.model_fields_set:
+            raise ValueError("pulses are of a tacho, an angle has none: leave out pulses, or state its unit in volts")
+        return self
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether the column is an angle and not a train of pulses."""
+        return units.channel_scale(self.unit, ("voltage", "angle"))[0] == "angle" and self.unit not in ("1", "-")
+
+
+class TimeFile(File):
+    """The time column, or a sample rate in its place."""
+
+    column: str | None = None
+    unit: str = "s"
+    sample_rate: Annotated[float, BeforeValidator(_frequency), Field(gt=0)] | None = None
+
+    @model_validator(mode="after")
+    def _readable(self) -> TimeFile:
+        units.unit_scale(self.unit, "time")
+        if (self.column is None) == (self.sample_rate is None):
+            raise ValueError("state a column or a sample_rate, one of the two")
+        return self
+
+
+CHANNEL_KINDS: dict[str, tuple[str, ...]] = {
+    "force_in": ("force",),
+    "motion_in": _MOTIONS,
+    "motion_out": _MOTIONS,
+    "load": ("force",),
+    "deflection": ("displacement",),
+}
+
+
+class ChannelsFile(File):
+    """[channels]."""
+
+    time: TimeFile | None = None
+    sample_rate: Annotated[float, BeforeValidator(_frequency), Field(gt=0)] | None = None
+    force_in: ChannelFile | None = None
+    motion_in: ChannelFile | None = None
+    motion_out: ChannelFile | None = None
+    load: ChannelFile | None = None
+    deflection: ChannelFile | None = None
+    reference: ReferenceFile | None = None
+
+    @model_validator(mode="after")
+    def _readable(self) -> ChannelsFile:
+        if self.time is not None and self.sample_rate is not None:
+            raise ValueError("time and sample_rate are both stated: keep one of them")
+        for role in CHANNEL_KINDS:
+            if (channel := self.named(role)) is not None:
+                try:
+                    # of a unit that the file must state, any of the kind will do to look at the rest
+                    self.conversion(role, units.si_unit(CHANNEL_KINDS[role][0]) if channel.has_no_unit else None)
+                except ValueError as error:
+                    raise ValueError(f"{role}: {error}") from None
+        self._check_crosstalk()
+        return self
+
+    def _check_crosstalk(self) -> None:
+        for role in CHANNEL_KINDS:
+            channel = self.named(role)
+            for source in channel.crosstalk if channel is not None else ():
+                if source == role or role not in _ROLES or self.named(source) is None:
+                    why = "itself" if source == role else f"{source}, which is not stated"
+                    raise ValueError(f"{role}: crosstalk is of another channel of the dynamic tests, not of {why}")
+
+    def named(self, role: str) -> ChannelFile | None:
+        """The channel of a role, if it is stated."""
+        channel: ChannelFile | None = getattr(self, role)
+        return channel
+
+    def conversion(self, role: str, written: str | None = None) -> Conversion:
+        """How the numbers of a role become SI; by the unit in the file where neither unit nor sensitivity is stated."""
+        channel = self.named(role)
+        assert channel is not None
+        if channel.has_no_unit and written is not None:
+            channel = channel.model_copy(update={"unit": written})
+        return channel.conversion(CHANNEL_KINDS[role])
+
+    @property
+    def rate(self) -> float | None:
+        """Sample rate stated in place of a time column [Hz]."""
+        return self.sample_rate or (self.time.sample_rate if self.time else None)

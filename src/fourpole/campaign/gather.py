@@ -1,0 +1,260 @@
+"""Pieces of a recording become channels: SI values on their own time base, thinned where they are very many."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fourpole import units
+from fourpole.campaign.channels import Conversion, ReferenceFile
+from fourpole.core.arrays import FloatArray
+from fourpole.core.checks import clipped_share
+from fourpole.core.decimate import Decimator
+from fourpole.core.recording import Channel, uniform_time
+from fourpole.core.reference import PulseTrain, Reference
+from fourpole.errors import RecordingError, TableError, UnitError
+from fourpole.io.signals import Signal
+
+__all__ = ["Gathered", "Timing", "Turning", "agreed"]
+
+#: Samples of a channel beyond which it is thinned: what a fit of some thirty unknowns holds in memory.
+_MOST_SAMPLES = 1 << 19
+#: A test's frequency, where it is stated, keeps this many samples per cycle.
+_PER_CYCLE = 24.0
+#: Of two rates for the same channel.
+_SAME_RATE = 1e-4
+#: Of an encoder's angles in one piece: what is kept.
+_MOST_ANGLES = 1 << 17
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What is stated of the times of a test.
+
+    Attributes
+    ----------
+    rate : float or None [Hz]
+        Stated in campaign.toml in place of the file's times.
+    window : (float, float) or None [s]
+    near : float or None [Hz]
+        Stated frequency of the excitation.
+    label : str
+        The file, for messages.
+    """
+
+    rate: float | None
+    window: tuple[float, float] | None
+    near: float | None
+    label: str
+
+    def longest(self, count: int, rate: float) -> int:
+        """Most samples that the window can hold, of a channel that has `count`."""
+        if self.window is None:
+            return count
+        return min(count, int((self.window[1] - self.window[0]) * rate) + 2)
+
+
+class Gathered:
+    """One channel, as it comes in piece by piece."""
+
+    def __init__(self, name: str, conversion: Conversion, unit: str | None, timing: Timing, count: int) -> None:
+        self._name, self._conversion, self._unit, self._timing, self._count = name, conversion, unit, timing, count
+        self._base = TimeBase(timing)
+        self._thin: Decimator | None = None
+        self._clipped: list[tuple[int, float]] = []
+
+    def feed(self, signal: Signal, clock: FloatArray | None) -> None:
+        """The next samples, with their times [s] where a column states them."""
+        if self._unit is not None:
+            agreed(self._name, signal.unit, self._unit, self._conversion.kind)
+        kept = self._base.feed(signal, clock)
+        samples = signal.samples[kept]
+        if not samples.size:
+            return
+        values = self._conversion.slope * (samples - self._conversion.offset)
+        if self._thin is None:
+            self._thin = Decimator(self._factor(samples.size))
+        if self._thin.factor > 1:
+            whole = Channel(values, self._conversion.kind, limits=self._conversion.limits)
+            self._clipped.append((values.size, clipped_share(whole)))
+        self._thin.feed(values)
+
+    def _factor(self, size: int) -> int:
+        """By how much the channel is thinned."""
+        rate = self._base.rate
+        longest = self._timing.longest(max(self._count, size), rate)
+        most = longest // 16 if self._timing.near is None else int(rate / (_PER_CYCLE * self._timing.near))
+        return max(1, min(-(-longest // _MOST_SAMPLES), most))
+
+    def channel(self) -> tuple[Channel, str]:
+        """The channel on its own time base, and what is to be said of its times."""
+        if self._thin is None:
+            raise TableError(self._base.empty())
+        start, rate = self._base.start, self._base.rate
+        weight = sum(size for size, _ in self._clipped)
+        made = self._conversion
+        channel = Channel(
+            samples=self._thin.samples(),
+            quantity=made.kind,
+            delay=made.delay,
+            limits=made.limits,
+            rate=rate / self._thin.factor,
+            start=start + self._thin.shift / rate,
+            chain=made.chain,
+            crosstalk=made.crosstalk,
+            clipped=sum(size * share for size, share in self._clipped) / weight if weight else None,
+        )
+        return channel, self._base.remark
+
+
+class Turning:
+    """The drive's reference, as it comes in piece by piece: a tacho's pulses, or an encoder's angle."""
+
+    def __init__(self, stated: ReferenceFile, timing: Timing) -> None:
+        self._stated = stated
+        self._base = TimeBase(replace(timing, window=None))
+        self._window = timing.window
+        self._train = PulseTrain()
+        self._angles: list[tuple[FloatArray, FloatArray]] = []
+
+    def feed(self, signal: Signal, clock: FloatArray | None) -> None:
+        """The next samples, with their times [s] where a column states them."""
+        first = self._base.kept
+        self._base.feed(signal, clock)
+        if not signal.samples.size:
+            return
+        stamps = clock if clock is not None else signal.time
+        rate = self._base.rate
+        start = self._base.start + first / rate if stamps is None else float(stamps[0])
+        if self._stated.is_angle:
+            step = max(1, signal.samples.size // _MOST_ANGLES)
+            times = start + np.arange(0, signal.samples.size, step) / rate
+            unit = agreed(signal.name, signal.unit, self._stated.unit, "angle")
+            self._angles.append((times, signal.samples[::step] * units.unit_scale(unit, "angle")))
+        else:
+            self._train.feed(signal.samples, rate, start)
+
+    def reference(self) -> Reference:
+        """What all pieces came to; RecordingError where it does not turn."""
+        low, high = self._window or (-np.inf, np.inf)
+        if self._stated.is_angle:
+            time, angle = (np.concatenate(parts) for parts in zip(*self._angles, strict=True))
+            kept = (time >= low) & (time <= high)
+            return Reference.from_angle(time[kept], angle[kept], cycles=self._stated.cycles)
+        times = self._train.times()
+        times = times[(times >= low) & (times <= high)]
+        return Reference.from_pulses(times, pulses=self._stated.pulses, cycles=self._stated.cycles)
+
+
+class TimeBase:
+    """When the samples of a channel were taken, as its pieces say one after the other.
+
+    Attributes
+    ----------
+    kept : int
+        Samples in the window so far.
+    start, rate : float [s], [Hz]
+        Time of the first of them; samples per second.
+    remark : str
+        What is to be said of the times.
+    """
+
+    def __init__(self, timing: Timing) -> None:
+        self._timing = timing
+        self._seen = self.kept = 0
+        self.start = self._last = float("nan")
+        self.remark = ""
+        self._span = (float("inf"), float("-inf"))
+        self.rate = float("nan")
+
+    def feed(self, signal: Signal, clock: FloatArray | None) -> slice:
+        """Take in the times of a piece; which of its samples lie in the window."""
+        count = signal.samples.size
+        stamps = clock if clock is not None else signal.time
+        rate = self._stated(signal, stamps)
+        if rate is None:
+            assert stamps is not None
+            return self._by_stamps(stamps)
+        first = self._seen / rate if self._timing.rate is not None else signal.start
+        self._seen += count
+        if count:
+            self._span = min(self._span[0], first), max(self._span[1], first + (count - 1) / rate)
+        low, high = 0, count
+        if self._timing.window is not None:
+            low, high = (int(np.clip(np.ceil((edge - first) * rate - 1e-6), 0, count)) for edge in self._timing.window)
+        if high > low and not self.kept:
+            self.start, self.rate = first + low / rate, rate
+        self.kept += high - low
+        return slice(low, high)
+
+    def _stated(self, signal: Signal, stamps: FloatArray | None) -> float | None:
+        """The rate that holds, None where the samples' own times do; an error where nothing or two things are said."""
+        stated, own = self._timing.rate, signal.rate
+        if stated is None:
+            if stamps is None and own is None:
+                raise TableError(
+                    f"{self._timing.label}: does not say when its samples were taken: state sample_rate, or the column "
+                    "time, in [channels] of campaign.toml"
+                )
+            return own if stamps is None else None
+        if own is not None and abs(own - stated) > _SAME_RATE * stated:
+            raise TableError(
+                f"{units.shown(signal.name)} was sampled at {own:.8g} Hz by the file, at {stated:.8g} Hz by "
+                "campaign.toml: correct or leave out sample_rate in campaign.toml"
+            )
+        return stated
+
+    def _by_stamps(self, stamps: FloatArray) -> slice:
+        if stamps.size:
+            self._span = min(self._span[0], float(stamps[0])), max(self._span[1], float(stamps[-1]))
+        window = self._timing.window
+        low, high = (0, stamps.size) if window is None else (int(x) for x in np.searchsorted(stamps, window))
+        kept = stamps[low:high]
+        if kept.size > 1 or (kept.size and not self.kept):
+            self._join(kept)
+        return slice(low, high)
+
+    def _join(self, stamps: FloatArray) -> None:
+        step, remark = uniform_time(stamps)
+        self.remark = self.remark or remark
+        if self.kept:
+            gap = float(stamps[0]) - self._last
+            if abs(gap * self.rate - 1) > 0.5 or abs(step * self.rate - 1) * stamps.size > 0.5:
+                raise RecordingError(
+                    f"time is not uniform: {gap:.6g} s after {self._last:.9g} s where the interval was "
+                    f"{1 / self.rate:.6g} s; samples were lost or the rate changed: cut with window [s]"
+                )
+        else:
+            self.rate = 1.0 / step
+            self.start = float(np.mean(stamps)) - 0.5 * (stamps.size - 1) * step
+        self.kept += stamps.size
+        self._last = float(stamps[-1])
+        if self._last > self.start and self.kept > stamps.size:
+            self.rate = (self.kept - 1) / (self._last - self.start)
+
+    def empty(self) -> str:
+        """Why there is no sample."""
+        window = self._timing.window
+        if window is None or self._span[1] < self._span[0]:
+            return f"{self._timing.label} holds no samples: record the test again"
+        return (
+            f"window {window[0]:g}..{window[1]:g} s holds no samples: the recording runs "
+            f"{self._span[0]:g} to {self._span[1]:g} s"
+        )
+
+
+def agreed(column: str, written: str | None, unit: str, kind: str) -> str:
+    """The campaign's unit, held against the file's own where both are of that kind and differ."""
+    if written is None or written == unit:
+        return unit
+    try:
+        differs = units.channel_scale(written, (kind, "voltage")) != units.channel_scale(unit, (kind, "voltage"))
+    except UnitError:
+        differs = units.is_unit(written)
+    if differs:
+        raise TableError(
+            f"column {units.shown(column)} is in {units.shown(written)} by the file, "
+            f"in {units.shown(unit)} by campaign.toml: correct the unit in campaign.toml"
+        )
+    return unit

@@ -1,0 +1,74 @@
+"""A sensor's calibrated response from a table: frequency, gain, phase, and what is not known of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from fourpole import units
+from fourpole.core.arrays import FloatArray
+from fourpole.core.chain import Calibrated
+from fourpole.errors import TableError, UnitError
+from fourpole.io.text import TextTable, read_table
+
+__all__ = ["read_response"]
+
+#: Columns by their names, and what they are.
+_COLUMNS = {"frequency": "frequency", "gain": "ratio", "phase": "angle", "u(gain)": "ratio", "u(phase)": "angle"}
+_MOST_BYTES = 4_000_000
+
+
+def read_response(path: Path, label: str) -> Calibrated:
+    """Read a response: recorded over true, from a table of text.
+
+    Parameters
+    ----------
+    path : Path
+        With the columns frequency [Hz], gain [1] and phase [deg], and perhaps u(gain) [%] and u(phase) [deg]; the
+        gain is relative to the channel's stated sensitivity or unit, the phase that of the record ahead of the truth.
+    label : str
+        The file's name in messages.
+
+    Raises
+    ------
+    FileError, TableError
+        If it cannot be read, or a column is missing or has no unit of its kind.
+    """
+    table = read_table(path, max_bytes=_MOST_BYTES, label=label)
+    found = {name: _column(table, name, kind, label) for name, kind in _COLUMNS.items() if _place(table, name)}
+    for name in ("frequency", "gain", "phase"):
+        if name not in found:
+            raise TableError(
+                f"{label}: column '{name}' is missing: a response has frequency [Hz], gain [1], phase [deg], "
+                "and perhaps u(gain) [%], u(phase) [deg]"
+            )
+    nothing = np.zeros_like(found["frequency"])
+    return Calibrated(
+        frequency=found["frequency"],
+        gain=found["gain"],
+        phase=np.unwrap(found["phase"]),
+        gain_std=found.get("u(gain)", nothing),
+        phase_std=found.get("u(phase)", nothing),
+        name=f"response {label}",
+    )
+
+
+def _place(table: TextTable, name: str) -> str:
+    """The column's name as written; empty where there is none."""
+    return next((one for one in table.names if one.strip().casefold() == name), "")
+
+
+def _column(table: TextTable, name: str, kind: str, label: str) -> FloatArray:
+    written = _place(table, name)
+    unit = table.unit(written) or ("1" if kind == "ratio" else None)
+    if unit is None:
+        raise TableError(f"{label}: column '{name}' has no unit: write '{name} [{units.si_unit(kind)}]'")
+    values = table.column(written)
+    if np.isnan(values).any():
+        row = table.lines[int(np.argmax(np.isnan(values)))]
+        raise TableError(f"{label} row {row}: column '{name}' has no number: fill it in, or remove the row")
+    try:
+        return units.to_si(values, unit, kind)
+    except UnitError as error:
+        raise TableError(f"{label}: column '{name}': {error}") from None

@@ -1,0 +1,219 @@
+r"""A reference of the drive: tacho pulses or an encoder's angle say how the excitation really turned.
+
+The phase is taken once per revolution, from all pulses or angles of it, so that unequal teeth and what the speed does
+within a revolution, which the force answers as harmonics, are left alone; a smoothing spline joins the revolutions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import interpolate
+
+from fourpole.core.arrays import FloatArray
+from fourpole.errors import RecordingError
+
+__all__ = ["PulseTrain", "Reference"]
+
+_FEWEST = 4  # points that a cubic goes through
+_FEWEST_SMOOTHED = 8
+_MOST_POINTS = 4000
+_HYSTERESIS = 0.2  # of the pulse's height, either side of its middle
+_TICKS = 16  # angles of an encoder's revolution
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The phase of the excitation over time.
+
+    Parameters
+    ----------
+    time : (n,) float array [s]
+        About one per revolution, rising, n >= 4.
+    phase : (n,) float array [rad]
+        Of the excitation's fundamental, without jumps.
+
+    Examples
+    --------
+    >>> Reference(np.arange(5.0), 20 * np.arange(5.0)).omega(1.0, 3.0).round(9)
+    np.float64(20.0)
+    """
+
+    time: FloatArray
+    phase: FloatArray
+
+    @classmethod
+    def from_pulses(cls, times: FloatArray, *, pulses: int = 1, cycles: float = 1.0) -> Reference:
+        """A reference from the times of a tacho's pulses.
+
+        Parameters
+        ----------
+        times : (n,) float array [s]
+            See `PulseTrain`.
+        pulses : int
+            Per revolution.
+        cycles : float
+            Of the excitation per revolution.
+
+        Raises
+        ------
+        RecordingError
+            If there are fewer than four revolutions, or pulses are missing.
+
+        Examples
+        --------
+        >>> Reference.from_pulses(np.arange(200) / 600.0, pulses=60).omega(0.0, 0.3).round(9) / (2 * np.pi)
+        np.float64(10.0)
+        """
+        turns = times.size // pulses
+        if turns < _FEWEST:
+            raise RecordingError(
+                f"the reference has {times.size} pulses, {turns} revolutions at {pulses} per revolution, "
+                f"{_FEWEST} are needed: check its column and the pulses stated"
+            )
+        _check_steady(times, pulses)
+        middle = times[: turns * pulses].reshape(turns, pulses).mean(axis=1)
+        return cls._thinned(middle, 2 * np.pi * cycles * np.arange(turns))
+
+    @classmethod
+    def from_angle(cls, time: FloatArray, angle: FloatArray, *, cycles: float = 1.0) -> Reference:
+        """A reference from the angle of an encoder.
+
+        Parameters
+        ----------
+        time : (n,) float array [s]
+        angle : (n,) float array [rad]
+            With or without jumps of whole revolutions, turning either way.
+        cycles : float
+            Of the excitation per revolution.
+
+        Raises
+        ------
+        RecordingError
+            If it does not turn, or less than four revolutions.
+
+        Examples
+        --------
+        >>> t = np.arange(2000) / 1000.0
+        >>> Reference.from_angle(t, (60 * t) % (2 * np.pi)).omega(0.5, 1.5).round(9)
+        np.float64(60.0)
+        """
+        there = np.isfinite(angle)
+        run = np.unwrap(angle[there])
+        run = np.maximum.accumulate(run * np.sign(run[-1] - run[0])) if run.size else run
+        turned = float(run[-1] - run[0]) / (2 * np.pi) if run.size else 0.0
+        if turned < _FEWEST + 1:
+            raise RecordingError(
+                f"the reference turns {turned:.3g} times in the recording, {_FEWEST + 1} are needed: "
+                "check its column and unit"
+            )
+        rising = np.concatenate([[True], np.diff(run) > 0])
+        marks = run[0] + 2 * np.pi * np.arange(int(turned) * _TICKS) / _TICKS
+        return cls.from_pulses(np.interp(marks, run[rising], time[there][rising]), pulses=_TICKS, cycles=cycles)
+
+    @classmethod
+    def _thinned(cls, time: FloatArray, phase: FloatArray) -> Reference:
+        step = -(-time.size // _MOST_POINTS)
+        return cls(time[::step], phase[::step])
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """From when to when the phase is known, half a revolution beyond the first and last point [s]."""
+        return (
+            float(self.time[0] - 0.5 * (self.time[1] - self.time[0])),
+            float(self.time[-1] + 0.5 * (self.time[-1] - self.time[-2])),
+        )
+
+    def curve(self) -> Callable[..., FloatArray]:
+        """Phase [rad] of time [s], with its derivatives by a second argument: a spline through smoothed times."""
+        time = _smoothed(self.time)
+        spline = interpolate.make_interp_spline(time, self.phase, bc_type="natural")
+
+        def phase(at: FloatArray, order: int = 0) -> FloatArray:
+            return np.asarray(spline(at, nu=order))
+
+        return phase
+
+    def omega(self, first: float, last: float) -> float:
+        """Mean speed between two times [rad/s]: phase turned over time."""
+        low, high = self.curve()(np.array([first, last]))
+        return float((high - low) / (last - first))
+
+
+def _smoothed(time: FloatArray) -> FloatArray:
+    """Times of equal steps of the phase, freed of what cross-validation takes for jitter."""
+    index = np.arange(float(time.size))
+    line = np.polynomial.Polynomial.fit(index, time, 1)(index)
+    beyond = time - line
+    size = float(np.max(np.abs(beyond)))
+    if time.size < _FEWEST_SMOOTHED or size < 1e-9 * (time[-1] - time[0]):
+        return time
+    return np.asarray(line + size * interpolate.make_smoothing_spline(index, beyond / size)(index))
+
+
+def _check_steady(times: FloatArray, pulses: int) -> None:
+    """Refuse a train in which pulses are missing or doubled."""
+    gaps = np.diff(times)
+    if gaps.size < 2 * pulses:
+        return
+    usual = np.median(gaps)
+    # the longest gap of a wheel with one tooth left out as a mark is twice the usual one, once per revolution
+    strange = np.flatnonzero((gaps > 2.5 * usual) | (gaps < 0.4 * usual))
+    if strange.size:
+        at = int(strange[0])
+        raise RecordingError(
+            f"the reference's pulses are uneven: {gaps[at]:.4g} s between pulses at {times[at]:.5g} s, "
+            f"{usual:.4g} s as a rule; check its level and cable, or cut with window [s]"
+        )
+
+
+class PulseTrain:
+    """The pulses of a tacho, fed with one piece of its samples after the other.
+
+    A pulse rises through the middle of its height, as the first piece shows it, after it has been well below; its time
+    lies on a straight line between the samples before and after.
+
+    Examples
+    --------
+    >>> train = PulseTrain()
+    >>> train.feed(np.array([0.0, 0.0, 5.0, 5.0, 0.0]), 10.0, 0.0)
+    >>> train.feed(np.array([0.0, 5.0]), 10.0, 0.5)
+    >>> train.times().round(3).tolist()
+    [0.15, 0.55]
+    """
+
+    def __init__(self) -> None:
+        self._levels: tuple[float, float] | None = None
+        self._held = np.empty(0)
+        self._parts: list[FloatArray] = []
+
+    def feed(self, samples: FloatArray, rate: float, start: float) -> None:
+        """The next samples, in any unit, the first at a time [s]; RecordingError if the first piece is constant."""
+        known = samples[np.isfinite(samples)]
+        if self._levels is None:
+            low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+            if not high > low:
+                raise RecordingError(
+                    "the reference is constant: the tacho was off, unplugged, or another column is meant"
+                )
+            self._levels = 0.5 * (low + high), _HYSTERESIS * (high - low)
+        middle, reach = self._levels
+        run = np.concatenate([self._held, np.where(np.isfinite(samples), samples, middle)])
+        first = start - self._held.size / rate
+        state = np.where(run > middle + reach, 1, np.where(run < middle - reach, -1, 0))
+        at = np.flatnonzero(state)
+        rises = np.flatnonzero((state[at][:-1] < 0) & (state[at][1:] > 0))
+        self._parts.append(np.array([_crossing(run, at[i], at[i + 1], middle) for i in rises]) / rate + first)
+        self._held = run[at[-1] :] if at.size else run
+
+    def times(self) -> FloatArray:
+        """Of all pulses so far [s]."""
+        return np.concatenate([np.empty(0), *self._parts])
+
+
+def _crossing(samples: FloatArray, before: int, after: int, level: float) -> float:
+    """Where samples that are below a level at one index and above it at another last rise through it."""
+    below = before + int(np.flatnonzero(samples[before:after] <= level)[-1])
+    return below + float((level - samples[below]) / (samples[below + 1] - samples[below]))

@@ -1,0 +1,149 @@
+"""Tracks: the channels of a recording brought to one zero of time, those with the same times together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.phasor import SYMBOLS
+from fourpole.core.recording import Recording
+from fourpole.core.reference import Reference
+from fourpole.core.sinefit import Course
+from fourpole.errors import RecordingError
+
+__all__ = ["Track", "following", "named", "tracks_of"]
+
+_FEWEST_SAMPLES = 16
+_MOST_MISSING = 0.2
+_LARGEST = 1e30  # beyond any measurement, and safe to square
+#: A speed steadier than this, relative, leaves amplitudes as they are.
+_STEADY = 1e-4
+#: What an amplitude may follow must not be this much alike to what it follows already, as a share of its length.
+_ALIKE = 0.3
+
+
+@dataclass(frozen=True)
+class Track:
+    """Channels that share their times.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Roles.
+    signals : (channels, N) float array
+        Less their means, missing samples set to 0, in SI units.
+    present : (N,) bool array
+        Samples that all of these channels have.
+    time : (N,) float array [s]
+        From the middle of the recording.
+    rate : float [Hz]
+    course : Course or None
+        How the excitation really turned, where a reference says so.
+    """
+
+    names: tuple[str, ...]
+    signals: FloatArray
+    present: BoolArray
+    time: FloatArray
+    rate: float
+    course: Course | None = None
+
+
+def tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:
+    """The channels `names` over the time that all were sampled, V1 first; RecordingError where one is of no use."""
+    first, last = recording.span
+    common = recording if _alike(recording) else recording.between(first, last)
+    bases = dict.fromkeys(common.base(name) for name in ("motion_in", *names))
+    middle = 0.5 * sum(recording.span)
+    owned = [tuple(name for name in names if common.base(name) == base) for base in bases]
+    return [_track(common, own, middle) for own in owned if own]
+
+
+def _alike(recording: Recording) -> bool:
+    """Whether all channels have the same times, and there is no reference to keep within."""
+    return recording.reference is None and len({recording.base(name) for name in recording.channels}) == 1
+
+
+def _track(recording: Recording, names: tuple[str, ...], middle: float) -> Track:
+    rate, start = recording.base(names[0])
+    signals, present = _signals(recording, names)
+    size = signals.shape[1]
+    time = (np.arange(size) - 0.5 * (size - 1)) / rate + (start + 0.5 * (size - 1) / rate - middle)
+    return Track(names, signals, present, time, rate)
+
+
+def following(tracks: Sequence[Track], reference: Reference, span: tuple[float, float]) -> tuple[list[Track], float]:
+    """The tracks with the phase that a reference gives, and the mean speed [rad/s].
+
+    Between slow turns of the drive's speed the amplitude at its mean is what is wanted, so it may follow the speed's
+    departure from the mean, its square and its change: then neither curvature nor lag of the rig shifts it.
+    """
+    curve = reference.curve()
+    omega, middle = reference.omega(*span), 0.5 * (span[0] + span[1])
+    zero = float(curve(np.array([middle]))[0])
+    steps = np.linspace(*span, 400)
+    worst = float(np.max(np.abs(curve(steps, 1) / omega - 1.0)))
+    fastest = float(np.max(np.abs(curve(steps, 2)))) or 1.0
+    followed = []
+    for track in tracks:
+        time = track.time + middle
+        turn = curve(time) - zero - omega * track.time
+        follow: FloatArray = np.empty((0, time.size))
+        if worst > _STEADY:
+            off = (curve(time, 1) / omega - 1.0) / worst
+            follow = _different(np.stack([off, off**2, curve(time, 2) / fastest]))
+        followed.append(replace(track, course=Course(turn, follow)))
+    return followed, omega
+
+
+def _different(rows: FloatArray) -> FloatArray:
+    """Those rows that a constant and the rows before them do not make up already."""
+    kept: list[FloatArray] = [np.ones(rows.shape[1])]
+    for row in rows:
+        basis, _ = np.linalg.qr(np.stack(kept).T)
+        if np.linalg.norm(row - basis @ (basis.T @ row)) > _ALIKE * np.linalg.norm(row):
+            kept.append(row)
+    return np.stack(kept[1:]) if len(kept) > 1 else rows[:0]
+
+
+def _signals(recording: Recording, names: Sequence[str]) -> tuple[FloatArray, BoolArray]:
+    """Channels (C, N) less their means, missing samples set to 0; and which samples all channels have."""
+    raw = np.stack([recording.channels[name].samples for name in names])
+    if raw.shape[1] < _FEWEST_SAMPLES:
+        raise RecordingError(
+            f"{recording.label} has {raw.shape[1]} samples, at least {_FEWEST_SAMPLES} are needed: "
+            "record three cycles or more"
+        )
+    there = np.isfinite(raw)
+    present = np.asarray(there.all(axis=0))
+    if np.mean(present) < 1.0 - _MOST_MISSING:
+        worst = int(np.argmin(there.mean(axis=1)))
+        raise RecordingError(
+            f"{named(names[worst])}: {1.0 - there[worst].mean():.0%} of the samples are missing "
+            f"({1.0 - present.mean():.0%} in any channel), at most {_MOST_MISSING:.0%} can be bridged; "
+            "record the test again"
+        )
+    signals: FloatArray = np.where(present, raw, 0.0)
+    size = np.max(np.abs(signals), axis=1)
+    for name, largest in zip(names, size, strict=True):
+        if largest > _LARGEST:
+            raise RecordingError(
+                f"{named(name)} reaches {largest:.3g} in SI units, which is no measurement: "
+                "check its column, unit and gain"
+            )
+    signals -= np.where(present, signals.sum(axis=1, keepdims=True) / present.sum(), 0.0)
+    for name, row, largest in zip(names, signals, size, strict=True):
+        if np.max(np.abs(row)) <= 1e-12 * largest or largest == 0:
+            raise RecordingError(
+                f"{named(name)} is constant ({largest:.6g} in SI units): "
+                "the sensor was off, unplugged, or another column is meant"
+            )
+    return signals, present
+
+
+def named(role: str) -> str:
+    """F1 (force_in)."""
+    return f"{SYMBOLS[role]} ({role})"
