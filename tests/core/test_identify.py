@@ -392,13 +392,14 @@ def test_without_a_rig_the_relative_route_gives_the_measured_tr_an_uncertainty()
 
 
 def test_channel_uncertainty_stands_along_and_across_the_amplitude():
-    amplitude = np.array([3.0 + 4.0j, 2.0j, 1.0])
-    covariance = ChannelUncertainty(np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.2, 0.3])).covariance(amplitude)
+    amplitude, omega = np.array([[3.0 + 4.0j, 2.0j, 1.0]]), np.array([60.0])
+    known = ChannelUncertainty(np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.2, 0.3]))
+    covariance = known.covariance(amplitude, omega)[0]
     np.testing.assert_allclose(covariance[:2, :2], 0.01 * np.array([[9, 12], [12, 16]]), rtol=1e-15)
     np.testing.assert_allclose(covariance[2:4, 2:4], [[0.16, 0], [0, 0]], atol=1e-17)
     np.testing.assert_allclose(covariance[4:, 4:], [[0, 0], [0, 0.09]], atol=1e-17)
     assert not covariance[:2, 2:].any()
-    assert not ChannelUncertainty().covariance(amplitude).any()
+    assert not ChannelUncertainty().covariance(amplitude, omega).any()
 
 
 @settings(max_examples=30)

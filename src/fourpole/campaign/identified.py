@@ -14,6 +14,7 @@ from fourpole.campaign.reduce import Reduced
 from fourpole.campaign.static import SAME_PRESSURE, StaticStiffness
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.checks import worst_verdict
+from fourpole.core.demodulate import Demodulation
 from fourpole.core.identify import ChannelUncertainty, Identification, identify, variance_by_source
 from fourpole.core.joint import Joint, identify_joint
 from fourpole.core.joint.outputs import identification, outputs
@@ -134,6 +135,7 @@ def identify_tests(
             continue
         setup = setup_of(campaign, rig_name, [tests[i] for i in members], [stiffness[i] for i in members])
         phasors = Phasors.stack([phasors for i in members if (phasors := _phasors(reduced[i], route)) is not None])
+        setup = _with_responses(setup, [made for i in members if (made := reduced[i].found) is not None])
         used, note = _route_of(setup, phasors, route)
         names, parts = tuple(tests[i].name for i in members), [stiffness[i].parts for i in members]
         try:
@@ -148,6 +150,14 @@ def identify_tests(
             notes += [f"{_where(rig_name)}: {line}" for line in group.learned.notes]
         found.update({i: Identified(group, at) for at, i in enumerate(members)})
     return found, notes
+
+
+def _with_responses(setup: Setup, tests: Sequence[Demodulation]) -> Setup:
+    """The setup with what calibrated responses leave unknown at each test's frequency."""
+    left = np.array([test.response_std for test in tests])
+    if not left.any():
+        return setup
+    return replace(setup, channels=replace(setup.channels, response=left[:, :, 0] + 1j * left[:, :, 1]))
 
 
 def _phasors(reduced: Reduced, route: str) -> Phasors | None:
@@ -198,6 +208,7 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         channels=ChannelUncertainty(
             gain=np.array([channel.gain_std if channel is not None else 0.0 for channel in channels]),
             phase=np.array([channel.phase_std if channel is not None else 0.0 for channel in channels]),
+            delay=np.array([channel.std_delay if channel is not None else 0.0 for channel in channels]),
         ),
         k1=np.array([k1.value for k1 in stiffness]),
         k1_std=np.array([k1.std for k1 in stiffness]),
@@ -316,7 +327,7 @@ def _drawn(group: Group, at: int, draws: int, rng: np.random.Generator) -> Compl
         one,
         setup.rig,
         group.route,
-        setup.channels,
+        setup.channels.part([at]),
         draws,
         rng,
         added_mass=float(setup.added[at]),

@@ -26,7 +26,6 @@ _HALF = 0.5
 _NOTHING = 1e-8
 #: Kinds of values in the order of rig.csv, and what a part that nobody stated does not have.
 _ORDER = ("rig", "extra", "channel", "mass")
-_GROUP = {"gain": "channel", "phase": "channel"}
 _STATEMENT = ("stated", "u(stated)", "posterior over prior [1]", "pull [1]", "seen from")
 #: What cannot be told from a value: it moves, or gives way, with it.
 _HIDDEN = {"moving_mass": "tyre_mass", "preload_stiffness": "frame_stiffness"}
@@ -133,7 +132,7 @@ def _values(joint: Joint) -> list[dict[str, Any]]:
         }
         if quantity.kind == "extra":
             row |= dict.fromkeys(_STATEMENT, float("nan")) | {"u(found)": joint.found_std[at]}
-        group = _ORDER.index(_GROUP.get(quantity.kind, quantity.kind))
+        group = _ORDER.index(quantity.kind)
         rows.append((group, at, row | _finding(joint, at, std[at] / stated[at])))
     return [row for _, _, row in sorted(rows, key=lambda item: item[:2])]
 
@@ -333,7 +332,7 @@ def _gain_of_masses(
     fewer = phasors.part(bare)
     k1, k1_std = result.k1[bare], result.k1_std[bare]
     family, nominal = (place[bare] for place in places)
-    alone = identify_joint(fewer, rig, k1, family=family, nominal_frequency=nominal, channels=channels)
+    alone = identify_joint(fewer, rig, k1, family=family, nominal_frequency=nominal, channels=channels.part(bare))
     every = np.ones(k1.size, dtype=bool)
     fewer_found = outputs(alone, fewer, k1)
     stated, exact = (identification(alone, fewer, k1, std, fewer_found) for std in (k1_std, 0.0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from fourpole.core.wander import follow_wander
 from fourpole.errors import FourpoleError, RecordingError, TableError
 from fourpole.io.source import sha256_of
 
-__all__ = ["ROUTE_NEEDS", "Reduced", "reduce_tests"]
+__all__ = ["ROUTE_NEEDS", "Reduced", "reduce_tests", "response_hashes"]
 
 _WORKERS = min(os.cpu_count() or 1, 8)
 #: Channels that a route cannot do without.
@@ -222,6 +223,16 @@ def _judge(campaign: Campaign, test: Test, route: str, found: Demodulation) -> I
         yield checks.check_consistency(found.phasors, stated.rig(), added)
 
 
+def response_hashes(campaign: Campaign) -> dict[str, str]:
+    """Hash of each table of a calibrated response that can be read, by its name in the campaign."""
+    channels = (campaign.stated.channels.named(role) for role in CHANNELS)
+    hashes = {}
+    for name in {channel.response for channel in channels if channel is not None and channel.response is not None}:
+        with suppress(FourpoleError):
+            hashes[name] = sha256_of(inside(campaign.folder, name), max_bytes=MOST_BYTES, label=name)
+    return hashes
+
+
 def _depends_on(campaign: Campaign, test: Test, route: str) -> list[object]:
     """All that a reduced test depends on but its file: the channels, the rig and the row."""
     rig = campaign.stated.all_rigs.get(test.rig)
@@ -231,5 +242,6 @@ def _depends_on(campaign: Campaign, test: Test, route: str) -> list[object]:
         test.values,
         test.window,
         campaign.stated.channels.model_dump(),
+        response_hashes(campaign),
         rig and repr(rig),
     ]

@@ -16,11 +16,12 @@ from fourpole.campaign.cells import dynamic_cells
 from fourpole.campaign.folder import Campaign, Test, read_campaign
 from fourpole.campaign.identified import identify_tests, possible_route
 from fourpole.campaign.load import MOST_BYTES
-from fourpole.campaign.reduce import Reduced, reduce_tests
+from fourpole.campaign.reduce import Reduced, reduce_tests, response_hashes
 from fourpole.campaign.results import Results
 from fourpole.campaign.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
 from fourpole.campaign.tables import (
     budget_table,
+    correction_table,
     dynamic_table,
     phasor_table,
     preview_table,
@@ -55,8 +56,8 @@ class Study:
         As in static.csv, dynamic.csv, phasors.parquet and previews.parquet.
     route : str
         How K* was found.
-    rig, residuals, budget, quantiles : polars.DataFrame
-        As in rig.csv, residuals.csv, budget.csv and quantiles.csv.
+    rig, residuals, budget, quantiles, corrections : polars.DataFrame
+        As in rig.csv, residuals.csv, budget.csv, quantiles.csv and corrections.csv.
     joint : dict
         Of each rig, what the joint route says of its fit.
     monte_carlo : int
@@ -86,6 +87,7 @@ class Study:
     residuals: pl.DataFrame
     budget: pl.DataFrame
     quantiles: pl.DataFrame
+    corrections: pl.DataFrame
     joint: dict[str, dict[str, Any]] = field(default_factory=dict)
     monte_carlo: int = DRAWS
     notes: tuple[str, ...] = ()
@@ -131,7 +133,7 @@ class Study:
         write_table(folder / "dynamic.parquet", self.dynamic)
         write_table(folder / "phasors.parquet", self.phasors)
         write_table(folder / "previews.parquet", self.previews)
-        for name in ("rig", "residuals", "budget", "quantiles"):
+        for name in ("rig", "residuals", "budget", "quantiles", "corrections"):
             table = getattr(self, name)
             if table.height:
                 write_table(folder / f"{name}.csv", table)
@@ -240,6 +242,7 @@ def analyse(
         residuals=residual_table(groups),
         budget=budget_table(groups),
         quantiles=quantile_table(groups),
+        corrections=correction_table(dynamic, reduced),
         joint={group.setup.rig_name: group.learned.record for group in groups if group.learned is not None},
         monte_carlo=monte_carlo,
         notes=(*([note] if note else []), *remarks, *campaign.stated.assumptions(), *_assumed(dynamic)),
@@ -276,6 +279,7 @@ def _hashes(
 ) -> dict[str, str]:
     """Hash of every file that was read, by its name in the campaign."""
     hashes = {name: sha256_of(campaign.folder / name, max_bytes=MOST_BYTES) for name in ("campaign.toml", "tests.csv")}
+    hashes |= response_hashes(campaign)
     hashes |= {item.test.file: item.sha256 for item in statics if item.sha256}
     hashes |= {test.file: item.sha256 for test, item in zip(dynamic, reduced, strict=True) if item.sha256}
     return hashes

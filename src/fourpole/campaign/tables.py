@@ -28,6 +28,7 @@ __all__ = [
     "TEXT_COLUMNS",
     "amplitude_cells",
     "budget_table",
+    "correction_table",
     "covariance_cells",
     "dynamic_table",
     "phasor_table",
@@ -95,7 +96,19 @@ DYNAMIC_COLUMNS = (
     "verdict",
     "remarks",
 )
+CORRECTION_COLUMNS = (
+    "test",
+    "frequency [Hz]",
+    "channel",
+    "correction",
+    "gain [1]",
+    "phase [rad]",
+    "u(gain) [1]",
+    "u(phase) [rad]",
+)
 TEXT_COLUMNS = {
+    "channel",
+    "correction",
     "test",
     "rig",
     "tyre",
@@ -234,6 +247,26 @@ def quantile_table(groups: Sequence[Group]) -> pl.DataFrame:
                 row = {"test": group.names[at], "quantity": quantity, "unit": unit, **values}
                 rows.append({**row, "impassive share [1]": drawn.impassive})
     return _frame(rows, QUANTILE_COLUMNS)
+
+
+def correction_table(tests: Sequence[Test], reduced: Sequence[Reduced]) -> pl.DataFrame:
+    """corrections.csv: what was undone at the amplitudes of each test."""
+    rows = [
+        {
+            "test": test.name,
+            "frequency [Hz]": float(item.found.phasors.frequency),
+            "channel": SYMBOLS[row.channel],
+            "correction": row.name,
+            "gain [1]": row.gain,
+            "phase [rad]": row.phase,
+            "u(gain) [1]": row.gain_std,
+            "u(phase) [rad]": row.phase_std,
+        }
+        for test, item in zip(tests, reduced, strict=True)
+        if item.found is not None
+        for row in item.found.corrections
+    ]
+    return _frame(rows, CORRECTION_COLUMNS)
 
 
 def amplitude_cells(phasors: Phasors) -> dict[str, float]:

@@ -7,7 +7,8 @@ themselves stand in `fourpole.core.routes`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +26,7 @@ from fourpole.core.routes import (
 )
 from fourpole.errors import RigError
 
-__all__ = ["OUTPUTS", "ChannelUncertainty", "Identification", "identify", "variance_by_source"]
+__all__ = ["OUTPUTS", "ChannelError", "ChannelUncertainty", "Identification", "identify", "variance_by_source"]
 
 #: What uncertainty is accounted for, with units, in the order of every budget.
 OUTPUTS = {"Re K*": "N/m", "Im K*": "N/m", "loss factor": "1", "K2": "N/m", "C": "N s/m", "TR": "1"}
@@ -40,23 +41,82 @@ _INPUT_MASS_AT = 6 + list(PARAMETERS).index("input_mass")
 
 
 @dataclass(frozen=True)
+class ChannelError:
+    """One error that a channel has in all tests.
+
+    Attributes
+    ----------
+    name, unit : str
+        As in a budget: gain F1, phase V2, delay V1, response gain V1; the last in its stated uncertainties.
+    channel : int
+        0, 1, 2 for F1, V1, V2.
+    std : float
+        Standard uncertainty in the unit.
+    turn : (N,) complex array
+        Change of the logarithm of each test's recorded amplitude per unit of the error.
+    """
+
+    name: str
+    unit: str
+    channel: int
+    std: float
+    turn: ComplexArray
+
+
+@dataclass(frozen=True)
 class ChannelUncertainty:
-    """What is not known of the gains of F1, V1, V2: relative standard uncertainty [1] and phase [rad], 3 each."""
+    """What is not known of the channels F1, V1, V2.
+
+    Attributes
+    ----------
+    gain, phase : (3,) float arrays [1], [rad]
+        Standard uncertainty of the gain, relative, and of the phase; one error of each at all frequencies.
+    delay : (3,) float array [s]
+        Of the delay, whose error turns the phase by omega times itself.
+    response : (N, 3) complex array, optional [1] + j [rad]
+        What a calibrated response leaves unknown of gain and phase at each test's frequency; one error of each, in
+        these proportions, in all tests.
+    """
 
     gain: FloatArray = field(default_factory=lambda: np.zeros(3))
     phase: FloatArray = field(default_factory=lambda: np.zeros(3))
+    delay: FloatArray = field(default_factory=lambda: np.zeros(3))
+    response: ComplexArray | None = None
 
-    def covariance(self, amplitudes: ComplexArray) -> FloatArray:
-        """Covariance (..., 6, 6) that these uncertainties give amplitudes (..., 3) as measured."""
-        result = np.zeros((*amplitudes.shape[:-1], 6, 6))
-        for i, (gain, phase) in enumerate(zip(self.gain, self.phase, strict=True)):
-            along = _parts(amplitudes[..., i] * gain)
-            across = _parts(1j * amplitudes[..., i] * phase)
-            block = slice(2 * i, 2 * i + 2)
-            result[..., block, block] = (
-                along[..., None] * along[..., None, :] + across[..., None] * across[..., None, :]
-            )
+    def part(self, rows: Any) -> ChannelUncertainty:
+        """The same of some of the tests, by whatever indexes an array."""
+        return self if self.response is None else replace(self, response=self.response[rows])
+
+    def errors(self, omega: FloatArray) -> list[ChannelError]:
+        """All that have an uncertainty, for tests at angular frequencies (N,) [rad/s]."""
+        one = np.ones(omega.size, dtype=complex)
+        found = []
+        for at, role in enumerate(CHANNELS):
+            symbol = SYMBOLS[role]
+            found.append(ChannelError(f"gain {symbol}", "1", at, float(self.gain[at]), one))
+            found.append(ChannelError(f"phase {symbol}", "rad", at, float(self.phase[at]), 1j * one))
+            found.append(ChannelError(f"delay {symbol}", "s", at, float(self.delay[at]), -1j * omega))
+            if self.response is not None:
+                gain, phase = self.response[:, at].real, self.response[:, at].imag
+                found.append(ChannelError(f"response gain {symbol}", "1", at, float(gain.any()), gain + 0j))
+                found.append(ChannelError(f"response phase {symbol}", "1", at, float(phase.any()), 1j * phase))
+        return [error for error in found if error.std > 0]
+
+    def covariance(self, amplitudes: ComplexArray, omega: FloatArray) -> FloatArray:
+        """Covariance (N, 6, 6) that these uncertainties give amplitudes (N, 3) as measured."""
+        result = np.zeros((omega.size, 6, 6))
+        for error in self.errors(omega):
+            result += error_covariance(error, amplitudes)
         return result
+
+
+def error_covariance(error: ChannelError, amplitudes: ComplexArray) -> FloatArray:
+    """Covariance (N, 6, 6) that one error gives amplitudes (N, 3) as measured."""
+    result = np.zeros((len(amplitudes), 6, 6))
+    along = _parts(amplitudes[:, error.channel] * error.turn * error.std)
+    block = slice(2 * error.channel, 2 * error.channel + 2)
+    result[:, block, block] = along[:, :, None] * along[:, None, :]
+    return result
 
 
 @dataclass(frozen=True)
@@ -257,7 +317,7 @@ def variance_by_source(
     Returns
     -------
     dict of str to (N, 6) float array
-        Sensor noise, frequency, gain and phase of each channel, each of the rig's values, added mass, K1; they add up
+        Sensor noise, frequency, each error of each channel, each of the rig's values, added mass, K1; they add up
         to the squares of the uncertainties that `identify` gives, for its inputs are independent.
     """
     answers = _answers(phasors, rig, k1, k1_std, route, added_mass, added_mass_std, channels)
@@ -277,11 +337,8 @@ def variance_by_source(
     phasor = slice(0, 6)
     sources = {"sensor noise": alone(phasors.covariance.reshape(count, 6, 6), phasor)}
     sources["frequency"] = alone(answers.covariance[:, _OMEGA_AT:, _OMEGA_AT:], slice(_OMEGA_AT, None))
-    for i, role in enumerate(CHANNELS):
-        for what in ("gain", "phase"):
-            only = {"gain": np.zeros(3), "phase": np.zeros(3)}
-            only[what][i] = getattr(channels, what)[i]
-            sources[f"{what} {SYMBOLS[role]}"] = alone(ChannelUncertainty(**only).covariance(amplitudes), phasor)
+    for error in channels.errors(phasors.omega.reshape(count)):
+        sources[error.name] = alone(error_covariance(error, amplitudes), phasor)
     for i, name in enumerate((*PARAMETERS, "added mass", "K1"), start=6):
         sources[name] = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
     return sources
@@ -412,7 +469,7 @@ def _input_covariance(
     covariance = np.zeros((count, _INPUTS, _INPUTS))
     covariance[:, :6, :6] = phasors.covariance.reshape(count, 6, 6)
     if channels is not None:
-        covariance[:, :6, :6] += channels.covariance(phasors.amplitudes.reshape(count, 3))
+        covariance[:, :6, :6] += channels.covariance(phasors.amplitudes.reshape(count, 3), phasors.omega.reshape(count))
     at = np.arange(_INPUTS)
     if rig is not None:
         covariance[:, at[_RIG_AT], at[_RIG_AT]] = rig.uncertainties**2

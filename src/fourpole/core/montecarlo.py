@@ -70,9 +70,10 @@ def draw_route(
     """
     omega = float(phasors.omega)
     noise = _normal(phasors.covariance, draws, rng)
-    gains = np.exp(
-        rng.standard_normal((draws, 3)) * channels.gain + 1j * rng.standard_normal((draws, 3)) * channels.phase
-    )
+    off = np.zeros((draws, 3), dtype=complex)
+    for error in channels.errors(np.array([omega])):
+        off[:, error.channel] += rng.standard_normal(draws) * error.std * error.turn[0]
+    gains = np.exp(off)
     f1, v1, v2 = ((phasors.amplitudes + noise[:, ::2] + 1j * noise[:, 1::2]) * gains).T
     impedance: complex | ComplexArray = np.inf
     if rig is not None:

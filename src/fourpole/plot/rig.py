@@ -271,6 +271,8 @@ def _group(name: str) -> int:
     kind, _, of = name.partition(" ")
     if kind in ("gain", "phase") and of:
         return 2 if "/" in of or "-" in of else 1
+    if kind in ("delay", "response"):
+        return 1
     return 3 if kind == "added" else 0
 
 

@@ -192,6 +192,7 @@ def _channel_row(role: str, stated: dict[str, Any]) -> ChannelRow:
         more.append(f"delay {number(1e3 * delay, 3)} ms")
     if stated.get("invert") is True:
         more.append("inverted")
+    more += _chain(stated)
     gain, phase = known(stated.get("std_gain [1]")), known(stated.get("std_phase [rad]", stated.get("std_phase")))
     return ChannelRow(
         role=_ROLES.get(role, role),
@@ -204,6 +205,24 @@ def _channel_row(role: str, stated: dict[str, Any]) -> ChannelRow:
         if role in _STATIC_ROLES
         else _unknown(stated, "std_phase", None if phase is None else degrees(phase), "°"),
     )
+
+
+def _chain(stated: dict[str, Any]) -> list[str]:
+    """What is undone at the channel's amplitudes, in words."""
+    more = []
+    for name, words in (("high_pass", "high-pass"), ("low_pass", "low-pass")):
+        link = mapping(stated, name)
+        if (corner := known(link.get("corner"))) is not None:
+            more.append(f"{words} {corner:.6g} Hz, order {link.get('order', 1)}")
+    geophone = mapping(stated, "geophone")
+    if (natural := known(geophone.get("natural_frequency"))) is not None:
+        more.append(f"geophone {natural:.6g} Hz, damping {_plain(geophone.get('damping'))}")
+    if "response" in stated:
+        more.append(f"calibrated response {stated['response']}")
+    more += [f"cross-talk of {source} {text}" for source, text in mapping(stated, "crosstalk").items()]
+    if std := known(stated.get("std_delay")):
+        more.append(f"u(delay) {number(1e3 * std, 3)} ms")
+    return more
 
 
 def _unknown(stated: dict[str, Any], name: str, value: float | None, unit: str) -> tuple[str, bool]:

@@ -32,6 +32,9 @@ FULL = Laboratory(
 )
 
 
+CHANNEL = {"F1": 0, "V1": 1, "V2": 2}
+
+
 @dataclass(frozen=True)
 class Made:
     """A campaign as it is given to the estimator, with its truth."""
@@ -53,6 +56,10 @@ class Made:
         return ChannelUncertainty(np.array(self.laboratory.std_gain), np.array(self.laboratory.std_phase))
 
     @property
+    def errors(self):
+        return self.channels.errors(self.phasors.omega)
+
+    @property
     def masses(self):
         return sorted(set(self.added_mass.tolist()) - {0.0})
 
@@ -72,9 +79,9 @@ class Made:
         masses = np.array(self.masses)
         at = np.searchsorted(masses, self.added_mass) if masses.size else np.zeros(self.family.size, dtype=int)
         return Problem(
-            Observed.of(self.phasors, np.where(self.added_mass > 0, at, -1), self.family < 0),
+            Observed.of(self.phasors, np.where(self.added_mass > 0, at, -1), self.family < 0, self.errors),
             Conditions(label, self.family, self.phasors.frequency, self.k1),
-            Shared.stated(self.rig, self.channels, masses, self.laboratory.std_added * masses),
+            Shared.stated(self.rig, self.errors, masses, self.laboratory.std_added * masses),
         )
 
     def true_z(self, shared):
@@ -82,8 +89,11 @@ class Made:
         truth = self.campaign.truth
         true = {
             "rig": lambda quantity: getattr(truth, quantity.name) - quantity.stated,
-            "gain": lambda quantity: np.log1p(truth.gain[quantity.index]),
-            "phase": lambda quantity: truth.phase[quantity.index],
+            "channel": lambda quantity: (
+                np.log1p(truth.gain[CHANNEL[quantity.name[-2:]]])
+                if quantity.name.startswith("gain")
+                else truth.phase[CHANNEL[quantity.name[-2:]]]
+            ),
             "mass": lambda quantity: truth.added_mass[self.masses[quantity.index]] - quantity.stated,
         }
         return np.array([true[quantity.kind](quantity) / quantity.std for quantity in shared.quantities])

@@ -56,7 +56,7 @@ def test_the_impedance_left_is_that_of_the_closed_form(clean):
     """F1/V2 corrected for the gains, less Zr: as K* is free, nothing else says anything of Zr."""
     made, problem, solution = clean
     left = residuals(problem, solution)
-    gains, rig = problem.shared.gains_at(solution.z), problem.shared.rig_at(solution.z)
+    gains, rig = problem.observed.gains(problem.shared, solution.z)[0], problem.shared.rig_at(solution.z)
     f1, _, v2 = (made.phasors.amplitudes / gains).T
     mass = np.where(made.added_mass > 0, problem.shared.masses_at(solution.z)[0], 0.0)
     expected = f1 / v2 - rig.impedance(made.phasors.omega, mass)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fourpole.core.identify import ChannelUncertainty
 from fourpole.core.joint import model
 from fourpole.core.joint.model import (
     FLOOR,
@@ -18,7 +19,7 @@ from fourpole.core.joint.model import (
     upper_factor,
     whitened,
 )
-from fourpole.core.joint.shared import Quantity
+from fourpole.core.joint.shared import Quantity, Shared
 
 EPS = np.finfo(float).eps
 #: Step in stated uncertainties, which are about 1 % of the values: central differences err by (1 % of) its square.
@@ -53,7 +54,31 @@ def test_every_shared_value_of_every_kind_is_there(at_truth):
     _, problem, _, _ = at_truth
     names = [quantity.name for quantity in problem.shared.quantities]
     assert len(names) == 7 + 6 + 3  # of the rig, of the channels, and the masses of 5, 6 and 10 kg
-    assert {quantity.kind for quantity in problem.shared.quantities} == {"rig", "gain", "phase", "mass"}
+    assert {quantity.kind for quantity in problem.shared.quantities} == {"rig", "channel", "mass"}
+
+
+def test_derivatives_by_delays_and_calibrated_responses(make):
+    """Errors whose shape over frequency is not flat, at values far from what is stated."""
+    made = make(frequencies=3, families=2)
+    count = made.family.size
+    rng = np.random.default_rng(5)
+    response = 1e-2 * (rng.random((count, 3)) + 1j * rng.random((count, 3)))
+    channels = ChannelUncertainty(delay=np.array([1e-4, 2e-4, 0.0]), response=response)
+    errors = channels.errors(made.phasors.omega)
+    assert [error.name for error in errors][:3] == ["delay F1", "response gain F1", "response phase F1"]
+    shared = Shared.stated(made.rig, errors, np.empty(0), np.empty(0))
+    observed = Observed.of(made.phasors, np.full(count, -1), made.family < 0, errors)
+    z = rng.standard_normal(len(shared))
+    stiffness = made.campaign.stiffness
+    seen = linearise(observed, shared, z, stiffness).predicted  # derivatives of the residual are the model's at zero
+    observed = Observed.of(replace(made.phasors, amplitudes=seen), np.full(count, -1), made.family < 0, errors)
+    here = linearise(observed, shared, z, stiffness)
+    for at, quantity in enumerate(shared.quantities):
+        step = STEP * np.eye(z.size)[at]
+        above, below = (linearise(observed, shared, z + side * step, stiffness) for side in (1, -1))
+        found = (below.residual - above.residual) / (2 * STEP)
+        column = here.by_shared[:, :, at]
+        assert np.abs(found - column).max() < STEP**2 * np.abs(column).max() + scale_of(here), quantity.name
 
 
 def test_derivatives_by_every_shared_value(at_truth):
@@ -144,7 +169,7 @@ def test_a_larger_drive_changes_nothing(make, scale, turn):
     phasors = made.phasors
     # the noise of Re and Im is alike, so that turning does not mix it
     other = replace(phasors, amplitudes=phasors.amplitudes * factor, covariance=phasors.covariance * scale**2)
-    turned = Observed.of(other, problem.observed.mass_at, problem.observed.rigid)
+    turned = Observed.of(other, problem.observed.mass_at, problem.observed.rigid, made.errors)
     z = np.zeros(len(problem.shared))
     one, two = (linearise(each, problem.shared, z, made.campaign.stiffness) for each in (problem.observed, turned))
     assert two.drive == pytest.approx(one.drive * factor, rel=1e-12)

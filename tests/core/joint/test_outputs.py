@@ -150,7 +150,10 @@ def test_the_uncertainty_of_the_frequency_has_its_share(make, full):
     blurred = replace(made, phasors=replace(made.phasors, frequency_std=share * made.phasors.frequency))
     joint = blurred.identify()
     found = outputs(joint, blurred.phasors, blurred.k1)
-    gains, rig = joint.problem.shared.gains_at(joint.solution.z), joint.problem.shared.rig_at(joint.solution.z)
+    gains, rig = (
+        joint.problem.observed.gains(joint.problem.shared, joint.solution.z)[0],
+        joint.problem.shared.rig_at(joint.solution.z),
+    )
     f1, v1, _ = (made.phasors.amplitudes / gains).T
 
     def stiffness(omega):

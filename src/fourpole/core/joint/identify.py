@@ -133,10 +133,11 @@ def identify_joint(
     label = group_conditions(family, phasors.frequency, nominal)
     order = np.lexsort((np.arange(count), label))
     masses, mass_at, masses_std = _distinct(added, added_std)
-    stated = Shared.stated(rig, channels, masses, masses_std)
+    errors = channels.part(order).errors(phasors.omega[order])
+    stated = Shared.stated(rig, errors, masses, masses_std)
     sorted_phasors = phasors.part(order)
     problem = Problem(
-        Observed.of(sorted_phasors, mass_at[order], family[order] < 0),
+        Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors),
         Conditions(label[order], family[order], sorted_phasors.frequency, k1[order]),
         stated,
     )

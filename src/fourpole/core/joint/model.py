@@ -10,12 +10,13 @@ everything else before anything else is asked.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.identify import ChannelError
 from fourpole.core.joint.shared import Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
@@ -53,6 +54,8 @@ class Observed:
         Which of the distinct masses is fixed to the moving mass; -1 for none.
     rigid : (N,) bool array
         True for a rigid block in place of the tyre.
+    turns : (N, 3, e) complex array
+        Change of the logarithm of each amplitude per unit of each of the channels' errors.
     """
 
     omega: FloatArray
@@ -61,15 +64,25 @@ class Observed:
     whiten: FloatArray
     mass_at: np.ndarray
     rigid: BoolArray
+    turns: ComplexArray
 
     @classmethod
-    def of(cls, phasors: Phasors, mass_at: np.ndarray, rigid: BoolArray) -> Observed:
-        """From phasors of N tests."""
+    def of(
+        cls, phasors: Phasors, mass_at: np.ndarray, rigid: BoolArray, errors: Sequence[ChannelError] = ()
+    ) -> Observed:
+        """From phasors of N tests, and the errors of their channels in the same order."""
         amplitudes = phasors.amplitudes
         present = np.isfinite(amplitudes) & (amplitudes != 0)
         amplitudes = np.where(present, amplitudes, 0.0)
         whiten = whitening(phasors.covariance, amplitudes, present)
-        return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid)
+        turns = np.zeros((len(amplitudes), 3, len(errors)), dtype=complex)
+        for at, error in enumerate(errors):
+            turns[:, error.channel, at] = error.turn
+        return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid, turns)
+
+    def gains(self, shared: Shared, z: FloatArray) -> ComplexArray:
+        """Complex gains of F1, V1, V2 in each test, measured over true: exp(a + j phi), (N, 3)."""
+        return np.asarray(np.exp(self.turns @ shared.channels_at(z, self.turns.shape[-1])))
 
     def part(self, rows: slice) -> Observed:
         """Some of the tests."""
@@ -130,7 +143,7 @@ class Linear:
 def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: ComplexArray) -> Linear:
     """The model and its derivatives at shared values z and K* of each test [N/m]."""
     jw = 1j * observed.omega
-    rig, gains = shared.rig_at(z), shared.gains_at(z)
+    rig, gains = shared.rig_at(z), observed.gains(shared, z)
     added = np.where(observed.mass_at >= 0, np.append(shared.masses_at(z), 0.0)[observed.mass_at], 0.0)
     added = added - np.where(observed.rigid, rig.tyre_mass, 0.0)
     impedance = np.asarray(rig.impedance(observed.omega, added))
@@ -154,7 +167,7 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     log_k = np.stack([impedance * by_log_k, zero, by_log_k], axis=-1) * scaled
     zr = np.stack([np.where(observed.rigid, 1.0, ratio**2), zero, by_zr], axis=-1) * scaled
     zr_by_shared = _impedance_by_shared(observed, shared, rig, rig.impedance_gradient(observed.omega, added))
-    by_shared = _by_shared(shared, zr_by_shared, zr, predicted, jw * scaled[:, 0])
+    by_shared = _by_shared(observed, shared, zr_by_shared, zr, predicted, jw * scaled[:, 0])
     fit_out = projected(frame)
     return Linear(
         residual=fit_out(measured[..., None])[..., 0],
@@ -214,6 +227,7 @@ def _impedance_by_shared(observed: Observed, shared: Shared, rig: Rig, gradient:
 
 
 def _by_shared(
+    observed: Observed,
     shared: Shared,
     zr_by_shared: ComplexArray,
     by_zr: ComplexArray,
@@ -223,9 +237,8 @@ def _by_shared(
     """Derivatives of the three amplitudes by z, (N, 3, p)."""
     change = by_zr[:, :, None] * zr_by_shared[:, None, :]
     for at, quantity in enumerate(shared.quantities):
-        if quantity.kind in ("gain", "phase"):
-            turn = 1.0 if quantity.kind == "gain" else 1j
-            change[:, quantity.index, at] = turn * quantity.std * predicted[:, quantity.index]
+        if quantity.kind == "channel":
+            change[:, :, at] = observed.turns[:, :, quantity.index] * quantity.std * predicted
         elif quantity.name == "input_mass":
             change[:, 0, at] = quantity.std * by_input_mass
     return change

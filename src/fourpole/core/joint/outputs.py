@@ -196,7 +196,7 @@ def identification(
         )
         passive = np.array([not reason for reason in reasons], dtype=bool) & ~rigid
         mobility, mobility_covariance = _corrected_mobility(joint, phasors)
-        gains = joint.problem.shared.gains_at(joint.solution.z)
+        gains = _gains(joint)
         std = np.sqrt(np.diagonal(found.covariance_of(slice(2, 6), k1_std), 0, 1, 2))
     return Identification(
         frequency=phasors.frequency,
@@ -211,7 +211,7 @@ def identification(
         k2=np.where(passive, found.value[:, 3], np.nan),
         c=np.where(passive, found.value[:, 4], np.nan),
         arm_covariance=np.where(passive[:, None, None], found.covariance_of(slice(3, 5), k1_std), np.nan),
-        tr_measured=np.abs(phasors.transmissibility * gains[1] / gains[2]),
+        tr_measured=np.abs(phasors.transmissibility * gains[:, 1] / gains[:, 2]),
         tr_predicted=found.value[:, 5],
         tr_std=np.hypot(std[:, 3], found.tr_of_rig),
         reasons=reasons,
@@ -219,18 +219,24 @@ def identification(
     )
 
 
+def _gains(joint: Joint) -> ComplexArray:
+    """Complex gains of F1, V1, V2 as found, (N, 3), of each test given."""
+    return joint.problem.observed.gains(joint.problem.shared, joint.solution.z)[np.argsort(joint.order)]
+
+
 def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, FloatArray]:
     """V1/F1 with the gains found taken out, and its covariance from the noise and what is left of the gains."""
-    shared, z = joint.problem.shared, joint.solution.z
-    gains = shared.gains_at(z)
-    mobility = phasors.mobility * gains[0] / gains[1]
+    shared = joint.problem.shared
+    gains = _gains(joint)
+    mobility = phasors.mobility * gains[:, 0] / gains[:, 1]
     by = np.zeros((*mobility.shape, 4), dtype=complex)
     by[:, 0], by[:, 1] = -mobility / phasors.force_in, -1j * mobility / phasors.force_in
     by[:, 2], by[:, 3] = mobility / phasors.motion_in, 1j * mobility / phasors.motion_in
     by_z = np.zeros((*mobility.shape, len(shared)), dtype=complex)
+    turns = joint.problem.observed.turns[np.argsort(joint.order)]
     for at, quantity in enumerate(shared.quantities):
-        if quantity.kind in ("gain", "phase") and quantity.index < 2:
-            turn = (1.0 if quantity.kind == "gain" else 1j) * (1 if quantity.index == 0 else -1)
+        if quantity.kind == "channel":
+            turn = turns[:, 0, quantity.index] - turns[:, 1, quantity.index]
             by_z[:, at] = mobility * turn * quantity.std
     noise, rest = _two(by), _two(by_z)
     covariance = noise @ phasors.covariance[:, :4, :4] @ np.swapaxes(noise, 1, 2)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.identify import ChannelUncertainty
-from fourpole.core.phasor import CHANNELS, SYMBOLS
+from fourpole.core.arrays import FloatArray
+from fourpole.core.identify import ChannelError
 from fourpole.core.rig import PARAMETERS, Rig
 
 __all__ = ["Quantity", "Shared"]
@@ -25,10 +25,10 @@ class Quantity:
         As in rig.csv: moving_mass, gain F1, phase V2, added mass 10 kg.
     unit : str
         SI.
-    kind : {"rig", "gain", "phase", "mass", "extra"}
+    kind : {"rig", "channel", "mass", "extra"}
         What it is; extra is an unstated part that the tests want.
     index : int
-        Of the rig's values, of the channel, or of the distinct masses.
+        Of the rig's values, of `core.identify.ChannelUncertainty.errors`, or of the distinct masses.
     stated, std : float
         Most probable value and standard uncertainty before the tests, in the unit.
     """
@@ -39,6 +39,11 @@ class Quantity:
     index: int
     stated: float
     std: float
+
+    @property
+    def is_gain(self) -> bool:
+        """Whether it is a factor, 1 where nothing is wrong."""
+        return self.kind == "channel" and self.stated == 1.0
 
     @property
     def part(self) -> str:
@@ -65,16 +70,16 @@ class Shared:
     masses: FloatArray
 
     @classmethod
-    def stated(cls, rig: Rig, channels: ChannelUncertainty, masses: FloatArray, masses_std: FloatArray) -> Shared:
-        """What is stated of a rig, its channels, and the distinct masses."""
+    def stated(cls, rig: Rig, errors: Sequence[ChannelError], masses: FloatArray, masses_std: FloatArray) -> Shared:
+        """What is stated of a rig, the errors of its channels, and the distinct masses."""
         listed = [
             Quantity(name, unit, "rig", at, getattr(rig, name), float(std))
             for at, ((name, unit), std) in enumerate(zip(PARAMETERS.items(), rig.uncertainties, strict=True))
             if np.isfinite(getattr(rig, name))
         ]
-        for at, role in enumerate(CHANNELS):
-            listed.append(Quantity(f"gain {SYMBOLS[role]}", "1", "gain", at, 1.0, float(channels.gain[at])))
-            listed.append(Quantity(f"phase {SYMBOLS[role]}", "rad", "phase", at, 0.0, float(channels.phase[at])))
+        for at, error in enumerate(errors):
+            centre = 1.0 if error.name.startswith("gain") else 0.0
+            listed.append(Quantity(error.name, error.unit, "channel", at, centre, error.std))
         for at, (mass, std) in enumerate(zip(masses, masses_std, strict=True)):
             listed.append(Quantity(f"added mass {mass:g} kg", "kg", "mass", at, float(mass), float(std)))
         return cls(rig, tuple(quantity for quantity in listed if quantity.std > 0), masses)
@@ -101,9 +106,9 @@ class Shared:
         moved = self._offsets(z, "rig", len(names))
         return self.rig.shifted(**{name: getattr(self.rig, name) + moved[at] for at, name in enumerate(names)})
 
-    def gains_at(self, z: FloatArray) -> ComplexArray:
-        """Complex gains of F1, V1, V2, measured over true: exp(a + j phi)."""
-        return np.exp(self._offsets(z, "gain", 3) + 1j * self._offsets(z, "phase", 3))
+    def channels_at(self, z: FloatArray, count: int) -> FloatArray:
+        """The errors of the channels, each in its unit."""
+        return self._offsets(z, "channel", count)
 
     def masses_at(self, z: FloatArray) -> FloatArray:
         """The distinct masses [kg]."""
@@ -117,6 +122,6 @@ class Shared:
     def found(self, z: FloatArray) -> FloatArray:
         """Values at z, each in its unit."""
         moved = z * self.std
-        gain = np.array([quantity.kind == "gain" for quantity in self.quantities], dtype=bool)
+        gain = np.array([quantity.is_gain for quantity in self.quantities], dtype=bool)
         stated = np.array([quantity.stated for quantity in self.quantities])
         return np.where(gain, np.exp(np.where(gain, moved, 0.0)), stated + moved)

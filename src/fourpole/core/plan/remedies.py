@@ -186,7 +186,7 @@ def _calibrated(which: Sequence[int], gain: float, phase: float) -> Callable[[Pl
         gains, phases = np.array(plan.channels.gain, float), np.array(plan.channels.phase, float)
         at = list(which)
         gains[at], phases[at] = np.minimum(gains[at], gain), np.minimum(phases[at], phase)
-        return replace(plan, channels=ChannelUncertainty(gains, phases))
+        return replace(plan, channels=replace(plan.channels, gain=gains, phase=phases))
 
     return change
 

@@ -192,8 +192,11 @@ def source_in_words(source: str) -> str:
     kind, _, of = source.partition(" ")
     if source in RIG_VALUES:
         return f"the {RIG_VALUES[source][0]}"
-    if kind in ("gain", "phase") and of:
+    if kind in ("gain", "phase", "delay") and of:
         return f"{of}'s {kind}"
+    if kind == "response":
+        what, _, symbol = of.partition(" ")
+        return f"the {what} of {symbol}'s calibrated response"
     if kind == "added":
         return f"the weight of the {source}"
     if source.startswith("K1 gains"):

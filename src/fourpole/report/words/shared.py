@@ -188,4 +188,9 @@ def in_words(key: str, unit: str = "") -> tuple[str, str, str, float, float]:
     if kind == "phase" and of:
         ratio = "-" in of
         return "ratio" if ratio else "channel", f"phase of {of.replace('-', ' less ')}", "°", pi / 180, 0.0
+    if kind == "delay":
+        return "channel", f"delay of {of}", "ms", 1e-3, 0.0
+    if kind == "response":
+        what, _, symbol = of.partition(" ")
+        return "channel", f"calibrated response of {symbol}, {what}, in its u", "", 1.0, 0.0
     return "mass" if kind == "added" else "rig", key.replace("_", " "), "" if unit == "1" else unit, 1.0, 0.0
