@@ -9,11 +9,13 @@ follows from its number alone. What breaks a reader is kept beside the state fil
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import math
 import random
 import resource
 import signal
+import struct
 import sys
 import tempfile
 import time
@@ -25,9 +27,10 @@ from pathlib import Path
 from types import FrameType
 
 import numpy as np
+import polars as pl
 
 from fourpole.errors import FourpoleError
-from fourpole.io.formats import lvm, text, tydex
+from fourpole.io.formats import famos, lvm, parquet, text, tydex, wav
 from fourpole.io.signals import FileInfo, Format, Request, Signal
 
 MAX_BYTES = 20_000_000
@@ -128,6 +131,32 @@ TEXTS = [
     "Zeit;F1 [µm]\n0;1\n1;2\n".encode("utf-16"),
     b"# t F1 V1\n0 1.5 2\n1e-3 nan -3\n",
 ]
+FAMOS_KEYS = [
+    ("CK", b"1,1"),
+    ("NO", b"1,5,FAMOS,3,run"),
+    ("NL", b"1252,0x407"),
+    ("CB", b"1,3,run,0,"),
+    ("CG", b"1,1,1"),
+    ("CD", b"0.01,1,1,s,0,0,0"),
+    ("NT", b" 3,11,2018,21,24,2.5"),
+    ("CC", b"1,1"),
+    ("CP", b"1,8,8,64,0,0,1,0"),
+    ("Cb", b"1,0,1,1,0,32,0,32,1,0.5,0,"),
+    ("CR", b"1,2,1,1,1,N"),
+    ("CN", b"1,0,0,2,F1,0,"),
+    ("CS", b"1," + struct.pack("<4d", 1, -2, 3, 4)),
+]
+FAMOS = b"|CF,2,1,1;" + b"".join(b"|%s,1,%d,%s;" % (key.encode(), len(said), said) for key, said in FAMOS_KEYS)
+WAV = b"RIFF\x34\0\0\0WAVEfmt \x10\0\0\0\1\0\1\0\xe8\3\0\0\xd0\7\0\0\2\0\x10\0data\x10\0\0\0" + bytes(range(16))
+
+
+def _parquet(compression: str) -> bytes:
+    held = io.BytesIO()
+    frame = pl.DataFrame({"Zeit": np.arange(40) / 10, "F1": np.arange(40.0), "n": np.arange(40, dtype="i2")})
+    frame.write_parquet(held, compression=compression, row_group_size=10)  # type: ignore[arg-type]
+    return held.getvalue()
+
+
 READERS: dict[str, tuple[Format, list[bytes]]] = {
     "tydex": (
         tydex.FORMAT,
@@ -138,6 +167,9 @@ READERS: dict[str, tuple[Format, list[bytes]]] = {
         [LVM, LVM.replace(b".", b","), LVM + LVM[LVM.index(b"Channels") :]],
     ),
     "text": (text.FORMAT, TEXTS),
+    "famos": (famos.FORMAT, [FAMOS]),
+    "wav": (wav.FORMAT, [WAV]),
+    "parquet": (parquet.FORMAT, [_parquet(one) for one in ("zstd", "snappy", "gzip", "lz4", "uncompressed")]),
 }
 
 
@@ -195,7 +227,10 @@ def tried(reader: Format, content: bytes, path: Path) -> str:
             if not names:
                 check_survey(reader.survey(path, path.name, MAX_BYTES))
                 continue
-            check_signals(reader.read(Request(path, names, "", path.name, MAX_BYTES)), names)
+            request = Request(path, ("1",) if reader is wav.FORMAT else names, "", path.name, MAX_BYTES)
+            signals = reader.read(request)
+            check_signals(signals, request.names, finite=reader.blocks is None or reader is text.FORMAT)
+            check_blocks(reader, request, signals)
             said = "read"
         except FourpoleError as error:
             if len(str(error)) > 2000 or "\n" in str(error) or not str(error).startswith(path.name):
@@ -211,16 +246,27 @@ def check_survey(info: FileInfo) -> None:
     assert all(note.isprintable() for note in (info.format, *info.notes))
 
 
-def check_signals(signals: Sequence[Signal], names: Sequence[str]) -> None:
+def check_blocks(reader: Format, request: Request, signals: Sequence[Signal]) -> None:
+    """The pieces of a recording are the recording."""
+    if reader.blocks is None:
+        return
+    pieces = list(reader.blocks(request, 3))
+    for at, one in enumerate(signals):
+        np.testing.assert_array_equal(np.concatenate([piece[at].samples for piece in pieces]), one.samples)
+        if one.time is not None:
+            np.testing.assert_array_equal(np.concatenate([piece[at].time for piece in pieces]), one.time)
+
+
+def check_signals(signals: Sequence[Signal], names: Sequence[str], *, finite: bool) -> None:
     assert len(signals) == len(names)
     for one in signals:
         assert one.samples.dtype == np.float64
         assert one.samples.ndim == 1
-        assert len(one.samples)
-        assert not np.isinf(one.samples).any()
+        assert len(one.samples) or not finite
+        assert not (finite and np.isinf(one.samples).any())
         assert one.rate is None or (one.rate > 0 and math.isfinite(one.rate))
         assert math.isfinite(one.start)
-        assert one.time is None or (len(one.time) == len(one.samples) and not np.isinf(one.time).any())
+        assert one.time is None or (len(one.time) == len(one.samples) and not (finite and np.isinf(one.time).any()))
 
 
 def main() -> int:

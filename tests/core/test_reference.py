@@ -29,7 +29,7 @@ def test_pulses_give_phase_and_speed(pulses):
     edges = np.interp(np.arange(2 * np.pi / pulses, angle(fine[-1]), 2 * np.pi / pulses), angle(fine), fine)
     reference = Reference.from_pulses(edges, pulses=pulses)
     at = np.linspace(1.0, 9.0, 50)
-    curve = reference.curve()
+    curve = reference.curve
     off = curve(at) - angle(at)
     assert np.ptp(off) < 2e-3  # where a revolution begins does not matter
     assert curve(at, 1) == pytest.approx(speed(at), rel=2e-4)
@@ -41,7 +41,7 @@ def test_pulses_give_phase_and_speed(pulses):
 def test_an_encoder_gives_the_phase(sense, cycles):
     reference = Reference.from_angle(TIME, sense * angle(TIME) % (2 * np.pi), cycles=cycles)
     at = np.linspace(1.0, 9.0, 50)
-    assert np.ptp(reference.curve()(at) - cycles * angle(at)) < 2e-3 * cycles
+    assert np.ptp(reference.curve(at) - cycles * angle(at)) < 2e-3 * cycles
 
 
 def test_what_the_speed_does_within_a_revolution_is_left_alone():
@@ -49,7 +49,7 @@ def test_what_the_speed_does_within_a_revolution_is_left_alone():
     wobbling = 20 * np.pi * TIME + 0.05 * np.sin(20 * np.pi * TIME)
     reference = Reference.from_angle(TIME, wobbling)
     at = np.linspace(1.0, 9.0, 77)
-    off = reference.curve()(at) - 20 * np.pi * at
+    off = reference.curve(at) - 20 * np.pi * at
     assert np.ptp(off) < 1e-3
 
 
@@ -58,7 +58,7 @@ def test_jitter_of_the_pulses_is_smoothed():
     rng = np.random.default_rng(0)
     edges = np.arange(1, 110) / 11.0 + 2e-4 * rng.standard_normal(109)
     at = np.linspace(1.0, 9.0, 500)
-    off = Reference.from_pulses(edges).curve()(at) - MEAN * at
+    off = Reference.from_pulses(edges).curve(at) - MEAN * at
     assert np.std(off) < 0.5 * MEAN * 2e-4
 
 

@@ -20,8 +20,8 @@ __all__ = ["Gathered", "Timing", "Turning", "agreed"]
 
 #: Samples of a channel beyond which it is thinned: what a fit of some thirty unknowns holds in memory.
 _MOST_SAMPLES = 1 << 19
-#: A test's frequency, where it is stated, keeps this many samples per cycle.
-_PER_CYCLE = 24.0
+#: But so many samples per cycle of the excitation are kept.
+_PER_CYCLE = 8.0
 #: Of two rates for the same channel.
 _SAME_RATE = 1e-4
 #: Of an encoder's angles in one piece: what is kept.
@@ -38,7 +38,7 @@ class Timing:
         Stated in campaign.toml in place of the file's times.
     window : (float, float) or None [s]
     near : float or None [Hz]
-        Stated frequency of the excitation.
+        About the frequency of the excitation.
     label : str
         The file, for messages.
     """

@@ -15,10 +15,11 @@ from fourpole.campaign.gather import Gathered, Timing, Turning, agreed
 from fourpole.campaign.response import read_response
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import clipped_share
+from fourpole.core.demodulate import first_guess
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recording import Channel, Recording
 from fourpole.core.reference import Reference
-from fourpole.errors import TableError
+from fourpole.errors import FourpoleError, TableError
 from fourpole.io.recordings import Piece, Source, pieces
 from fourpole.io.signals import MAX_FILE_BYTES
 
@@ -80,7 +81,7 @@ def _gathered(
 ) -> tuple[dict[str, Channel], list[str], Reference | None]:
     """Channels by role, remarks, and the reference; not `timed`: channels of as many samples were taken at once."""
     stated = {role: channel for role in roles if (channel := channels.named(role)) is not None}
-    timing = Timing(channels.rate, test.window, test.value("frequency"), test.file)
+    timing = Timing(channels.rate if timed else None, test.window, test.value("frequency"), test.file)
     clock = channels.time.column if timed and channels.rate is None and channels.time is not None else None
     columns = [channel.column for channel in stated.values()] + ([turning.column] if turning is not None else [])
     count, stretches = pieces(Source(path, tuple(columns), clock, group_of(path, test), test.file))
@@ -88,6 +89,8 @@ def _gathered(
     turn = Turning(turning, timing) if turning is not None else None
     for piece in stretches:
         time = _clock_times(piece, channels) if clock is not None else None
+        if count and not lines and timing.near is None and "motion_in" in stated:
+            timing = replace(timing, near=_about(piece, channels, timing, time))
         by_count = not timed and len({signal.samples.size for signal in piece.signals.values()}) == 1
         for role, channel in stated.items():
             signal = piece.signals[channel.column]
@@ -102,6 +105,19 @@ def _gathered(
         found[role], remark = line.channel()
         remarks += [remark] if remark else []
     return found, list(dict.fromkeys(remarks)), turn.reference() if turn is not None else None
+
+
+def _about(piece: Piece, channels: ChannelsFile, timing: Timing, clock: FloatArray | None) -> float | None:
+    """About the frequency of the excitation, by V1 in the first stretch of a long recording [Hz]."""
+    role = channels.named("motion_in")
+    assert role is not None
+    signal = piece.signals[role.column]
+    line = Gathered(role.column, channels.conversion("motion_in", signal.unit), role.unit, timing, 0)
+    try:
+        line.feed(signal, clock)
+        return first_guess(Recording(1.0, {"motion_in": line.channel()[0]}))
+    except FourpoleError:
+        return None  # whatever is wrong is told where the channel is gathered
 
 
 def _clock_times(piece: Piece, channels: ChannelsFile) -> FloatArray | None:

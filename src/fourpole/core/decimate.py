@@ -65,9 +65,9 @@ class Decimator:
         if not known.all():
             gaps = np.concatenate([[0], np.cumsum(~known)])
             smooth[gaps[self._taps.size :] > gaps[: -self._taps.size]] = np.nan
-        self._parts.append(smooth[self._skip :: self.factor])
+        self._parts.append(smooth[self._skip :: self.factor].copy())  # a view would keep all of it
         self._skip = (self._skip - outputs) % self.factor
-        self._held = run[outputs:]
+        self._held = run[outputs:].copy()
 
     def samples(self) -> FloatArray:
         """All that has come out."""

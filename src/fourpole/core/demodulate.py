@@ -186,10 +186,10 @@ def first_guess(recording: Recording, near: float | None = None) -> float:
     Examples
     --------
     >>> t = np.arange(5000) / 1000.0
-    >>> first_guess(Recording.from_arrays(t, force_in=t, motion_in=np.sin(2 * np.pi * 10.3 * t))).__round__(1)
+    >>> round(first_guess(Recording.from_arrays(t, force_in=t, motion_in=np.sin(2 * np.pi * 10.3 * t))), 1)
     10.3
     """
-    return _strongest(recording, tracks_of(recording, ["motion_in"])[0], near)
+    return float(_strongest(recording, tracks_of(recording, ["motion_in"])[0], near))
 
 
 def _strongest(recording: Recording, track: Track, near: float | None) -> float:

@@ -81,7 +81,7 @@ def following(tracks: Sequence[Track], reference: Reference, span: tuple[float, 
     Between slow turns of the drive's speed the amplitude at its mean is what is wanted, so it may follow the speed's
     departure from the mean, its square and its change: then neither curvature nor lag of the rig shifts it.
     """
-    curve = reference.curve()
+    curve = reference.curve
     omega, middle = reference.omega(*span), 0.5 * (span[0] + span[1])
     zero = float(curve(np.array([middle]))[0])
     steps = np.linspace(*span, 400)

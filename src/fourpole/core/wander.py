@@ -60,7 +60,7 @@ def follow_wander(recording: Recording, found: Demodulation) -> tuple[Demodulati
         return None
     low, high = reference.span
     steps = np.linspace(low, high, 200)
-    speed = reference.curve()(steps, 1)
+    speed = reference.curve(steps, 1)
     peak = float(np.max(np.abs(speed / reference.omega(low, high) - 1.0)))
     if peak < _STEADY:
         return None

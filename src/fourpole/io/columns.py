@@ -1,6 +1,6 @@
-"""Columns of numbers out of a recording of 10 000 to 10 000 000 rows.
+"""Columns of numbers out of a recording of 10 000 to some 1 000 000 000 rows, a part of the file at a time.
 
-polars reads what is written plainly. What it refuses is read again by the slow way, which takes
+polars reads what is written plainly. A part that it refuses is read again by the slow way, which takes
 padded cells and blank lines, and otherwise names the row, the column and the value that is wrong.
 """
 
@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import csv
 import io
-import mmap
 import os
-from collections.abc import Iterator, Sequence
+import re
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import date
 from itertools import islice
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,14 +36,24 @@ from fourpole.io.layout import (
 from fourpole.io.source import decode, encoding_of, name_of, open_regular
 from fourpole.units import shown
 
-__all__ = ["Columns", "Survey", "read_columns", "survey_columns"]
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = ["Columns", "Survey", "column_blocks", "read_columns", "survey_columns"]
 
 _HEAD = 32_768
 _LARGEST_HEAD = 4_000_000
 _TAIL = 4096
 _BLOCK = 1 << 18  # bytes that stay in the processor's cache
+_PART = 1 << 25  # bytes that are read at a time, and so the longest line
 _CHUNK = 20_000
+_CELLS = 2_000_000  # of the rows that the slow way holds
+_LARGEST_WIDE = 2_000_000_000  # bytes of UTF-16, which is held whole
 _UTF8_MARK = b"\xef\xbb\xbf"
+_LINE_END = re.compile(rb"\r\n|\r|\n")
+_DAY = 86_400.0
+_SLASHED = re.compile(rb"(?<![0-9])([0-9]{1,2})/([0-9]{1,2})/([0-9]{4})[T ]")
+_UNDATED = re.compile(r"\s*[0-9]{1,2}:")
 _NAN_WORDS = ["NaN", "nan", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "-"]
 
 
@@ -90,8 +102,10 @@ class Survey:
     rows: int
 
 
-def survey_columns(path: str | os.PathLike[str], *, max_bytes: int = 4_000_000_000, label: str | None = None) -> Survey:
-    """What columns a recording has, and how many rows; see `read_columns`."""
+def survey_columns(
+    path: str | os.PathLike[str], *, max_bytes: int = 4_000_000_000, label: str | None = None, count: bool = True
+) -> Survey:
+    """What columns a recording has, and how many rows (0 where `count` is false); see `read_columns`."""
     name = name_of(path, label)
     with open_regular(path, max_bytes=max_bytes, label=label) as file:
         source, layout, encoding, start = _laid_out(file, name)
@@ -99,7 +113,8 @@ def survey_columns(path: str | os.PathLike[str], *, max_bytes: int = 4_000_000_0
         above = tuple(line for at, line in enumerate(lines, 1) if at != layout.header_line)
         file.seek(0)
         written, _ = encoding_of(file.read(4) if source is not file else start, name)
-        return Survey(layout, written, above, _row_count(source, start, layout.first_row))
+        rows = _row_count(source, start, layout.first_row) if count else 0
+        return Survey(layout, written, above, rows)
 
 
 def read_columns(
@@ -145,16 +160,12 @@ def read_columns(
     >>> recording["F1"].tolist(), recording.units
     ([1.5, nan], {'t': 's', 'F1': 'N'})
     """
-    name = name_of(path, label)
-    with open_regular(path, max_bytes=max_bytes, label=label) as file:
-        source, layout, encoding, start = _laid_out(file, name)
-        wanted = {one: find_column(layout.names, one, name) for one in names}
-        values = _quickly(source, start, layout, wanted)
-        if values is None:
-            source.seek(len(_UTF8_MARK) if start.startswith(_UTF8_MARK) else 0)
-            values = _slowly(source, encoding, layout, wanted, name)
-    units = {one: "s" if index in layout.clocks else layout.units[index] for one, index in wanted.items()}
-    return Columns(values, units, layout.first_row)
+    with _opened(path, names, max_bytes, label) as (source, start, table):
+        found = _joined(list(_parts(source, start, table)))
+    values = {one: found.get(index, np.empty(0)) for one, index in table.wanted.items()}
+    if any(not len(column) for column in values.values()):
+        raise table.empty()
+    return Columns(values, table.units, table.layout.first_row)
 
 
 def _laid_out(file: BinaryIO, name: str) -> tuple[BinaryIO, Layout, str, bytes]:
@@ -163,6 +174,9 @@ def _laid_out(file: BinaryIO, name: str) -> tuple[BinaryIO, Layout, str, bytes]:
     start, whole = _head(file, name)
     encoding, mark = encoding_of(start, name)
     if encoding.startswith("utf-16"):
+        if os.fstat(file.fileno()).st_size > _LARGEST_WIDE:
+            most = f"{_LARGEST_WIDE / 1e9:g} GB"
+            raise TableError(f"{name}: is text in UTF-16, of which no more than {most} is read; save it as UTF-8")
         text, _ = decode(start + file.read(), name)
         source, encoding, mark = io.BytesIO(text.encode()), "utf-8", 0
         start, whole = _head(source, name)
@@ -173,12 +187,12 @@ def _laid_out(file: BinaryIO, name: str) -> tuple[BinaryIO, Layout, str, bytes]:
 def _row_count(file: BinaryIO, start: bytes, first_row: int) -> int:
     """Lines from the first row on, blank ones at the end left out."""
     ending = b"\n" if b"\n" in start else b"\r"
-    offset = _line_start(start, ending, first_row)
-    if offset is None:
-        return 0
-    with _content(file) as content:
-        count = _count(ending, content, offset) + (content[-1:] != ending)
-    return max(count - _blank_lines_at_end(file, ending), 0)
+    file.seek(_line_start(start, first_row))
+    count, last = 0, ending
+    while block := file.read(_BLOCK):
+        count += int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == ending[0]))
+        last = block[-1:]
+    return max(count + (last != ending) - _blank_lines_at_end(file, ending), 0)
 
 
 def _head(file: BinaryIO, name: str) -> tuple[bytes, bool]:
@@ -194,31 +208,258 @@ def _head(file: BinaryIO, name: str) -> tuple[bytes, bool]:
     return start, len(start) < _HEAD
 
 
-def _quickly(
-    file: BinaryIO, start: bytes, layout: Layout, wanted: dict[str, int]
-) -> dict[str, NDArray[np.float64]] | None:
+Values = dict[int, NDArray[np.float64]]
+"""Columns by their place in the table."""
+
+
+class _Clock:
+    """A column of times of day, part by part, as seconds from the first of them."""
+
+    def __init__(self, day_first: bool) -> None:
+        self._day_first = day_first
+        self._zero: str | None = None
+        self.state = (0.0, np.nan)
+        """Midnights passed, and the last time of day."""
+
+    def seconds(self, cells: pl.Series) -> NDArray[np.float64]:
+        """NaN where a cell holds none."""
+        import polars as pl
+
+        if self._zero is None:
+            self._zero = next((cell for cell in cells if cell is not None and is_moment(cell)), None)
+            if self._zero is None:
+                return np.full(len(cells), np.nan)
+        cells = pl.Series([self._zero], dtype=pl.String).append(cells)
+        undated = _UNDATED.match(self._zero) is not None
+        if undated:
+            cells = "2000-01-01 " + cells.str.strip_chars()
+        else:
+            how = "${3}-${2}-${1}" if self._day_first else "${3}-${1}-${2}"
+            cells = cells.str.replace(r"^\s*([0-9]{1,2})/([0-9]{1,2})/([0-9]{4})", how)
+        since = seconds(cells)[1:]
+        known = np.flatnonzero(np.isfinite(since))
+        if undated and len(known):
+            days, last = self.state
+            passed = days + np.cumsum(np.diff(since[known], prepend=last) < -_DAY / 2)
+            self.state = float(passed[-1]), float(since[known[-1]])
+            since[known] += _DAY * passed
+        return since
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A recording that is being read: its layout, and what is wanted of it."""
+
+    layout: Layout
+    encoding: str
+    wanted: dict[str, int]
+    clocks: dict[int, _Clock]
+    name: str
+
+    @property
+    def numbers(self) -> set[int]:
+        """The wanted columns that are no times of day."""
+        return set(self.wanted.values()) - set(self.clocks)
+
+    @property
+    def units(self) -> dict[str, str | None]:
+        return {one: "s" if at in self.clocks else self.layout.units[at] for one, at in self.wanted.items()}
+
+    def empty(self) -> TableError:
+        return TableError(f"{self.name}: has a header (line {self.layout.header_line}) but no row below it")
+
+
+def column_blocks(
+    path: str | os.PathLike[str],
+    names: Sequence[str],
+    rows: int,
+    *,
+    max_bytes: int = 4_000_000_000,
+    label: str | None = None,
+) -> Iterator[Columns]:
+    r"""Read some columns of a recording piece by piece; together they are what `read_columns` gives.
+
+    Parameters
+    ----------
+    path, names, max_bytes, label
+        As for `read_columns`.
+    rows : int
+        Rows of each piece but the last, which has the rest; at least 1.
+
+    Yields
+    ------
+    Columns
+        The next rows; `first_row` is that of the recording.
+
+    Raises
+    ------
+    FileError, TableError
+        As `read_columns`, when the row that is wrong is reached.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder, "D1.csv")
+    ...     _ = file.write_text("t [s],F1 [N]\n0,1.5\n0.001,2\n0.002,2.5\n")
+    ...     [block["F1"].tolist() for block in column_blocks(file, ["F1"], 2)]
+    [[1.5, 2.0], [2.5]]
+    """
+    with _opened(path, names, max_bytes, label) as (source, start, table):
+        empty = True
+        for values in _cut(_parts(source, start, table), max(rows, 1)):
+            empty = False
+            found = {one: values[index] for one, index in table.wanted.items()}
+            yield Columns(found, table.units, table.layout.first_row)
+        if empty and names:
+            raise table.empty()
+
+
+@contextmanager
+def _opened(
+    path: str | os.PathLike[str], names: Sequence[str], max_bytes: int, label: str | None
+) -> Iterator[tuple[BinaryIO, bytes, _Table]]:
+    """A recording to be read, its first lines, and what is to be read of it."""
+    name = name_of(path, label)
+    with open_regular(path, max_bytes=max_bytes, label=label) as file:
+        source, layout, encoding, start = _laid_out(file, name)
+        wanted = {one: find_column(layout.names, one, name) for one in names}
+        clocks = layout.clocks.intersection(wanted.values())
+        day_first = not clocks or _is_day_first(source, start, layout, name)
+        yield source, start, _Table(layout, encoding, wanted, {at: _Clock(day_first) for at in clocks}, name)
+
+
+def _is_day_first(source: BinaryIO, start: bytes, layout: Layout, name: str) -> bool:
+    """Whether 01/02/2024 is in February: what reads more of the dates is right, else the shorter recording."""
+    offset = _line_start(start, layout.first_row)
+    if _SLASHED.search(start, offset) is None:
+        return True
+    source.seek(offset)
+    found: set[tuple[bytes, ...]] = set()
+    for part in _lines(source, b"\n" if b"\n" in start else b"\r", name):
+        found.update(_SLASHED.findall(part))
+    dates = [tuple(map(int, one)) for one in found]
+    return _likely((y, m, d) for d, m, y in dates) >= _likely((y, m, d) for m, d, y in dates)
+
+
+def _likely(dates: Iterable[tuple[int, int, int]]) -> tuple[int, int]:
+    days = []
+    for one in dates:
+        try:
+            days.append(date(*one).toordinal())
+        except ValueError:
+            continue
+    return len(days), min(days, default=0) - max(days, default=0)
+
+
+def _parts(source: BinaryIO, start: bytes, table: _Table) -> Iterator[Values]:
+    """The columns, part of the file by part: quickly where it is written plainly, else row by row."""
+    line = table.layout.first_row
+    offset = _line_start(start, line)
+    ending = b"\n" if b"\n" in start else b"\r"
+    if table.layout.delimiter != " ":
+        source.seek(offset)
+        for part in _lines(source, ending, table.name):
+            if b'"' in part or (ending == b"\r" and b"\n" in part):
+                break  # what a quote means depends on what is before it, and so where a row ends
+            values = _quickly(part, ending, table)
+            if values is not None:
+                line += _length(values)
+                yield values
+            else:
+                yield from _slowly(io.BytesIO(part), line, table)
+                line += len(_LINE_END.findall(part))
+            offset += len(part)
+        else:
+            return
+    source.seek(offset)
+    yield from _slowly(source, line, table)
+
+
+def _lines(source: BinaryIO, ending: bytes, name: str) -> Iterator[bytes]:
+    """The rest of a file in parts of whole lines, without the blank lines at its end."""
+    held = rest = b""
+    while block := source.read(_PART - len(rest)):
+        cut = block.rfind(ending) + 1
+        if cut:
+            if held:
+                yield held
+            held, rest = rest + block[:cut], block[cut:]
+        elif len(rest) + len(block) >= _PART:
+            raise _too_long(name)
+        else:
+            rest += block
+    held += rest
+    filled = len(held.rstrip())
+    end = held.find(ending, filled)
+    if filled:
+        yield held if end < 0 else held[: end + 1]
+
+
+def _each_line(text: io.TextIOWrapper, name: str) -> Iterator[str]:
+    while line := text.readline(_PART):
+        if len(line) >= _PART:
+            raise _too_long(name)
+        yield line
+
+
+def _too_long(name: str) -> TableError:
+    return TableError(f"{name}: has a line of more than {_PART} bytes; this is no table of text")
+
+
+def _cut(parts: Iterator[Values], rows: int) -> Iterator[Values]:
+    """The same rows in pieces of equal length."""
+    held: deque[Values] = deque()
+    count = 0
+    for part in parts:
+        held.append(part)
+        count += _length(part)
+        while count >= rows:
+            yield _taken(held, rows)
+            count -= rows
+    if count:
+        yield _taken(held, count)
+
+
+def _taken(held: deque[Values], rows: int) -> Values:
+    """The next rows, taken off what is held."""
+    found: list[Values] = []
+    while rows:
+        part = held.popleft()
+        left = max(_length(part) - rows, 0)
+        if left:
+            held.appendleft({index: column[-left:] for index, column in part.items()})
+            part = {index: column[:-left].copy() for index, column in part.items()}  # else it keeps the whole part
+        rows -= _length(part)
+        found.append(part)
+    return _joined(found)
+
+
+def _joined(parts: list[Values]) -> Values:
+    if len(parts) == 1:
+        return parts[0]
+    return {index: np.concatenate([part[index] for part in parts]) for index in (parts[0] if parts else ())}
+
+
+def _length(values: Values) -> int:
+    return len(next(iter(values.values()), ()))
+
+
+def _quickly(part: bytes, ending: bytes, table: _Table) -> Values | None:
     """The columns as polars reads them; None if anything is not as plain as it must be."""
-    if layout.delimiter == " " or not wanted:
-        return None
+    if not table.wanted or part.count(b"\r") > (part.count(b"\r\n") if ending == b"\n" else len(part)):
+        return None  # two kinds of line end
     import polars as pl  # here: it takes half a second
 
-    ending = b"\n" if b"\n" in start else b"\r"
-    if ending == b"\n" and start.count(b"\r") > start.count(b"\r\n") + start.endswith(b"\r"):
-        return None  # two kinds of line end
-    offset = _line_start(start, ending, layout.first_row)
-    if offset is None or _has(b'"', file, offset):
-        return None  # what a quote means depends on what is before it
+    layout, numbers = table.layout, table.numbers
     last = layout.width - 1
-    indices = sorted({*wanted.values(), last})
-    floats = set(wanted.values()) - layout.clocks
-    schema = {str(index): pl.Float64() if index in floats else pl.String() for index in range(layout.width)}
+    indices = sorted({*table.wanted.values(), last})
+    schema = {str(index): pl.Float64() if index in numbers else pl.String() for index in range(layout.width)}
     for words in (None, _NAN_WORDS):  # looking for words makes it a quarter slower
-        file.seek(0)
         try:
             frame = pl.read_csv(
-                file,
+                part,
                 has_header=False,
-                skip_rows=layout.first_row - 1,
                 columns=indices,
                 schema=schema,
                 separator=layout.delimiter,
@@ -232,34 +473,30 @@ def _quickly(
             continue
     else:
         return None
-    frame = frame.head(len(frame) - _blank_lines_at_end(file, ending))
     # To polars a row with too few cells ends in nulls, and of one with too many it may not read the rest.
-    if (len(indices) < layout.width or frame[str(last)].null_count()) and not _is_full(
-        file, offset, layout, len(frame)
-    ):
+    if (len(indices) < layout.width or frame[str(last)].null_count()) and not _is_full(part, ending, layout):
         return None
-    columns = {index: frame[str(index)].to_numpy() for index in floats}
+    columns = {index: frame[str(index)].to_numpy() for index in numbers}
     if any(np.isinf(column).any() for column in columns.values()):
         return None
-    for index in layout.clocks.intersection(wanted.values()):
-        columns[index] = seconds(frame[str(index)])
-        if np.isnan(columns[index]).any():
-            return None
-    return {one: columns[index] for one, index in wanted.items()}
+    states = {index: clock.state for index, clock in table.clocks.items()}
+    for index, clock in table.clocks.items():
+        columns[index] = clock.seconds(frame[str(index)])
+    if any(np.isnan(columns[index]).any() for index in table.clocks):
+        for index, clock in table.clocks.items():
+            clock.state = states[index]
+        return None
+    return columns
 
 
-def _line_start(start: bytes, ending: bytes, line: int) -> int | None:
+def _line_start(start: bytes, line: int) -> int:
     """Where a line begins, lines counted from 1."""
-    at = 0
-    for _ in range(line - 1):
-        at = start.find(ending, at) + 1
-        if at == 0:
-            return None
-    return at
+    ends = islice(_LINE_END.finditer(start), line - 1)
+    return max((end.end() for end in ends), default=len(_UTF8_MARK) if start.startswith(_UTF8_MARK) else 0)
 
 
 def _blank_lines_at_end(file: BinaryIO, ending: bytes) -> int:
-    """Blank lines after the last row; more of them than fit in a small block are found by the slow way."""
+    """Blank lines after the last row, those in a small block."""
     size = file.seek(0, os.SEEK_END)
     file.seek(max(0, size - _TAIL))
     lines = file.read().split(ending)
@@ -268,70 +505,48 @@ def _blank_lines_at_end(file: BinaryIO, ending: bytes) -> int:
     return next((count for count, line in enumerate(reversed(lines)) if line.strip()), 0)
 
 
-@contextmanager
-def _content(file: BinaryIO) -> Iterator[mmap.mmap | bytes]:
-    if isinstance(file, io.BytesIO):
-        yield file.getvalue()
-        return
-    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        yield content
+def _is_full(part: bytes, ending: bytes, layout: Layout) -> bool:
+    """Whether each line has as many delimiters as a full row, one column alone something in each line."""
+    content = np.frombuffer(part, dtype=np.uint8)
+    if layout.width == 1:
+        return False
+    ends = content == ending[0]
+    signs = ends[ends | (content == ord(layout.delimiter))]
+    if not part.endswith(ending):
+        signs = np.append(signs, True)
+    if len(signs) % layout.width:
+        return False
+    rows = signs.reshape(-1, layout.width)
+    return bool(rows[:, -1].all()) and np.count_nonzero(rows) == len(rows)
 
 
-def _has(sign: bytes, file: BinaryIO, offset: int) -> bool:
-    """Whether a sign stands anywhere from the offset on."""
-    with _content(file) as content:
-        return content.find(sign, offset) >= 0
+def _slowly(file: BinaryIO, line: int, table: _Table) -> Iterator[Values]:
+    """The columns row by row from a line on; TableError names the first that cannot be read."""
+    import polars as pl
 
-
-def _is_full(file: BinaryIO, offset: int, layout: Layout, rows: int) -> bool:
-    """Whether there are as many delimiters from the offset on as full rows have."""
-    with _content(file) as content:
-        return _count(layout.delimiter.encode(), content, offset) == rows * (layout.width - 1)
-
-
-def _count(sign: bytes, content: mmap.mmap | bytes, offset: int) -> int:
-    """How often a sign stands from the offset on."""
-    blocks = (content[at : at + _BLOCK] for at in range(offset, len(content), _BLOCK))
-    return sum(int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == ord(sign))) for block in blocks)
-
-
-def _slowly(
-    file: BinaryIO, encoding: str, layout: Layout, wanted: dict[str, int], name: str
-) -> dict[str, NDArray[np.float64]]:
-    """The columns row by row; TableError names the first that cannot be read."""
-    text = io.TextIOWrapper(file, encoding=encoding, errors="replace")
+    text = io.TextIOWrapper(file, encoding=table.encoding, errors="replace")
+    layout, name = table.layout, table.name
     try:
-        for _ in range(layout.first_row - 1):
-            text.readline()
-        rows = _full_rows(text, layout, name)
-        parts: list[list[NDArray[np.float64]]] = [[] for _ in wanted]
-        moments: dict[int, list[str | None]] = {index: [] for index in layout.clocks.intersection(wanted.values())}
-        while chunk := list(islice(rows, _CHUNK)):
-            for index in moments:
-                moments[index] += _moments(chunk, index, layout, name)
-            for part, index in zip(parts, wanted.values(), strict=True):
-                if index not in moments:
-                    part.append(_floats(chunk, index, layout, name))
-        clocks = {index: _since_first(cells, index, layout, name) for index, cells in moments.items()}
+        rows = _full_rows(text, line, layout, name)
+        while chunk := list(islice(rows, max(min(_CHUNK, _CELLS // layout.width), 1))):
+            values = {index: _floats(chunk, index, layout, name) for index in table.numbers}
+            for index, clock in table.clocks.items():
+                cells = _moments(chunk, index, layout, name)
+                values[index] = clock.seconds(pl.Series(cells, dtype=pl.String))
+                _check_moments(chunk, cells, values[index], index, table)
+            yield values
     finally:
         text.detach()
-    values = {
-        one: clocks[index] if index in clocks else np.concatenate([np.empty(0), *part])
-        for (one, index), part in zip(wanted.items(), parts, strict=True)
-    }
-    if any(not len(column) for column in values.values()):
-        raise TableError(f"{name}: has a header (line {layout.header_line}) but no row below it")
-    return values
 
 
-def _full_rows(text: io.TextIOWrapper, layout: Layout, name: str) -> Iterator[tuple[int, list[str]]]:
+def _full_rows(text: io.TextIOWrapper, line: int, layout: Layout, name: str) -> Iterator[tuple[int, list[str]]]:
     """Rows with the numbers of their lines; blank lines and comments are passed over."""
-    before = layout.first_row - 1
+    before = line - 1
     if layout.delimiter == " ":
-        rows: Iterator[list[str]] = (line.split() for line in text)
+        rows: Iterator[list[str]] = (one.split() for one in _each_line(text, name))
         numbered = ((before + count, row) for count, row in enumerate(rows, 1))
     else:
-        reader = csv.reader(text, delimiter=layout.delimiter, skipinitialspace=True)
+        reader = csv.reader(_each_line(text, name), delimiter=layout.delimiter, skipinitialspace=True)
         numbered = ((before + reader.line_num, row) for row in reader)
     line = before
     try:
@@ -364,16 +579,17 @@ def _moments(chunk: list[tuple[int, list[str]]], index: int, layout: Layout, nam
     return cells
 
 
-def _since_first(cells: list[str | None], index: int, layout: Layout, name: str) -> NDArray[np.float64]:
-    """Seconds since the first of a column's moments."""
-    import polars as pl
-
-    found = seconds(pl.Series(cells, dtype=pl.String))
-    for cell, value in zip(cells, found, strict=True):
+def _check_moments(
+    chunk: list[tuple[int, list[str]]],
+    cells: list[str | None],
+    found: NDArray[np.float64],
+    index: int,
+    table: _Table,
+) -> None:
+    for (line, _), cell, value in zip(chunk, cells, found, strict=True):
         if cell is not None and np.isnan(value):
-            where = f"{name}, column {shown(layout.names[index])}"
+            where = f"{table.name} row {line}, column {shown(table.layout.names[index])}"
             raise TableError(f"{where}: {shown(cell)} is no time of day, or not written as the first one; mend it")
-    return found
 
 
 def _floats(chunk: list[tuple[int, list[str]]], index: int, layout: Layout, name: str) -> NDArray[np.float64]:

@@ -18,7 +18,7 @@ from fourpole.io.source import name_of, open_regular
 __all__ = ["Piece", "Source", "format_of", "pieces", "read_recording", "survey"]
 
 #: Modules of `fourpole.io.formats` in the order in which they look at a file; text takes what nobody else knows.
-_MODULES = ("mdf", "tdms", "hdf5", "matlab", "uff", "wav", "tydex", "lvm", "text")
+_MODULES = ("mdf", "tdms", "hdf5", "matlab", "parquet", "famos", "uff", "wav", "tydex", "lvm", "text")
 _HEAD = 4096
 #: A file up to this size is read whole without a look at what it declares [byte].
 _SMALL = 20_000_000

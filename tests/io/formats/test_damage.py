@@ -9,11 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from scipy.io import savemat, wavfile
 
 from fourpole.errors import FileError, TableError
-from fourpole.io.formats import hdf5, matlab, mdf, tdms, uff, wav
+from fourpole.io.formats import famos, hdf5, matlab, mdf, parquet, tdms, uff, wav
 from fourpole.io.signals import Format, Request
 
 LIMIT = 50_000_000
@@ -25,6 +26,8 @@ FORMATS: dict[str, Format] = {
     "mat": matlab.FORMAT,
     "h5": hdf5.FORMAT,
     "mf4": mdf.FORMAT,
+    "pq": parquet.FORMAT,
+    "raw": famos.FORMAT,
 }
 LIBRARIES = {"tdms": "nptdms", "uff": "pyuff", "h5": "h5py", "mf4": "asammdf"}
 NAMES = {"wav": "1"}
@@ -71,6 +74,14 @@ def write_mf4(path: Path) -> None:
         made.close()
 
 
+def write_famos(path: Path) -> None:
+    keys = {"CG": "1,1,1", "CD": "0.01,1,1,s,0,0,0", "NT": " 3,11,2018,21,24, 2.5", "CC": "1,1"}
+    keys |= {"CP": "1,8,8,64,0,0,1,0", "Cb": "1,0,1,1,0,2400,0,2400,1,0.5,0,", "CR": "1,2,1,1,1,N"}
+    keys |= {"CN": "0,0,0,2,F1,0,", "NL": "1252,0x407", "CB": "0,3,run,0,"}
+    content = "".join(f"|{key},1,{len(text)},{text};" for key, text in keys.items()).encode()
+    path.write_bytes(b"|CF,2,1,1;" + content + b"|CS,1,2402,1," + VALUES.tobytes() + b";")
+
+
 WRITERS: dict[str, Callable[[Path], None]] = {
     "wav": write_wav,
     "tdms": write_tdms,
@@ -78,6 +89,8 @@ WRITERS: dict[str, Callable[[Path], None]] = {
     "mat": write_mat,
     "h5": write_h5,
     "mf4": write_mf4,
+    "raw": write_famos,
+    "pq": lambda path: pl.DataFrame({"t": np.arange(300), "F1": VALUES}).write_parquet(path, row_group_size=100),
 }
 
 
@@ -98,6 +111,7 @@ def use(kind: str, path: Path) -> bool:
     for step in (
         lambda: format_.survey(path, path.name, LIMIT),
         lambda: format_.read(Request(path, (name,), "", path.name, LIMIT)),
+        lambda: format_.blocks and list(format_.blocks(Request(path, (name,), "", path.name, LIMIT), 64)),
     ):
         try:
             step()
@@ -121,10 +135,10 @@ def test_a_cut_or_flipped_file_gives_samples_or_our_error(
     assert use(kind, path)
     whole = path.read_bytes()
     rng = np.random.default_rng(7)
-    for length in rng.integers(1, len(whole), 12):
+    for length in rng.integers(1, len(whole), 8):
         other.write_bytes(whole[:length])
         use(kind, other)
-    for _ in range(30):
+    for _ in range(20):
         made = bytearray(whole)
         head = len(made) if rng.random() < 0.5 else min(len(made), 400)
         for at in rng.integers(0, head, rng.integers(1, 6)):

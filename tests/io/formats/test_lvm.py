@@ -139,3 +139,21 @@ def test_memory_is_bounded(tmp_path: Path) -> None:
 def test_other_text_is_not_taken_for_it() -> None:
     assert not FORMAT.recognises(b"t,F1\n0,1\n")
     assert not FORMAT.recognises(b"")
+
+
+@pytest.mark.parametrize("rate", [3000.0, 2048.0, 2000.0, 2999.7])
+def test_a_rounded_step_is_mended_by_the_x_values(tmp_path: Path, rate: float) -> None:
+    """LabVIEW writes the step with six decimals: 0.000333 stands for 3000 Hz, not for 3003."""
+    head = (
+        "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\nMulti_Headings\tNo\n"
+        "X_Columns\tOne\n***End_of_Header***\t\n\t\nChannels\t1\t\nSamples\t1000\t\nX_Dimension\tTime\t\n"
+        f"X0\t0.0\t\nDelta_X\t{1 / rate:.6f}\t\n***End_of_Header***\t\t\nX_Value\tF1\tComment\n"
+    )
+    values = np.round(np.random.default_rng(1).normal(size=6000), 6)
+    path = tmp_path / "a.lvm"
+    path.write_text(head + "".join(f"{at / rate:.6f}\t{value:.6f}\n" for at, value in enumerate(values)))
+    (force,) = FORMAT.read(Request(path, ("F1",), "", "a.lvm", 10**9))
+    (one,) = FORMAT.survey(path, "a.lvm", 10**9).signals
+    np.testing.assert_array_equal(force.samples, values)
+    assert (one.count, one.rate) == (6000, force.rate)
+    assert force.rate == pytest.approx(rate, rel=0 if rate == round(rate) else 1e-6)

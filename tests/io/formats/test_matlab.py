@@ -179,3 +179,24 @@ def test_what_is_cut_short_or_lies_is_refused(tmp_path: Path, capfd: pytest.Capt
             with pytest.raises((TableError, FileError), match=r"^b\.mat: "):
                 use()
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_tyre_test_rig_with_its_units_in_a_struct(tmp_path: Path, compressed: bool) -> None:
+    """Columns of numbers by their names, and `channel.name` and `channel.units` beside them."""
+    names, units = ("ET", "FZ", "P", "NFX"), ("sec", "N", "kPa", "none")
+    columns = {name: np.random.default_rng(1).normal(size=(6000, 1)).astype("f4") for name in names}
+    columns["ET"] = 3.0 + np.arange(6000.0)[:, None] / 100
+    channel = {key: np.array(texts, dtype=object)[None, :] for key, texts in (("name", names), ("units", units))}
+    more = {"channel": channel, "source": "a rig", "testid": "cornering", "tireid": "radial"}
+    savemat(tmp_path / "run1.mat", columns | more, do_compression=compressed)
+    info = FORMAT.survey(tmp_path / "run1.mat", "run1.mat", LIMIT)
+    assert [(one.name, one.unit, one.count) for one in info.signals] == [
+        (name, unit, 6000) for name, unit in zip(names, units, strict=True)
+    ]
+    assert {(one.start, one.duration, one.note) for one in info.signals[1:]} == {(3.0, 59.99, "time from ET")}
+    assert {"source: a rig", "testid: cornering", "tireid: radial"} <= set(info.notes)
+    force, pressure = FORMAT.read(Request(tmp_path / "run1.mat", ("FZ", "P"), "", "run1.mat", LIMIT))
+    np.testing.assert_array_equal(force.samples, columns["FZ"].ravel())
+    np.testing.assert_array_equal(force.time, columns["ET"].ravel())
+    assert (force.unit, pressure.unit) == ("N", "kPa")

@@ -162,3 +162,17 @@ def test_what_is_cut_short_or_lies_is_refused(path: Path, capfd: pytest.CaptureF
             with pytest.raises(TableError, match=r"^b\.tdms: "):
                 use()
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_scaling_that_the_library_does_not_know_is_not_passed_over(tmp_path: Path) -> None:
+    scaled = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Reciprocal", "NI_Scaling_Status": "unscaled"}
+    done = scaled | {"NI_Scaling_Status": "scaled"}
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
+        file.write_segment([nptdms.ChannelObject("g", "F1", np.arange(9.0), scaled)])
+        file.write_segment([nptdms.ChannelObject("g", "F2", np.arange(9.0), done)])
+    notes = {one.name: one.note for one in FORMAT.survey(tmp_path / "a.tdms", "a", 10**9).signals}
+    assert notes["F1"] == "is scaled by 'Reciprocal', which is not known"
+    with pytest.raises(TableError, match="'F1' is scaled by 'Reciprocal', which is not known; save its scaled values"):
+        FORMAT.read(Request(tmp_path / "a.tdms", ("F1",), "", "a", 10**9))
+    (given,) = FORMAT.read(Request(tmp_path / "a.tdms", ("F2",), "", "a", 10**9))
+    np.testing.assert_array_equal(given.samples, np.arange(9.0))

@@ -86,7 +86,7 @@ def test_signals_have_units_and_the_running_time(tmp_path: Path) -> None:
     assert info.format == "TYDEX 1.3"
     assert [one.count for one in info.signals] == [3, 3, 3]
     assert (info.signals[1].start, info.signals[1].duration) == (0.0, 0.002)
-    assert info.signals[1].note == "vertical force, W-axis system; Vertical force; stored value × 2 + 100"
+    assert info.signals[1].note == "vertical force, W-axis system; Vertical force; stored value × 2 +100"
     assert "INFLPRES (Inflation pressure): 2,1 bar" in info.notes
     assert "new tyre" in info.notes
 
@@ -251,7 +251,6 @@ def test_what_the_format_cannot_hold_is_refused(tmp_path: Path, change: dict, me
         (RIG.replace("**END", "**MEASURDATA\n1 2 3\n**END"), r"has \*\*MEASURDATA twice"),
         (RIG.replace("**END", "**MEASURCHANNELS\nFX\n**END"), "channel below the measured data"),
         (RIG.replace("0         100", "0         1.0.0"), "line 18: channel 'FZW' has '1.0.0'"),
-        (RIG.replace("     2         0 ", "     2         5 "), "columns 61 to 70.*not converted"),
         (RIG.replace("     2         0 ", "     0         0 "), "the factor 0"),
         (RIG.replace("DSTGRWHC", "FZW     "), "ambiguous.*'FZW.1'"),
         (RIG.replace("DEMO", "x" * 1_100_000), "more than 1000000 characters"),
@@ -262,6 +261,14 @@ def test_what_the_format_cannot_hold_is_refused(tmp_path: Path, change: dict, me
 def test_wrong_files_are_refused_once_and_clearly(tmp_path: Path, content: str | bytes, message: str) -> None:
     with pytest.raises(TableError, match=message):
         FORMAT.read(asked(written(tmp_path, content), "FZW"))
+
+
+def test_both_offsets_are_applied_and_said(tmp_path: Path) -> None:
+    """Stored 1000.5 and on, 5 added before the factor 2, 100 after it."""
+    path = written(tmp_path, RIG.replace("     2         0 ", "     2         5 "))
+    plain = FORMAT.read(asked(written(tmp_path, RIG, "plain.tdx"), "FZW"))[0].samples
+    np.testing.assert_allclose(FORMAT.read(asked(path, "FZW"))[0].samples, plain + 10.0, rtol=1e-15)
+    assert FORMAT.survey(path, "run.tdx", 10**8).signals[1].note.endswith("(stored value +5) × 2 +100")
 
 
 def test_duplicate_channels_have_numbers(tmp_path: Path) -> None:

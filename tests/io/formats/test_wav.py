@@ -98,4 +98,4 @@ def test_what_is_cut_short_or_lies_is_refused(tmp_path: Path, table: np.ndarray)
 def test_memory_is_asked_for_before_it_is_used(tmp_path: Path, table: np.ndarray) -> None:
     written(tmp_path / "a.wav", np.repeat(table, 10, axis=0))
     with pytest.raises(FileError, match=r"needs .* more than the .* allowed"):
-        FORMAT.read(asked(tmp_path / "a.wav", "1", "2", "3", most=300_000))
+        FORMAT.read(asked(tmp_path / "a.wav", "1", "2", "3", most=200_000))

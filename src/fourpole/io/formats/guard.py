@@ -10,10 +10,10 @@ import logging
 import re
 import traceback
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,28 @@ from fourpole.io.signals import Request
 from fourpole.io.source import name_of
 from fourpole.units import column_unit, shown, unit_scale
 
-__all__ = ["Guard", "Place", "afford", "find", "floats", "is_time", "listed", "need", "of_name", "seconds", "tidy"]
+__all__ = [
+    "Guard",
+    "Place",
+    "afford",
+    "find",
+    "floats",
+    "guarded",
+    "is_time",
+    "listed",
+    "need",
+    "of_name",
+    "seconds",
+    "tidy",
+]
 
+Given = TypeVar("Given")
 Place = tuple[str, str]
 """Group and name of a channel."""
 
-_TIME = re.compile(r"t|time|times|timestamps?|zeit|temps|tiempo|time_s", re.IGNORECASE)
+_TIME = re.compile(
+    r"t|time|times|timestamps?|zeit|temps|tiempo|time_s|et|(?:elapsed|running|run)[ _]?time", re.IGNORECASE
+)
 _SHOWN = 12
 
 
@@ -54,6 +70,7 @@ class Guard:
 
     def __init__(self, name: str, kind: str, library: str = "") -> None:
         self._name, self._kind, self._library = name, kind, library
+        self._loaded = False
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
@@ -64,17 +81,24 @@ class Guard:
             stack.enter_context(redirect_stdout(_Void()))
             stack.enter_context(redirect_stderr(_Void()))
             self._stack = stack.pop_all()
+        if self._loaded:
+            self._hush()
         return self
 
     def load(self, module: str) -> Any:
         """A library that is not part of the base installation, loaded when it is needed."""
         loaded = need(module, self._name, self._kind)
+        self._loaded = True
+        self._hush()
+        return loaded
+
+    def _hush(self) -> None:
+        """Keep the library's loggers quiet until the guard is left."""
         for name, logger in list(logging.root.manager.loggerDict.items()):
             ours = name == self._library or name.startswith(f"{self._library}.")
             if self._library and ours and isinstance(logger, logging.Logger) and not logger.disabled:
                 logger.disabled = True
                 self._stack.callback(setattr, logger, "disabled", False)
-        return loaded
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -83,8 +107,9 @@ class Guard:
             if error is None or isinstance(error, FourpoleError) or not isinstance(error, Exception):
                 return
             said = _said(error)
-            traceback.clear_frames(trace)  # what a library left half made is put away while it is quiet
-            gc.collect()
+            traceback.clear_frames(trace)
+            if self._library:
+                gc.collect()  # what a library left half made is put away while it is quiet
         if isinstance(error, MemoryError):
             raise FileError(
                 f"{self._name}: needs more memory than there is, or declares more than it holds; read fewer of its "
@@ -92,6 +117,20 @@ class Guard:
             ) from None
         what = f"cannot be read as {self._kind}{said}"
         raise TableError(f"{self._name}: {what}; it may be cut short or damaged: copy or export it again") from None
+
+
+def guarded(pieces: Generator[Given], guard: Guard) -> Iterator[Given]:
+    """What a generator gives, each piece made under the guard, which is left while the piece is used."""
+    try:
+        while True:
+            with guard:
+                piece = next(pieces, None)
+            if piece is None:
+                return
+            yield piece
+    finally:
+        with guard:
+            pieces.close()
 
 
 def need(module: str, name: str, kind: str) -> Any:

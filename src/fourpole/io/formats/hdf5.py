@@ -21,7 +21,8 @@ together from other files are refused, and so are filters that are not part of H
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -30,12 +31,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, is_time, of_name, seconds, tidy
-from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats.guard import Guard, afford, find, guarded, is_time, of_name, seconds, tidy
+from fourpole.io.formats.pieces import Part, Track, in_step, remembered
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import name_of, open_regular
 from fourpole.units import shown
 
-__all__ = ["FORMAT", "Leaf", "attributes", "is_elsewhere", "leaf_of", "leaves", "opened", "samples"]
+__all__ = ["FORMAT", "Leaf", "attributes", "is_elsewhere", "leaf_of", "leaves", "opened", "reader", "samples"]
 
 _KIND = "an HDF5 file"
 _LIBRARY = "h5py"
@@ -188,23 +190,45 @@ def _attribute(h5py: Any, thing: Any, key: str) -> str | float | None:
     return str(value) if text else float(value)
 
 
-def samples(leaf: Leaf, max_bytes: int, name: str, *, row: int | None = None, axis: int = 0) -> NDArray[np.float64]:
-    """The numbers of a dataset in its own shape, or one row of a matrix, converted as they are read."""
+def samples(leaf: Leaf, max_bytes: int, name: str) -> NDArray[np.float64]:
+    """The numbers of a dataset in its own shape, converted as they are read."""
+    _check(leaf, max_bytes, name)
+    shape = tuple(leaf.dataset.shape)
+    afford(8 * int(np.prod(shape, dtype=object)), max_bytes, name, shown(leaf.path))
+    values = np.empty(shape)
+    if leaf.dataset.size:
+        leaf.dataset.read_direct(values)
+    return values
+
+
+def reader(leaf: Leaf, max_bytes: int, name: str, *, row: int | None = None, axis: int = 0) -> Part:
+    """What reads a part of a single row of numbers, or of one row of a matrix, converted as it is read."""
+    _check(leaf, max_bytes, name)
+    dataset = leaf.dataset
+    where: list[Any] = [0] * len(dataset.shape)
+    along = int(np.argmax(dataset.shape)) if row is None else 1 - axis
+    if row is not None:
+        where[axis] = row
+
+    def part(first: int, last: int) -> NDArray[np.float64]:
+        values = np.empty(last - first)
+        if last > first:
+            where[along] = slice(first, last)
+            dataset.read_direct(values, tuple(where))
+        return values
+
+    return part
+
+
+def _check(leaf: Leaf, max_bytes: int, name: str) -> None:
+    """Refuse what must not be read, and what declares more than it holds."""
     dataset = leaf.dataset
     if leaf.barred:
         raise TableError(f"{name}: channel {shown(leaf.path)} {leaf.barred}")
-    shape = tuple(dataset.shape) if row is None else (dataset.shape[1 - axis],)
-    afford(8 * int(np.prod(shape, dtype=object)), max_bytes, name, shown(leaf.path))
     if dataset.chunks is not None:
         _check_chunks(dataset, leaf, max_bytes, name)
     elif dataset.id.get_storage_size() == 0 and dataset.size:
         raise TableError(f"{name}: channel {shown(leaf.path)} declares {dataset.size} samples and holds none")
-    values = np.empty(shape)
-    if row is None and dataset.size:
-        dataset.read_direct(values)
-    elif row is not None and dataset.size:
-        dataset.read_direct(values, np.s_[row, :] if axis == 0 else np.s_[:, row])
-    return values
 
 
 def _check_chunks(dataset: Any, leaf: Leaf, max_bytes: int, name: str) -> None:
@@ -214,22 +238,26 @@ def _check_chunks(dataset: Any, leaf: Leaf, max_bytes: int, name: str) -> None:
     plan = dataset.id.get_create_plist()
     squeezed = [plan.get_filter(at)[0] for at in range(plan.get_nfilters())]
     packers = [one for one in squeezed if one in (_DEFLATE, 4, _LZF)]
-    chunks: list[Any] = []
-    dataset.id.chunk_iter(chunks.append)
-    if dataset.size and not chunks:
+    largest, large = 0, []
+
+    def look(one: Any) -> None:
+        nonlocal largest
+        largest = max(largest, one.size)
+        if one.size * _MOST_INFLATED > max_bytes and not one.filter_mask:
+            large.append(one.chunk_offset)
+
+    dataset.id.chunk_iter(look)
+    if dataset.size and not largest:
         raise TableError(f"{name}: {what} declares {dataset.size} samples and holds none")
-    largest = max((one.size for one in chunks), default=0)
     afford(2 * declared, max_bytes, name, f"a part of {what}")
     if not packers or largest * _MOST_INFLATED ** len(packers) <= max_bytes:
         return
     if packers != [_DEFLATE]:
         afford(largest * _MOST_INFLATED ** len(packers), max_bytes, name, f"a part of {what}, unpacked,")
-    for one in chunks:
-        if one.size * _MOST_INFLATED > max_bytes:
-            _, packed = dataset.id.read_direct_chunk(one.chunk_offset)
-            tail = 4 if 3 in squeezed else 0
-            if not one.filter_mask and not _inflates_to(packed, declared + tail):
-                raise TableError(f"{name}: {what} unpacks to more than it declares; it is damaged: export it again")
+    for offset in large:
+        _, packed = dataset.id.read_direct_chunk(offset)
+        if not _inflates_to(packed, declared + (4 if 3 in squeezed else 0)):
+            raise TableError(f"{name}: {what} unpacks to more than it declares; it is damaged: export it again")
 
 
 def _inflates_to(packed: bytes, most: int) -> bool:
@@ -303,7 +331,8 @@ def _beside(found: Sequence[Leaf]) -> dict[str, dict[str, Leaf]]:
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     name = name_of(path, label)
-    with open_regular(path, max_bytes=max_bytes, label=label) as file, Guard(name, _KIND, _LIBRARY) as guard:
+    most = max(max_bytes, MAX_FILE_BYTES)
+    with open_regular(path, max_bytes=most, label=label) as file, Guard(name, _KIND, _LIBRARY) as guard:
         h5py = guard.load(_LIBRARY)
         with opened(guard, file, name) as root:
             found = leaves(h5py, root, name)
@@ -351,37 +380,56 @@ def _scale(h5py: Any, time: Leaf, name: str) -> float:
 
 
 def _read(request: Request) -> Sequence[Signal]:
+    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
+    with guard, _tracks(request, guard, whole=True) as tracks:
+        return [one.whole() for one in tracks]
+
+
+def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
+    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
+    return guarded(_pieces(request, rows, guard), guard)
+
+
+def _pieces(request: Request, rows: int, guard: Guard) -> Generator[Sequence[Signal]]:
+    with _tracks(request, guard, whole=False) as tracks:
+        yield from in_step(tracks, rows)
+
+
+@contextmanager
+def _tracks(request: Request, guard: Guard, *, whole: bool) -> Iterator[list[Track]]:
+    """The channels of a request, of which any part can be read while the file is open."""
     name = name_of(request.path, request.label)
-    with (
-        open_regular(request.path, max_bytes=request.max_bytes, label=request.label) as file,
-        Guard(name, _KIND, _LIBRARY) as guard,
-    ):
+    with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
         h5py = guard.load(_LIBRARY)
         with opened(guard, file, name) as root:
             found = leaves(h5py, root, name)
             rows = [one for one in found if one.barred or _is_row(one)]
             chosen = [rows[at] for at in find([(one.group, one.name) for one in rows], request)]
-            declared = sum(_count(one) for one in chosen if not one.barred)
-            afford(16 * declared, request.max_bytes, name)
-            return list(_signals(h5py, chosen, _beside(found), request.max_bytes, name))
+            if whole:
+                declared = sum(_count(one) for one in chosen if not one.barred)
+                afford(16 * declared, request.max_bytes, name)
+            yield list(_of_leaves(h5py, chosen, _beside(found), request.max_bytes, name))
 
 
-def _signals(
+def _of_leaves(
     h5py: Any, chosen: Sequence[Leaf], groups: dict[str, dict[str, Leaf]], max_bytes: int, name: str
-) -> Iterator[Signal]:
-    times: dict[str, NDArray[np.float64]] = {}
+) -> Iterator[Track]:
+    times: dict[str, Part] = {}
     for leaf in chosen:
-        values = samples(leaf, max_bytes, name).ravel()
+        values = reader(leaf, max_bytes, name)
         own = attributes(h5py, leaf.dataset)
         timing = _timing(leaf, own, groups[leaf.group], name)
         time = None
         if timing.time is not None:
             if timing.time.path not in times:
-                scale = _scale(h5py, timing.time, name)
-                times[timing.time.path] = scale * samples(timing.time, max_bytes, name).ravel()
+                times[timing.time.path] = _seconds(h5py, timing.time, max_bytes, name)
             time = times[timing.time.path]
-        start = float(time[0]) if time is not None and len(time) else timing.start
-        yield Signal(leaf.name, _unit(leaf, own), values, start, timing.rate, time)
+        yield Track(leaf.name, _unit(leaf, own), _count(leaf), values, timing.rate, timing.start, time)
 
 
-FORMAT = Format("HDF5", (".h5", ".hdf5", ".hdf", ".he5"), _recognises, _survey, _read, "formats")
+def _seconds(h5py: Any, time: Leaf, max_bytes: int, name: str) -> Part:
+    scale, values = _scale(h5py, time, name), reader(time, max_bytes, name)
+    return remembered(lambda first, last: scale * values(first, last))
+
+
+FORMAT = Format("HDF5", (".h5", ".hdf5", ".hdf", ".he5"), _recognises, _survey, _read, "formats", _blocks)

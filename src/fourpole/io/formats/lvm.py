@@ -48,8 +48,22 @@ class _Channel:
     samples: int
     start: float
     step: float
+    rounding: float
+    """The last digit of the step as it is written."""
     is_time: bool
     note: str
+
+    def rate(self, count: int, first: float | None, last: float | None) -> float:
+        """Samples per second: the step is rounded, mostly to six decimals; the last x value tells more of it."""
+        if first is None or last is None or count < 2:
+            return 1 / self.step
+        found = (last - first) / (count - 1)
+        if not 0 < abs(found - self.step) <= self.rounding or found <= 0:
+            return 1 / self.step
+        whole = round(1 / found)
+        if whole and abs(1 / whole - found) * (count - 1) <= self.rounding:
+            return float(whole)
+        return 1 / self.step if abs(found - self.step) * (count - 1) <= self.rounding else 1 / found
 
 
 @dataclass(frozen=True)
@@ -209,11 +223,22 @@ def _channels(
                 samples=int(samples[:15]) if samples.isascii() and samples.isdigit() else 0,
                 start=number(cell("X0", at), decimal) or 0.0,
                 step=interval(at),
+                rounding=_last_digit(cell("Delta_X", at)),
                 is_time=cell("X_Dimension", at).lower() in ("", "time"),
                 note=tidy(date),
             )
         )
     return tuple(channels)
+
+
+def _last_digit(cell: str) -> float:
+    """One in the last decimal of a number as it is written."""
+    digits, _, exponent = cell.strip().replace(",", ".").upper().partition("E")
+    try:
+        power = int(exponent or "0") - len(digits.partition(".")[2])
+    except ValueError:
+        return 0.0
+    return 10.0**power if -300 < power < 300 else 0.0
 
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
@@ -224,7 +249,9 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
         rows = sum(_rows(content, found, part) for part in group)
         for at, first in enumerate(group[0].channels):
             count = max(sum(part.channels[at].samples for part in group), rows)
-            rate = 1 / first.step if first.is_time and first.step > 0 else None
+            rate = None
+            if first.is_time and first.step > 0:
+                rate = first.rate(*_x_ends(content, found, group, at))
             start, duration = (first.start, max(count - 1, 0) / rate) if rate else (None, None)
             called = places[len(infos)][0]
             infos.append(SignalInfo(first.name, first.unit, called, count, rate, start, duration, first.note))
@@ -235,6 +262,18 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     ]
     version = found.tags.get("Writer_Version", "")
     return FileInfo(tidy(f"LabVIEW measurement {version}".strip()), tuple(infos), tuple(notes))
+
+
+def _x_ends(
+    content: bytes, found: _Measurement, group: Sequence[_Segment], at: int
+) -> tuple[int, float | None, float | None]:
+    """Rows of a group, and the first and the last x value of a channel, where they are written."""
+    parts = [content[one.begin : one.end].rstrip() for one in group]
+    ends = []
+    for segment, row in ((group[0], parts[0].partition(b"\n")[0]), (group[-1], parts[-1].rpartition(b"\n")[2])):
+        cells, column = _text(row).split(found.separator), segment.channels[at].x_column
+        ends.append(number(cells[column], found.decimal) if column is not None and column < len(cells) else None)
+    return sum(one.count(b"\n") + 1 for one in parts), ends[0], ends[1]
 
 
 def _rows(content: bytes, found: _Measurement, segment: _Segment) -> int:
@@ -266,9 +305,11 @@ def _signal(channel: _Channel, samples: NDArray[np.float64], x: NDArray[np.float
     if not channel.is_time:
         return Signal(channel.name, channel.unit, samples)
     if channel.step > 0:
-        even = channel.start + channel.step * np.arange(len(samples))
+        known = x is not None and len(x) > 0
+        rate = channel.rate(len(samples), *((float(x[0]), float(x[-1])) if x is not None and known else (None, None)))
+        even = channel.start + np.arange(len(samples)) / rate
         if x is None or np.abs(x - even).max(initial=0.0) < channel.step / 2:
-            return Signal(channel.name, channel.unit, samples, channel.start, 1 / channel.step)
+            return Signal(channel.name, channel.unit, samples, channel.start, rate)
     return Signal(channel.name, channel.unit, samples, time=x)
 
 

@@ -3,7 +3,8 @@
 A vector is called as in MATLAB, with the structs that hold it: `F1`, `data.F1`. A matrix gives a channel
 per column, counted from 1: `M[:,3]` is MATLAB's M(:,3); a matrix that is wider than long gives its
 rows, `M[3,:]`. Where the only matrix of a place has beside it a cell array with a text per column, these
-are the names (`names`, `labels`, `channels`, ...) or the units (`units`, ...) of its columns.
+are the names (`names`, `labels`, `channels`, ...) or the units (`units`, ...) of its columns. Two such arrays beside
+vectors, or in a struct beside them (`channel.name`, `channel.units`), give the vectors' units.
 
 The time of a channel is a vector or column beside it called `t` or `time` (also `Time`, `zeit`) and as
 long; without one, its rate is a number beside it or above it called `fs`, `rate`, `sample_rate`, ..., or
@@ -16,18 +17,19 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.formats import hdf5
-from fourpole.io.formats.guard import Guard, afford, find, floats, is_time, of_name, seconds, tidy
-from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats.guard import Guard, afford, find, floats, guarded, is_time, of_name, seconds, tidy
+from fourpole.io.formats.pieces import Part, Track, in_step, remembered
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import name_of, open_regular
 from fourpole.units import shown
 
@@ -65,6 +67,8 @@ class _Node:
     value: float | str | None = None
     """Of a single number or a short text."""
     below: list[_Node] = field(default_factory=list)
+    ends: tuple[float, float] | None = None
+    """First and last of several numbers, as they are stored."""
     size: int = 0
     """Bytes it takes in memory, with what is below."""
     leaf: hdf5.Leaf | None = None
@@ -288,13 +292,19 @@ class _Walk:
         if kind not in _CODES or size != count * _SIZES[kind]:
             raise ValueError(f"{shown(node.name)} declares {count} numbers and has {size} bytes")
         node.size += 8 * count + size
-        if data is None and count == 1:
-            data = source.read(size)
+        wide = _SIZES[kind]
+        if data is None and count > 1:
+            first = source.read(wide)
+            source.skip(size - 2 * wide)
+            data = first + source.read(wide)
             source.skip(-size % 8)
         elif data is None:
-            source.skip(size + -size % 8)
-        if count == 1 and data is not None and node.kind == "numbers":
-            node.value = float(np.frombuffer(data, np.dtype(f"{self._order}{_CODES[kind]}"))[0])
+            data = source.read(size)
+            source.skip(-size % 8)
+        if count and node.kind == "numbers":
+            values = np.frombuffer(data, np.dtype(f"{self._order}{_CODES[kind]}"))
+            node.value = float(values[0]) if count == 1 else None
+            node.ends = float(values[0]), float(values[-1])
 
     def _text(self, source: _Bytes, node: _Node, count: int) -> None:
         node.kind = "text"
@@ -402,10 +412,11 @@ def _within(nodes: Sequence[_Node], path: tuple[str, ...], above: float | None) 
     tables = [one for one in nodes if one.is_table]
     found: list[_Channel] = []
     unit = _only_text(nodes, _UNITS) if sum(one.is_vector for one in nodes) == 1 else None
+    named = _units_by_name(nodes)
     for one in nodes:
         called = ".".join([*path, one.name])
         if one.is_vector:
-            stated = unit or (of_name(one.name, None))
+            stated = of_name(one.name, unit or named.get(one.name))
             found.append(_Channel(called, stated, (*path, one.name), one, None, max(one.dims)))
         elif one.is_table:
             found.extend(_columns(one, called, path, nodes if len(tables) == 1 else ()))
@@ -447,6 +458,19 @@ def _texts(nodes: Sequence[_Node], wanted: re.Pattern[str], count: int) -> list[
     return None
 
 
+def _units_by_name(nodes: Sequence[_Node]) -> dict[str, str]:
+    """Units of vectors by their names, where two cell arrays beside them, or in a struct beside them, list both."""
+    for place in (nodes, *(one.below for one in nodes if one.kind == "struct")):
+        lists = [(one.name, one.texts) for one in place if one.texts]
+        units = next((texts for name, texts in lists if texts and _UNITS.fullmatch(name)), [])
+        names = next(
+            (texts for name, texts in lists if texts and _NAMES.fullmatch(name) and len(texts) == len(units)), []
+        )
+        if names and any(one.is_vector and one.name in names for one in nodes):
+            return dict(zip(names, units, strict=True))
+    return {}
+
+
 def _only_text(nodes: Sequence[_Node], wanted: re.Pattern[str]) -> str | None:
     return next((one.value for one in nodes if isinstance(one.value, str) and wanted.fullmatch(one.name)), None)
 
@@ -477,42 +501,78 @@ def _is_73(file: BinaryIO, name: str) -> bool:
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     name = name_of(path, label)
-    with open_regular(path, max_bytes=max_bytes, label=label) as file, Guard(name, _KIND, "h5py") as guard:
+    most = max(max_bytes, MAX_FILE_BYTES)
+    with open_regular(path, max_bytes=most, label=label) as file, Guard(name, _KIND, "h5py") as guard:
         if _is_73(file, name):
             h5py = guard.load("h5py")
             with hdf5.opened(guard, file, name) as root:
                 variables = _variables_73(h5py, root, name)
+                channels = _channels(variables)
+                times = {one.time.name: one.time for one in channels if one.time is not None}
+                ends = {called: _ends_73(one, max_bytes, name) for called, one in times.items()}
+                signals = [_info(one, ends[one.time.name] if one.time is not None else None) for one in channels]
                 barred = [one.leaf for one in variables if one.leaf is not None and one.leaf.dataset is None]
                 notes = [f"{tidy(one.path)} {one.barred}" for one in barred]
             version = "7.3"
         else:
             variables, notes, version = _Walk(file, name, max_bytes).variables(), [], "5"
+            signals = [_info(one, _ends(one.time)) for one in _channels(variables)]
     notes += [f"{tidy(one.name)}: {tidy(one.value)}" for one in variables if one.value is not None][:20]
-    signals = tuple(_info(one) for one in _channels(variables))
-    return FileInfo(f"MATLAB {version}", signals, tuple(notes))
+    return FileInfo(f"MATLAB {version}", tuple(signals), tuple(notes))
 
 
-def _info(one: _Channel) -> SignalInfo:
+def _info(one: _Channel, ends: tuple[float, float] | None) -> SignalInfo:
     note = f"time from {tidy(one.time.name)}" if one.time else ""
     start = 0.0 if one.rate else None
     duration = max(one.count - 1, 0) / one.rate if one.rate else None
+    scale = seconds(one.time.unit) if one.time else None
+    if ends is not None and scale is not None and np.isfinite(ends).all():
+        start, duration = ends[0] * scale, (ends[1] - ends[0]) * scale
     return SignalInfo(one.name, one.unit, "", one.count, one.rate, start, duration, note)
 
 
+def _ends(time: _Channel | None) -> tuple[float, float] | None:
+    """First and last of a time, where it is a vector."""
+    return time.node.ends if time is not None and time.column is None else None
+
+
+def _ends_73(time: _Channel, max_bytes: int, name: str) -> tuple[float, float] | None:
+    if not time.count:
+        return None
+    part = _reader_73(time, max_bytes, name)
+    return float(part(0, 1)[0]), float(part(time.count - 1, time.count)[0])
+
+
 def _read(request: Request) -> Sequence[Signal]:
-    name = name_of(request.path, request.label)
-    limit = request.max_bytes
-    with (
-        open_regular(request.path, max_bytes=limit, label=request.label) as file,
-        Guard(name, _KIND, "h5py") as guard,
-    ):
+    guard = Guard(name_of(request.path, request.label), _KIND, "h5py")
+    with guard, _tracks(request, guard, whole=True) as tracks:
+        return [one.whole() for one in tracks]
+
+
+def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
+    """Of version 7.3 piece by piece; of another all variables that are needed are held."""
+    guard = Guard(name_of(request.path, request.label), _KIND, "h5py")
+    return guarded(_pieces(request, rows, guard), guard)
+
+
+def _pieces(request: Request, rows: int, guard: Guard) -> Generator[Sequence[Signal]]:
+    with _tracks(request, guard, whole=False) as tracks:
+        yield from in_step(tracks, rows)
+
+
+@contextmanager
+def _tracks(request: Request, guard: Guard, *, whole: bool) -> Iterator[list[Track]]:
+    """The channels of a request, of which any part can be read while the file is open."""
+    name, limit = name_of(request.path, request.label), request.max_bytes
+    with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
         if _is_73(file, name):
             h5py = guard.load("h5py")
             with hdf5.opened(guard, file, name) as root:
-                chosen = _chosen(_variables_73(h5py, root, name), request, name)
-                return _signals(chosen, lambda one: _samples_73(one, limit, name), name)
+                chosen = _chosen(_variables_73(h5py, root, name), request, name, whole=whole)
+                yield _of_channels(chosen, lambda one: _reader_73(one, limit, name), name)
+            return
         variables = _Walk(file, name, limit).variables()
-        chosen = _chosen(variables, request, name)
+        chosen = _chosen(variables, request, name, whole=True)
         tops = {path[0] for one in chosen for path in (one.path, one.time.path if one.time else one.path)}
         held = sum(one.size for one in variables if one.name in tops)
         afford(held + 16 * sum(one.count for one in chosen), limit, name)
@@ -520,10 +580,10 @@ def _read(request: Request) -> Sequence[Signal]:
         from scipy.io import loadmat
 
         content = loadmat(file, variable_names=sorted(tops), struct_as_record=True) if tops else {}
-        return _signals(chosen, lambda one: _samples(content, one, name), name)
+        yield _of_channels(chosen, lambda one: _reader(content, one, name), name)
 
 
-def _chosen(variables: Sequence[_Node], request: Request, name: str) -> list[_Channel]:
+def _chosen(variables: Sequence[_Node], request: Request, name: str, *, whole: bool) -> list[_Channel]:
     channels = _channels(variables)
     written = tuple(re.sub(r"\((:|\d+),(:|\d+)\)$", r"[\1,\2]", one) for one in request.names)
     barred = {one.name: one.leaf for one in variables if one.leaf is not None and one.leaf.barred}
@@ -533,49 +593,49 @@ def _chosen(variables: Sequence[_Node], request: Request, name: str) -> list[_Ch
             raise TableError(f"{name}: channel {shown(one)} {leaf.barred}")
     asked = Request(request.path, written, request.group, request.label, request.max_bytes)
     chosen = [channels[at] for at in find([("", one.name) for one in channels], asked)]
-    afford(16 * sum(one.count for one in chosen), request.max_bytes, name)
+    if whole:
+        afford(16 * sum(one.count for one in chosen), request.max_bytes, name)
     return chosen
 
 
-def _signals(chosen: Sequence[_Channel], samples: Any, name: str) -> list[Signal]:
-    times: dict[str, NDArray[np.float64]] = {}
-    signals = []
+def _of_channels(chosen: Sequence[_Channel], reader: Callable[[_Channel], Part], name: str) -> list[Track]:
+    times: dict[str, Part] = {}
+    tracks = []
     for one in chosen:
-        time = None
-        if one.time is not None:
-            if one.time.name not in times:
-                scale = seconds(one.time.unit)
-                if scale is None:
-                    what = f"has the unit {shown(one.time.unit)}; state it in s, ms or µs"
-                    raise TableError(f"{name}: the time {shown(one.time.name)} {what}")
-                times[one.time.name] = scale * samples(one.time)
-            time = times[one.time.name]
-        start = float(time[0]) if time is not None else 0.0
-        signals.append(Signal(one.name, one.unit, samples(one), start, one.rate, time))
-    return signals
+        if one.time is not None and one.time.name not in times:
+            times[one.time.name] = _seconds(one.time, reader, name)
+        time = times[one.time.name] if one.time is not None else None
+        tracks.append(Track(one.name, one.unit, one.count, reader(one), one.rate, 0.0, time))
+    return tracks
 
 
-def _part(values: NDArray[Any], one: _Channel) -> NDArray[Any]:
-    if one.column is None:
-        return values.ravel()
-    return values[:, one.column] if one.node.dims[0] >= one.node.dims[1] else values[one.column]
+def _seconds(time: _Channel, reader: Callable[[_Channel], Part], name: str) -> Part:
+    scale, values = seconds(time.unit), reader(time)
+    if scale is None:
+        what = f"has the unit {shown(time.unit)}; state it in s, ms or µs"
+        raise TableError(f"{name}: the time {shown(time.name)} {what}")
+    return remembered(lambda first, last: scale * values(first, last))
 
 
-def _samples(content: dict[str, Any], one: _Channel, name: str) -> NDArray[np.float64]:
+def _reader(content: dict[str, Any], one: _Channel, name: str) -> Part:
     values = content[one.path[0]]
     for part in one.path[1:]:
         values = values[part][0, 0]
-    return floats(_part(values, one), one.name, name)
+    if one.column is None:
+        values = values.ravel()
+    else:
+        values = values[:, one.column] if one.node.dims[0] >= one.node.dims[1] else values[one.column]
+    return lambda first, last: floats(values[first:last], one.name, name)
 
 
-def _samples_73(one: _Channel, max_bytes: int, name: str) -> NDArray[np.float64]:
+def _reader_73(one: _Channel, max_bytes: int, name: str) -> Part:
     leaf = one.node.leaf
     if leaf is None:
         raise TableError(f"{name}: channel {shown(one.name)} holds no numbers; name another channel")
     if one.column is None:
-        return hdf5.samples(leaf, max_bytes, name).ravel()
+        return hdf5.reader(leaf, max_bytes, name)
     long = one.node.dims[0] >= one.node.dims[1]  # of the matrix as MATLAB has it: in the file it lies on its side
-    return hdf5.samples(leaf, max_bytes, name, row=one.column, axis=0 if long else 1)
+    return hdf5.reader(leaf, max_bytes, name, row=one.column, axis=0 if long else 1)
 
 
-FORMAT = Format("MATLAB", (".mat",), _recognises, _survey, _read, "formats")
+FORMAT = Format("MATLAB", (".mat",), _recognises, _survey, _read, "formats", _blocks)

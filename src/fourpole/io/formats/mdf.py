@@ -11,12 +11,14 @@ what wrote them, channels scaled by a formula in text, and compression other tha
 
 from __future__ import annotations
 
+import copy
 import os
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -24,8 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, floats, of_name, seconds, tidy
-from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats.guard import Guard, afford, find, floats, guarded, of_name, seconds, tidy
+from fourpole.io.formats.pieces import Part, Track, in_step, remembered
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import name_of, open_regular
 from fourpole.units import shown
 
@@ -41,6 +44,7 @@ _DEEPEST = 16
 _MOST_INFLATED = 1100  # times: more than deflate can
 _LOOKED_AT = 1_000_000
 _EVEN = 1e-3
+_PART = 1 << 23  # bytes of a block of samples that are held at a time
 
 # Which links of a block lead on: to the next of its kind, to its parts, to texts. Of the others none is followed.
 _LINKS_4: dict[bytes, tuple[int, ...]] = {
@@ -347,6 +351,8 @@ class _File:
         titles = [self._title(group) for group in self.mdf.groups]
         often = Counter(titles)
         self.groups = [title if title and often[title] == 1 else str(number) for number, title in enumerate(titles)]
+        for group in self.mdf.groups if self.is_4 else ():
+            group.data_blocks = [part for block in group.data_blocks for part in _parted(block)]
 
     def _title(self, group: Any) -> str:
         stated = getattr(group.channel_group, "acq_name", "") if self.is_4 else group.channel_group.comment
@@ -415,20 +421,53 @@ class _File:
         values = self.mdf.get_master(group, record_offset=first, record_count=count)
         return floats(values, called, self.name) * (1.0 if scale is None else scale)
 
-    def samples(self, one: _Channel) -> NDArray[np.float64]:
+    def samples(self, one: _Channel, first: int, last: int) -> NDArray[np.float64]:
+        """Some samples of a channel; those marked invalid are not-a-number."""
+        if first == last:
+            return np.empty(0)
         # Without `ignore_...` the library leaves invalid samples out; with it, it says which they are.
-        where = {"group": one.at[0], "index": one.at[1]}
-        found, invalid = self.mdf.get(**where, samples_only=True, ignore_invalidation_bits=True)
+        found, invalid = self.mdf.get(
+            group=one.at[0],
+            index=one.at[1],
+            samples_only=True,
+            ignore_invalidation_bits=True,
+            record_offset=first,
+            record_count=last - first,
+        )
         values = floats(found, one.name, self.name)
         if invalid is not None and np.any(invalid):
             values = values.copy()
             values[np.asarray(invalid, dtype=bool)] = np.nan
-        if len(values) != one.count:
+        if len(values) != last - first:
             raise TableError(
-                f"{self.name}: is cut short: channel {shown(one.name)} has {len(values)} of {one.count} samples; "
-                "copy or export it again"
+                f"{self.name}: is cut short: channel {shown(one.name)} has {first + len(values)} of {one.count} "
+                "samples; copy or export it again"
             )
         return values
+
+    def track(self, one: _Channel, times: dict[int, Part]) -> Track:
+        """A channel, of which any part can be read; `times` has those of the groups, as they are found."""
+        if one.barred:
+            raise TableError(f"{self.name}: channel {shown(one.name)} {one.barred}")
+        unit, group = self.unit(one.at), one.at[0]
+
+        def samples(first: int, last: int) -> NDArray[np.float64]:
+            return self.samples(one, first, last)
+
+        if (even := self.even(group)) is not None:
+            return Track(one.name, unit, one.count, samples, *even)
+        if self.master(group) is None:
+            return Track(one.name, unit, one.count, samples)
+        if group not in times:
+            times[group] = remembered(lambda first, last: self._times(group, first, last))
+        return Track(one.name, unit, one.count, samples, time=times[group])
+
+    def _times(self, group: int, first: int, last: int) -> NDArray[np.float64]:
+        time = self.time(group, first=first, count=last - first) if last > first else np.empty(0)
+        if time is None or len(time) != last - first:
+            found = first + (0 if time is None else len(time))
+            raise TableError(f"{self.name}: is cut short: {found} of {last} times are there; copy or export it again")
+        return time
 
     def info(self, one: _Channel, times: dict[int, tuple[float | None, float, float]]) -> SignalInfo:
         rate, start, duration = times.get(one.at[0], (None, None, None))
@@ -456,6 +495,19 @@ class _File:
         return (1.0 / step if is_even else None), float(time[0]), span
 
 
+def _parted(block: Any) -> Iterator[Any]:
+    """A block of samples as several, where it is not compressed: the library holds each of them whole."""
+    size = block.original_size
+    if block.block_type or block.invalidation_block is not None or block.block_limit is not None or size <= _PART:
+        yield block
+        return
+    for at in range(0, size, _PART):
+        part = copy.copy(block)
+        part.address = block.address + at
+        part.original_size = part.compressed_size = min(_PART, size - at)
+        yield part
+
+
 def _formula(conversion: Any, kind: int) -> bool:
     """Whether a scaling, or one that it refers to, is a formula in text."""
     if conversion is None or isinstance(conversion, bytes | str):
@@ -468,7 +520,8 @@ def _formula(conversion: Any, kind: int) -> bool:
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     name = name_of(path, label)
-    with open_regular(path, max_bytes=max_bytes, label=label) as file, Guard(name, _KIND, _LIBRARY) as guard:
+    most = max(max_bytes, MAX_FILE_BYTES)
+    with open_regular(path, max_bytes=most, label=label) as file, Guard(name, _KIND, _LIBRARY) as guard:
         _check(file, name, max_bytes)
         content = _File(guard, file, name)
         try:
@@ -488,46 +541,41 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
 
 
 def _read(request: Request) -> Sequence[Signal]:
+    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
+    with guard, _tracks(request, guard, whole=True) as tracks:
+        return [one.whole() for one in tracks]
+
+
+def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
+    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
+    return guarded(_pieces(request, rows, guard), guard)
+
+
+def _pieces(request: Request, rows: int, guard: Guard) -> Generator[Sequence[Signal]]:
+    with _tracks(request, guard, whole=False) as tracks:
+        yield from in_step(tracks, rows)
+
+
+@contextmanager
+def _tracks(request: Request, guard: Guard, *, whole: bool) -> Iterator[list[Track]]:
+    """The channels of a request, of which any part can be read while the file is open."""
     name = name_of(request.path, request.label)
-    with (
-        open_regular(request.path, max_bytes=request.max_bytes, label=request.label) as file,
-        Guard(name, _KIND, _LIBRARY) as guard,
-    ):
+    with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
         _check(file, name, request.max_bytes)
         content = _File(guard, file, name)
         try:
-            return _signals(content, request, name)
+            channels = content.channels()
+            group = request.group
+            if group.isdecimal() and group not in content.groups and int(group) < len(content.groups):
+                group = content.groups[int(group)]
+            asked = replace(request, group=group)
+            chosen = [channels[at] for at in find([(one.group, one.name) for one in channels], asked)]
+            if whole:
+                afford(24 * sum(one.count for one in chosen), request.max_bytes, name)
+            times: dict[int, Part] = {}
+            yield [content.track(one, times) for one in chosen]
         finally:
             content.mdf.close()
 
 
-def _signals(content: _File, request: Request, name: str) -> list[Signal]:
-    channels = content.channels()
-    group = request.group
-    if group.isdecimal() and group not in content.groups and int(group) < len(content.groups):
-        group = content.groups[int(group)]
-    asked = Request(request.path, request.names, group, request.label, request.max_bytes)
-    chosen = [channels[at] for at in find([(one.group, one.name) for one in channels], asked)]
-    afford(24 * sum(one.count for one in chosen), request.max_bytes, name)
-    times: dict[int, NDArray[np.float64] | None] = {}
-    signals = []
-    for one in chosen:
-        if one.barred:
-            raise TableError(f"{name}: channel {shown(one.name)} {one.barred}")
-        unit, number = content.unit(one.at), one.at[0]
-        if (even := content.even(number)) is not None:
-            signals.append(Signal(one.name, unit, content.samples(one), even[1], even[0]))
-            continue
-        if number not in times:
-            times[number] = content.time(number)
-        time = times[number]
-        if time is not None and len(time) != one.count:
-            raise TableError(
-                f"{name}: is cut short: {len(time)} of {one.count} times are there; copy or export it again"
-            )
-        start = float(time[0]) if time is not None and len(time) else 0.0
-        signals.append(Signal(one.name, unit, content.samples(one), start, None, time))
-    return signals
-
-
-FORMAT = Format("ASAM MDF", (".mf4", ".mdf", ".dat"), _recognises, _survey, _read, "formats")
+FORMAT = Format("ASAM MDF", (".mf4", ".mdf", ".dat"), _recognises, _survey, _read, "formats", _blocks)

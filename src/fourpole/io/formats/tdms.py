@@ -7,8 +7,11 @@ Only the named file is read, never the index beside it. Where channels were star
 from __future__ import annotations
 
 import os
+import re
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -16,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, floats, of_name, tidy
-from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats.guard import Guard, afford, find, floats, guarded, of_name, tidy
+from fourpole.io.formats.pieces import Part, Track, in_step
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import name_of, open_regular
 from fourpole.units import shown
 
@@ -27,9 +31,12 @@ _KIND = "an NI TDMS file"
 _LIBRARY = "nptdms"
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
 _NOTES = ("description", "NI_ChannelName", "sensor", "Sensor")
+_SCALE = re.compile(r"NI_Scale\[[0-9]+\]_Scale_Type")
 _LEAD_IN = 28
 _OPEN_END = 0xFFFFFFFFFFFFFFFF
-_METADATA, _NEW_LIST, _BIG_ENDIAN = 1 << 1, 1 << 2, 1 << 6
+_METADATA, _NEW_LIST, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = (1 << bit for bit in (1, 2, 5, 6, 7))
+_AT_ONCE = 1 << 24  # bytes of a chunk that the library may hold
+_SAMPLES_AT_ONCE = 1 << 20
 _SMALLEST_OBJECT = 12
 _MOST_ENTRIES = 20_000_000
 _MOST_PIECES = 2_000_000
@@ -89,7 +96,7 @@ def _timing(channel: Any, zero: tuple[int, int] | None) -> tuple[float | None, f
     begun = _begun(channel.properties)
     if begun is not None and zero is not None:
         start += (begun[0] - zero[0]) + (begun[1] - zero[1]) / 2**64
-    return 1.0 / increment, start
+    return float(f"{1.0 / increment:.15g}"), start  # 50000, not 50000.00000000001
 
 
 def _begun(properties: Mapping[str, Any]) -> tuple[int, int] | None:
@@ -108,14 +115,14 @@ def _zero(channels: Sequence[Any]) -> tuple[int, int] | None:
     return min(known) if known and len(known) == len(begun) else None
 
 
-def _info(channel: Any, zero: tuple[int, int] | None) -> SignalInfo:
+def _info(guard: Guard, tdms: Any, channel: Any, zero: tuple[int, int] | None) -> SignalInfo:
     rate, start = _timing(channel, zero)
     count = len(channel)
     notes = [tidy(channel.properties[key]) for key in _NOTES if isinstance(channel.properties.get(key), str)]
     if channel.dtype.kind not in "fiub":
         notes.insert(0, "no numbers")
     if "NI_Number_Of_Scales" in channel.properties:
-        notes.append("scaled by the file")
+        notes.append(_unscaled(guard, tdms, channel) or "scaled by the file")
     return SignalInfo(
         channel.name,
         _unit(channel),
@@ -134,7 +141,8 @@ def _channels(tdms: Any) -> list[Any]:
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     name = name_of(path, label)
-    with open_regular(path, max_bytes=max_bytes, label=label) as file, Guard(name, _KIND, _LIBRARY) as guard:
+    most = max(max_bytes, MAX_FILE_BYTES)
+    with open_regular(path, max_bytes=most, label=label) as file, Guard(name, _KIND, _LIBRARY) as guard:
         _check(file, name, max_bytes)
         # A file that is open is read by itself; of a path, the library would read the index beside it.
         with guard.load(_LIBRARY).TdmsFile.open(file, raw_timestamps=True) as tdms:
@@ -142,45 +150,155 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
             zero = _zero(channels)
             notes = [f"{key}: {tidy(value)}" for key, value in tdms.properties.items()][:20]
             version = {4712: "1.0", 4713: "2.0"}.get(tdms.tdms_version, "")
-            return FileInfo(f"NI TDMS {version}".strip(), tuple(_info(one, zero) for one in channels), tuple(notes))
+            return FileInfo(
+                f"NI TDMS {version}".strip(), tuple(_info(guard, tdms, one, zero) for one in channels), tuple(notes)
+            )
 
 
 def _read(request: Request) -> Sequence[Signal]:
+    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
+    with guard, _tracks(request, guard, whole=True) as tracks:
+        return [one.whole() for one in tracks]
+
+
+def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
+    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
+    return guarded(_pieces(request, rows, guard), guard)
+
+
+def _pieces(request: Request, rows: int, guard: Guard) -> Generator[Sequence[Signal]]:
+    with _tracks(request, guard, whole=False) as tracks:
+        yield from in_step(tracks, rows)
+
+
+@contextmanager
+def _tracks(request: Request, guard: Guard, *, whole: bool) -> Iterator[list[Track]]:
+    """The channels of a request, of which any part can be read while the file is open."""
     name = name_of(request.path, request.label)
-    with (
-        open_regular(request.path, max_bytes=request.max_bytes, label=request.label) as file,
-        Guard(name, _KIND, _LIBRARY) as guard,
-    ):
+    with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
         _check(file, name, request.max_bytes)
         with guard.load(_LIBRARY).TdmsFile.open(file, raw_timestamps=True) as tdms:
             channels = _channels(tdms)
             chosen = [channels[one] for one in find([(one.group_name, one.name) for one in channels], request)]
-            afford(16 * sum(map(len, chosen)), request.max_bytes, name)
+            if whole:
+                afford(16 * sum(map(len, chosen)), request.max_bytes, name)
             zero = _zero(channels)
-            return [_signal(channel, zero, name) for channel in chosen]
+            yield [_track(guard, tdms, file, channel, zero, name) for channel in chosen]
 
 
-def _signal(channel: Any, zero: tuple[int, int] | None, name: str) -> Signal:
+def _track(guard: Guard, tdms: Any, file: BinaryIO, channel: Any, zero: tuple[int, int] | None, name: str) -> Track:
     rate, start = _timing(channel, zero)
-    return Signal(channel.name, _unit(channel), _samples(channel, name), start, rate)
+    return Track(channel.name, _unit(channel), len(channel), _reader(guard, tdms, file, channel, name), rate, start)
 
 
-def _samples(channel: Any, name: str) -> NDArray[np.float64]:
-    """The scaled samples, piece by piece."""
-    values = np.empty(len(channel))
-    filled = 0
-    for number, chunk in enumerate(channel.data_chunks()):
-        if max(number, len(values) // max(len(chunk), 1) if number == 0 else 0) > _MOST_PIECES:
-            what = f"channel {shown(channel.name)} is in more than {_MOST_PIECES} pieces"
-            raise TableError(f"{name}: {what}; defragment the file, or export it again")
-        part = floats(chunk[:], channel.name, name) if len(chunk) else np.empty(0)
-        values[filled : filled + len(part)] = part
-        filled += len(part)
-    if filled != len(values):
-        raise TableError(
-            f"{name}: is cut short: channel {shown(channel.name)} has {filled} of {len(values)} samples; copy it again"
-        )
-    return values
+@dataclass(frozen=True)
+class _Run:
+    """Samples of a channel that lie evenly in the file."""
+
+    first: int
+    last: int
+    begin: int
+    step: int
+    """Bytes from one sample to the next; 0 where the library reads them."""
+    kind: Any
+    """Of a sample as it is stored."""
+
+    def read(self, file: BinaryIO, first: int, last: int) -> NDArray[Any]:
+        """Some of them, as they are stored."""
+        file.seek(self.begin + (first - self.first) * self.step)
+        if self.step == self.kind.itemsize:
+            return np.frombuffer(file.read((last - first) * self.step), self.kind)
+        parts = [np.empty(0, self.kind)]
+        for at in range(first, last, rows := max(_AT_ONCE // self.step, 1)):
+            held = file.read((min(at + rows, last) - at - 1) * self.step + self.kind.itemsize)
+            parts.append(np.ndarray((min(at + rows, last) - at,), self.kind, held, strides=(self.step,)))
+            file.seek(self.step - self.kind.itemsize, os.SEEK_CUR)
+        return np.concatenate(parts)
 
 
-FORMAT = Format("NI TDMS", (".tdms", ".tdms_index"), _recognises, _survey, _read, "formats")
+def _runs(segments: Sequence[Any], path: str) -> list[_Run]:
+    """Where the samples of a channel are; the library holds each chunk whole, which large ones are too large for."""
+    runs, at = [], 0
+    for segment in segments:
+        held = [one for one in segment.ordered_objects if one.has_data]
+        own = next((one for one in held if one.path == path), None)
+        if own is None or not own.number_values or not segment.num_chunks:
+            continue
+        ends = segment.final_chunk_lengths_override
+        chunk = sum(one.data_size for one in held)
+        stored = getattr(own.data_type, "nptype", None)
+        if segment.toc_mask & _DAQMX or stored is None or chunk <= _AT_ONCE:
+            count = own.number_values * (segment.num_chunks - (ends is not None)) + (ends or {}).get(path, 0)
+            runs.append(_Run(at, at + count, 0, 0, None))
+            at += count
+            continue
+        kind = np.dtype(stored).newbyteorder(">" if segment.toc_mask & _BIG_ENDIAN else "<")
+        for number in range(segment.num_chunks):
+            counts = ends if ends is not None and number == segment.num_chunks - 1 else None
+            count = own.number_values if counts is None else counts.get(path, 0)
+            before = held[: held.index(own)]
+            if segment.toc_mask & _INTERLEAVED:
+                step, skipped = sum(one.data_type.size for one in held), sum(one.data_type.size for one in before)
+            elif counts is None:
+                step, skipped = kind.itemsize, sum(one.data_size for one in before)
+            else:
+                step, skipped = kind.itemsize, sum(one.data_type.size * counts.get(one.path, 0) for one in before)
+            runs.append(_Run(at, at + count, segment.data_position + number * chunk + skipped, step, kind))
+            at += count
+    return runs
+
+
+def _unscaled(guard: Guard, tdms: Any, channel: Any) -> str:
+    """Why the samples cannot be scaled: of a way that it does not know the library gives them raw, with a warning."""
+    get_scaling = guard.load("nptdms.scaling").get_scaling
+    for stated in (channel.properties, tdms[channel.group_name].properties, tdms.properties):
+        ways = [str(value) for key, value in stated.items() if _SCALE.fullmatch(key)]
+        if stated.get("NI_Scaling_Status", "unscaled") == "scaled" or not ways:
+            continue
+        return "" if get_scaling(stated, {}, {}) is not None else f"is scaled by {shown(ways[-1])}, which is not known"
+    return ""
+
+
+def _reader(guard: Guard, tdms: Any, file: BinaryIO, channel: Any, name: str) -> Part:
+    """What reads a part of the scaled samples."""
+    if len(channel) and channel.dtype.kind not in "fiub":
+        floats(np.empty(1, channel.dtype), channel.name, name)
+    if what := _unscaled(guard, tdms, channel):
+        raise TableError(f"{name}: channel {shown(channel.name)} {what}; save its scaled values")
+    segments = tdms._reader._segments  # noqa: SLF001 - nothing public tells how large a chunk is
+    holding = [one for one in segments if channel.path in one.object_index]
+    if sum(one.num_chunks for one in holding) > _MOST_PIECES:
+        what = f"channel {shown(channel.name)} is in more than {_MOST_PIECES} pieces"
+        raise TableError(f"{name}: {what}; defragment the file, or export it again")
+    runs = _runs(holding, channel.path)
+    if not any(one.step for one in runs):
+        runs = [_Run(0, len(channel), 0, 0, None)]
+    scaling = guard.load("nptdms.scaling").get_scaling(
+        channel.properties, tdms[channel.group_name].properties, tdms.properties
+    )
+    wrapped = guard.load("nptdms.base_segment").RawChannelDataChunk.channel_data
+
+    def scaled(run: _Run, first: int, last: int) -> Any:
+        if not run.step:
+            return channel.read_data(first, last - first)
+        raw = run.read(file, first, last)
+        return raw if scaling is None else scaling.scale(wrapped(raw.astype(raw.dtype.newbyteorder("="))))
+
+    def part(first: int, last: int) -> NDArray[np.float64]:
+        values = np.empty(last - first)
+        filled = 0
+        for run in runs:
+            end = min(last, run.last)
+            for begin in range(max(first, run.first), end, _SAMPLES_AT_ONCE):
+                found = floats(scaled(run, begin, min(begin + _SAMPLES_AT_ONCE, end)), channel.name, name)
+                values[filled : filled + len(found)] = found
+                filled += len(found)
+        if filled != len(values):
+            said = f"channel {shown(channel.name)} has {first + filled} of {len(channel)} samples"
+            raise TableError(f"{name}: is cut short: {said}; copy it again")
+        return values
+
+    return part
+
+
+FORMAT = Format("NI TDMS", (".tdms", ".tdms_index"), _recognises, _survey, _read, "formats", _blocks)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import codecs
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from fourpole.errors import FourpoleError, TableError
-from fourpole.io.columns import read_columns, survey_columns
+from fourpole.io.columns import Survey, column_blocks, read_columns, survey_columns
 from fourpole.io.formats.guard import afford, seconds, tidy
 from fourpole.io.layout import number
-from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.units import column_unit, quantity
 
 __all__ = ["FORMAT"]
@@ -73,7 +73,7 @@ def _hertz(match: re.Match[str], *, inverse: bool) -> float | None:
 
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    found = survey_columns(path, max_bytes=max_bytes, label=label)
+    found = survey_columns(path, max_bytes=max(max_bytes, MAX_FILE_BYTES), label=label)
     rate = _rate(found.above)
     bare = [column_unit(one)[0] for one in found.layout.names]
     often, seen = Counter(bare), Counter[str]()
@@ -106,13 +106,28 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
 
 
 def _read(request: Request) -> Sequence[Signal]:
-    if request.group:
-        raise TableError(f"{request.label}: has no groups; leave out '#{tidy(request.group)}' after the file")
-    found = survey_columns(request.path, max_bytes=request.max_bytes, label=request.label)
+    found, most = _asked(request), request.max_file_bytes
     afford(8 * found.rows * max(len(request.names), 1), request.max_bytes, request.label)
     rate = _rate(found.above)
-    columns = read_columns(request.path, request.names, max_bytes=request.max_bytes, label=request.label)
+    columns = read_columns(request.path, request.names, max_bytes=most, label=request.label)
     return [Signal(one, columns.units[one], columns[one], rate=rate) for one in request.names]
+
+
+def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
+    rate, done = _rate(_asked(request, count=False).above), 0
+    for block in column_blocks(
+        request.path, request.names, rows, max_bytes=request.max_file_bytes, label=request.label
+    ):
+        start = done / rate if rate else 0.0
+        yield [Signal(one, block.units[one], block[one], start, rate) for one in request.names]
+        done += len(block)
+
+
+def _asked(request: Request, *, count: bool = True) -> Survey:
+    """What the file holds; it has no groups."""
+    if request.group:
+        raise TableError(f"{request.label}: has no groups; leave out '#{tidy(request.group)}' after the file")
+    return survey_columns(request.path, max_bytes=request.max_file_bytes, label=request.label, count=count)
 
 
 FORMAT = Format(
@@ -121,4 +136,5 @@ FORMAT = Format(
     recognises=_recognises,
     survey=_survey,
     read=_read,
+    blocks=_blocks,
 )

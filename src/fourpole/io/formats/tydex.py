@@ -118,11 +118,10 @@ class TydexChannel:
     ----------
     name, description, unit : str
     factor : float
-        The physical value is the stored one times this, plus `offset`.
     offset : float [unit]
     stored_offset : float
-        An offset of the stored values. Zero in every file known to us; what sign another would have is not
-        agreed on, so such a channel is not converted.
+        Physical value = (stored value + stored_offset) · factor + offset. The format names both offsets; that the
+        first is added, as the second is, is our reading: it is zero in every file known to us.
     """
 
     name: str
@@ -572,14 +571,13 @@ def _channel(line: str, where: str) -> TydexChannel:
 
 def _physical(stored: NDArray[np.float64], channel: TydexChannel, name: str) -> NDArray[np.float64]:
     """Values in the channel's unit."""
-    if channel.factor == 0 or channel.stored_offset:
-        what = f"the offset {channel.stored_offset:g} in columns 61 to 70" if channel.factor else "the factor 0"
+    if channel.factor == 0:
         raise TableError(
-            f"{name}: channel {shown(channel.name)} has {what}, which is not converted: what it means is not agreed on;"
+            f"{name}: channel {shown(channel.name)} has the factor 0, by which nothing is left of its values;"
             " store the physical values, with factor 1 and offset 0"
         )
     with np.errstate(over="ignore"):
-        values = stored * channel.factor + channel.offset
+        values = (stored + channel.stored_offset) * channel.factor + channel.offset
     if np.isinf(values).any():
         raise TableError(
             f"{name}: channel {shown(channel.name)} is beyond all numbers after its factor; mend the factor"
@@ -613,9 +611,10 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
 
 def _said(one: TydexChannel) -> str:
     """What a channel is: its meaning, its description, its conversion."""
-    scaled = "" if (one.factor, one.offset) == (1.0, 0.0) else f"stored value × {one.factor:g} + {one.offset:g}"
-    unknown = f"offset {one.stored_offset:g} of the stored values: not converted" if one.stored_offset else ""
-    return tidy("; ".join(filter(None, (meaning(one.name), one.description, scaled, unknown))))
+    stored = f"(stored value {one.stored_offset:+g})" if one.stored_offset else "stored value"
+    plain = (one.factor, one.offset, one.stored_offset) == (1.0, 0.0, 0.0)
+    scaled = "" if plain else f"{stored} × {one.factor:g} {one.offset:+g}"
+    return tidy("; ".join(filter(None, (meaning(one.name), one.description, scaled))))
 
 
 def _numbered(channels: Sequence[TydexChannel]) -> list[str]:

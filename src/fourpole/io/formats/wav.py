@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Sequence
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -13,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find
-from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats.guard import Guard, afford, find, guarded
+from fourpole.io.formats.pieces import Part, Track, in_step
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import name_of, open_regular
 
 __all__ = ["FORMAT"]
@@ -22,7 +24,7 @@ __all__ = ["FORMAT"]
 _KIND = "a WAV file"
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _STREAMED = 0xFFFFFFFF
-_BLOCK = 1 << 16
+_BLOCK = 1 << 20  # bytes that are decoded at a time
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,8 @@ class _Header:
     bits: int
     size: int
     """Bytes of samples."""
+    order: str
+    """Of bytes: little-endian (<) or big-endian (>)."""
 
     @property
     def count(self) -> int:
@@ -65,7 +69,7 @@ def _header(file: BinaryIO, name: str) -> _Header:
         kind, size = struct.unpack(f"{order}4sI", start)
         if kind == b"data":
             size = large if large is not None and size == _STREAMED else size
-            return _checked(form, size, end - file.tell(), name)
+            return _checked(form, size, end - file.tell(), order, name)
         content = file.read(min(size, 40)) if kind in (b"fmt ", b"ds64") else b""
         if kind == b"fmt " and len(content) >= 16:
             tag, channels, rate, _, _, bits = struct.unpack(f"{order}HHIIHH", content[:16])
@@ -78,13 +82,14 @@ def _header(file: BinaryIO, name: str) -> _Header:
     raise TableError(f"{name}: is cut short: it ends before its samples begin; copy or export it again")
 
 
-def _checked(form: tuple[int, int, int, int] | None, size: int, there: int, name: str) -> _Header:
+def _checked(form: tuple[int, int, int, int] | None, size: int, there: int, order: str, name: str) -> _Header:
     if form is None:
         raise TableError(f"{name}: does not say how its samples are written (no 'fmt ' chunk); export it again")
-    header = _Header(*form, size)
+    header = _Header(*form, size, order)
     if header.tag not in (_PCM, _FLOAT):
         raise TableError(f"{name}: its samples are compressed (WAV format {header.tag}); save it as PCM or float")
-    if not (header.channels and header.rate and 0 < header.bits <= 64):
+    widths = (4, 8) if header.tag == _FLOAT else range(1, 9)
+    if not (header.channels and header.rate and header.bits and header.width in widths):
         many = f"{header.channels} channels of {header.bits} bit at {header.rate} Hz"
         raise TableError(f"{name}: declares {many}; its header is damaged: export it again")
     if size > there:
@@ -98,7 +103,7 @@ def _checked(form: tuple[int, int, int, int] | None, size: int, there: int, name
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     name = name_of(path, label)
-    with open_regular(path, max_bytes=max_bytes, label=label) as file, Guard(name, _KIND):
+    with open_regular(path, max_bytes=max(max_bytes, MAX_FILE_BYTES), label=label) as file, Guard(name, _KIND):
         header = _header(file, name)
     duration = max(header.count - 1, 0) / header.rate
     signals = tuple(
@@ -109,34 +114,69 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
 
 
 def _read(request: Request) -> Sequence[Signal]:
+    with Guard(name_of(request.path, request.label), _KIND), _tracks(request, whole=True) as tracks:
+        return [one.whole() for one in tracks]
+
+
+def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
+    return guarded(_pieces(request, rows), Guard(name_of(request.path, request.label), _KIND))
+
+
+def _pieces(request: Request, rows: int) -> Generator[Sequence[Signal]]:
+    with _tracks(request, whole=False) as tracks:
+        yield from in_step(tracks, rows)
+
+
+@contextmanager
+def _tracks(request: Request, *, whole: bool) -> Iterator[list[Track]]:
+    """The channels of a request, of which any part can be read while the file is open."""
     name = name_of(request.path, request.label)
-    with open_regular(request.path, max_bytes=request.max_bytes, label=request.label) as file, Guard(name, _KIND):
+    with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
         header = _header(file, name)
+        begin = file.tell()
         which = find([("", str(one)) for one in range(1, header.channels + 1)], request)
-        held = header.size if header.width != 3 else header.size * 7 // 3
-        afford(held + 8 * header.count * len(which), request.max_bytes, name)
-        file.seek(0)
-        from scipy.io import wavfile
-
-        rate, raw = wavfile.read(file)
-        table = raw.reshape(len(raw), -1)
-        if table.shape != (header.count, header.channels):
-            raise TableError(f"{name}: holds {table.shape[0]} samples, not {header.count}; copy or export it again")
-        return [Signal(str(one + 1), None, _scaled(table[:, one]), 0.0, float(rate)) for one in which]
+        if whole:
+            afford(8 * header.count * len(which), request.max_bytes, name)
+        yield [
+            Track(str(one + 1), None, header.count, _channel(file, header, begin, one, name), float(header.rate))
+            for one in which
+        ]
 
 
-def _scaled(raw: NDArray[np.generic]) -> NDArray[np.float64]:
-    """One channel, block by block: integers to a full scale of 1."""
-    values = np.empty(len(raw))
-    kind, bits = raw.dtype.kind, 8 * raw.dtype.itemsize
-    offset = 128.0 if kind == "u" else 0.0
-    scale = 1.0 if kind == "f" else 2.0 ** (1 - bits)
-    for start in range(0, len(raw), _BLOCK):
-        part = slice(start, start + _BLOCK)
-        values[part] = raw[part]
-        if kind != "f":
-            values[part] = (values[part] - offset) * scale
-    return values
+def _channel(file: BinaryIO, header: _Header, begin: int, channel: int, name: str) -> Part:
+    """What reads a part of one channel: integers to a full scale of 1."""
+    frame = header.channels * header.width
+    step = max(_BLOCK // frame, 1)
+
+    def part(first: int, last: int) -> NDArray[np.float64]:
+        values = np.empty(last - first)
+        file.seek(begin + first * frame)
+        for at in range(0, last - first, step):
+            count = min(step, last - first - at)
+            held = file.read(count * frame)
+            if len(held) != count * frame:
+                raise TableError(f"{name}: is cut short: it ends within its samples; copy or export it again")
+            table = np.frombuffer(held, dtype=np.uint8).reshape(count, header.channels, header.width)
+            values[at : at + count] = _decoded(table[:, channel], header)
+        return values
+
+    return part
 
 
-FORMAT = Format("WAV", (".wav", ".wave"), _recognises, _survey, _read)
+def _decoded(raw: NDArray[np.uint8], header: _Header) -> NDArray[np.float64]:
+    """Samples of one channel of (samples, bytes) of each."""
+    count, width = raw.shape
+    if header.tag == _FLOAT:
+        return np.ascontiguousarray(raw).view(f"{header.order}f{width}")[:, 0].astype(np.float64)
+    if width == 1:
+        return (raw[:, 0].astype(np.float64) - 128.0) / 128.0
+    wide = 2 if width == 2 else 4 if width <= 4 else 8
+    filled = np.zeros((count, wide), dtype=np.uint8)
+    if header.order == "<":
+        filled[:, wide - width :] = raw  # the bytes of most weight are last, so that the sign is where it must be
+    else:
+        filled[:, :width] = raw
+    return filled.view(f"{header.order}i{wide}")[:, 0].astype(np.float64) * 2.0 ** (1 - 8 * wide)
+
+
+FORMAT = Format("WAV", (".wav", ".wave"), _recognises, _survey, _read, blocks=_blocks)

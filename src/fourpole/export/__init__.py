@@ -1,0 +1,5 @@
+"""Results become files of other tools: a workbook, MATLAB, TYDEX, UFF 58 and NetCDF."""
+
+from fourpole.export.kinds import KINDS, Exported, export_results
+
+__all__ = ["KINDS", "Exported", "export_results"]

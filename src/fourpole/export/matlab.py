@@ -1,0 +1,150 @@
+"""MATLAB: each table a struct of columns, K* and the phasors complex, with their covariances."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from fourpole.core.arrays import FloatArray
+from fourpole.export.source import SIGNS, Source, field_names, unit_of
+from fourpole.io.write import write_bytes
+from fourpole.plot.sheet import floats
+
+__all__ = ["write"]
+
+_HEAD = 116
+#: Complex values of the dynamic tests: field, unit, columns of parts, of their uncertainties and of the correlation.
+_COMPLEX = {
+    "K": ("N/m", ("Re K* [N/m]", "Im K* [N/m]"), ("u(Re K*) [N/m]", "u(Im K*) [N/m]"), "corr(Re,Im K*) [1]"),
+    "mobility": (
+        "m/(N s)",
+        ("R [m/(N s)]", "I [m/(N s)]"),
+        ("u(R) [m/(N s)]", "u(I) [m/(N s)]"),
+        "corr(R,I) [1]",
+    ),
+}
+_ARM = (("K2 [N/m]", "C [N s/m]"), ("u(K2) [N/m]", "u(C) [N s/m]"), "corr(K2,C) [1]")
+_OWN = ("units", "names", "K", "K_covariance", "mobility", "mobility_covariance", "K2_C_covariance")
+_COVARIANCE = "covariance Re F1, Im F1, Re V1, Im V1, Re V2, Im V2"
+
+
+def write(source: Source, path: Path) -> tuple[str, ...]:
+    """Write the MAT-file of level 5; nothing is left out."""
+    from scipy.io import savemat
+
+    content: dict[str, Any] = {"study": _study(source)}
+    for name, table in source.tables.items():
+        content[name] = _struct(table)
+    content["dynamic"] |= _complex_fields(source.dynamic)
+    if _COVARIANCE in source.phasors.columns:
+        content["phasors"] = _phasors(source.phasors)
+    content = {name: _described(value) for name, value in content.items()}
+    buffer = io.BytesIO()
+    savemat(buffer, content, long_field_names=True, do_compression=True, oned_as="column")
+    # The library's head has the time of day; this one says what the file is, and is the same for the same results.
+    head = f"MATLAB 5.0 MAT-file, results of {source.version}, {source.made:%Y-%m-%d %H:%M:%S} UTC"
+    ascii_head = head.encode("ascii", "replace")[:_HEAD].ljust(_HEAD)
+    write_bytes(path, ascii_head + buffer.getvalue()[_HEAD:])
+    return ()
+
+
+def _described(struct: dict[str, Any]) -> dict[str, Any]:
+    """Units and names last, as they describe the fields before them."""
+    return {**{name: value for name, value in struct.items() if name not in ("units", "names")}, **_last(struct)}
+
+
+def _last(struct: dict[str, Any]) -> dict[str, Any]:
+    return {name: struct[name] for name in ("units", "names") if name in struct}
+
+
+def _struct(table: pl.DataFrame) -> dict[str, Any]:
+    """A table: a field per column, and parallel structs of their units and their names as in the CSV file."""
+    fields = field_names(table.columns, taken=_OWN)
+    struct: dict[str, Any] = {field: _column(table, name) for name, field in fields.items()}
+    struct["units"] = {field: unit_of(name) for name, field in fields.items()}
+    struct["names"] = {field: name for name, field in fields.items()}
+    return struct
+
+
+def _column(table: pl.DataFrame, name: str) -> NDArray[Any]:
+    if table.schema[name] == pl.String:
+        return _cell(table[name].to_list())
+    return floats(table, name).reshape(-1, 1)
+
+
+def _cell(texts: list[Any]) -> NDArray[np.object_]:
+    """A column of a cell array."""
+    cell = np.empty((len(texts), 1), dtype=object)
+    cell[:, 0] = [str(text or "") for text in texts]
+    return cell
+
+
+def _covariance(table: pl.DataFrame, stds: tuple[str, str], correlation: str) -> FloatArray:
+    """(2, 2, n) covariance."""
+    first, second = (floats(table, name) for name in stds)
+    cross = floats(table, correlation) * first * second
+    return np.array([[first**2, cross], [cross, second**2]])
+
+
+def _complex(real: FloatArray, imag: FloatArray) -> NDArray[np.complex128]:
+    """A column; not from real + 1j * imag, which makes both parts not-a-number of one."""
+    whole = np.empty((real.size, 1), dtype=np.complex128)
+    whole.real[:, 0], whole.imag[:, 0] = real, imag
+    return whole
+
+
+def _complex_fields(table: pl.DataFrame) -> dict[str, Any]:
+    """K* and V1/F1 as complex numbers, with the covariances of their parts and that of K2 and C."""
+    base = _struct(table)
+    fields: dict[str, Any] = {}
+    units, names = base["units"], base["names"]
+    for field, (unit, parts, stds, correlation) in _COMPLEX.items():
+        fields[field] = _complex(*(floats(table, part) for part in parts))
+        fields[f"{field}_covariance"] = _covariance(table, stds, correlation)
+        units |= {field: unit, f"{field}_covariance": f"({unit})^2"}
+        names |= {field: f"{parts[0]} + j {parts[1]}", f"{field}_covariance": "of (Re, Im), 2 x 2 x test"}
+    fields["K2_C_covariance"] = _covariance(table, *_ARM[1:])
+    units["K2_C_covariance"] = "(N/m)^2, (N/m)(N s/m), (N s/m)^2"
+    names["K2_C_covariance"] = "of (K2, C), 2 x 2 x test"
+    return {**fields, "units": units, "names": names}
+
+
+def _phasors(table: pl.DataFrame) -> dict[str, Any]:
+    """Complex amplitudes with the covariance of all six parts, (6, 6, n)."""
+    plain = table.select(name for name in table.columns if name != _COVARIANCE and name[:3] not in ("Re ", "Im "))
+    struct = _struct(plain)
+    for name, unit in (("F1", "N"), ("V1", "m/s"), ("V2", "m/s")):
+        struct[name] = _complex(floats(table, f"Re {name} [{unit}]"), floats(table, f"Im {name} [{unit}]"))
+        struct["units"][name], struct["names"][name] = unit, f"Re {name} [{unit}] + j Im {name} [{unit}]"
+    listed = table[_COVARIANCE].to_numpy().astype(float).reshape(-1, 6, 6)
+    struct["covariance"] = np.moveaxis(listed, 0, -1)
+    struct["units"]["covariance"] = "of the products of N, N, m/s, m/s, m/s, m/s"
+    struct["names"]["covariance"] = "of (Re F1, Im F1, Re V1, Im V1, Re V2, Im V2), 6 x 6 x test"
+    return struct
+
+
+def _study(source: Source) -> dict[str, Any]:
+    """What was analysed and how; `json` is all of study.json, for jsondecode."""
+    return {
+        "title": source.title,
+        "analysed": f"{source.made:%Y-%m-%d %H:%M:%S} UTC",
+        "signs": SIGNS,
+        "settings": _plain(source.section("settings")),
+        "versions": _plain(source.section("versions")),
+        "verdicts": _plain(source.section("verdicts")),
+        "assumptions": _cell(list(source.listed("assumptions"))),
+        "json": source.json,
+    }
+
+
+def _plain(section: Mapping[str, Any]) -> dict[str, Any]:
+    """The texts and numbers of a table of study.json."""
+    held = {key: value for key, value in section.items() if isinstance(value, str | int | float)}
+    fields = field_names(held)
+    return {fields[key]: float(value) if isinstance(value, int | float) else value for key, value in held.items()}

@@ -1,0 +1,274 @@
+"""NetCDF: the results as a grid of tyre, pressure, preload and frequency, with CF's names for what belongs together.
+
+Two tests in one cell are told apart by two further dimensions: `setting` (rig and added mass) and `repeat`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from fourpole.core.arrays import FloatArray
+from fourpole.errors import TableError
+from fourpole.export.source import SIGNS, Source, counted, field_names, need, some, through_file, typed, unit_of
+from fourpole.plot.sheet import Groups, floats
+
+__all__ = ["write"]
+
+_DIMENSIONS = ("tyre", "pressure", "preload", "frequency", "setting", "repeat")
+#: More cells than this are no grid but a list of tests.
+_MOST_CELLS = 2_000_000
+_VERDICTS = ("ok", "warning")
+#: What the columns of the tables are called in full.
+_LONG = {
+    "F1 [N]": "amplitude of the force at the contact",
+    "V1 [m/s]": "amplitude of the velocity at the contact",
+    "V2 [m/s]": "amplitude of the velocity of the moving mass",
+    "phase F1-V1 [rad]": "phase of F1 ahead of V1",
+    "phase V2-V1 [rad]": "phase of V2 ahead of V1",
+    "R [m/(N s)]": "real part of the mobility V1/F1",
+    "I [m/(N s)]": "imaginary part of the mobility V1/F1",
+    "Re K* [N/m]": "real part of the dynamic stiffness",
+    "Im K* [N/m]": "imaginary part of the dynamic stiffness",
+    "loss factor [1]": "loss factor Im K* / Re K*",
+    "K1 [N/m]": "static stiffness at the preload",
+    "K2 [N/m]": "stiffness of the spring in series with C",
+    "C [N s/m]": "damping of the damper in series with K2",
+    "TR measured [1]": "modulus of V2/V1, measured",
+    "TR predicted [1]": "modulus of V2/V1 that K* and the rig give",
+    "corr(R,I) [1]": "correlation of R and I",
+    "corr(Re,Im K*) [1]": "correlation of Re K* and Im K*",
+    "corr(K2,C) [1]": "correlation of K2 and C",
+    "temperature [degC]": "temperature of the test",
+    "added mass [kg]": "mass added to the moving mass",
+    "frequency [Hz]": "frequency found in the recording",
+    "secant [N/m]": "secant static stiffness",
+    "hysteresis loss [J]": "energy lost in a cycle of the static curve",
+    "nonlinearity [1]": "departure of the static curve from a line, over the load span",
+}
+_STD = {"TR measured [1]": ("u(TR) [1]",), "TR predicted [1]": ("u(TR) [1]",)}
+_CORRELATED = {
+    "corr(R,I) [1]": ("R [m/(N s)]", "I [m/(N s)]"),
+    "corr(Re,Im K*) [1]": ("Re K* [N/m]", "Im K* [N/m]"),
+    "corr(K2,C) [1]": ("K2 [N/m]", "C [N s/m]"),
+}
+_PLACED = {"tyre", "pressure [Pa]", "preload [N]", "construction", "verdict"}
+#: Names of coordinates and of what is added to the tables' columns.
+_TAKEN = {*_DIMENSIONS, "verdict", "study_json", "construction", "static_test", "frequency_found"}
+
+Variable = tuple[Sequence[str], NDArray[Any], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Where rows of a table stand in arrays of the dimensions."""
+
+    dimensions: tuple[str, ...]
+    shape: tuple[int, ...]
+    index: tuple[NDArray[np.int64], ...]
+    rows: NDArray[np.int64]
+
+    def numbers(self, values: FloatArray) -> NDArray[np.float64]:
+        whole = np.full(self.shape, np.nan)
+        whole[self.index] = values[self.rows]
+        return whole
+
+    def texts(self, texts: Sequence[str]) -> NDArray[np.object_]:
+        whole = np.full(self.shape, "", dtype=object)
+        whole[self.index] = np.array(texts, dtype=object)[self.rows]
+        return whole
+
+    def flags(self, verdicts: Sequence[str]) -> NDArray[np.int8]:
+        whole = np.full(self.shape, -1, dtype=np.int8)
+        whole[self.index] = [_VERDICTS.index(verdicts[row]) if verdicts[row] in _VERDICTS else -1 for row in self.rows]
+        return whole
+
+
+def write(source: Source, path: Path) -> tuple[str, ...]:
+    """Write the grid; what is left out is said."""
+    xarray = need("xarray", "maps")
+    need("h5netcdf", "maps")
+    grid = _dynamic_grid(source, path.name)
+    static, said = _static_grid(source)
+    variables = {**_dynamic(source, grid), **_static(source, static)}
+    variables["study_json"] = ((), np.array(source.json, dtype=object), {"long_name": "settings and statements, JSON"})
+    dataset = xarray.Dataset(variables, coords=_coordinates(source), attrs=_attributes(source))
+    packed = {name: {"zlib": True} for name, (_, data, _) in variables.items() if data.dtype.kind in "fi"}
+    through_file(path, lambda file: dataset.to_netcdf(file, engine="h5netcdf", encoding=packed))
+    return (*source.left_out(), *said)
+
+
+def _dynamic_grid(source: Source, name: str) -> _Grid:
+    sheet, repeats = source.sheet, np.array(source.repeats, dtype=np.int64)
+    rows = np.flatnonzero(repeats >= 0)
+    if not rows.size:
+        raise TableError(f"{name}: no test is used: there is no grid to export")
+    sizes = (len(sheet.names), len(sheet.pressures), len(sheet.loads), len(sheet.frequencies))
+    shape = (*sizes, max(len(sheet.settings), 1), int(repeats.max()) + 1)
+    if math.prod(shape) > _MOST_CELLS:
+        raise TableError(
+            f"{name}: a grid of {' x '.join(map(str, shape))} ({', '.join(_DIMENSIONS)}) for {rows.size} tests is too "
+            f"sparse; export as mat or xlsx, which hold a row per test"
+        )
+    places = (sheet.tyre, sheet.pressure, sheet.load, sheet.frequency, sheet.setting, repeats)
+    return _Grid(_DIMENSIONS, shape, tuple(place[rows] for place in places), rows)
+
+
+def _static_grid(source: Source) -> tuple[_Grid, tuple[str, ...]]:
+    """The static tests; several of one tyre, pressure and load stand beside each other in `static_test`."""
+    sheet, static = source.sheet, source.results.static
+    names, verdicts = static["test"].to_list(), static["verdict"].to_list()
+    pressure, load = floats(static, "pressure [Pa]"), floats(static, "preload [N]")
+    found: list[tuple[int, ...]] = []
+    rows: list[int] = []
+    out: list[str] = []
+    for row, tyre in enumerate(static["tyre"].to_list()):
+        at = (_place(sheet.pressures, pressure[row]), _place(sheet.loads, load[row]))
+        if verdicts[row] == "rejected" or min(at) < 0:
+            out.append(str(names[row]))
+            continue
+        cell = (sheet.names.index(tyre or ""), *at)
+        found.append((*cell, sum(one[:3] == cell for one in found)))
+        rows.append(row)
+    index = np.array(found, dtype=np.int64).reshape(-1, 4)
+    deep = int(index[:, 3].max()) + 1 if rows else 0
+    shape = (len(sheet.names), len(sheet.pressures), len(sheet.loads), deep)
+    left = f"{counted(len(out), 'row')} of static tests, rejected or without a preload, left out: {some(out)}"
+    said = (left,) if out else ()
+    return _Grid((*_DIMENSIONS[:3], "static_test"), shape, tuple(index.T), np.array(rows, dtype=np.int64)), said
+
+
+def _place(groups: Groups, value: float) -> int:
+    """The group that holds a value, -1 where none does; a blank is in the group of the blanks."""
+    if math.isnan(value):
+        return next((at for at, own in enumerate(groups.values) if math.isnan(own)), -1)
+    at = groups.nearest(value) if groups.stated() else -1
+    return at if at >= 0 and math.isclose(groups.values[at], value, rel_tol=0.02) else -1
+
+
+def _dynamic(source: Source, grid: _Grid) -> dict[str, Variable]:
+    """A variable per column of dynamic.csv."""
+    table = typed(source.dynamic)
+    columns = [name for name in table.columns if name not in _PLACED]
+    fields = _fields(columns)
+    held = _ancillary(columns, fields)
+    variables: dict[str, Variable] = {}
+    for column, field in fields.items():
+        variables[field] = _variable(table, column, grid, held.get(column, ""))
+    verdicts = {
+        "long_name": "verdict on the test",
+        "flag_values": np.array([0, 1], np.int8),
+        "flag_meanings": "ok warning",
+    }
+    variables["verdict"] = (
+        grid.dimensions,
+        grid.flags(source.texts("verdict")),
+        {**verdicts, "_FillValue": np.int8(-1)},
+    )
+    return variables
+
+
+def _fields(columns: Sequence[str]) -> dict[str, str]:
+    """Names of variables; the frequency that was found is another one than the grid's."""
+    return {**field_names(columns, taken=_TAKEN), "frequency [Hz]": "frequency_found"}
+
+
+def _ancillary(columns: Sequence[str], fields: Mapping[str, str]) -> dict[str, str]:
+    """Which variables say how sure a value is, as CF links them."""
+    held: dict[str, list[str]] = {}
+    for column in columns:
+        name, unit = column.rpartition(" [")[0], unit_of(column)
+        stds = _STD.get(column, (f"u({name}) [{unit}]",))
+        held[column] = [fields[std] for std in stds if std in fields]
+    for correlation, pair in _CORRELATED.items():
+        for column in pair:
+            if column in held and correlation in fields:
+                held[column].append(fields[correlation])
+    return {column: " ".join([*names, "verdict"]) for column, names in held.items() if names}
+
+
+def _variable(table: pl.DataFrame, column: str, grid: _Grid, ancillary: str = "") -> Variable:
+    """A column on the grid, with its unit and what it is."""
+    attributes: dict[str, Any] = {"long_name": _long_name(column)}
+    if table.schema[column] == pl.String:
+        return grid.dimensions, grid.texts([text or "" for text in table[column].to_list()]), attributes
+    attributes["units"] = unit_of(column) or "1"
+    if ancillary:
+        attributes["ancillary_variables"] = ancillary
+    return grid.dimensions, grid.numbers(floats(table, column)), attributes
+
+
+def _long_name(column: str) -> str:
+    """What a column is, in words."""
+    if column in _LONG:
+        return _LONG[column]
+    name = column.rpartition(" [")[0] or column
+    return f"standard uncertainty of {name[2:-1]}" if name.startswith("u(") and name.endswith(")") else name
+
+
+def _static(source: Source, grid: _Grid) -> dict[str, Variable]:
+    """What the static tests gave, each name with `static_` before it."""
+    if not grid.rows.size:
+        return {}
+    table = source.results.static
+    columns = [name for name in table.columns if name not in _PLACED]
+    fields = {column: f"static_{field}" for column, field in field_names(columns).items()}
+    fields["test"] = "static_test_name"
+    held = {column: f"static_{field}" for column, field in (("K1 [N/m]", "u_K1"),)}
+    return {field: _variable(table, column, grid, held.get(column, "")) for column, field in fields.items()}
+
+
+def _coordinates(source: Source) -> dict[str, Variable]:
+    """The dimensions' values; a group of tests that state none has no place on an axis of CF."""
+    sheet = source.sheet
+    coordinates: dict[str, Variable] = {"tyre": _words("tyre", sheet.names, "name of the tyre")}
+    constructions = _constructions(source)
+    if any(constructions):
+        coordinates["construction"] = _words("tyre", constructions, "construction of the tyre")
+    for name, unit, groups, words in (
+        ("pressure", "Pa", sheet.pressures, "inflation pressure"),
+        ("preload", "N", sheet.loads, "static load on the tyre"),
+        ("frequency", "Hz", sheet.frequencies, "nominal frequency, the median of the tests"),
+    ):
+        held = name if groups.stated() == len(groups) else f"{name}_stated"
+        coordinates[held] = ((name,), np.array(groups.values, dtype=float), {"units": unit, "long_name": words})
+    labels = sheet.settings or ("all",)
+    coordinates["setting"] = _words("setting", labels, "rig and added mass")
+    repeats = np.arange(max(source.repeats) + 1, dtype=np.int32)
+    coordinates["repeat"] = (("repeat",), repeats, {"units": "1", "long_name": "further tests of the same cell"})
+    return coordinates
+
+
+def _words(dimension: str, texts: Sequence[str], long_name: str) -> Variable:
+    return (dimension,), np.array([*texts], dtype=object), {"long_name": long_name}
+
+
+def _constructions(source: Source) -> list[str]:
+    """What each tyre is said to be."""
+    found: dict[str, str] = {}
+    for table in (source.dynamic, source.results.static):
+        found |= {tyre or "": text or "" for tyre, text in table.select("tyre", "construction").iter_rows()}
+    return [found.get(name, "") for name in source.sheet.names]
+
+
+def _attributes(source: Source) -> dict[str, Any]:
+    """What the file is."""
+    return {
+        "title": source.title,
+        "Conventions": "CF-1.11",
+        "source": f"{source.version}, route {source.route}",
+        "history": "\n".join(_history(source)),
+        "comment": SIGNS,
+    }
+
+
+def _history(source: Source) -> Iterator[str]:
+    versions = ", ".join(f"{name} {version}" for name, version in source.section("versions").items())
+    yield f"{source.made:%Y-%m-%dT%H:%M:%SZ}: analysed with {versions}"

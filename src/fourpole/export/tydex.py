@@ -1,0 +1,200 @@
+"""TYDEX 1.3: a folder with a file for each condition, the tests in rising frequency.
+
+The standard's names are taken where it has them: IDENTITY, TESTRIG, INFLPRES, FZW, MEASNUMB. It has none for a
+dynamic stiffness; the other names are ours, with what they are in the columns for it.
+"""
+
+from __future__ import annotations
+
+import re
+import secrets
+import shutil
+import textwrap
+import unicodedata
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fourpole.errors import FileError, TableError
+from fourpole.export.source import SIGNS, Condition, Source
+from fourpole.io.formats.tydex import TydexChannel, TydexEntry, TydexFile, write_tydex
+from fourpole.plot.sheet import floats
+
+__all__ = ["write"]
+
+#: Column, name and description of each channel; units are those of the columns.
+_CHANNELS = (
+    ("frequency [Hz]", "FREQUENC", "Excitation frequency"),
+    ("Re K* [N/m]", "KDYN_RE", "Dynamic stiffness, real part"),
+    ("Im K* [N/m]", "KDYN_IM", "Dynamic stiffness, imag part"),
+    ("u(Re K*) [N/m]", "U_KDYNRE", "Std uncertainty of KDYN_RE"),
+    ("u(Im K*) [N/m]", "U_KDYNIM", "Std uncertainty of KDYN_IM"),
+    ("corr(Re,Im K*) [1]", "RHO_KDYN", "Correlation KDYN_RE, KDYN_IM"),
+    ("loss factor [1]", "LOSSFACT", "Loss factor KDYN_IM/KDYN_RE"),
+    ("u(loss factor) [1]", "U_LOSSF", "Std uncertainty of LOSSFACT"),
+    ("K1 [N/m]", "K1", "Static stiffness at the load"),
+    ("u(K1) [N/m]", "U_K1", "Std uncertainty of K1"),
+    ("K2 [N/m]", "K2", "Spring in series with C"),
+    ("C [N s/m]", "C", "Damper in series with K2"),
+    ("u(K2) [N/m]", "U_K2", "Std uncertainty of K2"),
+    ("u(C) [N s/m]", "U_C", "Std uncertainty of C"),
+    ("corr(K2,C) [1]", "RHO_K2C", "Correlation of K2 and C"),
+    ("TR measured [1]", "TR_MEAS", "Transmissibility, measured"),
+    ("TR predicted [1]", "TR_PRED", "Transmissibility, predicted"),
+    ("u(TR) [1]", "U_TR", "Std uncertainty of TR_PRED"),
+    ("R [m/(N s)]", "MOB_RE", "Mobility V1/F1, real part"),
+    ("I [m/(N s)]", "MOB_IM", "Mobility V1/F1, imag part"),
+    ("u(R) [m/(N s)]", "U_MOBRE", "Std uncertainty of MOB_RE"),
+    ("u(I) [m/(N s)]", "U_MOBIM", "Std uncertainty of MOB_IM"),
+    ("corr(R,I) [1]", "RHO_MOB", "Correlation MOB_RE, MOB_IM"),
+    ("F1 [N]", "F1AMPL", "Force at contact, 0-peak"),
+    ("V1 [m/s]", "V1AMPL", "Velocity at contact, 0-peak"),
+    ("V2 [m/s]", "V2AMPL", "Velocity of mass, 0-peak"),
+    ("phase F1-V1 [rad]", "PHASEFV1", "Phase of F1 ahead of V1"),
+    ("phase V2-V1 [rad]", "PHASEV21", "Phase of V2 ahead of V1"),
+    ("temperature [degC]", "TESTTEMP", "Temperature of the test"),
+)
+_UNITS = {"1": "-", "degC": "deg C"}
+_SUPPLIER = TydexEntry("SUPPLIER", "fourpole", "", "Data supplier")
+_LONGEST = 30
+_OURS = re.compile(rb"^SUPPLIER .* fourpole\s*$", re.MULTILINE)
+
+
+def write(source: Source, path: Path) -> tuple[str, ...]:
+    """Write the folder in one step; what is left out is said, in each file too."""
+    if not source.conditions:
+        raise TableError(f"{path.name}: no test is used: there is nothing to export")
+    _check_place(path)
+    name = f".{path.name[:100]}.{secrets.token_hex(6)}"
+    beside, old = path.with_name(f"{name}.tmp"), path.with_name(f"{name}.old")
+    try:
+        beside.mkdir()
+        for file, condition in zip(_file_names(source), source.conditions, strict=True):
+            write_tydex(beside / file, _tydex(source, condition))
+        if path.exists():
+            path.replace(old)
+        beside.replace(path)
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"{path}: the folder cannot be written: {error.strerror or error}") from None
+    finally:
+        if old.exists() and not path.exists():
+            old.replace(path)
+        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(old, ignore_errors=True)
+    return source.left_out()
+
+
+def _check_place(path: Path) -> None:
+    """FileError unless the folder is new, empty, or of an earlier export: nothing of the user's is replaced."""
+    if not path.exists():
+        return
+    if not path.is_dir() or path.is_symlink():
+        raise FileError(f"{path}: is no folder; TYDEX is written as a folder of files: name a new one with --out")
+    for file in path.iterdir():
+        if file.suffix != ".tdx" or not file.is_file() or not _is_ours(file):
+            raise FileError(f"{path}: holds {file.name}, which fourpole did not write: name a new folder with --out")
+
+
+def _is_ours(file: Path) -> bool:
+    with file.open("rb") as stream:
+        return _OURS.search(stream.read(1000)) is not None
+
+
+def _file_names(source: Source) -> Iterator[str]:
+    """One name per condition, of signs that every system takes."""
+    used: set[str] = set()
+    for condition in source.conditions:
+        plain = _ascii(source.name_of(condition).replace(", ", "_"))
+        name = re.sub(r"[^A-Za-z0-9._-]+", "", plain).strip(".")[:100] or "condition"
+        free, number = name, 1
+        while free.lower() in used:
+            number += 1
+            free = f"{name}_{number}"
+        used.add(free.lower())
+        yield f"{free}.tdx"
+
+
+def _ascii(text: str) -> str:
+    """Plain ASCII in one line."""
+    plain = unicodedata.normalize("NFKD", " ".join(text.split()))
+    plain = "".join(sign for sign in plain if not unicodedata.combining(sign))
+    return "".join(sign if sign.isprintable() else "?" for sign in plain.encode("ascii", "replace").decode())
+
+
+def _value(text: str) -> str:
+    return _ascii(text)[:_LONGEST].strip()
+
+
+def _tydex(source: Source, condition: Condition) -> TydexFile:
+    table, rows = source.dynamic, list(condition.rows)
+    held = [(floats(table, column)[rows], column, name, words) for column, name, words in _CHANNELS]
+    held = [one for one in held if np.isfinite(one[0]).any()]
+    channels = [TydexChannel("MEASNUMB", "-", "Number of the test")]
+    channels += [TydexChannel(name, _unit(column), words) for _, column, name, words in held]
+    numbers = np.arange(1.0, len(rows) + 1.0)
+    return TydexFile(
+        header=(TydexEntry("RELEASE", "1.3", "", "Release of TYDEX-Format"), _SUPPLIER),
+        comments=tuple(line for text in _comments(source, condition) for line in _wrapped(text)),
+        constants=tuple(_constants(source, condition)),
+        channels=tuple(channels),
+        data=np.column_stack([numbers, *(values for values, *_ in held)]),
+    )
+
+
+def _wrapped(text: str) -> list[str]:
+    """Lines of 80 columns that open no section."""
+    return [line.replace("**", "* *") for line in textwrap.wrap(_ascii(text), 80, subsequent_indent="  ")]
+
+
+def _unit(column: str) -> str:
+    unit = column.rpartition("[")[2].rstrip("]")
+    return _UNITS.get(unit, unit)
+
+
+def _constants(source: Source, condition: Condition) -> Iterator[TydexEntry]:
+    """What is the same for all tests of the condition."""
+    first = source.dynamic.row(condition.rows[0], named=True)
+    yield TydexEntry("IDENTITY", _value(str(first["tyre"] or "")), "", "Identity of the tyre")
+    for column, name, words in (
+        ("construction", "CONSTRUC", "Construction of the tyre"),
+        ("rig", "TESTRIG", "Test rig"),
+    ):
+        if first[column]:
+            yield TydexEntry(name, _value(str(first[column])), "", words)
+    pressure, load = source.sheet.pressures.values[condition.pressure], source.sheet.loads.values[condition.load]
+    if np.isfinite(pressure):
+        yield TydexEntry("INFLPRES", f"{pressure * 1e-5:.12g}", "bar", "Inflation pressure")
+    if np.isfinite(load):
+        yield TydexEntry("FZW", f"{load:.12g}", "N", "Static load on the tyre")
+    for column, name, unit, words in (
+        ("added mass [kg]", "ADDMASS", "kg", "Mass added to moving mass"),
+        ("K1 [N/m]", "K1STAT", "N/m", "Static stiffness at the load"),
+        ("u(K1) [N/m]", "U_K1STAT", "N/m", "Std uncertainty of K1STAT"),
+    ):
+        values = floats(source.dynamic, column)[list(condition.rows)]
+        if np.all(values == values[0]):  # blank is not equal to itself
+            yield TydexEntry(name, f"{values[0]:.13g}", unit, words)
+    yield TydexEntry("ROUTE", _value(source.route), "", "How KDYN was found")
+
+
+def _comments(source: Source, condition: Condition) -> Iterator[str]:
+    names, verdicts, remarks = (source.texts(column) for column in ("test", "verdict", "remarks"))
+    yield f"{source.title}: {source.name_of(condition)}"
+    yield f"Analysed by {source.version}, {source.made:%Y-%m-%d %H:%M} UTC; route {source.route}"
+    yield SIGNS
+    yield "KDYN is force over deflection; KDYN = K1 + K2 jwC/(K2 + jwC). FREQUENC is the measured frequency."
+    yield "Of the channels only MEASNUMB is a name of the standard; the others are named here, see their descriptions."
+    for number, row in enumerate(condition.rows, start=1):
+        said = f": {remarks[row]}" if remarks[row] else ""
+        yield f"MEASNUMB {number} is test {names[row]}, verdict {verdicts[row]}{said}"
+    for row in _rejected_beside(source, condition):
+        yield f"Left out is test {names[row]}, rejected: {remarks[row]}"
+
+
+def _rejected_beside(source: Source, condition: Condition) -> Sequence[int]:
+    """Rejected tests of the same condition."""
+    place = condition[:4]
+    return [int(row) for row in np.flatnonzero(source.sheet.rejected) if source.place(int(row)) == place]

@@ -1,0 +1,382 @@
+"""imc FAMOS (.dat, .raw), format 2: channels scaled as the file says, evenly spaced or with their times.
+
+A file is a row of keys, `|XX,version,length,content;`. A channel has its name in CN, its unit, factor and offset
+in CR, the kind of its samples in CP, the place of them in Cb, its time step in CD, its trigger in NT, and the
+samples in CS. Where channels were triggered at different times, the file's zero is the earliest trigger. Single
+bits of words are channels of 0 and 1. Of a set of two components the second is the abscissa.
+
+References
+----------
+imc Meßsysteme, "FAMOS file format", with the keys as the files of imc STUDIO and FAMOS have them.
+"""
+
+from __future__ import annotations
+
+import codecs
+import datetime as dt
+import os
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fourpole.errors import TableError
+from fourpole.io.formats.guard import Guard, afford, find, guarded, of_name, seconds, tidy
+from fourpole.io.formats.pieces import Part, Track, in_step, remembered
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.source import name_of, open_regular
+from fourpole.units import shown
+
+__all__ = ["FORMAT"]
+
+_KIND = "an imc FAMOS file"
+_LONGEST_KEY = 40
+_LONGEST_CONTENT = 1 << 20
+_MOST_KEYS = 1_000_000
+_MOST_TEXT = 256_000_000
+_TYPES = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4", 7: "f4", 8: "f8", 11: "u2", 12: "u8", 14: "i8"}
+_SIX_BYTES = 13
+_AT_ONCE = 1 << 20
+
+
+@dataclass
+class _Component:
+    """Where the samples of a channel, or of its abscissa, are, and how they are scaled."""
+
+    width: int = 0
+    kind: int = 0
+    index: int = 0
+    """Of the block of samples."""
+    begin: int = 0
+    size: int = 0
+    factor: float = 1.0
+    offset: float = 0.0
+    unit: str = ""
+    start: float = 0.0
+    later: float = 0.0
+    """Seconds from the stated trigger to the real one."""
+    names: list[tuple[str, int, int, str]] = field(default_factory=list)
+    """Name, group, bit (0: the whole word) and comment of the channels."""
+    barred: str = ""
+    """Why it cannot be read; empty if it can."""
+
+    @property
+    def count(self) -> int:
+        return self.size // self.width if self.width else 0
+
+
+@dataclass
+class _Set:
+    """A set of components with its time step and its trigger."""
+
+    components: list[_Component] = field(default_factory=list)
+    dimension: int = 1
+    step: float = 0.0
+    step_unit: str | None = None
+    trigger: dt.datetime | None = None
+    late: float = 0.0
+    """Of the trigger's second."""
+
+
+@dataclass(frozen=True)
+class _Channel:
+    name: str
+    group: str
+    bit: int
+    note: str
+    values: _Component
+    owner: _Set
+    since: float = 0.0
+    """Seconds from the file's zero to its trigger."""
+
+    @property
+    def abscissa(self) -> _Component | None:
+        """Where the times of a channel are."""
+        if len(self.owner.components) != 2 or self.owner.dimension != 2:
+            return None
+        other = self.owner.components[1]
+        return other if other is not self.values and other.unit and seconds(other.unit) is not None else None
+
+
+def _recognises(head: bytes) -> bool:
+    return head.startswith((b"|CF,1,", b"|CF,2,"))
+
+
+def _fields(content: bytes, count: int) -> list[bytes]:
+    """The first fields of a content."""
+    return [one.strip() for one in content.split(b",", count)[:count]]
+
+
+def _texts(content: bytes, skipped: int, count: int) -> list[bytes]:
+    """Texts behind some fields, each with its length before it."""
+    rest = content.split(b",", skipped)[skipped]
+    found = []
+    for _ in range(count):
+        length, _, rest = rest.partition(b",")
+        found.append(rest[: int(length or 0)])
+        rest = rest[int(length or 0) + 1 :]
+    return found
+
+
+class _Reader:
+    """Goes through the keys of a file once."""
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        self._file, self.name = file, name
+        self._end = os.fstat(file.fileno()).st_size
+        self._set = _Set()
+        self._sets: list[_Set] = []
+        self._groups: dict[int, str] = {}
+        self._page = "cp1252"
+        self._text = 0
+        self.samples: dict[int, tuple[int, int]] = {}
+        """Where the blocks of samples are, and their sizes."""
+        self.order = "<"
+        self.notes: list[str] = []
+        if not _recognises(file.read(16)):
+            raise TableError(f"{name}: is not {_KIND}: it does not begin with '|CF,2,'; check what wrote it")
+        at = count = 0
+        while at < self._end:
+            at = self._key(at)
+            count += 1
+            if count > _MOST_KEYS:
+                raise TableError(f"{name}: has more than {_MOST_KEYS} keys; split it")
+
+    def _key(self, at: int) -> int:
+        """Take one key; where the next one begins."""
+        self._file.seek(at)
+        head = self._file.read(_LONGEST_KEY)
+        blank = len(head) - len(head.lstrip(b"\r\n\t \x00\x1a"))
+        if blank:
+            return at + blank
+        parts = head.split(b",", 3)
+        if len(parts) < 4 or len(parts[0]) != 3 or head[:1] != b"|":
+            raise TableError(f"{self.name}: is damaged: there is no key at byte {at}; copy or export it again")
+        begin = at + len(head) - len(parts[3])
+        length = int(parts[2])
+        if length < 0 or begin + length + 1 > self._end:
+            raise TableError(f"{self.name}: is cut short in the key at byte {at}; copy or export it again")
+        self._file.seek(begin)
+        kind, version = parts[0][1:], int(parts[1])
+        if kind == b"CS":
+            index, comma, _ = self._file.read(min(length, _LONGEST_KEY)).partition(b",")
+            self.samples[int(index)] = begin + len(index) + len(comma), length - len(index) - len(comma)
+        elif length <= _LONGEST_CONTENT:
+            self._text += length
+            if self._text > _MOST_TEXT:
+                raise TableError(f"{self.name}: has more text than can be kept; split it")
+            self._take(kind, version, self._file.read(length))
+        self._file.seek(begin + length)
+        if self._file.read(1) != b";":
+            raise TableError(f"{self.name}: is damaged: the key at byte {at} does not end where it says; copy it again")
+        return begin + length + 1
+
+    def _take(self, kind: bytes, version: int, content: bytes) -> None:
+        if kind == b"CF":
+            if version != 2:
+                raise TableError(f"{self.name}: is of FAMOS format {version}; save it in a newer FAMOS, or as CSV")
+            self.order = ">" if _fields(content, 1)[0] == b"2" else "<"
+        elif kind == b"NL":
+            page = f"cp{_fields(content, 1)[0].decode('ascii', errors='replace')}"
+            self._page = page if _is_encoding(page) else self._page
+        elif kind == b"NO":
+            self.notes += [tidy(one) for one in map(self._told, _texts(content, 1, 2)) if one]
+        elif kind == b"CB":
+            self._groups[int(_fields(content, 1)[0])] = self._told(_texts(content, 1, 1)[0])
+        elif kind == b"CG":
+            self._set = _Set(dimension=int(_fields(content, 3)[2]))
+            self._sets.append(self._set)
+        elif kind == b"CD":
+            self._set.step = float(_fields(content, 1)[0])
+            self._set.step_unit = self._told(_texts(content, 2, 1)[0]) or None
+        elif kind == b"NT":
+            self._trigger(content)
+        elif kind == b"CC":
+            self._set.components.append(_Component())
+        elif self._set.components:
+            self._of_component(self._set.components[-1], kind, content)
+
+    def _told(self, text: bytes) -> str:
+        return text.decode(self._page, errors="replace").strip()
+
+    def _trigger(self, content: bytes) -> None:
+        day, month, year, hour, minute, second = _fields(content, 6)
+        late = float(second)
+        try:
+            self._set.trigger = dt.datetime(int(year), int(month), int(day), int(hour), int(minute), tzinfo=dt.UTC)
+            self._set.late = late if np.isfinite(late) else 0.0
+        except ValueError:
+            self._set.trigger = None
+
+    def _of_component(self, one: _Component, kind: bytes, content: bytes) -> None:
+        if kind == b"CP":
+            _, width, type_, bits, mask, first, direct, distance = map(int, _fields(content, 8))
+            one.width, one.kind = width, type_
+            size = 6 if type_ == _SIX_BYTES else np.dtype(_TYPES.get(type_, "V1")).itemsize
+            if type_ not in (*_TYPES, _SIX_BYTES) or width != size:
+                one.barred = f"has samples of the kind {type_}, which are no numbers or not known"
+            elif mask or first or distance or direct != 1 or bits != 8 * width:
+                one.barred = "is stored between the samples of others; save it again in FAMOS"
+        elif kind == b"Cb":
+            count, _, _, index, begin, _, first, size = map(int, _fields(content, 8))
+            one.index, one.begin, one.size = index, begin, size
+            one.start, one.later = (float(text) for text in _fields(content.split(b",", 9)[9], 2))
+            if count != 1 or first:
+                one.barred = "is in several parts; save it again in FAMOS, or as CSV"
+        elif kind == b"CR":
+            transformed, factor, offset = _fields(content, 3)
+            if transformed == b"1":
+                one.factor, one.offset = float(factor), float(offset)
+            one.unit = self._told(_texts(content, 4, 1)[0])
+        elif kind == b"CN":
+            group, _, bit = map(int, _fields(content, 3))
+            called, comment = map(self._told, _texts(content, 3, 2))
+            one.names.append((called, group, bit, comment))
+
+    def channels(self) -> list[_Channel]:
+        """The channels of the file, in its order."""
+        found: list[_Channel] = []
+        for owner in self._sets:
+            for at, values in enumerate(owner.components):
+                if owner.dimension > 2 or (owner.dimension == 2 and len(owner.components) != 2):
+                    values.barred = values.barred or "is of several values at a time; export its parts"
+                if at and owner.dimension == 2 and not values.names:
+                    continue  # the abscissa
+                for called, group, bit, comment in values.names or [(f"channel {len(found) + 1}", 0, 0, "")]:
+                    found.append(_Channel(called, self._groups.get(group, ""), bit, tidy(comment), values, owner))
+        triggers = [one.owner.trigger for one in found if one.owner.trigger is not None]
+        if not found or len(triggers) < len(found):
+            return found
+        since = [(one.owner.trigger or triggers[0]) - min(triggers) for one in found]
+        late = [gap.total_seconds() + one.owner.late + one.values.later for gap, one in zip(since, found, strict=True)]
+        return [replace(one, since=after - min(late)) for one, after in zip(found, late, strict=True)]
+
+    def track(self, one: _Channel) -> Track:
+        """A channel, of which any part can be read."""
+        values = one.values
+        if values.barred:
+            raise TableError(f"{self.name}: channel {shown(one.name)} {values.barred}")
+        rate, start = _timing(one)
+        time = None
+        if one.abscissa is not None:
+            scale, times = seconds(one.abscissa.unit) or 1.0, self._part(one.abscissa, one.name, 0)
+            time = remembered(lambda first, last: scale * times(first, last) + start)
+            if one.abscissa.barred or one.abscissa.count != values.count:
+                raise TableError(
+                    f"{self.name}: channel {shown(one.name)} has not as many times as values; save it again"
+                )
+        return Track(
+            one.name,
+            _unit(one),
+            values.count,
+            self._part(values, one.name, one.bit),
+            rate,
+            start if rate else 0.0,
+            time,
+        )
+
+    def _part(self, one: _Component, name: str, bit: int) -> Part:
+        """What reads a part of the samples."""
+        place, held = self.samples.get(one.index, (0, 0))
+        if one.begin < 0 or one.size < 0 or one.begin + one.size > held:
+            what = f"declares {one.size} bytes from byte {one.begin} on, of {held}"
+            raise TableError(f"{self.name}: is cut short: channel {shown(name)} {what}; copy it again")
+
+        def part(first: int, last: int) -> NDArray[np.float64]:
+            values = np.empty(last - first)
+            for at in range(first, last, _AT_ONCE):
+                end = min(at + _AT_ONCE, last)
+                self._file.seek(place + one.begin + at * one.width)
+                raw = self._decoded(self._file.read((end - at) * one.width), one)
+                values[at - first : end - first] = (raw.astype(np.int64) >> (bit - 1)) & 1 if bit else raw
+            if one.factor != 1.0 or one.offset:
+                values = values * one.factor + one.offset
+            return values
+
+        return part
+
+    def _decoded(self, raw: bytes, one: _Component) -> NDArray[np.generic]:
+        if one.kind != _SIX_BYTES:
+            return np.frombuffer(raw, f"{self.order}{_TYPES[one.kind]}")
+        words = np.frombuffer(raw, f"{self.order}u2").reshape(-1, 3).astype(np.uint64)
+        low, middle, high = (words[:, at] for at in ((0, 1, 2) if self.order == "<" else (2, 1, 0)))
+        return low + (middle << np.uint64(16)) + (high << np.uint64(32))
+
+
+def _is_encoding(page: str) -> bool:
+    try:
+        return codecs.lookup(page).name.startswith("cp")
+    except LookupError:
+        return False
+
+
+def _unit(one: _Channel) -> str | None:
+    return None if one.bit else of_name(one.name, one.values.unit)
+
+
+def _timing(one: _Channel) -> tuple[float | None, float]:
+    """Rate and start; a rate only where the step is one of time."""
+    scale = seconds(one.owner.step_unit) if one.owner.step_unit else None
+    if one.abscissa is not None or scale is None or one.owner.dimension != 1:
+        return None, one.since
+    step, start = one.owner.step * scale, one.since + one.values.start * scale
+    return (float(f"{1 / step:.15g}"), start) if np.isfinite(start) and 1e-12 < step < 1e12 else (None, one.since)
+
+
+def _info(content: _Reader, one: _Channel) -> SignalInfo:
+    count = one.values.count
+    (rate, start), length, note = _timing(one), None, one.values.barred or one.note
+    if rate:
+        length = max(count - 1, 0) / rate
+    elif one.abscissa is not None and count and not one.values.barred and (time := content.track(one).time) is not None:
+        start = float(time(0, 1)[0])
+        length = float(time(count - 1, count)[0]) - start
+    known = length is not None
+    return SignalInfo(one.name, _unit(one), one.group, count, rate, start if known else None, length, note)
+
+
+def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
+    name = name_of(path, label)
+    with open_regular(path, max_bytes=max(max_bytes, MAX_FILE_BYTES), label=label) as file, Guard(name, _KIND):
+        content = _Reader(file, name)
+        channels = content.channels()
+        signals = tuple(_info(content, one) for one in channels)
+    triggers = {
+        one.owner.trigger for one in channels if one.owner.trigger is not None and one.owner.trigger.year > 1980
+    }
+    began = [f"recorded {min(triggers).replace(tzinfo=None).isoformat()}"] if triggers else []
+    return FileInfo("imc FAMOS 2", signals, (*began, *content.notes[:20]))
+
+
+def _read(request: Request) -> Sequence[Signal]:
+    with Guard(name_of(request.path, request.label), _KIND), _tracks(request, whole=True) as tracks:
+        return [one.whole() for one in tracks]
+
+
+def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
+    return guarded(_pieces(request, rows), Guard(name_of(request.path, request.label), _KIND))
+
+
+def _pieces(request: Request, rows: int) -> Generator[Sequence[Signal]]:
+    with _tracks(request, whole=False) as tracks:
+        yield from in_step(tracks, rows)
+
+
+@contextmanager
+def _tracks(request: Request, *, whole: bool) -> Iterator[list[Track]]:
+    """The channels of a request, of which any part can be read while the file is open."""
+    name = name_of(request.path, request.label)
+    with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
+        content = _Reader(file, name)
+        channels = content.channels()
+        chosen = [channels[at] for at in find([(one.group, one.name) for one in channels], request)]
+        if whole:
+            afford(16 * sum(one.values.count for one in chosen), request.max_bytes, name)
+        yield [content.track(one) for one in chosen]
+
+
+FORMAT = Format("imc FAMOS", (".dat", ".raw"), _recognises, _survey, _read, blocks=_blocks)

@@ -1,0 +1,90 @@
+"""A results folder of an analysis, and copies of it to change."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from fourpole import analyse
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
+
+Change = Callable[[pl.DataFrame], pl.DataFrame]
+
+
+@pytest.fixture(scope="session")
+def analysed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One tyre at two pressures and three frequencies, at one pressure with a mass added too."""
+    campaign = simulate_campaign(
+        tmp_path_factory.mktemp("export"),
+        tyres=[RADIAL_PLY],
+        pressures=[135e3, 170e3],
+        preloads=[1000.0],
+        frequencies=[10.0, 17.0, 24.0],
+        added_masses=[0.0, 10.0],
+        added_mass_at=("radial-ply", 170e3, 1000.0),
+    ).folder
+    return analyse(campaign, monte_carlo=0).write(campaign / "results")
+
+
+@pytest.fixture
+def results(analysed: Path, tmp_path: Path) -> Path:
+    """A copy to change."""
+    return shutil.copytree(analysed, tmp_path / "results")
+
+
+@pytest.fixture
+def changed(results: Path) -> Callable[..., Path]:
+    """The copy with another dynamic.csv or study.json."""
+
+    def changing(dynamic: Change | None = None, static: Change | None = None, **record: object) -> Path:
+        for name, change in (("dynamic", dynamic), ("static", static)):
+            if change is not None:
+                file = results / f"{name}.csv"
+                change(table(results, name)).write_csv(file)
+        if record:
+            study = results / "study.json"
+            study.write_text(json.dumps(json.loads(study.read_text("utf-8")) | record), "utf-8")
+        return results
+
+    return changing
+
+
+def table(folder: Path, name: str = "dynamic") -> pl.DataFrame:
+    """A table by Python's own reader, not by the one of the package; blank is None."""
+    with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        head, *rows = csv.reader(file)
+    return pl.DataFrame({title: _cells([row[at] for row in rows]) for at, title in enumerate(head)})
+
+
+def _cells(texts: list[str]) -> list[float | None] | list[None] | list[str]:
+    if not any(texts):
+        return [None] * len(texts)
+    try:
+        return [float(text) if text else None for text in texts]
+    except ValueError:
+        return texts
+
+
+def rejected(*names: str) -> Change:
+    """The tests rejected, with a reason."""
+
+    def change(frame: pl.DataFrame) -> pl.DataFrame:
+        mine = pl.col("test").is_in(names)
+        return frame.with_columns(
+            pl.when(mine).then(pl.lit("rejected")).otherwise("verdict").alias("verdict"),
+            pl.when(mine).then(pl.lit("lift-off: less drive")).otherwise("remarks").alias("remarks"),
+        )
+
+    return change
+
+
+def repeated(frame: pl.DataFrame) -> pl.DataFrame:
+    """The first test once more, as D1b with another K2."""
+    again = frame[:1].with_columns(pl.lit("D1b").alias("test"), pl.col("K2 [N/m]") * 1.01)
+    return pl.concat([frame, again])

@@ -1,0 +1,158 @@
+"""What all kinds share: which there are, what is refused, and that a file is there whole or not at all."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import polars as pl
+import pytest
+from tests.export.conftest import rejected
+from tests.export.grid import read_grid
+
+from fourpole.errors import CampaignError, FileError, TableError
+from fourpole.export import KINDS, export_results
+from fourpole.export.source import field_names, typed
+
+NAMES = {"xlsx": "results.xlsx", "mat": "results.mat", "tydex": "tydex", "uff": "results.uff", "netcdf": "results.nc"}
+
+
+def test_the_kinds_and_their_names():
+    assert {kind: spec.file for kind, spec in KINDS.items()} == NAMES
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_is_written_beside_the_tables_by_default_and_leaves_nothing_else(results, kind):
+    before = {path.name for path in results.iterdir()}
+    exported = export_results(results, kind)
+    assert exported.path == results / NAMES[kind]
+    assert exported.notes == ()
+    assert {path.name for path in results.iterdir()} - before == {NAMES[kind]}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_same_results_give_the_same_file(results, kind, tmp_path):
+    first, second = (export_results(results, kind, tmp_path / name).path for name in ("first.x", "second.x"))
+    if kind == "uff":  # its header has the file's own name
+        assert first.read_bytes().replace(b"first.x ", b"second.x") == second.read_bytes()
+    elif kind == "netcdf":  # the library may stamp its objects with the time
+        grids = [read_grid(path) for path in (first, second)]
+        assert list(grids[0].variables) == list(grids[1].variables)
+        assert all(str(one) == str(grids[1][name]) for name, one in grids[0].variables.items())
+    elif kind == "tydex":
+        names = sorted(path.name for path in first.iterdir())
+        assert names == sorted(path.name for path in second.iterdir())
+        assert all((first / name).read_bytes() == (second / name).read_bytes() for name in names)
+    else:
+        assert first.read_bytes() == second.read_bytes()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_earlier_export_is_replaced(results, kind):
+    again = [export_results(results, kind).path for _ in range(2)]
+    assert again[0] == again[1]
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "tydex"])
+def test_a_place_that_cannot_be_written_is_one_message(results, kind, tmp_path):
+    with pytest.raises(FileError, match=r"a\.x: cannot be written: .*does its folder exist"):
+        export_results(results, kind, tmp_path / "no" / "a.x")
+
+
+@pytest.mark.parametrize(("kind", "said"), [("xls", "did you mean xlsx"), ("hdf", "it is one of"), ("MAT", "mean mat")])
+def test_an_unknown_kind_names_the_known_ones(results, kind, said):
+    with pytest.raises(CampaignError, match=rf"no kind of file '{kind}'.*{said}.*xlsx, mat, tydex, uff, netcdf"):
+        export_results(results, kind)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_folder_without_results_is_said_to_be_none(kind, tmp_path):
+    with pytest.raises(CampaignError, match="name a folder that fourpole analyse wrote"):
+        export_results(tmp_path, kind)
+    with pytest.raises(CampaignError, match="there is no such folder of results"):
+        export_results(tmp_path / "none", kind)
+
+
+@pytest.mark.parametrize(
+    ("kind", "package", "extra"),
+    [
+        ("xlsx", "xlsxwriter", "export"),
+        ("uff", "pyuff", "formats"),
+        ("netcdf", "xarray", "maps"),
+        ("netcdf", "h5netcdf", "maps"),
+    ],
+)
+def test_a_missing_package_is_named_with_what_installs_it(results, kind, package, extra, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(FileError, match=rf'{package}, which is not installed: pip install "fourpole\[{extra}\]"'):
+        export_results(results, kind)
+    assert not (results / NAMES[kind]).exists()
+
+
+@pytest.mark.parametrize("kind", ["tydex", "uff", "netcdf"])
+def test_rejected_tests_are_left_out_of_grids_and_that_is_said(changed, kind):
+    assert export_results(changed(rejected("D1", "D2")), kind).notes == ("2 tests rejected left out: D1, D2",)
+
+
+@pytest.mark.parametrize("kind", ["tydex", "uff", "netcdf"])
+def test_nothing_to_put_into_a_grid_is_an_error(changed, kind):
+    folder = changed(rejected(*(f"D{number}" for number in range(1, 10))))
+    with pytest.raises(TableError, match="to export"):
+        export_results(folder, kind)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_names_of_any_kind_and_a_study_that_is_not_trusted_do_no_harm(changed, kind):
+    hostile = "=cmd|' /C calc'!A0\x1b[31m **END <ü&\u202e>" + "x" * 300
+    folder = changed(
+        lambda frame: frame.with_columns(tyre=pl.lit(hostile)),
+        lambda frame: frame.with_columns(tyre=pl.lit(hostile)),
+        title=hostile,
+        assumptions=hostile,
+        settings=[1],
+        versions=None,
+    )
+    path = export_results(folder, kind).path
+    assert path.parent == folder
+    if kind == "tydex":
+        assert all(file.name.isascii() and file.name.isprintable() for file in path.iterdir())
+
+
+def test_a_failure_leaves_the_old_file(results, monkeypatch):
+    old = export_results(results, "mat").path.read_bytes()
+
+    def failing(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", failing)
+    with pytest.raises(FileError, match="No space left"):
+        export_results(results, "mat")
+    assert (results / "results.mat").read_bytes() == old
+    assert [path.name for path in results.iterdir() if path.name.endswith(".tmp")] == []
+
+
+def test_only_columns_of_plain_numbers_become_numbers():
+    frame = typed(
+        pl.DataFrame(
+            {"serial": ["007", "8"], "torque": ["1.5", ""], "remarks": ["", ""], "test": ["1", "2"], "n": ["-3", "1e5"]}
+        )
+    )
+    assert frame.schema["serial"] == frame.schema["remarks"] == frame.schema["test"] == pl.String
+    assert frame["torque"].to_list() == [1.5, None]
+    assert frame["n"].to_list() == [-3.0, 1e5]
+
+
+def test_names_of_columns_are_names_in_matlab_and_each_its_own():
+    names = list(
+        field_names(["a b", "a-b", "1st", "end", "Länge [m]", "", "§", "units", "_x"], taken={"units"}).values()
+    )
+    assert names == ["a_b", "a_b_2", "x1st", "x_end", "Lange", "column", "column_2", "units_2", "x"]
+
+
+def test_the_room_loads_the_packages_it_writes_with_only_to_write():
+    rooms = "charts, kinds, matlab, netcdf, source, tydex, uff, workbook"
+    code = f"import sys; from fourpole.export import {rooms}; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "fourpole.export.netcdf" in loaded
+    assert not {"xlsxwriter", "xarray", "h5netcdf", "h5py", "pandas", "pyuff", "scipy.io"} & set(loaded)

@@ -1,0 +1,140 @@
+"""Parquet: what polars wrote comes back, with units and times; parts that lie are refused."""
+
+from __future__ import annotations
+
+import datetime as dt
+import inspect
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from fourpole.errors import FileError, TableError
+from fourpole.io.formats import parquet as room
+from fourpole.io.formats.parquet import FORMAT
+from fourpole.io.signals import Request, Signal
+
+LIMIT = 10**9
+N = 3000
+FORCE = np.random.default_rng(2).normal(size=N)
+# The schema of an Arrow table with the fields t (timestamp), F1 with the metadata unit=kN, V1 with units=m/s.
+SCHEMA = (
+    "/////2ABAAAQAAAAAAAKAAwABgAFAAgACgAAAAABBAAMAAAACAAIAAAABAAIAAAABAAAAAMAAAAAAQAAkAAAAAQAAACK////AAABAxQAAABkAAAACAAA"
+    "ABAAAAAAAAAAAgAAAFYxAAACAAAAJAAAAAQAAAB8////EAAAAAQAAAABAAAAeQAAAAEAAAB4AAAAmP///xAAAAAEAAAAAwAAAG0vcwAFAAAAdW5pdHMA"
+    "BgAGAAQABgAAAAEAEgAYAAgABgAHAAwAAAAQABQAEgAAAAAAAQMUAAAASAAAAAgAAAAQAAAAAAAAAAIAAABGMQAAAQAAAAwAAAAIAAwABAAIAAgAAAAQ"
+    "AAAABAAAAAIAAABrTgAABAAAAHVuaXQAAAAAyv///wAAAgAQABQACAAGAAcADAAAABAAEAAAAAAAAQoQAAAAGAAAAAQAAAAAAAAAAQAAAHQABgAIAAYA"
+    "BgAAAAAAAgAAAAAA"
+)
+
+
+def read(path: Path, *names: str, most: int = LIMIT) -> list[Signal]:
+    return list(FORMAT.read(Request(path, names, "", path.name, most)))
+
+
+def written(path: Path, frame: pl.DataFrame, **notes: str) -> Path:
+    more = {"metadata": notes} if notes else {}
+    frame.write_parquet(path, row_group_size=700, **more)
+    return path
+
+
+@pytest.mark.parametrize("compression", ["zstd", "snappy", "gzip", "lz4", "brotli", "uncompressed"])
+def test_columns_come_back_with_units_and_time(tmp_path: Path, compression: str) -> None:
+    kinds = {"n": pl.Int16, "F2": pl.Float32, "ok": pl.Boolean}
+    frame = pl.DataFrame({"time [ms]": np.arange(N) * 0.5, "F1 [N]": FORCE, "F2": FORCE, "n": np.arange(N)})
+    frame = frame.with_columns(ok=pl.col("n") % 2 == 0, who=pl.lit("me"), gaps=pl.when(pl.col("n") != 7).then("n"))
+    frame = frame.cast({one: kind for one, kind in kinds.items() if one in frame.columns})
+    path = tmp_path / "a.parquet"
+    frame.write_parquet(path, compression=compression, row_group_size=700)
+    assert FORMAT.recognises(path.read_bytes()[:4096])
+    info = FORMAT.survey(path, path.name, LIMIT)
+    found = {one.name: one for one in info.signals}
+    force = found["F1 [N]"]
+    assert (force.unit, force.count, force.rate, force.note) == ("N", N, None, "time from time [ms]")
+    assert (force.start, force.duration) == (0.0, pytest.approx((N - 1) * 5e-4))
+    assert found["who"].note == "no numbers"
+    one, two, count, even, gaps = read(path, "f1", "F2", "n", "ok", "gaps")
+    np.testing.assert_array_equal(one.samples, FORCE)
+    np.testing.assert_array_equal(two.samples, FORCE.astype("f4"))
+    np.testing.assert_array_equal(count.samples, np.arange(N))
+    np.testing.assert_array_equal(even.samples, np.arange(N) % 2 == 0)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(gaps.samples)), [7])
+    assert one.unit == "N"
+    np.testing.assert_allclose(one.time, np.arange(N) * 5e-4, rtol=1e-14)
+    (time,) = read(path, "time")
+    assert (time.unit, time.time) == ("ms", None)
+    with pytest.raises(TableError, match="column 'who' holds no numbers"):
+        read(path, "who")
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_timestamps_are_seconds_from_the_first(tmp_path: Path, unit: str) -> None:
+    begun = dt.datetime(2024, 2, 1, 10, tzinfo=dt.UTC)
+    stamps = pl.Series("t", [begun + dt.timedelta(milliseconds=5 * at) for at in range(N)])
+    frame = pl.DataFrame({"when": stamps.cast(pl.Datetime(unit, "UTC")), "F1": FORCE})
+    path = written(tmp_path / "a.parquet", frame)
+    force, when = read(path, "F1", "when")
+    np.testing.assert_array_equal(force.time, np.arange(N) * 5 / 1000)
+    assert when.unit == "s"
+    np.testing.assert_array_equal(when.samples, force.time)
+    assert [one.duration for one in FORMAT.survey(path, "a", LIMIT).signals] == [None, (N - 1) * 5 / 1000]
+    frame = frame.with_columns(when=pl.col("when") - pl.lit(begun).cast(pl.Datetime(unit, "UTC")))
+    np.testing.assert_array_equal(read(written(path, frame), "F1")[0].time, np.arange(N) * 5 / 1000)
+
+
+def test_units_and_rate_in_metadata(tmp_path: Path) -> None:
+    assert room._units({"pandas": json.dumps({"attributes": {"unit": {"F1": "N"}}})}) == {"F1": "N"}
+    assert room._rate({"fs": "2e3"}) == 2000.0
+    if "metadata" not in inspect.signature(pl.DataFrame.write_parquet).parameters:
+        pytest.skip("this polars writes no metadata")
+    frame = pl.DataFrame({"F1": FORCE, "V1": FORCE, "X [mm]": FORCE})
+    path = written(tmp_path / "a.parquet", frame, units=json.dumps({"F1": "N", "V1": "m/s"}), rate="2000")
+    assert [one.unit for one in read(path, "F1", "V1", "X")] == ["N", "m/s", "mm"]
+    assert {one.rate for one in FORMAT.survey(path, "a", LIMIT).signals} == {2000.0}
+    attributes = json.dumps({"units": {"F1": "lbf"}})
+    assert read(written(path, frame, PANDAS_ATTRS=attributes, dt="0.5"), "F1")[0].unit == "lbf"
+    assert read(path, "F1")[0].rate == 2.0
+    for broken in ("[", "5", '{"units": 5}', "[" * 10_000):
+        assert read(written(path, frame, PANDAS_ATTRS=broken, pandas=broken, units=broken, rate=broken), "V1")
+
+
+def test_units_of_arrow_fields() -> None:
+    assert room._field_units(SCHEMA) == {"F1": "kN", "V1": "m/s"}
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        made = bytearray(SCHEMA.encode())
+        for at in rng.integers(0, len(made), 3):
+            made[at] = rng.choice(list(b"A/8Zz"))
+        assert isinstance(room._field_units(made.decode()), dict)
+
+
+def test_what_lies_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.parquet", pl.DataFrame({"F1": FORCE}))
+    whole = path.read_bytes()
+    for made, what in (
+        (whole[:-1], "does not end as"),
+        (whole[: len(whole) // 2], "does not end as"),
+        (whole[:-4] + b"PARE", "encrypted"),
+        (whole[:-8] + b"\xff\xff\xff\x7fPAR1", "does not end as"),
+        (b"PAR1" + whole[2000:], "outside the file|cannot be read"),
+        (b"PAR1", "does not begin"),
+    ):
+        path.write_bytes(made)
+        for use in (lambda: FORMAT.survey(path, "a", LIMIT), lambda: read(path, "F1")):
+            with pytest.raises(TableError, match=f"^a.*(?:{what})"):
+                use()
+
+
+def test_a_page_that_unpacks_to_too_much_is_not_unpacked(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    pl.DataFrame({"F1": np.zeros(500_000)}).write_parquet(path, compression="zstd", data_page_size=1 << 26)
+    read(path, "F1")
+    with pytest.raises(FileError, match=r"needs .* more than"):
+        read(path, "F1", most=3_000_000)
+
+
+def test_a_name_is_no_pattern(tmp_path: Path) -> None:
+    written(tmp_path / "a1.parquet", pl.DataFrame({"F1": [1.0]}))
+    path = written(tmp_path / "a[1].parquet", pl.DataFrame({"F1": [2.0]}))
+    assert read(path, "F1")[0].samples.tolist() == [2.0]
