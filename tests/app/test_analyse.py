@@ -182,7 +182,7 @@ FAULTS = {
     "no channels": (cut("campaign.toml", "[channels]", keep="before"), [], ["campaign.toml", "channels", "is missing"]),
     "no rig": (
         cut("campaign.toml", "[channels]", keep="after"),
-        [],
+        ["--route", "mobility"],
         ["[rig] is missing", "moving_mass", "--route relative"],
     ),
     "no mass": (

@@ -241,6 +241,15 @@ def test_the_only_rig_need_not_be_named(bench):
     is_the_tyre(bench, found)
 
 
+def test_without_a_rig_the_default_route_is_the_relative_one_and_said(bench):
+    bench.rig = ""
+    bench.dynamic("D1")
+    study = bench.analyse()
+    assert study.route == "relative"
+    assert any("no rig is stated" in note for note in study.notes)
+    assert study.dynamic["K2 [N/m]"][0] == pytest.approx(bench.k2, rel=1e-8)
+
+
 def test_the_relative_route_needs_no_rig_and_predicts_no_transmissibility(bench):
     bench.rig = ""
     bench.dynamic("D1")

@@ -104,6 +104,8 @@ def possible_route(campaign: Campaign, route: str) -> tuple[str, str]:
         return route, ""
     if stated.channels.motion_out is None:
         return "mobility", "no V2 is stated, so there is nothing to hold the rig against: K* by the mobility route"
+    if not stated.all_rigs and stated.channels.force_in is not None:
+        return "relative", "no rig is stated: K* by the relative route, from F1, V1 and V2, without a predicted TR"
     if stated.channels.force_in is None and stated.all_rigs:
         return "transmissibility", "no F1 is stated: K* by the transmissibility route, from V1, V2 and the rig"
     return route, ""

@@ -8,6 +8,7 @@ import importlib
 import io
 import logging
 import re
+import threading
 import traceback
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -46,6 +47,8 @@ _TIME = re.compile(
     r"t|time|times|timestamps?|zeit|temps|tiempo|time_s|et|(?:elapsed|running|run)[ _]?time", re.IGNORECASE
 )
 _SHOWN = 12
+#: Output, warnings and loggers are the process's: two threads that hush them in turn would leave them hushed.
+_ONE_AT_A_TIME = threading.RLock()
 
 
 class _Void(io.TextIOBase):
@@ -75,6 +78,7 @@ class Guard:
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
+            stack.enter_context(_ONE_AT_A_TIME)
             stack.enter_context(warnings.catch_warnings())
             warnings.simplefilter("ignore")
             stack.enter_context(np.errstate(all="ignore"))

@@ -1,0 +1,159 @@
+"""The words that people name recordings and channels with, in several languages."""
+
+from __future__ import annotations
+
+import re
+
+__all__ = [
+    "CALIBRATION", "CONSTRUCTIONS", "DYNAMIC", "ENDINGS", "IN", "IN_HEADERS", "KEYS", "NAMES", "OUT", "PASSED_OVER",
+    "STATIC", "UNITS",
+]  # fmt: skip
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+#: Ends of the names of recordings; whatever else stands behind a dot belongs to the name.
+ENDINGS = _words("csv txt asc dat tsv prn mf4 mdf dl3 tdms h5 hdf5 hdf mat uff unv uf58 wav wave tdx lvm log data out")
+
+_KEY_WORDS = {
+    "pressure": "p pr press pressure druck reifendruck luftdruck fülldruck fuelldruck innendruck infl inflation "
+    "pression presion pressione pi bar kpa",
+    "preload": "l fz fv fn load preload pl last vorlast radlast kraft force precharge charge precarga carga kn",
+    "frequency": "freq frequency frequenz frequence fréquence fr n rpm hz",
+    "temperature": "t temp temperature temperatur",
+    "added_mass": "m dm mass masse added addedmass zusatz zusatzmasse",
+    "amplitude": "a amp ampl amplitude x s hub ecc stroke",
+    "repeat": "r rep repeat run wdh wiederholung lauf try take trial nr no versuch essai mess meas",
+    "specimen": "tyre tire reifen pneu specimen sample probe prüfling",
+    "nothing": "v ver version rev sn s/n id ser serial rec file cycle cyc test",
+}
+#: What a key before a number means; of several, the number decides.
+KEYS: dict[str, tuple[str, ...]] = {word: (what,) for what, words in _KEY_WORDS.items() for word in words.split()}
+KEYS["f"] = KEYS["n"] = ("frequency", "preload")
+
+#: Units that follow a number in a name: pattern, the unit that it is, and what it then is a value of.
+UNITS: tuple[tuple[str, str, str], ...] = (
+    ("(?i:mbar)", "mbar", "pressure"),
+    ("(?i:bar)", "bar", "pressure"),
+    ("(?i:kpa)", "kPa", "pressure"),
+    ("(?:MPa|MPA)", "MPa", "pressure"),
+    ("(?i:hpa)", "hPa", "pressure"),
+    ("(?i:psig?)", "psi", "pressure"),
+    ("(?:Pa|PA)(?![a-zA-Z])", "Pa", "pressure"),
+    ("(?i:khz)", "kHz", "nothing"),
+    ("(?i:hz)", "Hz", "frequency"),
+    ("(?i:rpm)|1/min|min-1|U/min", "rpm", "frequency"),
+    ("(?i:kn)(?![a-zA-Z])", "kN", "preload"),
+    ("(?i:dan)(?![a-zA-Z])", "daN", "preload"),
+    ("(?i:lbf)(?![a-zA-Z])", "lbf", "preload"),
+    ("(?i:kgf|kp)(?![a-zA-Z])", "kgf", "preload"),
+    ("[Nn](?![a-zA-Z])", "N", "preload"),
+    ("(?i:kg)(?![a-zA-Z])", "kg", "added_mass"),
+    ("(?i:deg[ _]?c|° ?c|grad|celsius)(?![a-zA-Z])|C(?![a-zA-Z0-9])", "degC", "temperature"),
+    ("(?i:deg[ _]?f|° ?f)(?![a-zA-Z])", "degF", "temperature"),
+    ("(?i:mm)(?![a-zA-Z])", "mm", "amplitude"),
+    ("(?i:um|µm|μm)(?![a-zA-Z])", "um", "amplitude"),
+    ("(?i:km[/_-]?h|kph|mph|m[/_-]s2?)(?![a-zA-Z])", "", "nothing"),
+    ("(?:ms|min|s|sec|h|cyc(?:les)?)(?![a-zA-Z])", "", "nothing"),
+)
+
+STATIC = _words(
+    "static stat statics statisch statik statique estatico statico quasistatic quasistatisch quasistatique qs "
+    "ld kennlinie "
+    "federkennlinie loaddeflection ramp slow k1 estática loadcurve springrate"
+)
+DYNAMIC = _words("dynamic dyn dynamics dynamisch dynamik dynamique dinamico sine sinus harmonic vib vibration schwing")
+CALIBRATION = _words(
+    "cal calib calibration kal kalib kalibrierung rigid rigidmass starr starrkörper starrmasse dummymass etalonnage"
+)
+
+#: Words that say nothing of the specimen.
+PASSED_OVER = _words(
+    "tyre tire tyres tires reifen pneu pneus neumatico pneumatico specimen sample probe prüfling test tests "
+    "rec recording "
+    "recordings record messung messungen mess measurement measurements meas data daten log logs run file csv "
+    "txt raw roh "
+    "final neu new old alt copy kopie copie export kraft weg force load preload vorlast radlast last pressure druck "
+    "pression precharge frequency frequenz freq temperature temperatur temp bar kpa psi hz and und at bei "
+    "with mit the of "
+    "n kn f p l v fz results signals signal time date datum series serie campaign sn no nr deg c essai mesure rpm"
+)
+
+CONSTRUCTIONS: tuple[tuple[str, str], ...] = (
+    ("radial", "radial-ply"),
+    ("crossply", "cross-ply"),
+    ("xply", "cross-ply"),
+    ("diagonal", "cross-ply"),
+    ("biasply", "cross-ply"),
+)
+
+
+def _first(**patterns: str) -> tuple[tuple[str, re.Pattern[str]], ...]:
+    return tuple((what, re.compile(pattern)) for what, pattern in patterns.items())
+
+
+#: What a line "key: value" above a table, or a property of a file, speaks of; the first that fits.
+IN_HEADERS = _first(
+    nothing=r"sampl|abtast|filter|cut-?off|corner|channel|kanal|sensor|ambient|atmos|barom|umgebung|duration|dauer|limit",
+    added_mass=r"added|zusatz|additional mass|extra mass|\bdm\b",
+    moving_mass=r"\bmass|masse\b|^m$",
+    preload_stiffness=r"^k_?3$|(preload|pre-load|rig|suspension) (spring|stiffness)|spring (rate|stiffness|constant)"
+    r"|federrate|federsteifigkeit|vor(spann|last)feder|^preload.stiffness",
+    preload_damping=r"^c_?3$|preload.damp|damper|dämpfung der feder",
+    pressure=r"press(?!ed)|druck|presi[oó]n|pression|inflation|^pi?$",
+    preload=r"pre-?load|vorlast|radlast|vorspannkraft|pr[ée]-?charge|(static|wheel|vertical|normal) (load|force)|^load$"
+    r"|^last$|^fz$|^l$|precarga",
+    frequency=r"freq|fr[ée]q|^f$|drehzahl|^rpm$|speed of (the )?cam",
+    temperature=r"temp",
+    amplitude=r"amplitude|eccentric|exzentri|^hub$|stroke",
+    kind=r"^(test ?)?(kind|type|art|mode|test|versuch|versuchsart|test ?type)$",
+    repeat=r"^(run|repeat|rep|wiederholung|lauf)\b",
+    tyre=r"^(tyre|tire|reifen|pneu|specimen|sample|probe|pr(ü|ue|u)fling|neum[aá]tico|pneumatico|dut|part)"
+    r"(\W*(name|type|typ|model|modell|no|nr|id|size|bezeichnung|number))?\W*$",
+    construction=r"^(construction|bauart|carcass|karkasse|ply)$",
+)
+
+#: Words of a channel's name: quantity by word.
+NAMES: dict[str, frozenset[str]] = {
+    "force": _words(
+        "f fz fx fy fn fin fout force forces kraft load loadcell cell kmd kraftaufnehmer kraftmessdose effort "
+        "forza fuerza "
+        "kracht last radlast lc lastzelle charge carga crisp"
+    ),
+    "acceleration": _words(
+        "a acc accel accelerometer acceleration accelero beschl beschleunigung bs aceleracion aceleración "
+        "accelerazione "
+        "accélération accelération accélé accele g az pcb"
+    ),
+    "velocity": _words(
+        "v vel velocity veloc geschw geschwindigkeit vitesse velocidad velocita velocità lsv vibrometer ldv schnelle vz"
+    ),
+    "displacement": _words(
+        "x s z d u w disp displ displacement weg position pos travel lvdt deflection defl einfederung "
+        "verschiebung depl "
+        "deplacement déplacement desplazamiento spostamento laser compression stroke hub pot potentiometer "
+        "extensometer "
+        "wegaufnehmer auslenkung height höhe"
+    ),
+    "time": _words("t time zeit temps tiempo tempo timestamp timestamps times uhrzeit"),
+    "reference": _words(
+        "ref reference referenz tacho tachometer trigger trig encoder keyphasor drive command cmd soll "
+        "sollwert setpoint "
+        "drehgeber winkel angle"
+    ),
+    "temperature": _words("temp temperature temperatur tc thermo pt100"),
+    "pressure": _words("p pressure druck pression reifendruck luftdruck inflation"),
+    "frequency": _words("freq frequency frequenz drehzahl rpm"),
+}  # fmt: skip
+IN = _words(
+    "1 in input lower bottom unten unter untere contact road base shaker exciter platform plate actuator "
+    "kontakt eingang "
+    "entree entrée bas inf inferieur boden anregung drive latsch patch cam ground erreger platte table"
+)
+OUT = _words(
+    "2 out output upper top oben ober obere wheel rim axle mass sprung ausgang sortie haut sup superieur "
+    "felge rad achse "
+    "masse response antwort jante roue hub body aufbau far"
+)

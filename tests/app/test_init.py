@@ -1,0 +1,87 @@
+"""`fourpole init`: a bare folder becomes a campaign that runs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+
+
+@pytest.fixture
+def bare(small_campaign, tmp_path):
+    """Recordings of the small campaign under telling names, and nothing else."""
+    folder = tmp_path / "bare"
+    folder.mkdir()
+    names = {"S1": "radial_1.7bar_static", "D1": "radial_1.7bar_1000N_10Hz", "D2": "radial_1.7bar_1000N_17Hz",
+             "D3": "radial_1.7bar_1000N_24Hz"}  # fmt: skip
+    for source, name in names.items():
+        shutil.copy(small_campaign / "recordings" / f"{source}.csv", folder / f"{name}.csv")
+    return folder
+
+
+def following(stdout):
+    """The command that init says is next."""
+    return stdout.splitlines()[-1].removeprefix("next: fourpole ").split()
+
+
+def test_what_it_says_next_runs_without_an_edit(run, bare):
+    ran = run("init", bare)
+    assert (ran.exit_code, ran.stderr) == (0, "")
+    then = run(*following(ran.stdout), "--tables-only")
+    assert then.exit_code == 0
+    assert then.stdout.startswith("4 tests, 4 ok, 0 with a warning, 0 rejected")
+
+
+def test_it_shows_what_it_took_and_numbers_its_doubts(run, bare):
+    lines = run("init", bare).stdout.splitlines()
+    assert any(line.split() == ["dynamic", "radial", "1.7", "1000", "3", "9.98", "17", "24"] or
+               line.split()[:5] == ["dynamic", "radial", "1.7", "1000", "3"] for line in lines)  # fmt: skip
+    assert any(line.split()[:3] == ["V2", "V2", "m/s"] and line.split()[-1] == "turned" for line in lines)
+    numbers = [int(line.split(".")[0]) for line in lines if line.strip()[:1].isdigit() and ". " in line[:6]]
+    assert numbers == list(range(1, len(numbers) + 1))
+    assert sum(line.startswith("     -> ") for line in lines) == len(numbers)
+    assert f"{len(numbers)} doubts, also written beside what they concern:" in lines
+
+
+def test_it_refuses_to_write_over_what_is_there(run, bare):
+    run("init", bare)
+    before = (bare / "tests.csv").read_bytes()
+    (bare / "radial_1.7bar_static.csv").unlink()
+    ran = run("init", bare)
+    assert (ran.exit_code, ran.stdout) == (2, "")
+    assert "a campaign.toml and a tests.csv already" in ran.stderr
+    assert "--force" in ran.stderr
+    assert (bare / "tests.csv").read_bytes() == before
+    assert run("init", bare, "--force").exit_code == 0
+    assert (bare / "tests.csv").read_bytes() != before
+
+
+def test_for_programs_it_is_one_document(run, bare):
+    found = json.loads(run("init", bare, "--json").stdout)
+    assert [test["kind"] for test in found["tests"]].count("dynamic") == 3
+    assert found["channels"]["motion_out"]["invert"] is True
+    assert {doubt["about"] for doubt in found["doubts"]} >= {"rig", "force_in"}
+    assert found["next"].startswith("next: fourpole analyse")
+
+
+def test_what_keeps_it_from_running_is_said(run, bare):
+    for path in bare.glob("*Hz.csv"):
+        path.write_text(path.read_text().replace("V1,V2", "c1,c2", 1))
+    ran = run("init", bare)
+    assert ran.exit_code == 0
+    assert ran.stdout.splitlines()[-1].startswith("not ready yet: campaign.toml: [channels] motion_in is missing")
+
+
+def test_control_characters_in_a_name_are_shown_harmlessly(run, bare):
+    (bare / "radial_1.7bar_static.csv").rename(bare / "radial\x1b[31m.csv")
+    ran = run("init", bare)
+    assert "\x1b" not in ran.stdout + ran.stderr
+    assert "rename it" in ran.stdout
+
+
+@pytest.mark.parametrize("name", ["", "none"])
+def test_nothing_to_look_at_is_one_message(run, tmp_path, name):
+    ran = run("init", tmp_path / name)
+    assert (ran.exit_code, ran.stdout) == (2, "")
+    assert len(ran.stderr.splitlines()) == 1
