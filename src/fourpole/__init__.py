@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fourpole.campaign import Study, analyse, read_campaign
-    from fourpole.core.demodulate import demodulate
+    from fourpole.core.demodulation.demodulate import demodulate
     from fourpole.core.identify import identify
     from fourpole.core.loadcurve import LoadCurve
     from fourpole.core.phasor import Phasors
@@ -48,7 +48,7 @@ _HOME = {
     "chain_transmissibility": "core.twoport",
     "damper": "core.twoport",
     "deembed": "core.twoport",
-    "demodulate": "core.demodulate",
+    "demodulate": "core.demodulation.demodulate",
     "energy_loss": "core.tyre",
     "identify": "core.identify",
     "identify_mobility": "core.reduced",

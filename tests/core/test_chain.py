@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from fourpole.core.chain import Calibrated, Delay, Geophone, HighPass, LowPass
-from fourpole.core.corrections import corrections_of, links_of, without_crosstalk
+from fourpole.core.demodulation.corrections import corrections_of, links_of, without_crosstalk
 from fourpole.core.recording import Channel, CrossTalk, Recording
 from fourpole.errors import RecordingError
 

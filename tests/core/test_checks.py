@@ -21,7 +21,7 @@ from fourpole.core.checks import (
     clipped_share,
     worst_verdict,
 )
-from fourpole.core.demodulate import demodulate
+from fourpole.core.demodulation.demodulate import demodulate
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import Channel
 from fourpole.core.rig import Rig

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from fourpole.core.checks import Check
-from fourpole.core.corrections import Correction
-from fourpole.core.demodulate import Demodulation
+from fourpole.core.demodulation.corrections import Correction
+from fourpole.core.demodulation.demodulate import Demodulation
+from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
-from fourpole.core.preview import Preview
 from fourpole.io.write import write_text
 
 __all__ = ["cache_name", "recall", "remember"]

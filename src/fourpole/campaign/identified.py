@@ -14,7 +14,7 @@ from fourpole.campaign.reduce import Reduced
 from fourpole.campaign.static import SAME_PRESSURE, StaticStiffness
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.checks import worst_verdict
-from fourpole.core.demodulate import Demodulation
+from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.identify import ChannelUncertainty, Identification, identify, variance_by_source
 from fourpole.core.joint import Joint, identify_joint
 from fourpole.core.joint.outputs import identification, outputs

@@ -15,7 +15,7 @@ from fourpole.campaign.gather import Gathered, Timing, Turning, agreed
 from fourpole.campaign.response import read_response
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import clipped_share
-from fourpole.core.demodulate import first_guess
+from fourpole.core.demodulation.demodulate import first_guess
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recording import Channel, Recording
 from fourpole.core.reference import Reference

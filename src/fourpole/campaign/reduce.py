@@ -16,11 +16,11 @@ from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.campaign.load import MOST_BYTES, load_recording
 from fourpole.core import checks
 from fourpole.core.checks import Check, remarked
-from fourpole.core.demodulate import Demodulation, demodulate, first_guess
+from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
+from fourpole.core.demodulation.steady import steady_part
+from fourpole.core.demodulation.wander import follow_wander
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
-from fourpole.core.steady import steady_part
-from fourpole.core.wander import follow_wander
 from fourpole.errors import FourpoleError, RecordingError, TableError
 from fourpole.io.source import sha256_of
 

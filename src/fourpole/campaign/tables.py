@@ -13,7 +13,7 @@ from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.identified import Group, budget_columns
 from fourpole.campaign.reduce import Reduced
 from fourpole.campaign.static import StaticRow, StaticTest
-from fourpole.core.demodulate import Demodulation
+from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.identify import OUTPUTS, Identification
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.phasor import SYMBOLS, Phasors

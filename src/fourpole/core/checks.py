@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
-from fourpole.core.demodulate import Demodulation
+from fourpole.core.demodulation.demodulate import Demodulation
+from fourpole.core.demodulation.spectrum import LINE_GAP
 from fourpole.core.phasor import Phasors
 from fourpole.core.recording import Channel
 from fourpole.core.rig import Rig
-from fourpole.core.spectrum import LINE_GAP
 
 __all__ = [
     "Check",

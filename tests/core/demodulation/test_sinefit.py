@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fourpole.core.sinefit import fit_sines, refine
+from fourpole.core.demodulation.sinefit import fit_sines, refine
 
 RATE = 500.0
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from fourpole.core.demodulate import demodulate
+from fourpole.core.demodulation.demodulate import demodulate
 from fourpole.core.recording import Channel, Recording
 from fourpole.errors import RecordingError
 

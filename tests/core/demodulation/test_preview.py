@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.core.demodulate import demodulate
+from fourpole.core.demodulation.demodulate import demodulate
 
 AMPLITUDES = np.array([60 * np.exp(1.5j), 0.06, 0.08 * np.exp(-0.3j)])
 

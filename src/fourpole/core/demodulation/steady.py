@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
-from fourpole.core.envelope import Envelope, envelope
+from fourpole.core.demodulation.envelope import Envelope, envelope
+from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Recording
-from fourpole.core.tracks import tracks_of
 from fourpole.errors import RecordingError
 
 __all__ = ["steady_part"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
-from fourpole.core.sinefit import SineFit
+from fourpole.core.demodulation.sinefit import SineFit
 
 __all__ = ["Preview", "preview"]
 

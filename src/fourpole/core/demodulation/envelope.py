@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.tracks import Track
+from fourpole.core.demodulation.tracks import Track
 
 __all__ = ["Envelope", "envelope"]
 

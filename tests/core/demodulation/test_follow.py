@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fourpole.core.demodulate import demodulate, first_guess
+from fourpole.core.demodulation.demodulate import demodulate, first_guess
+from fourpole.core.demodulation.steady import steady_part
+from fourpole.core.demodulation.wander import follow_wander
 from fourpole.core.recording import Channel, Recording
 from fourpole.core.reference import Reference
-from fourpole.core.steady import steady_part
-from fourpole.core.wander import follow_wander
 
 F1, V1, V2 = AMPLITUDES = np.array([60 * np.exp(1.5j), 0.06 + 0j, 0.08 * np.exp(-0.3j)])
 NAMES, KINDS = ("force_in", "motion_in", "motion_out"), ("force", "acceleration", "displacement")

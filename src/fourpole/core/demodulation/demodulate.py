@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
-from fourpole.core.corrections import Correction, corrections_of, links_of, response_std, without_crosstalk
+from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, response_std, without_crosstalk
+from fourpole.core.demodulation.preview import Preview, preview
+from fourpole.core.demodulation.sinefit import SineFit, fit_sines, refine
+from fourpole.core.demodulation.spectrum import LINE_GAP, Left, Noise, find_lines, noise_beside, strongest_line
+from fourpole.core.demodulation.tracks import Track, following, named, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
-from fourpole.core.preview import Preview, preview
 from fourpole.core.recording import DERIVATIVES, Channel, Recording
-from fourpole.core.sinefit import SineFit, fit_sines, refine
-from fourpole.core.spectrum import LINE_GAP, Left, Noise, find_lines, noise_beside, strongest_line
-from fourpole.core.tracks import Track, following, named, tracks_of
 from fourpole.errors import RecordingError
 
 __all__ = ["Demodulation", "demodulate", "first_guess"]

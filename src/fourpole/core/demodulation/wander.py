@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.core.demodulate import Demodulation, demodulate
-from fourpole.core.envelope import envelope
+from fourpole.core.demodulation.demodulate import Demodulation, demodulate
+from fourpole.core.demodulation.envelope import envelope
+from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import Recording
 from fourpole.core.reference import Reference
-from fourpole.core.tracks import tracks_of
 from fourpole.errors import RecordingError
 
 __all__ = ["Wander", "follow_wander"]

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.demodulation.sinefit import Course
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.core.reference import Reference
-from fourpole.core.sinefit import Course
 from fourpole.errors import RecordingError
 
 __all__ = ["Track", "following", "named", "tracks_of"]

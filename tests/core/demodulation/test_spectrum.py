@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.core.spectrum import Left, find_lines, noise_beside, strongest_line
+from fourpole.core.demodulation.spectrum import Left, find_lines, noise_beside, strongest_line
 
 RATE, SAMPLES = 1000.0, 2000
 TIME = np.arange(SAMPLES) / RATE
