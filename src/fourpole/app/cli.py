@@ -79,6 +79,23 @@ def simulate(
 
 @app.command()
 @ends_well
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of recordings in any format.")],
+    force: Annotated[bool, typer.Option("--force", help="Replace campaign.toml and tests.csv that are there.")] = False,
+    as_json: JsonFlag = False,
+) -> None:
+    """Make a campaign of a bare folder of recordings: guess channels, kinds and conditions, and say each doubt.
+
+    Names of files and folders, headers, notes beside them and the signals are read; campaign.toml and tests.csv are
+    written for you to correct.
+    """
+    from fourpole.app.init import run_init
+
+    raise typer.Exit(run_init(folder, force=force, as_json=as_json))
+
+
+@app.command()
+@ends_well
 def analyse(
     campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv.")],
     folder: Annotated[
@@ -111,14 +128,80 @@ def analyse(
 
 @app.command()
 @ends_well
-def info(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording in any format.")],
+def check(
+    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv.")],
+    route: Annotated[str, typer.Option(help="The route it is to be analysed by; see analyse.")] = "joint",
     as_json: JsonFlag = False,
 ) -> None:
-    """Say what a file holds: its format, its channels with units, rates and lengths."""
-    from fourpole.app.info import run_info
+    """Look a campaign through without analysing it: files, channels, units, times, K1, duplicates.
 
-    raise typer.Exit(run_info(file, as_json=as_json))
+    Says what would be rejected, where it stands and what to do; writes nothing.
+    """
+    from fourpole.app.check import run_check
+
+    raise typer.Exit(run_check(campaign, route, as_json=as_json))
+
+
+@app.command()
+@ends_well
+def info(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording in any format.")],
+    channel: Annotated[str, typer.Option(help="Only this one, drawn large.")] = "",
+    group: Annotated[str, typer.Option(help="Only the channels of this group.")] = "",
+    quick: Annotated[bool, typer.Option("--quick", help="Read no samples: names, units and rates only.")] = False,
+    no_plot: Annotated[bool, typer.Option("--no-plot", help="Numbers only.")] = False,
+    as_json: JsonFlag = False,
+) -> None:
+    """Say what a file holds: its format, its channels with units, rates, ranges and gaps, and an outline of each.
+
+    The line is the frequency that has most of a channel's variance. A file of many channels has the first 64 read;
+    name a group or a channel for others.
+    """
+    from fourpole.app.info import Wanted, run_info
+
+    raise typer.Exit(run_info(file, Wanted(channel, group, quick, not no_plot), as_json=as_json))
+
+
+@app.command()
+@ends_well
+def convert(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording in any format.")],
+    target: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT", help="Its ending says the format: .csv .parquet .mf4 .tdms .uff .unv .mat .h5 .wav .tdx .tyd"
+        ),
+    ],
+    group: Annotated[str, typer.Option(help="Only the channels of this group.")] = "",
+    channels: Annotated[str, typer.Option(help="Only these, with commas between.")] = "",
+    window: Annotated[str, typer.Option(help='Only these times in seconds, as "2..12".')] = "",
+    kind: Annotated[str, typer.Option("--to", metavar="KIND", help="The format, where no ending says it.")] = "",
+    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it is there.")] = False,
+) -> None:
+    """Write a recording in another format, with its units, times and groups, every sample as it is.
+
+    What the format cannot keep is said; where it cannot hold the recording at all, nothing is written.
+    """
+    from fourpole.app.convert import run_convert
+    from fourpole.io.convert import Choice
+
+    names = tuple(name.strip() for name in channels.split(",") if name.strip())
+    run_convert(file, target, Choice(group, names, _window(window), kind, force))
+
+
+def _window(text: str) -> tuple[float, float] | None:
+    """Two times with two dots between them."""
+    from fourpole.errors import UnitError
+
+    if not text:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(".."))
+    except ValueError:
+        low, high = 1.0, 0.0
+    if not low < high:
+        raise UnitError(f"--window: {text!r} is not two times in seconds with two dots, as 2..12")
+    return low, high
 
 
 @app.command()
@@ -254,6 +337,22 @@ def report(
     from fourpole.app.report import run_report
 
     run_report(folder, theme)
+
+
+@app.command()
+@ends_well
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote.")],
+    kind: Annotated[str, typer.Option("--to", metavar="KIND", help="xlsx, mat, tydex, uff or netcdf.")],
+    file: Annotated[
+        Path | None,
+        typer.Option("--out", help="File to write, of tydex a folder; by default in RESULTS."),
+    ] = None,
+) -> None:
+    """Write the results for another tool: a workbook with charts, MATLAB, TYDEX 1.3, UFF 58 or NetCDF."""
+    from fourpole.app.export import run_export
+
+    run_export(folder, kind, file)
 
 
 @app.command()

@@ -1,0 +1,356 @@
+"""A recording of any format becomes one of another: units, times and samples as they are, and what is lost is said."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from fourpole.core.recording import uniform_time
+from fourpole.errors import FileError, RecordingError, TableError
+from fourpole.io.along import Along, along, chosen_of, times_of
+from fourpole.io.formats.guard import tidy
+from fourpole.io.recordings import survey
+from fourpole.io.signals import FileInfo, Signal
+from fourpole.io.writers.plan import Block, FloatArray, Group, Told, Track, Writer, beside
+from fourpole.units import shown
+
+__all__ = ["Choice", "Converted", "convert", "writers"]
+
+_MODULES = ("text", "parquet", "mdf", "tdms", "uff", "matlab", "hdf5", "wav", "tydex")
+#: Of a step: how far before a window a sample may be; by how much a rate may be off a whole one at the end.
+_INTO_STEP, _DRIFT = 1e-6, 0.1
+#: Groups that a message names.
+_NAMED = 8
+#: Notes that readers add.
+_OURS = re.compile(
+    r"time from .*|time signal|[0-9]+|[0-9]+ bit .*|scaled by the file|times of day.*|seconds from the first"
+    r"|running time"
+)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is wanted of a recording.
+
+    Attributes
+    ----------
+    group : str
+        Its channels only; empty: all.
+    channels : tuple of str
+        These only; empty: all.
+    window : (float, float) or None [s]
+        Samples of these times, ends included.
+    kind : str
+        Of writer; empty: by the ending of the file's name.
+    force : bool
+        Whether a file that is there is replaced.
+    """
+
+    group: str = ""
+    channels: tuple[str, ...] = ()
+    window: tuple[float, float] | None = None
+    kind: str = ""
+    force: bool = False
+
+
+@dataclass(frozen=True)
+class Converted:
+    """What was written.
+
+    Attributes
+    ----------
+    format : str
+    groups : tuple of str
+        Each with its samples, rate and channels, in words.
+    lost : tuple of str
+        What was changed, left out, or could not be kept.
+    """
+
+    format: str
+    groups: tuple[str, ...]
+    lost: tuple[str, ...]
+
+
+def writers() -> dict[str, Writer]:
+    """The formats that can be written, by kind."""
+    found = [import_module(f"fourpole.io.writers.{module}").WRITER for module in _MODULES]
+    return {one.kind: one for one in found}
+
+
+def convert(
+    path: str | Path,
+    out: str | Path,
+    choice: Choice | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Converted:
+    r"""Write a recording in another format.
+
+    Samples are written as floats of 64 bit, in the unit that the file states; missing ones stay missing.
+
+    Parameters
+    ----------
+    path : path
+        A recording in any format that is read.
+    out : path
+        Its ending says the format.
+    choice : Choice, optional
+    progress : callable, optional
+        Takes the samples that are done, and all.
+
+    Returns
+    -------
+    Converted
+
+    Raises
+    ------
+    FileError
+        If `out` is there already, or cannot be written.
+    TableError
+        If the recording cannot be read, or the format cannot hold it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     recording = Path(folder, "D1.csv")
+    ...     _ = recording.write_text("t [s],F1 [N]\n0,1.5\n0.001,2\n0.002,2.5\n")
+    ...     made = convert(recording, Path(folder, "D1.wav"))
+    >>> made.groups, made.lost
+    (('3 samples at 1000 Hz (F1)',),
+     ('names and units are kept in a comment only, channels are called by number: 1 = F1 [N]',))
+    """
+    source, target, choice = Path(path), Path(out), choice or Choice()
+    writer = _writer(target, choice.kind)
+    found = survey(source)
+    if target.exists():
+        if target.samefile(source):
+            raise FileError(f"{target.name}: is the file that is read; name another one")
+        if not choice.force:
+            raise FileError(f"{target.name}: is there already; name another file, or replace it with --force")
+    places = chosen_of(found, choice.group, choice.channels, source.name)
+    told = Told(() if found.format == "WAV" else found.notes)  # of a WAV file they are the reader's own
+    places = places if choice.channels else _readable(source, found, places, told)
+    run = along(source, found, places, label=source.name)
+    first = next(iter(run.stretches))
+    plan = _Plan(found, places, run, first, choice, told, source.name)
+    if writer.one_table and len(plan.groups) > 1:
+        bases = "; ".join(group.words for group in plan.groups[:_NAMED])
+        bases += f"; and {len(plan.groups) - _NAMED} more" if len(plan.groups) > _NAMED else ""
+        raise TableError(
+            f"{target.name}: {writer.name} holds channels of one group and one rate, and there are {len(plan.groups)}: "
+            f"{bases}. Choose with --group or --channels, or write .mf4, .tdms, .h5, .mat or .uff"
+        )
+    if (writer.one_table or writer.kind in ("mat", "uff")) and plan.groups[0].name and len(plan.groups) == 1:
+        told.lost.append(f"the name of the group, {plan.groups[0].name}, is not kept")
+    _write(target, writer, plan, chain([first], run.stretches), told, progress)
+    return Converted(writer.name, tuple(group.words for group in plan.counted()), tuple(dict.fromkeys(told.lost)))
+
+
+def _write(
+    target: Path,
+    writer: Writer,
+    plan: _Plan,
+    stretches: Iterable[list[Signal]],
+    told: Told,
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    done = 0
+    with beside(target) as path, writer.open(path, plan.groups, told) as sink:
+        for stretch in stretches:
+            for at, block in plan.blocks(stretch):
+                sink.add(at, block)
+            done += sum(signal.samples.size for signal in stretch)
+            if progress is not None:
+                progress(done, plan.total)
+        plan.check_not_empty()
+
+
+def _writer(target: Path, kind: str) -> Writer:
+    """The writer of a kind, or of a name's ending."""
+    known = writers()
+    if kind:
+        if kind not in known:
+            raise TableError(f"--to {shown(kind)} is no format that is written; known are {', '.join(known)}")
+        return known[kind]
+    for one in known.values():
+        if target.suffix.lower() in one.endings:
+            return one
+    endings = ", ".join(ending for one in known.values() for ending in one.endings)
+    raise TableError(f"{target.name}: its ending is none of those that are written ({endings}); or state --to")
+
+
+def _readable(path: Path, found: FileInfo, places: Sequence[int], told: Told) -> list[int]:
+    """The channels that hold numbers; the others are said."""
+    good: list[int] = []
+    waiting = [list(places)] if places else []
+    while waiting:
+        some = waiting.pop()
+        try:
+            next(iter(along(path, found, some, label=path.name).stretches))
+        except TableError as error:
+            if len(found.signals) == 1:
+                raise
+            if len(some) == 1:
+                why = str(error).removeprefix(f"{path.name}: ")
+                told.lost.append(f"{found.signals[some[0]].name} is left out: {why}")
+                continue
+            half = len(some) // 2
+            waiting += [some[half:], some[:half]]
+        else:
+            good += some
+    if not good:
+        raise TableError(f"{path.name}: {told.lost[0] if told.lost else 'has no channel that can be converted'}")
+    return sorted(good)
+
+
+class _Plan:
+    """Which channels go together, and what of each stretch is written."""
+
+    def __init__(
+        self,
+        found: FileInfo,
+        places: Sequence[int],
+        run: Along,
+        first: Sequence[Signal],
+        choice: Choice,
+        told: Told,
+        label: str,
+    ) -> None:
+        self._window, self._label = choice.window, label
+        self.total = sum(found.signals[place].count for place in places)
+        clocks = {run.clocks[one] for one in places if run.clocks.get(one, one) != one}
+        columns = [at for at, place in enumerate(places) if place not in clocks]
+        bases: list[list[int]] = []
+        for at in columns:
+            base = next((one for one in bases if _together(found, places, first, one[0], at)), None)
+            if base is None:
+                bases.append(base := [])
+            base.append(at)
+        self._members = bases
+        self.groups = [self._group(found, places, first, base, told) for base in bases]
+        self._seen, self._kept = [0] * len(bases), [0] * len(bases)
+        self._span = (np.inf, -np.inf)
+
+    def _group(
+        self, found: FileInfo, places: Sequence[int], first: Sequence[Signal], base: Sequence[int], told: Told
+    ) -> Group:
+        infos, signal = [found.signals[places[at]] for at in base], first[base[0]]
+        names = [tidy(one.name) for one in infos]
+        told.renamed([one.name for one in infos], names)
+        tracks = tuple(
+            Track(name, tidy(one.unit) if one.unit else None, _noted(one.note))
+            for name, one in zip(names, infos, strict=True)
+        )
+        stamped = signal.time is not None
+        rate, start, off = (signal.rate, signal.start, 0.0) if signal.time is None else _even(signal.time)
+        count = infos[0].count
+        if self._window is not None and rate is None and not stamped:
+            raise TableError(f"{self._label}: does not say when its samples were taken: leave out --window")
+        if self._window is not None and rate is not None:
+            start += max(0, int(np.ceil((self._window[0] - start) * rate - _INTO_STEP))) / rate
+            count = min(count, int((self._window[1] - self._window[0]) * rate) + 2)
+        return Group(infos[0].group, tracks, rate, start, stamped, count, off)
+
+    def blocks(self, stretch: Sequence[Signal]) -> Iterable[tuple[int, Block]]:
+        """What is written of a stretch, by groups."""
+        for at, base in enumerate(self._members):
+            signals = [stretch[one] for one in base]
+            if len({signal.samples.size for signal in signals}) > 1:
+                names = ", ".join(signal.name for signal in signals)
+                raise TableError(f"{self._label}: {names} are not as long as each other; convert them one by one")
+            low, high = self._inside(signals[0], self.groups[at].rate)
+            self._seen[at] += signals[0].samples.size
+            if high <= low:
+                continue
+            stamps = signals[0].time[low:high] if signals[0].time is not None else None
+            block = Block(self._kept[at], [signal.samples[low:high] for signal in signals], stamps)
+            self._check(at, signals, block)
+            self._kept[at] += high - low
+            yield at, block
+
+    def _inside(self, signal: Signal, rate: float | None) -> tuple[int, int]:
+        """The samples of a stretch that lie in the window, what a clock's digits leave of a step apart."""
+        size = signal.samples.size
+        time = times_of(signal)
+        if self._window is None or time is None or not size:
+            return 0, size
+        self._span = min(self._span[0], float(time[0])), max(self._span[1], float(time[-1]))
+        slack = _INTO_STEP / rate if rate else 0.0
+        inside = np.flatnonzero((time >= self._window[0] - slack) & (time <= self._window[1] + slack))
+        return (int(inside[0]), int(inside[-1]) + 1) if inside.size else (0, 0)
+
+    def _check(self, at: int, signals: Sequence[Signal], block: Block) -> None:
+        """What the first stretch showed of the times must hold to the end."""
+        group = self.groups[at]
+        for signal in signals[1:]:
+            if not _same_times(signals[0], signal):
+                names = f"{shown(signals[0].name)} and {shown(signal.name)}"
+                raise TableError(f"{self._label}: {names} are not sampled at the same times; convert them one by one")
+        if block.stamps is not None and group.rate is not None:
+            even = group.start + (block.first + np.arange(len(block))) / group.rate
+            off = np.abs(block.stamps - even)
+            if off.max() > 0.5 / group.rate:
+                raise TableError(
+                    f"{self._label}: its times are even at first, and no longer after "
+                    f"{float(block.stamps[int(np.argmax(off > 0.5 / group.rate))]):.9g} s; cut with --window"
+                )
+
+    def check_not_empty(self) -> None:
+        """TableError if nothing lay in the window."""
+        if not any(self._kept):
+            if self._window is None:
+                raise TableError(f"{self._label}: holds no samples")
+            low, high = self._window
+            there = f"the recording runs {self._span[0]:g} to {self._span[1]:g} s"
+            raise TableError(f"{self._label}: no samples from {low:g} to {high:g} s; {there}")
+
+    def counted(self) -> list[Group]:
+        """The groups with as many samples as were written."""
+        return [replace(group, count=kept) for group, kept in zip(self.groups, self._kept, strict=True)]
+
+
+def _together(found: FileInfo, places: Sequence[int], first: Sequence[Signal], one: int, other: int) -> bool:
+    """Whether two channels are of one group, and sampled at the same times as far as their first samples show."""
+    infos, signals = [found.signals[places[at]] for at in (one, other)], [first[at] for at in (one, other)]
+    if (infos[0].group, infos[0].count) != (infos[1].group, infos[1].count):
+        return False
+    if signals[0].time is None and (signals[0].rate, signals[0].start) != (signals[1].rate, signals[1].start):
+        return False
+    return _same_times(signals[0], signals[1])
+
+
+def _same_times(one: Signal, other: Signal) -> bool:
+    """Whether two stretches have the same times, as far as they have them one by one."""
+    mine, its = one.time, other.time
+    if mine is None or its is None:
+        return mine is None and its is None
+    return mine is its or np.array_equal(mine, its)
+
+
+def _even(time: FloatArray) -> tuple[float | None, float, float]:
+    """The rate that times have but for the digits they are written in, the first of them, and how far they are off."""
+    first = float(time[0]) if time.size else 0.0
+    try:
+        step, remark = uniform_time(time)
+    except RecordingError:
+        return None, first, 0.0
+    if remark:
+        return None, first, 0.0
+    rate = 1.0 / step
+    whole = round(rate)
+    if whole and abs(rate / whole - 1.0) * time.size < _DRIFT:
+        rate = float(whole)
+    off = np.max(np.abs(time - first - np.arange(time.size) / rate))
+    return rate, first, float(off)
+
+
+def _noted(note: str) -> str:
+    """What a file says of a channel, without what its reader adds."""
+    return "; ".join(part for part in tidy(note).split("; ") if part and not _OURS.fullmatch(part))

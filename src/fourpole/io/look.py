@@ -1,0 +1,303 @@
+"""A look at the samples of a file: range, gaps, spread, strongest line and outline of each channel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fourpole.errors import FileError, TableError
+from fourpole.io.along import along
+from fourpole.io.signals import FileInfo, Signal
+
+__all__ = ["Look", "look"]
+
+FloatArray = NDArray[np.float64]
+
+#: Places along a recording at which its least and greatest value are kept.
+_PLACES = 1024
+#: Samples from its middle in which a line is looked for, and the share of their variance that it has.
+_SPECTRUM, _CLEAR = 1 << 16, 0.5
+_JUMP = 1.5
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the samples of a channel show, in its own unit.
+
+    Attributes
+    ----------
+    count, missing, longest_gap : int
+        Samples, those that are not-a-number or infinite, and the most of these in a row.
+    least, greatest, mean, std : float
+        Of the others; not-a-number where there is none.
+    frequency : float or None [Hz]
+        Of the line that has more than half of the variance.
+    rate, start, duration : float or None [s]
+        By the file, or by its column of times; the rate is None too where steps are uneven.
+    clock : str
+        The channel that says the times; empty where the file itself does.
+    jumps, stops : int
+        Steps of the times that are more than one and a half times the median, and those that do not go forward.
+    longest_step : float [s]
+        Of the times; 0 where the file states them by a rate.
+    outline : (places, 2) float array
+        Least and greatest value along the recording; not-a-number where all are missing.
+    """
+
+    count: int
+    missing: int
+    longest_gap: int
+    least: float
+    greatest: float
+    mean: float
+    std: float
+    frequency: float | None
+    rate: float | None
+    start: float | None
+    duration: float | None
+    clock: str
+    jumps: int
+    stops: int
+    longest_step: float
+    outline: FloatArray
+
+
+def look(
+    path: Path,
+    found: FileInfo,
+    chosen: Sequence[int],
+    *,
+    label: str,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[int, Look | str]:
+    """Look at the samples of some channels, in one pass and bounded memory where the format allows it.
+
+    Parameters
+    ----------
+    path : Path
+    found : FileInfo
+        What `survey` says of it.
+    chosen : sequence of int
+        Places of the channels in `found.signals`.
+    label : str
+        The file's name in messages.
+    progress : callable, optional
+        Takes the samples that are done, and all.
+
+    Returns
+    -------
+    dict of int to Look or str
+        By the places; a text where a channel cannot be read: why.
+    """
+    result: dict[int, Look | str] = {}
+    waiting = [list(chosen)] if chosen else []
+    total = sum(found.signals[one].count for one in chosen)
+    while waiting:
+        some = waiting.pop()
+        done = sum(found.signals[one].count for one in result)
+        try:
+            result |= _pass(path, found, some, label, _Progress(progress, done, total))
+        except (TableError, FileError) as error:
+            if len(some) == 1:
+                result[some[0]] = str(error).removeprefix(f"{label}: ")
+            else:  # one of them: the others are not to suffer
+                half = len(some) // 2
+                waiting += [some[half:], some[:half]]
+    return {one: result[one] for one in chosen}
+
+
+@dataclass(frozen=True)
+class _Progress:
+    """What is told of a pass, when others went before."""
+
+    told: Callable[[int, int], None] | None
+    before: int
+    total: int
+
+    def __call__(self, done: int) -> None:
+        if self.told is not None:
+            self.told(self.before + done, self.total)
+
+
+def _pass(
+    path: Path, found: FileInfo, chosen: Sequence[int], label: str, progress: Callable[[int], None]
+) -> dict[int, Look | str]:
+    run = along(path, found, chosen, label=label)
+    tallies = [_Tally(found.signals[one].count) for one in chosen]
+    done = 0
+    for stretch in run.stretches:
+        for tally, signal in zip(tallies, stretch, strict=True):
+            tally.feed(signal)
+        done += sum(signal.samples.size for signal in stretch)
+        progress(done)
+    names = {one: found.signals[clock].name for one, clock in run.clocks.items()}
+    return {one: tally.look(names.get(one, "")) for one, tally in zip(chosen, tallies, strict=True)}
+
+
+@dataclass
+class _Steps:
+    """The times of a channel, as they come in."""
+
+    first: float = math.nan
+    last: float = math.nan
+    middle: float = 0.0
+    count: int = 0
+    jumps: int = 0
+    stops: int = 0
+    longest: float = 0.0
+
+    def feed(self, time: FloatArray) -> None:
+        if not time.size:
+            return
+        steps = np.diff(time, prepend=[self.last] if self.count else [])
+        if not self.count:
+            self.first = float(time[0])
+            self.middle = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+        steps = steps[np.isfinite(steps)]
+        self.jumps += int(np.count_nonzero(steps > _JUMP * self.middle))
+        self.stops += int(np.count_nonzero(steps <= 0))
+        self.longest = max(self.longest, float(steps.max(initial=0.0)))
+        self.count += time.size
+        self.last = float(time[-1])
+
+    @property
+    def rate(self) -> float | None:
+        span = self.last - self.first
+        if self.count < 2 or not span > 0 or not self.middle > 0 or self.jumps + self.stops > 0.1 * self.count:
+            return None
+        mean = 1.0 / self.middle if self.jumps + self.stops else (self.count - 1) / span
+        return float(f"{mean:.10g}")  # what the digits of the times leave
+
+
+@dataclass
+class _Tally:
+    """One channel, as it comes in."""
+
+    expected: int
+    count: int = 0
+    known: int = 0
+    missing: int = 0
+    gap: int = 0
+    longest_gap: int = 0
+    least: float = math.inf
+    greatest: float = -math.inf
+    mean: float = 0.0
+    square: float = 0.0
+    rate: float | None = None
+    start: float | None = None
+    steps: _Steps = field(default_factory=_Steps)
+    middle: list[FloatArray] = field(default_factory=list)
+    outline: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        places = max(1, min(_PLACES, self.expected))
+        self.outline = np.stack([np.full(places, np.inf), np.full(places, -np.inf)], axis=1)
+
+    def feed(self, signal: Signal) -> None:
+        samples = signal.samples
+        if not samples.size:
+            return
+        if signal.time is not None:
+            self.steps.feed(signal.time)
+        elif signal.rate and self.start is None:
+            self.rate, self.start = signal.rate, signal.start
+        there = np.isfinite(samples)
+        self._gaps(there)
+        self._moments(samples if there.all() else samples[there])
+        self._draw(np.where(there, samples, np.nan))
+        begin = max(0, self.expected // 2 - _SPECTRUM // 2)
+        low, high = (int(np.clip(edge - self.count, 0, samples.size)) for edge in (begin, begin + _SPECTRUM))
+        if high > low:
+            self.middle.append(samples[low:high].copy())
+        self.count += samples.size
+
+    def _gaps(self, there: NDArray[np.bool_]) -> None:
+        lost = int(there.size - np.count_nonzero(there))
+        self.missing += lost
+        if not lost:
+            self.gap = 0
+            return
+        ends = np.flatnonzero(there)
+        if not ends.size:
+            self.gap += there.size
+            self.longest_gap = max(self.longest_gap, self.gap)
+            return
+        inside = int(np.diff(ends).max(initial=1)) - 1
+        self.longest_gap = max(self.longest_gap, self.gap + int(ends[0]), inside)
+        self.gap = there.size - 1 - int(ends[-1])
+        self.longest_gap = max(self.longest_gap, self.gap)
+
+    def _moments(self, samples: FloatArray) -> None:
+        """Mean and sum of squares about it, of this stretch with those before."""
+        if not samples.size:
+            return
+        mean = float(samples.mean())
+        shift, together = mean - self.mean, self.known + samples.size
+        self.square += float(np.sum((samples - mean) ** 2)) + shift**2 * self.known * samples.size / together
+        self.mean += shift * samples.size / together
+        self.known = together
+        self.least = min(self.least, float(samples.min()))
+        self.greatest = max(self.greatest, float(samples.max()))
+
+    def _draw(self, samples: FloatArray) -> None:
+        places = (self.count + np.arange(samples.size)) * len(self.outline) // max(self.expected, 1)
+        places = np.minimum(places, len(self.outline) - 1)
+        edges = np.flatnonzero(np.diff(places, prepend=-1))
+        at = places[edges]
+        self.outline[at, 0] = np.fmin(self.outline[at, 0], np.fmin.reduceat(samples, edges))
+        self.outline[at, 1] = np.fmax(self.outline[at, 1], np.fmax.reduceat(samples, edges))
+
+    def look(self, clock: str) -> Look:
+        """What all stretches came to."""
+        outline = np.where(np.isinf(self.outline), np.nan, self.outline)
+        stamped = self.steps.count > 0
+        rate = self.steps.rate if stamped else self.rate
+        start = self.steps.first if stamped else self.start
+        duration = self.steps.last - self.steps.first if stamped else (self.count - 1) / rate if rate else None
+        known = self.known > 0
+        return Look(
+            count=self.count,
+            missing=self.missing,
+            longest_gap=self.longest_gap,
+            least=self.least if known else math.nan,
+            greatest=self.greatest if known else math.nan,
+            mean=self.mean if known else math.nan,
+            std=math.sqrt(self.square / self.known) if known else math.nan,
+            frequency=_line(np.concatenate(self.middle), rate) if rate and self.middle else None,
+            rate=rate,
+            start=start,
+            duration=duration,
+            clock=clock if stamped else "",
+            jumps=self.steps.jumps,
+            stops=self.steps.stops,
+            longest_step=self.steps.longest,
+            outline=outline,
+        )
+
+
+def _line(samples: FloatArray, rate: float) -> float | None:
+    """Frequency of the line that has most of the variance; None where none has."""
+    there = np.isfinite(samples)
+    if there.sum() < 32:
+        return None
+    at = np.arange(samples.size)
+    samples = np.interp(at, at[there], samples[there])
+    samples = samples - samples.mean()
+    size = samples.size
+    window = 0.5 - 0.5 * np.cos(2 * np.pi / size * at)
+    power = np.abs(np.fft.rfft(samples * window)) ** 2
+    power[:2] = 0.0
+    peak = int(np.argmax(power))
+    inside = power[max(peak - 2, 0) : peak + 3]
+    total = float(np.sum(np.abs(np.fft.rfft(samples * window)[1:]) ** 2))
+    if peak < 3 or peak >= power.size - 1 or not inside.sum() > _CLEAR * total:
+        return None
+    side = 1 if power[peak + 1] > power[peak - 1] else -1
+    ratio = math.sqrt(power[peak + side] / power[peak])
+    # of a sinusoid under a Hann window the two highest lines say exactly where it is (Grandke 1983)
+    return float((peak + side * (2 * ratio - 1) / (ratio + 1)) * rate / size)

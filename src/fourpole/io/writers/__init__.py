@@ -1,0 +1,1 @@
+"""Recordings in other formats: a file for each, which says what it cannot keep."""

@@ -1,0 +1,47 @@
+"""Parquet: a column of times, names with their units in brackets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from fourpole.io.writers.plan import Block, Group, Told, Writer
+from fourpole.io.writers.text import columns
+
+__all__ = ["WRITER"]
+
+
+class _Sink:
+    """Stretches go to files beside the one that is written: polars writes a table at once, or from files."""
+
+    def __init__(self, path: Path, group: Group, heads: list[str]) -> None:
+        self._path, self._group, self._heads = path, group, heads
+        self._parts: list[Path] = []
+
+    def add(self, _at: int, block: Block, /) -> None:
+        import polars as pl
+
+        times = block.times(self._group)
+        cells = block.columns if times is None else [times, *block.columns]
+        part = self._path.with_name(f"{self._path.name}.{len(self._parts)}")
+        pl.DataFrame(dict(zip(self._heads, cells, strict=True))).write_parquet(part)
+        self._parts.append(part)
+
+    def finish(self) -> None:
+        import polars as pl
+
+        if len(self._parts) == 1:
+            self._parts[0].rename(self._path)
+        elif self._parts:
+            pl.scan_parquet(self._parts, glob=False).sink_parquet(self._path, maintain_order=True)
+
+
+@contextmanager
+def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
+    sink = _Sink(path, groups[0], columns(groups[0], told))
+    yield sink
+    sink.finish()
+
+
+WRITER = Writer("parquet", "Parquet", (".parquet", ".pq"), True, _open)

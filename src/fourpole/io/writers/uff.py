@@ -1,0 +1,149 @@
+"""UFF 58b: a time response per channel in double precision, its times even where the header can say so exactly.
+
+The header has six digits of the time step and of the start; where they do not say them, each sample has its time.
+
+References
+----------
+Structural Dynamics Research Laboratory, University of Cincinnati, "Universal file formats", data set 58.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from fourpole.errors import TableError, UnitError
+from fourpole.io.writers.plan import Block, FloatArray, Group, Told, Track, Writer, distinct
+from fourpole.units import channel_scale
+
+__all__ = ["WRITER"]
+
+_TIME_RESPONSE, _DOUBLE, _TIME = 1, 4, 17
+_KINDS = {"displacement": 8, "velocity": 11, "acceleration": 12, "force": 13}
+_LONGEST_NAME, _LONGEST_UNIT = 80, 20
+_COPIED = 1 << 24
+
+
+class _Sink:
+    """Each channel's samples go to a file of their own, for the format has one channel after the other."""
+
+    def __init__(self, groups: Sequence[Group], files: Sequence[list[BinaryIO]]) -> None:
+        self._groups, self._files = groups, files
+        self.counts = [0] * len(groups)
+        self.starts: list[float] = [group.start for group in groups]
+
+    def add(self, at: int, block: Block, /) -> None:
+        group = self._groups[at]
+        times = None if _is_even(group) else block.times(group)
+        for file, samples in zip(self._files[at], block.columns, strict=True):
+            file.write((samples if times is None else _paired(times, samples)).astype("<f8").tobytes())
+        self.counts[at] += len(block)
+
+
+def _paired(times: FloatArray, samples: FloatArray) -> FloatArray:
+    return np.stack([times, samples], axis=1).ravel()
+
+
+def _is_even(group: Group) -> bool:
+    """Whether six digits say rate and start, as a reader understands them."""
+    if group.rate is None:
+        return False
+    step = float(f"{1.0 / group.rate:.5e}")
+    whole = round(1.0 / step)
+    read = float(whole) if whole and f"{1.0 / whole:.5e}" == f"{step:.5e}" else 1.0 / step
+    return read == group.rate and float(f"{group.start:.5e}") == group.start
+
+
+@contextmanager
+def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
+    for group in groups:
+        if not group.timed:
+            raise TableError(f"{path.name}: UFF 58 needs times, and these have none: {group.words}; write .csv or .h5")
+        if _is_even(group):
+            told.by_rate(group)
+    tracks = [track for group in groups for track in group.tracks]
+    names = _names(groups, told)
+    for track in tracks:
+        if track.unit and len(track.unit.encode()) > _LONGEST_UNIT:
+            told.lost.append(f"the unit of {track.name} is cut to {_LONGEST_UNIT} characters")
+    if len(told.notes) > 4:
+        told.lost.append(f"of {len(told.notes)} notes of the file the first 4 are kept")
+    with ExitStack() as stack:
+        spools: list[list[BinaryIO]] = [
+            [
+                stack.enter_context(path.with_name(f"{path.name}.{at}.{one}").open("w+b"))
+                for one in range(len(group.tracks))
+            ]
+            for at, group in enumerate(groups)
+        ]
+        sink = _Sink(groups, spools)
+        yield sink
+        number = 0
+        with path.open("wb") as file:
+            for at, group in enumerate(groups):
+                for track, spool in zip(group.tracks, spools[at], strict=True):
+                    file.write(_header(names[number], number + 1, track, group, sink.counts[at], told.notes))
+                    spool.seek(0)
+                    while part := spool.read(_COPIED):
+                        file.write(part)
+                    file.write(b"\n    -1\n")
+                    number += 1
+
+
+def _names(groups: Sequence[Group], told: Told) -> list[str]:
+    """Names of all functions, with their group where it takes that to tell them apart."""
+    both = [(group.name, track.name) for group in groups for track in group.tracks]
+    often = Counter(name for _, name in both)
+    wanted = [f"{group}/{name}" if often[name] > 1 and group else name for group, name in both]
+    found = distinct([_line(name, _LONGEST_NAME) for name in wanted])
+    told.renamed([name for _, name in both], found)
+    return found
+
+
+def _line(text: str, longest: int) -> str:
+    """A text that fits in its columns; an empty one is NONE."""
+    return text.encode()[:longest].decode(errors="ignore").strip() or "NONE"
+
+
+def _ordinate(unit: str | None) -> int:
+    try:
+        return _KINDS[channel_scale(unit or "", tuple(_KINDS))[0]]
+    except UnitError:
+        return 0
+
+
+def _fixed(text: str, width: int) -> str:
+    """A text with blanks to a number of bytes."""
+    return text + " " * (width - len(text.encode()))
+
+
+def _axis(kind: int, label: str, unit: str) -> str:
+    return f"{kind:10}{0:5}{0:5}{0:5} {label:20} {_fixed(unit, _LONGEST_UNIT)}"
+
+
+def _header(name: str, number: int, track: Track, group: Group, count: int, notes: Sequence[str]) -> bytes:
+    even = _is_even(group)
+    step, start = (1.0 / (group.rate or 1.0), group.start) if even else (0.0, 0.0)
+    texts = [name, *(_line(note, _LONGEST_NAME) for note in (*notes, "", "", "", "")[:4])]
+    size = 8 * count * (1 if even else 2)
+    unit = _line(track.unit or "", _LONGEST_UNIT)
+    lines = [
+        "    -1",
+        f"{58:6}b{1:6}{2:6}{11:12}{size:12}{0:6}{0:6}{0:12}{0:12}",
+        *(_fixed(text, _LONGEST_NAME) for text in texts),
+        f"{_TIME_RESPONSE:5}{number:10}{0:5}{0:10} {'NONE':>10}{number:10}{0:4} {'NONE':>10}{0:10}{0:4}",
+        f"{_DOUBLE:10}{count:10}{int(even):10}{start:13.5e}{step:13.5e}{0.0:13.5e}",
+        _axis(_TIME, "Time", "s"),
+        _axis(_ordinate(track.unit), "NONE", unit),
+        _axis(0, "NONE", "NONE"),
+        _axis(0, "NONE", "NONE"),
+    ]
+    return "".join(f"{line}\n" for line in lines).encode()
+
+
+WRITER = Writer("uff", "UFF 58b", (".uff", ".unv", ".ufb"), False, _open)

@@ -1,0 +1,78 @@
+"""WAV: samples in 64-bit floats, which lose nothing; names and units in a comment only."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from fourpole.errors import TableError
+from fourpole.io.writers.plan import Block, Group, Told, Writer, titled
+
+__all__ = ["WRITER"]
+
+_FLOAT, _WIDTH = 3, 8
+_MOST = 0xFFFFFFFF - 1_000_000
+_HIGHEST = 0xFFFFFFFF
+
+
+class _Sink:
+    def __init__(self, file: BinaryIO) -> None:
+        self._file, self.count = file, 0
+
+    def add(self, _at: int, block: Block, /) -> None:
+        self._file.write(np.stack(block.columns, axis=1).astype("<f8").tobytes())
+        self.count += len(block)
+
+
+@contextmanager
+def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
+    group = groups[0]
+    rate = _whole(group, path.name)
+    frame = _WIDTH * len(group.tracks)
+    if frame * group.count > _MOST or len(group.tracks) > 0xFFFF // _WIDTH:
+        much = f"{frame * group.count / 1e9:.3g} GB in {len(group.tracks)} channels"
+        raise TableError(f"{path.name}: a WAV file holds 4 GB; these are {much}: choose --channels or --window")
+    _say(group, told)
+    comment = "; ".join(f"{at} = {titled(track)}" for at, track in enumerate(group.tracks, 1)).encode()
+    comment += b"\0" * (2 - len(comment) % 2)  # it ends with a zero, and evenly
+    said = b"INFOICMT" + struct.pack("<I", len(comment)) + comment
+    form = struct.pack("<HHIIHHH", _FLOAT, len(group.tracks), rate, rate * frame & _HIGHEST, frame, 8 * _WIDTH, 0)
+    with path.open("wb") as file:
+
+        def head(count: int) -> bytes:
+            chunks = b"fmt " + struct.pack("<I", len(form)) + form + b"fact" + struct.pack("<II", 4, count)
+            chunks += b"LIST" + struct.pack("<I", len(said)) + said + b"data" + struct.pack("<I", count * frame)
+            return b"RIFF" + struct.pack("<I", 4 + len(chunks) + count * frame) + b"WAVE" + chunks
+
+        file.write(head(0))
+        sink = _Sink(file)
+        yield sink
+        file.seek(0)
+        file.write(head(sink.count))
+
+
+def _whole(group: Group, name: str) -> int:
+    """The rate, if a WAV file can state it."""
+    if group.rate is None:
+        why = "these are not even" if group.stamped else "there are none"
+        raise TableError(f"{name}: a WAV file needs a rate in place of times, and {why}: write .csv or .h5")
+    if group.rate != int(group.rate) or group.rate > _HIGHEST:
+        raise TableError(f"{name}: a WAV file states a whole number of Hz, not {group.rate!r}: write .csv or .h5")
+    return int(group.rate)
+
+
+def _say(group: Group, told: Told) -> None:
+    names = ", ".join(f"{at} = {titled(track)}" for at, track in enumerate(group.tracks, 1))
+    told.lost.append(f"names and units are kept in a comment only, channels are called by number: {names}")
+    if group.start:
+        told.lost.append(f"the start is not kept: the first sample is at 0 s, not at {group.start:.10g} s")
+    told.by_rate(group)
+    told.no_notes(group.tracks)
+
+
+WRITER = Writer("wav", "WAV", (".wav",), True, _open)

@@ -1,0 +1,61 @@
+"""`fourpole export`: results for other tools."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from fourpole import analyse
+
+
+@pytest.fixture(scope="module")
+def results(small_campaign, tmp_path_factory):
+    return analyse(small_campaign, monte_carlo=0).write(tmp_path_factory.mktemp("export") / "results")
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        ("xlsx", "results.xlsx"),
+        ("mat", "results.mat"),
+        ("tydex", "tydex"),
+        ("uff", "results.uff"),
+        ("netcdf", "results.nc"),
+    ],
+)
+def test_each_kind_is_written_and_its_path_printed(run, results, kind, name, tmp_path):
+    folder = shutil.copytree(results, tmp_path / "results")
+    ran = run("export", folder, "--to", kind)
+    assert (ran.exit_code, ran.stderr) == (0, "")
+    assert ran.stdout == f"{kind}: {folder / name}\n"
+    assert (folder / name).exists()
+
+
+def test_a_place_can_be_named(run, results, tmp_path):
+    ran = run("export", results, "--to", "mat", "--out", tmp_path / "a.mat")
+    assert ran.stdout == f"mat: {tmp_path / 'a.mat'}\n"
+    assert (tmp_path / "a.mat").read_bytes().startswith(b"MATLAB 5.0 MAT-file")
+
+
+def test_what_is_left_out_is_said_beside_the_path(run, results, tmp_path):
+    folder = shutil.copytree(results, tmp_path / "results")
+    lines = (folder / "dynamic.csv").read_text("utf-8").splitlines(keepends=True)
+    assert ",ok," in lines[1]
+    lines[1] = lines[1].replace(",ok,", ",rejected,")
+    (folder / "dynamic.csv").write_text("".join(lines), "utf-8")
+    ran = run("export", folder, "--to", "uff")
+    assert ran.exit_code == 0
+    assert ran.stderr == "warning: 1 test rejected left out: D1\n"
+    assert ran.stdout.startswith("uff: ")
+
+
+def test_an_unknown_kind_and_no_results_are_one_line_each(run, results, tmp_path):
+    ran = run("export", results, "--to", "xls")
+    assert (ran.exit_code, ran.stdout) == (2, "")
+    assert ran.stderr == (
+        "error: no kind of file 'xls': did you mean xlsx? It is one of xlsx, mat, tydex, uff, netcdf\n"
+    )
+    ran = run("export", tmp_path, "--to", "mat")
+    assert (ran.exit_code, ran.stdout) == (2, "")
+    assert "name a folder that fourpole analyse wrote" in ran.stderr
