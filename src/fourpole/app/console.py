@@ -111,7 +111,7 @@ def ends_well(command: Callable[P, None]) -> Callable[P, None]:
     def ending(*args: P.args, **kwargs: P.kwargs) -> None:
         try:
             command(*args, **kwargs)
-        except typer.Exit:
+        except (typer.Exit, typer.BadParameter):
             raise
         except FourpoleError as error:
             fail(str(error))
