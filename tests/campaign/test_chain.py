@@ -6,6 +6,8 @@ import numpy as np
 import polars as pl
 import pytest
 
+from fourpole.errors import CampaignError
+
 F = 14.0
 CORNER = 0.5
 
@@ -157,6 +159,8 @@ def test_declared_crosstalk_is_taken_out(bench, role, said, mixed):
         ("frequency [Hz],gain [1],phase [kg]\n10,1,0\n30,1,0\n", "column 'phase'"),
         ("frequency [Hz],gain [1],phase\n10,1,0\n30,1,0\n", "has no unit: write 'phase [rad]'"),
         ("frequency [Hz],gain [1],phase [deg]\n10,0,0\n30,1,0\n", "gains must be positive"),
+        ("frequency [Hz],gain [1],phase [deg],u(gian) [%]\n10,1,0,1\n30,1,0,1\n", "did you mean 'u(gain)'"),
+        ("frequency [Hz],gain [1],phase [deg],u(gain) [%]\n10,1,0,-5\n30,1,0,1\n", "negative uncertainty"),
     ],
 )
 def test_a_response_that_is_no_use_is_told(bench, text, said):
@@ -184,6 +188,33 @@ def test_a_changed_response_is_no_old_result(bench, tmp_path):
     (bench.path / "cal.csv").write_text(RESPONSE.replace("0,95", "0,94"))
     after = bench.found(route="relative", cache=tmp_path / "cache")
     assert after["F1 [N]"] / before["F1 [N]"] == pytest.approx(0.97 / 0.964, rel=1e-9)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("V", 1.0), ("mV", 1e3)])
+@pytest.mark.parametrize("stated", ["", ', unit = "N"'])
+def test_a_sensitivity_counts_the_volts_that_the_file_states(bench, unit, scale, stated):
+    f1, v1, v2 = (wave(bench.time) for wave in bench.waves(F))
+    columns = {"t [s]": bench.time, f"F1 [{unit}]": 4e-3 * scale * f1, "V1 [m/s]": v1, "V2 [m/s]": v2}
+    bench.row("D1", bench.record("D1", columns), "1000,110000")
+    bench.channels["force_in"] = f'{{ column = "F1", sensitivity = "4 mV/N", exact = true{stated} }}'
+    assert bench.found(route="relative")["K2 [N/m]"] == pytest.approx(bench.k2, rel=1e-8)
+
+
+def test_a_sensitivity_on_newtons_is_an_error_with_both(bench):
+    f1, v1, v2 = (wave(bench.time) for wave in bench.waves(F))
+    bench.row("D1", bench.record("D1", {"t [s]": bench.time, "F1 [N]": f1, "V1 [m/s]": v1, "V2 [m/s]": v2}), "1000,1e5")
+    bench.channels["force_in"] = '{ column = "F1", sensitivity = "0.9 V/N" }'
+    row = bench.found(route="relative")
+    assert row["verdict"] == "rejected"
+    assert "'N' by the file, and sensitivity '0.9 V/N'" in row["remarks"]
+
+
+@pytest.mark.parametrize("key", ['response = "cal.csv"', 'high_pass = "0.5 Hz"', 'std_delay = "1 ms"'])
+def test_a_static_channel_has_no_chain(bench, key):
+    bench.static("S1", "1000,")
+    bench.channels["load"] = f'{{ column = "F", unit = "N", {key} }}'
+    with pytest.raises(CampaignError, match="is for channels of dynamic tests"):
+        bench.analyse()
 
 
 def test_a_unit_may_be_left_to_the_file(bench):

@@ -63,9 +63,7 @@ def renamed(table, names, units, factors=None):
 
 def test_decimal_commas_and_german_columns(origin, tmp_path):
     for name, table in tables(origin):
-        (tmp_path / f"{name}.csv").write_text(
-            renamed(table, GERMAN, UNITS).write_csv(separator=";", decimal_comma=True)
-        )
+        (tmp_path / f"{name}.csv").write_text(renamed(table, GERMAN, UNITS).write_csv(separator=";").replace(".", ","))
     same(tmp_path, origin)
 
 

@@ -20,7 +20,7 @@ from fourpole.io.write import write_text
 __all__ = ["cache_name", "recall", "remember"]
 
 #: Raised whenever demodulation or its checks change, so that what older versions kept is not used.
-_VERSION = 4
+_VERSION = 5
 
 
 def cache_name(depends_on: list[object], sha256: str) -> str:

@@ -11,7 +11,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 from fourpole import units
 from fourpole.core.chain import Geophone, HighPass, Link, LowPass
 from fourpole.core.recording import CrossTalk
-from fourpole.errors import TableError
+from fourpole.errors import TableError, UnitError
 
 __all__ = [
     "CHANNEL_KINDS",
@@ -31,6 +31,8 @@ DEFAULT_PHASE_STD = 0.5 * 3.141592653589793 / 180.0
 _HIGHEST_ORDER = 12
 _MOTIONS = ("displacement", "velocity", "acceleration")
 _ROLES = ("force_in", "motion_in", "motion_out")
+#: Keys that say something of an amplitude at a frequency.
+_DYNAMIC_ONLY = ("std_delay", "high_pass", "low_pass", "geophone", "response", "crosstalk")
 
 
 def known_keys(raw: dict[str, Any], known: tuple[str, ...]) -> None:
@@ -167,6 +169,31 @@ class ChannelFile(File):
         return self.unit is None and self.sensitivity is None
 
     @property
+    def plain_unit(self) -> str | None:
+        """The unit that the file's must agree with; none where a sensitivity says what volts mean."""
+        return self.unit if self.sensitivity is None else None
+
+    def volts(self, written: str) -> str | None:
+        """The unit of the numbers recorded, of a channel with a sensitivity, by what the file says; or an error."""
+        try:
+            units.channel_scale(written, ("voltage",))
+        except UnitError:
+            raise TableError(
+                f"column {units.shown(self.column)} is in {units.shown(written)} by the file, and sensitivity "
+                f"{units.shown(self.sensitivity or '')} in campaign.toml is for volts: remove the sensitivity, or "
+                "correct the unit in the file"
+            ) from None
+        stated = self.unit
+        if stated is None or units.channel_scale(stated, ("voltage", "force", *_MOTIONS))[0] != "voltage":
+            return written
+        if units.channel_scale(stated, ("voltage",)) != units.channel_scale(written, ("voltage",)):
+            raise TableError(
+                f"column {units.shown(self.column)} is in {units.shown(written)} by the file, in {units.shown(stated)} "
+                "by campaign.toml: correct the unit in campaign.toml"
+            )
+        return stated
+
+    @property
     def chain(self) -> tuple[Link, ...]:
         """What the sensor and its filters do to an amplitude, a calibrated response apart."""
         return tuple(link for link in (self.high_pass, self.low_pass, self.geophone) if link is not None)
@@ -301,6 +328,13 @@ class ChannelsFile(File):
                 except ValueError as error:
                     raise ValueError(f"{role}: {error}") from None
         self._check_crosstalk()
+        for role in ("load", "deflection"):
+            channel = self.named(role)
+            idle = [key for key in _DYNAMIC_ONLY if channel is not None and key in channel.model_fields_set]
+            if idle:
+                raise ValueError(
+                    f"{role}: {idle[0]} is for channels of dynamic tests, a static one has none: remove it"
+                )
         return self
 
     def _check_crosstalk(self) -> None:
@@ -322,6 +356,8 @@ class ChannelsFile(File):
         assert channel is not None
         if channel.has_no_unit and written is not None:
             channel = channel.model_copy(update={"unit": written})
+        elif channel.sensitivity is not None and written is not None and units.is_unit(written):
+            channel = channel.model_copy(update={"unit": channel.volts(written)})
         return channel.conversion(CHANNEL_KINDS[role])
 
     @property

@@ -24,6 +24,8 @@ _MOST_SAMPLES = 1 << 19
 _PER_CYCLE = 8.0
 #: Of two rates for the same channel.
 _SAME_RATE = 1e-4
+#: Of a nominal rate and the times themselves.
+_SAME_NOMINAL = 1e-3
 #: Of an encoder's angles in one piece: what is kept.
 _MOST_ANGLES = 1 << 17
 
@@ -72,7 +74,8 @@ class Gathered:
         samples = signal.samples[kept]
         if not samples.size:
             return
-        values = self._conversion.slope * (samples - self._conversion.offset)
+        with np.errstate(invalid="ignore", over="ignore"):  # what is no number is told by the checks
+            values = self._conversion.slope * (samples - self._conversion.offset)
         if self._thin is None:
             self._thin = Decimator(self._factor(samples.size))
         if self._thin.factor > 1:
@@ -175,7 +178,13 @@ class TimeBase:
         rate = self._stated(signal, stamps)
         if rate is None:
             assert stamps is not None
-            return self._by_stamps(stamps)
+            kept = self._by_stamps(stamps)
+            if signal.rate is not None and self.kept > 1 and abs(self.rate / signal.rate - 1) > _SAME_NOMINAL:
+                self.remark = self.remark or (
+                    f"the file says {signal.rate:.6g} samples per second, its times {self.rate:.6g}: these were taken; "
+                    "if the rate is right, state sample_rate in campaign.toml in place of time"
+                )
+            return kept
         first = self._seen / rate if self._timing.rate is not None else signal.start
         self._seen += count
         if count:

@@ -19,13 +19,15 @@ from fourpole.core.demodulation.demodulate import first_guess
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recording import Channel, Recording
 from fourpole.core.reference import Reference
-from fourpole.errors import FourpoleError, TableError
+from fourpole.errors import FourpoleError, RecordingError, TableError
 from fourpole.io.recordings import Piece, Source, pieces
 from fourpole.io.signals import MAX_FILE_BYTES
 
 __all__ = ["MOST_BYTES", "group_of", "load_curve", "load_recording"]
 
 MOST_BYTES = MAX_FILE_BYTES
+#: A reference and V1 turn alike within this.
+_SAME_SPEED = 0.03
 
 
 def group_of(path: Path, test: Test) -> str:
@@ -87,6 +89,7 @@ def _gathered(
     count, stretches = pieces(Source(path, tuple(columns), clock, group_of(path, test), test.file))
     lines: dict[str, Gathered] = {}
     turn = Turning(turning, timing) if turning is not None else None
+    unused = ""
     for piece in stretches:
         time = _clock_times(piece, channels) if clock is not None else None
         if count and not lines and timing.near is None and "motion_in" in stated:
@@ -96,15 +99,40 @@ def _gathered(
             signal = piece.signals[channel.column]
             if role not in lines:
                 conversion = channels.conversion(role, signal.unit)
-                lines[role] = Gathered(channel.column, conversion, channel.unit, timing, count)
+                lines[role] = Gathered(channel.column, conversion, channel.plain_unit, timing, count)
             lines[role].feed(replace(signal, rate=1.0, time=None) if by_count else signal, time)
         if turn is not None and turning is not None:
-            turn.feed(piece.signals[turning.column], time)
+            try:
+                turn.feed(piece.signals[turning.column], time)
+            except RecordingError as error:
+                turn, unused = None, str(error)
     found, remarks = {}, []
     for role, line in lines.items():
         found[role], remark = line.channel()
         remarks += [remark] if remark else []
-    return found, list(dict.fromkeys(remarks)), turn.reference() if turn is not None else None
+    reference = None
+    if turn is not None:
+        try:
+            reference = turn.reference()
+            _check_speed(reference, found, timing)
+        except RecordingError as error:
+            reference, unused = None, str(error)
+    if unused:
+        remarks.append(f"[channels] reference is not used: {unused}")
+    return found, list(dict.fromkeys(remarks)), reference
+
+
+def _check_speed(reference: Reference, found: dict[str, Channel], timing: Timing) -> None:
+    """RecordingError where the reference turns at another speed than V1."""
+    recording = Recording(found["motion_in"].rate or 1.0, {"motion_in": found["motion_in"]}, timing.label, reference)
+    first, last = recording.span
+    turned = reference.omega(first, last) / (2 * np.pi)
+    moved = first_guess(recording.between(first, last), timing.near)
+    if abs(turned / moved - 1) > _SAME_SPEED:
+        raise RecordingError(
+            f"it turns at {turned:.5g} Hz, V1 at {moved:.5g} Hz: check pulses and cycles, and that no pulse is lost to "
+            "the sample rate"
+        )
 
 
 def _about(piece: Piece, channels: ChannelsFile, timing: Timing, clock: FloatArray | None) -> float | None:
@@ -112,7 +140,7 @@ def _about(piece: Piece, channels: ChannelsFile, timing: Timing, clock: FloatArr
     role = channels.named("motion_in")
     assert role is not None
     signal = piece.signals[role.column]
-    line = Gathered(role.column, channels.conversion("motion_in", signal.unit), role.unit, timing, 0)
+    line = Gathered(role.column, channels.conversion("motion_in", signal.unit), role.plain_unit, timing, 0)
     try:
         line.feed(signal, clock)
         return first_guess(Recording(1.0, {"motion_in": line.channel()[0]}))

@@ -18,7 +18,7 @@ from fourpole.core import checks
 from fourpole.core.checks import Check, remarked
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
 from fourpole.core.demodulation.steady import steady_part
-from fourpole.core.demodulation.wander import follow_wander
+from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.errors import FourpoleError, RecordingError, TableError
@@ -171,7 +171,9 @@ def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[
 def _followed(recording: Recording, near: float | None) -> tuple[Demodulation, list[Check]]:
     """Amplitudes; along the phase of V1 where there is no reference and the speed wanders so that it matters."""
     found = demodulate(recording, near=near)
-    followed = follow_wander(recording, found) if recording.reference is None else None
+    if recording.reference is not None:
+        return refine_reference(recording, found), []
+    followed = follow_wander(recording, found)
     if followed is None:
         return found, []
     better, wander = followed

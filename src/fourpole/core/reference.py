@@ -20,9 +20,11 @@ __all__ = ["PulseTrain", "Reference"]
 
 _FEWEST = 4  # points that a cubic goes through
 _FEWEST_SMOOTHED = 8
+_TREND = 3
 _WEIGHTS = np.logspace(-2, 14, 81)  # of the second differences
 _HYSTERESIS = 0.2  # of the pulse's height, either side of its middle
 _TICKS = 16  # angles of an encoder's revolution
+_LONG, _SHORT = 1.5, 0.5  # of the usual gap: a pulse is missing, or one too many
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,7 @@ class Reference:
     def curve(self) -> Callable[..., FloatArray]:
         """Phase [rad] of time [s], with its derivatives by a second argument: a spline through smoothed times."""
         time = _smoothed(self.time)
-        spline = interpolate.make_interp_spline(time, self.phase, bc_type="natural")
+        spline = interpolate.make_interp_spline(time, self.phase)
 
         def phase(at: FloatArray, order: int = 0) -> FloatArray:
             return np.asarray(spline(at, nu=order))
@@ -145,8 +147,9 @@ def _smoothed(time: FloatArray) -> FloatArray:
     Penalised second differences, solved by cosine transforms of the times turned about their ends.
     """
     index = np.arange(float(time.size))
-    line = np.polynomial.Polynomial.fit(index, time, 1)(index)
-    beyond = time - line
+    # a cubic first: at its ends the smoothed curve would lose the bend that a speed which rises has
+    trend = np.polynomial.Polynomial.fit(index, time, min(_TREND, time.size - 1))(index)
+    beyond = time - trend
     if time.size < _FEWEST_SMOOTHED or np.max(np.abs(beyond)) < 1e-9 * (time[-1] - time[0]):
         return time
     wide = np.concatenate([2 * beyond[0] - beyond[:0:-1], beyond, 2 * beyond[-1] - beyond[-2::-1]])
@@ -158,7 +161,7 @@ def _smoothed(time: FloatArray) -> FloatArray:
         scores.append(np.sum((lost * waves) ** 2) / np.mean(lost) ** 2)
     best = _WEIGHTS[int(np.argmin(scores))]
     smooth = fft.idct(waves / (1 + best * stiff), norm="ortho")
-    return np.asarray(line + smooth[time.size - 1 : 2 * time.size - 1])
+    return np.asarray(trend + smooth[time.size - 1 : 2 * time.size - 1])
 
 
 def _check_steady(times: FloatArray, pulses: int) -> None:
@@ -167,9 +170,10 @@ def _check_steady(times: FloatArray, pulses: int) -> None:
     if gaps.size < 2 * pulses:
         return
     usual = np.median(gaps)
-    # the longest gap of a wheel with one tooth left out as a mark is twice the usual one, once per revolution
-    strange = np.flatnonzero((gaps > 2.5 * usual) | (gaps < 0.4 * usual))
-    if strange.size:
+    strange = np.flatnonzero((gaps > _LONG * usual) | (gaps < _SHORT * usual))
+    # a tooth left out as a mark makes one long gap in every revolution
+    marks = pulses > 1 and strange.size >= times.size // pulses - 1 and bool(np.all(np.diff(strange) == pulses))
+    if strange.size and not marks:
         at = int(strange[0])
         raise RecordingError(
             f"the reference's pulses are uneven: {gaps[at]:.4g} s between pulses at {times[at]:.5g} s, "

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fourpole.errors import FileError, TableError
+from fourpole.errors import FileError, FourpoleError, TableError
 from fourpole.io.columns import Columns, read_columns
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal
 from fourpole.io.source import name_of, open_regular
@@ -64,7 +64,7 @@ class Piece:
     signals : dict of str to Signal
         By the names that were asked for.
     clock : Signal or None
-        The column of times, in its own unit, where the file does not know its times itself.
+        The column of times, in its own unit, where the file does not know its times itself, or is a table.
     """
 
     signals: dict[str, Signal]
@@ -118,18 +118,24 @@ def pieces(source: Source) -> tuple[int, Iterator[Piece]]:
     names = tuple(dict.fromkeys(source.names))
     if kind.name == "text" and source.clock is not None:
         names = tuple(dict.fromkeys([*names, source.clock]))
-    count = _count(kind, source, names)
-    if 8 * count * len(names) <= _WHOLE or kind.blocks is None:
-        request = Request(source.path, names, source.group, source.label, _MOST_MEMORY)
-        return 0, iter([_piece(kind.read(request), names, source, kind.read)])
+    count = _count(kind, source, names, least=_SMALL)
     request = Request(source.path, names, source.group, source.label, _MOST_MEMORY)
+    if kind.blocks is None:
+        return 0, iter([_piece(kind.read(request), names, source, kind.read)])
+    if 8 * count * len(names) <= _WHOLE:
+        try:
+            few = replace(request, max_bytes=2 * _WHOLE)
+            return 0, iter([_piece(kind.read(few), names, source, kind.read)])
+        except FourpoleError:  # a small file that unpacks to much is read in stretches; what else is wrong is told
+            count = _count(kind, source, names, least=0)
+            if 8 * count * len(names) <= _WHOLE:
+                raise
     return count, (_piece(block, names, source, None) for block in kind.blocks(request, _ROWS))
 
 
-def _count(kind: Format, source: Source, names: tuple[str, ...]) -> int:
-    """Samples of the longest of some channels, 0 where the file is small enough for that not to matter."""
-    size = source.path.stat().st_size
-    if size <= _SMALL:
+def _count(kind: Format, source: Source, names: tuple[str, ...], *, least: int) -> int:
+    """Samples of the longest of some channels; 0 where the file has no more than `least` bytes."""
+    if source.path.stat().st_size <= least:
         return 0
     found = kind.survey(source.path, source.label, MAX_FILE_BYTES)
     inside = [one.count for one in found.signals if one.name in names and source.group in ("", one.group)]
@@ -147,7 +153,8 @@ def _piece(signals: Sequence[Signal], names: tuple[str, ...], source: Source, ag
     if clock is None and source.clock is not None and timeless and again is not None:
         request = Request(source.path, (source.clock,), source.group, source.label, _MOST_MEMORY)
         clock = again(request)[0]
-    return Piece({name: by_name[name] for name in source.names}, clock if timeless else None)
+    stated = clock is not None and source.clock in names  # a table's own column, whatever its preamble says
+    return Piece({name: by_name[name] for name in source.names}, clock if timeless or stated else None)
 
 
 def read_recording(

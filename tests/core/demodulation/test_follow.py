@@ -68,13 +68,15 @@ def test_their_noise_is_as_large_as_stated():
 
 
 def wandering(depth, period, seconds=10.0, rate=1000.0, noise=0.0):
-    """F1 follows the instantaneous frequency through a known, curved response; V1 and V2 are its cam's."""
+    """F1 follows the drive through a known, curved response, with the lag that has; V1 and V2 are its cam's."""
     time = np.arange(int(seconds * rate)) / rate
     slow = 2 * np.pi / period
     mean = 2 * np.pi * 12.0
     phase = mean * (time + depth / slow * np.sin(slow * time + 0.4))
     off = depth * np.cos(slow * time + 0.4)
-    response = F1 * (1 + 3 * off + 20 * off**2)  # quasi-static: what a resonance does to a wandering drive
+    change = -depth * slow * np.sin(slow * time + 0.4)
+    # (1 + 3 D + 20 D²) applied to the drive, D = -j d/dt / w0 - 1: what a resonance does to a wandering drive
+    response = F1 * (1 + 3 * off + 20 * (off**2 - 1j * change / mean))
     turning = np.exp(1j * phase)
     rng = np.random.default_rng(0)
     rows = [(response * turning).real, (V1 * turning).real, (V2 * turning).real]

@@ -31,12 +31,12 @@ class Course:
     ----------
     turn : (N,) float [rad]
         Phase of the fundamental beyond omega·t.
-    follow : (M, N) float [1]
+    follow : (M, N) complex [1]
         What the amplitude of the fundamental may follow besides, 0 at the mean speed.
     """
 
     turn: FloatArray
-    follow: FloatArray
+    follow: ComplexArray
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,8 @@ def _basis(
         rows[at : at + 2], rows[at + 2 : at + 4] = pair * place, pair * (place**2 - 1.0 / 3.0)
     if course is not None:
         at = steady + 4 * len(unsteady)
-        rows[at : at + 2 * followed] = (course.follow[:, None] * rows[:2]).reshape(2 * followed, time.size)
+        turned = course.follow * rotation
+        rows[at : at + 2 * followed : 2], rows[at + 1 : at + 2 * followed : 2] = turned.real, -turned.imag
     rows[-4], rows[-3], rows[-2], rows[-1] = 1.0, place, place**2 - 1.0 / 3.0, place * (place**2 - 0.6)
     if not present.all():
         rows[:, ~present] = 0.0

@@ -21,6 +21,8 @@ _LEVEL, _SPEED = 0.2, 0.03
 _WITHIN, _DEVIATIONS = 2e-3, 5.0
 #: An end that is further off than this is cut, though V1 is up.
 _ROUGH = 0.005
+#: What is kept must be most of what runs, and a start rings out within a share of that.
+_MOST_OF_IT, _LONGEST_RING = 0.7, 0.3
 #: Each round the middle is that of what was left.
 _ROUNDS = 2
 _FEWEST_STRETCHES = 8
@@ -55,14 +57,14 @@ def steady_part(recording: Recording, frequency: float) -> tuple[float, float] |
     up = np.abs(size / level - 1) < _LEVEL
     up &= np.abs(speed - np.median(speed[up])) < _SPEED if up.any() else False
     first, last = _longest(up)
-    if last - first < _FEWEST_STRETCHES:
-        return None
+    if last - first < max(_FEWEST_STRETCHES, _MOST_OF_IT * up.sum()):
+        return None  # up and down and up again: a beat with a line near by, not a drive that starts
     begin, end = first, last
     for _ in range(_ROUNDS):
         settled, rough = _settled(found, speed, slice(begin, end))
         begin, end = (
-            begin + (_until(settled) + 1 if begin > 1 or rough[0] else 0),
-            end - (_until(settled[::-1]) + 1 if end < up.size - 1 or rough[-1] else 0),
+            begin + (_cut(settled) if begin > 1 or rough[0] else 0),
+            end - (_cut(settled[::-1]) if end < up.size - 1 or rough[-1] else 0),
         )
         if end - begin < _FEWEST_STRETCHES // 2:
             return None
@@ -118,6 +120,12 @@ def _settled(found: Envelope, speed: FloatArray, part: slice) -> tuple[BoolArray
         good &= off < max(_WITHIN, _DEVIATIONS * spread)
         rough |= off > max(_ROUGH, 2 * _DEVIATIONS * spread)
     return good, rough
+
+
+def _cut(settled: BoolArray) -> int:
+    """Stretches to cut before two in a row are settled; none where that takes too long to be a start that rings out."""
+    count = _until(settled) + 1
+    return count if count <= _LONGEST_RING * settled.size else 0
 
 
 def _until(flags: BoolArray) -> int:

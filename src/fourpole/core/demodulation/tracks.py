@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.demodulation.sinefit import Course
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.recording import Recording
@@ -21,6 +21,8 @@ _MOST_MISSING = 0.2
 _LARGEST = 1e30  # beyond any measurement, and safe to square
 #: A speed steadier than this, relative, leaves amplitudes as they are.
 _STEADY = 1e-4
+#: One that wanders more than this asks for the response's third power.
+_CURVED = 3e-3
 #: What an amplitude may follow must not be this much alike to what it follows already, as a share of its length.
 _ALIKE = 0.3
 
@@ -76,35 +78,38 @@ def _track(recording: Recording, names: tuple[str, ...], middle: float) -> Track
 
 
 def following(tracks: Sequence[Track], reference: Reference, span: tuple[float, float]) -> tuple[list[Track], float]:
-    """The tracks with the phase that a reference gives, and the mean speed [rad/s].
+    r"""The tracks with the phase that a reference gives, and the mean speed [rad/s].
 
-    Between slow turns of the drive's speed the amplitude at its mean is what is wanted, so it may follow the speed's
-    departure from the mean, its square and its change: then neither curvature nor lag of the rig shifts it.
+    What is wanted is the response at the mean speed w0. With s the speed's departure over w0, a response
+    :math:`\sum_n a_n (\omega/\omega_0 - 1)^n` to a drive of this phase is
+
+    .. math:: a_0 + a_1 s + a_2 (s^2 - j\dot s/\omega_0) + a_3 (s^3 - 3j s\dot s/\omega_0) + \dots,
+
+    so the amplitude may follow these: then neither the response's curvature nor its lag shifts a_0.
     """
     curve = reference.curve
     omega, middle = reference.omega(*span), 0.5 * (span[0] + span[1])
     zero = float(curve(np.array([middle]))[0])
-    steps = np.linspace(*span, 400)
-    worst = float(np.max(np.abs(curve(steps, 1) / omega - 1.0)))
-    fastest = float(np.max(np.abs(curve(steps, 2)))) or 1.0
+    worst = float(np.max(np.abs(curve(np.linspace(*span, 400), 1) / omega - 1.0)))
     followed = []
     for track in tracks:
         time = track.time + middle
         turn = curve(time) - zero - omega * track.time
-        follow: FloatArray = np.empty((0, time.size))
+        follow: ComplexArray = np.empty((0, time.size), dtype=complex)
         if worst > _STEADY:
-            off = (curve(time, 1) / omega - 1.0) / worst
-            follow = _different(np.stack([off, off**2, curve(time, 2) / fastest]))
+            off, lag = (curve(time, 1) / omega - 1.0) / worst, curve(time, 2) / omega**2 / worst
+            powers = [off + 0j, off**2 - 1j * lag / worst, off**3 - 3j * off * lag / worst]
+            follow = _different(np.stack(powers[: 3 if worst > _CURVED else 2]))
         followed.append(replace(track, course=Course(turn, follow)))
     return followed, omega
 
 
-def _different(rows: FloatArray) -> FloatArray:
+def _different(rows: ComplexArray) -> ComplexArray:
     """Those rows that a constant and the rows before them do not make up already."""
-    kept: list[FloatArray] = [np.ones(rows.shape[1])]
+    kept: list[ComplexArray] = [np.ones(rows.shape[1], dtype=complex)]
     for row in rows:
         basis, _ = np.linalg.qr(np.stack(kept).T)
-        if np.linalg.norm(row - basis @ (basis.T @ row)) > _ALIKE * np.linalg.norm(row):
+        if np.linalg.norm(row - basis @ (basis.conj().T @ row)) > _ALIKE * np.linalg.norm(row):
             kept.append(row)
     return np.stack(kept[1:]) if len(kept) > 1 else rows[:0]
 

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fourpole.core.arrays import FloatArray
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate
 from fourpole.core.demodulation.envelope import envelope
+from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
 
-__all__ = ["Wander", "follow_wander"]
+__all__ = ["Wander", "follow_wander", "refine_reference"]
 
 #: A speed steadier than this, relative, does no harm.
 _STEADY = 1e-4
 _FEWEST_STRETCHES = 12
-#: What is worth following: a ratio of amplitudes moved by so many of its uncertainties, or these made smaller so much.
+_DRIFT = 4  # the last rows of a fit: mean and drift
+#: What is worth following: a ratio of amplitudes moved by so many of its uncertainties, or these made smaller so much,
+#: and less left of every channel than at one frequency: nothing that was found there may have been given up.
 _MOVED, _WORSE = 3.0, 2.0
+_LESS, _NO_MORE = 0.9, 1.02
 
 
 @dataclass(frozen=True)
@@ -54,38 +60,78 @@ def follow_wander(recording: Recording, found: Demodulation) -> tuple[Demodulati
     The phase of V1 in stretches of four cycles takes the place of a tacho; what it holds of V1's noise is small against
     that of the amplitudes, for it is smoothed and common to all channels.
     """
-    names = [name for name in CHANNELS if name in recording.channels]
-    reference = _own_reference(recording, names, float(found.phasors.omega))
-    if reference is None:
+    followed = _along_v1(recording, found, _LESS)
+    if followed is None:
         return None
-    low, high = reference.span
-    steps = np.linspace(low, high, 200)
-    speed = reference.curve(steps, 1)
-    peak = float(np.max(np.abs(speed / reference.omega(low, high) - 1.0)))
-    if peak < _STEADY:
-        return None
-    try:
-        followed = demodulate(replace(recording, reference=reference))
-    except RecordingError:
-        return None
+    better, peak = followed
     worst = max(
-        (_change(found.phasors, followed.phasors, over, under) for over, under in ((1, 0), (2, 1))),
+        (_change(found.phasors, better.phasors, over, under) for over, under in ((1, 0), (2, 1))),
         key=lambda change: change.harm,
     )
-    return (followed, Wander(peak, worst.shift)) if worst.harm > 1 else None
+    return (better, Wander(peak, worst.shift)) if worst.harm > 1 else None
 
 
-def _own_reference(recording: Recording, names: list[str], omega: float) -> Reference | None:
-    """The phase of V1 as a reference."""
-    tracks = tracks_of(recording, names)
-    found = envelope(tracks, omega)
-    amplitude = found.amplitudes["motion_in"]
+def refine_reference(recording: Recording, found: Demodulation) -> Demodulation:
+    """The recording demodulated along the phase of V1 about its reference, where that leaves less; else as found.
+
+    A tacho's pulses jitter, for the time of a sample is known to a sample only; V1 has turned with the drive itself.
+    """
+    better = _along_v1(recording, found, 1.0)
+    return found if better is None else better[0]
+
+
+def _along_v1(recording: Recording, found: Demodulation, share: float) -> tuple[Demodulation, float] | None:
+    """The recording along the phase of V1, where that leaves less, and the largest departure of the speed.
+
+    What a wandering drive has found as lines are sidebands, and what stands beside a steady one is not: so V1's phase
+    is tried with the lines found, and without them.
+    """
+    names = [name for name in CHANNELS if name in recording.channels]
+    tries = []
+    for lines in dict.fromkeys((False, found.lines.size > 0)):
+        reference = _own_reference(recording, names, found, lines=lines)
+        if reference is None or (departure := _departure(reference)) < _STEADY:
+            continue
+        with suppress(RecordingError):
+            followed = demodulate(replace(recording, reference=reference))
+            if _less(followed, found, share):
+                tries.append((followed, departure))
+    return min(tries, key=lambda one: float(one[0].noise_ratio[CHANNELS.index("motion_in")]), default=None)
+
+
+def _departure(reference: Reference) -> float:
+    """Largest departure of the speed from its mean [1]."""
+    low, high = reference.span
+    speed = reference.curve(np.linspace(low, high, 200), 1)
+    return float(np.max(np.abs(speed / reference.omega(low, high) - 1.0)))
+
+
+def _less(followed: Demodulation, found: Demodulation, share: float) -> bool:
+    """Whether less of V1 is left, by a share, and no more of any channel."""
+    left = followed.noise_ratio / np.maximum(found.noise_ratio, 1e-15)
+    return bool(left[CHANNELS.index("motion_in")] <= share and np.nanmax(left) <= _NO_MORE)
+
+
+def _own_reference(recording: Recording, names: list[str], found: Demodulation, *, lines: bool) -> Reference | None:
+    """The phase of V1 as a reference, about the recording's own if it has one; `lines`: taken away first."""
+    omega, middle = float(found.phasors.omega), 0.5 * sum(recording.span)
+    first = tracks_of(recording, names)[0]
+    if lines:
+        fit = fit_sines(first.signals, first.present, first.time, omega, 1, 2 * np.pi * np.unique(found.lines))
+        foreign = fit.coefficients[2:-_DRIFT].T @ fit.basis[2:-_DRIFT]
+        first = replace(first, signals=first.signals - foreign)
+    curve = None if recording.reference is None else recording.reference.curve
+
+    def turn(time: FloatArray) -> FloatArray:
+        return np.zeros_like(time) if curve is None else curve(time + middle) - omega * time
+
+    seen = envelope([first], omega, turn)
+    amplitude = seen.amplitudes["motion_in"]
     there = np.isfinite(amplitude)
     if there.sum() < _FEWEST_STRETCHES:
         return None
-    middle = 0.5 * sum(recording.span)
-    time = found.time[there]
-    phase = omega * time + np.unwrap(np.angle(amplitude[there]))
+    time = seen.time[there]
+    phase = omega * time + turn(time) + np.unwrap(np.angle(amplitude[there]))
     if np.any(np.diff(phase) <= 0):
         return None
     marks = np.linspace(phase[0], phase[-1], phase.size)
