@@ -10,7 +10,8 @@ the builtin that a caller would catch without knowing Fourpole::
     ├── CampaignError    (ValueError)   a campaign folder that cannot be analysed at all
     ├── RecordingError   (ValueError)   a recording from which no amplitude can be taken
     ├── LoadCurveError   (ValueError)   a load-deflection curve that cannot answer
-    └── RigError         (ValueError)   a rig whose statement is impossible or incomplete
+    ├── RigError         (ValueError)   a rig whose statement is impossible or incomplete
+    └── ModelError       (ValueError)   a model that cannot be what is asked of it
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ __all__ = [
     "FileError",
     "FourpoleError",
     "LoadCurveError",
+    "ModelError",
     "RecordingError",
     "RigError",
     "TableError",
@@ -57,3 +59,7 @@ class LoadCurveError(FourpoleError, ValueError):
 
 class RigError(FourpoleError, ValueError):
     """A rig's statement is impossible or incomplete."""
+
+
+class ModelError(FourpoleError, ValueError):
+    """A model cannot be evaluated, fitted or stepped as asked."""

@@ -1,0 +1,122 @@
+"""What a model is held against: K* over frequency with its covariance, and the static stiffness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.errors import ModelError
+
+__all__ = ["SPACES", "StiffnessData"]
+
+#: What may be compared: K* itself, or what follows from it.
+SPACES = ("stiffness", "compliance", "mobility")
+#: Least relative uncertainty that is believed: what single precision holds.
+_FLOOR = 1e-7
+
+
+@dataclass(frozen=True)
+class StiffnessData:
+    """K* of one or many conditions at the same frequencies.
+
+    Parameters
+    ----------
+    omega : (N,) float array [rad/s]
+        > 0.
+    stiffness : (..., N) complex array [N/m]
+    covariance : (..., N, 2, 2) or (..., 2N, 2N) float array [N²/m²]
+        Of Re and Im, of each frequency by itself, or of all together, Re and Im of each in turn.
+    k1, k1_std : (...,) float arrays [N/m]
+        Static stiffness and its standard uncertainty; not-a-number where none is to be used.
+
+    Examples
+    --------
+    >>> data = StiffnessData.of([60.0, 90.0], [2e5 + 4e4j, 2.1e5 + 5e4j], 1e3)
+    >>> data.covariance.shape
+    (2, 2, 2)
+    """
+
+    omega: FloatArray
+    stiffness: ComplexArray
+    covariance: FloatArray
+    k1: FloatArray
+    k1_std: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        omega: ArrayLike,
+        stiffness: ArrayLike,
+        std: ArrayLike | None = None,
+        *,
+        covariance: ArrayLike | None = None,
+        k1: ArrayLike = np.nan,
+        k1_std: ArrayLike = np.nan,
+    ) -> StiffnessData:
+        """Data from arrays; `std` [N/m] is that of Re and Im alike, and broadcasts with K*.
+
+        Raises
+        ------
+        ModelError
+            If shapes do not fit, a number is missing, or the covariance is no covariance.
+        """
+        w, k = np.atleast_1d(np.asarray(omega, dtype=float)), np.asarray(stiffness, dtype=complex)
+        if k.ndim == 0 or k.shape[-1] != w.size or w.ndim != 1:
+            raise ModelError(f"K* has the shape {k.shape}, {w.size} frequencies are given")
+        if not (np.all(np.isfinite(k)) and np.all(w > 0)):
+            raise ModelError(
+                "K* must be known at every frequency, and frequencies must be positive: leave the rest out"
+            )
+        if (std is None) == (covariance is None):
+            raise ModelError("state std or covariance of K*, one of the two")
+        if covariance is None:
+            spread = np.broadcast_to(np.asarray(std, dtype=float), k.shape)
+            whole = spread[..., None, None] ** 2 * np.eye(2)
+        else:
+            whole = np.asarray(covariance, dtype=float)
+        _check_covariance(whole, k.shape)
+        lead = k.shape[:-1]
+        return cls(w, k, whole, *(np.broadcast_to(np.asarray(x, dtype=float), lead) for x in (k1, k1_std)))
+
+    @property
+    def full(self) -> bool:
+        """Whether the covariance joins frequencies."""
+        return self.covariance.ndim != self.stiffness.ndim + 2 or self.covariance.shape[-3:] != (
+            self.omega.size,
+            2,
+            2,
+        )
+
+    def whitener(self) -> FloatArray:
+        """W with W S W^T = 1: (..., N, 2, 2) or (..., 2N, 2N)."""
+        size = np.abs(self.stiffness) * _FLOOR
+        if self.full:
+            at = np.arange(2 * self.omega.size)
+            whole = self.covariance.copy()
+            whole[..., at, at] += np.repeat(size, 2, axis=-1) ** 2
+            return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)))
+        whole = self.covariance + (size**2)[..., None, None] * np.eye(2)
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)))
+
+    def part(self, rows: np.ndarray) -> StiffnessData:
+        """Some of the frequencies."""
+        if self.full:
+            both = np.stack([2 * rows, 2 * rows + 1], axis=-1).ravel()
+            covariance = self.covariance[..., both[:, None], both]
+        else:
+            covariance = self.covariance[..., rows, :, :]
+        return StiffnessData(self.omega[rows], self.stiffness[..., rows], covariance, self.k1, self.k1_std)
+
+
+def _check_covariance(whole: FloatArray, shape: tuple[int, ...]) -> None:
+    count = shape[-1]
+    if whole.shape not in ((*shape, 2, 2), (*shape[:-1], 2 * count, 2 * count)):
+        raise ModelError(f"the covariance has the shape {whole.shape}, K* {shape}")
+    if not np.all(np.isfinite(whole)) or not np.allclose(whole, np.swapaxes(whole, -1, -2), rtol=1e-6, atol=0):
+        raise ModelError("the covariance of K* is not symmetric or has gaps: it is none")
+    least = np.linalg.eigvalsh(whole)[..., 0]
+    if np.any(least < -1e-9 * np.abs(whole).max(axis=(-1, -2))):
+        raise ModelError("the covariance of K* has a negative direction: it is none; check its correlations")

@@ -1,0 +1,149 @@
+"""What every model of a tyre is: parameters as data, K* and its derivatives, and, where it can, a state space."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.errors import ModelError
+
+__all__ = ["Model", "Parameter", "StateSpace"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a model.
+
+    Attributes
+    ----------
+    symbol : str
+        In tables and files: K1, tau.
+    unit : str
+        SI.
+    low, high : float
+        Where it is physical, ends included.
+    default : float
+        A usual value, for a tyre.
+    meaning : str
+    log : bool
+        Whether it is best searched by its logarithm: it is positive, and known by orders of magnitude only.
+    """
+
+    symbol: str
+    unit: str
+    low: float
+    high: float
+    default: float
+    meaning: str
+    log: bool = False
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    r"""Force F from deflection x and its rate v: :math:`\dot z = A z + B (x, v)`, :math:`F = C z + D (x, v)`.
+
+    Attributes
+    ----------
+    a, b, c, d : (n, n), (n, 2), (n,), (2,) float arrays
+        Real; n may be 0. Inputs [m] and [m/s], output [N].
+    """
+
+    a: FloatArray
+    b: FloatArray
+    c: FloatArray
+    d: FloatArray
+
+    def stiffness(self, omega: ArrayLike) -> ComplexArray:
+        """F/x at angular frequencies (...,) [rad/s], (...,) complex [N/m].
+
+        Examples
+        --------
+        >>> damper = StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), np.array([0.0, 700.0]))
+        >>> damper.stiffness(10.0)
+        np.complex128(7000j)
+        """
+        w = np.asarray(omega, dtype=float)
+        drive = np.stack([np.ones(w.shape, dtype=complex), 1j * w], axis=-1)
+        direct = drive @ self.d
+        if not self.a.size:
+            return np.asarray(direct, dtype=complex)[()]
+        system = 1j * w[..., None, None] * np.eye(len(self.a)) - self.a
+        states = np.linalg.solve(system, (drive @ self.b.T)[..., None])[..., 0]
+        return np.asarray(direct + states @ self.c, dtype=complex)[()]
+
+
+class Model(ABC):
+    """A model of K*(omega); values of its parameters are given apart, so that many sets can be looked at together.
+
+    Attributes
+    ----------
+    name : str
+        As in `--model`.
+    parameters : tuple of Parameter
+        In the order of every array of values.
+    causal : bool
+        Whether its force never comes before its deflection, so that it can be stepped in time.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    causal: bool = True
+
+    @abstractmethod
+    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """K* [N/m], (..., N), of parameters (..., P) at angular frequencies (N,) [rad/s], > 0."""
+
+    @abstractmethod
+    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """Derivatives (..., N, P) of K* by each parameter, in its unit."""
+
+    @abstractmethod
+    def static_stiffness(self, values: ArrayLike) -> FloatArray:
+        """K* at rest (...,) [N/m]."""
+
+    def state_space(self, values: ArrayLike) -> StateSpace:
+        """The model in time, of one set of parameters (P,); ModelError where it has no finite causal form."""
+        self.checked(values)
+        raise ModelError(f"the {self.name} model cannot be stepped in time: it is not causal and finite")
+
+    def energy_loss(self, values: ArrayLike, omega: ArrayLike, amplitude: ArrayLike) -> FloatArray:
+        """Energy lost per cycle (..., N) [J] at a 0-to-peak deflection [m]: pi K'' X²."""
+        return np.asarray(np.pi * self.stiffness(values, omega).imag * np.asarray(amplitude) ** 2)
+
+    def checked(self, values: ArrayLike) -> FloatArray:
+        """Parameters as an array (..., P); ModelError where one lies outside its bounds or their number is wrong."""
+        array = np.asarray(values, dtype=float)
+        if array.ndim == 0 or array.shape[-1] != len(self.parameters):
+            symbols = ", ".join(parameter.symbol for parameter in self.parameters)
+            raise ModelError(f"the {self.name} model has the parameters {symbols}: {array.shape} is no such set")
+        for at, parameter in enumerate(self.parameters):
+            part = array[..., at]
+            if not np.all((part >= parameter.low) & (part <= parameter.high)):
+                worst = float(part.flat[int(np.argmin((part >= parameter.low) & (part <= parameter.high)))])
+                raise ModelError(
+                    f"{parameter.symbol} = {worst:.6g} {parameter.unit} of the {self.name} model is outside "
+                    f"{parameter.low:g} to {parameter.high:g}"
+                )
+        return array
+
+    @property
+    def defaults(self) -> FloatArray:
+        """Usual values (P,)."""
+        return np.array([parameter.default for parameter in self.parameters])
+
+
+def columns(values: FloatArray) -> list[FloatArray]:
+    """Each parameter as (..., 1), to broadcast against frequencies."""
+    return [values[..., at, None] for at in range(values.shape[-1])]
+
+
+def positive(omega: ArrayLike) -> FloatArray:
+    """Angular frequencies as an array (N,); ModelError where one is not positive."""
+    array = np.atleast_1d(np.asarray(omega, dtype=float))
+    if not np.all(array > 0):
+        raise ModelError("the angular frequency must be positive everywhere [rad/s]")
+    return array

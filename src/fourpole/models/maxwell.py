@@ -1,0 +1,142 @@
+"""Relaxing tyres: the paper's Zener, and the generalised Maxwell model with as many arms as the data want."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.errors import ModelError
+from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
+
+__all__ = ["GeneralisedMaxwell", "Zener"]
+
+_MOST_ARMS = 60
+
+
+class Zener(Model):
+    r"""The paper's tyre with constant K2 and C: :math:`K^* = K_1 + j\omega C K_2 / (K_2 + j\omega C)`.
+
+    References
+    ----------
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eq. (5).
+
+    Examples
+    --------
+    >>> Zener().stiffness([180e3, 120e3, 700.0], [20 * np.pi]).round(2)
+    array([194211.27+38773.6j])
+    """
+
+    name = "zener"
+    parameters = (
+        Parameter("K1", "N/m", 0.0, np.inf, 180e3, "static stiffness", log=True),
+        Parameter("K2", "N/m", 0.0, np.inf, 120e3, "spring of the arm", log=True),
+        Parameter("C", "N s/m", 0.0, np.inf, 700.0, "damper of the arm", log=True),
+    )
+
+    def _arm(self, values: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray, ComplexArray, ComplexArray]:
+        """K1, K2, jwC, and the share of the arm's deflection that its spring has."""
+        k1, k2, c = columns(self.checked(values))
+        damper = 1j * positive(omega) * c
+        whole = k2 + damper
+        share = np.divide(damper, whole, out=np.zeros_like(whole), where=whole != 0)
+        return k1, k2, damper, share
+
+    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """K* [N/m]."""
+        k1, k2, _, share = self._arm(values, omega)
+        return np.asarray(k1 + k2 * share)
+
+    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """By K1, K2 and C."""
+        _, _, _, share = self._arm(values, omega)
+        return np.stack([np.ones_like(share), share**2, 1j * positive(omega) * (1 - share) ** 2], axis=-1)
+
+    def static_stiffness(self, values: ArrayLike) -> FloatArray:
+        """K1."""
+        return np.asarray(self.checked(values)[..., 0])
+
+    def state_space(self, values: ArrayLike) -> StateSpace:
+        """One state: the deflection of the damper."""
+        k1, k2, c = self.checked(values)
+        if c == 0:
+            return StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), np.array([k1, 0.0]))
+        rate = k2 / c
+        return StateSpace(np.array([[-rate]]), np.array([[rate, 0.0]]), np.array([-k2]), np.array([k1 + k2, 0.0]))
+
+
+class GeneralisedMaxwell(Model):
+    r"""A spring beside n arms of spring and damper in series, by their relaxation times.
+
+    .. math:: K^* = K_\infty + \sum_i K_i \frac{j\omega\tau_i}{1 + j\omega\tau_i}, \qquad K_\infty, K_i \ge 0
+
+    Causal and passive by construction. Values: K_inf, K_1 ... K_n, tau_1 ... tau_n.
+
+    Parameters
+    ----------
+    arms : int
+        n, from 1 to 60.
+
+    References
+    ----------
+    J. D. Ferry, "Viscoelastic properties of polymers", 3rd ed., 1980, ch. 3.
+
+    Examples
+    --------
+    >>> GeneralisedMaxwell(1).stiffness([180e3, 120e3, 700 / 120e3], [20 * np.pi]).round(2)
+    array([194211.27+38773.6j])
+    """
+
+    def __init__(self, arms: int) -> None:
+        if not 1 <= arms <= _MOST_ARMS:
+            raise ModelError(f"a Maxwell model has 1 to {_MOST_ARMS} arms, not {arms}")
+        self.arms = arms
+        self.name = f"maxwell:{arms}"
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """K_inf, the arms' stiffnesses, their relaxation times."""
+        springs = [
+            Parameter(f"K_{i}", "N/m", 0.0, np.inf, 60e3, f"spring of arm {i}", log=True)
+            for i in range(1, self.arms + 1)
+        ]
+        times = [
+            Parameter(f"tau_{i}", "s", 0.0, np.inf, 10.0 ** (-i), f"relaxation time of arm {i}", log=True)
+            for i in range(1, self.arms + 1)
+        ]
+        return (Parameter("K_inf", "N/m", 0.0, np.inf, 180e3, "stiffness at rest", log=True), *springs, *times)
+
+    def _parts(self, values: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, ComplexArray]:
+        """K_inf (..., 1); K_i and tau_i (..., 1, n); 1/(1 + jw tau) (..., N, n)."""
+        checked = self.checked(values)
+        springs, times = checked[..., None, 1 : 1 + self.arms], checked[..., None, 1 + self.arms :]
+        relaxed = 1.0 / (1.0 + 1j * positive(omega)[:, None] * times)
+        return checked[..., 0, None], springs, times, relaxed
+
+    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """K* [N/m]."""
+        rest, springs, _, relaxed = self._parts(values, omega)
+        return np.asarray(rest + np.sum(springs * (1 - relaxed), axis=-1))
+
+    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """By K_inf, all K_i, all tau_i."""
+        _, springs, _, relaxed = self._parts(values, omega)
+        one = np.ones_like(relaxed[..., :1])
+        by_time = springs * 1j * positive(omega)[:, None] * relaxed**2
+        return np.concatenate([one, 1 - relaxed, by_time], axis=-1)
+
+    def static_stiffness(self, values: ArrayLike) -> FloatArray:
+        """K_inf."""
+        return np.asarray(self.checked(values)[..., 0])
+
+    def state_space(self, values: ArrayLike) -> StateSpace:
+        """A state per arm: the deflection of its damper."""
+        checked = self.checked(values)
+        springs, times = checked[1 : 1 + self.arms], checked[1 + self.arms :]
+        stiff = times > 0
+        rates = 1.0 / times[stiff]
+        inputs = np.stack([rates, np.zeros_like(rates)], axis=1)
+        direct = np.array([checked[0] + springs[stiff].sum(), 0.0])
+        return StateSpace(-np.diag(rates), inputs, -springs[stiff], direct)

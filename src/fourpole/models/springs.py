@@ -1,0 +1,110 @@
+"""The simplest tyres of the literature: a spring, a spring beside a damper, a spring with structural damping."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
+
+__all__ = ["KelvinVoigt", "Spring", "Structural"]
+
+_K = Parameter("K", "N/m", 0.0, np.inf, 180e3, "spring", log=True)
+
+
+class Spring(Model):
+    r"""A linear spring: :math:`K^* = K`.
+
+    Examples
+    --------
+    >>> Spring().stiffness([180e3], [60.0])
+    array([180000.+0.j])
+    """
+
+    name = "spring"
+    parameters = (_K,)
+
+    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """K* [N/m]."""
+        (k,) = columns(self.checked(values))
+        return np.asarray(k + 0j * positive(omega))
+
+    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """By K."""
+        return np.ones_like(self.stiffness(values, omega))[..., None]
+
+    def static_stiffness(self, values: ArrayLike) -> FloatArray:
+        """K."""
+        return np.asarray(self.checked(values)[..., 0])
+
+    def state_space(self, values: ArrayLike) -> StateSpace:
+        """No states."""
+        (k,) = self.checked(values)
+        return StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), np.array([k, 0.0]))
+
+
+class KelvinVoigt(Model):
+    r"""A spring with a viscous damper beside it: :math:`K^* = K + j\omega C`.
+
+    Examples
+    --------
+    >>> KelvinVoigt().stiffness([180e3, 700.0], [60.0])
+    array([180000.+42000.j])
+    """
+
+    name = "kelvin"
+    parameters = (_K, Parameter("C", "N s/m", 0.0, np.inf, 300.0, "damper beside it", log=True))
+
+    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """K* [N/m]."""
+        k, c = columns(self.checked(values))
+        return np.asarray(k + 1j * positive(omega) * c)
+
+    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """By K and C."""
+        by_c = 0 * self.stiffness(values, omega) + 1j * positive(omega)
+        return np.stack([np.ones_like(by_c), by_c], axis=-1)
+
+    def static_stiffness(self, values: ArrayLike) -> FloatArray:
+        """K."""
+        return np.asarray(self.checked(values)[..., 0])
+
+    def state_space(self, values: ArrayLike) -> StateSpace:
+        """No states: the force goes with deflection and rate."""
+        return StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), self.checked(values))
+
+
+class Structural(Model):
+    r"""A spring with structural (hysteretic) damping: :math:`K^* = K (1 + j\eta)` at every frequency.
+
+    Its force would have to come before its deflection: it is not causal, and has no form in time.
+
+    References
+    ----------
+    S. H. Crandall, "The role of damping in vibration theory", J. Sound Vib. 11, 1970.
+
+    Examples
+    --------
+    >>> Structural().stiffness([180e3, 0.1], [60.0])
+    array([180000.+18000.j])
+    """
+
+    name = "structural"
+    parameters = (_K, Parameter("eta", "1", 0.0, np.inf, 0.1, "loss factor"))
+    causal = False
+
+    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """K* [N/m]."""
+        k, eta = columns(self.checked(values))
+        return np.asarray(k * (1 + 1j * eta) + 0 * positive(omega))
+
+    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """By K and eta."""
+        k, eta = columns(self.checked(values))
+        nothing = 0 * positive(omega)
+        return np.stack([1 + 1j * eta + nothing, 1j * k + nothing], axis=-1)
+
+    def static_stiffness(self, values: ArrayLike) -> FloatArray:
+        """K."""
+        return np.asarray(self.checked(values)[..., 0])

@@ -1,0 +1,90 @@
+"""Gehman's tyre: K2 and C as they were measured at each frequency, between which a smooth curve runs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import interpolate
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.tyre import zener_stiffness
+from fourpole.errors import ModelError
+from fourpole.models.interface import Model, Parameter, columns, positive
+
+__all__ = ["Gehman"]
+
+_EDGE = 1e-9
+
+
+class Gehman(Model):
+    r"""K1 with an arm whose K2 and C depend on frequency, as a table; between its rows shape-preserving cubics.
+
+    .. math:: K^* = K_1 + \frac{j\omega C(\omega) K_2(\omega)}{K_2(\omega) + j\omega C(\omega)}
+
+    It answers within its band only, and a table is not causal.
+
+    Parameters
+    ----------
+    frequency : (n,) float array [Hz]
+        Rising, n >= 2.
+    k2, c : (n,) float arrays [N/m], [N s/m]
+        Positive.
+
+    Raises
+    ------
+    ModelError
+        If there are fewer than two rows, they do not rise, or are not positive.
+
+    References
+    ----------
+    S. D. Gehman, "Dynamic properties of elastomers", Rubber Chem. Technol. 30, 1957; F. N. Fritsch, R. E. Carlson,
+    "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17, 1980.
+
+    Examples
+    --------
+    >>> tyre = Gehman([10.0, 20.0], [120e3, 130e3], [700.0, 500.0])
+    >>> tyre.stiffness([180e3], [20 * np.pi]).round(2)
+    array([194211.27+38773.6j])
+    """
+
+    name = "table"
+    parameters = (Parameter("K1", "N/m", 0.0, np.inf, 180e3, "static stiffness", log=True),)
+    causal = False
+
+    def __init__(self, frequency: ArrayLike, k2: ArrayLike, c: ArrayLike) -> None:
+        rows = [np.asarray(one, dtype=float) for one in (frequency, k2, c)]
+        if len({one.shape for one in rows}) > 1 or rows[0].ndim != 1 or rows[0].size < 2:
+            raise ModelError("a table of K2 and C needs two rows or more, with one K2 and one C for each frequency")
+        if np.any(np.diff(rows[0]) <= 0) or not all(np.all(one > 0) for one in rows):
+            raise ModelError("the frequencies of a table must rise, and they, K2 and C must be positive")
+        self.frequency, self.k2, self.c = rows
+        self._k2 = interpolate.PchipInterpolator(self.frequency, self.k2)
+        self._c = interpolate.PchipInterpolator(self.frequency, self.c)
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Where it answers [Hz]."""
+        return float(self.frequency[0]), float(self.frequency[-1])
+
+    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """K* [N/m]; ModelError outside the band."""
+        (k1,) = columns(self.checked(values))
+        w = positive(omega)
+        frequency = w / (2 * np.pi)
+        low, high = self.band
+        outside = (frequency < low * (1 - _EDGE)) | (frequency > high * (1 + _EDGE))
+        if outside.any():
+            raise ModelError(
+                f"the table knows {low:g} to {high:g} Hz, not {float(frequency[np.argmax(outside)]):.6g} Hz: "
+                "measure there, or use a model that may be asked outside its data"
+            )
+        inside = np.clip(frequency, low, high)
+        return np.asarray(k1 + zener_stiffness(0.0, self._k2(inside), self._c(inside), w))
+
+    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """By K1."""
+        return np.ones_like(self.stiffness(values, omega))[..., None]
+
+    def static_stiffness(self, values: ArrayLike) -> FloatArray:
+        """K1."""
+        return np.asarray(self.checked(values)[..., 0])

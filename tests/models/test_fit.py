@@ -1,0 +1,129 @@
+"""Fits of many conditions at once: the truth within its uncertainty, a peer's optimum, bounds, and K1 as a datum."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from fourpole.errors import ModelError
+from fourpole.models.data import StiffnessData
+from fourpole.models.fit import fit
+from fourpole.models.fractional import FractionalZener, FractionalZener5
+from fourpole.models.maxwell import GeneralisedMaxwell, Zener
+from fourpole.models.springs import KelvinVoigt, Spring, Structural
+from fourpole.models.starts import start_of
+
+NARROW = 2 * np.pi * np.linspace(5.0, 30.0, 28)
+CASES = {
+    "spring": (Spring(), [180e3], NARROW),
+    "kelvin": (KelvinVoigt(), [180e3, 300.0], NARROW),
+    "structural": (Structural(), [180e3, 0.1], NARROW),
+    "zener": (Zener(), [180e3, 120e3, 700.0], NARROW),
+    "fractional": (FractionalZener(), [150e3, 400e3, 2e-3, 0.4], 2 * np.pi * np.geomspace(0.3, 200.0, 40)),
+    "fractional5": (FractionalZener5(), [150e3, 400e3, 2e-3, 0.5, 0.6], 2 * np.pi * np.geomspace(0.03, 2e3, 60)),
+    "maxwell:2": (GeneralisedMaxwell(2), [150e3, 60e3, 80e3, 0.2, 4e-3], 2 * np.pi * np.geomspace(0.1, 200.0, 50)),
+}
+COUNT, NOISE = 300, 1e-3
+
+
+def drawn(model, base, omega, count=COUNT, noise=NOISE, seed=0):
+    rng = np.random.default_rng(seed)
+    truth = np.array(base) * rng.uniform(0.85, 1.15, (count, len(base)))
+    clean = model.stiffness(truth, omega)
+    std = noise * np.abs(clean)
+    seen = clean + std * (rng.standard_normal(clean.shape) + 1j * rng.standard_normal(clean.shape))
+    return truth, StiffnessData.of(omega, seen, std)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_truth_lies_within_its_interval(name):
+    """Of 300 cases 95 %, give or take three times sqrt(0.05 · 0.95/300) = 1.3 %; and chi-square is what noise gives."""
+    model, base, omega = CASES[name]
+    truth, data = drawn(model, base, omega)
+    found = fit(model, data, start_of(model, data))
+    assert found.converged.all()
+    score = (found.values - truth) / found.std
+    assert np.all(np.abs(np.mean(np.abs(score) < 1.96, axis=0) - 0.95) < 0.04)
+    assert np.mean(found.chi2) == pytest.approx(found.dof, abs=5 * np.sqrt(2 * found.dof / COUNT))
+    assert np.mean(found.chance < 1e-3) < 0.01
+
+
+def test_the_optimum_is_that_of_a_peer():
+    model, base, omega = CASES["zener"]
+    truth, data = drawn(model, base, omega, count=20)
+    found = fit(model, data, 0.7 * truth)
+    for i in range(20):
+        std = np.sqrt(data.covariance[i, :, 0, 0])
+
+        def off(share, i=i, std=std):
+            left = (model.stiffness(share * truth[i], omega) - data.stiffness[i]) / std
+            return np.concatenate([left.real, left.imag])
+
+        peer = least_squares(off, np.full(3, 0.7), method="lm", xtol=1e-14, ftol=1e-14)
+        np.testing.assert_allclose(found.values[i], peer.x * truth[i], rtol=1e-6)
+        scaled = np.linalg.inv(peer.jac.T @ peer.jac) * np.outer(truth[i], truth[i])
+        np.testing.assert_allclose(found.covariance[i], scaled, rtol=1e-3)
+
+
+@pytest.mark.parametrize("space", ["compliance", "mobility"])
+def test_in_another_space_it_is_the_same_to_first_order(space):
+    model, base, omega = CASES["zener"]
+    truth, data = drawn(model, base, omega, count=50)
+    one, other = (fit(model, data, truth, space=each) for each in ("stiffness", space))
+    assert np.abs((other.values - one.values) / one.std).max() < 0.2
+    np.testing.assert_allclose(other.std, one.std, rtol=0.02)
+
+
+def test_a_common_gain_is_not_averaged_away():
+    """A gain known to 1 % in all frequencies: the diagonal would say 0.2 %, the whole covariance says 1 %."""
+    model, base, omega = CASES["spring"]
+    clean = model.stiffness(base, omega)
+    pairs = np.stack([clean.real, clean.imag], axis=-1).ravel()
+    whole = np.outer(pairs, pairs) * 0.01**2 + np.eye(pairs.size) * (1e-3 * base[0]) ** 2
+    found = fit(model, StiffnessData.of(omega, clean, covariance=whole), base)
+    assert found.std[0] == pytest.approx(0.01 * base[0], rel=0.01)
+
+
+def test_k1_is_a_datum():
+    """Where the band says little of K1, a static test of 0.1 % says it."""
+    model, base, omega = CASES["zener"]
+    truth, data = drawn(model, base, omega, count=5, noise=1e-2)
+    with_k1 = StiffnessData(data.omega, data.stiffness, data.covariance, truth[:, 0], 1e-3 * truth[:, 0])
+    free, tied = fit(model, data, truth), fit(model, with_k1, truth)
+    assert tied.dof == free.dof + 1
+    assert np.all(tied.std[:, 0] < 1.01e-3 * truth[:, 0])
+    assert np.all(tied.std[:, 2] < free.std[:, 2])
+
+
+def test_fixed_parameters_stay_and_bounds_hold():
+    model, base, omega = CASES["zener"]
+    truth, data = drawn(model, base, omega, count=3)
+    held = fit(model, data, truth, fixed={"K1": 170e3})
+    assert np.all(held.values[:, 0] == 170e3)
+    assert np.all(held.std[:, 0] == 0)
+    order = FractionalZener()
+    wave = StiffnessData.of(omega, Zener().stiffness(base, omega), 50.0)
+    found = fit(order, wave, start_of(order, wave))
+    assert found.values[3] == 1.0  # a Zener tyre is one of order 1, its largest
+    assert found.on_bound[3]
+    np.testing.assert_allclose(found.values[:2], [180e3, 300e3], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda d: fit(GeneralisedMaxwell(30), d, GeneralisedMaxwell(30).defaults), "too few for 61 free parameters"),
+        (lambda d: fit(Zener(), d, Zener().defaults, fixed=["K3"]), "no parameter 'K3': it has K1, K2, C"),
+        (lambda d: fit(Zener(), d, Zener().defaults, space="force"), "no space 'force'"),
+        (lambda d: StiffnessData.of(d.omega, d.stiffness[:-1], 1.0), "28 frequencies are given"),
+        (lambda d: StiffnessData.of(d.omega, d.stiffness), "one of the two"),
+        (lambda d: StiffnessData.of(d.omega, d.stiffness * np.nan, 1.0), "must be known at every frequency"),
+        (
+            lambda d: StiffnessData.of(d.omega, d.stiffness, covariance=np.tile([[1.0, 2.0], [2.0, 1.0]], (28, 1, 1))),
+            "negative direction",
+        ),
+    ],
+)
+def test_what_cannot_be_fitted_is_told(call, said):
+    data = StiffnessData.of(NARROW, Zener().stiffness(Zener().defaults, NARROW), 100.0)
+    with pytest.raises(ModelError, match=said):
+        call(data)
