@@ -244,7 +244,13 @@ def test_a_reference_of_another_speed_is_told(bench):
 
 @pytest.mark.parametrize(
     ("frequency", "line", "share", "seconds"),
-    [(24.3274, 24.1088, 0.3, 16.0), (32.39, 32.838, 0.3, 7.0), (9.16, 10.29, 0.3, 40.0), (12.3, 12.5, 0.2, 24.0)],
+    [
+        (24.3274, 24.1088, 0.3, 16.0),
+        (32.39, 32.838, 0.3, 7.0),
+        (9.16, 10.29, 0.3, 40.0),
+        (12.3, 12.5, 0.2, 24.0),
+        (6.8498, 7.1958, 0.05, 4.976),
+    ],
 )
 def test_a_line_beside_the_excitation_is_neither_followed_nor_cut(bench, frequency, line, share, seconds):
     rng = np.random.default_rng(6)

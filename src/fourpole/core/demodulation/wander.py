@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate
 from fourpole.core.demodulation.envelope import envelope
 from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
-from fourpole.core.recording import Recording
+from fourpole.core.recording import DERIVATIVES, Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
 
@@ -27,6 +27,8 @@ _DRIFT = 4  # the last rows of a fit: mean and drift
 #: and less left of every channel than at one frequency: nothing that was found there may have been given up.
 _MOVED, _WORSE = 3.0, 2.0
 _LESS, _NO_MORE = 0.9, 1.02
+#: A drive's amplitude swells by less than this share of what its phase turns.
+_SWELLS = 0.5
 
 
 @dataclass(frozen=True)
@@ -131,11 +133,24 @@ def _own_reference(recording: Recording, names: list[str], found: Demodulation, 
     if there.sum() < _FEWEST_STRETCHES:
         return None
     time = seen.time[there]
+    power = 1 - DERIVATIVES[recording.channels["motion_in"].quantity]  # a velocity swells with the speed itself
+    swell = 1.0 if curve is None else (curve(time + middle, 1) / omega) ** power
+    if not _turned(amplitude[there] / swell):
+        return None
     phase = omega * time + turn(time) + np.unwrap(np.angle(amplitude[there]))
     if np.any(np.diff(phase) <= 0):
         return None
     marks = np.linspace(phase[0], phase[-1], phase.size)
     return Reference(middle + np.interp(marks, phase, time), marks - marks[0])
+
+
+def _turned(amplitude: ComplexArray) -> bool:
+    """Whether an amplitude turns more than it swells: with a line close by it does both alike."""
+    phase = np.unwrap(np.angle(amplitude))
+    index = np.arange(float(phase.size))
+    turning = phase - np.polynomial.Polynomial.fit(index, phase, 1)(index)
+    size = np.abs(amplitude)
+    return bool(np.std(size / np.mean(size)) < _SWELLS * np.std(turning))
 
 
 @dataclass(frozen=True)
