@@ -21,7 +21,7 @@ __all__ = ["Gathered", "Timing", "Turning", "agreed"]
 #: Samples of a channel beyond which it is thinned: what a fit of some thirty unknowns holds in memory.
 _MOST_SAMPLES = 1 << 19
 #: But so many samples per cycle of the excitation are kept.
-_PER_CYCLE = 8.0
+_PER_CYCLE = 4.0
 #: Of two rates for the same channel.
 _SAME_RATE = 1e-4
 #: Of a nominal rate and the times themselves.

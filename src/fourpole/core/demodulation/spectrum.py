@@ -22,6 +22,7 @@ _FEWEST_CYCLES = 2.5
 _MOST_BINS = 16
 _BAND = 0.4
 _FEWEST_BINS = 4
+_MANY = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ def strongest_line(samples: FloatArray, rate: float, *, order: int) -> tuple[flo
     `order` is how many times the motion must be differentiated to be a velocity (-1, 0 or 1).
     """
     window = _hann(samples.size)
-    padded = 4 * samples.size
+    padded = (4 if samples.size < _MANY else 1) * samples.size  # a long record has fine bins of its own
     spectrum = np.abs(np.fft.rfft(samples * window, padded)) * 2.0 / window.sum()
     frequency = np.fft.rfftfreq(padded, 1.0 / rate)
     lowest = int(np.ceil(_FEWEST_CYCLES * padded / samples.size))  # below there is only what drift has left
