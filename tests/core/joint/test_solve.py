@@ -48,7 +48,8 @@ def test_the_covariance_is_that_of_the_dense_problem(dense):
         rows = slice(p + 2 * at, p + 2 * at + 2)
         found[rows, rows] += solution.own[at]
     expected = reference.covariance[: p + 2 * c, : p + 2 * c]
-    assert np.abs((found - expected) / std / std[:, None]).max() < 1e-6
+    # scipy's Jacobian is by differences, good to 1e-6, and stands in its covariance twice
+    assert np.abs((found - expected) / std / std[:, None]).max() < 2e-6
 
 
 @pytest.fixture(scope="module")
