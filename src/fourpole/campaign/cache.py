@@ -75,7 +75,6 @@ def recall(place: Path) -> tuple[Demodulation, tuple[Check, ...]] | None:
             channels=tuple(found["channels"]),
             preview=Preview(**{name: np.asarray(value, dtype=float) for name, value in content["preview"].items()}),
             corrections=tuple(Correction(**row) for row in content["corrections"]),
-            response_std=np.asarray(found["response_std"], dtype=float),
         )
         return kept, rows
     except (OSError, ValueError, KeyError, TypeError):

@@ -120,9 +120,18 @@ class Turning:
         self._window = timing.window
         self._train = PulseTrain()
         self._angles: list[tuple[FloatArray, FloatArray]] = []
+        self._refused: RecordingError | None = None
 
     def feed(self, signal: Signal, clock: FloatArray | None) -> None:
-        """The next samples, with their times [s] where a column states them."""
+        """The next samples, with their times [s] where a column states them; what is no reference waits to be told."""
+        if self._refused is not None:
+            return
+        try:
+            self._take(signal, clock)
+        except RecordingError as error:
+            self._refused = error
+
+    def _take(self, signal: Signal, clock: FloatArray | None) -> None:
         first = self._base.kept
         self._base.feed(signal, clock)
         if not signal.samples.size:
@@ -140,6 +149,8 @@ class Turning:
 
     def reference(self) -> Reference:
         """What all pieces came to; RecordingError where it does not turn."""
+        if self._refused is not None:
+            raise self._refused
         low, high = self._window or (-np.inf, np.inf)
         if self._stated.is_angle:
             time, angle = (np.concatenate(parts) for parts in zip(*self._angles, strict=True))

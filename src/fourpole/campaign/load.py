@@ -89,7 +89,6 @@ def _gathered(
     count, stretches = pieces(Source(path, tuple(columns), clock, group_of(path, test), test.file))
     lines: dict[str, Gathered] = {}
     turn = Turning(turning, timing) if turning is not None else None
-    unused = ""
     for piece in stretches:
         time = _clock_times(piece, channels) if clock is not None else None
         if count and not lines and timing.near is None and "motion_in" in stated:
@@ -102,10 +101,7 @@ def _gathered(
                 lines[role] = Gathered(channel.column, conversion, channel.plain_unit, timing, count)
             lines[role].feed(replace(signal, rate=1.0, time=None) if by_count else signal, time)
         if turn is not None and turning is not None:
-            try:
-                turn.feed(piece.signals[turning.column], time)
-            except RecordingError as error:
-                turn, unused = None, str(error)
+            turn.feed(piece.signals[turning.column], time)
     found, remarks = {}, []
     for role, line in lines.items():
         found[role], remark = line.channel()
@@ -113,17 +109,14 @@ def _gathered(
     reference = None
     if turn is not None:
         try:
-            reference = turn.reference()
-            _check_speed(reference, found, timing)
+            reference = _checked(turn.reference(), found, timing)
         except RecordingError as error:
-            reference, unused = None, str(error)
-    if unused:
-        remarks.append(f"[channels] reference is not used: {unused}")
+            remarks.append(f"[channels] reference is not used: {error}")
     return found, list(dict.fromkeys(remarks)), reference
 
 
-def _check_speed(reference: Reference, found: dict[str, Channel], timing: Timing) -> None:
-    """RecordingError where the reference turns at another speed than V1."""
+def _checked(reference: Reference, found: dict[str, Channel], timing: Timing) -> Reference:
+    """The reference; RecordingError where it turns at another speed than V1."""
     recording = Recording(found["motion_in"].rate or 1.0, {"motion_in": found["motion_in"]}, timing.label, reference)
     first, last = recording.span
     turned = reference.omega(first, last) / (2 * np.pi)
@@ -133,6 +126,7 @@ def _check_speed(reference: Reference, found: dict[str, Channel], timing: Timing
             f"it turns at {turned:.5g} Hz, V1 at {moved:.5g} Hz: check pulses and cycles, and that no pulse is lost to "
             "the sample rate"
         )
+    return reference
 
 
 def _about(piece: Piece, channels: ChannelsFile, timing: Timing, clock: FloatArray | None) -> float | None:

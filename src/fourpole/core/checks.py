@@ -9,7 +9,7 @@ import numpy as np
 
 from fourpole.core.arrays import FloatArray
 from fourpole.core.demodulation.demodulate import Demodulation
-from fourpole.core.demodulation.spectrum import LINE_GAP
+from fourpole.core.demodulation.spectrum import LINE_GAP, off_multiples
 from fourpole.core.phasor import Phasors
 from fourpole.core.recording import Channel
 from fourpole.core.rig import Rig
@@ -200,7 +200,7 @@ def check_excitation(found: Demodulation, names: tuple[str, ...]) -> list[Check]
 def check_mains(found: Demodulation) -> Check:
     """Ask whether the excitation lies on a multiple of the mains frequency, where hum cannot be told from it."""
     frequency = float(found.phasors.frequency)
-    apart = min(abs(frequency - base * max(1, round(frequency / base))) for base in (50.0, 60.0))
+    apart = min(float(off_multiples(frequency, base)) for base in (50.0, 60.0))
     remark = (
         f"{frequency:.4g} Hz lies on a multiple of the mains frequency: hum cannot be told from the excitation; "
         "test half a hertz beside it"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy import signal
 
@@ -77,15 +75,3 @@ class Decimator:
 def _taps(factor: int) -> FloatArray:
     count, beta = signal.kaiserord(_ATTENUATION, 2 * (_STOP - _PASS) / factor)
     return np.asarray(signal.firwin(count | 1, (_PASS + _STOP) / factor, window=("kaiser", beta)))
-
-
-def thinned(samples: FloatArray, factor: int) -> tuple[FloatArray, float]:
-    """All samples of a channel decimated at once, and where the first lies, counted in samples."""
-    decimator = Decimator(factor)
-    for piece in _pieces(samples):
-        decimator.feed(piece)
-    return decimator.samples(), decimator.shift
-
-
-def _pieces(samples: FloatArray, size: int = 1 << 20) -> Sequence[FloatArray]:
-    return [samples[at : at + size] for at in range(0, samples.size, size)]

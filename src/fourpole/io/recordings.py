@@ -7,15 +7,11 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from fourpole.errors import FileError, FourpoleError, TableError
-from fourpole.io.columns import Columns, read_columns
+from fourpole.errors import FourpoleError, TableError
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal
 from fourpole.io.source import name_of, open_regular
 
-__all__ = ["Piece", "Source", "format_of", "pieces", "read_recording", "survey"]
+__all__ = ["Piece", "Source", "format_of", "pieces", "survey"]
 
 #: Modules of `fourpole.io.formats` in the order in which they look at a file; text takes what nobody else knows.
 _MODULES = ("mdf", "tdms", "hdf5", "matlab", "parquet", "famos", "uff", "wav", "tydex", "lvm", "text")
@@ -155,73 +151,3 @@ def _piece(signals: Sequence[Signal], names: tuple[str, ...], source: Source, ag
         clock = again(request)[0]
     stated = clock is not None and source.clock in names  # a table's own column, whatever its preamble says
     return Piece({name: by_name[name] for name in source.names}, clock if timeless or stated else None)
-
-
-def read_recording(
-    path: Path, names: Sequence[str], *, clock: str | None, group: str = "", max_bytes: int, label: str
-) -> Columns:
-    """Columns of a recording in any format, one row per time.
-
-    Parameters
-    ----------
-    path : Path
-    names : sequence of str
-        The channels.
-    clock : str or None
-        Column of the time; a file that knows its own time need not have it.
-    group : str
-        Of a file with several recordings.
-    max_bytes : int [byte]
-    label : str
-        The file's name in messages.
-
-    Returns
-    -------
-    Columns
-        With the time in seconds under the name of `clock`.
-
-    Raises
-    ------
-    FileError, TableError
-        If the file cannot be read, lacks a channel, or has channels at different times.
-    """
-    kind = format_of(path, max_bytes=max_bytes, label=label)
-    if kind.name == "text":
-        if group:
-            raise TableError(f"{label}: is a table of text, which has no groups: leave out '#{group}'")
-        return read_columns(path, [*names, *([clock] if clock else [])], max_bytes=max_bytes, label=label)
-    signals = list(kind.read(Request(path, tuple(names), group, label, max_bytes)))
-    values = dict(zip(names, (signal.samples for signal in signals), strict=True))
-    stated = dict(zip(names, (signal.unit for signal in signals), strict=True))
-    if clock is not None:
-        values[clock], stated[clock] = _common_time(signals, label), "s"
-    elif len({signal.samples.size for signal in signals}) > 1:
-        raise _apart(signals, label)
-    return Columns(values, stated, 1)
-
-
-def _common_time(signals: Sequence[Signal], label: str) -> NDArray[np.float64]:
-    """The time that all channels share [s]."""
-    times = [_time(signal, label) for signal in signals]
-    first = times[0]
-    step = float(np.median(np.diff(first))) if first.size > 1 else 0.0
-    for time in times[1:]:
-        if time.size != first.size or np.max(np.abs(time - first), initial=0.0) > _SAME_TIME * step:
-            raise _apart(signals, label)
-    return first
-
-
-def _time(signal: Signal, label: str) -> NDArray[np.float64]:
-    if signal.time is not None:
-        return signal.time
-    if signal.rate is None:
-        raise FileError(f"{label}: does not say when its samples were taken: state sample_rate in [channels]")
-    return signal.start + np.arange(signal.samples.size) / signal.rate
-
-
-def _apart(signals: Sequence[Signal], label: str) -> TableError:
-    said = "; ".join(
-        f"{signal.name}: {signal.samples.size} samples" + (f" at {signal.rate:g} Hz" if signal.rate else "")
-        for signal in signals
-    )
-    return TableError(f"{label}: its channels are not sampled at the same times ({said}): export them at one rate")

@@ -137,7 +137,7 @@ def _terms(omega: FloatArray, times: FloatArray) -> ComplexArray:
 
 def _rows(whiten: FloatArray, terms: ComplexArray, data: StiffnessData) -> tuple[FloatArray, FloatArray]:
     """Terms and data in standard units; a known K1 is one more row."""
-    rows, wanted = _whitened(whiten, terms, data), _whitened(whiten, data.stiffness[:, None], data)[:, 0]
+    rows, wanted = data.whitened(whiten, terms), data.whitened(whiten, data.stiffness[:, None])[:, 0]
     if not (np.isfinite(data.k1_std) and np.isfinite(data.k1)):
         return rows, wanted
     at_rest = np.zeros(terms.shape[1])
@@ -152,11 +152,3 @@ def _finer(times: FloatArray, active: np.ndarray) -> FloatArray:
     ends = [(max(int(i) - 1, 0), min(int(i) + 1, logs.size - 1)) for i in near.tolist()]
     more = [np.linspace(logs[low], logs[high], _MORE) for low, high in ends]
     return np.exp(np.unique(np.concatenate([logs, *more])))
-
-
-def _whitened(whiten: FloatArray, values: ComplexArray, data: StiffnessData) -> FloatArray:
-    """(N, k) complex as (2N, k) in standard units."""
-    pairs = np.stack([values.real, values.imag], axis=1)
-    if data.full:
-        return np.asarray(whiten @ pairs.reshape(-1, values.shape[1]))
-    return np.asarray((whiten @ pairs).reshape(-1, values.shape[1]))

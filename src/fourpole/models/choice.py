@@ -205,9 +205,7 @@ def _left_out(model: Model, data: StiffnessData, whole: Fit) -> float:
     squares: list[FloatArray] = []
     for fold, rows in enumerate(left):
         rest = data.part(np.flatnonzero(rows))
-        pairs = np.stack([off[fold, rows].real, off[fold, rows].imag], axis=-1)
-        white = rest.whitener()
-        squares.append(((white @ pairs.ravel()) if rest.full else (white @ pairs[..., None])[..., 0].ravel()) ** 2)
+        squares.append(rest.whitened(rest.whitener(), off[fold, rows, None])[:, 0] ** 2)
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 

@@ -84,11 +84,7 @@ class StiffnessData:
     @property
     def full(self) -> bool:
         """Whether the covariance joins frequencies."""
-        return self.covariance.ndim != self.stiffness.ndim + 2 or self.covariance.shape[-3:] != (
-            self.omega.size,
-            2,
-            2,
-        )
+        return self.covariance.ndim == self.stiffness.ndim + 1
 
     def whitener(self) -> FloatArray:
         """W with W S W^T = 1: (..., N, 2, 2) or (..., 2N, 2N)."""
@@ -100,6 +96,14 @@ class StiffnessData:
             return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)))
         whole = self.covariance + (size**2)[..., None, None] * np.eye(2)
         return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)))
+
+    def whitened(self, whiten: FloatArray, values: ComplexArray) -> FloatArray:
+        """Complex values (..., N, k) in standard units, (..., 2N, k), by a whitener of these data."""
+        pairs = np.stack([values.real, values.imag], axis=-2)
+        flat = (*values.shape[:-2], 2 * self.omega.size, values.shape[-1])
+        if self.full:
+            return np.asarray(whiten @ pairs.reshape(flat))
+        return np.asarray((whiten @ pairs).reshape(flat))
 
     def part(self, rows: np.ndarray) -> StiffnessData:
         """Some of the frequencies."""

@@ -112,7 +112,7 @@ class Problem:
         """Whitened data less model (B, M)."""
         values = self.values_of(place)
         off = self._seen(self.data.stiffness) - self._seen(self.model.stiffness(values, self.data.omega))
-        return self._with_k1(self._whitened(off[..., None])[..., 0], values)
+        return self._with_k1(self.data.whitened(self.whiten, off[..., None])[..., 0], values)
 
     def jacobian(self, place: FloatArray) -> FloatArray:
         """Derivatives (B, M, F) of the model's whitened values by the places."""
@@ -120,7 +120,7 @@ class Problem:
         slope = self._slope(self.model.stiffness(values, self.data.omega))[..., None]
         by = self.model.derivative(values, self.data.omega)[..., self.free] * slope
         unit = np.where(self.log, values[:, self.free], self.scale)
-        rows = self._whitened(by * unit[:, None, :])
+        rows = self.data.whitened(self.whiten, by * unit[:, None, :])
         if not np.any(np.isfinite(self.data.k1_std)):
             return rows
         at_rest = self._by_static(values) * unit / self._k1_std()[:, None]
@@ -151,13 +151,6 @@ class Problem:
         if self.space == "stiffness":
             return np.ones_like(stiffness)
         return -self._seen(stiffness) / stiffness
-
-    def _whitened(self, values: ComplexArray) -> FloatArray:
-        """(B, N, k) complex as (B, 2N, k) in standard units."""
-        pairs = np.stack([values.real, values.imag], axis=-2)  # (B, N, 2, k)
-        if self.data.full:
-            return np.asarray(self.whiten @ pairs.reshape(values.shape[0], -1, values.shape[-1]))
-        return np.asarray((self.whiten @ pairs).reshape(values.shape[0], -1, values.shape[-1]))
 
 
 def fit(

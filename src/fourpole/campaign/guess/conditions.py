@@ -92,15 +92,6 @@ _WRITTEN = {
 # --- numbers without units ---------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Slot:
-    """Numbers that stand at the same place of names, by recording."""
-
-    key: str
-    keys: tuple[str, ...]
-    values: dict[int, float]
-
-
 def _settled(entries: Sequence[Entry]) -> list[Entry]:
     """Numbers without units become conditions where their slot tells which."""
     meaning: dict[tuple[object, ...], tuple[str, float, str]] = {}

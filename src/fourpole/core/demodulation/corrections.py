@@ -56,13 +56,12 @@ def corrections_of(role: str, channel: Channel, omega: float) -> list[Correction
     return rows
 
 
-def response_std(recording: Recording, omega: float) -> FloatArray:
-    """What the calibrated responses of F1, V1, V2 leave unknown, (3, 2): relative gain [1] and phase [rad]."""
+def response_std(corrections: Sequence[Correction]) -> FloatArray:
+    """What corrections leave unknown of F1, V1, V2, (3, 2): relative gain [1] and phase [rad]."""
     result = np.zeros((3, 2))
-    for i, role in enumerate(CHANNELS):
-        if role in recording.channels:
-            rows = corrections_of(role, recording.channels[role], omega)
-            result[i] = np.hypot.reduce([(0.0, 0.0), *((row.gain_std, row.phase_std) for row in rows)])
+    for row in corrections:
+        at = CHANNELS.index(row.channel)
+        result[at] = np.hypot(result[at], (row.gain_std, row.phase_std))
     return result
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,15 @@ from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, response_std, without_crosstalk
 from fourpole.core.demodulation.preview import Preview, preview
 from fourpole.core.demodulation.sinefit import SineFit, fit_sines, refine
-from fourpole.core.demodulation.spectrum import LINE_GAP, Left, Noise, find_lines, noise_beside, strongest_line
+from fourpole.core.demodulation.spectrum import (
+    LINE_GAP,
+    Left,
+    Noise,
+    find_lines,
+    noise_beside,
+    off_multiples,
+    strongest_line,
+)
 from fourpole.core.demodulation.tracks import Track, following, named, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import DERIVATIVES, Channel, Recording
@@ -56,8 +64,6 @@ class Demodulation:
         A few cycles of signal and fit, and the residual's extremes.
     corrections : tuple of Correction
         What was undone at the amplitudes.
-    response_std : (3, 2) float [1], [rad]
-        What the calibrated responses of F1, V1, V2 leave unknown of gain and phase.
     """
 
     phasors: Phasors
@@ -71,7 +77,11 @@ class Demodulation:
     channels: tuple[str, ...]
     preview: Preview
     corrections: tuple[Correction, ...] = ()
-    response_std: FloatArray = field(default_factory=lambda: np.zeros((3, 2)))
+
+    @property
+    def response_std(self) -> FloatArray:
+        """What the calibrated responses of F1, V1, V2 leave unknown of gain and phase, (3, 2) [1], [rad]."""
+        return response_std(self.corrections)
 
 
 def demodulate(
@@ -230,8 +240,7 @@ def _informing(frequency: float, count: int, resolution: float, mains: float | N
     multiples = frequency * np.arange(1, count + 1)
     clear = np.ones(count, dtype=bool)
     for base in {50.0, 60.0, mains or 50.0}:
-        off = np.abs(multiples - base * np.maximum(np.round(multiples / base), 1.0))
-        clear &= off > (LINE_GAP + 1.0) * resolution
+        clear &= off_multiples(multiples, base) > (LINE_GAP + 1.0) * resolution
     clear[0] = True
     return clear
 
@@ -266,10 +275,10 @@ def _with_lines(fit: SineFit, mains: float | None) -> SineFit | None:
 
 def _foreign(lines: FloatArray, fit: SineFit, mains: float | None) -> FloatArray:
     """Lines that are no sidebands of a drive whose speed is followed: those of the mains, or far from any harmonic."""
-    order = lines / (fit.omega / (2 * np.pi))
-    beside = np.abs(order - np.maximum(np.round(order), 1.0)) < _SIDE
+    fundamental = fit.omega / (2 * np.pi)
+    beside = off_multiples(lines, fundamental) < _SIDE * fundamental
     gap = LINE_GAP * _left(fit).resolution
-    hum = [np.abs(lines - base * np.maximum(np.round(lines / base), 1.0)) < gap for base in (50.0, 60.0, mains or 50.0)]
+    hum = [off_multiples(lines, base) < gap for base in (50.0, 60.0, mains or 50.0)]
     return lines[~beside | np.any(hum, axis=0)]
 
 
@@ -295,7 +304,7 @@ def _assemble(
     at = [CHANNELS.index(name) for name in names]
     omega = fits[0].omega
     raw = [row for fit in fits for row in fit.amplitudes()]
-    corrections = {name: corrections_of(name, recording.channels[name], omega) for name in names}
+    corrections = [row for name in names for row in corrections_of(name, recording.channels[name], omega)]
     waves = [
         row * _to_velocity(recording.channels[name], omega, row.size) for name, row in zip(names, raw, strict=True)
     ]
@@ -333,8 +342,7 @@ def _assemble(
         missing=1.0 - min(float(np.mean(fit.present)) for fit in fits),
         channels=tuple(CHANNELS[i] for i in known),
         preview=preview(fits, [names.index(CHANNELS[i]) for i in known]),
-        corrections=(*(row for name in names for row in corrections[name]), *talk),
-        response_std=response_std(recording, omega),
+        corrections=(*corrections, *talk),
     )
 
 

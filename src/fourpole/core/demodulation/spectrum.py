@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import linalg
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 
-__all__ = ["Left", "Noise", "find_lines", "noise_beside", "strongest_line"]
+__all__ = ["Left", "Noise", "find_lines", "noise_beside", "off_multiples", "strongest_line"]
 
 
 #: Power over the local noise at which a line is real: one false line in some ten thousand records of 10 000 bins.
@@ -60,6 +61,12 @@ def strongest_line(samples: FloatArray, rate: float, *, order: int) -> tuple[flo
         spectrum = np.where(stands_out, spectrum, 0.0)
     spectrum[lowest:] *= (2 * np.pi * frequency[lowest:]) ** order
     return _peak(spectrum, int(np.argmax(spectrum))) * rate / padded, frequency, spectrum
+
+
+def off_multiples(frequency: ArrayLike, base: float) -> FloatArray:
+    """How far frequencies (...,) are from the nearest multiple of a base, itself included [Hz]."""
+    at = np.asarray(frequency, dtype=float)
+    return np.abs(at - base * np.maximum(np.round(at / base), 1.0))
 
 
 def _hann(count: int) -> FloatArray:

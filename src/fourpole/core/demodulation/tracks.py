@@ -14,13 +14,13 @@ from fourpole.core.recording import Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
 
-__all__ = ["Track", "following", "named", "tracks_of"]
+__all__ = ["STEADY", "Track", "following", "named", "tracks_of"]
 
 _FEWEST_SAMPLES = 16
 _MOST_MISSING = 0.2
 _LARGEST = 1e30  # beyond any measurement, and safe to square
 #: A speed steadier than this, relative, leaves amplitudes as they are.
-_STEADY = 1e-4
+STEADY = 1e-4
 #: One that wanders more than this asks for the response's third power.
 _CURVED = 3e-3
 #: What an amplitude may follow must not be this much alike to what it follows already, as a share of its length.
@@ -96,7 +96,7 @@ def following(tracks: Sequence[Track], reference: Reference, span: tuple[float, 
         time = track.time + middle
         turn = curve(time) - zero - omega * track.time
         follow: ComplexArray = np.empty((0, time.size), dtype=complex)
-        if worst > _STEADY:
+        if worst > STEADY:
             off, lag = (curve(time, 1) / omega - 1.0) / worst, curve(time, 2) / omega**2 / worst
             powers = [off + 0j, off**2 - 1j * lag / worst, off**3 - 3j * off * lag / worst]
             follow = _different(np.stack(powers[: 3 if worst > _CURVED else 2]))

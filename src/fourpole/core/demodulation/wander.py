@@ -11,7 +11,7 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate
 from fourpole.core.demodulation.envelope import envelope
 from fourpole.core.demodulation.sinefit import fit_sines
-from fourpole.core.demodulation.tracks import tracks_of
+from fourpole.core.demodulation.tracks import STEADY, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import DERIVATIVES, Recording
 from fourpole.core.reference import Reference
@@ -19,8 +19,6 @@ from fourpole.errors import RecordingError
 
 __all__ = ["Wander", "follow_wander", "refine_reference"]
 
-#: A speed steadier than this, relative, does no harm.
-_STEADY = 1e-4
 _FEWEST_STRETCHES = 12
 _DRIFT = 4  # the last rows of a fit: mean and drift
 #: What is worth following: a ratio of amplitudes moved by so many of its uncertainties, or these made smaller so much,
@@ -88,11 +86,10 @@ def _along_v1(recording: Recording, found: Demodulation, share: float) -> tuple[
     What a wandering drive has found as lines are sidebands, and what stands beside a steady one is not: so V1's phase
     is tried with the lines found, and without them.
     """
-    names = [name for name in CHANNELS if name in recording.channels]
     tries = []
     for lines in dict.fromkeys((False, found.lines.size > 0)):
-        reference = _own_reference(recording, names, found, lines=lines)
-        if reference is None or (departure := _departure(reference)) < _STEADY:
+        reference = _own_reference(recording, found, lines=lines)
+        if reference is None or (departure := _departure(reference)) < STEADY:
             continue
         with suppress(RecordingError):
             followed = demodulate(replace(recording, reference=reference))
@@ -114,10 +111,10 @@ def _less(followed: Demodulation, found: Demodulation, share: float) -> bool:
     return bool(left[CHANNELS.index("motion_in")] <= share and np.nanmax(left) <= _NO_MORE)
 
 
-def _own_reference(recording: Recording, names: list[str], found: Demodulation, *, lines: bool) -> Reference | None:
+def _own_reference(recording: Recording, found: Demodulation, *, lines: bool) -> Reference | None:
     """The phase of V1 as a reference, about the recording's own if it has one; `lines`: taken away first."""
     omega, middle = float(found.phasors.omega), 0.5 * sum(recording.span)
-    first = tracks_of(recording, names)[0]
+    first = tracks_of(recording, [name for name in CHANNELS if name in recording.channels])[0]
     if lines:
         fit = fit_sines(first.signals, first.present, first.time, omega, 1, 2 * np.pi * np.unique(found.lines))
         foreign = fit.coefficients[2:-_DRIFT].T @ fit.basis[2:-_DRIFT]

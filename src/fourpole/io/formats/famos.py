@@ -15,7 +15,7 @@ from __future__ import annotations
 import codecs
 import datetime as dt
 import os
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, guarded, of_name, seconds, tidy
-from fourpole.io.formats.pieces import Part, Track, in_step, remembered
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats.guard import Guard, afford, find, of_name, seconds, tidy
+from fourpole.io.formats.pieces import Part, Track, by_tracks, remembered
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, SignalInfo
 from fourpole.io.source import name_of, open_regular
 from fourpole.units import shown
 
@@ -352,22 +352,8 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     return FileInfo("imc FAMOS 2", signals, (*began, *content.notes[:20]))
 
 
-def _read(request: Request) -> Sequence[Signal]:
-    with Guard(name_of(request.path, request.label), _KIND), _tracks(request, whole=True) as tracks:
-        return [one.whole() for one in tracks]
-
-
-def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
-    return guarded(_pieces(request, rows), Guard(name_of(request.path, request.label), _KIND))
-
-
-def _pieces(request: Request, rows: int) -> Generator[Sequence[Signal]]:
-    with _tracks(request, whole=False) as tracks:
-        yield from in_step(tracks, rows)
-
-
 @contextmanager
-def _tracks(request: Request, *, whole: bool) -> Iterator[list[Track]]:
+def _tracks(request: Request, _: Guard, *, whole: bool) -> Iterator[list[Track]]:
     """The channels of a request, of which any part can be read while the file is open."""
     name = name_of(request.path, request.label)
     with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
@@ -379,4 +365,5 @@ def _tracks(request: Request, *, whole: bool) -> Iterator[list[Track]]:
         yield [content.track(one) for one in chosen]
 
 
+_read, _blocks = by_tracks(_KIND, "", _tracks)
 FORMAT = Format("imc FAMOS", (".dat", ".raw"), _recognises, _survey, _read, blocks=_blocks)

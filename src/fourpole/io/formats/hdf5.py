@@ -21,7 +21,7 @@ together from other files are refused, and so are filters that are not part of H
 from __future__ import annotations
 
 import zlib
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,9 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, guarded, is_time, of_name, seconds, tidy
-from fourpole.io.formats.pieces import Part, Track, in_step, remembered
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats.guard import Guard, afford, find, is_time, of_name, seconds, tidy
+from fourpole.io.formats.pieces import Part, Track, by_tracks, remembered
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, SignalInfo
 from fourpole.io.source import name_of, open_regular
 from fourpole.units import shown
 
@@ -379,22 +379,6 @@ def _scale(h5py: Any, time: Leaf, name: str) -> float:
     return scale
 
 
-def _read(request: Request) -> Sequence[Signal]:
-    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
-    with guard, _tracks(request, guard, whole=True) as tracks:
-        return [one.whole() for one in tracks]
-
-
-def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
-    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
-    return guarded(_pieces(request, rows, guard), guard)
-
-
-def _pieces(request: Request, rows: int, guard: Guard) -> Generator[Sequence[Signal]]:
-    with _tracks(request, guard, whole=False) as tracks:
-        yield from in_step(tracks, rows)
-
-
 @contextmanager
 def _tracks(request: Request, guard: Guard, *, whole: bool) -> Iterator[list[Track]]:
     """The channels of a request, of which any part can be read while the file is open."""
@@ -432,4 +416,5 @@ def _seconds(h5py: Any, time: Leaf, max_bytes: int, name: str) -> Part:
     return remembered(lambda first, last: scale * values(first, last))
 
 
+_read, _blocks = by_tracks(_KIND, _LIBRARY, _tracks)
 FORMAT = Format("HDF5", (".h5", ".hdf5", ".hdf", ".he5"), _recognises, _survey, _read, "formats", _blocks)

@@ -17,7 +17,7 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,9 +27,9 @@ import numpy as np
 
 from fourpole.errors import TableError
 from fourpole.io.formats import hdf5
-from fourpole.io.formats.guard import Guard, afford, find, floats, guarded, is_time, of_name, seconds, tidy
-from fourpole.io.formats.pieces import Part, Track, in_step, remembered
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats.guard import Guard, afford, find, floats, is_time, of_name, seconds, tidy
+from fourpole.io.formats.pieces import Part, Track, by_tracks, remembered
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, SignalInfo
 from fourpole.io.source import name_of, open_regular
 from fourpole.units import shown
 
@@ -543,23 +543,6 @@ def _ends_73(time: _Channel, max_bytes: int, name: str) -> tuple[float, float] |
     return float(part(0, 1)[0]), float(part(time.count - 1, time.count)[0])
 
 
-def _read(request: Request) -> Sequence[Signal]:
-    guard = Guard(name_of(request.path, request.label), _KIND, "h5py")
-    with guard, _tracks(request, guard, whole=True) as tracks:
-        return [one.whole() for one in tracks]
-
-
-def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
-    """Of version 7.3 piece by piece; of another all variables that are needed are held."""
-    guard = Guard(name_of(request.path, request.label), _KIND, "h5py")
-    return guarded(_pieces(request, rows, guard), guard)
-
-
-def _pieces(request: Request, rows: int, guard: Guard) -> Generator[Sequence[Signal]]:
-    with _tracks(request, guard, whole=False) as tracks:
-        yield from in_step(tracks, rows)
-
-
 @contextmanager
 def _tracks(request: Request, guard: Guard, *, whole: bool) -> Iterator[list[Track]]:
     """The channels of a request, of which any part can be read while the file is open."""
@@ -638,4 +621,5 @@ def _reader_73(one: _Channel, max_bytes: int, name: str) -> Part:
     return hdf5.reader(leaf, max_bytes, name, row=one.column, axis=0 if long else 1)
 
 
+_read, _blocks = by_tracks(_KIND, "h5py", _tracks)
 FORMAT = Format("MATLAB", (".mat",), _recognises, _survey, _read, "formats", _blocks)

@@ -16,7 +16,7 @@ import os
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -26,9 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, floats, guarded, of_name, seconds, tidy
-from fourpole.io.formats.pieces import Part, Track, in_step, remembered
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats.guard import Guard, afford, find, floats, of_name, seconds, tidy
+from fourpole.io.formats.pieces import Part, Track, by_tracks, remembered
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, SignalInfo
 from fourpole.io.source import name_of, open_regular
 from fourpole.units import shown
 
@@ -540,22 +540,6 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
             content.mdf.close()
 
 
-def _read(request: Request) -> Sequence[Signal]:
-    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
-    with guard, _tracks(request, guard, whole=True) as tracks:
-        return [one.whole() for one in tracks]
-
-
-def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
-    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
-    return guarded(_pieces(request, rows, guard), guard)
-
-
-def _pieces(request: Request, rows: int, guard: Guard) -> Generator[Sequence[Signal]]:
-    with _tracks(request, guard, whole=False) as tracks:
-        yield from in_step(tracks, rows)
-
-
 @contextmanager
 def _tracks(request: Request, guard: Guard, *, whole: bool) -> Iterator[list[Track]]:
     """The channels of a request, of which any part can be read while the file is open."""
@@ -578,4 +562,5 @@ def _tracks(request: Request, guard: Guard, *, whole: bool) -> Iterator[list[Tra
             content.mdf.close()
 
 
+_read, _blocks = by_tracks(_KIND, _LIBRARY, _tracks)
 FORMAT = Format("ASAM MDF", (".mf4", ".mdf", ".dat"), _recognises, _survey, _read, "formats", _blocks)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fourpole.io.signals import Signal
+from fourpole.io.formats.guard import Guard, guarded
+from fourpole.io.signals import Request, Signal
+from fourpole.io.source import name_of
 
-__all__ = ["Part", "Track", "in_step", "remembered"]
+__all__ = ["Part", "Track", "by_tracks", "in_step", "remembered"]
 
 Part = Callable[[int, int], NDArray[np.float64]]
 """Values from a first one to before a last one."""
@@ -129,3 +133,34 @@ def _together(paces: Sequence[_Pace], at: Sequence[int], ends: Sequence[int]) ->
         return list(ends)
     found = [one.until(limit, first, last) for one, first, last in zip(paces, at, ends, strict=True)]
     return found if found != list(at) else list(ends)
+
+
+class Opening(Protocol):
+    """Opens a file under a guard, and gives the channels of a request while it is open."""
+
+    def __call__(self, request: Request, guard: Guard, /, *, whole: bool) -> AbstractContextManager[list[Track]]:
+        """`whole`: all of them will be held at once, which must be afforded."""
+
+
+def by_tracks(
+    kind: str, library: str, tracks: Opening
+) -> tuple[Callable[[Request], list[Signal]], Callable[[Request, int], Iterator[list[Signal]]]]:
+    """What `Format.read` and `Format.blocks` are for a format any part of whose channels can be read.
+
+    `kind` and `library` are those of its `Guard`.
+    """
+
+    def read(request: Request) -> list[Signal]:
+        guard = Guard(name_of(request.path, request.label), kind, library)
+        with guard, tracks(request, guard, whole=True) as opened:
+            return [one.whole() for one in opened]
+
+    def stretches(request: Request, rows: int, guard: Guard) -> Generator[list[Signal]]:
+        with tracks(request, guard, whole=False) as opened:
+            yield from in_step(opened, rows)
+
+    def blocks(request: Request, rows: int) -> Iterator[list[Signal]]:
+        guard = Guard(name_of(request.path, request.label), kind, library)
+        return guarded(stretches(request, rows, guard), guard)
+
+    return read, blocks

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, floats, guarded, of_name, tidy
-from fourpole.io.formats.pieces import Part, Track, in_step
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats.guard import Guard, afford, find, floats, of_name, tidy
+from fourpole.io.formats.pieces import Part, Track, by_tracks
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, SignalInfo
 from fourpole.io.source import name_of, open_regular
 from fourpole.units import shown
 
@@ -155,22 +155,6 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
             )
 
 
-def _read(request: Request) -> Sequence[Signal]:
-    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
-    with guard, _tracks(request, guard, whole=True) as tracks:
-        return [one.whole() for one in tracks]
-
-
-def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
-    guard = Guard(name_of(request.path, request.label), _KIND, _LIBRARY)
-    return guarded(_pieces(request, rows, guard), guard)
-
-
-def _pieces(request: Request, rows: int, guard: Guard) -> Generator[Sequence[Signal]]:
-    with _tracks(request, guard, whole=False) as tracks:
-        yield from in_step(tracks, rows)
-
-
 @contextmanager
 def _tracks(request: Request, guard: Guard, *, whole: bool) -> Iterator[list[Track]]:
     """The channels of a request, of which any part can be read while the file is open."""
@@ -301,4 +285,5 @@ def _reader(guard: Guard, tdms: Any, file: BinaryIO, channel: Any, name: str) ->
     return part
 
 
+_read, _blocks = by_tracks(_KIND, _LIBRARY, _tracks)
 FORMAT = Format("NI TDMS", (".tdms", ".tdms_index"), _recognises, _survey, _read, "formats", _blocks)

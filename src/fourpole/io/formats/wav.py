@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, guarded
-from fourpole.io.formats.pieces import Part, Track, in_step
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats.guard import Guard, afford, find
+from fourpole.io.formats.pieces import Part, Track, by_tracks
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, SignalInfo
 from fourpole.io.source import name_of, open_regular
 
 __all__ = ["FORMAT"]
@@ -113,22 +113,8 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     return FileInfo("WAV", signals, ("a WAV file states no units: state each channel's sensitivity",))
 
 
-def _read(request: Request) -> Sequence[Signal]:
-    with Guard(name_of(request.path, request.label), _KIND), _tracks(request, whole=True) as tracks:
-        return [one.whole() for one in tracks]
-
-
-def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
-    return guarded(_pieces(request, rows), Guard(name_of(request.path, request.label), _KIND))
-
-
-def _pieces(request: Request, rows: int) -> Generator[Sequence[Signal]]:
-    with _tracks(request, whole=False) as tracks:
-        yield from in_step(tracks, rows)
-
-
 @contextmanager
-def _tracks(request: Request, *, whole: bool) -> Iterator[list[Track]]:
+def _tracks(request: Request, _: Guard, *, whole: bool) -> Iterator[list[Track]]:
     """The channels of a request, of which any part can be read while the file is open."""
     name = name_of(request.path, request.label)
     with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
@@ -179,4 +165,5 @@ def _decoded(raw: NDArray[np.uint8], header: _Header) -> NDArray[np.float64]:
     return filled.view(f"{header.order}i{wide}")[:, 0].astype(np.float64) * 2.0 ** (1 - 8 * wide)
 
 
+_read, _blocks = by_tracks(_KIND, "", _tracks)
 FORMAT = Format("WAV", (".wav", ".wave"), _recognises, _survey, _read, blocks=_blocks)
