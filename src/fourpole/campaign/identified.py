@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from fourpole.campaign.families import LIMITS, families
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.learned import Learned, learn
 from fourpole.campaign.reduce import Reduced
-from fourpole.campaign.static import SAME_PRESSURE, StaticStiffness
+from fourpole.campaign.static import StaticStiffness
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.checks import worst_verdict
 from fourpole.core.demodulation.demodulate import Demodulation
@@ -27,8 +28,6 @@ __all__ = ["Group", "Identified", "Setup", "identify_tests", "possible_route", "
 
 #: An added mass of unstated uncertainty is known to this.
 ADDED_MASS_STD = 1e-4
-#: Loads on the tyre that differ by more than this are different conditions; so are temperatures.
-_SAME_PRELOAD, _SAME_TEMPERATURE = 0.01, 5.0
 #: Above this relative uncertainty of K2 or C their distribution is drawn, not taken as normal.
 _SKEW = 0.1
 #: A K' below K1, or a K'' below zero, by more of their uncertainty than this is no matter of luck.
@@ -222,35 +221,9 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
 
 
 def _families(tests: Sequence[Test]) -> np.ndarray:
-    """Number of the tyre, pressure, preload and temperature of each test; negative for a rigid block.
-
-    States are taken in rising order, and each joins the first that it is like: the order of the tests does not matter,
-    and no family is wider than what counts as the same.
-    """
-    names = ("pressure", "preload", "temperature")
-    states = [(test.tyre, tuple(test.value(name) for name in names)) for test in tests]
-    rising = sorted(set(states), key=lambda state: (state[0], [(x is None, x or 0.0) for x in state[1]]))
-    leaders: dict[str, list[tuple[tuple[float | None, ...], int]]] = {}
-    number: dict[tuple[str, tuple[float | None, ...]], int] = {}
-    for tyre, state in rising:
-        led = leaders.setdefault(tyre, [])
-        alike = next((at for leader, at in led if _alike(state, leader)), None)
-        if alike is None:
-            alike = sum(map(len, leaders.values()))
-            led.append((state, alike))
-        number[tyre, state] = alike
-    rigid = [test.kind == "calibration" for test in tests]
-    return np.array([-1 if block else number[state] for block, state in zip(rigid, states, strict=True)])
-
-
-def _alike(one: tuple[float | None, ...], other: tuple[float | None, ...]) -> bool:
-    limits = (SAME_PRESSURE, _SAME_PRELOAD, 0.0)
-    for a, b, relative, absolute in zip(one, other, limits, (0.0, 0.0, _SAME_TEMPERATURE), strict=True):
-        if (a is None) != (b is None):
-            return False
-        if a is not None and b is not None and abs(a - b) > relative * max(abs(a), abs(b)) + absolute:
-            return False
-    return True
+    """Number of the tyre, pressure, preload and temperature of each test; negative for a rigid block."""
+    states = [(test.tyre, tuple(test.value(name) for name in LIMITS)) for test in tests]
+    return np.where([test.kind == "calibration" for test in tests], -1, families(tuple(LIMITS), states))
 
 
 def _identified(names: tuple[str, ...], setup: Setup, phasors: Phasors, route: str, parts: Sequence[Any]) -> Group:

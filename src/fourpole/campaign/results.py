@@ -9,6 +9,7 @@ from typing import Any
 
 import polars as pl
 
+from fourpole.campaign.modelfile import ModelFile, read_model_file
 from fourpole.campaign.tables import (
     BUDGET_COLUMNS,
     DYNAMIC_COLUMNS,
@@ -19,7 +20,7 @@ from fourpole.campaign.tables import (
     TEXT_COLUMNS,
 )
 from fourpole.errors import CampaignError, FileError, TableError
-from fourpole.io.source import read_bytes
+from fourpole.io.source import read_bytes, sha256_of
 
 __all__ = ["Results", "read_results"]
 
@@ -46,6 +47,8 @@ class Results:
         study.json: title, settings, what the campaign states, versions, verdicts, assumptions, hashes.
     rig, residuals, budget, quantiles : polars.DataFrame
         As in rig.csv, residuals.csv, budget.csv and quantiles.csv; empty where the analysis had none.
+    models, maps : ModelFile or None
+        As in model.json and map.json; None where there are none, or where they are of other results.
     """
 
     static: pl.DataFrame
@@ -56,6 +59,8 @@ class Results:
     residuals: pl.DataFrame = field(default_factory=pl.DataFrame)
     budget: pl.DataFrame = field(default_factory=pl.DataFrame)
     quantiles: pl.DataFrame = field(default_factory=pl.DataFrame)
+    models: ModelFile | None = None
+    maps: ModelFile | None = None
 
 
 def read_results(folder: str | Path) -> Results:
@@ -91,11 +96,21 @@ def read_results(folder: str | Path) -> Results:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
     except (ValueError, pl.exceptions.PolarsError) as error:
         raise CampaignError(f"{folder}: cannot be read ({error}): run fourpole analyse again") from None
-    more = [
-        _table(folder / f"{name}.csv", columns) if (folder / f"{name}.csv").is_file() else pl.DataFrame()
+    more = {
+        name: _table(folder / f"{name}.csv", columns) if (folder / f"{name}.csv").is_file() else pl.DataFrame()
         for name, columns in _OPTIONAL.items()
-    ]
-    return Results(static, dynamic, frame, record, *more)
+    }
+    sha256 = sha256_of(folder / "dynamic.csv", max_bytes=_MOST_BYTES)
+    models, maps = (_model_file(folder / f"{name}.json", sha256) for name in ("model", "map"))
+    return Results(static, dynamic, frame, record, **more, models=models, maps=maps)
+
+
+def _model_file(path: Path, sha256: str) -> ModelFile | None:
+    """A model file that was made from these results."""
+    if not path.is_file():
+        return None
+    found = read_model_file(path)
+    return found if found.provenance.sha256 == sha256 else None
 
 
 def _table(path: Path, columns: tuple[str, ...]) -> pl.DataFrame:

@@ -22,6 +22,7 @@ from fourpole.campaign.static import StaticRow, StaticStiffness, StaticTest, eva
 from fourpole.campaign.tables import (
     budget_table,
     correction_table,
+    covariance_table,
     dynamic_table,
     phasor_table,
     preview_table,
@@ -52,8 +53,8 @@ class Study:
     ----------
     campaign : Campaign
         What was analysed.
-    static, dynamic, phasors, previews : polars.DataFrame
-        As in static.csv, dynamic.csv, phasors.parquet and previews.parquet.
+    static, dynamic, phasors, covariance, previews : polars.DataFrame
+        As in static.csv, dynamic.csv, phasors.parquet, covariance.parquet and previews.parquet.
     route : str
         How K* was found.
     rig, residuals, budget, quantiles, corrections : polars.DataFrame
@@ -81,6 +82,7 @@ class Study:
     static: pl.DataFrame
     dynamic: pl.DataFrame
     phasors: pl.DataFrame
+    covariance: pl.DataFrame
     previews: pl.DataFrame
     route: str
     rig: pl.DataFrame
@@ -132,6 +134,7 @@ class Study:
         write_table(folder / "dynamic.csv", self.dynamic)
         write_table(folder / "dynamic.parquet", self.dynamic)
         write_table(folder / "phasors.parquet", self.phasors)
+        write_table(folder / "covariance.parquet", self.covariance)
         write_table(folder / "previews.parquet", self.previews)
         for name in ("rig", "residuals", "budget", "quantiles", "corrections"):
             table = getattr(self, name)
@@ -236,6 +239,7 @@ def analyse(
         static=static_table(campaign, static_rows),
         dynamic=dynamic_table(campaign, dynamic, cells),
         phasors=phasor_table(dynamic, reduced),
+        covariance=covariance_table(groups),
         previews=preview_table(statics, dynamic, reduced),
         route=route,
         rig=rig_table(groups),

@@ -20,6 +20,7 @@ from fourpole.core.phasor import SYMBOLS, Phasors
 
 __all__ = [
     "BUDGET_COLUMNS",
+    "COVARIANCE_COLUMNS",
     "DYNAMIC_COLUMNS",
     "QUANTILE_COLUMNS",
     "RESIDUAL_COLUMNS",
@@ -30,6 +31,7 @@ __all__ = [
     "budget_table",
     "correction_table",
     "covariance_cells",
+    "covariance_table",
     "dynamic_table",
     "phasor_table",
     "preview_table",
@@ -299,6 +301,47 @@ def phasor_table(tests: Sequence[Test], reduced: Sequence[Reduced]) -> pl.DataFr
     types = {name: pl.String if name in TEXT_COLUMNS else pl.Float64 for name in columns}
     listed = "covariance Re F1, Im F1, Re V1, Im V1, Re V2, Im V2"
     return pl.DataFrame(columns, schema={**types, listed: pl.Array(pl.Float64, 36)}, strict=False)
+
+
+COVARIANCE_COLUMNS = (
+    "test",
+    "rig",
+    "condition",
+    "own covariance Re, Im K* [N2/m2]",
+    "shared Re K* [N/m]",
+    "shared Im K* [N/m]",
+)
+
+
+def covariance_table(groups: Sequence[Group]) -> pl.DataFrame:
+    """covariance.parquet: of K* across tests, as each condition's own part and what shared errors do to each test.
+
+    Two tests of a rig have the covariance shared_i · shared_j, summed over the shared errors; those of one condition
+    have their own part in common besides.
+    """
+    types: dict[str, Any] = dict(
+        zip(
+            COVARIANCE_COLUMNS,
+            (pl.String, pl.String, pl.Int64, pl.Array(pl.Float64, 4), pl.List(pl.Float64), pl.List(pl.Float64)),
+            strict=True,
+        )
+    )
+    rows = []
+    for group in groups:
+        shared, condition = group.result.stiffness_shared, group.result.condition
+        own = group.result.stiffness_covariance - shared @ np.swapaxes(shared, 1, 2)
+        rows += [
+            (
+                group.names[at],
+                group.setup.rig_name,
+                int(condition[at]),
+                own[at].ravel().tolist(),
+                shared[at, 0].tolist(),
+                shared[at, 1].tolist(),
+            )
+            for at in np.flatnonzero(np.isfinite(group.result.stiffness)).tolist()
+        ]
+    return pl.DataFrame(rows, schema=types, orient="row")
 
 
 def preview_table(statics: Sequence[StaticTest], tests: Sequence[Test], reduced: Sequence[Reduced]) -> pl.DataFrame:

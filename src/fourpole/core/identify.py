@@ -145,6 +145,11 @@ class Identification:
         Why K2 and C are blank, with the likely cause; empty where they are not.
     route : str
         How K* was found.
+    stiffness_shared : (N, 2, p) float [N/m]
+        What p errors that all tests share, of one standard uncertainty each, do to (Re, Im) of K*: S. The covariance
+        of two tests is S_i S_j^T; what is left of `stiffness_covariance` is each condition's own.
+    condition : (N,) int
+        Tests of one number have one K* between them, and its own part of the uncertainty in common.
     """
 
     frequency: FloatArray
@@ -164,6 +169,8 @@ class Identification:
     tr_std: FloatArray
     reasons: tuple[str, ...]
     route: str
+    stiffness_shared: FloatArray
+    condition: np.ndarray
 
 
 def identify(
@@ -242,7 +249,29 @@ def identify(
             tr_std=_std(answers.jacobian[:, 5], covariance),
             reasons=reasons,
             route=route,
+            stiffness_shared=_shared(answers, phasors, channels, added_mass),
+            condition=np.arange(passive.size),
         )
+
+
+def _shared(
+    answers: _Answers, phasors: Phasors, channels: ChannelUncertainty | None, added_mass: ArrayLike
+) -> FloatArray:
+    """What one standard uncertainty of each error of the channels, rig value and added mass does to K*, (N, 2, p)."""
+    count = answers.k1.size
+    by = answers.jacobian[:, :2]
+    amplitudes = phasors.amplitudes.reshape(count, 3)
+    columns = []
+    for error in channels.errors(phasors.omega.reshape(count)) if channels is not None else ():
+        along = _parts(amplitudes[:, error.channel] * error.turn * error.std)
+        first = 2 * error.channel
+        columns.append(np.einsum("nki,ni->nk", by[:, :, first : first + 2], along))
+    at = np.arange(_RIG_AT.start, _RIG_AT.stop)
+    columns += [by[:, :, i] * np.sqrt(answers.covariance[:, None, i, i]) for i in at]
+    masses = np.broadcast_to(np.asarray(added_mass, dtype=float), count)
+    own = by[:, :, _ADDED_AT] * np.sqrt(answers.covariance[:, None, _ADDED_AT, _ADDED_AT])
+    columns += [np.where((masses == mass)[:, None], own, 0.0) for mass in np.unique(masses[masses != 0])]
+    return np.nan_to_num(np.stack(columns, axis=2))
 
 
 @dataclass(frozen=True)

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import stats
 
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData
-from fourpole.models.fit import Fit, fit
+from fourpole.models.data import StiffnessData, stacked
+from fourpole.models.fit import Fit, best_fit, fit
 from fourpole.models.fractional import FractionalZener, FractionalZener5
 from fourpole.models.interface import Model
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
 from fourpole.models.springs import KelvinVoigt, Spring, Structural
-from fourpole.models.starts import start_of
+from fourpole.models.starts import starts_of
+from fourpole.models.table import GehmanLaw
+from fourpole.models.tyre_shell import Shell
+from fourpole.units import shown
 
-__all__ = ["Candidate", "Choice", "choose", "model_named"]
+__all__ = ["AUTO", "Candidate", "Choice", "choose", "fit_conditions", "fixed_of", "model_named"]
 
 _MODELS: dict[str, type[Model]] = {
     "spring": Spring,
@@ -26,8 +30,11 @@ _MODELS: dict[str, type[Model]] = {
     "zener": Zener,
     "fractional": FractionalZener,
     "fractional5": FractionalZener5,
+    "shell": Shell,
 }
-_AUTO = ("spring", "kelvin", "zener", "maxwell:2", "maxwell:3", "maxwell:4", "maxwell:5", "fractional", "fractional5")
+_COUNTED: dict[str, type[GeneralisedMaxwell] | type[GehmanLaw]] = {"maxwell": GeneralisedMaxwell, "gehman": GehmanLaw}
+#: What is tried where nothing is asked for; `maxwell` is as many arms as help.
+AUTO = ("spring", "kelvin", "structural", "zener", "maxwell", "fractional", "fractional5")
 #: What a model is a special case of: it needs no more where it does as well.
 _WITHIN = {
     "spring": {"kelvin", "structural", "zener", "maxwell", "fractional", "fractional5"},
@@ -39,16 +46,22 @@ _WITHIN = {
 }
 #: Difference of BIC below which two models are alike: odds of 20 to 1.
 _ALIKE = 6.0
-#: A model further off than this is not tried on frequencies left out.
+#: A model further off than this, per condition, is not tried on frequencies left out.
 _WORTH = 30.0
+#: Chance below which a model does not fit.
+_CHANCE = 1e-3
 _FOLDS = 5
 _FEWEST_LEFT = 2
+#: Starts of each fit: a guard against local minima.
+_STARTS = 4
+#: Most arms that are tried, and how many more are tried once one more did not help.
+_MOST_ARMS, _PATIENCE = 20, 2
 #: Relative uncertainty with which a datum weighs nothing.
 _NOTHING = 1e6
 
 
 def model_named(name: str) -> Model:
-    """A model by its name: spring, kelvin, structural, zener, fractional, fractional5, maxwell:N.
+    """A model by its name: spring, kelvin, structural, zener, fractional, fractional5, shell, maxwell:N, gehman:N.
 
     Raises
     ------
@@ -61,39 +74,77 @@ def model_named(name: str) -> Model:
     'maxwell:3'
     """
     kind, mark, count = name.partition(":")
-    if kind == "maxwell" and mark and count.isdecimal():
-        return GeneralisedMaxwell(int(count))
+    if kind in _COUNTED and mark and count.isdecimal() and len(count) < 4:
+        return _COUNTED[kind](int(count))
     if name not in _MODELS:
-        raise ModelError(f"no model {name!r}: choose one of {', '.join(_MODELS)}, maxwell:N (as maxwell:3)")
+        raise ModelError(f"no model {shown(name)}: choose one of {', '.join(_MODELS)}, maxwell:3, gehman:2")
     return _MODELS[name]()
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One model on the data.
+    """One model on the data of all conditions, each with parameters of its own.
 
     Attributes
     ----------
-    fit : Fit
+    fits : tuple of Fit
+        One per condition.
     aicc, bic : float [1]
-        Chi-square with what the free parameters cost (Akaike's, corrected for few data, and Bayes').
-    reduced : float [1]
-        Chi-square per degree of freedom.
+        Chi-square with what the free parameters cost (Akaike's, corrected for few data, and Bayes'), summed.
     left_out : float [1]
-        Root mean square of what a fit without them says of frequencies left out, in standard units; not-a-number
-        where too few would be left, or the model is far from the best.
+        Root mean square of what fits without them say of frequencies left out, in standard units; not-a-number where
+        too few would be left, or the model is far from the best.
     """
 
-    fit: Fit
+    fits: tuple[Fit, ...]
     aicc: float
     bic: float
-    reduced: float
     left_out: float = float("nan")
 
     @property
     def name(self) -> str:
         """Of its model."""
-        return self.fit.model.name
+        return self.fits[0].model.name
+
+    @property
+    def fit(self) -> Fit:
+        """Of the first condition."""
+        return self.fits[0]
+
+    @property
+    def free(self) -> int:
+        """Free parameters of all conditions."""
+        return sum(one.residuals.shape[-1] - one.dof for one in self.fits)
+
+    @property
+    def chi2(self) -> float:
+        """Of all conditions."""
+        return float(sum(float(one.chi2) for one in self.fits))
+
+    @property
+    def dof(self) -> int:
+        """Of all conditions."""
+        return sum(one.dof for one in self.fits)
+
+    @property
+    def reduced(self) -> float:
+        """Chi-square per degree of freedom."""
+        return self.chi2 / max(self.dof, 1)
+
+    @property
+    def chance(self) -> float:
+        """Probability of a chi-square as large, if the model were true."""
+        return float(stats.chi2.sf(self.chi2, max(self.dof, 1)))
+
+    @property
+    def on_bound(self) -> int:
+        """Parameters on a bound."""
+        return sum(int(one.on_bound.sum()) for one in self.fits)
+
+    @property
+    def lost(self) -> int:
+        """Conditions whose search did not come to rest."""
+        return sum(not bool(one.converged) for one in self.fits)
 
 
 @dataclass(frozen=True)
@@ -121,16 +172,26 @@ class Choice:
         """The first."""
         return self.candidates[0]
 
+    def named(self, name: str) -> Candidate:
+        """The one of a name."""
+        return next(one for one in self.candidates if one.name == name)
 
-def choose(data: StiffnessData, names: Sequence[str] = _AUTO) -> Choice:
-    """Fit several models to one condition and say which, and why.
+
+def choose(
+    data: StiffnessData | Sequence[StiffnessData],
+    names: Sequence[str] = AUTO,
+    given: Sequence[Mapping[str, float]] | None = None,
+) -> Choice:
+    """Fit several models to one or more conditions and say which, and why.
 
     Parameters
     ----------
-    data : StiffnessData
-        Of one condition.
+    data : StiffnessData or sequence of them
+        Of one condition each.
     names : sequence of str
-        Models; see `model_named`.
+        Models; see `model_named`; `maxwell` is as many arms as help.
+    given : sequence of mapping of str to float, optional
+        Of each condition, parameters that are known and not fitted, by symbol; a model takes those that it has.
 
     Raises
     ------
@@ -148,28 +209,71 @@ def choose(data: StiffnessData, names: Sequence[str] = _AUTO) -> Choice:
     >>> choose(StiffnessData.of(omega, truth, 100.0)).best.name
     'zener'
     """
-    if data.stiffness.ndim != 1:
-        raise ModelError("a choice is for one condition at a time: choose one")
+    conditions = [data] if isinstance(data, StiffnessData) else list(data)
+    if not conditions or any(one.stiffness.ndim != 1 for one in conditions):
+        raise ModelError("a choice is for one or more conditions, given one by one")
     candidates, passed = [], []
     for name in names:
-        model = model_named(name)
         try:
-            candidates.append(_candidate(model, data))
+            known = given if given is not None else [{}] * len(conditions)
+            every = (
+                _arms(conditions, known) if name == "maxwell" else [_candidate(model_named(name), conditions, known)]
+            )
+            candidates += every
         except ModelError as error:
             passed.append((name, str(error)))
     if not candidates:
         raise ModelError(passed[0][1] if passed else "no model was named")
     candidates.sort(key=lambda one: one.bic)
-    near = [one.bic - candidates[0].bic < _WORTH for one in candidates]
+    worth = candidates[0].bic + _WORTH * len(conditions)
     candidates = [
-        replace(one, left_out=_left_out(one.fit.model, data, one.fit)) if worth else one
-        for one, worth in zip(candidates, near, strict=True)
+        replace(one, left_out=_left_out(one, conditions, known)) if one.bic < worth else one for one in candidates
     ]
     best = candidates[0]
     alike = tuple(
         one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE and not _contains(one.name, best.name)
     )
-    return Choice(tuple(candidates), alike, tuple(passed), _said(best, candidates[1:], alike))
+    return Choice(tuple(candidates), alike, tuple(passed), _said(candidates, alike))
+
+
+def fit_conditions(
+    model: Model, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]] | None = None
+) -> tuple[Fit, ...]:
+    """One model to each of several conditions, from several starts; those of a kind at once.
+
+    `given` has the parameters of each condition that are known; those usually fixed stay at their defaults.
+    """
+    fits: dict[int, Fit] = {}
+    for places, together in stacked(conditions):
+        fixed = fixed_of(model, [given[place] for place in places] if given is not None else [{}] * len(places))
+        found = best_fit(model, together, starts_of(model, together, _STARTS), fixed=fixed)
+        fits.update({place: found.part(at) for at, place in enumerate(places)})
+    return tuple(fits[at] for at in range(len(conditions)))
+
+
+def fixed_of(model: Model, given: Sequence[Mapping[str, float]]) -> dict[str, FloatArray]:
+    """Values of the parameters that are held, for each of some conditions."""
+    fixed: dict[str, FloatArray] = {}
+    for parameter in model.parameters:
+        symbol = parameter.symbol
+        if symbol in model.usually_fixed or any(symbol in one for one in given):
+            fixed[symbol] = np.array([one.get(symbol, parameter.default) for one in given])
+    return fixed
+
+
+def _arms(conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> list[Candidate]:
+    """Maxwell models of two arms and more, until more do not help; one arm is a Zener."""
+    found: list[Candidate] = []
+    for arms in range(2, _MOST_ARMS + 1):
+        try:
+            found.append(_candidate(GeneralisedMaxwell(arms), conditions, given))
+        except ModelError:
+            if not found:
+                raise
+            break
+        if int(np.argmin([one.bic for one in found])) < len(found) - _PATIENCE:
+            break
+    return found
 
 
 def _contains(larger: str, smaller: str) -> bool:
@@ -180,62 +284,71 @@ def _contains(larger: str, smaller: str) -> bool:
     return large in _WITHIN.get(small, set())
 
 
-def _candidate(model: Model, data: StiffnessData) -> Candidate:
-    found = fit(model, data, start_of(model, data))
-    chi2, count = float(found.chi2), found.residuals.shape[-1]
-    free = count - found.dof
-    spare = max(count - free - 1, 1)
-    return Candidate(
-        fit=found,
-        aicc=chi2 + 2 * free + 2 * free * (free + 1) / spare,
-        bic=chi2 + free * float(np.log(count)),
-        reduced=chi2 / max(found.dof, 1),
-    )
+def _candidate(model: Model, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> Candidate:
+    fits = fit_conditions(model, conditions, given)
+    aicc = bic = 0.0
+    for one in fits:
+        count = one.residuals.shape[-1]
+        free = count - one.dof
+        aicc += float(one.chi2) + 2 * free + 2 * free * (free + 1) / max(count - free - 1, 1)
+        bic += float(one.chi2) + free * float(np.log(count))
+    return Candidate(fits, aicc, bic)
 
 
-def _left_out(model: Model, data: StiffnessData, whole: Fit) -> float:
-    """What fits to four fifths of the frequencies, all five at once, say of the rest."""
-    count = data.omega.size
-    folds = min(_FOLDS, count)
-    if 2 * (count - -(-count // folds)) < len(model.parameters) + _FEWEST_LEFT:
-        return float("nan")
-    left = np.arange(count) % folds == np.arange(folds)[:, None]
-    found = fit(model, _without(data, left), whole.values)
-    off = data.stiffness - model.stiffness(found.values, data.omega)
+def _left_out(candidate: Candidate, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> float:
+    """What fits to four fifths of the frequencies say of the rest, in standard units."""
     squares: list[FloatArray] = []
-    for fold, rows in enumerate(left):
-        rest = data.part(np.flatnonzero(rows))
-        squares.append(rest.whitened(rest.whitener(), off[fold, rows, None])[:, 0] ** 2)
-    return float(np.sqrt(np.mean(np.concatenate(squares))))
+    for places, together in stacked(conditions):
+        count, size = together.count, len(places)
+        folds = min(_FOLDS, count)
+        if 2 * (count - -(-count // folds)) < len(candidate.fit.model.parameters) + _FEWEST_LEFT:
+            return float("nan")
+        left = np.arange(count) % folds == np.arange(folds)[:, None]
+        values = np.stack([candidate.fits[place].values for place in places])
+        model, start = candidate.fit.model, np.broadcast_to(values, (folds, *values.shape))
+        fixed = list(fixed_of(model, [given[place] for place in places]))
+        found = fit(model, _without(together, left), start, fixed=fixed)
+        off = together.stiffness - candidate.fit.model.stiffness(found.values, together.omega)
+        for fold, rows in enumerate(left):
+            rest = together.part(np.flatnonzero(rows))
+            squares.append(rest.whitened(rest.whitener(), off[fold][:, rows, None])[..., 0].reshape(size, -1) ** 2)
+    return float(np.sqrt(np.mean(np.concatenate([one.ravel() for one in squares]))))
 
 
 def _without(data: StiffnessData, left: BoolArray) -> StiffnessData:
-    """The data once per row of `left` (folds, N), frequencies left out made to weigh nothing."""
+    """Conditions (B, N) once per row of `left` (folds, N), frequencies left out made to weigh nothing."""
     folds, count = left.shape
     covariance = np.broadcast_to(data.covariance, (folds, *data.covariance.shape)).copy()
-    huge = (_NOTHING * np.abs(data.stiffness)) ** 2
+    huge = np.broadcast_to((_NOTHING * np.abs(data.stiffness)) ** 2, (folds, *data.stiffness.shape))
     if data.full:
-        both = np.repeat(left, 2, axis=1)
-        covariance[both[:, :, None] | both[:, None, :]] = 0.0
+        both = np.repeat(left, 2, axis=1)[:, None, :]
+        covariance = np.where(both[..., :, None] | both[..., None, :], 0.0, covariance)
         at = np.arange(2 * count)
-        covariance[:, at, at] += np.where(both, np.repeat(huge, 2), 0.0)
+        covariance[..., at, at] += np.where(both, np.repeat(huge, 2, axis=-1), 0.0)
     else:
-        covariance[left] = 0.0
-        covariance += np.where(left, huge, 0.0)[..., None, None] * np.eye(2)
-    one = np.ones(folds)
-    return StiffnessData(data.omega, data.stiffness * one[:, None], covariance, data.k1 * one, data.k1_std * one)
+        aside = left[:, None, :, None, None]
+        covariance = np.where(aside, huge[..., None, None] * np.eye(2), covariance)
+    lead = (folds, *data.stiffness.shape[:-1])
+    omega, k1, k1_std = (np.broadcast_to(one, (*lead, *one.shape[1:])) for one in (data.omega, data.k1, data.k1_std))
+    return StiffnessData(omega, np.broadcast_to(data.stiffness, (*lead, count)), covariance, k1, k1_std)
 
 
-def _said(best: Candidate, others: Sequence[Candidate], alike: tuple[str, ...]) -> str:
-    free = best.fit.residuals.shape[-1] - best.fit.dof
-    said = (
-        f"{best.name}: {free} parameters, chi-square {float(best.fit.chi2):.3g} for {best.fit.dof} degrees of freedom"
+def _said(candidates: Sequence[Candidate], alike: tuple[str, ...]) -> str:
+    best = candidates[0]
+    free = (
+        f"{best.free} parameters" if len(best.fits) == 1 else f"{best.free} parameters in {len(best.fits)} conditions"
     )
-    if float(best.fit.chance) < 1e-3:
+    said = f"{best.name}: {free}, chi-square {best.chi2:.3g} for {best.dof} degrees of freedom"
+    if best.chance < _CHANCE:
         said += "; it does not fit: more is in the data than noise, and no model tried explains it"
     if alike:
-        return f"{said}. The data cannot tell it from {', '.join(alike)}"
-    rivals = [one for one in others if not _contains(one.name, best.name)]
-    if rivals:
-        said += f". The next, {rivals[0].name}, is worse by {rivals[0].bic - best.bic:.3g} in BIC"
+        said = f"{said}. The data cannot tell it from {', '.join(alike)}"
+    else:
+        rivals = [one for one in candidates[1:] if not _contains(one.name, best.name)]
+        if rivals:
+            said += f". The next, {rivals[0].name}, is worse by {rivals[0].bic - best.bic:.3g} in BIC"
+    if not best.fit.model.causal:
+        causal = next((one for one in candidates if one.fit.model.causal), None)
+        said += ". It is not causal and cannot be stepped in time"
+        said += f": for a simulation take {causal.name}" if causal is not None else ""
     return said

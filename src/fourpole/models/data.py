@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
 
-__all__ = ["SPACES", "StiffnessData"]
+__all__ = ["SPACES", "StiffnessData", "stacked"]
 
 #: What may be compared: K* itself, or what follows from it.
 SPACES = ("stiffness", "compliance", "mobility")
@@ -20,12 +21,12 @@ _FLOOR = 1e-7
 
 @dataclass(frozen=True)
 class StiffnessData:
-    """K* of one or many conditions at the same frequencies.
+    """K* of one or many conditions at as many frequencies.
 
     Parameters
     ----------
-    omega : (N,) float array [rad/s]
-        > 0.
+    omega : (N,) or (..., N) float array [rad/s]
+        > 0; the same for all conditions, or those of each.
     stiffness : (..., N) complex array [N/m]
     covariance : (..., N, 2, 2) or (..., 2N, 2N) float array [N²/m²]
         Of Re and Im, of each frequency by itself, or of all together, Re and Im of each in turn.
@@ -53,10 +54,23 @@ class StiffnessData:
         std: ArrayLike | None = None,
         *,
         covariance: ArrayLike | None = None,
+        shared: ArrayLike | None = None,
         k1: ArrayLike = np.nan,
         k1_std: ArrayLike = np.nan,
     ) -> StiffnessData:
-        """Data from arrays; `std` [N/m] is that of Re and Im alike, and broadcasts with K*.
+        """Data from arrays.
+
+        Parameters
+        ----------
+        omega, stiffness, k1, k1_std
+            As the attributes.
+        std : float array [N/m]
+            Of Re and Im alike; broadcasts with K*.
+        covariance : float array [N²/m²]
+            In place of `std`.
+        shared : (..., 2N, p) float array [N/m], optional
+            What p common errors, of one standard uncertainty each, do to Re and Im of each frequency in turn: gains
+            of sensors, say. Their covariance is added.
 
         Raises
         ------
@@ -64,8 +78,8 @@ class StiffnessData:
             If shapes do not fit, a number is missing, or the covariance is no covariance.
         """
         w, k = np.atleast_1d(np.asarray(omega, dtype=float)), np.asarray(stiffness, dtype=complex)
-        if k.ndim == 0 or k.shape[-1] != w.size or w.ndim != 1:
-            raise ModelError(f"K* has the shape {k.shape}, {w.size} frequencies are given")
+        if k.ndim == 0 or w.shape not in (k.shape, k.shape[-1:]):
+            raise ModelError(f"K* has the shape {k.shape}, the frequencies {w.shape}")
         if not (np.all(np.isfinite(k)) and np.all(w > 0)):
             raise ModelError(
                 "K* must be known at every frequency, and frequencies must be positive: leave the rest out"
@@ -74,12 +88,19 @@ class StiffnessData:
             raise ModelError("state std or covariance of K*, one of the two")
         if covariance is None:
             spread = np.broadcast_to(np.asarray(std, dtype=float), k.shape)
-            whole = spread[..., None, None] ** 2 * np.eye(2)
+            whole: FloatArray = spread[..., None, None] ** 2 * np.eye(2)
         else:
             whole = np.asarray(covariance, dtype=float)
         _check_covariance(whole, k.shape)
+        if shared is not None:
+            whole = _with_shared(whole, np.asarray(shared, dtype=float), k.shape)
         lead = k.shape[:-1]
         return cls(w, k, whole, *(np.broadcast_to(np.asarray(x, dtype=float), lead) for x in (k1, k1_std)))
+
+    @property
+    def count(self) -> int:
+        """Number of frequencies N."""
+        return self.stiffness.shape[-1]
 
     @property
     def full(self) -> bool:
@@ -90,7 +111,7 @@ class StiffnessData:
         """W with W S W^T = 1: (..., N, 2, 2) or (..., 2N, 2N)."""
         size = np.abs(self.stiffness) * _FLOOR
         if self.full:
-            at = np.arange(2 * self.omega.size)
+            at = np.arange(2 * self.count)
             whole = self.covariance.copy()
             whole[..., at, at] += np.repeat(size, 2, axis=-1) ** 2
             return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)))
@@ -100,7 +121,7 @@ class StiffnessData:
     def whitened(self, whiten: FloatArray, values: ComplexArray) -> FloatArray:
         """Complex values (..., N, k) in standard units, (..., 2N, k), by a whitener of these data."""
         pairs = np.stack([values.real, values.imag], axis=-2)
-        flat = (*values.shape[:-2], 2 * self.omega.size, values.shape[-1])
+        flat = (*values.shape[:-2], 2 * self.count, values.shape[-1])
         if self.full:
             return np.asarray(whiten @ pairs.reshape(flat))
         return np.asarray((whiten @ pairs).reshape(flat))
@@ -112,7 +133,33 @@ class StiffnessData:
             covariance = self.covariance[..., both[:, None], both]
         else:
             covariance = self.covariance[..., rows, :, :]
-        return StiffnessData(self.omega[rows], self.stiffness[..., rows], covariance, self.k1, self.k1_std)
+        return StiffnessData(self.omega[..., rows], self.stiffness[..., rows], covariance, self.k1, self.k1_std)
+
+
+def stacked(conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], StiffnessData]]:
+    """Conditions of one kind together, as (B, N), with where each stood: as many frequencies, K1 or none, one form."""
+    kinds: dict[tuple[int, bool, bool], list[int]] = {}
+    for at, one in enumerate(conditions):
+        has_k1 = bool(np.isfinite(one.k1) and np.isfinite(one.k1_std))
+        kinds.setdefault((one.count, one.full, has_k1), []).append(at)
+    for places in kinds.values():
+        parts = [conditions[at] for at in places]
+        names = ("omega", "stiffness", "covariance", "k1", "k1_std")
+        yield places, StiffnessData(*(np.stack([getattr(one, name) for one in parts]) for name in names))
+
+
+def _with_shared(whole: FloatArray, shared: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """The covariance of all frequencies together, with that of common errors."""
+    size = 2 * shape[-1]
+    if shared.ndim < 2 or shared.shape[-2] != size:
+        raise ModelError(f"the common errors have the shape {shared.shape}, not (..., {size}, p)")
+    common = shared @ np.swapaxes(shared, -1, -2)
+    if whole.shape[-2:] == (size, size) and whole.ndim == len(shape) + 1:
+        return np.asarray(whole + common, dtype=float)
+    joined = np.broadcast_to(common, (*shape[:-1], size, size)).copy()
+    for at in range(shape[-1]):
+        joined[..., 2 * at : 2 * at + 2, 2 * at : 2 * at + 2] += whole[..., at, :, :]
+    return joined
 
 
 def _check_covariance(whole: FloatArray, shape: tuple[int, ...]) -> None:

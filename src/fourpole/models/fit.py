@@ -1,33 +1,32 @@
 r"""Fits of a model to many conditions at once: Levenberg-Marquardt over the whole batch, as array work.
 
-Parameters that are known by their order of magnitude are moved by their logarithm; the others, and bounds, by
-projection: one that stands on its bound and would leave it is held there for the step.
+Bounds are kept by projection: a parameter that stands on its bound and would leave it is held there for the step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
-from fourpole.errors import ModelError
-from fourpole.models.data import SPACES, StiffnessData
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
+from fourpole.models.problem import Problem, problem_of
 
-__all__ = ["Fit", "fit"]
+__all__ = ["Fit", "best_fit", "fit"]
 
 _STEPS = 200
 _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 1e-3, 0.2, 5.0, 1e12
 #: A step that moves no parameter by more than this share of it, or the misfit by this, ends the search.
 _SMALL_STEP, _SMALL_GAIN = 1e-10, 1e-13
-#: Logarithms beyond which a parameter has left for its bound.
-_FARTHEST = 30.0
-#: A parameter is on its bound within this share of its scale.
-_AT_BOUND = 1e-9
+#: So does a chi-square that has fallen by less than this in each of so many steps: along a flat valley.
+_IDLE_GAIN, _IDLE_STEPS = 1e-6, 4
+#: Starts whose chi-square ends within this of the best have found the same optimum.
+_SAME_OPTIMUM = 1e-3
 
 
 @dataclass(frozen=True)
@@ -51,6 +50,8 @@ class Fit:
     converged : (...,) bool array
     steps : int
         Steps of the slowest.
+    agreed : (...,) float array [1]
+        Share of the starts that came to this optimum; 1 where there was one start.
     """
 
     model: Model
@@ -62,6 +63,7 @@ class Fit:
     on_bound: BoolArray
     converged: BoolArray
     steps: int
+    agreed: FloatArray
 
     @property
     def std(self) -> FloatArray:
@@ -76,81 +78,19 @@ class Fit:
         return np.divide(self.covariance, scale, out=np.zeros_like(self.covariance), where=scale > 0)
 
     @property
+    def lead(self) -> tuple[int, ...]:
+        """The conditions (...,)."""
+        return self.values.shape[:-1]
+
+    def part(self, at: int) -> Fit:
+        """One of the conditions, of a fit to (B,)."""
+        names = ("values", "covariance", "chi2", "residuals", "on_bound", "converged", "agreed")
+        return replace(self, **{name: getattr(self, name)[at] for name in names})
+
+    @property
     def chance(self) -> FloatArray:
         """Probability of a chi-square as large as this, if the model were true (...,)."""
         return np.asarray(stats.chi2.sf(self.chi2, max(self.dof, 1)))
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Data, model and what is free, with the parameters scaled for the search."""
-
-    model: Model
-    data: StiffnessData
-    whiten: FloatArray
-    space: str
-    free: np.ndarray
-    fixed: FloatArray
-    log: BoolArray
-    scale: FloatArray
-    low: FloatArray
-    high: FloatArray
-
-    def values_of(self, place: FloatArray) -> FloatArray:
-        """All parameters (B, P) of the free ones' places (B, F)."""
-        values = np.array(self.fixed)
-        values[:, self.free] = np.where(self.log, np.exp(np.minimum(place, 700.0)), place * self.scale)
-        return values
-
-    def place_of(self, values: FloatArray) -> FloatArray:
-        """Places (B, F) of the free parameters: logarithms, or shares of their scale."""
-        chosen = values[:, self.free]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(self.log, np.log(np.maximum(chosen, 1e-300)), chosen / self.scale)
-
-    def residuals(self, place: FloatArray) -> FloatArray:
-        """Whitened data less model (B, M)."""
-        values = self.values_of(place)
-        off = self._seen(self.data.stiffness) - self._seen(self.model.stiffness(values, self.data.omega))
-        return self._with_k1(self.data.whitened(self.whiten, off[..., None])[..., 0], values)
-
-    def jacobian(self, place: FloatArray) -> FloatArray:
-        """Derivatives (B, M, F) of the model's whitened values by the places."""
-        values = self.values_of(place)
-        slope = self._slope(self.model.stiffness(values, self.data.omega))[..., None]
-        by = self.model.derivative(values, self.data.omega)[..., self.free] * slope
-        unit = np.where(self.log, values[:, self.free], self.scale)
-        rows = self.data.whitened(self.whiten, by * unit[:, None, :])
-        if not np.any(np.isfinite(self.data.k1_std)):
-            return rows
-        at_rest = self._by_static(values) * unit / self._k1_std()[:, None]
-        return np.concatenate([rows, at_rest[:, None, :]], axis=1)
-
-    def _by_static(self, values: FloatArray) -> FloatArray:
-        """Derivatives (B, F) of the static stiffness: it is linear in one parameter in every model."""
-        step = 1e-6 * np.where(values != 0, np.abs(values), 1.0)
-        moved = values[:, None, :] + np.eye(values.shape[1]) * step[:, None, :]
-        by = (self.model.static_stiffness(moved) - self.model.static_stiffness(values)[:, None]) / step
-        return np.asarray(by[:, self.free])
-
-    def _k1_std(self) -> FloatArray:
-        return np.where(np.isfinite(self.data.k1_std) & np.isfinite(self.data.k1), self.data.k1_std, np.inf)
-
-    def _with_k1(self, rows: FloatArray, values: FloatArray) -> FloatArray:
-        if not np.any(np.isfinite(self.data.k1_std)):
-            return rows
-        off = (np.nan_to_num(self.data.k1) - self.model.static_stiffness(values)) / self._k1_std()
-        return np.concatenate([rows, off[:, None]], axis=1)
-
-    def _seen(self, stiffness: ComplexArray) -> ComplexArray:
-        if self.space == "stiffness":
-            return stiffness
-        return (1.0 if self.space == "compliance" else 1j * self.data.omega) / stiffness
-
-    def _slope(self, stiffness: ComplexArray) -> ComplexArray:
-        if self.space == "stiffness":
-            return np.ones_like(stiffness)
-        return -self._seen(stiffness) / stiffness
 
 
 def fit(
@@ -158,7 +98,8 @@ def fit(
     data: StiffnessData,
     start: ArrayLike,
     *,
-    fixed: Mapping[str, float] | Sequence[str] = (),
+    fixed: Mapping[str, ArrayLike] | Sequence[str] = (),
+    tied: Mapping[str, tuple[str, float]] | None = None,
     space: str = "stiffness",
 ) -> Fit:
     """Fit a model to each condition by itself, from a start.
@@ -170,8 +111,10 @@ def fit(
         Of conditions (...,).
     start : (P,) or (..., P) float array
         Where to begin; see `starts.start_of`.
-    fixed : sequence of str, or mapping of str to float
+    fixed : sequence of str, or mapping of str to (...,) float array
         Parameters that stay as they start, or at a value.
+    tied : mapping of str to (str, float), optional
+        Parameters that are a positive multiple of a free one: {"tau_2": ("tau_1", 10.0)}.
     space : {"stiffness", "compliance", "mobility"}
         What is compared; the covariance is carried along to first order.
 
@@ -196,130 +139,87 @@ def fit(
     >>> fit(Zener(), StiffnessData.of(omega, truth, 100.0), [150e3, 100e3, 500.0]).values.round(3)
     array([180000., 120000.,    700.])
     """
-    problem, lead, begin = _problem(model, data, start, fixed, space)
-    place, damping_steps, converged = _search(problem, problem.place_of(begin))
+    problem = problem_of(model, data, start, fixed, tied or {}, space)
+    return _fit_of(problem, data.stiffness.shape[:-1], *_search(problem, problem.place_of(problem.fixed)))
+
+
+def best_fit(
+    model: Model,
+    data: StiffnessData,
+    starts: ArrayLike,
+    *,
+    fixed: Mapping[str, ArrayLike] | Sequence[str] = (),
+    tied: Mapping[str, tuple[str, float]] | None = None,
+    space: str = "stiffness",
+) -> Fit:
+    """The best of the fits from several starts (S, ..., P): a guard against local minima; see `starts.starts_of`.
+
+    Examples
+    --------
+    >>> from fourpole.models.maxwell import Zener
+    >>> omega = 2 * np.pi * np.arange(5.0, 25.0)
+    >>> data = StiffnessData.of(omega, Zener().stiffness([180e3, 120e3, 700.0], omega), 100.0)
+    >>> float(best_fit(Zener(), data, [[150e3, 100e3, 500.0], [1e5, 1e5, 1e5]]).agreed)
+    1.0
+    """
+    begins = np.asarray(starts, dtype=float)
+    lead = data.stiffness.shape[:-1]
+    problem = problem_of(model, data, begins[0], fixed, tied or {}, space)
+    fits = []
+    for begin in begins:
+        whole = np.array(problem.fixed)
+        free = np.broadcast_to(model.checked(begin), (*lead, begin.shape[-1])).reshape(whole.shape)[:, problem.free]
+        whole[:, problem.free] = free
+        one = problem.begun(whole)
+        fits.append(_fit_of(one, whole.shape[:1], *_search(one, one.place_of(one.fixed))))
+    chi2 = np.where([each.converged for each in fits], [each.chi2 for each in fits], np.inf)
+    chi2 = np.where(np.all(np.isinf(chi2), axis=0), [each.chi2 for each in fits], chi2)
+    best = np.argmin(chi2, axis=0)
+    same = chi2 <= chi2.min(axis=0) * (1 + 1e-6) + _SAME_OPTIMUM
+    names = ("values", "covariance", "chi2", "residuals", "on_bound", "converged")
+    at = np.arange(best.size)
+    chosen = {name: np.stack([getattr(each, name) for each in fits])[best, at] for name in names}
+    return replace(
+        fits[0],
+        **{name: part.reshape((*lead, *part.shape[1:])) for name, part in chosen.items()},
+        agreed=np.mean(same, axis=0).reshape(lead),
+    )
+
+
+def _fit_of(problem: Problem, lead: tuple[int, ...], place: FloatArray, steps: int, converged: BoolArray) -> Fit:
     values = problem.values_of(place)
     residuals = problem.residuals(place)
-    held = _held(problem, place)
-    covariance = _covariance(problem, place, held, values)
+    held = problem.held(place)
     on_bound = np.zeros(values.shape, dtype=bool)
     on_bound[:, problem.free] = held
     size = values.shape[-1]
     return Fit(
-        model=model,
+        model=problem.model,
         values=values.reshape(*lead, size),
-        covariance=covariance.reshape(*lead, size, size),
+        covariance=_covariance(problem, place, held, values).reshape(*lead, size, size),
         chi2=np.sum(residuals**2, axis=1).reshape(lead),
         dof=residuals.shape[1] - problem.free.size,
         residuals=residuals.reshape(*lead, -1),
         on_bound=on_bound.reshape(*lead, size),
         converged=converged.reshape(lead),
-        steps=damping_steps,
+        steps=steps,
+        agreed=np.ones(lead),
     )
-
-
-def _problem(
-    model: Model, data: StiffnessData, start: ArrayLike, fixed: Mapping[str, float] | Sequence[str], space: str
-) -> tuple[Problem, tuple[int, ...], FloatArray]:
-    if space not in SPACES:
-        raise ModelError(f"no space {space!r}: choose one of {', '.join(SPACES)}")
-    symbols = [parameter.symbol for parameter in model.parameters]
-    for name in fixed:
-        if name not in symbols:
-            raise ModelError(f"the {model.name} model has no parameter {name!r}: it has {', '.join(symbols)}")
-    lead = data.stiffness.shape[:-1]
-    flat = _flat(data)
-    begin = np.array(np.broadcast_to(model.checked(start), (*lead, len(symbols))).reshape(-1, len(symbols)))
-    if isinstance(fixed, Mapping):
-        for name, value in fixed.items():
-            begin[:, symbols.index(name)] = value
-    free = np.array([at for at, symbol in enumerate(symbols) if symbol not in fixed], dtype=int)
-    known = 2 * data.omega.size + int(np.any(np.isfinite(data.k1_std)))
-    if free.size == 0 or known < free.size:
-        raise ModelError(
-            f"{data.omega.size} frequencies give {known} numbers, too few for {free.size} free parameters of the "
-            f"{model.name} model: fix some, take a smaller model, or measure at more frequencies"
-        )
-    chosen = [model.parameters[at] for at in free]
-    problem = Problem(
-        model=model,
-        data=flat,
-        whiten=_in_space(flat, space),
-        space=space,
-        free=free,
-        fixed=begin,
-        log=np.array([one.log for one in chosen]),
-        scale=np.where(
-            begin[:, free] != 0, np.abs(begin[:, free]), np.array([abs(one.default) or 1.0 for one in chosen])
-        ),
-        low=np.array([one.low for one in chosen]),
-        high=np.array([one.high for one in chosen]),
-    )
-    return problem, lead, begin
-
-
-def _flat(data: StiffnessData) -> StiffnessData:
-    """The same conditions along one axis."""
-    count = data.omega.size
-    tail = data.covariance.shape[-2:] if data.full else (count, 2, 2)
-    return StiffnessData(
-        data.omega,
-        data.stiffness.reshape(-1, count),
-        np.broadcast_to(data.covariance, (*data.stiffness.shape[:-1], *tail)).reshape(-1, *tail),
-        data.k1.reshape(-1),
-        data.k1_std.reshape(-1),
-    )
-
-
-def _in_space(data: StiffnessData, space: str) -> FloatArray:
-    """The whitener of what is compared."""
-    whiten = data.whitener()
-    if space == "stiffness":
-        return whiten
-    over = 1.0 if space == "compliance" else 1j * data.omega
-    back = -(data.stiffness**2) / over  # dK*/dq
-    turn = np.stack([np.stack([back.real, -back.imag], -1), np.stack([back.imag, back.real], -1)], -2)
-    if not data.full:
-        return np.asarray(whiten @ turn)
-    count = data.omega.size
-    wide = np.zeros(whiten.shape)
-    for at in range(count):
-        wide[:, 2 * at : 2 * at + 2, 2 * at : 2 * at + 2] = turn[:, at]
-    return np.asarray(whiten @ wide)
-
-
-def _clipped(problem: Problem, place: FloatArray) -> FloatArray:
-    """Places within the bounds."""
-    with np.errstate(divide="ignore"):
-        low = np.where(problem.log, np.log(np.maximum(problem.low, 1e-300)), problem.low / problem.scale)
-        high = np.where(problem.log, np.log(problem.high), problem.high / problem.scale)
-    begun = problem.place_of(problem.fixed)
-    low = np.where(problem.log, np.maximum(low, begun - _FARTHEST), low)
-    high = np.where(problem.log, np.minimum(high, begun + _FARTHEST), high)
-    return np.clip(place, low, high)
-
-
-def _held(problem: Problem, place: FloatArray) -> BoolArray:
-    """Which of the free parameters (B, F) stand on a bound, or have left for one that their logarithm never reaches."""
-    values = problem.values_of(place)[:, problem.free]
-    low = values - problem.low <= _AT_BOUND * problem.scale
-    high = problem.high - values <= _AT_BOUND * problem.scale
-    begun = problem.place_of(problem.fixed)
-    return np.asarray(low | high | (problem.log & (np.abs(place - begun) >= _FARTHEST)))
 
 
 def _search(problem: Problem, place: FloatArray) -> tuple[FloatArray, int, BoolArray]:
     """Levenberg-Marquardt from places (B, F); where it ended, how many steps, which converged."""
-    place = _clipped(problem, place)
+    place = problem.clipped(place)
     residuals = problem.residuals(place)
     chi2 = np.sum(residuals**2, axis=1)
     damping = np.full(len(place), _DAMPING)
     done = np.zeros(len(place), dtype=bool)
+    idle = np.zeros(len(place), dtype=int)
     steps = 0
     for _ in range(_STEPS):
         steps += 1
         step = _step(problem, place, residuals, damping)
-        tried = _clipped(problem, place + step)
+        tried = problem.clipped(place + step)
         found = problem.residuals(tried)
         after = np.sum(found**2, axis=1)
         better = np.isfinite(after) & (after <= chi2) & ~done
@@ -328,6 +228,8 @@ def _search(problem: Problem, place: FloatArray) -> tuple[FloatArray, int, BoolA
         place = np.where(better[:, None], tried, place)
         residuals = np.where(better[:, None], found, residuals)
         small = better & ((moved < _SMALL_STEP) | (gain <= _SMALL_GAIN * np.maximum(chi2, 1e-30)))
+        idle = np.where(better, np.where(gain < _IDLE_GAIN, idle + 1, 0), idle)
+        small |= idle >= _IDLE_STEPS
         chi2 = np.where(better, after, chi2)
         damping = np.where(better, damping * _LOWER, damping * _RAISE)
         done |= small | (damping > _MOST_DAMPING) | (moved < 1e-14)
@@ -341,8 +243,8 @@ def _step(problem: Problem, place: FloatArray, residuals: FloatArray, damping: F
     slopes = problem.jacobian(place)
     normal = np.swapaxes(slopes, 1, 2) @ slopes
     right = (np.swapaxes(slopes, 1, 2) @ residuals[..., None])[..., 0]
-    outward = (place <= _clipped(problem, place - 1.0)) & (right < 0)
-    outward |= (place >= _clipped(problem, place + 1.0)) & (right > 0)
+    outward = (place <= problem.clipped(place - 1.0)) & (right < 0)
+    outward |= (place >= problem.clipped(place + 1.0)) & (right > 0)
     at = np.arange(place.shape[1])
     size = np.maximum(normal[:, at, at], 1e-300)
     normal = np.where(outward[:, :, None] | outward[:, None, :], 0.0, normal)
@@ -360,7 +262,6 @@ def _covariance(problem: Problem, place: FloatArray, held: BoolArray, values: Fl
     at = np.arange(place.shape[1])
     scale = 1.0 / np.sqrt(np.where(normal[:, at, at] > 0, normal[:, at, at], 1.0))
     inverse = np.linalg.pinv(normal * scale[:, :, None] * scale[:, None, :], rcond=1e-13, hermitian=True)
-    unit = np.where(problem.log, values[:, problem.free], problem.scale) * scale
-    whole = np.zeros((*values.shape, values.shape[-1]))
-    whole[:, problem.free[:, None], problem.free] = inverse * unit[:, :, None] * unit[:, None, :]
-    return whole
+    unit = problem.unit_of(values) * scale
+    free = inverse * unit[:, :, None] * unit[:, None, :]
+    return np.asarray(problem.spread @ free @ problem.spread.T)

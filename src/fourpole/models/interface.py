@@ -85,17 +85,20 @@ class Model(ABC):
         As in `--model`.
     parameters : tuple of Parameter
         In the order of every array of values.
+    usually_fixed : tuple of str
+        Parameters that K* over frequency does not tell, and a choice of models holds at what is known of them.
     causal : bool
         Whether its force never comes before its deflection, so that it can be stepped in time.
     """
 
     name: str
     parameters: tuple[Parameter, ...]
+    usually_fixed: tuple[str, ...] = ()
     causal: bool = True
 
     @abstractmethod
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """K* [N/m], (..., N), of parameters (..., P) at angular frequencies (N,) [rad/s], > 0."""
+        """K* [N/m], (..., N), of parameters (..., P) at angular frequencies (N,) or (..., N) [rad/s], > 0."""
 
     @abstractmethod
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
@@ -104,6 +107,13 @@ class Model(ABC):
     @abstractmethod
     def static_stiffness(self, values: ArrayLike) -> FloatArray:
         """K* at rest (...,) [N/m]."""
+
+    def static_derivative(self, values: ArrayLike) -> FloatArray:
+        """Derivatives (..., P) of the static stiffness by each parameter; it is the first one, unless a model says."""
+        array = self.checked(values)
+        found = np.zeros(array.shape)
+        found[..., 0] = 1.0
+        return found
 
     def state_space(self, values: ArrayLike) -> StateSpace:
         """The model in time, of one set of parameters (P,); ModelError where it has no finite causal form."""
@@ -142,7 +152,7 @@ def columns(values: FloatArray) -> list[FloatArray]:
 
 
 def positive(omega: ArrayLike) -> FloatArray:
-    """Angular frequencies as an array (N,); ModelError where one is not positive."""
+    """Angular frequencies as an array (..., N); ModelError where one is not positive."""
     array = np.atleast_1d(np.asarray(omega, dtype=float))
     if not np.all(array > 0):
         raise ModelError("the angular frequency must be positive everywhere [rad/s]")

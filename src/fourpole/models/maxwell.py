@@ -112,7 +112,7 @@ class GeneralisedMaxwell(Model):
         """K_inf (..., 1); K_i and tau_i (..., 1, n); 1/(1 + jw tau) (..., N, n)."""
         checked = self.checked(values)
         springs, times = checked[..., None, 1 : 1 + self.arms], checked[..., None, 1 + self.arms :]
-        relaxed = 1.0 / (1.0 + 1j * positive(omega)[:, None] * times)
+        relaxed = 1.0 / (1.0 + 1j * positive(omega)[..., None] * times)
         return checked[..., 0, None], springs, times, relaxed
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
@@ -124,7 +124,7 @@ class GeneralisedMaxwell(Model):
         """By K_inf, all K_i, all tau_i."""
         _, springs, _, relaxed = self._parts(values, omega)
         one = np.ones_like(relaxed[..., :1])
-        by_time = springs * 1j * positive(omega)[:, None] * relaxed**2
+        by_time = springs * 1j * positive(omega)[..., None] * relaxed**2
         return np.concatenate([one, 1 - relaxed, by_time], axis=-1)
 
     def static_stiffness(self, values: ArrayLike) -> FloatArray:

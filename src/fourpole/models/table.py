@@ -11,8 +11,10 @@ from fourpole.core.tyre import zener_stiffness
 from fourpole.errors import ModelError
 from fourpole.models.interface import Model, Parameter, columns, positive
 
-__all__ = ["Gehman"]
+__all__ = ["Gehman", "GehmanLaw"]
 
+#: Where the laws have the values of K2 and C by name [rad/s]; bounds of order and exponents.
+_REFERENCE, _MOST_ORDER, _STEEPEST = 20.0 * np.pi, 4, 50.0
 _EDGE = 1e-9
 
 
@@ -84,6 +86,80 @@ class Gehman(Model):
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """By K1."""
         return np.ones_like(self.stiffness(values, omega))[..., None]
+
+    def static_stiffness(self, values: ArrayLike) -> FloatArray:
+        """K1."""
+        return np.asarray(self.checked(values)[..., 0])
+
+
+class GehmanLaw(Model):
+    r"""K1 with an arm whose K2 and C are smooth laws of the frequency, to be fitted.
+
+    .. math::
+
+        K_2 = K_{2,10} \exp(n_1 L + n_2 L^2 + \dots), \quad C = C_{10} \exp(r_1 L + r_2 L^2 + \dots), \quad
+        L = \ln(f / 10\,Hz)
+
+    It describes K2(f) and C(f) in a band; no tyre relaxes so, and it is not causal.
+
+    Parameters
+    ----------
+    order : int
+        Of both polynomials, from 1 to 4.
+
+    References
+    ----------
+    S. D. Gehman, "Dynamic properties of elastomers", Rubber Chem. Technol. 30, 1957: K2 and C that depend on frequency.
+
+    Examples
+    --------
+    >>> GehmanLaw(1).stiffness([180e3, 120e3, 700.0, 0.0, 0.0], [20 * np.pi]).round(2)
+    array([194211.27+38773.6j])
+    """
+
+    causal = False
+
+    def __init__(self, order: int) -> None:
+        if not 1 <= order <= _MOST_ORDER:
+            raise ModelError(f"a Gehman law has an order from 1 to {_MOST_ORDER}, not {order}")
+        self.order = order
+        self.name = f"gehman:{order}"
+        exponents = [
+            Parameter(f"{letter}_{i}", "1", -_STEEPEST, _STEEPEST, 0.0, f"exponent {i} of {of} over ln(f/10 Hz)")
+            for letter, of in (("n", "K2"), ("r", "C"))
+            for i in range(1, order + 1)
+        ]
+        self.parameters = (
+            Parameter("K1", "N/m", 0.0, np.inf, 180e3, "static stiffness", log=True),
+            Parameter("K2", "N/m", 0.0, np.inf, 120e3, "spring of the arm at 10 Hz", log=True),
+            Parameter("C", "N s/m", 0.0, np.inf, 700.0, "damper of the arm at 10 Hz", log=True),
+            *exponents,
+        )
+
+    def _parts(self, values: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray, ComplexArray, FloatArray]:
+        """K1, K2 (..., N), jwC (..., N), and powers of the logarithm (..., N, order)."""
+        checked = self.checked(values)
+        w = positive(omega)
+        powers = np.log(w / _REFERENCE)[..., None] ** np.arange(1, self.order + 1)
+        springs, dampers = checked[..., None, 3 : 3 + self.order], checked[..., None, 3 + self.order :]
+        k2 = checked[..., 1, None] * np.exp(np.sum(springs * powers, axis=-1))
+        damper = 1j * w * checked[..., 2, None] * np.exp(np.sum(dampers * powers, axis=-1))
+        return checked[..., 0, None], k2, damper, powers
+
+    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """K* [N/m]."""
+        k1, k2, damper, _ = self._parts(values, omega)
+        return np.asarray(k1 + k2 * damper / (k2 + damper))
+
+    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """By K1, K2, C, the exponents of K2 and those of C."""
+        checked = self.checked(values)
+        _, k2, damper, powers = self._parts(checked, omega)
+        share = damper / (k2 + damper)
+        by_log_k2, by_log_c = k2 * share**2, damper * (1 - share) ** 2
+        firsts = [np.ones_like(share), by_log_k2 / checked[..., 1, None], by_log_c / checked[..., 2, None]]
+        rest = [by_log_k2[..., None] * powers, by_log_c[..., None] * powers]
+        return np.concatenate([np.stack(firsts, axis=-1), *rest], axis=-1)
 
     def static_stiffness(self, values: ArrayLike) -> FloatArray:
         """K1."""

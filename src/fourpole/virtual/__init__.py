@@ -1,7 +1,7 @@
 """Both rigs of the 1982 paper in software, to test an analysis against a known truth.
 
-Nothing here shares a formula with the core: the tyre is a set of differential equations, marched in time or solved
-at one frequency.
+Nothing here shares a formula with the core: the tyre is a set of differential equations, its own or those of a causal
+model, marched in time or solved at one frequency.
 """
 
 from fourpole.virtual.cam import Cam
@@ -17,7 +17,7 @@ from fourpole.virtual.phasor_rig import (
 from fourpole.virtual.sensors import Sensor, sample
 from fourpole.virtual.simulate import SimulatedCampaign, simulate_campaign
 from fourpole.virtual.static_rig import StaticCycles, load_cycles
-from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, VirtualTyre
+from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, ModelTyre, VirtualTyre
 
 __all__ = [
     "CROSS_PLY",
@@ -27,6 +27,7 @@ __all__ = [
     "Conditions",
     "DrawnLaboratory",
     "Laboratory",
+    "ModelTyre",
     "Motion",
     "PhasorCampaign",
     "Sensor",

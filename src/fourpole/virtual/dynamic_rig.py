@@ -8,6 +8,7 @@ from math import ceil, inf, isfinite, isinf
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.models.interface import StateSpace
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.march import held_force, recur, respond
 
@@ -17,6 +18,8 @@ FloatArray = NDArray[np.float64]
 
 #: A transient has gone when it has fallen by this many e-foldings: e^-37 is below round-off.
 _SETTLED = 37.0
+#: States times steps that a run-up may take: 160 MB.
+_LONGEST = 2e7
 #: A frame that follows its spring faster than this [rad/s] follows at once.
 _AT_ONCE = 1e9
 #: The sign of the friction is smoothed over this share of the amplitude of v2 without friction.
@@ -37,6 +40,24 @@ class Zener:
     k1: float
     k2: float
     c: float
+
+    def state_space(self) -> StateSpace:
+        r"""The element as a set of equations: its state q [N] is the force in the arm K2-C.
+
+        .. math:: \dot q = K_2 v - (K_2/C)\,q, \qquad F = K_1 x + q
+
+        What stretches the spring is what the damper has not yet given way to.
+
+        Raises
+        ------
+        ValueError
+            If a constant is not positive.
+        """
+        if not min(self.k1, self.k2, self.c) > 0.0:
+            raise ValueError("K1, K2 and C must be > 0")
+        return StateSpace(
+            np.array([[-self.k2 / self.c]]), np.array([[0.0, self.k2]]), np.ones(1), np.array([self.k1, 0.0])
+        )
 
 
 @dataclass(frozen=True)
@@ -113,21 +134,22 @@ class Motion:
     force: FloatArray
 
 
-def state_matrices(tyre: Zener, bench: Bench) -> tuple[FloatArray, FloatArray]:
-    r"""Matrices A, B of the equations of motion z' = A z + B u with z = (x2, v2, q) and u = (x1, v1).
+def state_matrices(tyre: Zener | StateSpace, bench: Bench) -> tuple[FloatArray, FloatArray]:
+    r"""Matrices A, B of the equations of motion y' = A y + B u with y = (x2, v2, z) and u = (x1, v1).
+
+    The tyre has states z and a force F that follow from its deflection and the rate of it:
 
     .. math::
 
-        m\,\dot v_2 &= K_1 (x_1 - x_2) + q - K_3 x_2 - c_3 v_2 \\
-        \dot q &= K_2 (v_1 - v_2) - (K_2/C)\,q
+        \dot z &= A_t z + B_t \begin{bmatrix} x_1 - x_2 \\ v_1 - v_2 \end{bmatrix}, \qquad
+        F = C_t z + D_t \begin{bmatrix} x_1 - x_2 \\ v_1 - v_2 \end{bmatrix} \\
+        m\,\dot v_2 &= F - K_3 x_2 - c_3 v_2
 
-    q [N] is the force in the arm K2-C: what stretches the spring is what the damper has not yet given way to.
-
-    On a frame that gives way, its motion x3 is the fourth state; the force on the mass then is that of the frame:
+    On a frame that gives way, its motion x3 is the last state; the force on the mass then is that of the frame:
 
     .. math::
 
-        m\,\dot v_2 &= K_1 (x_1 - x_2) + q - K_f x_3 \\
+        m\,\dot v_2 &= F - K_f x_3 \\
         c_3\,\dot x_3 &= c_3 v_2 + K_3 (x_2 - x_3) - K_f x_3
 
     Friction is no part of these; a loss factor must have been turned into a damper by `Bench.damped_at`.
@@ -135,7 +157,7 @@ def state_matrices(tyre: Zener, bench: Bench) -> tuple[FloatArray, FloatArray]:
     Raises
     ------
     ValueError
-        If the bench has a loss factor.
+        If the bench has a loss factor, or a constant of the element is not positive.
 
     Examples
     --------
@@ -145,22 +167,28 @@ def state_matrices(tyre: Zener, bench: Bench) -> tuple[FloatArray, FloatArray]:
     """
     if bench.preload_loss_factor:
         raise ValueError("a loss factor has no equation of motion: turn it into a damper by Bench.damped_at")
+    tyre = _equations(tyre)
     m = bench.mass + bench.tyre_mass
     k3, c3, frame = _leaf(bench)
-    a = np.array(
-        [
-            [0.0, 1.0, 0.0],
-            [-(tyre.k1 + k3) / m, -c3 / m, 1.0 / m],
-            [0.0, -tyre.k2, -tyre.k2 / tyre.c],
-        ]
-    )
-    b = np.array([[0.0, 0.0], [tyre.k1 / m, 0.0], [0.0, tyre.k2]])
+    size = 2 + tyre.a.shape[0]
+    a = np.zeros((size, size))
+    a[0, 1] = 1.0
+    a[1, :2] = -(tyre.d + np.array([k3, c3])) / m
+    a[1, 2:] = tyre.c / m
+    a[2:, :2] = -tyre.b
+    a[2:, 2:] = tyre.a
+    b = np.vstack([np.zeros(2), tyre.d / m, tyre.b])
     if isfinite(frame):
         a = np.pad(a, (0, 1))
-        a[1] = [-tyre.k1 / m, 0.0, 1.0 / m, -frame / m]
-        a[3] = [k3 / c3, 1.0, 0.0, -(k3 + frame) / c3]
+        a[1, :2] = -tyre.d / m
+        a[1, -1] = -frame / m
+        a[-1, [0, 1, -1]] = k3 / c3, 1.0, -(k3 + frame) / c3
         b = np.pad(b, ((0, 1), (0, 0)))
-    return a, b
+    return a + 0.0, b  # no zero is negative
+
+
+def _equations(tyre: Zener | StateSpace) -> StateSpace:
+    return tyre if isinstance(tyre, StateSpace) else tyre.state_space()
 
 
 def _leaf(bench: Bench) -> tuple[float, float, float]:
@@ -178,7 +206,7 @@ def _leaf(bench: Bench) -> tuple[float, float, float]:
 
 def run(
     cam: Cam,
-    tyre: Zener,
+    tyre: Zener | StateSpace,
     bench: Bench,
     *,
     duration: float,
@@ -191,12 +219,14 @@ def run(
     Between the points of the fine time base the prescribed motion is held as the cubic that has its values
     and its velocities at both ends; the equations of motion are then solved exactly, by a matrix exponential.
     What remains is the error of that cubic, at most (omega h)^4/384 of the motion: 2e-9 at 24 Hz in steps of
-    0.2 ms.
+    0.2 ms. Where a model has masses of its own that follow within a step, their share of the force is off by
+    (omega h)^2/12, as the cubic's acceleration is at its ends.
 
     Parameters
     ----------
     cam : Cam
-    tyre : Zener
+    tyre : Zener or StateSpace
+        The element of one frequency, or any model as it is in time: `fourpole.models.chain.in_time`.
     bench : Bench
     duration, sample_rate : float [s], [Hz]
         Of the record that is wanted.
@@ -213,7 +243,7 @@ def run(
     Raises
     ------
     ValueError
-        If a constant is out of its range, so that no settled motion exists.
+        If a constant is out of its range, or tyre and rig lose so little energy that no settled motion is found.
 
     Notes
     -----
@@ -234,8 +264,7 @@ def run(
     1.435
     """
     _check_times(cam, duration, sample_rate, oversampling, guard)
-    if not min(tyre.k1, tyre.k2, tyre.c) > 0.0:
-        raise ValueError("K1, K2 and C must be > 0")
+    tyre = _equations(tyre)
     bench.check()
     bench = bench.damped_at(cam.frequency)
     a, b = state_matrices(tyre, bench)
@@ -250,10 +279,13 @@ def run(
     x1, v1 = cam.motion(time)
     kept = slice(run_up, None)
     if bench.leaf_friction:
-        x2, v2, arm = _rubbed(_with_damper(a, damper, bench), b, bench, width, np.stack([x1, v1]), step)[:3, kept]
+        states = _rubbed(_with_damper(a, damper, bench), b, bench, width, np.stack([x1, v1]), step)[:, kept]
     else:
-        x2, v2, arm = respond(a, b, x1, v1, step, kept)[:3]
-    force = tyre.k1 * (x1[kept] - x2) + arm
+        states = respond(a, b, x1, v1, step, kept)
+    x2, v2 = states[:2]
+    inner = states[2 : 2 + tyre.a.shape[0]]
+    # einsum, not matmul, for the reason that `march.recur` has
+    force = tyre.d[0] * (x1[kept] - x2) + np.einsum("i,ij->j", tyre.c, inner) + tyre.d[1] * (v1[kept] - v2)
     if bench.input_mass:
         force += bench.input_mass * cam.acceleration(time[kept])
     return Motion(time[kept], x1[kept], v1[kept], x2, v2, force)
@@ -324,10 +356,16 @@ def _check_times(cam: Cam, duration: float, sample_rate: float, oversampling: in
 
 def _run_up(a: FloatArray, step: float) -> int:
     """Steps until the slowest transient has gone."""
-    return ceil(_SETTLED / -float(np.linalg.eigvals(a).real.max()) / step)
+    decay = -float(np.linalg.eigvals(a).real.max())
+    if not decay * step * _LONGEST > _SETTLED * a.shape[0]:
+        raise ValueError(
+            f"no settled motion: the slowest transient of tyre and rig must fall faster than by {decay:.3g} a second; "
+            "give the tyre or the preload spring a damper, or leave out long relaxation times"
+        )
+    return ceil(_SETTLED / decay / step)
 
 
-def amplification(tyre: Zener, bench: Bench, frequency: float) -> float:
+def amplification(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> float:
     """|V2/V1| [1]: the equations of motion solved for one `frequency` [Hz] and a unit motion of the contact.
 
     Examples

@@ -15,7 +15,7 @@ from fourpole.errors import FileError
 from fourpole.virtual.plan import Test
 from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
 from fourpole.virtual.truth import MORE_COLUMNS, TRUTH_COLUMNS, Statement
-from fourpole.virtual.tyres import VirtualTyre
+from fourpole.virtual.tyres import Tyre
 
 __all__ = ["finish", "prepare", "write_recording"]
 
@@ -120,7 +120,7 @@ def finish(
     _replace(folder / "tests.csv", table.write_csv())
 
 
-def _campaign_toml(tyres: dict[str, VirtualTyre], statement: Statement, seed: int) -> str:
+def _campaign_toml(tyres: dict[str, Tyre], statement: Statement, seed: int) -> str:
     clean = statement.clean
     gain, phase = 100.0 * statement.std_gain, float(np.rad2deg(statement.std_phase))
     noisy = _NOISY_CHANNELS.format(

@@ -156,6 +156,8 @@ class Conditions:
         A rigid block in place of the tyre, so that V1 = V2.
     has_motion_out : (N,) bool array
         Whether V2 was measured.
+    stiffness : (N,) complex array [N/m], optional
+        K* of the tyre in place of K1, K2 and C: of any model, causal or not; not zero. K2 and C then are unknown.
 
     Examples
     --------
@@ -171,6 +173,7 @@ class Conditions:
     eccentricity: ArrayLike = 1e-3
     calibration: ArrayLike = False
     has_motion_out: ArrayLike = True
+    stiffness: ArrayLike | None = None
 
     def spread(self) -> _Tests:
         """Every value for every test.
@@ -181,13 +184,20 @@ class Conditions:
             If the shapes do not agree, or a value is out of its range.
         """
         calibration, has_motion_out = (np.asarray(flag, dtype=bool) for flag in (self.calibration, self.has_motion_out))
-        tyre = [np.where(calibration, 1.0, np.asarray(value, dtype=float)) for value in (self.k1, self.k2, self.c)]
+        parts = [np.asarray(value, dtype=float) for value in (self.k1, self.k2, self.c)]
+        if self.stiffness is not None:  # all of it is the spring, beside an arm whose damper holds nothing
+            parts = [np.asarray(self.stiffness, dtype=complex), np.ones(()), np.zeros(())]
+        tyre = [np.where(calibration, 1.0, part) for part in parts]
         others = (np.asarray(value, dtype=float) for value in (self.added_mass, self.eccentricity))
         frequency = np.atleast_1d(np.asarray(self.frequency, dtype=float))
         tests = _Tests(*np.broadcast_arrays(frequency, *tyre, *others, calibration, has_motion_out))
         if tests.frequency.ndim != 1:
             raise ValueError(f"conditions have shape {tests.frequency.shape}: one value per test is wanted")
-        positive = (tests.frequency, tests.eccentricity, tests.k1, tests.k2, tests.c)
+        positive = [tests.frequency, tests.eccentricity]
+        if self.stiffness is None:
+            positive += [tests.k1.real, tests.k2, tests.c]
+        elif not np.all(np.isfinite(tests.k1) & (tests.k1 != 0)):
+            raise ValueError("the stiffness must be finite and not zero: a model answers within its band only")
         if not (min(values.min() for values in positive) > 0.0 <= tests.added_mass.min()):
             raise ValueError("frequency, eccentricity, K1, K2 and C must be > 0, added_mass >= 0")
         return tests
@@ -195,10 +205,10 @@ class Conditions:
 
 @dataclass(frozen=True)
 class _Tests:
-    """The conditions, each an array of N."""
+    """The conditions, each an array of N; K1 is complex where it is all of K*."""
 
     frequency: FloatArray
-    k1: FloatArray
+    k1: FloatArray | ComplexArray
     k2: FloatArray
     c: FloatArray
     added_mass: FloatArray
@@ -223,6 +233,7 @@ class PhasorCampaign:
     stiffness : (N,) complex array [N/m]
         K* of the tyre; not-a-number in a calibration, as are K2 and C.
     k2, c : (N,) float arrays [N/m], [N s/m]
+        Not-a-number where the conditions state K* itself.
     transmissibility : (N,) float array [1]
         TR = |V2/V1|.
     truth : DrawnLaboratory
@@ -341,12 +352,13 @@ def simulate_phasors(
     covariance = np.zeros((count, 6, 6))
     covariance[:, range(6), range(6)] = np.repeat(std, 2, axis=1) ** 2
     tyre = np.where(tests.calibration, np.nan, 1.0)
+    arm = tyre if conditions.stiffness is None else np.nan
     return PhasorCampaign(
         phasors=Phasors(tests.frequency, measured, covariance, np.zeros(count), np.full(count, inf)),
         true_amplitudes=true,
         stiffness=tyre * _stiffness(tests),
-        k2=tyre * tests.k2,
-        c=tyre * tests.c,
+        k2=arm * tests.k2,
+        c=arm * tests.c,
         transmissibility=np.abs(true[:, 2] / true[:, 1]),
         truth=truth,
     )

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from math import isclose, nan
 from typing import Literal
 
+from fourpole.models.interface import StateSpace
 from fourpole.virtual.dynamic_rig import Zener
-from fourpole.virtual.tyres import VirtualTyre
+from fourpole.virtual.tyres import Tyre
 
 __all__ = ["FREQUENCIES", "PRELOADS", "PRESSURES", "Test", "element", "plan_tests"]
 
@@ -25,14 +26,14 @@ class Test:
 
     name: str
     kind: Literal["static", "dynamic", "calibration"]
-    tyre: VirtualTyre | None = None
+    tyre: Tyre | None = None
     pressure: float = nan
     preload: float = nan
     frequency: float = nan
     added_mass: float = 0.0
 
     @property
-    def mounted(self) -> VirtualTyre:
+    def mounted(self) -> Tyre:
         """The tyre, which must be there."""
         if self.tyre is None:
             raise ValueError(f"test {self.name} is a calibration: a rigid block stands in the place of the tyre")
@@ -40,7 +41,7 @@ class Test:
 
 
 def plan_tests(
-    tyres: Sequence[VirtualTyre],
+    tyres: Sequence[Tyre],
     pressures: Sequence[float],
     preloads: Sequence[float],
     frequencies: Sequence[float],
@@ -87,12 +88,11 @@ def plan_tests(
     ]
 
 
-def _is_at(condition: tuple[VirtualTyre, float, float], wanted: tuple[str, float, float]) -> bool:
+def _is_at(condition: tuple[Tyre, float, float], wanted: tuple[str, float, float]) -> bool:
     tyre, *numbers = condition
     return tyre.name == wanted[0] and all(isclose(a, b) for a, b in zip(numbers, wanted[1:], strict=True))
 
 
-def element(test: Test, frequency: float) -> Zener:
+def element(test: Test, frequency: float) -> Zener | StateSpace:
     """The tyre of a dynamic test, with constants taken at the `frequency` [Hz] of the cam."""
-    tyre, at = test.mounted, (test.pressure, test.preload)
-    return Zener(float(tyre.static_stiffness(*at)), float(tyre.k2(frequency, *at)), float(tyre.c(frequency, *at)))
+    return test.mounted.element(frequency, test.pressure, test.preload)

@@ -13,7 +13,7 @@ from fourpole.virtual.folder import finish, prepare, write_recording
 from fourpole.virtual.plan import FREQUENCIES, PRELOADS, PRESSURES, plan_tests
 from fourpole.virtual.recordings import cam_frequency, record_dynamic, record_static
 from fourpole.virtual.truth import STD_GAIN, STD_PHASE, draw_truth, state, truth_rows
-from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, VirtualTyre
+from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, Tyre
 
 __all__ = ["SimulatedCampaign", "simulate_campaign"]
 
@@ -41,7 +41,7 @@ def simulate_campaign(
     seed: int = 1982,
     clean: bool = False,
     progress: Callable[[int, int], None] | None = None,
-    tyres: Sequence[VirtualTyre] = (CROSS_PLY, RADIAL_PLY),
+    tyres: Sequence[Tyre] = (CROSS_PLY, RADIAL_PLY),
     pressures: Sequence[float] = PRESSURES,
     preloads: Sequence[float] = PRELOADS,
     frequencies: Sequence[float] = FREQUENCIES,
@@ -72,9 +72,9 @@ def simulate_campaign(
         Perfect sensors, a perfect cam at the stated speed, the rig exactly as stated, all digits written.
     progress : callable (done, total)
         Called after each test.
-    tyres, pressures, preloads, frequencies, added_masses : sequences of VirtualTyre, [Pa], [N], [Hz], [kg]
+    tyres, pressures, preloads, frequencies, added_masses : sequences of VirtualTyre or ModelTyre, [Pa], [N], [Hz], [kg]
         The conditions. The preload holds with the added mass on. The laws of the built-in tyres are meant
-        for 1.0 to 2.4 bar, 1000 to 2000 N and 10 to 24 Hz.
+        for 1.0 to 2.4 bar, 1000 to 2000 N and 10 to 24 Hz; a mount without a pressure has not-a-number.
     added_mass_at : (tyre name, pressure [Pa], preload [N])
         Added masses other than 0 are tested at this condition only; by default at all.
     calibration_masses : sequence of float [kg]

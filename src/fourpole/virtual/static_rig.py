@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fourpole.virtual.tyres import VirtualTyre
+from fourpole.virtual.tyres import Tyre
 
 __all__ = ["StaticCycles", "load_cycles"]
 
@@ -35,7 +35,7 @@ class StaticCycles:
 
 
 def load_cycles(
-    tyre: VirtualTyre,
+    tyre: Tyre,
     pressure: float,
     *,
     peak_load: float = 3500.0,
@@ -55,7 +55,7 @@ def load_cycles(
 
     Parameters
     ----------
-    tyre : VirtualTyre
+    tyre : VirtualTyre or ModelTyre
     pressure : float [Pa]
     peak_load : float [N]
         Mean load at the deepest point; > 0.

@@ -8,6 +8,7 @@ from math import inf
 
 import numpy as np
 
+from fourpole.models.interface import StateSpace
 from fourpole.virtual.dynamic_rig import Bench, Zener, amplification
 from fourpole.virtual.phasor_rig import Conditions, Laboratory, simulate_phasors
 from fourpole.virtual.plan import Test, element
@@ -208,21 +209,23 @@ def _dynamic_row(test: Test, frequency: float, truth: Truth) -> tuple[object, ..
         test.preload,
         test.added_mass,
         frequency,
-        tyre.k1,
-        tyre.k2,
-        tyre.c,
+        float(test.mounted.static_stiffness(test.pressure, test.preload)),
+        *((tyre.k2, tyre.c) if isinstance(tyre, Zener) else (None, None)),
         *_two_parts(tyre, frequency),
         _transmissibility(tyre, bench_of(test, truth), frequency),
     )
 
 
-def _two_parts(tyre: Zener, frequency: float) -> tuple[float, float]:
-    """Storage and loss stiffness [N/m] of the element, from the relaxation time of its arm."""
+def _two_parts(tyre: Zener | StateSpace, frequency: float) -> tuple[float, float]:
+    """Storage and loss stiffness [N/m]; of the element, from the relaxation time of its arm."""
+    if isinstance(tyre, StateSpace):
+        stiffness = complex(tyre.stiffness(2.0 * np.pi * frequency))
+        return stiffness.real, stiffness.imag
     x = 2.0 * np.pi * frequency * tyre.c / tyre.k2
     return tyre.k1 + tyre.k2 * x * x / (1.0 + x * x), tyre.k2 * x / (1.0 + x * x)
 
 
-def _transmissibility(tyre: Zener, bench: Bench, frequency: float) -> float:
+def _transmissibility(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> float:
     """|V2/V1| [1]; with friction that of its first harmonic."""
     if not bench.leaf_friction:
         return amplification(tyre, bench.damped_at(frequency), frequency)
@@ -231,5 +234,5 @@ def _transmissibility(tyre: Zener, bench: Bench, frequency: float) -> float:
         moving_mass=(bench.mass, 0.0),
         undeclared={name: getattr(bench, name) for name in (*names, "leaf_friction")},
     )
-    tests = Conditions(frequency, k1=tyre.k1, k2=tyre.k2, c=tyre.c)
+    tests = Conditions(frequency, stiffness=complex(*_two_parts(tyre, frequency)))
     return float(simulate_phasors(laboratory, tests, np.random.default_rng(0)).transmissibility[0])

@@ -1,4 +1,7 @@
-"""Tyres in software: a load-deflection law, and K2 and C as functions of frequency, pressure and preload."""
+"""Tyres in software: a load-deflection law, and K2 and C as functions of frequency, pressure and preload.
+
+Or any model that is causal, with a straight law.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["CROSS_PLY", "RADIAL_PLY", "VirtualTyre"]
+from fourpole.models.chain import in_time
+from fourpole.models.interface import Model, StateSpace
+from fourpole.virtual.dynamic_rig import Zener
+
+__all__ = ["CROSS_PLY", "RADIAL_PLY", "ModelTyre", "Tyre", "VirtualTyre"]
 
 FloatArray = NDArray[np.float64]
 
@@ -16,6 +23,8 @@ _PRESSURE_MID, _PRESSURE_HALF = (
     70e3,
 )  # Pa: centre and half width of the 1.0 to 2.4 bar that the laws cover
 _LOAD_MID, _LOAD_SPAN = 1500.0, 1000.0  # N: centre and span of the two preloads
+#: A model's arms hold from this share of the cam's frequency to as many times it.
+_BEYOND = 5.0
 _F_MID, _F_FLAT, _F_HALF = 18.0, 17.5, 7.5  # Hz: reference, where K2 ignores the pressure, half width
 
 
@@ -147,9 +156,82 @@ class VirtualTyre:
         by_pressure = 1.0 + self.c_p * q - self.c_q * q * q
         return np.asarray(self.c_level * (f / _F_MID) ** self.r * by_pressure * (1.0 - self.c_l * g * _l(preload)))
 
+    def element(self, frequency: float, pressure: float, preload: float) -> Zener:
+        """What stands on the dynamic rig, with constants taken at the `frequency` [Hz] of the cam."""
+        at = (pressure, preload)
+        return Zener(float(self.static_stiffness(*at)), float(self.k2(frequency, *at)), float(self.c(frequency, *at)))
+
     def _slope_at_zero(self, pressure: ArrayLike) -> FloatArray:
         """The stiffness at zero deflection [N/m]."""
         return np.asarray(self.a0 + self.a_p * np.asarray(pressure, dtype=float))
+
+
+@dataclass(frozen=True)
+class ModelTyre:
+    """A tyre that is a causal model, the same at every pressure and preload.
+
+    Its load-deflection law is the straight line of its static stiffness; K2 and C it has only as its K* has them, so
+    that the truth leaves them blank.
+
+    Parameters
+    ----------
+    name : str
+    model : Model
+    values : tuple of float
+        Its parameters.
+    construction : str
+    hysteresis, conditioning : float [1]
+        As of a `VirtualTyre`.
+
+    Raises
+    ------
+    ModelError
+        If a value is out of its range.
+    ValueError
+        If it has no stiffness at rest, so that it carries no load.
+
+    Examples
+    --------
+    >>> from fourpole.models.springs import KelvinVoigt
+    >>> mount = ModelTyre("mount", KelvinVoigt(), (180e3, 300.0))
+    >>> mount.element(10.0, 170e3, 1000.0).d.tolist(), float(mount.deflection(1800.0, 170e3))
+    ([180000.0, 300.0], 0.01)
+    """
+
+    name: str
+    model: Model
+    values: tuple[float, ...]
+    construction: str = "a model (virtual)"
+    hysteresis: float = 0.02
+    conditioning: float = 0.03
+
+    def __post_init__(self) -> None:
+        if not self._at_rest > 0.0:
+            raise ValueError(f"{self.name}: a {self.model.name} model without stiffness at rest carries no load")
+
+    @property
+    def _at_rest(self) -> float:
+        return float(self.model.static_stiffness(self.values))
+
+    def load(self, deflection: ArrayLike, pressure: ArrayLike) -> FloatArray:  # noqa: ARG002
+        """Mean load F [N] at `deflection` [m]."""
+        return np.asarray(self._at_rest * np.asarray(deflection, dtype=float))
+
+    def deflection(self, load: ArrayLike, pressure: ArrayLike) -> FloatArray:  # noqa: ARG002
+        """Deflection x [m] under `load` [N]."""
+        return np.asarray(np.asarray(load, dtype=float) / self._at_rest)
+
+    def static_stiffness(self, pressure: ArrayLike, preload: ArrayLike) -> FloatArray:
+        """K1 [N/m]."""
+        return np.full(np.broadcast_shapes(np.shape(pressure), np.shape(preload)), self._at_rest)
+
+    def element(self, frequency: float, pressure: float, preload: float) -> StateSpace:  # noqa: ARG002
+        """What stands on the dynamic rig: the model in time; arms, if it takes them, hold over the cam's harmonics."""
+        return in_time(self.model, self.values, (frequency / _BEYOND, frequency * _BEYOND))
+
+
+#: What a virtual campaign may test.
+Tyre = VirtualTyre | ModelTyre
 
 
 def _q(pressure: ArrayLike) -> FloatArray:

@@ -216,7 +216,15 @@ def identification(
         tr_std=np.hypot(std[:, 3], found.tr_of_rig),
         reasons=reasons,
         route="joint",
+        stiffness_shared=found.by_shared[:, :2] @ _root(found.covariance),
+        condition=joint.condition,
     )
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """L with L L^T the covariance, also where it is singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _gains(joint: Joint) -> ComplexArray:

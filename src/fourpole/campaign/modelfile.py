@@ -1,0 +1,389 @@
+"""Model files: models and operating maps as one versioned JSON document, described in docs/model-file.md.
+
+A file is read by its version; one of a later version is refused, and so is one whose parameters are not those, in
+their units, of the model that it names.
+"""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import version as version_of
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.errors import ModelError
+from fourpole.io.source import read_bytes
+from fourpole.io.write import write_text
+from fourpole.models.choice import model_named
+from fourpole.models.interface import Model
+from fourpole.models.operating import LeftOut, OperatingMap
+from fourpole.models.surface import Axes
+from fourpole.models.together import Scatter
+from fourpole.units import shown
+
+__all__ = [
+    "FORMAT",
+    "VERSION",
+    "MapEntry",
+    "ModelEntry",
+    "ModelFile",
+    "map_of",
+    "model_of",
+    "read_model_file",
+    "schema",
+]
+
+FORMAT, VERSION = "fourpole-model", 1
+_MOST_BYTES = 50_000_000
+_LONGEST = 100_000
+#: A covariance may be asymmetric, or have a negative direction, by this share of its size.
+_ROUND_OFF = 1e-6
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+class Quantity(_Strict):
+    """A value with its name and SI unit."""
+
+    name: str
+    unit: str
+    value: float
+
+
+class ParameterFile(_Strict):
+    """A parameter of the model; the unit is part of the contract."""
+
+    symbol: str
+    unit: str
+    meaning: str = ""
+
+
+class VerdictFile(_Strict):
+    """Whether any passive linear tyre can have K* as it was measured."""
+
+    possible: bool
+    chance: float = Field(description="Of a misfit as large by noise alone [1].")
+    misfit: float = Field(description="Largest relative departure of the best passive tyre from K* [1].")
+    impossible: list[float] = Field(max_length=_LONGEST, description="Frequencies that no such tyre can give [Hz].")
+
+
+class CandidateFile(_Strict):
+    """A model that was tried, on all conditions of the tyre."""
+
+    model: str
+    causal: bool
+    free: int
+    chi2: float
+    dof: int
+    aicc: float
+    bic: float
+    left_out: float | None = Field(
+        description="Root mean square of frequencies left out, in standard units [1]; null: not tried."
+    )
+    on_bound: int
+    lost: int = Field(description="Conditions whose fit did not come to rest.")
+
+
+class ConditionFile(_Strict):
+    """One tested condition: where it stood, and the parameters found there."""
+
+    state: list[Quantity] = Field(max_length=20)
+    tests: list[str] = Field(max_length=_LONGEST)
+    band: tuple[float, float] = Field(description="Lowest and highest frequency fitted [Hz].")
+    values: list[float] = Field(max_length=200, description="Of the parameters, in their order.")
+    covariance: list[list[float]] = Field(max_length=200, description="Of the parameters.")
+    intervals: list[tuple[float | None, float | None]] = Field(
+        max_length=200, description="95 % by profile likelihood; null where the data set no end."
+    )
+    on_bound: list[str] = Field(max_length=200, description="Symbols of parameters that stand on a bound.")
+    chi2: float
+    dof: int
+    converged: bool
+    agreed: float = Field(description="Share of the starts that came to this optimum [1].")
+    verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
+
+
+class ModelEntry(_Strict):
+    """A model of one tyre, with a set of parameters for each tested condition."""
+
+    tyre: str
+    model: str = Field(max_length=40)
+    causal: bool
+    parameters: list[ParameterFile] = Field(max_length=200)
+    granted: float = Field(ge=0, description="Relative error granted to the model so that it fits [1].")
+    choice: str = Field(description="Which model, and why, in words.")
+    candidates: list[CandidateFile] = Field(max_length=200, description="What was tried, the best first.")
+    conditions: list[ConditionFile] = Field(max_length=_LONGEST)
+
+
+class AxisFile(_Strict):
+    """An axis of a map, and the value of each tested condition."""
+
+    name: str
+    unit: str
+    values: list[float] = Field(max_length=_LONGEST)
+
+
+class MapEntry(_Strict):
+    """An operating map of one tyre: each linked parameter is a polynomial of the scaled axes."""
+
+    tyre: str
+    model: str = Field(max_length=40)
+    causal: bool
+    parameters: list[ParameterFile] = Field(max_length=200)
+    axes: list[AxisFile] = Field(max_length=10)
+    constant: list[Quantity] = Field(max_length=20, description="Axes that were not varied.")
+    terms: list[list[int]] = Field(max_length=500, description="Exponents of the axes, term by term.")
+    coefficients: list[list[float]] = Field(max_length=200, description="Per parameter, one for each term.")
+    covariance: list[list[float]] = Field(max_length=2000, description="Of all coefficients in turn.")
+    scatter: tuple[float, float, float] = Field(
+        description="Relative: of conditions; of frequencies, along and across K*."
+    )
+    band: tuple[float, float] = Field(description="[Hz]")
+    left_out: tuple[float, float, float] = Field(
+        description="Relative error of conditions left out; share of K', K'' and of conditions inside 95 %."
+    )
+    choice: str
+
+
+class RigValue(_Strict):
+    """A value of the rig."""
+
+    value: float
+    unit: str
+    std: float = Field(ge=0)
+
+
+class RigFile(_Strict):
+    """The rig of the tests, for TR."""
+
+    output: Literal["moving", "blocked"] = "moving"
+    values: dict[str, RigValue]
+
+
+class Provenance(_Strict):
+    """Where it comes from."""
+
+    fourpole: str
+    source: str
+    sha256: str
+    settings: dict[str, Any] = Field(default_factory=dict)
+    notes: list[str] = Field(default_factory=list)
+
+
+class ModelFile(_Strict):
+    """The whole document."""
+
+    format: Literal["fourpole-model"] = "fourpole-model"
+    version: Literal[1] = 1
+    kind: Literal["model", "map"]
+    models: list[ModelEntry] = Field(default_factory=list, max_length=1000)
+    maps: list[MapEntry] = Field(default_factory=list, max_length=1000)
+    rig: RigFile | None = None
+    provenance: Provenance
+
+    @property
+    def tyres(self) -> list[str]:
+        """Names of the tyres it knows."""
+        return [one.tyre for one in self.models] + [one.tyre for one in self.maps]
+
+    def write(self, path: str | Path) -> None:
+        """Write the document in one step."""
+        write_text(Path(path), json.dumps(self.model_dump(mode="json"), indent=1, ensure_ascii=False) + "\n")
+
+
+def schema() -> dict[str, Any]:
+    """The JSON schema of a model file."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **ModelFile.model_json_schema()}
+
+
+def provenance(source: str, sha256: str, settings: dict[str, Any], notes: list[str]) -> Provenance:
+    """Of a document made now."""
+    return Provenance(fourpole=version_of("fourpole"), source=source, sha256=sha256, settings=settings, notes=notes)
+
+
+def read_model_file(path: str | Path) -> ModelFile:
+    """Read and check a model file.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read.
+    ModelError
+        If it is no model file, of a later version, or has been changed so that it contradicts itself.
+    """
+    name = Path(path).name
+    try:
+        document = json.loads(read_bytes(path, max_bytes=_MOST_BYTES))
+    except (ValueError, RecursionError) as error:
+        raise ModelError(f"{name}: is no model file: not valid JSON ({error})") from None
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise ModelError(f"{name}: is no model file: fourpole fit or fourpole map write such files")
+    stated = document.get("version")
+    if isinstance(stated, int) and stated > VERSION:
+        raise ModelError(
+            f"{name}: is of version {stated}, this Fourpole ({version_of('fourpole')}) reads up to {VERSION}: update it"
+        )
+    if stated != VERSION:
+        raise ModelError(f"{name}: has no version that is known: {shown(str(stated))}")
+    try:
+        found = ModelFile.model_validate(document)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the document"
+        raise ModelError(f"{name}: {shown(where)}: {first['msg']}; it was changed since it was written") from None
+    for entry in found.models:
+        _check_model(name, entry)
+    for one in found.maps:
+        _check_map(name, one)
+    return found
+
+
+def _check_model(name: str, entry: ModelEntry) -> None:
+    model = model_of(entry, name)
+    size = len(model.parameters)
+    for at, one in enumerate(entry.conditions):
+        where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
+        if len(one.values) != size or len(one.intervals) != size:
+            raise ModelError(f"{where}: {len(one.values)} values for {size} parameters")
+        model.checked(one.values)
+        _check_covariance(where, one.covariance, size)
+
+
+def _check_map(name: str, entry: MapEntry) -> None:
+    size, terms = len(model_of(entry, name).parameters), len(entry.terms)
+    where = f"{name}: tyre {shown(entry.tyre)}"
+    if len(entry.coefficients) != size or any(len(one) != terms for one in entry.coefficients):
+        raise ModelError(f"{where}: the coefficients are not {terms} for each of {size} parameters")
+    if any(len(one) != len(entry.axes) or min(one, default=0) < 0 or max(one, default=0) > 9 for one in entry.terms):
+        raise ModelError(f"{where}: the terms do not fit the axes")
+    if len({len(axis.values) for axis in entry.axes}) > 1 or any(not axis.values for axis in entry.axes):
+        raise ModelError(f"{where}: the axes have different numbers of tested conditions")
+    _check_covariance(where, entry.covariance, size * terms)
+
+
+def _check_covariance(where: str, rows: list[list[float]], size: int) -> None:
+    if len(rows) != size or any(len(row) != size for row in rows):
+        raise ModelError(f"{where}: the covariance is not {size} by {size}")
+    matrix = np.array(rows, dtype=float).reshape(size, size)
+    std = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scale = np.where(std > 0, std, 1.0)
+    correlation = matrix / np.outer(scale, scale)
+    sound = np.all(np.diag(matrix) >= 0) and np.allclose(correlation, correlation.T, atol=_ROUND_OFF)
+    if not sound or (size and np.linalg.eigvalsh(correlation)[0] < -_ROUND_OFF * size):
+        raise ModelError(f"{where}: the covariance is none: it is not symmetric or has a negative direction")
+
+
+def model_of(entry: ModelEntry | MapEntry, name: str = "the model file") -> Model:
+    """The model of an entry; ModelError where its parameters are not those of the file, in their units."""
+    model = model_named(entry.model)
+    symbols = [one.symbol for one in model.parameters]
+    stated = [one.symbol for one in entry.parameters]
+    if stated != symbols:
+        raise ModelError(f"{name}: the {entry.model} model has the parameters {', '.join(symbols)}, not {stated}")
+    for own, other in zip(model.parameters, entry.parameters, strict=True):
+        if own.unit != other.unit:
+            raise ModelError(
+                f"{name}: {own.symbol} is in {shown(other.unit)} there, the {entry.model} model has it in {own.unit}: "
+                "the file was changed; write it again with fourpole fit or map"
+            )
+    return model
+
+
+def parameters_of(model: Model) -> list[ParameterFile]:
+    """The parameters as they stand in a file."""
+    return [ParameterFile(symbol=one.symbol, unit=one.unit, meaning=one.meaning) for one in model.parameters]
+
+
+def split_column(column: str) -> tuple[str, str]:
+    """Name and unit of a column: "pressure [Pa]"; the unit is 1 where there is none."""
+    name, mark, unit = column.rpartition(" [")
+    return (name, unit.removesuffix("]")) if mark else (column, "1")
+
+
+def column_of(name: str, unit: str) -> str:
+    """The other way round."""
+    return f"{name} [{unit}]"
+
+
+def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
+    """A map as it stands in a file."""
+    axes = []
+    for at, column in enumerate(found.axes.names):
+        name, unit = split_column(column)
+        axes.append(AxisFile(name=name, unit=unit, values=found.axes.points[:, at].tolist()))
+    constant = [
+        Quantity(name=split_column(column)[0], unit=split_column(column)[1], value=value)
+        for column, value in found.axes.constant.items()
+    ]
+    left = found.left_out
+    return MapEntry(
+        tyre=tyre,
+        model=found.model.name,
+        causal=found.model.causal,
+        parameters=parameters_of(found.model),
+        axes=axes,
+        constant=constant,
+        terms=[list(one) for one in found.terms],
+        coefficients=found.coefficients.tolist(),
+        covariance=found.covariance.tolist(),
+        scatter=(found.scatter.condition, *found.scatter.frequency),
+        band=found.band,
+        left_out=(left.error, left.inside, left.conditions),
+        choice=choice,
+    )
+
+
+def map_of(entry: MapEntry) -> OperatingMap:
+    """The map of an entry."""
+    model = model_of(entry)
+    count = len(entry.axes[0].values) if entry.axes else 0
+    points = np.array([axis.values for axis in entry.axes], dtype=float).reshape(len(entry.axes), count).T
+    size = sum(len(one) for one in entry.coefficients)
+    return OperatingMap(
+        model=model,
+        axes=Axes(
+            tuple(column_of(axis.name, axis.unit) for axis in entry.axes),
+            points,
+            {column_of(one.name, one.unit): one.value for one in entry.constant},
+        ),
+        terms=tuple(tuple(one) for one in entry.terms),
+        coefficients=np.array(entry.coefficients, dtype=float).reshape(len(model.parameters), -1),
+        covariance=np.array(entry.covariance, dtype=float).reshape(size, size),
+        scatter=Scatter(entry.scatter[0], (entry.scatter[1], entry.scatter[2])),
+        band=entry.band,
+        left_out=LeftOut(*entry.left_out),
+    )
+
+
+def response(entry: ModelEntry, at: int, frequency: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """K* (N,) of one condition's parameters at frequencies (N,) [Hz], and its covariance (N, 2, 2), Re and Im.
+
+    What was granted to the model counts as uncertainty of K*.
+    """
+    model, one = model_of(entry), entry.conditions[at]
+    omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+    stiffness = model.stiffness(one.values, omega)
+    slopes = model.derivative(one.values, omega)
+    rows = np.stack([slopes.real, slopes.imag], axis=1)
+    covariance = rows @ np.array(one.covariance) @ np.swapaxes(rows, 1, 2)
+    return stiffness, covariance + ((entry.granted * np.abs(stiffness)) ** 2)[:, None, None] * np.eye(2)
+
+
+def rig_of(file: ModelFile) -> Rig | None:
+    """The rig of the tests, where the file has one."""
+    if file.rig is None:
+        return None
+    for name, one in file.rig.values.items():
+        if name not in PARAMETERS or PARAMETERS[name] != one.unit:
+            raise ModelError(f"the model file's rig has {shown(name)} in {shown(one.unit)}: it was changed")
+    values = {name: one.value for name, one in file.rig.values.items()}
+    std = {name: one.std for name, one in file.rig.values.items()}
+    return Rig(**values, std=std, blocked=file.rig.output == "blocked")

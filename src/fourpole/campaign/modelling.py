@@ -1,0 +1,394 @@
+"""Models and operating maps of a campaign: which model each tyre's K* asks for, its parameters, its surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fourpole.campaign.measured import Measured, MeasuredSet
+from fourpole.campaign.modelfile import (
+    CandidateFile,
+    ConditionFile,
+    MapEntry,
+    ModelEntry,
+    ModelFile,
+    Quantity,
+    RigFile,
+    RigValue,
+    VerdictFile,
+    entry_of,
+    parameters_of,
+    provenance,
+    split_column,
+)
+from fourpole.campaign.results import read_results
+from fourpole.core.arrays import FloatArray
+from fourpole.core.rig import PARAMETERS
+from fourpole.errors import CampaignError, ModelError
+from fourpole.models.causality import Possible, check_possible
+from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of, model_named
+from fourpole.models.data import StiffnessData
+from fourpole.models.fit import Fit
+from fourpole.models.granted import granted_error, with_error
+from fourpole.models.interface import Model
+from fourpole.models.operating import OperatingMap, make_map
+from fourpole.models.profile import profile_intervals
+from fourpole.models.surface import Axes
+
+__all__ = ["TyreFit", "TyreMap", "fit_tyres", "map_tyres", "model_file", "rig_file"]
+
+Progress = Callable[[int, int], None]
+#: What a map is tried with where nothing is asked for: laws of K2 and C, and what can be stepped in time.
+MAP_AUTO = ("gehman:1", "gehman:2", "gehman:3", "zener", "maxwell:2", "fractional")
+#: Maps whose errors differ by less than this are alike; the one that is surer of itself is taken.
+_ALIKE = 1.1
+#: Relative uncertainty that conditions are given before their surfaces are sought: none may dominate.
+_EVEN = 0.01
+
+
+@dataclass(frozen=True)
+class TyreFit:
+    """Models on all conditions of one tyre.
+
+    Attributes
+    ----------
+    tyre : str
+    measured : tuple of Measured
+    data : tuple of StiffnessData
+        As fitted: with the error that had to be granted.
+    choice : Choice
+    chosen : Candidate
+        The best, on data that it fits.
+    intervals : tuple of (P, 2) float arrays
+        95 % by profile likelihood, of each condition.
+    verdicts : tuple of Possible
+        Whether a passive linear tyre can have K* as measured, of each condition; empty where no uncertainty is known.
+    granted : float [1]
+        Relative error that had to be granted so that the chosen model fits.
+    """
+
+    tyre: str
+    measured: tuple[Measured, ...]
+    data: tuple[StiffnessData, ...]
+    choice: Choice
+    chosen: Candidate
+    intervals: tuple[FloatArray, ...]
+    verdicts: tuple[Possible, ...]
+    granted: float
+
+    @property
+    def model(self) -> Model:
+        """Of the chosen candidate."""
+        return self.chosen.fit.model
+
+
+@dataclass(frozen=True)
+class TyreMap:
+    """The operating map of one tyre.
+
+    Attributes
+    ----------
+    tyre : str
+    measured : tuple of Measured
+    best : OperatingMap
+    others : tuple of (str, OperatingMap or str)
+        What else was tried: its map, or why there is none.
+    text : str
+        Which, and why.
+    """
+
+    tyre: str
+    measured: tuple[Measured, ...]
+    best: OperatingMap
+    others: tuple[tuple[str, OperatingMap | str], ...]
+    text: str
+
+
+def fit_tyres(
+    measured: MeasuredSet,
+    model: str = "auto",
+    *,
+    given: Mapping[str, float] | None = None,
+    intervals: bool = True,
+    progress: Progress | None = None,
+) -> list[TyreFit]:
+    """Fit one model, or choose among several, for each tyre.
+
+    Parameters
+    ----------
+    measured : MeasuredSet
+    model : str
+        A model's name, `maxwell` for as many arms as help, or `auto`.
+    given : mapping of str to float, optional
+        Parameters that are known, by symbol, and not fitted.
+    intervals : bool
+        Whether to find intervals by profile likelihood.
+    progress : callable, optional
+        Called with the tyres done and all.
+
+    Raises
+    ------
+    ModelError
+        If a tyre cannot be fitted.
+    """
+    if model not in ("auto", "maxwell"):
+        model_named(model)
+    found = []
+    for at, tyre in enumerate(measured.tyres):
+        if progress is not None:
+            progress(at, len(measured.tyres))
+        found.append(_fit_tyre(tyre, measured.of(tyre), model, measured.known, given or {}, intervals))
+    return found
+
+
+def _fit_tyre(
+    tyre: str,
+    measured: tuple[Measured, ...],
+    model: str,
+    known: bool,
+    given: Mapping[str, float],
+    intervals: bool,
+) -> TyreFit:
+    stated = [one.data for one in measured]
+    verdicts = tuple(check_possible(one) for one in stated) if known else ()
+    granted = granted_error(stated, always=not known)
+    data = [with_error(one, granted) for one in stated]
+    held = [_held(one, given) for one in measured]
+    choice = choose(data, AUTO if model == "auto" else (model,), held)
+    best, more = choice.best, 0.0
+    if best.chance < 1e-3:
+        more = granted_error(data, lambda rows: _misfit(best.fit.model, rows, held))
+        data = [with_error(one, more) for one in data]
+        best = replace(best, fits=fit_conditions(best.fit.model, data, held))
+    fixed = list(fixed_of(best.fit.model, held))
+    ends = (
+        tuple(profile_intervals(one, row, fixed=fixed) for one, row in zip(best.fits, data, strict=True))
+        if intervals
+        else ()
+    )
+    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, float(np.hypot(granted, more)))
+
+
+def _held(measured: Measured, given: Mapping[str, float]) -> dict[str, float]:
+    """What is known of a model's parameters: what is given, and the inflation pressure."""
+    pressure = measured.state.get("pressure [Pa]")
+    return {**({"p": pressure} if pressure is not None else {}), **given}
+
+
+def _misfit(model: Model, data: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> tuple[float, int]:
+    fits = fit_conditions(model, data, given)
+    return sum(float(one.chi2) for one in fits), sum(one.dof for one in fits)
+
+
+def map_tyres(
+    measured: MeasuredSet, model: str = "auto", over: Sequence[str] = (), *, progress: Progress | None = None
+) -> list[TyreMap]:
+    """Make the operating map of each tyre.
+
+    Parameters
+    ----------
+    measured : MeasuredSet
+    model : str
+        A model's name, or `auto`: the one that tells conditions left out best.
+    over : sequence of str
+        Further axes, by their columns, besides pressure, preload and temperature.
+    progress : callable, optional
+        Called with the models done and all.
+
+    Raises
+    ------
+    ModelError
+        If a tyre has one condition only, or no surface can be fitted.
+    """
+    names = MAP_AUTO if model == "auto" else (model,)
+    for name in names:
+        model_named(name)
+    total = len(names) * len(measured.tyres)
+    found = []
+    for at, tyre in enumerate(measured.tyres):
+        step = None if progress is None else (lambda done, first=at: progress(first * len(names) + done, total))
+        found.append(_map_tyre(tyre, measured.of(tyre), names, over, step))
+    return found
+
+
+def _map_tyre(
+    tyre: str,
+    measured: tuple[Measured, ...],
+    names: Sequence[str],
+    over: Sequence[str],
+    progress: Callable[[int], None] | None,
+) -> TyreMap:
+    axes = _axes(tyre, measured, over)
+    made: list[tuple[str, OperatingMap | str]] = []
+    for at, name in enumerate(names):
+        if progress is not None:
+            progress(at)
+        try:
+            made.append((name, _map_of(model_named(name), measured, axes)))
+        except ModelError as error:
+            made.append((name, str(error)))
+    good = [one for _, one in made if isinstance(one, OperatingMap)]
+    if not good:
+        raise ModelError(f"no map of the tyre {tyre!r} could be made: {made[0][1]}")
+    least = min(one.left_out.error for one in good)
+    best = min((one for one in good if one.left_out.error <= _ALIKE * least), key=_doubt)
+    return TyreMap(tyre, measured, best, tuple(made), _map_said(best, good))
+
+
+def _axes(tyre: str, measured: Sequence[Measured], over: Sequence[str]) -> Axes:
+    """The axes that all conditions of a tyre have."""
+    everywhere = [column for column in measured[0].state if all(column in one.state for one in measured)]
+    lacking = [column for column in over if column not in everywhere]
+    if lacking:
+        raise ModelError(f"{lacking[0]} is not known of every condition of the tyre {tyre!r}: a map cannot go over it")
+    axes = Axes.of(everywhere, [[one.state[column] for column in everywhere] for one in measured])
+    if not axes.names and len(measured) > 1:
+        raise ModelError(f"the {len(measured)} conditions of the tyre {tyre!r} differ in nothing that is known")
+    return axes
+
+
+def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> OperatingMap:
+    even = [with_error(one.data, _EVEN) for one in measured]
+    fits = fit_conditions(model, even, [_held(one, {}) for one in measured])
+    start = np.stack([one.values for one in fits])
+    width = max((one.shared.shape[1] for one in measured if one.shared.size), default=0)
+    shared = [one.shared if one.shared.size else np.zeros((2 * one.own.count, width)) for one in measured]
+    return make_map(model, [one.own for one in measured], axes, start, shared)
+
+
+def _doubt(found: OperatingMap) -> float:
+    """Mean relative uncertainty of K* over the conditions, at the middle of the band."""
+    points = found.axes.points
+    answer = found.ask(points, np.full(len(points), float(np.sqrt(found.band[0] * found.band[1]))))
+    variance = answer.covariance[:, 0, 0] + answer.covariance[:, 1, 1]
+    return float(np.mean(np.sqrt(variance) / np.abs(answer.stiffness)))
+
+
+def _map_said(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
+    left = best.left_out
+    over = ", ".join(split_column(name)[0] for name in best.axes.names) or "one condition"
+    said = f"{best.model.name} over {over}, {len(best.terms)} terms for each parameter"
+    if np.isfinite(left.error):
+        said += (
+            f"; conditions left out are told within {100 * left.error:.2g} %, "
+            f"{100 * left.inside:.0f} % of them inside their 95 % intervals"
+        )
+    if not best.model.causal:
+        causal = [one for one in good if one.model.causal]
+        said += ". It describes K2 and C and is not causal"
+        if causal:
+            first = min(causal, key=lambda one: one.left_out.error)
+            said += f": for a simulation in time take {first.model.name} ({100 * first.left_out.error:.2g} %)"
+    return said
+
+
+def model_file(
+    measured: MeasuredSet,
+    fits: Sequence[TyreFit] = (),
+    maps: Sequence[TyreMap] = (),
+    *,
+    settings: Mapping[str, Any] | None = None,
+    rig: RigFile | None = None,
+) -> ModelFile:
+    """The document of models or of maps."""
+    return ModelFile(
+        kind="map" if maps else "model",
+        models=[_model_entry(one) for one in fits],
+        maps=[_map_entry(one) for one in maps],
+        rig=rig,
+        provenance=provenance(measured.source, measured.sha256, dict(settings or {}), list(measured.notes)),
+    )
+
+
+def _map_entry(one: TyreMap) -> MapEntry:
+    return entry_of(one.tyre, one.best, one.text)
+
+
+def _model_entry(found: TyreFit) -> ModelEntry:
+    verdicts = found.verdicts or (None,) * len(found.measured)
+    rows = zip(found.measured, found.chosen.fits, found.intervals, verdicts, strict=True)
+    return ModelEntry(
+        tyre=found.tyre,
+        model=found.model.name,
+        causal=found.model.causal,
+        parameters=parameters_of(found.model),
+        granted=found.granted,
+        choice=found.choice.text,
+        candidates=[_candidate_entry(one) for one in found.choice.candidates],
+        conditions=[_condition_entry(*row) for row in rows],
+    )
+
+
+def _candidate_entry(one: Candidate) -> CandidateFile:
+    return CandidateFile(
+        model=one.name,
+        causal=one.fit.model.causal,
+        free=one.free,
+        chi2=one.chi2,
+        dof=one.dof,
+        aicc=one.aicc,
+        bic=one.bic,
+        left_out=_finite(one.left_out),
+        on_bound=one.on_bound,
+        lost=one.lost,
+    )
+
+
+def _verdict_entry(measured: Measured, verdict: Possible) -> VerdictFile:
+    return VerdictFile(
+        possible=verdict.possible,
+        chance=verdict.chance,
+        misfit=float(np.max(np.abs(verdict.residuals / measured.own.stiffness))),
+        impossible=verdict.impossible.tolist(),
+    )
+
+
+def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: Possible | None) -> ConditionFile:
+    state = [(split_column(column), value) for column, value in measured.state.items()]
+    symbols = [one.symbol for one in found.model.parameters]
+    return ConditionFile(
+        state=[Quantity(name=name, unit=unit, value=value) for (name, unit), value in state],
+        tests=[name for name in measured.tests if name],
+        band=(float(measured.frequency.min()), float(measured.frequency.max())),
+        values=found.values.tolist(),
+        covariance=found.covariance.tolist(),
+        intervals=[(_finite(low), _finite(high)) for low, high in ends.tolist()],
+        on_bound=[symbol for symbol, held in zip(symbols, found.on_bound.tolist(), strict=True) if held],
+        chi2=float(found.chi2),
+        dof=found.dof,
+        converged=bool(found.converged),
+        agreed=float(found.agreed),
+        verdict=None if verdict is None else _verdict_entry(measured, verdict),
+    )
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def rig_file(folder: Path) -> RigFile | None:
+    """The rig of a results folder, as found where the joint route found it; none where there are several or none."""
+    try:
+        results = read_results(folder)
+    except CampaignError:
+        return None
+    rigs = results.record.get("stated", {}).get("rigs", {})
+    if not isinstance(rigs, dict) or len(rigs) != 1:
+        return None
+    name, stated = next(iter(rigs.items()))
+    found = {}
+    if results.rig.height:
+        rows = results.rig.filter(results.rig["rig"] == name)
+        found = {row["value"]: (row["found"], row["u(found)"]) for row in rows.to_dicts()}
+    values = {}
+    for symbol, unit in PARAMETERS.items():
+        one = stated.get(symbol)
+        if isinstance(one, dict) and isinstance(one.get("value"), int | float):
+            value, std = found.get(symbol, (one["value"], one.get("std") or 0.0))
+            if value is not None and np.isfinite(value):
+                values[symbol] = RigValue(value=value, unit=unit, std=std or 0.0)
+    return RigFile(output=stated.get("output", "moving"), values=values)

@@ -1,0 +1,226 @@
+"""A model in the place of the tyre: a four-pole of the chain on its rig, and, where it is causal, a part in time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core import tyre
+from fourpole.core.arrays import ComplexArray
+from fourpole.core.rig import Rig
+from fourpole.core.twoport import spring
+from fourpole.errors import ModelError
+from fourpole.models.fractional import rational
+from fourpole.models.interface import Model, StateSpace, positive
+
+__all__ = ["four_pole", "in_time", "mobility", "transmissibility", "transmissibility_derivative"]
+
+
+def four_pole(model: Model, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+    r"""Four-pole of a model: a massless spring of its K*.
+
+    .. math:: \begin{bmatrix} 1 & 0 \\ j\omega/K^* & 1 \end{bmatrix}
+
+    Parameters
+    ----------
+    model : Model
+    values : (..., P) float array
+        Its parameters.
+    omega : (N,) or (..., N) float array [rad/s]
+        Angular frequencies, > 0.
+
+    Returns
+    -------
+    (..., N, 2, 2) complex array
+        Entries in 1, N s/m, m/(N s), 1; a part for `fourpole.core.twoport.cascade`.
+
+    Raises
+    ------
+    ModelError
+        If the model does not answer there (a table outside its band), or has no stiffness at all.
+
+    References
+    ----------
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (4) and (5).
+
+    Examples
+    --------
+    >>> from fourpole.models.springs import KelvinVoigt
+    >>> four_pole(KelvinVoigt(), [180e3, 700.0], [60.0])[0, 1, 0].round(8)
+    np.complex128(7.376e-05+0.00031612j)
+    """
+    return spring(_stiffness(model, values, omega), positive(omega))
+
+
+def mobility(model: Model, values: ArrayLike, rig: Rig, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
+    r"""Mobility V1/F1 = R + jI of a model on a rig, as the force cell sees it.
+
+    .. math:: \frac{1}{M} = j\omega m_1 + \Bigl(\frac{j\omega}{K^*} + \frac{1}{Z_r}\Bigr)^{-1}
+
+    Parameters
+    ----------
+    model, values, omega
+        As in `four_pole`.
+    rig : Rig
+        Its input mass is m1, its impedance beyond the tyre Zr; blocked, the far side does not move.
+    added_mass : float or array that broadcasts with (..., N) [kg]
+        Fixed to the moving mass in addition.
+
+    Returns
+    -------
+    (..., N) complex array [m/(N s)]
+
+    Raises
+    ------
+    ModelError
+        As `four_pole`.
+
+    References
+    ----------
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (1), (8).
+
+    Examples
+    --------
+    >>> from fourpole.models.maxwell import Zener
+    >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    >>> mobility(Zener(), [180e3, 120e3, 700.0], rig, [20 * np.pi]).round(8)
+    array([6.211e-05-0.00103208j])
+    """
+    jw = 1j * positive(omega)
+    contact = jw / _stiffness(model, values, omega) + rig.mobility(jw.imag, added_mass)
+    return np.asarray(1.0 / (1.0 / contact + jw * rig.input_mass))
+
+
+def transmissibility(
+    model: Model, values: ArrayLike, rig: Rig, omega: ArrayLike, added_mass: ArrayLike = 0.0
+) -> ComplexArray:
+    r"""Motion transmissibility V2/V1 of a model on a rig; its modulus is the paper's TR.
+
+    .. math:: T = \frac{K^*}{K^* + j\omega Z_r}
+
+    Parameters
+    ----------
+    model, values, rig, omega, added_mass
+        As in `mobility`.
+
+    Returns
+    -------
+    (..., N) complex array [1]
+        0 where the rig is blocked.
+
+    Raises
+    ------
+    ModelError
+        As `four_pole`.
+
+    References
+    ----------
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (5)-(7), (14).
+
+    Examples
+    --------
+    >>> from fourpole.models.maxwell import Zener
+    >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    >>> abs(transmissibility(Zener(), [180e3, 120e3, 700.0], rig, [20 * np.pi])).round(4)
+    array([1.2991])
+    """
+    stiffness, omega = _stiffness(model, values, omega), positive(omega)
+    if rig.blocked:
+        return np.zeros(np.broadcast_shapes(stiffness.shape, np.shape(added_mass)), dtype=complex)
+    whole = 1j * omega * rig.impedance(omega, added_mass)  # all that stands on the tyre, as one complex spring
+    return tyre.transmissibility(stiffness, omega, mass=0.0, preload_stiffness=whole)
+
+
+def transmissibility_derivative(
+    model: Model, values: ArrayLike, rig: Rig, omega: ArrayLike, added_mass: ArrayLike = 0.0
+) -> ComplexArray:
+    r"""Derivatives of V2/V1 by the model's parameters, for its uncertainty.
+
+    .. math:: \frac{\partial T}{\partial p} = \frac{j\omega Z_r T^2}{K^{*2}}\,\frac{\partial K^*}{\partial p}
+
+    With J their real parts after division by T and S the covariance of the parameters, TR has the relative standard
+    uncertainty :math:`\sqrt{J S J^T}`.
+
+    Parameters
+    ----------
+    model, values, rig, omega, added_mass
+        As in `mobility`.
+
+    Returns
+    -------
+    (..., N, P) complex array
+        By each parameter, in its unit.
+
+    Raises
+    ------
+    ModelError
+        As `four_pole`.
+
+    Examples
+    --------
+    >>> from fourpole.models.maxwell import Zener
+    >>> at = Zener(), [180e3, 120e3, 700.0], Rig(moving_mass=15.0, preload_stiffness=12440.0), [20 * np.pi]
+    >>> relative = (transmissibility_derivative(*at) / transmissibility(*at)[..., None]).real
+    >>> covariance = np.diag(np.array([900.0, 600.0, 3.5]) ** 2)
+    >>> np.sqrt(np.einsum("np,pq,nq->n", relative, covariance, relative)).round(5)  # 0.5 % each
+    array([0.00128])
+    """
+    slopes = model.derivative(values, omega)
+    if rig.blocked:
+        return np.zeros_like(slopes)
+    stiffness, omega = _stiffness(model, values, omega), positive(omega)
+    share = transmissibility(model, values, rig, omega, added_mass) / stiffness
+    by_stiffness = 1j * omega * rig.impedance(omega, added_mass) * share**2
+    return np.asarray(by_stiffness[..., None] * slopes)
+
+
+def in_time(model: Model, values: ArrayLike, band: tuple[float, float], accuracy: float = 1e-6) -> StateSpace:
+    """A model as it is stepped in time: itself, or, where it has no finite form, Maxwell arms that are it in a band.
+
+    Parameters
+    ----------
+    model : Model
+        Causal.
+    values : (P,) float array
+        Its parameters.
+    band : (float, float) [Hz]
+        Where arms must hold, if it takes them.
+    accuracy : float [1]
+        Largest relative error of their K* there.
+
+    Returns
+    -------
+    StateSpace
+
+    Raises
+    ------
+    ModelError
+        If the model is not causal, or no 60 arms reach the accuracy.
+
+    Examples
+    --------
+    >>> from fourpole.models.fractional import FractionalZener
+    >>> values = [150e3, 400e3, 2e-3, 0.4]
+    >>> space = in_time(FractionalZener(), values, (5.0, 50.0))
+    >>> bool(abs(space.stiffness(100.0) / FractionalZener().stiffness(values, 100.0)[0] - 1) < 1e-6)
+    True
+    """
+    model.checked(values)
+    if not model.causal:
+        raise ModelError(
+            f"the {model.name} model is not causal: its force would come before its deflection, so that it has no "
+            "motion in time; take zener, kelvin or maxwell:N, or ask for its response over frequency"
+        )
+    try:
+        return model.state_space(values)
+    except ModelError:  # a power of frequency, as in the fractional models
+        maxwell, arms, _ = rational(model, values, band, accuracy)
+        return maxwell.state_space(arms)
+
+
+def _stiffness(model: Model, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+    """K*, which must not vanish."""
+    stiffness = model.stiffness(values, omega)
+    if not np.all(stiffness):
+        raise ModelError(f"the {model.name} model with these values has no stiffness: it joins nothing to the rig")
+    return stiffness

@@ -1,0 +1,94 @@
+"""What has to be granted to a model: the relative error that its data must be given besides, so that it fits.
+
+Where no model explains the data within their uncertainty, or none is known, intervals and comparisons mean nothing
+until this is said and counted in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from fourpole.models.causality import check_possible
+from fourpole.models.data import StiffnessData
+
+__all__ = ["granted_error", "least_misfit", "with_error"]
+
+#: Chance below which the data as stated are not believed.
+_CHANCE = 1e-3
+#: The search ends where chi-square is its degrees of freedom within this share.
+_CLOSE = 0.01
+_MOST_STEPS = 25
+_LEAST, _MOST = 1e-7, 1.0
+
+
+def with_error(data: StiffnessData, error: float) -> StiffnessData:
+    """The data with an error besides, of each frequency by itself, relative to K*, in Re and Im alike.
+
+    Examples
+    --------
+    >>> data = with_error(StiffnessData.of([60.0], [3e5 + 4e5j], 0.0), 0.01)
+    >>> data.covariance[0].round(0)
+    array([[25000000.,        0.],
+           [       0., 25000000.]])
+    """
+    if not error:
+        return data
+    square = (error * np.abs(data.stiffness)) ** 2
+    if data.full:
+        more = np.repeat(square, 2, axis=-1)[..., None] * np.eye(2 * data.count)
+    else:
+        more = square[..., None, None] * np.eye(2)
+    return replace(data, covariance=data.covariance + more)
+
+
+def granted_error(
+    conditions: Sequence[StiffnessData],
+    misfit: Callable[[Sequence[StiffnessData]], tuple[float, int]] | None = None,
+    *,
+    always: bool = False,
+) -> float:
+    """The relative error that makes chi-square equal to its degrees of freedom; 0 where the data are met as they are.
+
+    Parameters
+    ----------
+    conditions : sequence of StiffnessData
+        Of one condition each.
+    misfit : callable, optional
+        Chi-square and degrees of freedom of a model on such conditions; by default the best passive linear tyre's.
+    always : bool
+        Look for it although the data may be met as they are: their uncertainty is not known.
+
+    Examples
+    --------
+    >>> omega = 2 * np.pi * np.arange(10.0, 25.0)
+    >>> stiffness = 180e3 + 1j * omega * 700 * 120e3 / (120e3 + 1j * omega * 700)
+    >>> granted_error([StiffnessData.of(omega, stiffness, 100.0)])
+    0.0
+    >>> wrong = stiffness * (1 + 0.02 * (-1) ** np.arange(15))
+    >>> 0.01 < granted_error([StiffnessData.of(omega, wrong, 100.0)]) < 0.03
+    True
+    """
+    misfit = misfit or least_misfit
+    chi2, dof = misfit(conditions)
+    if not always and stats.chi2.sf(chi2, max(dof, 1)) > _CHANCE:
+        return 0.0
+    low, high, error = _LEAST, _MOST, 0.01
+    for _ in range(_MOST_STEPS):
+        chi2, dof = misfit([with_error(one, error) for one in conditions])
+        ratio = chi2 / max(dof, 1)
+        if abs(ratio - 1) < _CLOSE or high / low < 1 + _CLOSE:
+            break
+        low, high = (error, high) if ratio > 1 else (low, error)
+        guess = error * np.sqrt(ratio)
+        error = float(guess) if low < guess < high else float(np.sqrt(low * high))
+    return error
+
+
+def least_misfit(conditions: Sequence[StiffnessData]) -> tuple[float, int]:
+    """Chi-square and degrees of freedom of the best passive linear tyre of each condition, summed."""
+    found = [check_possible(one) for one in conditions]
+    return sum(one.chi2 for one in found), sum(one.dof for one in found)

@@ -1,0 +1,330 @@
+"""The operating map: a model whose parameters are smooth surfaces over pressure, preload and other axes.
+
+All conditions are fitted at once, the surfaces' coefficients being all that is free. Which surface is right is said by
+conditions left out one at a time; how far conditions scatter about it is found so that what is left out lies where its
+interval says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.rig import Rig
+from fourpole.core.routes import maxwell_arm
+from fourpole.errors import ModelError
+from fourpole.models.data import StiffnessData
+from fourpole.models.interface import Model
+from fourpole.models.surface import Axes, Terms, design, term_sets
+from fourpole.models.together import Scatter, Together, fit_together, unlink
+
+__all__ = ["Answer", "LeftOut", "OperatingMap", "make_map", "misfit_of"]
+
+#: Scatter of conditions with which surfaces are compared, and the least and most that is looked for.
+_SCATTER, _LEAST, _MOST = 1e-2, 1e-6, 1.0
+_ROUNDS = 12
+#: A surface must be better by this share than a simpler one.
+_BETTER = 0.98
+_NORMAL = 1.959964
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Conditions left out one at a time.
+
+    Attributes
+    ----------
+    error : float [1]
+        Root mean square of K* measured less K* foretold, relative.
+    inside : float [1]
+        Share of K' and K'' of all tests inside their 95 % intervals.
+    conditions : float [1]
+        Share of the conditions whose worst of both, at the middle frequency, is inside.
+    """
+
+    error: float
+    inside: float
+    conditions: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the map says at Q points.
+
+    Attributes
+    ----------
+    stiffness : (Q,) complex array [N/m]
+    k1 : (Q,) float array [N/m]
+    covariance : (Q, 3, 3) float array [N²/m²]
+        Of Re K*, Im K* and K1.
+    k2, c : (Q,) float arrays [N/m], [N s/m]
+        Not-a-number where no passive arm has this K*.
+    arm_covariance : (Q, 2, 2) float array
+        Of K2 and C.
+    """
+
+    stiffness: ComplexArray
+    k1: FloatArray
+    covariance: FloatArray
+    k2: FloatArray
+    c: FloatArray
+    arm_covariance: FloatArray
+
+    def transmissibility(self, rig: Rig, frequency: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """TR (Q,) on a rig at the frequencies asked (Q,) [Hz], and its standard uncertainty, the rig's own included."""
+        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+        if rig.blocked:
+            return np.zeros(omega.shape), np.zeros(omega.shape)
+        above = 1j * omega * rig.impedance(omega)
+        whole = self.stiffness + above
+        ratio = self.stiffness / whole
+        by_stiffness = above / (self.stiffness * whole)  # of the logarithm, as the next
+        by_rig = -(1j * omega / whole)[:, None] * rig.impedance_gradient(omega)[:, :-1]
+        both = np.stack([by_stiffness.real, -by_stiffness.imag], axis=1)
+        variance = np.einsum("qi,qij,qj->q", both, self.covariance[:, :2, :2], both)
+        variance = variance + np.sum((by_rig.real * rig.uncertainties) ** 2, axis=1)
+        size = np.abs(ratio)
+        return size, size * np.sqrt(variance)
+
+
+@dataclass(frozen=True)
+class OperatingMap:
+    """A model over its operating points.
+
+    Attributes
+    ----------
+    model : Model
+    axes : Axes
+    terms : tuple of tuples of int
+        Exponents of the scaled axes.
+    coefficients : (P, K) float array
+        Of each linked parameter; see `together.link`.
+    covariance : (P K, P K) float array
+    scatter : Scatter
+    band : (float, float) [Hz]
+        Where all conditions were measured.
+    left_out : LeftOut
+    """
+
+    model: Model
+    axes: Axes
+    terms: Terms
+    coefficients: FloatArray
+    covariance: FloatArray
+    scatter: Scatter
+    band: tuple[float, float]
+    left_out: LeftOut
+
+    def parameters(self, points: ArrayLike) -> FloatArray:
+        """Parameters (Q, P) at points (Q, d) of the axes."""
+        return self._parameters(points)[0]
+
+    def _parameters(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Parameters (Q, P), and their derivatives (Q, P, P K) by all coefficients."""
+        basis = design(self.terms, self.axes.scaled(points))
+        linked = basis @ self.coefficients.T
+        both = [unlink(one, linked[:, at]) for at, one in enumerate(self.model.parameters)]
+        values = np.stack([one for one, _ in both], axis=1)
+        by = np.zeros((*values.shape, self.coefficients.size))
+        for at, (_, slope) in enumerate(both):
+            by[:, at, at * basis.shape[1] : (at + 1) * basis.shape[1]] = slope[:, None] * basis
+        return values, by
+
+    def ask(self, points: ArrayLike, frequency: ArrayLike) -> Answer:
+        """K* with K1, K2 and C and their covariance at points (Q, d) and frequencies (Q,) [Hz].
+
+        Nothing is refused here: see `Axes.outside` and `band`.
+        """
+        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+        values, by_all = self._parameters(points)
+        stiffness = self.model.stiffness(values, omega[:, None])[:, 0]
+        by_value = self.model.derivative(values, omega[:, None])[:, 0]
+        k1 = self.model.static_stiffness(values)
+        rows = np.stack([by_value.real, by_value.imag, self.model.static_derivative(values)], axis=1) @ by_all
+        covariance = rows @ self.covariance @ np.swapaxes(rows, 1, 2) + self._scattered(stiffness, k1)
+        k2, c = maxwell_arm(stiffness, k1, omega)
+        by_arm = _arm_by(stiffness, k1, k2, c, omega)
+        passive = (stiffness.real > k1) & (stiffness.imag > 0)
+        arm = by_arm @ covariance @ np.swapaxes(by_arm, 1, 2)
+        return Answer(
+            stiffness=stiffness,
+            k1=k1,
+            covariance=covariance,
+            k2=np.where(passive, k2, np.nan),
+            c=np.where(passive, c, np.nan),
+            arm_covariance=np.where(passive[:, None, None], arm, np.nan),
+        )
+
+    def _scattered(self, stiffness: ComplexArray, k1: FloatArray) -> FloatArray:
+        """Covariance (Q, 3, 3) of what conditions and frequencies are off the surfaces."""
+        turn = np.stack(
+            [np.stack([stiffness.real, -stiffness.imag], -1), np.stack([stiffness.imag, stiffness.real], -1)], -2
+        )
+        spread = np.array(self.scatter.frequency) ** 2 + self.scatter.condition**2
+        whole = np.zeros((stiffness.size, 3, 3))
+        whole[:, :2, :2] = (turn * spread) @ np.swapaxes(turn, 1, 2)
+        whole[:, 2, 2] = (self.scatter.condition * k1) ** 2
+        return whole
+
+
+def make_map(
+    model: Model,
+    conditions: Sequence[StiffnessData],
+    axes: Axes,
+    start: ArrayLike,
+    shared: Sequence[FloatArray] | None = None,
+    terms: Sequence[Terms] | None = None,
+) -> OperatingMap:
+    """Find the surfaces of a model's parameters over the axes.
+
+    Parameters
+    ----------
+    model : Model
+    conditions : sequence of B StiffnessData
+        Of one condition each, with the covariance of each frequency by itself.
+    axes : Axes
+        Of the same conditions.
+    start : (B, P) float array
+        Parameters fitted to each condition.
+    shared : sequence of B (2N, p) float arrays [N/m], optional
+        What errors common to all conditions do; see `together.fit_together`.
+    terms : sequence of Terms, optional
+        Surfaces to choose from by the condition left out; by default `surface.term_sets`.
+
+    Raises
+    ------
+    ModelError
+        If no surface can be fitted.
+    """
+    scaled = axes.scaled(axes.points)
+    frequency = misfit_of(model, conditions, start)
+    trial = Scatter(_SCATTER, frequency)
+    tried: list[tuple[float, Terms, Together]] = []
+    reason = "no surface was given"
+    for one in terms if terms is not None else term_sets(axes.levels, len(conditions)):
+        try:
+            found = _fitted(model, conditions, start, design(one, scaled), shared, trial)
+        except (ModelError, np.linalg.LinAlgError) as error:
+            reason = str(error)
+            continue
+        error_ = _left_out(found, conditions).error
+        if np.isfinite(error_):
+            tried.append((error_, one, found))
+    if not tried:
+        raise ModelError(f"no surface of the {model.name} model could be fitted: {reason}")
+    best = min(tried, key=lambda each: each[0])
+    simplest = next(each for each in tried if each[0] * _BETTER <= best[0])
+    return _calibrated(model, conditions, axes, simplest[2].values, shared, simplest[1], frequency)
+
+
+def misfit_of(model: Model, conditions: Sequence[StiffnessData], values: ArrayLike) -> tuple[float, float]:
+    """What a model cannot follow over frequency, along and across K*, relative: what fits leave beyond the noise."""
+    sums, noise, spare = np.zeros(2), np.zeros(2), 0.0
+    for data, own in zip(conditions, np.asarray(values, dtype=float), strict=True):
+        left = data.stiffness / model.stiffness(own, data.omega) - 1
+        turned = np.conj(data.stiffness) / np.abs(data.stiffness) ** 2
+        turn = np.stack([np.stack([turned.real, -turned.imag], -1), np.stack([turned.imag, turned.real], -1)], -2)
+        sums += [np.sum(left.real**2), np.sum(left.imag**2)]
+        noise += np.sum(np.diagonal(turn @ data.covariance @ np.swapaxes(turn, 1, 2), 0, 1, 2), axis=0)
+        spare += data.count - len(model.parameters) / 2
+    more = np.maximum(sums / max(spare, 1.0) - noise / sum(one.count for one in conditions), 0.0)
+    return float(np.sqrt(more[0])), float(np.sqrt(more[1]))
+
+
+def _fitted(
+    model: Model,
+    conditions: Sequence[StiffnessData],
+    start: ArrayLike,
+    basis: FloatArray,
+    shared: Sequence[FloatArray] | None,
+    scatter: Scatter,
+) -> Together:
+    laws = {one.symbol: basis for one in model.parameters}
+    return fit_together(model, conditions, start, laws, shared=shared, scatter=scatter)
+
+
+def _left_out(found: Together, conditions: Sequence[StiffnessData]) -> LeftOut:
+    """How good the surfaces are where a condition is left out."""
+    errors, scores, middle = [], [], []
+    for at, data in enumerate(conditions):
+        off, spread = found.left_out(at)
+        size = 2 * data.count
+        back = np.linalg.inv(found.whiteners[at])
+        off, spread = back @ off[:size], back @ spread[:size, :size] @ back.T
+        errors.append(np.hypot(off[::2], off[1::2]) / np.abs(data.stiffness))
+        score = np.abs(off) / np.sqrt(np.diag(spread))
+        scores.append(score)
+        centre = data.count // 2
+        middle.append(float(score[2 * centre : 2 * centre + 2].max()))
+    return LeftOut(
+        error=float(np.sqrt(np.mean(np.concatenate(errors) ** 2))),
+        inside=float(np.mean(np.concatenate(scores) < _NORMAL)),
+        conditions=float(np.mean(np.array(middle) < _NORMAL)),
+    )
+
+
+def _calibrated(
+    model: Model,
+    conditions: Sequence[StiffnessData],
+    axes: Axes,
+    start: ArrayLike,
+    shared: Sequence[FloatArray] | None,
+    terms: Terms,
+    frequency: tuple[float, float],
+) -> OperatingMap:
+    """The map with the scatter of conditions that puts those left out where their intervals say."""
+    basis = design(terms, axes.scaled(axes.points))
+    low, high, size = _LEAST, _MOST, _SCATTER
+    found = _fitted(model, conditions, start, basis, shared, Scatter(0.0, frequency))
+    scatter = Scatter(0.0, frequency)
+    if _excess(found, conditions) > 1:
+        for _ in range(_ROUNDS):
+            scatter = Scatter(size, frequency)
+            found = _fitted(model, conditions, found.values, basis, shared, scatter)
+            excess = _excess(found, conditions)
+            low, high = (size, high) if excess > 1 else (low, size)
+            if abs(excess - 1) < 0.02 or high / low < 1.02:
+                break
+            guess = size * np.sqrt(excess)
+            size = float(guess) if low < guess < high else float(np.sqrt(low * high))
+    lows, highs = zip(*((one.omega.min(), one.omega.max()) for one in conditions), strict=True)
+    return OperatingMap(
+        model=model,
+        axes=axes,
+        terms=terms,
+        coefficients=np.stack(found.coefficients),
+        covariance=found.covariance,
+        scatter=scatter,
+        band=(float(max(lows)) / (2 * np.pi), float(min(highs)) / (2 * np.pi)),
+        left_out=_left_out(found, conditions),
+    )
+
+
+def _excess(found: Together, conditions: Sequence[StiffnessData]) -> float:
+    """Mean square of conditions left out over what was foretold of it, each condition's mean over frequency."""
+    ratios = []
+    for at, data in enumerate(conditions):
+        off, spread = found.left_out(at)
+        size = 2 * data.count
+        back = np.linalg.inv(found.whiteners[at])
+        relative = np.conj(data.stiffness) / np.abs(data.stiffness) ** 2 / data.count
+        mean = np.zeros((2, size))
+        mean[0, ::2], mean[0, 1::2] = relative.real, -relative.imag
+        mean[1, ::2], mean[1, 1::2] = relative.imag, relative.real
+        turn = mean @ back
+        seen = turn @ off[:size]
+        ratios.append(seen**2 / np.diag(turn @ spread[:size, :size] @ turn.T))
+    return float(np.mean(ratios))
+
+
+def _arm_by(stiffness: ComplexArray, k1: FloatArray, k2: FloatArray, c: FloatArray, omega: FloatArray) -> FloatArray:
+    """Derivatives (Q, 2, 3) of K2 and C by Re K*, Im K* and K1."""
+    by = np.stack([np.ones_like(stiffness), np.full_like(stiffness, 1j), -np.ones_like(stiffness)], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        by_compliance = -by / ((stiffness - k1) ** 2)[:, None]
+        both = [-(k2**2)[:, None] * by_compliance.real, (omega * c**2)[:, None] * by_compliance.imag]
+    return np.stack(both, axis=1)

@@ -1,0 +1,245 @@
+"""What a fit searches: a model on data, which of its parameters are free, fixed or tied, and how they are scaled.
+
+Parameters that are known by their order of magnitude are moved by their logarithm, the others by shares of their scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.errors import ModelError
+from fourpole.models.data import SPACES, StiffnessData
+from fourpole.models.interface import Model
+
+__all__ = ["Problem", "problem_of"]
+
+#: Logarithms beyond which a parameter has left for its bound.
+_FARTHEST = 30.0
+#: A parameter is on its bound within this share of its scale.
+_AT_BOUND = 1e-9
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Data of B conditions, a model with P parameters, and the F of them that are free.
+
+    Attributes
+    ----------
+    model, data
+        The data with their conditions along one axis.
+    whiten : float array
+        Of what is compared.
+    space : str
+    free : (F,) int array
+    spread : (P, F) float array
+        Each parameter as a multiple of a free one: 1 for itself, the factor for one that is tied to it.
+    fixed : (B, P) float array
+        Where the search begins; what is neither free nor tied stays there.
+    log : (F,) bool array
+    scale : (B, F) float array
+    low, high : (F,) float arrays
+    """
+
+    model: Model
+    data: StiffnessData
+    whiten: FloatArray
+    space: str
+    free: np.ndarray
+    spread: FloatArray
+    fixed: FloatArray
+    log: BoolArray
+    scale: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    def begun(self, begin: FloatArray) -> Problem:
+        """The same search from elsewhere, (B, P)."""
+        return replace(self, fixed=self._tied(begin), scale=_scale(self.model, begin, self.free))
+
+    def values_of(self, place: FloatArray) -> FloatArray:
+        """All parameters (B, P) of the free ones' places (B, F)."""
+        values = np.array(self.fixed)
+        values[:, self.free] = np.where(self.log, np.exp(np.minimum(place, 700.0)), place * self.scale)
+        return self._tied(values)
+
+    def _tied(self, values: FloatArray) -> FloatArray:
+        """Tied parameters as their partners make them."""
+        follows = np.flatnonzero(np.any(self.spread != 0, axis=1) & ~np.isin(np.arange(len(self.spread)), self.free))
+        if not follows.size:
+            return values
+        values = np.array(values)
+        values[:, follows] = values[:, self.free] @ self.spread[follows].T
+        return values
+
+    def place_of(self, values: FloatArray) -> FloatArray:
+        """Places (B, F) of the free parameters: logarithms, or shares of their scale."""
+        chosen = values[:, self.free]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.log, np.log(np.maximum(chosen, 1e-300)), chosen / self.scale)
+
+    def unit_of(self, values: FloatArray) -> FloatArray:
+        """Change (B, F) of each free parameter per unit of its place."""
+        return np.where(self.log, values[:, self.free], self.scale)
+
+    def residuals(self, place: FloatArray) -> FloatArray:
+        """Whitened data less model (B, M)."""
+        values = self.values_of(place)
+        off = self._seen(self.data.stiffness) - self._seen(self.model.stiffness(values, self.data.omega))
+        rows = self.data.whitened(self.whiten, off[..., None])[..., 0]
+        if not self.has_k1:
+            return rows
+        at_rest = (np.nan_to_num(self.data.k1) - self.model.static_stiffness(values)) / self._k1_std()
+        return np.concatenate([rows, at_rest[:, None]], axis=1)
+
+    def jacobian(self, place: FloatArray) -> FloatArray:
+        """Derivatives (B, M, F) of the model's whitened values by the places."""
+        values = self.values_of(place)
+        slope = self._slope(self.model.stiffness(values, self.data.omega))[..., None]
+        by = self.model.derivative(values, self.data.omega) @ self.spread * slope
+        unit = self.unit_of(values)
+        rows = self.data.whitened(self.whiten, by * unit[:, None, :])
+        if not self.has_k1:
+            return rows
+        at_rest = self.model.static_derivative(values) @ self.spread * unit / self._k1_std()[:, None]
+        return np.concatenate([rows, at_rest[:, None, :]], axis=1)
+
+    @property
+    def has_k1(self) -> bool:
+        """Whether any condition has its static stiffness as a datum."""
+        return bool(np.any(np.isfinite(self.data.k1_std) & np.isfinite(self.data.k1)))
+
+    def _k1_std(self) -> FloatArray:
+        return np.where(np.isfinite(self.data.k1_std) & np.isfinite(self.data.k1), self.data.k1_std, np.inf)
+
+    def _seen(self, stiffness: ComplexArray) -> ComplexArray:
+        if self.space == "stiffness":
+            return stiffness
+        return (1.0 if self.space == "compliance" else 1j * self.data.omega) / stiffness
+
+    def _slope(self, stiffness: ComplexArray) -> ComplexArray:
+        if self.space == "stiffness":
+            return np.ones_like(stiffness)
+        return -self._seen(stiffness) / stiffness
+
+    def clipped(self, place: FloatArray) -> FloatArray:
+        """Places within the bounds."""
+        with np.errstate(divide="ignore"):
+            low = np.where(self.log, np.log(np.maximum(self.low, 1e-300)), self.low / self.scale)
+            high = np.where(self.log, np.log(self.high), self.high / self.scale)
+        begun = self.place_of(self.fixed)
+        low = np.where(self.log, np.maximum(low, begun - _FARTHEST), low)
+        high = np.where(self.log, np.minimum(high, begun + _FARTHEST), high)
+        return np.clip(place, low, high)
+
+    def held(self, place: FloatArray) -> BoolArray:
+        """Which free parameters (B, F) stand on a bound, or have left for one that their logarithm never reaches."""
+        values = self.values_of(place)[:, self.free]
+        low = values - self.low <= _AT_BOUND * self.scale
+        high = self.high - values <= _AT_BOUND * self.scale
+        begun = self.place_of(self.fixed)
+        return np.asarray(low | high | (self.log & (np.abs(place - begun) >= _FARTHEST)))
+
+
+def problem_of(
+    model: Model,
+    data: StiffnessData,
+    start: ArrayLike,
+    fixed: Mapping[str, ArrayLike] | Sequence[str],
+    tied: Mapping[str, tuple[str, float]],
+    space: str,
+) -> Problem:
+    """The search for the parameters of each condition; ModelError where it is none."""
+    if space not in SPACES:
+        raise ModelError(f"no space {space!r}: choose one of {', '.join(SPACES)}")
+    symbols = [parameter.symbol for parameter in model.parameters]
+    for name in (*fixed, *tied, *(partner for partner, _ in tied.values())):
+        if name not in symbols:
+            raise ModelError(f"the {model.name} model has no parameter {name!r}: it has {', '.join(symbols)}")
+    lead = data.stiffness.shape[:-1]
+    begin = np.array(np.broadcast_to(model.checked(start), (*lead, len(symbols))).reshape(-1, len(symbols)))
+    if isinstance(fixed, Mapping):
+        for name, value in fixed.items():
+            begin[:, symbols.index(name)] = np.broadcast_to(np.asarray(value, dtype=float), lead).reshape(-1)
+        model.checked(begin)
+    free = np.array([at for at, one in enumerate(symbols) if one not in fixed and one not in tied], dtype=int)
+    flat = _flat(data)
+    known = 2 * data.count + int(np.any(np.isfinite(data.k1_std) & np.isfinite(data.k1)))
+    if free.size == 0 or known < free.size:
+        raise ModelError(
+            f"{data.count} frequencies give {known} numbers, too few for {free.size} free parameters of the "
+            f"{model.name} model: fix some, take a smaller model, or measure at more frequencies"
+        )
+    chosen = [model.parameters[at] for at in free]
+    spread, high = _spread(model, symbols, free, tied)
+    problem = Problem(
+        model=model,
+        data=flat,
+        whiten=_in_space(flat, space),
+        space=space,
+        free=free,
+        spread=spread,
+        fixed=begin,
+        log=np.array([one.log for one in chosen]),
+        scale=_scale(model, begin, free),
+        low=np.array([one.low for one in chosen]),
+        high=high,
+    )
+    return problem.begun(begin)
+
+
+def _scale(model: Model, begin: FloatArray, free: np.ndarray) -> FloatArray:
+    usual = np.array([abs(model.parameters[at].default) or 1.0 for at in free])
+    return np.where(begin[:, free] != 0, np.abs(begin[:, free]), usual)
+
+
+def _spread(
+    model: Model, symbols: list[str], free: np.ndarray, tied: Mapping[str, tuple[str, float]]
+) -> tuple[FloatArray, FloatArray]:
+    """Parameters as multiples of the free ones, and the upper bounds that this leaves to those."""
+    spread = np.zeros((len(symbols), free.size))
+    spread[free, np.arange(free.size)] = 1.0
+    high = np.array([model.parameters[at].high for at in free])
+    for name, (partner, factor) in tied.items():
+        at = np.flatnonzero(free == symbols.index(partner))
+        if not at.size:
+            raise ModelError(f"{name} is tied to {partner}, which is not free: tie it to a parameter that is fitted")
+        if not factor > 0:
+            raise ModelError(f"{name} is tied to {factor:g} times {partner}: the factor must be positive")
+        spread[symbols.index(name), at[0]] = factor
+        high[at[0]] = min(high[at[0]], model.parameters[symbols.index(name)].high / factor)
+    return spread, high
+
+
+def _flat(data: StiffnessData) -> StiffnessData:
+    """The same conditions along one axis."""
+    count = data.count
+    tail = data.covariance.shape[-2:] if data.full else (count, 2, 2)
+    return StiffnessData(
+        data.omega.reshape(-1, count) if data.omega.ndim > 1 else data.omega,
+        data.stiffness.reshape(-1, count),
+        np.broadcast_to(data.covariance, (*data.stiffness.shape[:-1], *tail)).reshape(-1, *tail),
+        data.k1.reshape(-1),
+        data.k1_std.reshape(-1),
+    )
+
+
+def _in_space(data: StiffnessData, space: str) -> FloatArray:
+    """The whitener of what is compared."""
+    whiten = data.whitener()
+    if space == "stiffness":
+        return whiten
+    over = 1.0 if space == "compliance" else 1j * data.omega
+    back = -(data.stiffness**2) / over  # dK*/dq
+    turn = np.stack([np.stack([back.real, -back.imag], -1), np.stack([back.imag, back.real], -1)], -2)
+    if not data.full:
+        return np.asarray(whiten @ turn)
+    count = data.count
+    wide = np.zeros(whiten.shape)
+    for at in range(count):
+        wide[:, 2 * at : 2 * at + 2, 2 * at : 2 * at + 2] = turn[:, at]
+    return np.asarray(whiten @ wide)

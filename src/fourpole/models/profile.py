@@ -1,0 +1,178 @@
+r"""Intervals of parameters by the profile of the likelihood: right where the valley is bent, or open to one side.
+
+A parameter is held at a value and all others are fitted anew; where chi-square has risen by :math:`q` above its least,
+the interval of probability :math:`P(\chi^2_1 < q)` ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from fourpole.core.arrays import FloatArray
+from fourpole.errors import ModelError
+from fourpole.models.data import StiffnessData
+from fourpole.models.fit import Fit, fit
+from fourpole.models.interface import Model
+
+__all__ = ["profile_intervals"]
+
+#: Where the profile is looked at, in standard uncertainties: first near, then, where it has not risen, far.
+_NEAR = np.array([1.0, 1.6, 1.9, 2.2, 2.6, 3.2, 4.0])
+_FAR = np.array([6.0, 10.0, 20.0, 50.0, 200.0])
+#: A logarithm is looked at no farther than this from its best.
+_FARTHEST = 12.0
+
+
+def profile_intervals(
+    found: Fit,
+    data: StiffnessData,
+    level: float = 0.95,
+    *,
+    fixed: Mapping[str, float] | Sequence[str] = (),
+    tied: Mapping[str, tuple[str, float]] | None = None,
+) -> FloatArray:
+    """Intervals (P, 2) of a fit's parameters by the profile of their likelihood, for one condition.
+
+    Parameters
+    ----------
+    found : Fit
+        Of one condition.
+    data : StiffnessData
+        What it was fitted to.
+    level : float [1]
+        Probability that an interval has the truth.
+    fixed, tied
+        As in the fit.
+
+    Returns
+    -------
+    (P, 2) float array
+        Each in its parameter's unit; the parameter's bound, or infinite, where the data set no end; the value itself
+        for fixed ones; a tied one's is that of its partner.
+
+    Raises
+    ------
+    ModelError
+        If the fit is of several conditions.
+
+    References
+    ----------
+    D. J. Venzon, S. H. Moolgavkar, "A method for computing profile-likelihood-based confidence intervals", Applied
+    Statistics 37, 1988.
+
+    Examples
+    --------
+    >>> from fourpole.models.springs import Spring
+    >>> data = StiffnessData.of([60.0, 90.0], [180e3 + 0j, 180e3 + 0j], 1e3)
+    >>> profile_intervals(fit(Spring(), data, [180e3]), data).round(-1)
+    array([[178610., 181390.]])
+    """
+    if found.lead:
+        raise ModelError("the profile is of one condition at a time: choose one")
+    tied = tied or {}
+    rise = float(np.sqrt(stats.chi2.ppf(level, 1)))
+    ends = np.stack([found.values, found.values], axis=1)
+    symbols = [parameter.symbol for parameter in found.model.parameters]
+    valley = _Valley(found, data, fixed, tied)
+    for at, symbol in enumerate(symbols):
+        if symbol not in fixed and symbol not in tied:
+            ends[at] = [valley.end(at, side, rise) for side in (-1.0, 1.0)]
+    for symbol, (partner, factor) in tied.items():
+        ends[symbols.index(symbol)] = factor * ends[symbols.index(partner)]
+    return ends
+
+
+@dataclass(frozen=True)
+class _Valley:
+    """A fit and what it was fitted to."""
+
+    found: Fit
+    data: StiffnessData
+    fixed: Mapping[str, float] | Sequence[str]
+    tied: Mapping[str, tuple[str, float]]
+
+    def end(self, at: int, side: float, rise: float) -> float:
+        """Where the root of what chi-square has risen by reaches `rise`, towards one side."""
+        parameter = self.found.model.parameters[at]
+        places, heights = np.array([self._place(at, self.found.values[at])]), np.zeros(1)
+        for look in (_NEAR, _FAR):
+            tried = self._tried(at, side, look)
+            if not tried.size:
+                continue
+            places = np.append(places, self._place(at, tried))
+            heights = np.append(heights, np.sqrt(np.maximum(self._chi2(at, tried) - self.found.chi2, 0.0)))
+            beyond = np.flatnonzero(heights >= rise)
+            if beyond.size:
+                to = int(beyond[0])
+                share = (rise - heights[to - 1]) / (heights[to] - heights[to - 1])
+                place = places[to - 1] + share * (places[to] - places[to - 1])
+                return float(np.exp(place) if parameter.log else place)
+        return parameter.low if side < 0 else parameter.high
+
+    def _place(self, at: int, values: ArrayLike) -> FloatArray:
+        """Logarithms of a parameter that is searched so."""
+        array = np.asarray(values, dtype=float)
+        return np.log(np.maximum(array, 1e-300)) if self.found.model.parameters[at].log else array
+
+    def _tried(self, at: int, side: float, look: FloatArray) -> FloatArray:
+        """Values at which the profile is looked at, within the bounds, nearest first."""
+        parameter, best = self.found.model.parameters[at], float(self.found.values[at])
+        std = float(self.found.std[at])
+        if parameter.log and best > 0:
+            step = min(std / best, 1.0) if std > 0 else 1.0
+            tried = best * np.exp(side * np.minimum(look * step, _FARTHEST))
+        else:
+            tried = best + side * look * (std if std > 0 else 0.1 * (abs(best) or parameter.default or 1.0))
+        bound = parameter.low if side < 0 else parameter.high
+        inside = tried[(tried > parameter.low) & (tried < parameter.high)]
+        if inside.size < tried.size and np.isfinite(bound) and best != bound and not parameter.log:
+            inside = np.append(inside, bound)
+        order = np.unique(inside)
+        return order if side > 0 else order[::-1]
+
+    def _chi2(self, at: int, tried: FloatArray) -> FloatArray:
+        """Chi-square with a parameter held and the rest fitted anew, from where a Gaussian would have it."""
+        model, best = self.found.model, self.found.values
+        symbols = [one.symbol for one in model.parameters]
+        low = np.array([one.low for one in model.parameters])
+        high = np.array([one.high for one in model.parameters])
+        covariance = self.found.covariance
+        lean = covariance[:, at] / covariance[at, at] if covariance[at, at] > 0 else np.zeros(best.size)
+        starts = np.clip(
+            best + np.outer(tried - best[at], lean), np.maximum(low, 0.2 * best), np.minimum(high, 5 * best)
+        )
+        starts = np.where((lean == 0) | (best <= 0), best, starts)
+        held = [*self.fixed, symbols[at]]
+        starts[:, at] = tried
+        for name in self.fixed:
+            starts[:, symbols.index(name)] = best[symbols.index(name)]
+        data = _repeated(self.data, tried.size)
+        if len(held) + len(self.tied) < len(symbols):
+            return np.asarray(fit(model, data, starts, fixed=held, tied=self.tied).chi2)
+        for name, (partner, factor) in self.tied.items():
+            starts[:, symbols.index(name)] = factor * starts[:, symbols.index(partner)]
+        return _misfit(model, data, starts)
+
+
+def _misfit(model: Model, data: StiffnessData, values: FloatArray) -> FloatArray:
+    """Chi-square of given parameters (B, P) on conditions (B,)."""
+    off = data.stiffness - model.stiffness(values, data.omega)
+    chi2 = np.sum(data.whitened(data.whitener(), off[..., None])[..., 0] ** 2, axis=-1)
+    at_rest = (data.k1 - model.static_stiffness(values)) / data.k1_std
+    return np.asarray(chi2 + np.nan_to_num(at_rest) ** 2)
+
+
+def _repeated(data: StiffnessData, count: int) -> StiffnessData:
+    """One condition, several times."""
+    return StiffnessData(
+        data.omega,
+        np.broadcast_to(data.stiffness, (count, *data.stiffness.shape)),
+        np.broadcast_to(data.covariance, (count, *data.covariance.shape)),
+        np.broadcast_to(data.k1, (count,)),
+        np.broadcast_to(data.k1_std, (count,)),
+    )

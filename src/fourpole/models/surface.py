@@ -1,0 +1,150 @@
+"""Smooth surfaces over pressure, preload and other axes: polynomials of low order, and the hull of what was seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import optimize
+
+from fourpole.core.arrays import FloatArray
+from fourpole.errors import ModelError
+
+__all__ = ["Axes", "Terms", "design", "term_sets"]
+
+#: Exponents of each axis, term by term.
+Terms = tuple[tuple[int, ...], ...]
+_MOST_DEGREE = 3
+#: More terms than this share of the conditions leave too little to tell how good they are.
+_MOST_TERMS = 0.75
+#: Values of an axis that differ by less than this share of its span, or of themselves, are one.
+_SAME = 0.02
+#: A point within this share of a half span is on the hull.
+_ON_HULL = 1e-6
+_HEAVY = 1e4
+
+
+@dataclass(frozen=True)
+class Axes:
+    """What conditions are told apart by, and where they were measured.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Columns with units: "pressure [Pa]". Those with one value everywhere are `constant`.
+    points : (B, d) float array
+        Value of each condition.
+    constant : dict of str to float
+        Axes that were not varied, and where they stood.
+    """
+
+    names: tuple[str, ...]
+    points: FloatArray
+    constant: dict[str, float]
+
+    @classmethod
+    def of(cls, names: Sequence[str], points: ArrayLike) -> Axes:
+        """Axes of conditions (B, d); those that do not vary are set apart.
+
+        Examples
+        --------
+        >>> Axes.of(["pressure [Pa]", "preload [N]"], [[1.7e5, 1e3], [2.0e5, 1e3]]).constant
+        {'preload [N]': 1000.0}
+        """
+        array = np.asarray(points, dtype=float).reshape(-1, len(names))
+        varied = [at for at in range(len(names)) if _levels(array[:, at]) > 1]
+        fixed = {name: float(np.mean(array[:, at])) for at, name in enumerate(names) if at not in varied}
+        return cls(tuple(names[at] for at in varied), array[:, varied], fixed)
+
+    @property
+    def middle(self) -> FloatArray:
+        """Of each axis (d,)."""
+        return np.asarray((self.points.min(axis=0) + self.points.max(axis=0)) / 2)
+
+    @property
+    def half(self) -> FloatArray:
+        """Half the span of each axis (d,)."""
+        return np.asarray((self.points.max(axis=0) - self.points.min(axis=0)) / 2)
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """Number of different values of each axis."""
+        return tuple(_levels(self.points[:, at]) for at in range(len(self.names)))
+
+    def scaled(self, points: ArrayLike) -> FloatArray:
+        """Points (Q, d) where what was measured lies between -1 and 1."""
+        return np.asarray((np.asarray(points, dtype=float).reshape(-1, len(self.names)) - self.middle) / self.half)
+
+    def outside(self, point: ArrayLike) -> tuple[float, FloatArray]:
+        """How far a point (d,) is from the convex hull of what was measured, and the nearest point of it.
+
+        Returns
+        -------
+        distance : float [1]
+            In half spans of the axes; 0 inside.
+        nearest : (d,) float array
+
+        Examples
+        --------
+        >>> axes = Axes.of(["pressure [Pa]", "preload [N]"], [[1e5, 1e3], [2e5, 1e3], [1e5, 2e3], [2e5, 2e3]])
+        >>> axes.outside([1.5e5, 1.5e3])[0], axes.outside([2.5e5, 1.5e3])
+        (0.0, (1.0, array([2.0e+05, 1.5e+03])))
+        """
+        if not self.names:
+            return 0.0, np.zeros(0)
+        corners, wanted = self.scaled(self.points), self.scaled(point)[0]
+        # Weights >= 0 that add up to one, and come as near as they can: the sum is asked for with much weight.
+        heavy = np.vstack([corners.T, np.full(len(corners), _HEAVY)])
+        weights, _ = optimize.nnls(heavy, np.append(wanted, _HEAVY))
+        nearest = corners.T @ (weights / weights.sum())
+        distance = float(np.linalg.norm(nearest - wanted))
+        if distance < _ON_HULL:
+            return 0.0, np.asarray(point, dtype=float)
+        return float(np.round(distance, 6)), np.asarray(np.round(nearest, 6) * self.half + self.middle)
+
+
+def design(terms: Terms, scaled: FloatArray) -> FloatArray:
+    """Products of powers (Q, K) of scaled points (Q, d).
+
+    Examples
+    --------
+    >>> design(((0,), (1,), (2,)), np.array([[0.5]]))
+    array([[1.  , 0.5 , 0.25]])
+    """
+    if not terms:
+        raise ModelError("a surface needs a term at least")
+    powers = np.asarray(terms, dtype=int).reshape(len(terms), -1)
+    return np.asarray(np.prod(scaled[:, None, :] ** powers[None], axis=2))
+
+
+def term_sets(levels: Sequence[int], count: int) -> list[Terms]:
+    """Surfaces worth trying for axes of so many levels and so many conditions, the simplest first.
+
+    Of each axis a degree up to 3 and below its levels; products of axes up to the highest degree, or all of them.
+
+    Examples
+    --------
+    >>> term_sets([3], 4)
+    [((0,),), ((0,), (1,)), ((0,), (1,), (2,))]
+    """
+    most = max(int(_MOST_TERMS * count), 1)
+    found: dict[Terms, None] = {}
+    for degrees in product(*(range(min(level - 1, _MOST_DEGREE) + 1) for level in levels)):
+        for limit in (max(degrees, default=0), sum(degrees)):
+            every = product(*(range(degree + 1) for degree in degrees))
+            terms = tuple(sorted((one for one in every if sum(one) <= limit), key=lambda one: (sum(one), one[::-1])))
+            if len(terms) <= most:
+                found[terms] = None
+    return sorted(found, key=len)
+
+
+def _levels(values: FloatArray) -> int:
+    """Number of different values."""
+    rising = np.unique(values)
+    if rising.size < 2:
+        return int(rising.size)
+    least = np.maximum(_SAME * (rising[-1] - rising[0]), 1e-3 * np.abs(rising[1:]))
+    return 1 + int(np.sum(np.diff(rising) > least))

@@ -1,0 +1,317 @@
+r"""One fit of many conditions whose parameters follow common laws: shared, or surfaces over pressure and preload.
+
+Each parameter of each condition is a link of a linear law,
+
+.. math:: g(\theta_{cp}) = \sum_k \Phi^{(p)}_{ck}\,\beta^{(p)}_k,
+
+with a column of ones for a parameter that all conditions share, a unit matrix for one that each has by itself, and
+powers of the pressure for a smooth surface. What the tests have in common in their errors (gains of sensors) is fitted
+along with it, with its stated uncertainty, so that nothing is averaged away that cannot be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import optimize
+
+from fourpole.core.arrays import FloatArray
+from fourpole.errors import ModelError
+from fourpole.models.data import StiffnessData
+from fourpole.models.interface import Model, Parameter
+
+__all__ = ["Scatter", "Together", "fit_together", "link", "unlink"]
+
+#: A linked value is kept within this of the middle, where it has bounds on both sides; logarithms within 300.
+_MOST_LOGIT, _MOST_LOG = 12.0, 300.0
+_TOLERANCE = 1e-12
+
+
+def link(parameter: Parameter, values: ArrayLike) -> FloatArray:
+    """A parameter where it has no bounds: its logarithm, its logit between two bounds, or itself."""
+    array = np.asarray(values, dtype=float)
+    low, high = parameter.low, parameter.high
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if np.isfinite(high) and np.isfinite(low):
+            return np.clip(np.log((array - low) / (high - array)), -_MOST_LOGIT, _MOST_LOGIT)
+        if np.isfinite(low):
+            return np.clip(np.log(array - low), -_MOST_LOG, _MOST_LOG)
+    return array
+
+
+def unlink(parameter: Parameter, linked: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """The parameter, and its derivative by its linked value."""
+    array = np.asarray(linked, dtype=float)
+    low, high = parameter.low, parameter.high
+    if np.isfinite(high) and np.isfinite(low):
+        share = 1.0 / (1.0 + np.exp(-np.clip(array, -_MOST_LOGIT, _MOST_LOGIT)))
+        return low + (high - low) * share, (high - low) * share * (1 - share)
+    if np.isfinite(low):
+        size = np.exp(np.clip(array, -_MOST_LOG, _MOST_LOG))
+        return low + size, size
+    return array, np.ones_like(array)
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How far conditions may be off their law, relative, as standard deviations.
+
+    Attributes
+    ----------
+    condition : float [1]
+        Of log K*, Re and Im, one error of each at all frequencies of a condition, and of K1: set-up to set-up.
+    frequency : (2,) tuple of float [1]
+        Along and across K*, at each frequency by itself: what the model cannot follow.
+    """
+
+    condition: float = 0.0
+    frequency: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Together:
+    """A model fitted to B conditions whose parameters follow laws.
+
+    Attributes
+    ----------
+    model : Model
+    values : (B, P) float array
+        Parameters of each condition by the laws.
+    coefficients : tuple of P float arrays
+        Of each law, of the linked parameter.
+    covariance : (U, U) float array
+        Of all coefficients in turn.
+    chi2, dof : float, int
+    converged : bool
+    rows : tuple of B (M_c, U + p) float arrays
+        Derivatives of the whitened model by coefficients and shared errors.
+    residuals : tuple of B (M_c,) float arrays [1]
+        Whitened.
+    whiteners : tuple of B (2N, 2N) float arrays
+    """
+
+    model: Model
+    values: FloatArray
+    coefficients: tuple[FloatArray, ...]
+    covariance: FloatArray
+    chi2: float
+    dof: int
+    converged: bool
+    rows: tuple[FloatArray, ...]
+    residuals: tuple[FloatArray, ...]
+    whiteners: tuple[FloatArray, ...]
+
+    def left_out(self, at: int) -> tuple[FloatArray, FloatArray]:
+        """Whitened residuals (M,) of a condition from a fit without it, and their covariance (M, M), to first order.
+
+        The leverage H of the condition's own rows gives (1 - H)^-1 r and (1 - H)^-1.
+        """
+        rows = self.rows[at]
+        whole = np.concatenate(self.rows)
+        prior = np.zeros(whole.shape[1])
+        prior[self.covariance.shape[0] :] = 1.0
+        leverage = rows @ np.linalg.pinv(whole.T @ whole + np.diag(prior), hermitian=True) @ rows.T
+        spread = np.linalg.pinv(np.eye(len(rows)) - leverage, rcond=1e-9, hermitian=True)
+        return spread @ self.residuals[at], spread
+
+
+def fit_together(
+    model: Model,
+    conditions: Sequence[StiffnessData],
+    start: ArrayLike,
+    designs: Mapping[str, ArrayLike] | None = None,
+    *,
+    shared: Sequence[FloatArray] | None = None,
+    scatter: Scatter | None = None,
+) -> Together:
+    """Fit a model to all conditions at once.
+
+    Parameters
+    ----------
+    model : Model
+    conditions : sequence of B StiffnessData
+        Of one condition each, with the covariance of each frequency by itself.
+    start : (P,) or (B, P) float array
+    designs : mapping of str to (B, K) float array, optional
+        Law of each parameter by its symbol, a column of ones for one that all share. A parameter that is not named is
+        each condition's own.
+    shared : sequence of B (2N, p) float arrays [N/m], optional
+        What one standard uncertainty of each of p common errors does to Re and Im of each frequency in turn.
+    scatter : Scatter, optional
+        In addition to the data's uncertainty.
+
+    Returns
+    -------
+    Together
+
+    Raises
+    ------
+    ModelError
+        If a name is not known or there are fewer data than coefficients.
+
+    Examples
+    --------
+    >>> from fourpole.models.maxwell import Zener
+    >>> omega = 2 * np.pi * np.arange(5.0, 25.0)
+    >>> truth = [[180e3, 120e3, 700.0], [180e3, 150e3, 900.0]]
+    >>> data = [StiffnessData.of(omega, Zener().stiffness(one, omega), 100.0) for one in truth]
+    >>> found = fit_together(Zener(), data, truth[0], {"K1": np.ones((2, 1))})
+    >>> found.values.round(3)
+    array([[180000., 120000.,    700.],
+           [180000., 150000.,    900.]])
+    """
+    search = _search_of(model, conditions, designs or {}, shared, scatter or Scatter())
+    begin = search.begin(np.broadcast_to(model.checked(start), (len(conditions), len(model.parameters))))
+    size = search.coefficients
+    known = sum(len(one) for one in search.residuals(begin)) - (begin.size - size)
+    if known < size:
+        raise ModelError(
+            f"{len(conditions)} conditions give {known} numbers, too few for {size} coefficients of the {model.name} "
+            "model: take a simpler law or a smaller model"
+        )
+    done = optimize.least_squares(
+        lambda u: np.concatenate([*search.residuals(u), -u[size:]]),
+        begin,
+        jac=lambda u: np.concatenate([*(-rows for rows in search.rows(u)), -np.eye(u.size)[size:]]),
+        method="lm",
+        x_scale="jac",
+        xtol=_TOLERANCE,
+        ftol=_TOLERANCE,
+        gtol=_TOLERANCE,
+        max_nfev=400,
+    )
+    rows = search.rows(done.x)
+    whole = np.concatenate(rows)
+    normal = whole.T @ whole
+    normal[np.arange(size, done.x.size), np.arange(size, done.x.size)] += 1.0
+    scale = 1.0 / np.sqrt(np.where(np.diag(normal) > 0, np.diag(normal), 1.0))
+    inverse = np.linalg.pinv(normal * np.outer(scale, scale), rcond=1e-13, hermitian=True) * np.outer(scale, scale)
+    linked = search.linked(done.x)
+    return Together(
+        model=model,
+        values=np.stack([unlink(one, linked[:, at])[0] for at, one in enumerate(model.parameters)], axis=1),
+        coefficients=tuple(np.split(done.x[:size], np.cumsum(search.sizes)[:-1])),
+        covariance=inverse[:size, :size],
+        chi2=float(2 * done.cost),
+        dof=known - size,
+        converged=bool(done.status > 0),
+        rows=tuple(rows),
+        residuals=tuple(search.residuals(done.x)),
+        whiteners=tuple(search.whiteners),
+    )
+
+
+@dataclass(frozen=True)
+class _Search:
+    """What the solver sees: coefficients in turn, then the shared errors."""
+
+    model: Model
+    conditions: Sequence[StiffnessData]
+    designs: tuple[FloatArray, ...]
+    shared: Sequence[FloatArray]
+    whiteners: Sequence[FloatArray]
+    k1_std: FloatArray
+
+    @property
+    def sizes(self) -> list[int]:
+        """Coefficients of each parameter's law."""
+        return [one.shape[1] for one in self.designs]
+
+    @property
+    def coefficients(self) -> int:
+        return sum(self.sizes)
+
+    def begin(self, values: FloatArray) -> FloatArray:
+        """Coefficients closest to some parameters; no shared error."""
+        linked = [link(one, values[:, at]) for at, one in enumerate(self.model.parameters)]
+        found = [np.linalg.lstsq(design, one, rcond=None)[0] for design, one in zip(self.designs, linked, strict=True)]
+        return np.concatenate([*found, np.zeros(self.shared[0].shape[1])])
+
+    def linked(self, u: FloatArray) -> FloatArray:
+        """Linked parameters (B, P)."""
+        parts = np.split(u[: self.coefficients], np.cumsum(self.sizes)[:-1])
+        return np.stack([design @ part for design, part in zip(self.designs, parts, strict=True)], axis=1)
+
+    def _parameters(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        both = [unlink(one, at) for one, at in zip(self.model.parameters, self.linked(u).T, strict=True)]
+        return np.stack([one for one, _ in both], axis=1), np.stack([slope for _, slope in both], axis=1)
+
+    def residuals(self, u: FloatArray) -> list[FloatArray]:
+        """Whitened data less model of each condition; K1 last, where it is known."""
+        values, _ = self._parameters(u)
+        found: list[FloatArray] = []
+        for at, data in enumerate(self.conditions):
+            off = _pairs(data.stiffness - self.model.stiffness(values[at], data.omega))
+            rows = self.whiteners[at] @ (off - self.shared[at] @ u[self.coefficients :])
+            if np.isfinite(self.k1_std[at]):
+                rest = (data.k1 - self.model.static_stiffness(values[at])) / self.k1_std[at]
+                rows = np.append(rows, rest)
+            found.append(rows)
+        return found
+
+    def rows(self, u: FloatArray) -> list[FloatArray]:
+        """Derivatives of the whitened model of each condition."""
+        values, slopes = self._parameters(u)
+        found: list[FloatArray] = []
+        for at, data in enumerate(self.conditions):
+            by_value = _pairs(self.model.derivative(values[at], data.omega)) * slopes[at]
+            rows = self.whiteners[at] @ np.concatenate([self._by_law(by_value, at), self.shared[at]], axis=1)
+            if np.isfinite(self.k1_std[at]):
+                by_rest = self.model.static_derivative(values[at]) * slopes[at] / self.k1_std[at]
+                last = np.concatenate(
+                    [self._by_law(by_rest[None], at), np.zeros((1, self.shared[at].shape[1]))], axis=1
+                )
+                rows = np.concatenate([rows, last])
+            found.append(rows)
+        return found
+
+    def _by_law(self, by_linked: FloatArray, at: int) -> FloatArray:
+        """Derivatives by the coefficients, of those (M, P) by linked parameters."""
+        parts = [by_linked[:, p, None] * design[at] for p, design in enumerate(self.designs)]
+        return np.concatenate(parts, axis=1)
+
+
+def _search_of(
+    model: Model,
+    conditions: Sequence[StiffnessData],
+    designs: Mapping[str, ArrayLike],
+    shared: Sequence[FloatArray] | None,
+    scatter: Scatter,
+) -> _Search:
+    count = len(conditions)
+    symbols = [one.symbol for one in model.parameters]
+    for name in designs:
+        if name not in symbols:
+            raise ModelError(f"the {model.name} model has no parameter {name!r}: it has {', '.join(symbols)}")
+    if any(one.stiffness.ndim != 1 or one.full for one in conditions) or not conditions:
+        raise ModelError("give one condition at a time, with the covariance of each frequency by itself")
+    laws = [np.asarray(designs.get(symbol, np.eye(count)), dtype=float) for symbol in symbols]
+    for symbol, law in zip(symbols, laws, strict=True):
+        if law.ndim != 2 or len(law) != count:
+            raise ModelError(f"the law of {symbol} has the shape {law.shape}: {count} conditions need as many rows")
+    common = shared if shared is not None else [np.zeros((2 * one.count, 0)) for one in conditions]
+    k1_std = [np.hypot(one.k1_std, scatter.condition * one.k1) if np.isfinite(one.k1) else np.inf for one in conditions]
+    known = np.where(np.isfinite(k1_std), k1_std, np.inf)
+    return _Search(model, conditions, tuple(laws), common, [_whitener(one, scatter) for one in conditions], known)
+
+
+def _whitener(data: StiffnessData, scatter: Scatter) -> FloatArray:
+    """Of the data's own uncertainty with the scatter."""
+    whole = np.zeros((2 * data.count, 2 * data.count))
+    turns = np.stack([_pairs(data.stiffness), _pairs(1j * data.stiffness)], axis=1)  # by Re and Im of log K*
+    for at in range(data.count):
+        rows = slice(2 * at, 2 * at + 2)
+        turn = turns[rows] * np.asarray(scatter.frequency)
+        floor = 1e-7 * np.abs(data.stiffness[at])
+        whole[rows, rows] = data.covariance[at] + turn @ turn.T + floor**2 * np.eye(2)
+    together = scatter.condition * turns
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(whole + together @ together.T)))
+
+
+def _pairs(values: np.ndarray) -> FloatArray:
+    """Re and Im of each row in turn."""
+    both = np.stack([values.real, values.imag], axis=1)
+    return np.asarray(both.reshape(2 * values.shape[0], *values.shape[1:]))
