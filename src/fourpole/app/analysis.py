@@ -73,10 +73,11 @@ def _analysed(
 
 
 def _drawn(study: Study, results: Path) -> Path:
-    """Figures and report; loaded only where they are wanted, for drawing takes a second to load."""
+    """Models, figures and report; loaded only where they are wanted, for drawing takes a second to load."""
+    from fourpole.app.models import fitted
     from fourpole.app.report import make_report
 
-    return make_report(study.results, results)
+    return make_report(fitted(study.results, results), results)
 
 
 def _counted(study: Study) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fourpole.app.console import out, progress
+from fourpole.app.console import out, progress, warn
 from fourpole.campaign.results import Results, read_results
 from fourpole.errors import CampaignError
 from fourpole.plot import FIGURES, Style, draw, save_figures, write_figure
@@ -29,7 +29,10 @@ def make_report(results: Results, folder: Path, style: Style | None = None) -> P
 
 def run_report(folder: Path, theme: str) -> None:
     """Figures and report again, from the tables of a results folder."""
-    out(f"report: {make_report(read_results(folder), folder, Style(theme))}")
+    results = read_results(folder)
+    for fault in results.faults:
+        warn(fault)
+    out(f"report: {make_report(results, folder, Style(theme))}")
 
 
 def run_plot(folder: Path, key: str, file: Path | None, style: Style) -> None:

@@ -23,7 +23,7 @@ from fourpole.io.source import read_bytes
 from fourpole.models.data import StiffnessData
 from fourpole.units import shown
 
-__all__ = ["AXES", "Measured", "MeasuredSet", "measured_of", "read_measured"]
+__all__ = ["AXES", "Measured", "MeasuredSet", "measured_of", "read_measured", "table_of"]
 
 _MOST_BYTES = 2_000_000_000
 FREQUENCY, RE, IM = "frequency [Hz]", "Re K* [N/m]", "Im K* [N/m]"
@@ -188,6 +188,13 @@ def read_measured(
         covariance = _covariance(beside)
     found = measured_of(frame, covariance, over=over, std=std, k1=k1, name=table.name)
     return replace(found, sha256=hashlib.sha256(content).hexdigest())
+
+
+def table_of(path: str | Path) -> pl.DataFrame:
+    """The table itself, numbers as numbers: of a file with frequency [Hz], Re K* [N/m] and Im K* [N/m]."""
+    frame = _frame(Path(path).name, read_bytes(path, max_bytes=_MOST_BYTES))
+    numbers = [column for column in frame.columns if column in _known(())]
+    return frame.with_columns(pl.Series(column, _numbers(frame, column, Path(path).name)) for column in numbers)
 
 
 def measured_of(

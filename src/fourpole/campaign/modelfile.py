@@ -70,7 +70,7 @@ class VerdictFile(_Strict):
 
     possible: bool
     chance: float = Field(description="Of a misfit as large by noise alone [1].")
-    misfit: float = Field(description="Largest relative departure of the best passive tyre from K* [1].")
+    misfit: float = Field(description="Relative error of K* at each frequency with which it would be possible [1].")
     impossible: list[float] = Field(max_length=_LONGEST, description="Frequencies that no such tyre can give [Hz].")
 
 
@@ -377,13 +377,13 @@ def response(entry: ModelEntry, at: int, frequency: FloatArray) -> tuple[Complex
     return stiffness, covariance + ((entry.granted * np.abs(stiffness)) ** 2)[:, None, None] * np.eye(2)
 
 
-def rig_of(file: ModelFile) -> Rig | None:
-    """The rig of the tests, where the file has one."""
-    if file.rig is None:
+def rig_in(file: RigFile | None) -> Rig | None:
+    """The rig of a document, where it has one; ModelError where a value has another unit."""
+    if file is None:
         return None
-    for name, one in file.rig.values.items():
+    for name, one in file.values.items():
         if name not in PARAMETERS or PARAMETERS[name] != one.unit:
             raise ModelError(f"the model file's rig has {shown(name)} in {shown(one.unit)}: it was changed")
-    values = {name: one.value for name, one in file.rig.values.items()}
-    std = {name: one.std for name, one in file.rig.values.items()}
-    return Rig(**values, std=std, blocked=file.rig.output == "blocked")
+    values = {name: one.value for name, one in file.values.items()}
+    std = {name: one.std for name, one in file.values.items()}
+    return Rig(**values, std=std, blocked=file.output == "blocked")

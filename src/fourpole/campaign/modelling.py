@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 
 from fourpole.campaign.measured import Measured, MeasuredSet
 from fourpole.campaign.modelfile import (
@@ -25,10 +25,9 @@ from fourpole.campaign.modelfile import (
     provenance,
     split_column,
 )
-from fourpole.campaign.results import read_results
 from fourpole.core.arrays import FloatArray
 from fourpole.core.rig import PARAMETERS
-from fourpole.errors import CampaignError, ModelError
+from fourpole.errors import ModelError
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of, model_named
 from fourpole.models.data import StiffnessData
@@ -39,7 +38,7 @@ from fourpole.models.operating import OperatingMap, make_map
 from fourpole.models.profile import profile_intervals
 from fourpole.models.surface import Axes
 
-__all__ = ["TyreFit", "TyreMap", "fit_tyres", "map_tyres", "model_file", "rig_file"]
+__all__ = ["TyreFit", "TyreMap", "fit_tyres", "lacking_error", "map_tyres", "model_file", "rig_file"]
 
 Progress = Callable[[int, int], None]
 #: What a map is tried with where nothing is asked for: laws of K2 and C, and what can be stepped in time.
@@ -342,9 +341,14 @@ def _verdict_entry(measured: Measured, verdict: Possible) -> VerdictFile:
     return VerdictFile(
         possible=verdict.possible,
         chance=verdict.chance,
-        misfit=float(np.max(np.abs(verdict.residuals / measured.own.stiffness))),
+        misfit=lacking_error(measured, verdict),
         impossible=verdict.impossible.tolist(),
     )
+
+
+def lacking_error(measured: Measured, verdict: Possible) -> float:
+    """The relative error of K* at each frequency with which it would be possible; 0 where it is."""
+    return 0.0 if verdict.possible else granted_error([measured.data])
 
 
 def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: Possible | None) -> ConditionFile:
@@ -370,25 +374,19 @@ def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def rig_file(folder: Path) -> RigFile | None:
-    """The rig of a results folder, as found where the joint route found it; none where there are several or none."""
-    try:
-        results = read_results(folder)
-    except CampaignError:
-        return None
-    rigs = results.record.get("stated", {}).get("rigs", {})
+def rig_file(record: Mapping[str, Any], found: pl.DataFrame) -> RigFile | None:
+    """The rig of study.json, with the values of rig.csv where the joint route found them; none unless there is one."""
+    rigs = record.get("stated", {}).get("rigs", {})
     if not isinstance(rigs, dict) or len(rigs) != 1:
         return None
     name, stated = next(iter(rigs.items()))
-    found = {}
-    if results.rig.height:
-        rows = results.rig.filter(results.rig["rig"] == name)
-        found = {row["value"]: (row["found"], row["u(found)"]) for row in rows.to_dicts()}
+    rows = found.filter(found["rig"] == name).to_dicts() if found.height else []
+    better = {row["value"]: (row["found"], row["u(found)"]) for row in rows}
     values = {}
     for symbol, unit in PARAMETERS.items():
         one = stated.get(symbol)
         if isinstance(one, dict) and isinstance(one.get("value"), int | float):
-            value, std = found.get(symbol, (one["value"], one.get("std") or 0.0))
+            value, std = better.get(symbol, (one["value"], one.get("std") or 0.0))
             if value is not None and np.isfinite(value):
                 values[symbol] = RigValue(value=value, unit=unit, std=std or 0.0)
     return RigFile(output=stated.get("output", "moving"), values=values)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from fourpole.campaign.tables import (
     STATIC_COLUMNS,
     TEXT_COLUMNS,
 )
-from fourpole.errors import CampaignError, FileError, TableError
+from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.source import read_bytes, sha256_of
 
 __all__ = ["Results", "read_results"]
@@ -31,6 +31,7 @@ _OPTIONAL = {
     "budget": BUDGET_COLUMNS,
     "quantiles": QUANTILE_COLUMNS,
 }
+_MADE_BY = {"model": "fit", "map": "map"}
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,9 @@ class Results:
     rig, residuals, budget, quantiles : polars.DataFrame
         As in rig.csv, residuals.csv, budget.csv and quantiles.csv; empty where the analysis had none.
     models, maps : ModelFile or None
-        As in model.json and map.json; None where there are none, or where they are of other results.
+        As in model.json and map.json; None where there are none.
+    faults : tuple of str
+        Why model files that are there are not used.
     """
 
     static: pl.DataFrame
@@ -61,6 +64,7 @@ class Results:
     quantiles: pl.DataFrame = field(default_factory=pl.DataFrame)
     models: ModelFile | None = None
     maps: ModelFile | None = None
+    faults: tuple[str, ...] = ()
 
 
 def read_results(folder: str | Path) -> Results:
@@ -96,21 +100,31 @@ def read_results(folder: str | Path) -> Results:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
     except (ValueError, pl.exceptions.PolarsError) as error:
         raise CampaignError(f"{folder}: cannot be read ({error}): run fourpole analyse again") from None
-    more = {
+    more: dict[str, Any] = {
         name: _table(folder / f"{name}.csv", columns) if (folder / f"{name}.csv").is_file() else pl.DataFrame()
         for name, columns in _OPTIONAL.items()
     }
+    found = Results(static, dynamic, frame, record, **more)
+    return _with_models(found, folder)
+
+
+def _with_models(results: Results, folder: Path) -> Results:
+    """The results with the model files that were made from them."""
     sha256 = sha256_of(folder / "dynamic.csv", max_bytes=_MOST_BYTES)
-    models, maps = (_model_file(folder / f"{name}.json", sha256) for name in ("model", "map"))
-    return Results(static, dynamic, frame, record, **more, models=models, maps=maps)
-
-
-def _model_file(path: Path, sha256: str) -> ModelFile | None:
-    """A model file that was made from these results."""
-    if not path.is_file():
-        return None
-    found = read_model_file(path)
-    return found if found.provenance.sha256 == sha256 else None
+    files: dict[str, Any] = {}
+    faults = []
+    for name, field_name in (("model", "models"), ("map", "maps")):
+        path = folder / f"{name}.json"
+        try:
+            made = read_model_file(path) if path.is_file() else None
+        except FourpoleError as error:
+            faults.append(f"{error}; left out: run fourpole {_MADE_BY[name]} again")
+            continue
+        if made is not None and made.provenance.sha256 != sha256:
+            faults.append(f"{path.name} is of other results and left out: run fourpole {_MADE_BY[name]} again")
+        elif made is not None:
+            files[field_name] = made
+    return replace(results, faults=tuple(faults), **files)
 
 
 def _table(path: Path, columns: tuple[str, ...]) -> pl.DataFrame:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
+from numpy.typing import ArrayLike
 
 from fourpole.campaign.cells import dynamic_cells
 from fourpole.campaign.folder import Campaign, Test, read_campaign
 from fourpole.campaign.identified import identify_tests, possible_route
 from fourpole.campaign.load import MOST_BYTES
+from fourpole.campaign.measured import MeasuredSet, measured_of
+from fourpole.campaign.modelfile import rig_in
+from fourpole.campaign.modelling import TyreFit, fit_tyres, map_tyres, rig_file
 from fourpole.campaign.reduce import Reduced, reduce_tests, response_hashes
 from fourpole.campaign.results import Results
 from fourpole.campaign.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
@@ -36,6 +40,9 @@ from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
 from fourpole.io.source import sha256_of
 from fourpole.io.write import write_table, write_text
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 __all__ = ["Study", "analyse"]
 
@@ -108,6 +115,62 @@ class Study:
         return Results(
             self.static, self.dynamic, self.previews, self.record, self.rig, self.residuals, self.budget, self.quantiles
         )
+
+    @property
+    def measured(self) -> MeasuredSet:
+        """K* condition by condition, with its covariance: what models are fitted to."""
+        return measured_of(self.dynamic, self.covariance, name="the study")
+
+    def fit(self, model: str = "auto") -> list[TyreFit]:
+        """A model for each tyre, in every condition by itself; `auto` chooses one and says why.
+
+        Raises
+        ------
+        ModelError
+            If there is no such model, or K* of too few frequencies.
+        """
+        return fit_tyres(self.measured, model)
+
+    def map(
+        self,
+        model: str = "auto",
+        *,
+        tyre: str | None = None,
+        over: Sequence[str] = (),
+        at: Mapping[str, ArrayLike] | None = None,
+    ) -> Dataset:
+        """The operating map on a grid, as xarray; needs the extra `maps`.
+
+        Parameters
+        ----------
+        model : str
+            A model's name, or `auto`: the one that tells conditions left out best.
+        tyre : str, optional
+            Only this one.
+        over : sequence of str
+            Further columns that are axes, besides pressure, preload and temperature.
+        at : mapping of str to (n,) float array, optional
+            Coordinates in SI by the name of an axis: {"pressure": [1.85e5], "frequency": [13.7]}; by default an even
+            grid over what was measured.
+
+        Returns
+        -------
+        xarray.Dataset
+            K_storage, K_loss, loss_factor, K1, K2, C and TR, each with u_NAME, over tyre, the axes and frequency;
+            not-a-number outside what was measured.
+
+        Raises
+        ------
+        ModelError
+            If there is no such tyre or axis, or no surface can be fitted.
+        CampaignError
+            If xarray is not installed.
+        """
+        from fourpole.campaign.grid import grid_of
+
+        maps = map_tyres(self.measured.only(tyre), model, over)
+        rig = rig_in(rig_file(self.record, self.rig))
+        return grid_of({one.tyre: one.best for one in maps}, rig, at)
 
     def write(self, folder: str | Path) -> Path:
         """Write all tables and study.json into a folder, each in one step.

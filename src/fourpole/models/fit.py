@@ -25,6 +25,8 @@ _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 1e-3, 0.2, 5.0, 1e12
 _SMALL_STEP, _SMALL_GAIN = 1e-10, 1e-13
 #: So does a chi-square that has fallen by less than this in each of so many steps: along a flat valley.
 _IDLE_GAIN, _IDLE_STEPS = 1e-6, 4
+#: A parameter that moves the data by less than this, in standard units, when it is multiplied by e is not seen.
+_UNSEEN = 1e-4
 #: Starts whose chi-square ends within this of the best have found the same optimum.
 _SAME_OPTIMUM = 1e-3
 
@@ -47,6 +49,7 @@ class Fit:
     residuals : (..., M) float array [1]
         In standard units: Re and Im of each frequency in turn, whitened; last K1's, where it is used.
     on_bound : (..., P) bool array
+        Parameters that stand on a bound, or are so far off that the data do not see them.
     converged : (...,) bool array
     steps : int
         Steps of the slowest.
@@ -189,14 +192,16 @@ def best_fit(
 def _fit_of(problem: Problem, lead: tuple[int, ...], place: FloatArray, steps: int, converged: BoolArray) -> Fit:
     values = problem.values_of(place)
     residuals = problem.residuals(place)
-    held = problem.held(place)
+    slopes = problem.jacobian(place)
+    # A logarithm that moves nothing has left for the end where its arm is as good as none.
+    held = problem.held(place) | (problem.log & (np.linalg.norm(slopes, axis=1) < _UNSEEN))
     on_bound = np.zeros(values.shape, dtype=bool)
     on_bound[:, problem.free] = held
     size = values.shape[-1]
     return Fit(
         model=problem.model,
         values=values.reshape(*lead, size),
-        covariance=_covariance(problem, place, held, values).reshape(*lead, size, size),
+        covariance=_covariance(problem, slopes, held, values).reshape(*lead, size, size),
         chi2=np.sum(residuals**2, axis=1).reshape(lead),
         dof=residuals.shape[1] - problem.free.size,
         residuals=residuals.reshape(*lead, -1),
@@ -254,12 +259,11 @@ def _step(problem: Problem, place: FloatArray, residuals: FloatArray, damping: F
     return np.asarray(np.linalg.solve(scaled, (np.where(outward, 0.0, right) * scale)[..., None])[..., 0] * scale)
 
 
-def _covariance(problem: Problem, place: FloatArray, held: BoolArray, values: FloatArray) -> FloatArray:
+def _covariance(problem: Problem, slopes: FloatArray, held: BoolArray, values: FloatArray) -> FloatArray:
     """Covariance (B, P, P) of all parameters, those held being exact."""
-    slopes = problem.jacobian(place)
     slopes = np.where(held[:, None, :], 0.0, slopes)
     normal = np.swapaxes(slopes, 1, 2) @ slopes
-    at = np.arange(place.shape[1])
+    at = np.arange(slopes.shape[2])
     scale = 1.0 / np.sqrt(np.where(normal[:, at, at] > 0, normal[:, at, at], 1.0))
     inverse = np.linalg.pinv(normal * scale[:, :, None] * scale[:, None, :], rcond=1e-13, hermitian=True)
     unit = problem.unit_of(values) * scale

@@ -64,7 +64,8 @@ class Problem:
     def values_of(self, place: FloatArray) -> FloatArray:
         """All parameters (B, P) of the free ones' places (B, F)."""
         values = np.array(self.fixed)
-        values[:, self.free] = np.where(self.log, np.exp(np.minimum(place, 700.0)), place * self.scale)
+        found = np.where(self.log, np.exp(np.minimum(place, 700.0)), place * self.scale)
+        values[:, self.free] = np.clip(found, self.low, self.high)  # round-off must not leave the bounds
         return self._tied(values)
 
     def _tied(self, values: FloatArray) -> FloatArray:

@@ -10,13 +10,15 @@ import numpy as np
 from scipy import ndimage, optimize
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.routes import maxwell_arm
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.fractional import FractionalZener, FractionalZener5
 from fourpole.models.interface import Model
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
 from fourpole.models.springs import KelvinVoigt, Spring, Structural
-from fourpole.models.table import Gehman
+from fourpole.models.table import Gehman, GehmanLaw
+from fourpole.models.tyre_shell import Shell
 
 __all__ = ["start_of", "starts_of"]
 
@@ -97,6 +99,10 @@ def starts_of(model: Model, data: StiffnessData, count: int) -> FloatArray:
         if count > 1:
             others = np.stack([_relaxing(one, count - 1) for one in _conditions(data)], axis=1)
             found = np.concatenate([found, others])
+    elif isinstance(model, GehmanLaw):
+        found = _laws(k, omega, data.k1.reshape(-1), model.order)[None]
+    elif isinstance(model, Shell):
+        found = _shell(model, k, omega)[None]
     else:
         found = _simple(model, k, omega)[None]
     inside = _inside(model, _filled(found, count))
@@ -131,6 +137,36 @@ def _simple(model: Model, k: ComplexArray, omega: FloatArray) -> FloatArray:
     if isinstance(model, Gehman):
         return np.mean((k - model.stiffness([0.0], omega)).real, axis=1)[:, None]
     raise ModelError(f"no start is known for the {model.name} model: state one")
+
+
+def _laws(k: ComplexArray, omega: FloatArray, k1: FloatArray, order: int) -> FloatArray:
+    """Polynomials through log K2 and log C of each frequency, K1 being known, or somewhat below the least K'."""
+    least = 0.9 * np.min(k.real, axis=1)
+    rest = np.where(np.isfinite(k1) & (k1 > 0), np.minimum(np.nan_to_num(k1), 1.1 * least), least)[:, None]
+    k2, c = maxwell_arm(k, rest, omega)
+    found = []
+    for row, static, spring, damper in zip(omega, rest[:, 0], k2, c, strict=True):
+        good = np.isfinite(spring) & np.isfinite(damper) & (spring > 0) & (damper > 0)
+        logs = np.log(row[good] / (20 * np.pi))
+        flat = np.array([abs(static), static / row.mean()])
+        both = [np.log(spring[good]), np.log(damper[good])]
+        laws = np.zeros((2, order + 1))
+        for at, values in enumerate(both):
+            degree = min(order, max(values.size - 1, 0))
+            laws[at, : degree + 1] = np.polyfit(logs, values, degree)[::-1] if values.size else np.log(flat[at])
+        found.append([static, *np.exp(np.clip(laws[:, 0], -100, 100)), *laws[0, 1:], *laws[1, 1:]])
+    return np.array(found)
+
+
+def _shell(model: Shell, k: ComplexArray, omega: FloatArray) -> FloatArray:
+    """The usual shell, on springs that give the mean K', with the time that gives the mean loss."""
+    at = [parameter.symbol for parameter in model.parameters]
+    found = np.repeat(model.defaults[None], len(k), axis=0)
+    wanted = np.mean(k.real, axis=1)
+    for _ in range(4):  # the stiffness grows with less than the springs' 3/4th power
+        found[:, at.index("k")] *= (wanted / model.static_stiffness(found)) ** 1.3
+    found[:, at.index("tau")] = np.mean(k.imag / k.real / omega, axis=1)
+    return found
 
 
 def _zener(k: ComplexArray, omega: FloatArray) -> FloatArray:
@@ -220,7 +256,8 @@ def _two_springs(rows: FloatArray, wanted: FloatArray) -> tuple[FloatArray, Floa
 
 def _fractional(conditions: list[_Condition], leans: FloatArray | None, count: int) -> list[FloatArray]:
     """The best K0, K_inf >= 0 on a grid of times, orders and leans: its optima (count, P), the best first."""
-    omega, found = np.empty(0), []
+    omega: FloatArray = np.empty(0)
+    found = []
     for seen in conditions:
         if not np.array_equal(omega, seen.omega):
             omega = seen.omega
@@ -237,13 +274,13 @@ def _fractional(conditions: list[_Condition], leans: FloatArray | None, count: i
 def _shares(omega: FloatArray, leans: FloatArray | None) -> tuple[FloatArray, ComplexArray]:
     """Times (T,), and the share (T, O, L, N) of K_inf - K0 at each time, order and lean."""
     low, high = omega.min() / 10**_DECADES_BEYOND, omega.max() * 10**_DECADES_BEYOND
-    times = 1.0 / np.geomspace(low, high, int(np.log10(high / low) * _TIMES_PER_DECADE) + 1)
+    times: FloatArray = 1.0 / np.geomspace(low, high, int(np.log10(high / low) * _TIMES_PER_DECADE) + 1)
     power = (1j * omega * times[:, None, None]) ** _ORDERS[:, None]
-    share = (power / (1 + power))[:, :, None, :]
-    return times, share if leans is None else share ** leans[:, None]
+    share: ComplexArray = (power / (1 + power))[:, :, None, :]
+    return times, share if leans is None else np.asarray(share ** leans[:, None])
 
 
-def _optima(misfit: FloatArray, count: int) -> FloatArray:
+def _optima(misfit: FloatArray, count: int) -> np.ndarray:
     """Places (count, 3) on a grid (T, O, L): local optima first, then the best of what is far from those chosen."""
     best = misfit <= ndimage.minimum_filter(misfit, size=3, mode="nearest")
     best.flat[np.argmin(misfit)] = True
@@ -290,17 +327,21 @@ def _non_negative(rows: FloatArray, wanted: FloatArray) -> tuple[FloatArray, flo
 
 
 def _spread(seen: _Condition, arms: int, beyond: float) -> FloatArray:
-    """Logarithms of times that are evenly spread over the band and somewhat beyond."""
-    low, high = -np.log(seen.omega.max() * beyond), -np.log(seen.omega.min() / beyond)
-    return np.linspace(low, high, arms) if arms > 1 and low < high else np.full(arms, 0.5 * (low + high))
+    """Logarithms of times that are evenly spread over the band and somewhat beyond; a single one lies within it."""
+    if arms == 1:
+        low, high = -np.log(seen.omega.max()), -np.log(seen.omega.min())
+        return np.array([low + (high - low) * beyond / (1.0 + beyond)])
+    low, high = np.sort([-np.log(seen.omega.max() * beyond), -np.log(seen.omega.min() / beyond)])
+    return np.linspace(low, high, arms)
 
 
 @dataclass(frozen=True)
 class _Spectrum:
     """The best non-negative spectrum on a fine grid.
 
-    `logs` of time and stiffness `springs` of its arms; `even`, times for a tyre that does not relax; the weight of an
-    arm at `grid` is `bends`: how far it moves K*, in standard units, as its time is smeared, by the square of that.
+    Its arms are at `logs` of time, with stiffnesses `springs`. On the `grid`, `bends` is how far a unit of stiffness
+    moves K*, in standard units, as its time is smeared, by the square of the smear in logarithms. `even` is the
+    condition, for a tyre that hardly relaxes.
     """
 
     logs: FloatArray
@@ -316,7 +357,7 @@ class _Spectrum:
     def shared(self, arms: int, power: float) -> FloatArray:
         """Logarithms of times with an equal share of the weights' power between them."""
         if self.logs.size < 2:
-            return _spread(self.even, arms, _SPREADS[0])
+            return _spread(self.even, arms, 1.0 + power)
         share = self.weights(self.logs, self.springs) ** power
         middle = (np.cumsum(share) - 0.5 * share) / np.sum(share)
         return np.interp((np.arange(arms) + 0.5) / arms, middle, self.logs)

@@ -76,7 +76,8 @@ class Axes:
 
     def scaled(self, points: ArrayLike) -> FloatArray:
         """Points (Q, d) where what was measured lies between -1 and 1."""
-        return np.asarray((np.asarray(points, dtype=float).reshape(-1, len(self.names)) - self.middle) / self.half)
+        array = np.atleast_2d(np.asarray(points, dtype=float))
+        return np.asarray((array - self.middle) / self.half)
 
     def outside(self, point: ArrayLike) -> tuple[float, FloatArray]:
         """How far a point (d,) is from the convex hull of what was measured, and the nearest point of it.

@@ -18,7 +18,7 @@ from fourpole.campaign.results import Results
 from fourpole.campaign.study import make_folder
 from fourpole.errors import CampaignError
 from fourpole.io.write import write_bytes
-from fourpole.plot import budget, carpet, motion, properties, rig, schemes, sheet, stiffness
+from fourpole.plot import budget, carpet, choice, models, motion, operating, properties, rig, schemes, sheet, stiffness
 from fourpole.plot.style import Style, drawing
 
 __all__ = ["FIGURES", "FORMATS", "FigureSpec", "draw", "render", "save_figures", "write_figure"]
@@ -152,6 +152,27 @@ def _specs() -> Iterable[FigureSpec]:
         "What the uncertainty is made of",
         "Shares of the variance of K2, C and K* by source against frequency.",
         budget.budget,
+    )
+    yield FigureSpec(
+        "model",
+        "The chosen model through the data",
+        "K' and K'' of each tyre with standard uncertainties, the model's line with its 95 % band, and below what the "
+        "model leaves, in standard uncertainties; dashed lines are at ±2.",
+        models.models,
+    )
+    yield FigureSpec(
+        "model-choice",
+        "Which model, and why",
+        "Models that were tried on each tyre, the best first: BIC less the best, chi-square per degree of freedom, and "
+        "how well frequencies left out are foretold.",
+        choice.choice,
+    )
+    yield FigureSpec(
+        "map",
+        "The operating map against the tests",
+        "What the map says over the tested conditions, with its 95 % band, and the tests with standard uncertainties; "
+        "each colour is a frequency.",
+        operating.operating,
     )
 
 

@@ -1,0 +1,465 @@
+"""The commands on models: fit, causality, map and query."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.table import Table
+
+from fourpole import units
+from fourpole.app.console import OK, harmless, option, out, print_json, progress, say, table_console, warn
+from fourpole.campaign.asking import Query, ask
+from fourpole.campaign.measured import Measured, MeasuredSet, read_measured, table_of
+from fourpole.campaign.modelfile import ConditionFile, ModelEntry, ModelFile, column_of, read_model_file
+from fourpole.campaign.modelling import TyreMap, fit_tyres, lacking_error, map_tyres, model_file, rig_file
+from fourpole.campaign.results import Results, read_results
+from fourpole.core.rig import Rig
+from fourpole.errors import CampaignError, ModelError, UnitError
+from fourpole.models.causality import Possible, check_possible
+from fourpole.models.operating import OperatingMap
+
+__all__ = ["DataOptions", "fitted", "run_causality", "run_fit", "run_map", "run_query", "state_of"]
+
+#: Relative uncertainty of K* for a verdict where a table states none.
+_ASSUMED = 0.01
+_MOST_ROWS = 40
+_MOST_NAMED = 12
+#: Kind of quantity of each unit of a parameter.
+_KINDS = {"N/m": "stiffness", "N s/m": "damping", "s": "time", "1": "ratio", "m": "length", "Pa": "pressure"}
+
+
+@dataclass(frozen=True)
+class DataOptions:
+    """What is taken of the results; as text, with units."""
+
+    tyre: str | None = None
+    band: str | None = None
+    over: tuple[str, ...] = ()
+    std: str | None = None
+    k1: str | None = None
+    std_k1: str | None = None
+
+    def read(self, path: Path) -> MeasuredSet:
+        """K* of the conditions."""
+        std = None if self.std is None else option(self.std, "ratio", "--std")
+        if std is not None and not 0 < std < 1:
+            raise UnitError("--std: the uncertainty of K* must lie between 0 and 100 %")
+        found = read_measured(path, over=self.over, std=std, k1=self._static())
+        return found.only(self.tyre, self._limits())
+
+    def settings(self) -> dict[str, Any]:
+        """As they stand in a model file."""
+        named = {"tyre": self.tyre, "band": self.band, "std": self.std, "k1": self.k1, "std_k1": self.std_k1}
+        given = {name: value for name, value in named.items() if value is not None}
+        return {**given, **({"over": list(self.over)} if self.over else {})}
+
+    def _static(self) -> tuple[float, float] | None:
+        if self.k1 is None:
+            if self.std_k1 is not None:
+                raise UnitError("--std-k1 is of --k1: state both")
+            return None
+        k1 = option(self.k1, "stiffness", "--k1")
+        if k1 <= 0:
+            raise UnitError("--k1: must be positive")
+        std = option("2 %" if self.std_k1 is None else self.std_k1, "ratio", "--std-k1")
+        return k1, std * k1
+
+    def _limits(self) -> tuple[float, float] | None:
+        if self.band is None:
+            return None
+        try:
+            low_text, high_text = self.band.split("..") if ".." in self.band else self.band.split(":")
+            unit = high_text.strip().lstrip("0123456789.,eE+- ")
+            low = units.quantity(low_text if any(map(str.isalpha, low_text)) else f"{low_text} {unit}", "frequency")
+            high = units.quantity(high_text, "frequency")
+        except (ValueError, UnitError):
+            low, high = 1.0, 0.0
+        if not 0 < low < high:
+            raise UnitError(f"--band: {units.shown(self.band)} is not two rising frequencies, as in '0.1:100 Hz'")
+        return low, high
+
+
+def run_fit(
+    path: Path,
+    model: str,
+    data: DataOptions,
+    fixed: Sequence[str],
+    file: Path | None,
+    figure: Path | None,
+    *,
+    as_json: bool,
+) -> int:
+    """Fit or choose a model for each tyre; write the model file and its figures."""
+    measured = data.read(path)
+    _notes(measured)
+    with progress("fitting") as advance:
+        fits = fit_tyres(measured, model, given=_fixed(fixed), progress=advance)
+    settings = {"model": model, **data.settings(), **({"fix": list(fixed)} if fixed else {})}
+    made = model_file(measured, fits, settings=settings, rig=_rig_of(path))
+    target = file if file is not None else (path / "model.json" if path.is_dir() else None)
+    if target is not None:
+        made.write(target)
+    drawn = _figures(path, made, figure)
+    if as_json:
+        print_json(made.model_dump(mode="json"))
+    else:
+        for entry in made.models:
+            _show_fit(entry)
+        for place in [*([target] if target is not None else []), *drawn]:
+            out(f"written: {place}")
+    return OK
+
+
+def fitted(results: Results, folder: Path) -> Results:
+    """Results just written to a folder, with a model chosen for each tyre, in model.json too; a note where none is."""
+    target = folder / "model.json"
+    try:
+        measured = read_measured(folder)
+        with progress("choosing models") as advance:
+            made = model_file(
+                measured,
+                fit_tyres(measured, progress=advance),
+                settings={"model": "auto"},
+                rig=rig_file(results.record, results.rig),
+            )
+    except ModelError as error:
+        say(f"note: no model was fitted: {error}")
+        target.unlink(missing_ok=True)
+        return results
+    made.write(target)
+    return replace(results, models=made)
+
+
+def run_causality(path: Path, data: DataOptions, *, as_json: bool) -> int:
+    """Say of each condition whether any passive linear tyre can have its K*."""
+    measured = data.read(path)
+    if not measured.known:
+        warn(f"the table states no uncertainty of K*: taken as {100 * _ASSUMED:g} %; state --std")
+        measured = DataOptions(**{**data.__dict__, "std": f"{_ASSUMED}"}).read(path)
+    else:
+        _notes(measured)
+    found = [(one, check_possible(one.data)) for one in measured.conditions]
+    if as_json:
+        rows = [{"tyre": one.tyre, "state": one.state, **_verdict(one, verdict)} for one, verdict in found]
+        print_json({"source": measured.source, "conditions": rows})
+        return OK
+    for one, verdict in found:
+        where = " at ".join(part for part in (one.tyre, one.label) if part) or measured.source
+        text = f"{where}: {'possible' if verdict.possible else 'NOT possible'} for a passive linear tyre (chi-square "
+        out(f"{text}{verdict.chi2:.4g} for {verdict.dof} degrees of freedom, chance {verdict.chance:.2g})")
+        if not verdict.possible:
+            out(f"  what no such tyre can give, with the others as they are: {_listed(verdict, one.own.count)}")
+            out(f"  it could, were K* uncertain by {100 * lacking_error(one, verdict):.2g} % at each frequency")
+    bad = sum(not verdict.possible for _, verdict in found)
+    out(f"{len(found) - bad} of {len(found)} conditions are possible")
+    if bad:
+        say(
+            "either the tests are at fault (a gain, a resonance, an unsettled tyre), or their uncertainty is, or the "
+            "tyre is not linear, so that each test sees another stiffness; fourpole rig says what the rig explains"
+        )
+    return OK
+
+
+def run_map(path: Path, model: str, data: DataOptions, file: Path | None, *, as_json: bool) -> int:
+    """Make the operating map of each tyre and write it."""
+    measured = data.read(path)
+    _notes(measured)
+    with progress("mapping") as advance:
+        maps = map_tyres(measured, model, data.over, progress=advance)
+    made = model_file(measured, maps=maps, settings={"model": model, **data.settings()}, rig=_rig_of(path))
+    target = file if file is not None else (path / "map.json" if path.is_dir() else Path("map.json"))
+    made.write(target)
+    drawn = _figures(path, made, None)
+    if as_json:
+        print_json(made.model_dump(mode="json"))
+        return OK
+    for one in maps:
+        _show_map(one)
+    for place in [target, *drawn]:
+        out(f"written: {place}")
+    return OK
+
+
+def run_query(
+    path: Path,
+    state: Mapping[str, float],
+    frequency: str,
+    tyre: str | None,
+    rig: Rig | None,
+    *,
+    beyond: bool,
+    file: Path | None,
+    as_json: bool,
+) -> int:
+    """Ask a model file."""
+    try:
+        grid = units.frequency_grid(frequency)
+    except UnitError as error:
+        raise UnitError(f"--frequency: {error}") from None
+    rows = ask(read_model_file(path), Query(grid, state, tyre, rig, beyond))
+    for remark in dict.fromkeys(row["remarks"] for row in rows if row["remarks"]):
+        warn(remark)
+    if file is not None:
+        import polars as pl
+
+        from fourpole.io.write import write_table
+
+        write_table(file if file.suffix else file.with_suffix(".csv"), pl.DataFrame(rows), label=str(file))
+        out(f"written: {file}")
+    if as_json:
+        print_json({"rows": rows})
+    elif file is None:
+        _show_rows(rows)
+    return OK
+
+
+def state_of(
+    pressure: str | None, preload: str | None, temperature: str | None, more: Sequence[str]
+) -> dict[str, float]:
+    """The operating point of the options, by column."""
+    state: dict[str, float] = {}
+    for text, kind, column in (
+        (pressure, "pressure", "pressure [Pa]"),
+        (preload, "force", "preload [N]"),
+        (temperature, "temperature", "temperature [degC]"),
+    ):
+        if text is not None:
+            state[column] = option(text, kind, f"--{column.split(' ', maxsplit=1)[0]}")
+    for text in more:
+        column, mark, value = text.rpartition("=")
+        try:
+            state[column.strip()] = float(value) if mark else math.nan
+        except ValueError:
+            state[column.strip()] = math.nan
+        if not math.isfinite(state[column.strip()]):
+            raise UnitError(f"--at: {units.shown(text)} is not a column and a number, as in 'camber [deg] = 2'")
+    return state
+
+
+def _fixed(texts: Sequence[str]) -> dict[str, float]:
+    """Parameters that are given, by symbol; their unit is that of the parameter's kind."""
+    found = {}
+    for text in texts:
+        symbol, mark, value = text.partition("=")
+        try:
+            found[symbol.strip()] = float(value)
+            continue
+        except ValueError:
+            pass
+        kinds = dict.fromkeys(_KINDS.values())
+        for kind in kinds if mark else ():
+            try:
+                found[symbol.strip()] = units.quantity(value, kind)
+                break
+            except UnitError:
+                continue
+        else:
+            raise UnitError(f"--fix: {units.shown(text)} is not a parameter and its value, as in 'K1=180 kN/m'")
+    return found
+
+
+def _notes(measured: MeasuredSet) -> None:
+    for note in measured.notes:
+        say(f"note: {note}")
+
+
+def _rig_of(path: Path) -> Any:
+    """The rig of the tests, for TR; none where results are a table by itself."""
+    folder = path if path.is_dir() else path.parent
+    try:
+        results = read_results(folder)
+    except CampaignError:
+        return None
+    return rig_file(results.record, results.rig)
+
+
+def _figures(path: Path, made: ModelFile, figure: Path | None) -> list[Path]:
+    """Figures of a model file, in the results' folder, or the one that is asked for."""
+    import polars as pl
+
+    from fourpole.plot import draw, save_figures, write_figure
+
+    field: dict[str, Any] = {"maps" if made.kind == "map" else "models": made}
+    keys = ("map",) if made.kind == "map" else ("model", "model-choice")
+    if path.is_dir():
+        results = replace(read_results(path), **field)
+        folder = path / "figures"
+        drawn = list(save_figures(results, folder, keys=keys).values())
+    else:
+        results = Results(pl.DataFrame(), table_of(path), pl.DataFrame(), **field)
+        drawn = []
+    if figure is not None:
+        one = draw(results, keys[0])
+        if one is None:
+            raise ModelError("there is nothing to draw")
+        drawn.append(write_figure(one, keys[0], figure))
+    return drawn
+
+
+def _show_fit(entry: ModelEntry) -> None:
+    if entry.tyre:
+        out(f"Tyre {entry.tyre}")
+    table = Table(box=box.SIMPLE)
+    for name in ("model", "causal", "parameters", "chi2", "dof", "chi2/dof [1]", "AICc", "BIC - best"):
+        table.add_column(name, justify="left" if name in ("model", "causal") else "right")
+    for name in ("left out [1]", "on a bound", "not converged"):
+        table.add_column(name, justify="right")
+    least = min(one.bic for one in entry.candidates)
+    for one in entry.candidates:
+        table.add_row(
+            one.model + (" *" if one.model == entry.model else ""),
+            "yes" if one.causal else "no",
+            str(one.free),
+            f"{one.chi2:.4g}",
+            str(one.dof),
+            f"{one.chi2 / max(one.dof, 1):.3g}",
+            f"{one.aicc:.5g}",
+            f"{one.bic - least:.3g}",
+            "" if one.left_out is None else f"{one.left_out:.3g}",
+            str(one.on_bound or ""),
+            str(one.lost or ""),
+        )
+    table_console().print(table)
+    out(entry.choice)
+    if entry.granted:
+        out(f"{100 * entry.granted:.2g} % of K* was granted to the model as an error of its own, so that it fits")
+    _show_verdicts(entry)
+    _show_parameters(entry)
+
+
+def _show_verdicts(entry: ModelEntry) -> None:
+    verdicts = [one.verdict for one in entry.conditions if one.verdict is not None]
+    bad = [one for one in verdicts if not one.possible]
+    if bad:
+        worst = max(one.misfit for one in bad)
+        out(
+            f"K* is not possible for a passive linear tyre in {len(bad)} of {len(verdicts)} conditions; it would be, "
+            f"were it uncertain by up to {100 * worst:.2g} % (fourpole causality says where)"
+        )
+    elif verdicts:
+        out(f"K* is possible for a passive linear tyre in all {len(verdicts)} conditions")
+
+
+def _show_parameters(entry: ModelEntry) -> None:
+    table = Table(box=box.SIMPLE)
+    table.add_column("condition")
+    places = range(len(entry.parameters))
+    given = [at for at in places if all(_is_given(one, at) for one in entry.conditions)]
+    alike = [at for at in given if len({one.values[at] for one in entry.conditions}) == 1]
+    shown = [at for at in places if at not in alike]
+    for at in shown:
+        table.add_column(harmless(f"{entry.parameters[at].symbol} [{entry.parameters[at].unit}]"), justify="right")
+    for one in entry.conditions[:_MOST_ROWS]:
+        table.add_row(harmless(_words(one)), *(_cell(one, at) for at in shown))
+    table_console().print(table)
+    if alike:
+        named = (f"{entry.parameters[at].symbol} = {entry.conditions[0].values[at]:.5g}" for at in alike)
+        units_ = (entry.parameters[at].unit for at in alike)
+        held = ", ".join(
+            f"{name} {unit if unit != '1' else ''}".rstrip() for name, unit in zip(named, units_, strict=True)
+        )
+        out(harmless(f"given, not fitted: {held}"))
+    out(
+        "value ± standard uncertainty, 95 % interval by profile likelihood; (bound): on a bound, or not seen by the data"
+    )
+    if len(entry.conditions) > _MOST_ROWS:
+        out(f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file")
+    alone = [one for one in entry.conditions if not one.converged]
+    if alone:
+        warn(f"{len(alone)} fits did not come to rest: {'; '.join(_words(one) for one in alone[:_MOST_NAMED])}")
+
+
+def _words(one: ConditionFile) -> str:
+    parts = []
+    for item in one.state:
+        if column_of(item.name, item.unit) == "pressure [Pa]":
+            parts.append(f"{item.value / 1e5:.4g} bar")
+        else:
+            named = "" if item.name in ("preload", "temperature") else f"{item.name} "
+            parts.append(f"{named}{item.value:.5g} {item.unit}")
+    return ", ".join(parts) or f"{one.band[0]:.4g} to {one.band[1]:.4g} Hz"
+
+
+def _cell(one: ConditionFile, at: int) -> str:
+    value, std = one.values[at], math.sqrt(max(one.covariance[at][at], 0.0))
+    if std == 0:
+        return f"{value:.5g} ({'given' if _is_given(one, at) else 'bound'})"
+    low, high = one.intervals[at]
+    ends = f"{'open' if low is None else f'{low:.4g}'} .. {'open' if high is None else f'{high:.4g}'}"
+    return f"{value:.5g} ± {std:.2g}\n{ends}"
+
+
+def _is_given(one: ConditionFile, at: int) -> bool:
+    """Whether a parameter was known: it has an interval of no width."""
+    low, high = one.intervals[at]
+    return one.covariance[at][at] == 0 and low is not None and low == high
+
+
+def _show_map(found: TyreMap) -> None:
+    if found.tyre:
+        out(f"Tyre {found.tyre}")
+    table = Table(box=box.SIMPLE)
+    for name in ("model", "causal", "terms", "left out [%]", "inside 95 % [%]", "scatter [%]"):
+        table.add_column(name, justify="left" if name in ("model", "causal") else "right")
+    for name, one in found.others:
+        if isinstance(one, OperatingMap):
+            mark = " *" if one is found.best else ""
+            left = one.left_out
+            cells = (100 * left.error, 100 * left.inside, 100 * one.scatter.condition)
+            shown = (f"{cell:.2g}" if math.isfinite(cell) else "" for cell in cells)
+            table.add_row(name + mark, "yes" if one.model.causal else "no", str(len(one.terms)), *shown)
+        else:
+            table.add_row(name, "", "", "none", "", "")
+    table_console().print(table)
+    for name, one in found.others:
+        if isinstance(one, str):
+            out(f"{name}: none, for {one}")
+    out(found.text)
+
+
+def _show_rows(rows: Sequence[Mapping[str, Any]]) -> None:
+    """One answer in lines, several as CSV."""
+    if len(rows) > 1:
+        import polars as pl
+
+        out(pl.DataFrame(list(rows)).write_csv().rstrip("\n"))
+        return
+    row = rows[0]
+    for name, value in row.items():
+        if name in ("remarks", "outside [half spans]") or name.startswith(("u(", "corr(")) or value in (None, ""):
+            continue
+        quantity, _, unit = name.removesuffix("]").partition(" [")
+        std = row.get(f"u({quantity}) [{unit}]")
+        text = value if isinstance(value, str) else f"{value:.6g}"
+        sure = f" ± {std:.2g}" if isinstance(std, float) else ""
+        out(f"{quantity:<12} {text}{sure} {unit if unit != '1' else ''}".rstrip())
+    if row["K2 [N/m]"] is None:
+        say("K2 and C: none, for no passive arm beside K1 has this K*")
+    if row["TR [1]"] is None:
+        say("TR: state the rig, --mass and --preload-stiffness")
+
+
+def _verdict(one: Measured, verdict: Possible) -> dict[str, Any]:
+    return {
+        "possible": verdict.possible,
+        "chi2": verdict.chi2,
+        "dof": verdict.dof,
+        "chance": verdict.chance,
+        "possible with an error of [1]": lacking_error(one, verdict),
+        "impossible [Hz]": verdict.impossible.tolist(),
+    }
+
+
+def _listed(verdict: Possible, count: int) -> str:
+    values = verdict.impossible.tolist()
+    if len(values) == count:
+        return f"all {count} frequencies"
+    if not values:
+        return "no frequency by itself, but all of them together"
+    named = ", ".join(f"{value:.5g}" for value in values[:_MOST_NAMED])
+    return f"{named}{f' and {len(values) - _MOST_NAMED} more' if len(values) > _MOST_NAMED else ''} Hz"

@@ -1,0 +1,153 @@
+"""An operating map on a grid, as an xarray Dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import FloatArray
+from fourpole.core.rig import Rig
+from fourpole.errors import CampaignError, ModelError
+from fourpole.models.operating import OperatingMap
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+__all__ = ["grid_of"]
+
+#: A frequency within this share of the band's end is inside.
+_EDGE = 1e-3
+#: Variables by name: unit, and what they are called in full.
+_VARIABLES = {
+    "K_storage": ("N/m", "storage stiffness K', real part of K*"),
+    "K_loss": ("N/m", "loss stiffness K'', imaginary part of K*"),
+    "loss_factor": ("1", "loss factor K''/K'"),
+    "K1": ("N/m", "static stiffness"),
+    "K2": ("N/m", "stiffness of the spring in series with C"),
+    "C": ("N s/m", "damping of the damper in series with K2"),
+    "TR": ("1", "transmissibility on the rig of the tests"),
+}
+
+
+def grid_of(
+    maps: Mapping[str, OperatingMap],
+    rig: Rig | None = None,
+    at: Mapping[str, ArrayLike] | None = None,
+    *,
+    points: int = 21,
+    frequencies: int = 31,
+) -> Dataset:
+    """K*, K1, K2, C and, with a rig, TR of each tyre over the axes and frequency, with standard uncertainties u_NAME.
+
+    Parameters
+    ----------
+    maps : mapping of str to OperatingMap
+        By tyre; all have the same axes.
+    rig : Rig, optional
+        For TR.
+    at : mapping of str to (n,) float array, optional
+        Coordinates in SI by the name of an axis, as pressure or frequency; by default evenly over what was measured.
+    points, frequencies : int
+        Of each axis that `at` does not have.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions tyre, the axes' names and frequency; not-a-number outside what was measured of a tyre.
+
+    Raises
+    ------
+    ModelError
+        If the tyres have different axes, or `at` has one that they do not have.
+    CampaignError
+        If xarray is not installed.
+    """
+    try:
+        import xarray
+    except ImportError:
+        raise CampaignError("a map on a grid needs xarray: pip install 'fourpole[maps]'") from None
+    columns = next(iter(maps.values())).axes.names
+    if any(one.axes.names != columns for one in maps.values()):
+        raise ModelError("the tyres were tested over different axes: state one tyre")
+    names = [column.partition(" [")[0] for column in columns]
+    sides = _sides(maps, names, at or {}, points, frequencies)
+    axes, frequency = sides[:-1], sides[-1]
+    mesh = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
+    shape = tuple(side.size for side in sides)
+    every, times = np.repeat(mesh, frequency.size, axis=0), np.tile(frequency, len(mesh))
+    found: dict[str, list[FloatArray]] = {}
+    for one in maps.values():
+        inside = np.repeat([one.axes.outside(point)[0] == 0 for point in mesh], frequency.size)
+        inside &= (times >= one.band[0] * (1 - _EDGE)) & (times <= one.band[1] * (1 + _EDGE))
+        for name, column in _values(one, rig, every, times).items():
+            found.setdefault(name, []).append(np.where(inside, column, np.nan).reshape(shape))
+    data: dict[str, Any] = {}
+    for name, parts in found.items():
+        base = name.removeprefix("u_")
+        unit, long = _VARIABLES[base]
+        said = long if base == name else f"standard uncertainty of {long}"
+        data[name] = (["tyre", *names, "frequency"], np.stack(parts), {"units": unit, "long_name": said})
+    coordinates: dict[str, Any] = {
+        name: ((name,), side, {"units": column.partition(" [")[2].removesuffix("]")})
+        for name, column, side in zip(names, columns, axes, strict=True)
+    }
+    coordinates["frequency"] = (("frequency",), frequency, {"units": "Hz"})
+    coordinates["tyre"] = (("tyre",), list(maps))
+    return xarray.Dataset(data, coordinates, _said(maps))
+
+
+def _sides(
+    maps: Mapping[str, OperatingMap], names: Sequence[str], at: Mapping[str, ArrayLike], points: int, frequencies: int
+) -> list[FloatArray]:
+    """Coordinates of each axis, and of frequency last."""
+    unknown = [name for name in at if name not in (*names, "frequency")]
+    if unknown:
+        raise ModelError(f"the map has no axis {unknown[0]!r}: it goes over {', '.join((*names, 'frequency'))}")
+    sides = []
+    for place, name in enumerate(names):
+        every = np.concatenate([one.axes.points[:, place] for one in maps.values()])
+        even = np.linspace(every.min(), every.max(), points)
+        sides.append(np.atleast_1d(np.asarray(at.get(name, even), dtype=float)))
+    low, high = min(one.band[0] for one in maps.values()), max(one.band[1] for one in maps.values())
+    even = np.linspace(low, high, frequencies)
+    return [*sides, np.atleast_1d(np.asarray(at.get("frequency", even), dtype=float))]
+
+
+def _values(found: OperatingMap, rig: Rig | None, points: FloatArray, frequency: FloatArray) -> dict[str, FloatArray]:
+    answer = found.ask(points, frequency)
+    std = np.sqrt(np.diagonal(answer.covariance, 0, 1, 2))
+    arm = np.sqrt(np.diagonal(answer.arm_covariance, 0, 1, 2))
+    real, imag = answer.stiffness.real, answer.stiffness.imag
+    by_loss = np.stack([-imag / real, np.ones_like(real)], axis=1) / real[:, None]
+    u_loss = np.sqrt(np.einsum("qi,qij,qj->q", by_loss, answer.covariance[:, :2, :2], by_loss))
+    values = {
+        "K_storage": real,
+        "u_K_storage": std[:, 0],
+        "K_loss": imag,
+        "u_K_loss": std[:, 1],
+        "loss_factor": imag / real,
+        "u_loss_factor": u_loss,
+        "K1": answer.k1,
+        "u_K1": std[:, 2],
+        "K2": answer.k2,
+        "u_K2": arm[:, 0],
+        "C": answer.c,
+        "u_C": arm[:, 1],
+    }
+    if rig is not None:
+        values["TR"], values["u_TR"] = answer.transmissibility(rig, frequency)
+    return values
+
+
+def _said(maps: Mapping[str, OperatingMap]) -> dict[str, Any]:
+    """What the Dataset says of itself."""
+    said: dict[str, Any] = {}
+    for tyre, one in maps.items():
+        mark = f"{tyre}: " if tyre else ""
+        said[f"{mark}model"] = one.model.name
+        said[f"{mark}error of conditions left out [1]"] = one.left_out.error
+        said |= {f"{mark}{column} held at": value for column, value in one.axes.constant.items()}
+    return said

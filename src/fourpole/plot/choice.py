@@ -1,0 +1,157 @@
+"""Which model, and why: what was tried, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+from fourpole.campaign.modelfile import CandidateFile, ModelEntry
+from fourpole.campaign.results import Results
+from fourpole.core.arrays import FloatArray
+from fourpole.plot.layout import WIDTH, Grid, Key, Notes
+from fourpole.plot.models import heading, numbered
+from fourpole.plot.panels import span
+from fourpole.plot.sheet import read_sheet
+from fourpole.plot.style import Style, plain_text
+
+__all__ = ["choice"]
+
+#: Difference of BIC below which two models are alike, and up to which its axis is linear.
+_ALIKE, _LINEAR = 6.0, 10.0
+_MOST_CANDIDATES, _MOST_TYRES = 14, 8
+_ROW, _MARGIN = 0.17, 0.2
+
+
+def choice(results: Results, style: Style) -> Figure | None:
+    """Which model, and why: candidates by BIC, reduced chi-square and frequencies left out, a row per tyre."""
+    if results.models is None:
+        return None
+    sheet = read_sheet(results)
+    entries = [one for one in results.models.models if len(one.candidates) > 1 and one.tyre in sheet.names]
+    if not entries:
+        return None
+    notes, key = Notes(), Key()
+    notes.chosen(min(len(entries), _MOST_TYRES), len(entries), "tyres")
+    entries = entries[:_MOST_TYRES]
+    most = min(max(len(one.candidates) for one in entries), _MOST_CANDIDATES)
+    grid = Grid.of(3 * len(entries), 3, panel_height=_ROW * most + _MARGIN, style=style)
+    for row, entry in enumerate(entries):
+        tyre = sheet.names.index(entry.tyre)
+        panels = grid.panels[3 * row : 3 * row + 3]
+        _draw_choice(panels, entry, style.colour(tyre), style)
+        heading(panels[0], sheet, entry.model, tyre, "", style, 1)
+        if len(entry.candidates) > _MOST_CANDIDATES:
+            notes.say(f"the best {_MOST_CANDIDATES} models shown")
+    _same_abscissa(grid.panels)
+    _choice_keys(key, entries, style)
+    notes.say("left out: root mean square of frequencies foretold by fits without them, in standard uncertainties")
+    if any(one.left_out is None for entry in entries for one in entry.candidates[:_MOST_CANDIDATES]):
+        notes.say("n: not tried, for the model is far from the best or too few frequencies are left")
+    figure = grid.finish(key=key, notes=notes, x_label="", y_labels=[""], headings="all", share_x=True)
+    labels = ("BIC less the best [1]", "chi-square / dof [1]", "left out [1]")
+    for ax, label in zip(grid.panels[-3:], labels, strict=True):
+        ax.set_xlabel(label)
+    # Names of models are longer than numbers.
+    figure.subplots_adjust(left=0.98 / WIDTH)
+    return figure
+
+
+def _draw_choice(panels: Sequence[Axes], entry: ModelEntry, colour: str, style: Style) -> None:
+    tried = entry.candidates[:_MOST_CANDIDATES]
+    least = min(one.bic for one in entry.candidates)
+    columns: tuple[list[float | None], ...] = (
+        [one.bic - least for one in tried],
+        [one.chi2 / max(one.dof, 1) for one in tried],
+        [one.left_out for one in tried],
+    )
+    for ax, values in zip(panels, columns, strict=True):
+        for place, (one, value) in enumerate(zip(tried, values, strict=True)):
+            if value is None:
+                ax.text(0.02, place, "n", color=style.look.muted, fontsize=7.0, va="center",
+                        transform=ax.get_yaxis_transform())  # fmt: skip
+                continue
+            _draw_candidate(ax, value, place, one, colour if one.model == entry.model else "", style)
+        ax.set_ylim(len(tried) - 0.4, -0.6)
+        ax.set_yticks(range(len(tried)), [plain_text(one.model, 12) for one in tried])
+        ax.tick_params(axis="y", length=0)
+        ax.grid(visible=False, axis="y")
+    panels[0].axvspan(0.0, _ALIKE, color=style.look.muted, alpha=0.16, linewidth=0.0, label="_alike", zorder=0.5)
+    for ax in panels[1:]:
+        ax.axvline(1.0, color=style.look.muted, linewidth=0.8, linestyle=(0.0, (4.0, 2.0)), label="_one", zorder=1.1)
+
+
+def _draw_candidate(
+    ax: Axes, value: float, place: int, one: CandidateFile, chosen: str, style: Style
+) -> None:  # fmt: skip
+    colour = chosen or style.look.muted
+    ax.plot(
+        [value],
+        [place],
+        linestyle="none",
+        marker="o" if one.causal else "^",
+        markersize=6.5 if chosen else 4.5,
+        color=colour,
+        markerfacecolor=colour if chosen else style.look.paper,
+        label="_chosen" if chosen else "_candidate",
+        zorder=3.0,
+        clip_on=False,
+    )
+
+
+def _same_abscissa(panels: Sequence[Axes]) -> None:
+    """Each column's axis the same for all tyres."""
+    for column in range(3):
+        own = list(panels[column::3])
+        seen = np.concatenate(
+            [np.asarray(line.get_xdata(), dtype=float) for ax in own for line in ax.lines
+             if line.get_label() in ("_chosen", "_candidate")] or [np.ones(1)]
+        )  # fmt: skip
+        for ax in own:
+            if column == 0:
+                _from_the_best(ax, float(seen.max()))
+            else:
+                _about_one(ax, seen[seen > 0])
+
+
+def _about_one(ax: Axes, seen: FloatArray) -> None:
+    low, high = min(float(seen.min(initial=1.0)), 0.9), max(float(seen.max(initial=1.0)), 1.1)
+    if high > 10 * low:
+        ax.set_xscale("log")
+        ax.set_xlim(low / 1.25, high * 1.25)
+        numbered(ax, "x", most=4)
+    else:
+        ax.set_xlim(*span([np.array([low, high])], 0.12))
+        ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+
+
+def _from_the_best(ax: Axes, top: float) -> None:
+    if top > 5 * _LINEAR:
+        ax.set_xscale("symlog", linthresh=_LINEAR, linscale=0.8)
+        ax.set_xlim(-0.6, 1.6 * top)
+        decades = [10.0**power for power in range(1, int(np.log10(top)) + 1)]
+        ax.set_xticks([0.0, *decades[:: -(-len(decades) // 4)]])
+        ax.minorticks_off()
+    else:
+        ax.set_xlim(-0.03 * max(top, _LINEAR), 1.1 * max(top, _LINEAR))
+        ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def _choice_keys(key: Key, entries: Sequence[ModelEntry], style: Style) -> None:
+    def sign(marker: str, *, full: bool) -> Line2D:
+        face = style.look.muted if full else style.look.paper
+        size = 6.5 if full else 4.5
+        return Line2D([], [], linestyle="none", marker=marker, color=style.look.muted, markerfacecolor=face,
+                      markersize=size)  # fmt: skip
+
+    key.add(sign("o", full=True), "chosen, in the tyre's colour")
+    key.add(sign("o", full=False), "causal")
+    if any(not one.causal for entry in entries for one in entry.candidates[:_MOST_CANDIDATES]):
+        key.add(sign("^", full=False), "not causal")
+    key.add(Patch(facecolor=style.look.muted, alpha=0.3, linewidth=0.0), f"alike: BIC within {_ALIKE:g} of the best")

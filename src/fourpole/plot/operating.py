@@ -1,0 +1,294 @@
+"""The operating map: what it says over pressure at constant frequency and preload, beside the tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from fourpole.campaign.modelfile import MapEntry, map_of
+from fourpole.campaign.results import Results
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.models.operating import Answer, OperatingMap
+from fourpole.plot.layout import Grid, Key, Notes
+from fourpole.plot.models import NORMAL_95, band, heading, key_of_band, share, steep, steep_limits
+from fourpole.plot.panels import Extent, Marks, curve, limit, span
+from fourpole.plot.sheet import FREQUENCY, IMAG, K2, REAL, C, Quantity, Sheet, read_sheet, spread
+from fourpole.plot.style import Style, load_dashes, load_marker, plain_text
+
+__all__ = ["operating"]
+
+_MOST_COLUMNS = 4
+_FREQUENCIES = 3
+_GRID = 81
+#: Conditions are the same within this share of an axis' span, or of themselves.
+_SAME = 0.02
+_PRESSURE, _PRELOAD = "pressure [Pa]", "preload [N]"
+#: How an axis is shown: its name, unit and scale.
+_SHOWN = {_PRESSURE: ("bar", 1e-5), "temperature [degC]": ("°C", 1.0)}
+_Pair: TypeAlias = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """One tyre with all axes of its map held but one."""
+
+    entry: MapEntry
+    found: OperatingMap
+    tyre: int
+    along: int
+    held: dict[int, float]
+
+    @property
+    def column(self) -> str:
+        """Column of the abscissa."""
+        return self.found.axes.names[self.along]
+
+    def points(self) -> FloatArray:
+        """Points (Q, d) along the abscissa, none of them outside of what was tested."""
+        axes = self.found.axes
+        rows = np.tile([self.held.get(at, 0.0) for at in range(len(axes.names))], (_GRID, 1))
+        own = axes.points[:, self.along]
+        rows[:, self.along] = np.linspace(own.min(), own.max(), _GRID)
+        kept = []
+        for row in rows:
+            far, nearest = axes.outside(row)
+            if far <= _SAME:  # the tests of one setting are not all at quite the same value of it
+                kept.append(nearest)
+        return np.array(kept).reshape(-1, len(axes.names))
+
+    def tests(self, sheet: Sheet) -> BoolArray:
+        """Tests that stand where the panel does."""
+        mask = sheet.tyre == self.tyre
+        for at, value in self.held.items():
+            own = sheet.values(self.found.axes.names[at])
+            mask = mask & (np.abs(own - value) <= _width(self.found.axes.points[:, at], value))
+        return np.asarray(mask)
+
+
+@dataclass(frozen=True)
+class _Series:
+    """A frequency of a panel: the map's curve and the tests beside it, each for both quantities, in their units."""
+
+    panel: int
+    colour: str
+    x: FloatArray
+    line: _Pair
+    half: _Pair
+    at: FloatArray
+    values: _Pair
+    stds: _Pair
+
+
+def operating(results: Results, style: Style) -> Figure | None:
+    """K2 and C, or K' and K'' where there are none, over pressure or the first axis of the map."""
+    if results.maps is None:
+        return None
+    sheet = read_sheet(results)
+    known = [entry for entry in results.maps.maps if entry.axes and entry.tyre in sheet.names]
+    panels = sorted((one for entry in known for one in _panels(entry, sheet)), key=_order)
+    if not panels:
+        return None
+    notes, key = Notes(), Key()
+    columns = min(_MOST_COLUMNS, len(panels))
+    notes.chosen(columns, len(panels), "pairs of tyre and condition")
+    panels = panels[:columns]
+    pair = (K2, C) if _has_arm(sheet, panels) else (REAL, IMAG)
+    groups = _frequencies(sheet, panels, notes)
+    series = [one for at, panel in enumerate(panels) for one in _series(at, panel, sheet, groups, pair, style)]
+    grid = Grid.of(2 * columns, columns, panel_height=2.2, style=style)
+    for row in range(2):
+        extent = Extent(positive=True)
+        for one in series:
+            extent.add(one.line[row], one.half[row])
+            extent.add(one.values[row], one.stds[row])
+        for column, panel in enumerate(panels):
+            ax = grid.panels[row * columns + column]
+            load = _load(panel, sheet)
+            for one in series:
+                if one.panel == column:
+                    _draw(ax, one, row, Marks(one.colour, load_marker(load), dashes=load_dashes(load), joined=False))
+            if row == 0:
+                heading(ax, sheet, panel.entry.model, panel.tyre, _held(panel), style, columns)
+            x = span([one.x for one in series if panels[one.panel].column == panel.column])
+            limits, log = steep_limits(extent)
+            limit(ax, x, limits, style=style, ticks=6 if columns < 3 else 4)
+            if log:
+                steep(ax, limits, style)
+        notes.cut(extent, steep_limits(extent)[0], style, "band or uncertainty")
+    _keys(key, panels, groups, sheet, style)
+    _say(notes, panels, pair)
+    labels = [quantity.label for quantity in pair]
+    figure = grid.finish(key=key, notes=notes, x_label=_label(panels[0].column), y_labels=labels, headings="top")
+    for ax, panel in zip(grid.panels[columns:], panels, strict=True):
+        ax.set_xlabel(_label(panel.column))
+    return figure
+
+
+def _panels(entry: MapEntry, sheet: Sheet) -> list[_Panel]:
+    """A panel for each value of the preload, or of the first axis that is not the abscissa."""
+    found = map_of(entry)
+    names, points = found.axes.names, found.axes.points
+    along = names.index(_PRESSURE) if _PRESSURE in names else 0
+    others = [at for at in range(len(names)) if at != along]
+    tyre = sheet.names.index(entry.tyre)
+    if not others:
+        return [_Panel(entry, found, tyre, along, {})]
+    first = names.index(_PRELOAD) if _PRELOAD in names and names.index(_PRELOAD) in others else others[0]
+    made = []
+    for level in _levels(points[:, first]):
+        near = np.abs(points[:, first] - level) <= _width(points[:, first], level)
+        # Axes beyond the second stand where most of the tests do.
+        held = {first: level} | {at: _commonest(points[near, at]) for at in others if at != first}
+        made.append(_Panel(entry, found, tyre, along, held))
+    return made
+
+
+def _order(panel: _Panel) -> tuple[int, int]:
+    """By condition, and within it by tyre."""
+    if not panel.held:
+        return 0, panel.tyre
+    first, value = next(iter(panel.held.items()))
+    return int(np.sum(np.array(_levels(panel.found.axes.points[:, first])) < value)), panel.tyre
+
+
+def _width(values: FloatArray, value: float) -> float:
+    return max(_SAME * float(np.ptp(values)), _SAME * abs(value))
+
+
+def _levels(values: FloatArray) -> list[float]:
+    """Distinct values in rising order."""
+    found: list[list[float]] = []
+    for value in sorted(values.tolist()):
+        if found and value - found[-1][0] <= _width(values, value):
+            found[-1].append(value)
+        else:
+            found.append([value])
+    return [float(np.median(group)) for group in found]
+
+
+def _commonest(values: FloatArray) -> float:
+    levels = _levels(values)
+    return max(levels, key=lambda level: int(np.sum(np.abs(values - level) <= _width(values, level))))
+
+
+def _has_arm(sheet: Sheet, panels: Sequence[_Panel]) -> bool:
+    """Whether tests and maps both have K2."""
+    if not np.any(np.isfinite(sheet.values(K2.column))):
+        return False
+    middle = [panel.found.ask(panel.found.axes.points, _middle(panel)) for panel in panels]
+    return all(np.mean(np.isfinite(one.k2)) > 0.5 for one in middle)
+
+
+def _middle(panel: _Panel) -> FloatArray:
+    low, high = panel.found.band
+    return np.full(len(panel.found.axes.points), np.sqrt(low * high))
+
+
+def _frequencies(sheet: Sheet, panels: Sequence[_Panel], notes: Notes) -> list[float]:
+    """A few frequencies that were tested [Hz], within the bands of the maps."""
+    low, high = min(one.found.band[0] for one in panels), max(one.found.band[1] for one in panels)
+    tested = [value for value in sheet.frequencies.values if low * (1 - _SAME) <= value <= high * (1 + _SAME)]
+    if not tested:
+        return [low, float(np.sqrt(low * high)), high]
+    shown = [tested[at] for at in spread(len(tested), _FREQUENCIES)]
+    notes.chosen(len(shown), len(tested), "frequencies")
+    return shown
+
+
+def _colours(groups: Sequence[float], style: Style) -> list[str]:
+    places = np.log(groups)
+    width = float(np.ptp(places))
+    return [style.frequency_colour(float((one - places[0]) / width) if width > 0 else 0.5) for one in places]
+
+
+def _series(
+    at: int, panel: _Panel, sheet: Sheet, groups: Sequence[float], pair: tuple[Quantity, Quantity], style: Style
+) -> list[_Series]:
+    scale = _SHOWN.get(panel.column, ("", 1.0))[1]
+    points, tests = panel.points(), panel.tests(sheet) & ~sheet.rejected & ~sheet.massed
+    frequency = sheet.values(FREQUENCY.column)
+    low, high = panel.found.band
+    made = []
+    for group, colour in zip(groups, _colours(groups, style), strict=True):
+        if not low * (1 - _SAME) <= group <= high * (1 + _SAME) or not len(points):
+            continue
+        answer = panel.found.ask(points, np.full(len(points), np.clip(group, low, high)))
+        lines, stds = _shown(answer, pair)
+        mask = tests & (np.abs(frequency - group) <= _SAME * group)
+        drawn = [sheet.shown(quantity) for quantity in pair]
+        made.append(
+            _Series(
+                panel=at,
+                colour=colour,
+                x=points[:, panel.along] * scale,
+                line=lines,
+                half=(NORMAL_95 * stds[0], NORMAL_95 * stds[1]),
+                at=sheet.values(panel.column)[mask] * scale,
+                values=(drawn[0][0][mask], drawn[1][0][mask]),
+                stds=(drawn[0][1][mask], drawn[1][1][mask]),
+            )
+        )
+    return made
+
+
+def _shown(answer: Answer, pair: tuple[Quantity, Quantity]) -> tuple[_Pair, _Pair]:
+    """Values and standard uncertainties of both quantities in the units of the axes."""
+    arm = pair[0] is K2
+    values = (answer.k2, answer.c) if arm else (answer.stiffness.real, answer.stiffness.imag)
+    covariance = answer.arm_covariance if arm else answer.covariance
+    first, second = (np.sqrt(covariance[:, at, at]) * pair[at].scale for at in range(2))
+    return (values[0] * pair[0].scale, values[1] * pair[1].scale), (first, second)
+
+
+def _draw(ax: Axes, one: _Series, row: int, marks: Marks) -> None:
+    band(ax, one.x, one.line[row], one.half[row], marks.colour)
+    ax.plot(one.x, one.line[row], color=marks.colour, linestyle=marks.dashes, linewidth=1.2, label="_map", zorder=2.0)
+    curve(ax, one.at, one.values[row], marks=marks, std=one.stds[row])
+
+
+def _load(panel: _Panel, sheet: Sheet) -> int:
+    """Rank of the preload, for its marker."""
+    names = panel.found.axes.names
+    loads = [value for at, value in panel.held.items() if names[at] == _PRELOAD]
+    return sheet.loads.nearest(loads[0]) if loads else 0
+
+
+def _held(panel: _Panel) -> str:
+    """Where the other axes stand, as a heading."""
+    return ", ".join(_stands(panel.found.axes.names[at], value) for at, value in panel.held.items())
+
+
+def _stands(column: str, value: float) -> str:
+    name, _, unit = column.removesuffix("]").partition(" [")
+    unit, scale = _SHOWN.get(column, ("" if unit == "1" else unit, 1.0))
+    named = "" if column == _PRELOAD or column in _SHOWN else f"{name} "
+    return plain_text(f"{named}{value * scale:.4g} {unit}".rstrip())
+
+
+def _label(column: str) -> str:
+    name, _, unit = column.removesuffix("]").partition(" [")
+    return f"{plain_text(name)} [{_SHOWN.get(column, (plain_text(unit or '1'), 1.0))[0]}]"
+
+
+def _keys(key: Key, panels: Sequence[_Panel], groups: Sequence[float], sheet: Sheet, style: Style) -> None:
+    for tyre, entry in {one.tyre: one.entry for one in sorted(panels, key=lambda one: one.tyre)}.items():
+        name = f"{sheet.labels[tyre]}: " if sheet.names[tyre] else ""
+        key.add(Line2D([], [], color=style.colour(tyre), linewidth=2.6), f"{name}{plain_text(entry.model)}")
+    for group, colour in zip(groups, _colours(groups, style), strict=True):
+        key.add(Line2D([], [], color=colour, linewidth=2.4), f"{float(f'{group:.3g}'):.10g} Hz")
+    key_of_band(key, style)
+
+
+def _say(notes: Notes, panels: Sequence[_Panel], pair: tuple[Quantity, Quantity]) -> None:
+    errors = {one.entry.tyre: one.entry.left_out[0] for one in panels}
+    told = [f"{share(error)} ({plain_text(tyre)})" if tyre else share(error) for tyre, error in errors.items()]
+    notes.say(f"K* of conditions left out of the map is told within {', '.join(told)}")
+    if pair[0] is not K2:
+        notes.say("no K2 and C: K1 is not known, or no passive arm has this K*")
+    notes.say("curves end where the tests do")
