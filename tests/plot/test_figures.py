@@ -22,7 +22,8 @@ from fourpole.plot.stiffness import route_stiffness
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 
 SCHEMES = ("fig01", "fig02", "fig03", "fig04")
-DATA = tuple(key for key in FIGURES if key not in SCHEMES)
+MODELS = ("model", "model-choice", "map")
+DATA = tuple(key for key in FIGURES if key not in (*SCHEMES, *MODELS))
 TYRES = {"cross-ply": CROSS_PLY, "radial-ply": RADIAL_PLY}
 LOW_HIGH = {"fig06": 1000.0, "fig07": 2000.0, "fig08": 1000.0, "fig09": 2000.0, "fig10": 1000.0, "fig11": 2000.0,
             "fig12": 1000.0, "fig13": 2000.0}  # fmt: skip
@@ -82,6 +83,7 @@ def test_the_papers_figures_are_there_in_the_order_of_a_report():
         "rig-residual",
         "mass-gain",
         "budget",
+        *MODELS,
     ]
     for key, spec in FIGURES.items():
         assert spec.key == key
@@ -274,7 +276,7 @@ def test_a_value_known_to_nothing_sets_no_axis(study):
     assert "1 value beyond the axes" in said(figure)
 
 
-@pytest.mark.parametrize("key", DATA)
+@pytest.mark.parametrize("key", [*DATA, *MODELS])
 def test_nothing_to_show_is_none(key):
     assert draw(empty_results(), key) is None
 

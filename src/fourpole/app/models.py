@@ -364,9 +364,7 @@ def _show_parameters(entry: ModelEntry) -> None:
             f"{name} {unit if unit != '1' else ''}".rstrip() for name, unit in zip(named, units_, strict=True)
         )
         out(harmless(f"given, not fitted: {held}"))
-    out(
-        "value ± standard uncertainty, 95 % interval by profile likelihood; (bound): on a bound, or not seen by the data"
-    )
+    out("value ± standard uncertainty, 95 % interval by profile likelihood; (bound): on a bound, or unseen")
     if len(entry.conditions) > _MOST_ROWS:
         out(f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file")
     alone = [one for one in entry.conditions if not one.converged]

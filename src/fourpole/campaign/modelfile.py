@@ -147,8 +147,8 @@ class MapEntry(_Strict):
         description="Relative: of conditions; of frequencies, along and across K*."
     )
     band: tuple[float, float] = Field(description="[Hz]")
-    left_out: tuple[float, float, float] = Field(
-        description="Relative error of conditions left out; share of K', K'' and of conditions inside 95 %."
+    left_out: tuple[float | None, float | None, float | None] = Field(
+        description="Relative error of conditions left out; share of K', K'' and of conditions inside 95 %; null: one."
     )
     choice: str
 
@@ -336,9 +336,13 @@ def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
         covariance=found.covariance.tolist(),
         scatter=(found.scatter.condition, *found.scatter.frequency),
         band=found.band,
-        left_out=(left.error, left.inside, left.conditions),
+        left_out=(_finite(left.error), _finite(left.inside), _finite(left.conditions)),
         choice=choice,
     )
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def map_of(entry: MapEntry) -> OperatingMap:
@@ -359,7 +363,7 @@ def map_of(entry: MapEntry) -> OperatingMap:
         covariance=np.array(entry.covariance, dtype=float).reshape(size, size),
         scatter=Scatter(entry.scatter[0], (entry.scatter[1], entry.scatter[2])),
         band=entry.band,
-        left_out=LeftOut(*entry.left_out),
+        left_out=LeftOut(*(float("nan") if one is None else one for one in entry.left_out)),
     )
 
 

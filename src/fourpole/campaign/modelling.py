@@ -234,7 +234,7 @@ def _map_tyre(
     if not good:
         raise ModelError(f"no map of the tyre {tyre!r} could be made: {made[0][1]}")
     least = min(one.left_out.error for one in good)
-    best = min((one for one in good if one.left_out.error <= _ALIKE * least), key=_doubt)
+    best = min((one for one in good if not one.left_out.error > _ALIKE * least), key=_doubt)
     return TyreMap(tyre, measured, best, tuple(made), _map_said(best, good))
 
 
@@ -261,7 +261,7 @@ def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> Operating
 
 def _doubt(found: OperatingMap) -> float:
     """Mean relative uncertainty of K* over the conditions, at the middle of the band."""
-    points = found.axes.points
+    points = found.axes.points if found.axes.names else np.zeros((1, 0))
     answer = found.ask(points, np.full(len(points), float(np.sqrt(found.band[0] * found.band[1]))))
     variance = answer.covariance[:, 0, 0] + answer.covariance[:, 1, 1]
     return float(np.mean(np.sqrt(variance) / np.abs(answer.stiffness)))
@@ -281,7 +281,9 @@ def _map_said(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
         said += ". It describes K2 and C and is not causal"
         if causal:
             first = min(causal, key=lambda one: one.left_out.error)
-            said += f": for a simulation in time take {first.model.name} ({100 * first.left_out.error:.2g} %)"
+            error = first.left_out.error
+            said += f": for a simulation in time take {first.model.name}"
+            said += f" ({100 * error:.2g} %)" if np.isfinite(error) else ""
     return said
 
 

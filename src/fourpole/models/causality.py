@@ -61,13 +61,15 @@ class Possible:
     spectrum: FloatArray
 
 
-def check_possible(data: StiffnessData) -> Possible:
+def check_possible(data: StiffnessData, enough: float = _CHANCE) -> Possible:
     """Hold K* of one condition against all passive linear tyres.
 
     Parameters
     ----------
     data : StiffnessData
         Of one condition; with its K1, where that is known.
+    enough : float [1]
+        Chance at which no better spectrum is looked for between the relaxation times.
 
     Returns
     -------
@@ -107,7 +109,7 @@ def check_possible(data: StiffnessData) -> Possible:
         chi2, active = float(norm**2), found > 0
         dof = max(wanted.size - int(np.sum(active)), 1)
         chance = float(stats.chi2.sf(chi2, dof))
-        if chance > _CHANCE:
+        if chance > enough:
             break  # else a spectrum between the times may do better
         times = _finer(times, active[1:-1])
     weights = found / size

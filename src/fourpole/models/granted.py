@@ -19,6 +19,8 @@ __all__ = ["granted_error", "least_misfit", "with_error"]
 
 #: Chance below which the data as stated are not believed.
 _CHANCE = 1e-3
+#: Chance up to which a better spectrum is looked for: chi-square is to be the least, not only good enough.
+_LIKELY = 0.5
 #: The search ends where chi-square is its degrees of freedom within this share.
 _CLOSE = 0.01
 _MOST_STEPS = 25
@@ -90,5 +92,5 @@ def granted_error(
 
 def least_misfit(conditions: Sequence[StiffnessData]) -> tuple[float, int]:
     """Chi-square and degrees of freedom of the best passive linear tyre of each condition, summed."""
-    found = [check_possible(one) for one in conditions]
+    found = [check_possible(one, _LIKELY) for one in conditions]
     return sum(one.chi2 for one in found), sum(one.dof for one in found)

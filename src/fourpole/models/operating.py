@@ -108,6 +108,7 @@ class OperatingMap:
     band : (float, float) [Hz]
         Where all conditions were measured.
     left_out : LeftOut
+        Not-a-number where there is one condition only.
     """
 
     model: Model
@@ -212,12 +213,12 @@ def make_map(
             reason = str(error)
             continue
         error_ = _left_out(found, conditions).error
-        if np.isfinite(error_):
+        if np.isfinite(error_) or len(conditions) == 1:
             tried.append((error_, one, found))
     if not tried:
         raise ModelError(f"no surface of the {model.name} model could be fitted: {reason}")
-    best = min(tried, key=lambda each: each[0])
-    simplest = next(each for each in tried if each[0] * _BETTER <= best[0])
+    least = min(error for error, _, _ in tried)
+    simplest = next((each for each in tried if each[0] * _BETTER <= least), tried[0])
     return _calibrated(model, conditions, axes, simplest[2].values, shared, simplest[1], frequency)
 
 
@@ -248,7 +249,9 @@ def _fitted(
 
 
 def _left_out(found: Together, conditions: Sequence[StiffnessData]) -> LeftOut:
-    """How good the surfaces are where a condition is left out."""
+    """How good the surfaces are where a condition is left out; not-a-number where there is only one."""
+    if len(conditions) == 1:
+        return LeftOut(float("nan"), float("nan"), float("nan"))
     errors, scores, middle = [], [], []
     for at, data in enumerate(conditions):
         off, spread = found.left_out(at)
@@ -281,7 +284,7 @@ def _calibrated(
     low, high, size = _LEAST, _MOST, _SCATTER
     found = _fitted(model, conditions, start, basis, shared, Scatter(0.0, frequency))
     scatter = Scatter(0.0, frequency)
-    if _excess(found, conditions) > 1:
+    if len(conditions) > 1 and _excess(found, conditions) > 1:
         for _ in range(_ROUNDS):
             scatter = Scatter(size, frequency)
             found = _fitted(model, conditions, found.values, basis, shared, scatter)

@@ -147,16 +147,18 @@ class _Valley:
             best + np.outer(tried - best[at], lean), np.maximum(low, 0.2 * best), np.minimum(high, 5 * best)
         )
         starts = np.where((lean == 0) | (best <= 0), best, starts)
-        held = [*self.fixed, symbols[at]]
+        follows = {name: factor for name, (partner, factor) in self.tied.items() if partner == symbols[at]}
         starts[:, at] = tried
+        for name, factor in follows.items():
+            starts[:, symbols.index(name)] = factor * tried
         for name in self.fixed:
             starts[:, symbols.index(name)] = best[symbols.index(name)]
+        held = [*self.fixed, symbols[at], *follows]
+        tied = {name: tie for name, tie in self.tied.items() if name not in follows}
         data = _repeated(self.data, tried.size)
-        if len(held) + len(self.tied) < len(symbols):
-            return np.asarray(fit(model, data, starts, fixed=held, tied=self.tied).chi2)
-        for name, (partner, factor) in self.tied.items():
-            starts[:, symbols.index(name)] = factor * starts[:, symbols.index(partner)]
-        return _misfit(model, data, starts)
+        if len(held) + len(tied) == len(symbols):  # nothing is left to fit
+            return _misfit(model, data, starts)
+        return np.asarray(fit(model, data, starts, fixed=held, tied=tied).chi2)
 
 
 def _misfit(model: Model, data: StiffnessData, values: FloatArray) -> FloatArray:

@@ -54,7 +54,8 @@ class Axes:
         >>> Axes.of(["pressure [Pa]", "preload [N]"], [[1.7e5, 1e3], [2.0e5, 1e3]]).constant
         {'preload [N]': 1000.0}
         """
-        array = np.asarray(points, dtype=float).reshape(-1, len(names))
+        array = np.asarray(points, dtype=float)
+        array = array.reshape(len(array), len(names))
         varied = [at for at in range(len(names)) if _levels(array[:, at]) > 1]
         fixed = {name: float(np.mean(array[:, at])) for at, name in enumerate(names) if at not in varied}
         return cls(tuple(names[at] for at in varied), array[:, varied], fixed)

@@ -32,7 +32,8 @@ _MOST_SERIES, _MOST_NARROW = 5, 3
 _SAME = 0.02
 #: Beyond a decade of frequency its axis is logarithmic; beyond this ratio of K' or K'' theirs is.
 _DECADE, _STEEP = 10.0, 20.0
-_GRID = 161
+#: Points of a line, over more than a decade and less.
+_GRID_WIDE, _GRID = 121, 51
 _LEAST_INK = 0.5
 #: Residuals that most lie within, and the least that their axis shows.
 _USUAL, _LEAST_SHOWN = 2.0, 3.0
@@ -159,8 +160,7 @@ def _curves(one: _Drawn, sheet: Sheet) -> _Curves:
     real, imag = (value[one.rows][order] for value, _ in shown)
     stds = tuple(std[one.rows][order] for _, std in shown)
     low, high = one.band
-    spaced = np.geomspace if high > _DECADE * low else np.linspace
-    grid = np.asarray(spaced(low, high, _GRID))
+    grid = np.geomspace(low, high, _GRID_WIDE) if high > _DECADE * low else np.linspace(low, high, _GRID)
     line, spread_of_line = response(one.entry, one.at, grid)
     foretold, doubt = response(one.entry, one.at, frequency)
     correlation = np.nan_to_num(sheet.values(_CORRELATION)[one.rows][order])

@@ -25,7 +25,7 @@ __all__ = ["operating"]
 
 _MOST_COLUMNS = 4
 _FREQUENCIES = 3
-_GRID = 81
+_GRID = 41
 #: Conditions are the same within this share of an axis' span, or of themselves.
 _SAME = 0.02
 _PRESSURE, _PRELOAD = "pressure [Pa]", "preload [N]"

@@ -17,6 +17,7 @@ from markupsafe import Markup
 from fourpole.campaign.results import Results
 from fourpole.io.write import write_text
 from fourpole.report.cards import embedded, make_cards
+from fourpole.report.models import models_section
 from fourpole.report.rows import DYNAMIC, STATIC, VERDICTS, ResultTable, result_rows
 from fourpole.report.section import learned_section
 from fourpole.report.stated import channel_rows, mapping, rig_rows, tested, texts, verdict_counts
@@ -135,6 +136,8 @@ def render_report(results: Results, *, findings: Sequence[Said], figures: Mappin
         sample_rate=mapping(record, "stated").get("sample_rate [Hz]"),
         learned=learned_section(results, where),
         limits=limits(results),
+        models=models_section(results),
+        faults=list(results.faults),
         assumptions=texts(record.get("assumptions")),
         figures=_numbered(list(figures.values())),
         remarks=_remarks([*dynamic.rows, *static.rows]),

@@ -1,0 +1,183 @@
+"""The section on models and operating maps: the choice, the parameters of each condition, how to ask the map."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fourpole.campaign.modelfile import CandidateFile, ConditionFile, MapEntry, ModelEntry
+from fourpole.campaign.results import Results
+from fourpole.report.digits import number, with_std
+from fourpole.report.words.models import chosen, map_facts, place, question, remarks_on_map, sentences
+
+__all__ = ["Cell", "ModelSection", "models_section"]
+
+#: Units as people read them: what is shown, and its SI value.
+_UNITS = {"N/m": ("kN/m", 1e3), "1": ("", 1.0)}
+#: With more conditions than these the table of parameters is closed at first.
+_OPEN = 4
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One model that was tried, as it is shown."""
+
+    model: str
+    chosen: bool
+    causal: str
+    cells: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A parameter of a condition: value, its standard uncertainty, the 95 % interval, and whether it was held."""
+
+    text: str
+    std: str
+    interval: str
+    mark: str = ""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition's parameters, and how well they fit."""
+
+    place: str
+    band: str
+    cells: list[Cell]
+    reduced: str
+    remark: str
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """The model of one tyre."""
+
+    name: str
+    sentences: list[str]
+    candidates: list[Candidate]
+    parameters: list[tuple[str, str, str]]
+    conditions: list[Condition]
+    open: bool
+
+
+@dataclass(frozen=True)
+class FittedMap:
+    """The map of one tyre."""
+
+    text: str
+    facts: list[tuple[str, str]]
+    remarks: list[str]
+    question: str
+
+
+@dataclass(frozen=True)
+class ModelSection:
+    """One tyre on the page."""
+
+    tyre: str
+    model: FittedModel | None
+    map: FittedMap | None
+
+
+def models_section(results: Results) -> list[ModelSection]:
+    """What the page shows of the model and the map of each tyre."""
+    models = {one.tyre: one for one in (results.models.models if results.models else [])}
+    maps = {one.tyre: one for one in (results.maps.maps if results.maps else [])}
+    return [
+        ModelSection(
+            tyre,
+            _model(models[tyre]) if tyre in models else None,
+            _map(maps[tyre], several=len(maps) > 1) if tyre in maps else None,
+        )
+        for tyre in dict.fromkeys([*models, *maps])
+    ]
+
+
+def _model(entry: ModelEntry) -> FittedModel:
+    least = min((one.bic for one in entry.candidates), default=0.0)
+    return FittedModel(
+        name=entry.model,
+        sentences=sentences(entry),
+        candidates=[_candidate(one, entry.model, least) for one in entry.candidates],
+        parameters=[(one.symbol, _unit(one.unit)[0], one.meaning) for one in entry.parameters],
+        conditions=[_condition(one, entry) for one in entry.conditions],
+        open=len(entry.conditions) <= _OPEN,
+    )
+
+
+def _candidate(one: CandidateFile, best: str, least: float) -> Candidate:
+    return Candidate(
+        model=one.model,
+        chosen=one.model == best,
+        causal="yes" if one.causal else "no",
+        cells=(
+            str(one.free),
+            number(one.chi2 / max(one.dof, 1), 3),
+            _round(one.aicc),
+            _round(one.bic - least),
+            "–" if one.left_out is None else number(one.left_out, 3),
+            str(one.on_bound or "–"),
+            str(one.lost or "–"),
+        ),
+    )
+
+
+def _round(value: float) -> str:
+    """A criterion: its differences count, to a tenth at most."""
+    return number(value, max(2, len(f"{abs(value):.0f}")) if abs(value) >= 10 else 2)
+
+
+def _unit(unit: str) -> tuple[str, float]:
+    return _UNITS.get(unit, (unit, 1.0))
+
+
+def _condition(one: ConditionFile, entry: ModelEntry) -> Condition:
+    low, high = one.band
+    return Condition(
+        place=place(one),
+        band=f"{number(low, 3)} to {number(high, 3)}" if high > low else number(low, 3),
+        cells=[_cell(one, at, entry) for at in range(len(entry.parameters))],
+        reduced=number(one.chi2 / max(one.dof, 1), 3),
+        remark="" if one.converged else "the fit did not come to rest",
+    )
+
+
+def _cell(one: ConditionFile, at: int, entry: ModelEntry) -> Cell:
+    parameter = entry.parameters[at]
+    scale = _unit(parameter.unit)[1]
+    value, std = one.values[at] / scale, math.sqrt(max(one.covariance[at][at], 0.0)) / scale
+    low, high = (None if end is None else end / scale for end in one.intervals[at])
+    if parameter.symbol in one.on_bound:
+        return Cell(number(value), "", _interval(low, high, 0.0), "on a bound")
+    if std == 0:
+        return Cell(number(value), "", "", "given")
+    text, about = with_std(value, std)
+    return Cell(text, about, _interval(low, high, std))
+
+
+def _interval(low: float | None, high: float | None, std: float) -> str:
+    """The 95 % interval in words; the data may set it no end."""
+    if low is None and high is None:
+        return "open to both sides"
+    if low is None:
+        return f"open to {_end(high, std)}"
+    if high is None:
+        return f"{_end(low, std)} to open"
+    if low == high:
+        return ""
+    return f"{_end(low, std)} to {_end(high, std)}"
+
+
+def _end(value: float | None, std: float) -> str:
+    """An end of an interval, as many digits as the value has."""
+    return with_std(value, std)[0] if std else number(value, 3)
+
+
+def _map(entry: MapEntry, *, several: bool) -> FittedMap:
+    return FittedMap(
+        text=chosen(entry.choice),
+        facts=map_facts(entry),
+        remarks=remarks_on_map(entry),
+        question=question(entry, several=several),
+    )

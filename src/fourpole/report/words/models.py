@@ -1,0 +1,191 @@
+"""Models and operating maps in words: which and why, whether the data can be a passive tyre's, what was granted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fourpole.campaign.modelfile import ConditionFile, MapEntry, ModelEntry, Quantity, column_of, map_of
+from fourpole.report.digits import number, spread
+from fourpole.report.words.phrases import counted, percent, ranged
+
+__all__ = ["chosen", "map_facts", "place", "question", "remarks_on_map", "sentences", "tyre_option"]
+
+#: Conditions that no passive tyre can have, told one by one.
+_NAMED = 6
+#: How an axis is shown: unit, scale, and the option of `fourpole query`, by its column.
+_AXES = {
+    "pressure [Pa]": ("bar", 1e5, "--pressure"),
+    "preload [N]": ("N", 1.0, "--preload"),
+    "temperature [degC]": ("°C", 1.0, "--temperature"),
+}
+_SPELLED = {"°C": "degC"}
+#: Characters of a name that a shell takes as they are.
+_PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")
+
+
+def sentences(entry: ModelEntry) -> list[str]:
+    """Which model and why, what was granted to it, and whether a passive linear tyre can have this K*."""
+    said = [chosen(entry.choice)]
+    if entry.granted > 0:
+        said.append(
+            f"The model was granted {percent(entry.granted)} of |K*| as an error of its own so that its intervals hold."
+        )
+    if not entry.causal:
+        said.append("It is not causal: it describes K* at these frequencies, but cannot be stepped in time.")
+    return [*said, *_verdicts(entry)]
+
+
+def chosen(text: str) -> str:
+    """The choice as a sentence."""
+    return text.strip().rstrip(".") + "."
+
+
+def _verdicts(entry: ModelEntry) -> list[str]:
+    judged = [one for one in entry.conditions if one.verdict is not None]
+    if not judged:
+        return ["The uncertainty of K* is not known, so it cannot be said whether a passive linear tyre can have it."]
+    bad = [one for one in judged if one.verdict is not None and not one.verdict.possible]
+    if not bad:
+        if len(judged) == 1:
+            return ["A passive linear tyre can have this K*, within its uncertainty."]
+        return [f"A passive linear tyre can have K* as measured in all {len(judged)} conditions."]
+    worst = max(one.verdict.misfit for one in bad if one.verdict is not None)
+    off = f"the best passive tyre is off by up to {percent(worst)}"
+    if len(judged) == 1:
+        return [f"No passive linear tyre can have this K*: {off}. {_where(bad[0])}."]
+    good = len(judged) - len(bad)
+    opening = (
+        f"{good if good else 'None'} of {counted(len(judged), 'condition')} {'is' if good < 2 else 'are'} possible"
+    )
+    said = f"{opening} for a passive linear tyre; in the {'others' if good else 'tests as measured'} {off}."
+    alike = {_where(one) for one in bad}
+    if len(alike) == 1:
+        return [said, f"There {_lowered(alike.pop())}."]
+    named = [f"{place(one) or 'here'}: {_lowered(_where(one))}" for one in bad[:_NAMED]]
+    more = f"; and in {len(bad) - _NAMED} more" if len(bad) > _NAMED else ""
+    return [said, f"At {'; at '.join(named)}{more}."]
+
+
+def _lowered(text: str) -> str:
+    """Within a sentence; K* stays as it is."""
+    return text if text.startswith("K*") else text[:1].lower() + text[1:]
+
+
+def _where(one: ConditionFile) -> str:
+    """Frequencies that cannot be."""
+    found = one.verdict.impossible if one.verdict is not None else []
+    if not found:
+        return "No single frequency is at fault"
+    if len(found) == 1:
+        return f"K* at {number(found[0], 3)} Hz cannot be"
+    if len(found) >= len(one.tests) > 0:
+        return "K* cannot be at any of the frequencies"
+    return f"K* cannot be at {spread(found, 'Hz')}"
+
+
+def place(one: ConditionFile) -> str:
+    """Where a condition stood, in words.
+
+    Examples
+    --------
+    >>> state = [Quantity(name="pressure", unit="Pa", value=1.7e5), Quantity(name="camber", unit="deg", value=2.0)]
+    >>> place(
+    ...     ConditionFile(
+    ...         state=state,
+    ...         tests=[],
+    ...         band=(1, 2),
+    ...         values=[],
+    ...         covariance=[],
+    ...         intervals=[],
+    ...         on_bound=[],
+    ...         chi2=0,
+    ...         dof=1,
+    ...         converged=True,
+    ...         agreed=1,
+    ...         verdict=None,
+    ...     )
+    ... )
+    '1.7 bar, camber 2 deg'
+    """
+    return ", ".join(_stood(each) for each in one.state)
+
+
+def _stood(each: Quantity) -> str:
+    unit, scale, _ = _axis(column_of(each.name, each.unit))
+    named = "" if column_of(each.name, each.unit) in _AXES else f"{each.name} "
+    return f"{named}{each.value / scale:.4g} {unit}".rstrip().replace("-", "−")
+
+
+def _axis(column: str) -> tuple[str, float, str]:
+    unit = column.rpartition(" [")[2].removesuffix("]")
+    return _AXES.get(column, ("" if unit == "1" else unit, 1.0, "--at"))
+
+
+def map_facts(entry: MapEntry) -> list[tuple[str, str]]:
+    """A map's axes and band, and how good it is where it was not told."""
+    facts = [("model", entry.model + ("" if entry.causal else " (not causal)"))]
+    for axis in entry.axes:
+        unit, scale, _ = _axis(column_of(axis.name, axis.unit))
+        facts.append((axis.name, spread(axis.values, unit, scale=scale, tolerance=0.02)))
+    facts += [(f"{each.name}, not varied", _bare(each)) for each in entry.constant]
+    facts.append(("frequency", ranged(list(entry.band), "Hz")))
+    error, inside, conditions = entry.left_out
+    facts.append(("K* of conditions left out is told within", percent(error)))
+    facts.append(("of their K′ and K″ inside the 95 % intervals", percent(inside)))
+    facts.append(("of these conditions inside at the middle frequency", percent(conditions)))
+    return facts
+
+
+def _bare(each: Quantity) -> str:
+    unit, scale, _ = _axis(column_of(each.name, each.unit))
+    return f"{each.value / scale:.4g} {unit}".rstrip()
+
+
+def remarks_on_map(entry: MapEntry) -> list[str]:
+    """What to know before it is asked."""
+    if not entry.axes:
+        return ["The tests stand at one condition: the map holds there alone."]
+    where = "between the tested conditions" + (" (inside their hull)" if len(entry.axes) > 1 else "")
+    return [f"It holds {where} and in the band; beyond, fourpole query answers only where it is told to."]
+
+
+def question(entry: MapEntry, *, several: bool) -> str:
+    """How to ask the map, at a point inside the tested conditions."""
+    parts = ["fourpole query map.json"]
+    if several:
+        parts.append(tyre_option(entry.tyre))
+    for axis, value in zip(entry.axes, _inside(entry), strict=True):
+        column = column_of(axis.name, axis.unit)
+        unit, scale, option = _axis(column)
+        if option == "--at":
+            parts.append(f"--at {_quoted(f'{column}={value:.10g}')}")
+        else:
+            parts.append(f'{option} "{value / scale:.10g} {_SPELLED.get(unit, unit)}"')
+    low, high = entry.band
+    middle = float(f"{math.sqrt(low * high):.3g}")
+    parts.append(f'--frequency "{min(max(middle, low), high):.10g} Hz"')
+    return " ".join(parts)
+
+
+def tyre_option(name: str) -> str:
+    """The option that names a tyre."""
+    return f"--tyre {name if name and set(name) <= _PLAIN and name[0] != '-' else _quoted(name)}"
+
+
+def _quoted(text: str) -> str:
+    """As a POSIX shell reads it back."""
+    return "'" + text.replace("'", "'\\''") + "'"
+
+
+def _inside(entry: MapEntry) -> Sequence[float]:
+    """The middle of the tested conditions in few digits where that is inside, otherwise a tested one."""
+    axes = map_of(entry).axes
+    if not axes.names:
+        return []
+    middle = np.array([float(f"{value:.3g}") for value in axes.points.mean(axis=0)])
+    if axes.outside(middle)[0] == 0:
+        return [float(value) for value in middle]
+    return [float(value) for value in axes.points[len(axes.points) // 2]]

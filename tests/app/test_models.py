@@ -1,0 +1,215 @@
+"""fit, causality, map and query, as users run them."""
+
+import json
+
+import numpy as np
+import polars as pl
+import pytest
+
+from fourpole.models.choice import model_named
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
+
+FREQUENCIES = np.geomspace(1.0, 100.0, 24)
+
+
+def reduced(place, noise=1e-3, std=True, model="zener", values=(180e3, 120e3, 700.0)):
+    """A table of one specimen, with or without uncertainties."""
+    rng = np.random.default_rng(5)
+    clean = model_named(model).stiffness(values, 2 * np.pi * FREQUENCIES)
+    spread = noise * np.abs(clean)
+    seen = clean + spread * (rng.standard_normal(24) + 1j * rng.standard_normal(24))
+    frame = pl.DataFrame({"frequency [Hz]": FREQUENCIES, "Re K* [N/m]": seen.real, "Im K* [N/m]": seen.imag})
+    if std:
+        frame = frame.with_columns(pl.Series("u(Re K*) [N/m]", spread), pl.Series("u(Im K*) [N/m]", spread))
+    frame.write_csv(place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def results(run, tmp_path_factory):
+    """Three pressures and two preloads of a tyre, analysed, tables only."""
+    folder = tmp_path_factory.mktemp("campaign")
+    simulate_campaign(
+        folder, tyres=[RADIAL_PLY], pressures=[1.0e5, 1.7e5, 2.4e5], preloads=[1000.0, 2000.0],
+        frequencies=[10.0, 13.0, 16.0, 20.0, 24.0],
+    )  # fmt: skip
+    assert run("analyse", folder, "--tables-only").exit_code == 0
+    return folder / "results"
+
+
+def test_fit_chooses_and_says_why(run, tmp_path):
+    table, out = reduced(tmp_path / "k.csv"), tmp_path / "model.json"
+    ran = run("fit", table, "--out", out)
+    assert ran.exit_code == 0, ran.output
+    said = " ".join(ran.stdout.split())
+    assert "zener: 3 parameters, chi-square" in said
+    assert "K* is possible for a passive linear tyre in all 1 conditions" in said
+    assert "zener *" in said
+    document = json.loads(out.read_text())
+    entry = document["models"][0]
+    found = dict(zip([one["symbol"] for one in entry["parameters"]], entry["conditions"][0]["values"], strict=True))
+    ends = entry["conditions"][0]["intervals"]
+    assert found == pytest.approx({"K1": 180e3, "K2": 120e3, "C": 700.0}, rel=0.01)
+    assert all(low < value < high for (low, high), value in zip(ends, found.values(), strict=True))
+    assert document["provenance"]["settings"] == {"model": "auto"}
+
+
+def test_without_uncertainties_they_are_found_and_that_is_said(run, tmp_path):
+    ran = run("fit", reduced(tmp_path / "k.csv", noise=5e-3, std=False), "--json")
+    assert ran.exit_code == 0, ran.output
+    assert "states no uncertainty of K*" in ran.stderr
+    entry = json.loads(ran.stdout)["models"][0]
+    assert entry["model"] == "zener"
+    assert entry["granted"] == pytest.approx(5e-3, rel=0.35)  # of 48 numbers: known to some 11 %
+    assert entry["conditions"][0]["verdict"] is None
+
+
+def test_a_model_by_name_on_a_band_with_a_known_parameter(run, tmp_path):
+    table = reduced(tmp_path / "k.csv")
+    ran = run("fit", table, "--model", "kelvin", "--band", "1:3 Hz", "--fix", "K=181 kN/m", "--json")
+    entry = json.loads(ran.stdout)["models"][0]
+    assert entry["model"] == "kelvin"
+    assert entry["conditions"][0]["values"][0] == 181e3
+    assert entry["conditions"][0]["intervals"][0] == [181e3, 181e3]
+    assert entry["conditions"][0]["band"][1] <= 3.0
+    assert entry["granted"] > 0  # it does not fit as it stands
+
+
+def test_k1_is_a_datum(run, tmp_path):
+    """K* from 30 Hz on hardly tells K1; a static test to 0.5 % does."""
+    table = reduced(tmp_path / "k.csv", noise=1e-2)
+    arguments = ("fit", table, "--model", "zener", "--band", "30:100 Hz", "--json")
+    free = json.loads(run(*arguments).stdout)["models"][0]["conditions"][0]
+    known = json.loads(run(*arguments, "--k1", "180 kN/m", "--std-k1", "0.5 %").stdout)["models"][0]["conditions"][0]
+    assert known["covariance"][0][0] < 0.2 * free["covariance"][0][0]
+    assert known["values"][0] == pytest.approx(180e3, rel=0.02)
+
+
+def test_causality_tells_possible_from_impossible(run, tmp_path):
+    good = run("causality", reduced(tmp_path / "k.csv"))
+    assert good.exit_code == 0
+    assert "possible for a passive linear tyre" in good.stdout
+    assert "NOT" not in good.stdout
+    table = reduced(tmp_path / "k.csv")
+    frame = pl.read_csv(table)
+    wrong = frame.with_columns(
+        pl.when(pl.int_range(24) == 11).then(0.9).otherwise(1.0).mul(pl.col("Im K* [N/m]")).alias("Im K* [N/m]")
+    )
+    wrong.write_csv(table)
+    bad = run("causality", table)
+    assert "NOT possible" in bad.stdout
+    assert f"as they are: {FREQUENCIES[11]:.5g} Hz" in bad.stdout
+    row = json.loads(run("causality", table, "--json").stdout)["conditions"][0]
+    assert not row["possible"]
+    assert row["impossible [Hz]"] == pytest.approx([FREQUENCIES[11]])
+    assert 0.005 < row["possible with an error of [1]"] < 0.05
+
+
+def test_results_to_model_map_and_query(run, results):
+    fitted = run("fit", results)
+    assert fitted.exit_code == 0, fitted.output
+    assert (results / "model.json").is_file()
+    assert (results / "figures" / "model.svg").is_file()
+    mapped = run("map", results)
+    assert mapped.exit_code == 0, mapped.output
+    assert "conditions left out are told within" in " ".join(mapped.stdout.split())
+    asked = run(
+        "query",
+        results / "map.json",
+        "--pressure",
+        "1.85 bar",
+        "--preload",
+        "1400 N",
+        "--frequency",
+        "13.7 Hz",
+        "--json",
+    )
+    row = json.loads(asked.stdout)["rows"][0]
+    k2, c = float(RADIAL_PLY.k2(13.7, 1.85e5, 1400.0)), float(RADIAL_PLY.c(13.7, 1.85e5, 1400.0))
+    assert abs(row["K2 [N/m]"] - k2) < 4 * row["u(K2) [N/m]"]
+    assert abs(row["C [N s/m]"] - c) < 4 * row["u(C) [N s/m]"]
+    assert row["u(K2) [N/m]"] < 0.05 * k2
+    assert 1.5 < row["TR [1]"] < 3.5
+    shown = run(
+        "query", results / "map.json", "--pressure", "1.85 bar", "--preload", "1400 N", "--frequency", "13.7 Hz"
+    )
+    assert "K2" in shown.stdout
+    assert "±" in shown.stdout
+    again = run("report", results)
+    assert again.exit_code == 0, again.output
+    assert again.stderr == "" or "left out" not in again.stderr
+
+
+def test_one_condition_makes_a_map_over_frequency_alone(run, tmp_path):
+    out = tmp_path / "map.json"
+    ran = run("map", reduced(tmp_path / "k.csv"), "--model", "zener", "--out", out)
+    assert ran.exit_code == 0, ran.output
+    assert "over one condition" in ran.stdout
+    row = json.loads(run("query", out, "--frequency", "14 Hz", "--json").stdout)["rows"][0]
+    clean = model_named("zener").stiffness([180e3, 120e3, 700.0], [28 * np.pi])[0]
+    assert abs(row["Re K* [N/m]"] - clean.real) < 4 * row["u(Re K*) [N/m]"]
+    refused = run("query", out, "--frequency", "14 Hz", "--pressure", "1.7 bar")
+    assert refused.exit_code == 2
+    assert "do not state pressure" in refused.stderr
+
+
+def test_a_query_outside_is_refused_and_writes_nothing(run, results, tmp_path):
+    if not (results / "map.json").is_file():
+        run("map", results)
+    ask = ("query", results / "map.json", "--preload", "1400 N", "--frequency", "12,14 Hz", "--out", tmp_path / "k.csv")
+    ran = run(*ask, "--pressure", "3 bar")
+    assert ran.exit_code == 2
+    assert "outside what was measured, by 0.857 half spans" in " ".join(ran.stderr.split())
+    assert not (tmp_path / "k.csv").exists()
+    ran = run(*ask, "--pressure", "3 bar", "--beyond")
+    assert ran.exit_code == 0
+    assert "outside what was measured" in " ".join(ran.stderr.split())
+    assert pl.read_csv(tmp_path / "k.csv")["outside [half spans]"].to_list() == pytest.approx([0.857143] * 2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("fit", "none.csv"), "none.csv: there is no such file"),
+        (("fit", "k.csv", "--model", "zenner"), "no model 'zenner': choose one of"),
+        (("fit", "k.csv", "--model", "maxwell:99"), "1 to 60 arms"),
+        (("fit", "k.csv", "--model", "maxwell:8", "--band", "1:2 Hz"), "too few for 17 free parameters"),
+        (("fit", "k.csv", "--band", "100:1 Hz"), "not two rising frequencies"),
+        (("fit", "k.csv", "--band", "200:300 Hz"), "no test between 200 and 300 Hz"),
+        (("fit", "k.csv", "--tyre", "x"), "no test of a tyre 'x'"),
+        (("fit", "k.csv", "--fix", "K1=heavy"), "is not a parameter and its value"),
+        (("fit", "k.csv", "--std", "200 %"), "between 0 and 100 %"),
+        (("fit", "k.csv", "--std-k1", "2 %"), "--std-k1 is of --k1"),
+        (("fit", "k.csv", "--over", "camber [deg]"), "no column 'camber [deg]'"),
+        (("fit", "text.csv"), "text.csv: has no column 'frequency [Hz]'"),
+        (("query", "k.csv", "--frequency", "10 Hz"), "is no model file"),
+        (("query", "none.json", "--frequency", "10 Hz"), "there is no such file"),
+        (("query", "none.json", "--frequency", "ten"), "--frequency: frequencies 'ten' lack"),
+        (("query", "none.json", "--frequency", "10 Hz", "--pressure", "10 N"), "--pressure:"),
+        (("query", "none.json", "--frequency", "10 Hz", "--at", "camber"), "--at:"),
+        (("causality", "text.csv"), "no column"),
+    ],
+)
+def test_bad_input_is_told_in_one_message(run, tmp_path, monkeypatch, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    reduced(tmp_path / "k.csv")
+    (tmp_path / "text.csv").write_text("a,b\nc,d\n")
+    before = sorted(tmp_path.iterdir())
+    ran = run(*arguments)
+    assert ran.exit_code == 2, ran.output
+    assert said in " ".join(ran.stderr.split())
+    assert "Traceback" not in ran.output
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_path):
+    import shutil
+
+    folder = tmp_path / "results"
+    shutil.copytree(results, folder, ignore=shutil.ignore_patterns("cache", "figures", "*.html"))
+    run("fit", folder, "--model", "zener")
+    table = (folder / "dynamic.csv").read_text().replace("radial-ply", "other")
+    (folder / "dynamic.csv").write_text(table)
+    ran = run("report", folder)
+    assert ran.exit_code == 0, ran.output
+    assert "model.json is of other results and left out: run fourpole fit again" in " ".join(ran.stderr.split())

@@ -1,0 +1,141 @@
+"""The operating map: surfaces found again, conditions left out in their intervals, answers with their covariance."""
+
+import numpy as np
+import pytest
+
+from fourpole.core.rig import Rig
+from fourpole.core.routes import maxwell_arm
+from fourpole.models.choice import fit_conditions, model_named
+from fourpole.models.data import StiffnessData
+from fourpole.models.operating import OperatingMap, make_map
+from fourpole.models.surface import Axes
+
+OMEGA = 2 * np.pi * np.linspace(8.0, 25.0, 12)
+POINTS = np.array([[p, load] for p in (1.0e5, 1.35e5, 1.7e5, 2.05e5, 2.4e5) for load in (1000.0, 1500.0, 2000.0)])
+ZENER = model_named("zener")
+NOISE, SCATTER = 3e-4, 2e-3
+
+
+def truth(points):
+    q, load = (points[:, 0] - 1.7e5) / 0.7e5, (points[:, 1] - 1500.0) / 500.0
+    return np.stack(
+        [180e3 * np.exp(0.15 * q + 0.02 * load), 120e3 * np.exp(0.1 * q - 0.05 * q**2), 700 + 60 * load], axis=1
+    )
+
+
+def measured(seed, scatter):
+    """Each condition off by an error of its own, as another mounting of the tyre makes it."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for values in truth(POINTS):
+        clean = ZENER.stiffness(values, OMEGA) * np.exp(scatter * complex(*rng.standard_normal(2)))
+        std = NOISE * np.abs(clean)
+        draw = rng.standard_normal(OMEGA.size) + 1j * rng.standard_normal(OMEGA.size)
+        k1 = values[0] * (1 + np.hypot(SCATTER, 5e-3) * rng.standard_normal())
+        found.append(StiffnessData.of(OMEGA, clean + std * draw, std, k1=k1, k1_std=5e-3 * values[0]))
+    return found
+
+
+def fitted(data):
+    return np.stack([one.values for one in fit_conditions(ZENER, data)])
+
+
+@pytest.fixture(scope="module")
+def maps():
+    found = []
+    for seed in range(6):
+        data = measured(seed, SCATTER)
+        found.append(make_map(ZENER, data, Axes.of(["p [Pa]", "l [N]"], POINTS), fitted(data)))
+    return found
+
+
+def test_the_scatter_of_conditions_is_found(maps):
+    """From 30 numbers less some 7 surface terms' shares: known to some 15 % each, 6 % in the mean of six."""
+    assert np.mean([one.scatter.condition for one in maps]) == pytest.approx(SCATTER, rel=0.3)
+
+
+def test_conditions_left_out_are_inside_as_often_as_said(maps):
+    inside = np.mean([one.left_out.inside for one in maps])
+    assert 0.90 <= inside <= 0.99
+    assert np.mean([one.left_out.error for one in maps]) < 3 * SCATTER
+
+
+def test_between_the_conditions_the_truth_is_inside_its_interval(maps):
+    """Of K', K'' and K1 at 40 points of 6 maps; points of one map share its surfaces, so wide limits."""
+    rng = np.random.default_rng(7)
+    points = rng.uniform([1e5, 1e3], [2.4e5, 2e3], (40, 2))
+    frequency = rng.uniform(8.0, 25.0, 40)
+    values = truth(points)
+    clean = ZENER.stiffness(values, 2 * np.pi * frequency[:, None])[:, 0]
+    inside, scores = [], []
+    for one in maps:
+        answer = one.ask(points, frequency)
+        off = np.stack([answer.stiffness.real - clean.real, answer.stiffness.imag - clean.imag], axis=1)
+        std = np.sqrt(np.diagonal(answer.covariance, 0, 1, 2))
+        inside.append(np.abs(off) < 1.96 * std[:, :2])
+        scores.append((answer.k1 - values[:, 0]) / std[:, 2])
+    # the truth at a point has no scatter of its own, a further test there has: inside at least as often as said
+    assert np.mean(inside) > 0.93
+    assert np.mean(np.abs(scores) < 1.96) > 0.93
+
+
+def test_k2_and_c_are_those_of_its_k_and_k1(maps):
+    answer = maps[0].ask(POINTS, np.full(len(POINTS), 14.0))
+    k2, c = maxwell_arm(answer.stiffness, answer.k1, np.full(len(POINTS), 28 * np.pi))
+    np.testing.assert_allclose(answer.k2, k2, rtol=1e-12)
+    np.testing.assert_allclose(answer.c, c, rtol=1e-12)
+    # their covariance against draws of K* and K1
+    rng = np.random.default_rng(0)
+    at = 4
+    drawn = rng.multivariate_normal(
+        [answer.stiffness[at].real, answer.stiffness[at].imag, answer.k1[at]], answer.covariance[at], 20_000
+    )
+    arm = np.stack(maxwell_arm(drawn[:, 0] + 1j * drawn[:, 1], drawn[:, 2], 28 * np.pi), axis=1)
+    std = np.sqrt(np.diag(answer.arm_covariance[at]))
+    np.testing.assert_allclose(
+        np.cov(arm.T) / np.outer(std, std), answer.arm_covariance[at] / np.outer(std, std), atol=0.06
+    )
+
+
+def test_tr_has_the_uncertainty_of_k_and_of_the_rig(maps):
+    rig = Rig(15.0, 12440.0, 15.0, std={"moving_mass": 0.1, "preload_stiffness": 50.0, "preload_damping": 2.0})
+    answer = maps[0].ask(POINTS[:1], [14.0])
+    value, std = answer.transmissibility(rig, [14.0])
+    omega, rng = 28 * np.pi, np.random.default_rng(1)
+    k = rng.multivariate_normal(
+        [answer.stiffness[0].real, answer.stiffness[0].imag], answer.covariance[0, :2, :2], 20_000
+    )
+    m, k3, c3 = (
+        mean + spread * rng.standard_normal(20_000) for mean, spread in ((15.0, 0.1), (12440.0, 50.0), (15.0, 2.0))
+    )
+    stiffness = k[:, 0] + 1j * k[:, 1]
+    drawn = np.abs(stiffness / (stiffness + k3 - omega**2 * m + 1j * omega * c3))
+    assert value[0] == pytest.approx(drawn.mean(), rel=1e-3)
+    assert std[0] == pytest.approx(drawn.std(), rel=0.05)
+    blocked = answer.transmissibility(Rig(blocked=True), [14.0])
+    assert [float(one[0]) for one in blocked] == [0.0, 0.0]
+
+
+def test_what_a_model_cannot_follow_widens_its_answers():
+    """A Kelvin-Voigt model of Zener tyres: the misfit over frequency is in its intervals."""
+    data = measured(0, 0.0)
+    kelvin = model_named("kelvin")
+    start = np.stack([[np.mean(one.stiffness.real), np.mean(one.stiffness.imag / OMEGA)] for one in data])
+    found = make_map(kelvin, data, Axes.of(["p [Pa]", "l [N]"], POINTS), start)
+    assert max(found.scatter.frequency) > 0.01
+    assert found.left_out.inside > 0.9
+
+
+def test_one_axis_and_no_axis():
+    line = [at for at in range(len(POINTS)) if POINTS[at, 1] == 1500.0]
+    data = measured(3, SCATTER)
+    one = make_map(
+        ZENER, [data[at] for at in line], Axes.of(["p [Pa]", "l [N]"], POINTS[line]), fitted([data[at] for at in line])
+    )
+    assert one.axes.names == ("p [Pa]",)
+    assert one.axes.constant == {"l [N]": 1500.0}
+    alone = make_map(ZENER, data[:1], Axes.of(["p [Pa]"], POINTS[:1, :1]), fitted(data[:1]))
+    assert isinstance(alone, OperatingMap)
+    assert alone.axes.names == ()
+    answer = alone.ask(np.zeros((1, 0)), [14.0])
+    assert abs(answer.stiffness[0] / ZENER.stiffness(truth(POINTS[:1])[0], [28 * np.pi])[0] - 1) < 0.02

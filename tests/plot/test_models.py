@@ -1,0 +1,326 @@
+"""The figures of models and maps show what model.json, map.json and the table say."""
+
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+import pytest
+from matplotlib.colors import to_hex
+from tests.plot.conftest import empty_results, renamed, results_of
+from tests.plot.modelled import edited, elastomer, named, study_with_models, with_models
+from tests.plot.test_figures import in_order, lines, panel, points, said, texts
+
+from fourpole.campaign.modelfile import map_of, response
+from fourpole.models.choice import model_named
+from fourpole.plot import THEMES, Style, draw, render
+from fourpole.plot.models import whitened
+
+KEYS = ("model", "model-choice", "map")
+TWO_SIDED_95 = 1.959964
+PLACES = [("cross-ply", "1000 N"), ("radial-ply", "1000 N"), ("cross-ply", "2000 N"), ("radial-ply", "2000 N")]
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return study_with_models()
+
+
+@pytest.fixture(scope="module")
+def tried():
+    """One condition of one tyre, with every model tried on it."""
+    return with_models(results_of(pressures=(170e3,), preloads=(1000.0,)), "auto", maps=False)
+
+
+def rows_of(results, tyre, preload):
+    return results.dynamic.filter((pl.col("tyre") == tyre) & (pl.col("preload [N]") == preload))
+
+
+def bands(ax):
+    """Vertices of the bands, (M, 2) each."""
+    return [one.get_paths()[0].vertices for one in ax.collections if one.get_label() == "_band"]
+
+
+def halves(vertices, x, middle):
+    """Heights of a band above and below a line at the line's own points."""
+    at = np.array([vertices[np.isclose(vertices[:, 0], one), 1] for one in x[1:-1]])
+    return at.max(axis=1) - middle[1:-1], middle[1:-1] - at.min(axis=1)
+
+
+# ---- the model through the data
+
+
+def test_each_tyre_and_preload_has_its_points_and_a_line_for_each_pressure(fitted):
+    figure = draw(fitted, "model")
+    assert [(ax.get_title(loc="left"), ax.get_title(loc="right")) for ax in figure.axes[:4]] == PLACES
+    for row, (column, scale) in enumerate((("Re K* [N/m]", 1e-3), ("Im K* [N/m]", 1e-3))):
+        for ax, (tyre, load) in zip(figure.axes[4 * row : 4 * row + 4], PLACES, strict=True):
+            rows = rows_of(fitted, tyre, float(load.removesuffix(" N")))
+            expected = np.column_stack([rows["frequency [Hz]"], rows[column] * scale])
+            np.testing.assert_allclose(in_order(points(ax)), in_order(expected), rtol=1e-12)
+            assert len(lines(ax, "_model")) == len(bands(ax)) == 3
+    labels = [figure.axes[4 * row].get_ylabel() for row in range(4)]
+    assert labels == ["K' [kN/m]", "K'' [kN/m]", "residual K' [1]", "residual K'' [1]"]
+
+
+def test_the_line_is_the_models_and_its_band_holds_95_percent(fitted):
+    entry = fitted.models.models[0]
+    one = entry.conditions[0]
+    ax = panel(draw(fitted, "model"), "cross-ply", "1000 N")
+    line = min(lines(ax, "_model"), key=lambda each: each.get_ydata()[0])
+    x, y = line.get_xdata(), line.get_ydata()
+    assert (x[0], x[-1]) == pytest.approx(one.band)
+    truth = model_named(entry.model).stiffness(one.values, 2 * np.pi * x)
+    np.testing.assert_allclose(y, truth.real * 1e-3, rtol=1e-12)
+    _, covariance = response(entry, 0, x)
+    above, below = halves(min(bands(ax), key=lambda each: each[:, 1].min()), x, y)
+    expected = TWO_SIDED_95 * 1e-3 * np.sqrt(covariance[1:-1, 0, 0])
+    np.testing.assert_allclose(above, expected, rtol=1e-9)
+    np.testing.assert_allclose(below, expected, rtol=1e-9)
+    # What was granted is in it.
+    assert np.all(expected > TWO_SIDED_95 * entry.granted * y[1:-1])
+
+
+def test_residuals_are_white():
+    covariance = np.array([[4.0, 1.5], [1.5, 9.0]])
+    turned = whitened(np.eye(2), np.stack([covariance, covariance])).T
+    np.testing.assert_allclose(turned @ covariance @ turned.T, np.eye(2), atol=1e-12)
+    # Each stays nearest to its own: the map is symmetric in standard units.
+    scaled = turned @ np.diag([2.0, 3.0])
+    np.testing.assert_allclose(scaled, scaled.T, atol=1e-12)
+
+
+def test_what_the_model_leaves_is_in_standard_uncertainties_of_both():
+    """On K* that the model made, with 1 % of noise that is stated, all but a few are within two."""
+    figure = draw(elastomer(), "model")
+    left = np.concatenate([points(ax)[:, 1] for ax in figure.axes[2:]])
+    assert left.size == 80
+    # Mean square of 80 values of variance 1, less 4 parameters and what the model's own uncertainty adds.
+    assert np.mean(left**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 80))
+    outside = int(np.sum(np.abs(left) > 2))
+    assert f"{outside} of 80 are beyond ±2" in said(figure)
+    usual = [line.get_ydata()[0] for line in lines(figure.axes[2], "_usual")]
+    assert usual == [-2.0, 2.0]
+
+
+def test_a_table_without_tyre_and_tests_is_drawn_over_decades():
+    figure = draw(elastomer(), "model")
+    assert len(figure.axes) == 4
+    assert figure.axes[0].get_title(loc="left") == "fractional"
+    assert {ax.get_xscale() for ax in figure.axes} == {"log"}
+    assert [ax.get_yscale() for ax in figure.axes] == ["log", "log", "linear", "linear"]
+    assert len(points(figure.axes[0])) == 40
+    x = lines(figure.axes[0], "_model")[0].get_xdata()
+    np.testing.assert_allclose(np.diff(np.log(x)), np.log(1e7) / (x.size - 1), rtol=1e-6)
+    marked = {text.get_text() for text in figure.axes[3].get_xticklabels()}
+    assert {"0.01", "1", "1000"} <= marked
+    assert not any("$" in text for text in marked)
+
+
+def test_a_band_of_less_than_a_decade_is_linear(fitted):
+    assert {ax.get_xscale() for ax in draw(fitted, "model").axes} == {"linear"}
+
+
+def test_temperatures_have_markers_of_their_own():
+    figure = draw(elastomer((0.0, 20.0, 40.0)), "model")
+    assert {"0 °C", "20 °C", "40 °C"} <= set(texts(figure))
+    drawn = lines(figure.axes[0], "_points")
+    assert len({line.get_marker() for line in drawn}) == 3
+    assert len({line.get_markerfacecolor() for line in drawn}) == 3
+    assert [len(line.get_xdata()) for line in drawn] == [40, 40, 40]
+
+
+def test_the_key_names_the_model_and_what_was_granted(fitted):
+    entry = fitted.models.models[0]
+    assert entry.granted > 0
+    assert f"cross-ply: zener, granted {100 * entry.granted:.2g} %" in texts(draw(fitted, "model"))
+    exact = draw(edited(fitted, granted=0.0), "model")
+    assert "cross-ply: zener" in texts(exact)
+    assert "ranted" not in said(exact)
+
+
+def test_a_tyre_keeps_its_colour(fitted):
+    style = Style()
+    for key in ("model", "map"):
+        for ax in draw(fitted, key).axes:
+            bar = lines(ax, "_tyre")
+            at = ("cross-ply", "radial-ply").index(ax.get_title(loc="left")) if bar else None
+            assert [to_hex(line.get_color()) for line in bar] == ([] if at is None else [to_hex(style.colour(at))])
+    ax = panel(draw(fitted, "model"), "radial-ply", "1000 N")
+    assert {to_hex(line.get_color()) for line in lines(ax, "_points")} == {to_hex(style.colour(1))}
+
+
+def test_more_conditions_than_a_figure_holds_are_told():
+    wide = with_models(results_of(pressures=np.linspace(100e3, 240e3, 5), frequencies=(10.0, 15.0, 24.0)), "kelvin",
+                       maps=False)  # fmt: skip
+    figure = draw(wide, "model")
+    assert len(lines(figure.axes[0], "_model")) == 3
+    assert "3 of 5 pressures shown" in said(figure)
+    assert {"1 bar", "1.7 bar", "2.4 bar"} <= set(texts(figure))
+
+
+def test_a_tyre_that_is_in_no_table_is_left_out(fitted):
+    other = replace(fitted, models=named(fitted.models, {"cross-ply": "gone", "radial-ply": "radial-ply"}))
+    assert {ax.get_title(loc="left") for ax in draw(other, "model").axes[:2]} == {"radial-ply"}
+
+
+# ---- which model, and why
+
+
+def test_candidates_stand_where_their_criteria_are(tried):
+    figure = draw(tried, "model-choice")
+    entry = tried.models.models[0]
+    bic, chi2, left = figure.axes[:3]
+    least = min(one.bic for one in entry.candidates)
+    for ax, values in (
+        (bic, [one.bic - least for one in entry.candidates]),
+        (chi2, [one.chi2 / one.dof for one in entry.candidates]),
+        (left, [one.left_out for one in entry.candidates]),
+    ):
+        drawn = np.concatenate([points(ax, "_chosen"), points(ax, "_candidate")])
+        expected = [(value, at) for at, value in enumerate(values) if value is not None]
+        np.testing.assert_allclose(in_order(drawn), in_order(np.array(expected)), rtol=1e-12)
+    assert [text.get_text() for text in bic.get_yticklabels()] == [one.model for one in entry.candidates]
+    assert bic.get_ylim()[0] > bic.get_ylim()[1]  # the best on top
+    missing = sum(one.left_out is None for one in entry.candidates)
+    assert [text.get_text() for text in left.texts] == ["n"] * missing
+    assert missing
+
+
+def test_the_chosen_the_alike_and_the_non_causal_are_marked(tried):
+    figure = draw(tried, "model-choice")
+    entry = tried.models.models[0]
+    ax = figure.axes[0]
+    (best,) = lines(ax, "_chosen")
+    assert entry.candidates[int(best.get_ydata()[0])].model == entry.model
+    assert to_hex(best.get_markerfacecolor()) == to_hex(Style().colour(0))
+    triangles = [line for line in lines(ax, "_candidate") if line.get_marker() == "^"]
+    assert [entry.candidates[int(line.get_ydata()[0])].model for line in triangles] == ["structural"]
+    (alike,) = [patch for patch in ax.patches if patch.get_label() == "_alike"]
+    assert (alike.get_x(), alike.get_x() + alike.get_width()) == (0.0, 6.0)
+    assert {"not causal", "alike: BIC within 6 of the best"} <= set(texts(figure))
+
+
+def test_a_model_that_was_asked_for_was_not_chosen(fitted):
+    assert draw(fitted, "model-choice") is None
+
+
+# ---- the map
+
+
+@pytest.mark.parametrize(("row", "column", "scale"), [(0, "K2 [N/m]", 1e-3), (1, "C [N s/m]", 1.0)])
+def test_the_map_stands_beside_the_tests_of_its_frequencies(fitted, row, column, scale):
+    figure = draw(fitted, "map")
+    assert [(ax.get_title(loc="left"), ax.get_title(loc="right")) for ax in figure.axes[:4]] == PLACES
+    assert "3 of 5 frequencies shown" in said(figure)
+    near = pl.any_horizontal((pl.col("frequency [Hz]") - one).abs() < 0.1 for one in (10.0, 17.0, 24.0))
+    for ax, (tyre, load) in zip(figure.axes[4 * row : 4 * row + 4], PLACES, strict=True):
+        rows = rows_of(fitted, tyre, float(load.removesuffix(" N"))).filter(near)
+        expected = np.column_stack([rows["pressure [Pa]"] * 1e-5, rows[column] * scale])
+        np.testing.assert_allclose(in_order(points(ax)), in_order(expected), rtol=1e-12)
+        assert len(lines(ax, "_map")) == 3
+        assert ax.get_xlabel() == ("pressure [bar]" if row else "")
+
+
+def test_a_curve_of_the_map_is_its_answer_with_its_95_percent(fitted):
+    entry = fitted.maps.maps[0]
+    ax = panel(draw(fitted, "map"), "cross-ply", "1000 N")
+    line, band = lines(ax, "_map")[0], bands(ax)[0]
+    x, y = line.get_xdata(), line.get_ydata()
+    found = map_of(entry)
+    frequency = max(found.band[0], 10.0 * (1 + 0.003 * np.sin(7.0)))
+    points_ = np.column_stack([x * 1e5, np.full(x.size, 1000.0)])
+    answer = found.ask(points_, np.full(x.size, frequency))
+    # The frequency is the median of a group of tests that run within 0.3 %.
+    np.testing.assert_allclose(y, answer.k2 * 1e-3, rtol=5e-3)
+    above, below = halves(band, x, y)
+    np.testing.assert_allclose(above, below, rtol=1e-6)
+    np.testing.assert_allclose(above, TWO_SIDED_95 * 1e-3 * np.sqrt(answer.arm_covariance[1:-1, 0, 0]), rtol=2e-2)
+
+
+def test_a_curve_ends_where_the_tests_do():
+    whole = results_of(pressures=(100e3, 135e3, 170e3, 240e3), frequencies=(10.0, 17.0, 24.0))
+    lacking = (pl.col("preload [N]") == 2000.0) & (pl.col("pressure [Pa]") > 150e3)
+    results = with_models(replace(whole, dynamic=whole.dynamic.filter(~lacking)), "zener")
+    figure = draw(results, "map")
+    for load, end in (("1000 N", 2.4), ("2000 N", 1.35)):
+        x = lines(panel(figure, "cross-ply", load), "_map")[0].get_xdata()
+        assert x[0] == pytest.approx(1.0)
+        # A step of the curve is a part in 40 of the pressures; along the slanting edge of the hull it may pass its
+        # corner by what counts as the same preload.
+        assert end - 1.4 / 40 <= x[-1] <= end + 0.02 * 0.7
+
+
+def test_a_map_over_one_axis_is_a_curve_and_one_of_one_condition_none():
+    one = with_models(results_of(preloads=(1000.0,), pressures=(100e3, 170e3, 240e3)), "zener")
+    figure = draw(one, "map")
+    assert [ax.get_title(loc="right") for ax in figure.axes[:2]] == ["", ""]
+    assert len(figure.axes) == 4
+    entries = [each.model_copy(update={"axes": [], "terms": [[]]}) for each in one.maps.maps]
+    alone = one.maps.model_copy(update={"maps": entries})
+    assert draw(replace(one, maps=alone), "map") is None
+
+
+def test_without_k2_the_map_shows_k_star():
+    figure = draw(elastomer((0.0, 20.0, 40.0)), "map")
+    assert [ax.get_ylabel() for ax in figure.axes] == ["K' [kN/m]", "K'' [kN/m]"]
+    assert [ax.get_yscale() for ax in figure.axes] == ["log", "log"]
+    assert figure.axes[1].get_xlabel() == "temperature [°C]"
+    assert len(points(figure.axes[0])) == 3 * 3
+    assert {"0.01 Hz", "100000 Hz"} <= set(texts(figure))
+    assert "no K2 and C" in said(figure)
+
+
+# ---- as every figure
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_without_a_model_file_there_is_no_figure(fitted, key):
+    assert draw(replace(fitted, models=None, maps=None), key) is None
+    assert draw(empty_results(), key) is None
+    none = fitted.models.model_copy(update={"models": []})
+    assert draw(replace(fitted, models=none, maps=none), key) is None
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_every_axis_says_its_unit(fitted, tried, key):
+    figure = draw(tried if key == "model-choice" else fitted, key)
+    labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label]
+    assert labels
+    assert all(label.endswith("]") and "[" in label for label in labels), labels
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("key", KEYS)
+def test_key_and_notes_stay_off_the_panels(fitted, tried, key, theme):
+    figure = draw(tried if key == "model-choice" else fitted, key, Style(theme))
+    renderer = figure.canvas.get_renderer()
+    width, _ = figure.get_size_inches() * figure.dpi
+    lowest = min(ax.get_tightbbox(renderer).y0 for ax in figure.axes)
+    assert min(ax.get_tightbbox(renderer).x0 for ax in figure.axes) >= 0
+    boxes = [one.get_window_extent(renderer) for one in (*figure.legends, *figure.texts)]
+    assert boxes
+    for box in boxes:
+        assert box.y1 <= lowest + 1
+        assert 0 <= box.x0 <= box.x1 <= width
+        assert box.y0 >= 0
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_names_are_text_and_bytes_the_same(fitted, tried, key):
+    nasty = {"cross-ply": "<script>$x$", "radial-ply": "\x1b]0;a" + "b" * 200}
+    results = tried if key == "model-choice" else fitted
+    results = replace(renamed(results, nasty), models=named(results.models, nasty),
+                      maps=named(results.maps, nasty) if results.maps else None)  # fmt: skip
+    first, second = (render(draw(results, key), key) for _ in range(2))
+    assert first == second
+    assert b"<script" not in first
+    assert b"\x1b" not in first
+    assert b"&lt;script&gt;$x$" in first
+    assert len(first) < 250_000
+
+
+def test_limits_are_the_readers(fitted):
+    figure = draw(fitted, "model", Style(xlim=(12.0, 20.0), ylim=(100.0, 200.0)))
+    assert {ax.get_xlim() for ax in figure.axes} == {(12.0, 20.0)}
+    assert {ax.get_ylim() for ax in figure.axes[:8]} == {(100.0, 200.0)}
+    assert all(ax.get_ylim()[0] < 0 for ax in figure.axes[8:])
