@@ -102,7 +102,7 @@ def test_causality_tells_possible_from_impossible(run, tmp_path):
     row = json.loads(run("causality", table, "--json").stdout)["conditions"][0]
     assert not row["possible"]
     assert row["impossible [Hz]"] == pytest.approx([FREQUENCIES[11]])
-    assert 0.005 < row["possible with an error of [1]"] < 0.05
+    assert 1e-3 < row["possible with an error of [1]"] < 0.02
 
 
 def test_results_to_model_map_and_query(run, results):

@@ -21,6 +21,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.plot.learned import MISFIT, VALUES, budget_table, residual_table, rig_table, with_learned
+from tests.plot.modelled import study_with_models
 
 from fourpole.campaign.results import Results
 from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
@@ -619,6 +620,30 @@ def test_the_contents_lead_to_the_rig_and_to_what_limits(visit):
     assert "do not go with these tests" in box.inner_text()
     assert box.locator("li").count() == 2
     assert page.locator("#learned tbody th[scope=row]").count() == len(VALUES)
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_models_are_reached_and_their_parameters_open(visit, width):
+    page = visit(study_with_models(), viewport={"width": width, "height": 800})
+    page.get_by_role("navigation").get_by_role("link", name="Models").click()
+    assert page.url.endswith("#models")
+    table = page.get_by_role("region", name="Parameters of cross-ply")
+    assert not table.is_visible()
+    page.get_by_text("Parameters of zener in 6 conditions").first.click()
+    assert table.is_visible()
+    assert table.locator("tbody tr").count() == 6
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert table.bounding_box()["width"] <= width
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_models_stand_out_in_light_and_dark(visit, scheme):
+    page = visit(replace(study_with_models(), faults=("map.json is of other results",)), color_scheme=scheme)
+    page.get_by_text("Parameters of zener in 6 conditions").first.click()
+    named = ["#models code", "#models .f.found", "#models caption", "#models td small", "#models td i"]
+    named += ["#models .misfit p", "#models summary", "#models .note", "#models h4"]
+    faint = {name: ratio for name, ratio in page.evaluate(CONTRAST, named).items() if ratio < 4.5}
+    assert faint == {}
 
 
 @pytest.mark.parametrize("width", [360, 1280])

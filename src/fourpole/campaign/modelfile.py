@@ -348,7 +348,7 @@ def _finite(value: float) -> float | None:
 def map_of(entry: MapEntry) -> OperatingMap:
     """The map of an entry."""
     model = model_of(entry)
-    count = len(entry.axes[0].values) if entry.axes else 0
+    count = len(entry.axes[0].values) if entry.axes else 1
     points = np.array([axis.values for axis in entry.axes], dtype=float).reshape(len(entry.axes), count).T
     size = sum(len(one) for one in entry.coefficients)
     return OperatingMap(

@@ -270,7 +270,8 @@ def _doubt(found: OperatingMap) -> float:
 def _map_said(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
     left = best.left_out
     over = ", ".join(split_column(name)[0] for name in best.axes.names) or "one condition"
-    said = f"{best.model.name} over {over}, {len(best.terms)} terms for each parameter"
+    many = f"{len(best.terms)} terms" if len(best.terms) > 1 else "one value"
+    said = f"{best.model.name} over {over}, {many} for each parameter"
     if np.isfinite(left.error):
         said += (
             f"; conditions left out are told within {100 * left.error:.2g} %, "

@@ -115,16 +115,27 @@ class StiffnessData:
             whole = self.covariance.copy()
             whole[..., at, at] += np.repeat(size, 2, axis=-1) ** 2
             return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)))
-        whole = self.covariance + (size**2)[..., None, None] * np.eye(2)
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)))
+        # the inverse of the Cholesky factor in closed form: many times as fast for many small ones
+        first = np.sqrt(self.covariance[..., 0, 0] + size**2)
+        share = self.covariance[..., 1, 0] / first
+        second = np.sqrt(self.covariance[..., 1, 1] + size**2 - share**2)
+        inverse = np.zeros(self.covariance.shape)
+        inverse[..., 0, 0], inverse[..., 1, 1] = 1.0 / first, 1.0 / second
+        inverse[..., 1, 0] = -share / (first * second)
+        return inverse
 
     def whitened(self, whiten: FloatArray, values: ComplexArray) -> FloatArray:
         """Complex values (..., N, k) in standard units, (..., 2N, k), by a whitener of these data."""
-        pairs = np.stack([values.real, values.imag], axis=-2)
         flat = (*values.shape[:-2], 2 * self.count, values.shape[-1])
         if self.full:
-            return np.asarray(whiten @ pairs.reshape(flat))
-        return np.asarray((whiten @ pairs).reshape(flat))
+            return np.asarray(whiten @ np.stack([values.real, values.imag], axis=-2).reshape(flat))
+        found = np.empty((*values.shape[:-1], 2, values.shape[-1]))
+        for row in (0, 1):  # a part that is nothing everywhere, as without correlation, costs nothing
+            found[..., row, :] = whiten[..., row, row, None] * (values.imag if row else values.real)
+            aside = whiten[..., row, 1 - row, None]
+            if aside.any():
+                found[..., row, :] += aside * (values.real if row else values.imag)
+        return found.reshape(flat)
 
     def part(self, rows: np.ndarray) -> StiffnessData:
         """Some of the frequencies."""

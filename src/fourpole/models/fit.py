@@ -22,9 +22,11 @@ __all__ = ["Fit", "best_fit", "fit"]
 _STEPS = 200
 _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 1e-3, 0.2, 5.0, 1e12
 #: A step that moves no parameter by more than this share of it, or the misfit by this, ends the search.
-_SMALL_STEP, _SMALL_GAIN = 1e-10, 1e-13
-#: So does a chi-square that has fallen by less than this in each of so many steps: along a flat valley.
-_IDLE_GAIN, _IDLE_STEPS = 1e-6, 4
+_SMALL_STEP, _SMALL_GAIN = 1e-10, 1e-11
+#: So does a chi-square that has fallen by less than this, and this share of it, over so many: along a flat valley.
+_FLAT, _FLAT_SHARE, _WINDOW = 1e-3, 1e-6, 20
+#: Share of conditions at rest above which the others go on without them.
+_AT_REST = 0.25
 #: A parameter that moves the data by less than this, in standard units, when it is multiplied by e is not seen.
 _UNSEEN = 1e-4
 #: Starts whose chi-square ends within this of the best have found the same optimum.
@@ -219,44 +221,49 @@ def _search(problem: Problem, place: FloatArray) -> tuple[FloatArray, int, BoolA
     chi2 = np.sum(residuals**2, axis=1)
     damping = np.full(len(place), _DAMPING)
     done = np.zeros(len(place), dtype=bool)
-    idle = np.zeros(len(place), dtype=int)
-    steps = 0
-    for _ in range(_STEPS):
-        steps += 1
-        step = _step(problem, place, residuals, damping)
-        tried = problem.clipped(place + step)
-        found = problem.residuals(tried)
+    rows, left, before = np.arange(len(place)), problem, np.full(len(place), np.inf)
+    for steps in range(1, _STEPS + 1):
+        step, promised = _step(left, place[rows], residuals[rows], damping[rows])
+        tried = left.clipped(place[rows] + step)
+        found = left.residuals(tried)
         after = np.sum(found**2, axis=1)
-        better = np.isfinite(after) & (after <= chi2) & ~done
-        gain = np.where(better, chi2 - after, 0.0)
-        moved = np.max(np.abs(tried - place), axis=1, initial=0.0)
-        place = np.where(better[:, None], tried, place)
-        residuals = np.where(better[:, None], found, residuals)
-        small = better & ((moved < _SMALL_STEP) | (gain <= _SMALL_GAIN * np.maximum(chi2, 1e-30)))
-        idle = np.where(better, np.where(gain < _IDLE_GAIN, idle + 1, 0), idle)
-        small |= idle >= _IDLE_STEPS
-        chi2 = np.where(better, after, chi2)
-        damping = np.where(better, damping * _LOWER, damping * _RAISE)
-        done |= small | (damping > _MOST_DAMPING) | (moved < 1e-14)
+        better = np.isfinite(after) & (after <= chi2[rows])
+        moved = np.max(np.abs(tried - place[rows]), axis=1, initial=0.0)
+        # what is promised, not what is gained: round-off hides the last gains
+        small = (promised <= _SMALL_GAIN * chi2[rows]) | (better & (moved < _SMALL_STEP)) | (moved < 1e-14)
+        ahead = rows[better]
+        place[ahead], residuals[ahead], chi2[ahead] = tried[better], found[better], after[better]
+        damping[rows] *= np.where(better, _LOWER, _RAISE)
+        done[rows] = small | (damping[rows] > _MOST_DAMPING)
+        if steps % _WINDOW == 0:
+            done |= before - chi2 <= _FLAT + _FLAT_SHARE * chi2
+            before = chi2.copy()
         if done.all():
             break
-    return place, steps, done & np.isfinite(chi2)
+        if np.mean(done[rows]) > _AT_REST:
+            rows = np.flatnonzero(~done)
+            left = problem.part(rows)
+    return problem.snapped(place), steps, done & np.isfinite(chi2)
 
 
-def _step(problem: Problem, place: FloatArray, residuals: FloatArray, damping: FloatArray) -> FloatArray:
-    """The next step (B, F); parameters on a bound that would leave it are held."""
+def _step(
+    problem: Problem, place: FloatArray, residuals: FloatArray, damping: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The next step (B, F) and the gain it promises (B,); parameters on a bound that would leave it are held."""
     slopes = problem.jacobian(place)
     normal = np.swapaxes(slopes, 1, 2) @ slopes
     right = (np.swapaxes(slopes, 1, 2) @ residuals[..., None])[..., 0]
-    outward = (place <= problem.clipped(place - 1.0)) & (right < 0)
-    outward |= (place >= problem.clipped(place + 1.0)) & (right > 0)
+    low, high = problem.ends
+    outward = ((place <= low) & (right < 0)) | ((place >= high) & (right > 0))
     at = np.arange(place.shape[1])
     size = np.maximum(normal[:, at, at], 1e-300)
     normal = np.where(outward[:, :, None] | outward[:, None, :], 0.0, normal)
     normal[:, at, at] = np.where(outward, size, size * (1 + damping[:, None]) + 1e-14 * size.max(axis=1)[:, None])
     scale = 1.0 / np.sqrt(normal[:, at, at])
     scaled = normal * scale[:, :, None] * scale[:, None, :]
-    return np.asarray(np.linalg.solve(scaled, (np.where(outward, 0.0, right) * scale)[..., None])[..., 0] * scale)
+    right = np.where(outward, 0.0, right)
+    step = np.linalg.solve(scaled, (right * scale)[..., None])[..., 0] * scale
+    return step, np.sum(step * right, axis=1)
 
 
 def _covariance(problem: Problem, slopes: FloatArray, held: BoolArray, values: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,6 +44,8 @@ class Problem:
     log : (F,) bool array
     scale : (B, F) float array
     low, high : (F,) float arrays
+    has_k1 : bool
+        Whether any condition has its static stiffness as a datum: then each has a row for it.
     """
 
     model: Model
@@ -56,10 +59,19 @@ class Problem:
     scale: FloatArray
     low: FloatArray
     high: FloatArray
+    has_k1: bool
 
     def begun(self, begin: FloatArray) -> Problem:
         """The same search from elsewhere, (B, P)."""
         return replace(self, fixed=self._tied(begin), scale=_scale(self.model, begin, self.free))
+
+    def part(self, rows: np.ndarray) -> Problem:
+        """The same search for some of the conditions."""
+        names = ("stiffness", "covariance", "k1", "k1_std")
+        data = replace(self.data, **{name: getattr(self.data, name)[rows] for name in names})
+        if data.omega.ndim > 1:
+            data = replace(data, omega=data.omega[rows])
+        return replace(self, data=data, whiten=self.whiten[rows], fixed=self.fixed[rows], scale=self.scale[rows])
 
     def values_of(self, place: FloatArray) -> FloatArray:
         """All parameters (B, P) of the free ones' places (B, F)."""
@@ -68,9 +80,14 @@ class Problem:
         values[:, self.free] = np.clip(found, self.low, self.high)  # round-off must not leave the bounds
         return self._tied(values)
 
+    @cached_property
+    def _follows(self) -> np.ndarray:
+        """Which parameters are tied to a free one."""
+        return np.flatnonzero(np.any(self.spread != 0, axis=1) & ~np.isin(np.arange(len(self.spread)), self.free))
+
     def _tied(self, values: FloatArray) -> FloatArray:
         """Tied parameters as their partners make them."""
-        follows = np.flatnonzero(np.any(self.spread != 0, axis=1) & ~np.isin(np.arange(len(self.spread)), self.free))
+        follows = self._follows
         if not follows.size:
             return values
         values = np.array(values)
@@ -100,19 +117,16 @@ class Problem:
     def jacobian(self, place: FloatArray) -> FloatArray:
         """Derivatives (B, M, F) of the model's whitened values by the places."""
         values = self.values_of(place)
-        slope = self._slope(self.model.stiffness(values, self.data.omega))[..., None]
-        by = self.model.derivative(values, self.data.omega) @ self.spread * slope
+        by = self.model.derivative(values, self.data.omega)
+        by = by @ self.spread if self._follows.size else by[..., self.free]
+        if self.space != "stiffness":
+            by = by * self._slope(self.model.stiffness(values, self.data.omega))[..., None]
         unit = self.unit_of(values)
         rows = self.data.whitened(self.whiten, by * unit[:, None, :])
         if not self.has_k1:
             return rows
         at_rest = self.model.static_derivative(values) @ self.spread * unit / self._k1_std()[:, None]
         return np.concatenate([rows, at_rest[:, None, :]], axis=1)
-
-    @property
-    def has_k1(self) -> bool:
-        """Whether any condition has its static stiffness as a datum."""
-        return bool(np.any(np.isfinite(self.data.k1_std) & np.isfinite(self.data.k1)))
 
     def _k1_std(self) -> FloatArray:
         return np.where(np.isfinite(self.data.k1_std) & np.isfinite(self.data.k1), self.data.k1_std, np.inf)
@@ -123,19 +137,26 @@ class Problem:
         return (1.0 if self.space == "compliance" else 1j * self.data.omega) / stiffness
 
     def _slope(self, stiffness: ComplexArray) -> ComplexArray:
-        if self.space == "stiffness":
-            return np.ones_like(stiffness)
         return -self._seen(stiffness) / stiffness
 
-    def clipped(self, place: FloatArray) -> FloatArray:
-        """Places within the bounds."""
+    @cached_property
+    def ends(self) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest places (B, F)."""
         with np.errstate(divide="ignore"):
             low = np.where(self.log, np.log(np.maximum(self.low, 1e-300)), self.low / self.scale)
             high = np.where(self.log, np.log(self.high), self.high / self.scale)
         begun = self.place_of(self.fixed)
         low = np.where(self.log, np.maximum(low, begun - _FARTHEST), low)
-        high = np.where(self.log, np.minimum(high, begun + _FARTHEST), high)
-        return np.clip(place, low, high)
+        return low, np.where(self.log, np.minimum(high, begun + _FARTHEST), high)
+
+    def clipped(self, place: FloatArray) -> FloatArray:
+        """Places within the bounds."""
+        return np.clip(place, *self.ends)
+
+    def snapped(self, place: FloatArray) -> FloatArray:
+        """Places that are on a bound but for round-off, on it."""
+        low, high = self.ends
+        return np.where(place - low <= _AT_BOUND, low, np.where(high - place <= _AT_BOUND, high, place))
 
     def held(self, place: FloatArray) -> BoolArray:
         """Which free parameters (B, F) stand on a bound, or have left for one that their logarithm never reaches."""
@@ -169,7 +190,8 @@ def problem_of(
         model.checked(begin)
     free = np.array([at for at, one in enumerate(symbols) if one not in fixed and one not in tied], dtype=int)
     flat = _flat(data)
-    known = 2 * data.count + int(np.any(np.isfinite(data.k1_std) & np.isfinite(data.k1)))
+    has_k1 = bool(np.any(np.isfinite(data.k1_std) & np.isfinite(data.k1)))
+    known = 2 * data.count + int(has_k1)
     if free.size == 0 or known < free.size:
         raise ModelError(
             f"{data.count} frequencies give {known} numbers, too few for {free.size} free parameters of the "
@@ -189,6 +211,7 @@ def problem_of(
         scale=_scale(model, begin, free),
         low=np.array([one.low for one in chosen]),
         high=high,
+        has_k1=has_k1,
     )
     return problem.begun(begin)
 

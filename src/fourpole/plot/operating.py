@@ -59,7 +59,7 @@ class _Panel:
         for row in rows:
             far, nearest = axes.outside(row)
             if far <= _SAME:  # the tests of one setting are not all at quite the same value of it
-                kept.append(nearest)
+                kept.append(row)
         return np.array(kept).reshape(-1, len(axes.names))
 
     def tests(self, sheet: Sheet) -> BoolArray:

@@ -60,7 +60,7 @@ def _verdicts(entry: ModelEntry) -> list[str]:
     opening = (
         f"{good if good else 'None'} of {counted(len(judged), 'condition')} {'is' if good < 2 else 'are'} possible"
     )
-    said = f"{opening} for a passive linear tyre; in the {'others' if good else 'tests as measured'} {off}."
+    said = f"{opening} for a passive linear tyre; {'in the others ' if good else ''}{off}."
     alike = {_where(one) for one in bad}
     if len(alike) == 1:
         return [said, f"There {_lowered(alike.pop())}."]
