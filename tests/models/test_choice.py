@@ -47,6 +47,20 @@ def test_data_too_poor_to_tell_say_so():
     assert {name for name, _ in choice.passed} == {"maxwell:5"}
 
 
+def test_a_special_case_is_chosen_and_what_has_it_is_not_excluded():
+    """A fractional tyre of order 0.98 seen with 1 % of noise: a Zener will do, and the data cannot tell."""
+    clean = model_named("fractional").stiffness([180e3, 300e3, 6e-3, 0.98], NARROW)
+    rng = np.random.default_rng(2)
+    std = 0.01 * np.abs(clean)
+    choice = choose(
+        StiffnessData.of(NARROW, clean + std * (rng.standard_normal(20) + 1j * rng.standard_normal(20)), std)
+    )
+    assert choice.best.name == "zener"
+    assert "fractional" in choice.unneeded
+    assert "cannot tell it from fractional" in choice.text
+    assert "special case" in choice.text
+
+
 def test_a_model_that_does_not_fit_is_not_praised():
     clean = model_named("zener").stiffness([180e3, 120e3, 700.0], NARROW)
     choice = choose(StiffnessData.of(NARROW, clean, 50.0), ["spring", "kelvin"])

@@ -260,6 +260,13 @@ def test_a_map_over_one_axis_is_a_curve_and_one_of_one_condition_none():
     assert draw(replace(one, maps=alone), "map") is None
 
 
+def test_a_map_that_is_not_causal_says_so(fitted):
+    assert "cross-ply: zener" in texts(draw(fitted, "map"))
+    entries = [one.model_copy(update={"causal": False}) for one in fitted.maps.maps]
+    other = replace(fitted, maps=fitted.maps.model_copy(update={"maps": entries}))
+    assert "cross-ply: zener, not causal" in texts(draw(other, "map"))
+
+
 def test_without_k2_the_map_shows_k_star():
     figure = draw(elastomer((0.0, 20.0, 40.0)), "map")
     assert [ax.get_ylabel() for ax in figure.axes] == ["K' [kN/m]", "K'' [kN/m]"]

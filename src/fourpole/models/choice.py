@@ -156,6 +156,9 @@ class Choice:
     candidates : tuple of Candidate
     alike : tuple of str
         Names of other models that the data cannot tell from the best.
+    unneeded : tuple of str
+        Those that the data cannot tell from the best, for it is a special case of them: they do no better, and have
+        more parameters.
     passed : tuple of (str, str)
         Models that were not tried, and why.
     text : str
@@ -164,6 +167,7 @@ class Choice:
 
     candidates: tuple[Candidate, ...]
     alike: tuple[str, ...]
+    unneeded: tuple[str, ...]
     passed: tuple[tuple[str, str], ...]
     text: str
 
@@ -230,10 +234,10 @@ def choose(
         replace(one, left_out=_left_out(one, conditions, known)) if one.bic < worth else one for one in candidates
     ]
     best = candidates[0]
-    alike = tuple(
-        one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE and not _contains(one.name, best.name)
-    )
-    return Choice(tuple(candidates), alike, tuple(passed), _said(candidates, alike))
+    near = [one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE]
+    alike = tuple(name for name in near if not _contains(name, best.name))
+    unneeded = tuple(name for name in near if _contains(name, best.name))
+    return Choice(tuple(candidates), alike, unneeded, tuple(passed), _said(candidates, alike, unneeded))
 
 
 def fit_conditions(
@@ -333,7 +337,7 @@ def _without(data: StiffnessData, left: BoolArray) -> StiffnessData:
     return StiffnessData(omega, np.broadcast_to(data.stiffness, (*lead, count)), covariance, k1, k1_std)
 
 
-def _said(candidates: Sequence[Candidate], alike: tuple[str, ...]) -> str:
+def _said(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Sequence[str]) -> str:
     best = candidates[0]
     free = (
         f"{best.free} parameters" if len(best.fits) == 1 else f"{best.free} parameters in {len(best.fits)} conditions"
@@ -347,6 +351,9 @@ def _said(candidates: Sequence[Candidate], alike: tuple[str, ...]) -> str:
         rivals = [one for one in candidates[1:] if not _contains(one.name, best.name)]
         if rivals:
             said += f". The next, {rivals[0].name}, is worse by {rivals[0].bic - best.bic:.3g} in BIC"
+    if unneeded:
+        said += ". Nor can they tell it" if alike else ". The data ask for no more, though they cannot tell it"
+        said += f" from {', '.join(unneeded)}, of which it is a special case"
     if not best.fit.model.causal:
         causal = next((one for one in candidates if one.fit.model.causal), None)
         said += ". It is not causal and cannot be stepped in time"

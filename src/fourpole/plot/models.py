@@ -26,8 +26,8 @@ __all__ = ["NORMAL_95", "band", "heading", "key_of_band", "models", "numbered", 
 #: Standard uncertainties to the ends of a 95 % interval.
 NORMAL_95 = 1.959964
 _MOST_COLUMNS = 4
-#: Conditions of a panel: bands of more than these melt into one, where panels are narrow sooner.
-_MOST_SERIES, _MOST_NARROW = 5, 3
+#: Conditions of a panel: over less than a decade more bands than this melt into one.
+_MOST_SERIES, _MOST_WIDE = 3, 5
 #: Conditions are the same within this.
 _SAME = 0.02
 #: Beyond a decade of frequency its axis is logarithmic; beyond this ratio of K' or K'' theirs is.
@@ -92,14 +92,14 @@ def models(results: Results, style: Style) -> Figure | None:
     places = places[:columns]
     found = [one for one in found if (one.load, one.tyre) in places]
     every = sorted({one.series for one in found})
-    shown = [every[at] for at in spread(len(every), _MOST_SERIES if columns < 3 else _MOST_NARROW)]
+    shown = [every[at] for at in spread(len(every), _MOST_WIDE if _logarithmic(found) else _MOST_SERIES)]
     notes.chosen(len(shown), len(every), "pressures" if _by_pressure(found) else "conditions of each")
     found = [one for one in found if one.series in shown]
     curves = [_curves(one, sheet) for one in found]
     log = _logarithmic(found)
     grid = Grid.of(4 * columns, columns, panel_height=1.5, style=style)
     for row in range(4):
-        limits = _row_limits([_row(one, row) for one in curves], residual=row > 1, log=log)
+        limits = _row_limits([part for one in curves for part in _row(one, row)], residual=row > 1, log=log)
         for column, place in enumerate(places):
             ax = grid.panels[row * columns + column]
             for one, drawn in zip(found, curves, strict=True):
@@ -203,25 +203,24 @@ def whitened(off: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.stack([both + between, both - between], axis=1) / 2)
 
 
-def _row(one: _Curves, row: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Points of a row, their standard uncertainties, and the line."""
+def _row(one: _Curves, row: int) -> list[tuple[FloatArray, FloatArray]]:
+    """What a row shows: points with their standard uncertainties, the line with its band."""
     if row > 1:
-        return one.residuals[row - 2], np.zeros(one.frequency.size), np.zeros(0)
-    return one.values[row], one.stds[row], one.line[row]
+        return [(one.residuals[row - 2], np.zeros(one.frequency.size))]
+    return [(one.values[row], one.stds[row]), (one.line[row], one.half[row])]
 
 
 def _row_limits(
-    shown: Sequence[tuple[FloatArray, FloatArray, FloatArray]], *, residual: bool, log: bool
+    shown: Sequence[tuple[FloatArray, FloatArray]], *, residual: bool, log: bool
 ) -> tuple[tuple[float, float], bool]:
     """Limits of a row of panels, and whether they are logarithmic."""
     if residual:
-        sizes = np.concatenate([np.abs(points[np.isfinite(points)]) for points, _, _ in shown])
+        sizes = np.concatenate([np.abs(points[np.isfinite(points)]) for points, _ in shown])
         top = max(1.12 * float(sizes.max(initial=0.0)), _LEAST_SHOWN)
         return (-top, top), False
     extent = Extent()
-    for points, stds, line in shown:
-        extent.add(points, stds)
-        extent.add(line)
+    for values, spreads in shown:
+        extent.add(values, spreads)
     return steep_limits(extent) if log else (extent.limits(), False)
 
 

@@ -59,7 +59,7 @@ class _Panel:
         for row in rows:
             far, nearest = axes.outside(row)
             if far <= _SAME:  # the tests of one setting are not all at quite the same value of it
-                kept.append(row)
+                kept.append(nearest)
         return np.array(kept).reshape(-1, len(axes.names))
 
     def tests(self, sheet: Sheet) -> BoolArray:
@@ -195,7 +195,7 @@ def _frequencies(sheet: Sheet, panels: Sequence[_Panel], notes: Notes) -> list[f
     low, high = min(one.found.band[0] for one in panels), max(one.found.band[1] for one in panels)
     tested = [value for value in sheet.frequencies.values if low * (1 - _SAME) <= value <= high * (1 + _SAME)]
     if not tested:
-        return [low, float(np.sqrt(low * high)), high]
+        return list(dict.fromkeys([low, float(np.sqrt(low * high)), high]))
     shown = [tested[at] for at in spread(len(tested), _FREQUENCIES)]
     notes.chosen(len(shown), len(tested), "frequencies")
     return shown
@@ -279,7 +279,10 @@ def _label(column: str) -> str:
 def _keys(key: Key, panels: Sequence[_Panel], groups: Sequence[float], sheet: Sheet, style: Style) -> None:
     for tyre, entry in {one.tyre: one.entry for one in sorted(panels, key=lambda one: one.tyre)}.items():
         name = f"{sheet.labels[tyre]}: " if sheet.names[tyre] else ""
-        key.add(Line2D([], [], color=style.colour(tyre), linewidth=2.6), f"{name}{plain_text(entry.model)}")
+        key.add(
+            Line2D([], [], color=style.colour(tyre), linewidth=2.6),
+            f"{name}{entry.model}{'' if entry.causal else ', not causal'}",
+        )
     for group, colour in zip(groups, _colours(groups, style), strict=True):
         key.add(Line2D([], [], color=colour, linewidth=2.4), f"{float(f'{group:.3g}'):.10g} Hz")
     key_of_band(key, style)
