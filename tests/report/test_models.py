@@ -16,7 +16,7 @@ from fourpole.campaign.modelfile import VerdictFile
 from fourpole.report.digits import number, with_std
 from fourpole.report.models import models_section
 from fourpole.report.page import render_report
-from fourpole.report.words.models import question, sentences, tyre_option
+from fourpole.report.words.models import map_facts, question, sentences, tyre_option
 
 HOSTILE = "<script>alert(1)</script>\"'& \x1b"
 #: Options of fourpole query that name an axis: the kind of quantity, and the column.
@@ -215,6 +215,8 @@ def test_a_map_says_where_it_holds_and_how_well(fitted):
         100 * entry.left_out[0], abs=0.06
     )
     assert "inside their hull" in section(fitted).map.remarks[0]
+    untold = entry.model_copy(update={"left_out": (None, None, None)})
+    assert list(dict(map_facts(untold))) == ["model", "pressure", "preload", "frequency"]
 
 
 @pytest.mark.parametrize("name", ["a b", "it's $HOME `x`", "--help", "", "radial-ply"])

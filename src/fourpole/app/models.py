@@ -8,26 +8,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rich import box
-from rich.table import Table
-
 from fourpole import units
-from fourpole.app.console import OK, harmless, option, out, print_json, progress, say, table_console, warn
+from fourpole.app.console import OK, option, out, print_json, progress, say, warn
+from fourpole.app.model_words import show_fit, show_map, show_rows
 from fourpole.campaign.asking import Query, ask
 from fourpole.campaign.measured import Measured, MeasuredSet, read_measured, table_of
-from fourpole.campaign.modelfile import ConditionFile, ModelEntry, ModelFile, column_of, read_model_file
-from fourpole.campaign.modelling import TyreMap, fit_tyres, lacking_error, map_tyres, model_file, rig_file
+from fourpole.campaign.modelfile import ModelFile, read_model_file
+from fourpole.campaign.modelling import fit_tyres, lacking_error, map_tyres, model_file, rig_file
 from fourpole.campaign.results import Results, read_results
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, ModelError, UnitError
 from fourpole.models.causality import Possible, check_possible
-from fourpole.models.operating import OperatingMap
 
 __all__ = ["DataOptions", "fitted", "run_causality", "run_fit", "run_map", "run_query", "state_of"]
 
 #: Relative uncertainty of K* for a verdict where a table states none.
 _ASSUMED = 0.01
-_MOST_ROWS = 40
 _MOST_NAMED = 12
 #: Kind of quantity of each unit of a parameter.
 _KINDS = {"N/m": "stiffness", "N s/m": "damping", "s": "time", "1": "ratio", "m": "length", "Pa": "pressure"}
@@ -89,6 +85,7 @@ def run_fit(
     model: str,
     data: DataOptions,
     fixed: Sequence[str],
+    share: Sequence[str],
     file: Path | None,
     figure: Path | None,
     *,
@@ -98,8 +95,9 @@ def run_fit(
     measured = data.read(path)
     _notes(measured)
     with progress("fitting") as advance:
-        fits = fit_tyres(measured, model, given=_fixed(fixed), progress=advance)
-    settings = {"model": model, **data.settings(), **({"fix": list(fixed)} if fixed else {})}
+        fits = fit_tyres(measured, model, given=_fixed(fixed), share=share, progress=advance)
+    more = {"fix": list(fixed), "share": list(share)}
+    settings = {"model": model, **data.settings(), **{name: what for name, what in more.items() if what}}
     made = model_file(measured, fits, settings=settings, rig=_rig_of(path))
     target = file if file is not None else (path / "model.json" if path.is_dir() else None)
     if target is not None:
@@ -109,7 +107,7 @@ def run_fit(
         print_json(made.model_dump(mode="json"))
     else:
         for entry in made.models:
-            _show_fit(entry)
+            show_fit(entry)
         for place in [*([target] if target is not None else []), *drawn]:
             out(f"written: {place}")
     return OK
@@ -179,7 +177,7 @@ def run_map(path: Path, model: str, data: DataOptions, file: Path | None, *, as_
         print_json(made.model_dump(mode="json"))
         return OK
     for one in maps:
-        _show_map(one)
+        show_map(one)
     for place in [target, *drawn]:
         out(f"written: {place}")
     return OK
@@ -214,7 +212,7 @@ def run_query(
     if as_json:
         print_json({"rows": rows})
     elif file is None:
-        _show_rows(rows)
+        show_rows(rows)
     return OK
 
 
@@ -299,147 +297,6 @@ def _figures(path: Path, made: ModelFile, figure: Path | None) -> list[Path]:
             raise ModelError("there is nothing to draw")
         drawn.append(write_figure(one, keys[0], figure))
     return drawn
-
-
-def _show_fit(entry: ModelEntry) -> None:
-    if entry.tyre:
-        out(f"Tyre {entry.tyre}")
-    table = Table(box=box.SIMPLE)
-    for name in ("model", "causal", "parameters", "chi2", "dof", "chi2/dof [1]", "AICc", "BIC - best"):
-        table.add_column(name, justify="left" if name in ("model", "causal") else "right")
-    for name in ("left out [1]", "on a bound", "not converged"):
-        table.add_column(name, justify="right")
-    least = min(one.bic for one in entry.candidates)
-    for one in entry.candidates:
-        table.add_row(
-            one.model + (" *" if one.model == entry.model else ""),
-            "yes" if one.causal else "no",
-            str(one.free),
-            f"{one.chi2:.4g}",
-            str(one.dof),
-            f"{one.chi2 / max(one.dof, 1):.3g}",
-            f"{one.aicc:.5g}",
-            f"{one.bic - least:.3g}",
-            "" if one.left_out is None else f"{one.left_out:.3g}",
-            str(one.on_bound or ""),
-            str(one.lost or ""),
-        )
-    table_console().print(table)
-    out(entry.choice)
-    if entry.granted:
-        out(f"{100 * entry.granted:.2g} % of K* was granted to the model as an error of its own, so that it fits")
-    _show_verdicts(entry)
-    _show_parameters(entry)
-
-
-def _show_verdicts(entry: ModelEntry) -> None:
-    verdicts = [one.verdict for one in entry.conditions if one.verdict is not None]
-    bad = [one for one in verdicts if not one.possible]
-    if bad:
-        worst = max(one.misfit for one in bad)
-        out(
-            f"K* is not possible for a passive linear tyre in {len(bad)} of {len(verdicts)} conditions; it would be, "
-            f"were it uncertain by up to {100 * worst:.2g} % (fourpole causality says where)"
-        )
-    elif verdicts:
-        out(f"K* is possible for a passive linear tyre in all {len(verdicts)} conditions")
-
-
-def _show_parameters(entry: ModelEntry) -> None:
-    table = Table(box=box.SIMPLE)
-    table.add_column("condition")
-    places = range(len(entry.parameters))
-    given = [at for at in places if all(_is_given(one, at) for one in entry.conditions)]
-    alike = [at for at in given if len({one.values[at] for one in entry.conditions}) == 1]
-    shown = [at for at in places if at not in alike]
-    for at in shown:
-        table.add_column(harmless(f"{entry.parameters[at].symbol} [{entry.parameters[at].unit}]"), justify="right")
-    for one in entry.conditions[:_MOST_ROWS]:
-        table.add_row(harmless(_words(one)), *(_cell(one, at) for at in shown))
-    table_console().print(table)
-    if alike:
-        named = (f"{entry.parameters[at].symbol} = {entry.conditions[0].values[at]:.5g}" for at in alike)
-        units_ = (entry.parameters[at].unit for at in alike)
-        held = ", ".join(
-            f"{name} {unit if unit != '1' else ''}".rstrip() for name, unit in zip(named, units_, strict=True)
-        )
-        out(harmless(f"given, not fitted: {held}"))
-    out("value ± standard uncertainty, 95 % interval by profile likelihood; (bound): on a bound, or unseen")
-    if len(entry.conditions) > _MOST_ROWS:
-        out(f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file")
-    alone = [one for one in entry.conditions if not one.converged]
-    if alone:
-        warn(f"{len(alone)} fits did not come to rest: {'; '.join(_words(one) for one in alone[:_MOST_NAMED])}")
-
-
-def _words(one: ConditionFile) -> str:
-    parts = []
-    for item in one.state:
-        if column_of(item.name, item.unit) == "pressure [Pa]":
-            parts.append(f"{item.value / 1e5:.4g} bar")
-        else:
-            named = "" if item.name in ("preload", "temperature") else f"{item.name} "
-            parts.append(f"{named}{item.value:.5g} {item.unit}")
-    return ", ".join(parts) or f"{one.band[0]:.4g} to {one.band[1]:.4g} Hz"
-
-
-def _cell(one: ConditionFile, at: int) -> str:
-    value, std = one.values[at], math.sqrt(max(one.covariance[at][at], 0.0))
-    if std == 0:
-        return f"{value:.5g} ({'given' if _is_given(one, at) else 'bound'})"
-    low, high = one.intervals[at]
-    ends = f"{'open' if low is None else f'{low:.4g}'} .. {'open' if high is None else f'{high:.4g}'}"
-    return f"{value:.5g} ± {std:.2g}\n{ends}"
-
-
-def _is_given(one: ConditionFile, at: int) -> bool:
-    """Whether a parameter was known: it has an interval of no width."""
-    low, high = one.intervals[at]
-    return one.covariance[at][at] == 0 and low is not None and low == high
-
-
-def _show_map(found: TyreMap) -> None:
-    if found.tyre:
-        out(f"Tyre {found.tyre}")
-    table = Table(box=box.SIMPLE)
-    for name in ("model", "causal", "terms", "left out [%]", "inside 95 % [%]", "scatter [%]"):
-        table.add_column(name, justify="left" if name in ("model", "causal") else "right")
-    for name, one in found.others:
-        if isinstance(one, OperatingMap):
-            mark = " *" if one is found.best else ""
-            left = one.left_out
-            cells = (100 * left.error, 100 * left.inside, 100 * one.scatter.condition)
-            shown = (f"{cell:.2g}" if math.isfinite(cell) else "" for cell in cells)
-            table.add_row(name + mark, "yes" if one.model.causal else "no", str(len(one.terms)), *shown)
-        else:
-            table.add_row(name, "", "", "none", "", "")
-    table_console().print(table)
-    for name, one in found.others:
-        if isinstance(one, str):
-            out(f"{name}: none, for {one}")
-    out(found.text)
-
-
-def _show_rows(rows: Sequence[Mapping[str, Any]]) -> None:
-    """One answer in lines, several as CSV."""
-    if len(rows) > 1:
-        import polars as pl
-
-        out(pl.DataFrame(list(rows)).write_csv().rstrip("\n"))
-        return
-    row = rows[0]
-    for name, value in row.items():
-        if name in ("remarks", "outside [half spans]") or name.startswith(("u(", "corr(")) or value in (None, ""):
-            continue
-        quantity, _, unit = name.removesuffix("]").partition(" [")
-        std = row.get(f"u({quantity}) [{unit}]")
-        text = value if isinstance(value, str) else f"{value:.6g}"
-        sure = f" ± {std:.2g}" if isinstance(std, float) else ""
-        out(f"{quantity:<12} {text}{sure} {unit if unit != '1' else ''}".rstrip())
-    if row["K2 [N/m]"] is None:
-        say("K2 and C: none, for no passive arm beside K1 has this K*")
-    if row["TR [1]"] is None:
-        say("TR: state the rig, --mass and --preload-stiffness")
 
 
 def _verdict(one: Measured, verdict: Possible) -> dict[str, Any]:

@@ -37,10 +37,13 @@ from fourpole.models.interface import Model
 from fourpole.models.operating import OperatingMap, make_map
 from fourpole.models.profile import profile_intervals
 from fourpole.models.surface import Axes
+from fourpole.models.together import fit_together, link, unlink
 
 __all__ = ["TyreFit", "TyreMap", "fit_tyres", "lacking_error", "map_tyres", "model_file", "rig_file"]
 
 Progress = Callable[[int, int], None]
+#: Chance below which a model does not fit.
+_CHANCE = 1e-3
 #: What a map is tried with where nothing is asked for: laws of K2 and C, and what can be stepped in time.
 MAP_AUTO = ("gehman:1", "gehman:2", "gehman:3", "zener", "maxwell:2", "fractional")
 #: Maps whose errors differ by less than this are alike; the one that is surer of itself is taken.
@@ -112,7 +115,7 @@ def fit_tyres(
     model: str = "auto",
     *,
     given: Mapping[str, float] | None = None,
-    intervals: bool = True,
+    share: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> list[TyreFit]:
     """Fit one model, or choose among several, for each tyre.
@@ -124,10 +127,10 @@ def fit_tyres(
         A model's name, `maxwell` for as many arms as help, or `auto`.
     given : mapping of str to float, optional
         Parameters that are known, by symbol, and not fitted.
-    intervals : bool
-        Whether to find intervals by profile likelihood.
+    share : sequence of str
+        Parameters that all conditions of a tyre have in common.
     progress : callable, optional
-        Called with the tyres done and all.
+        Called with the conditions done and all.
 
     Raises
     ------
@@ -136,40 +139,82 @@ def fit_tyres(
     """
     if model not in ("auto", "maxwell"):
         model_named(model)
-    found = []
-    for at, tyre in enumerate(measured.tyres):
+    done, every = 0, len(measured.conditions)
+
+    def step() -> None:
+        nonlocal done
+        done += 1
         if progress is not None:
-            progress(at, len(measured.tyres))
-        found.append(_fit_tyre(tyre, measured.of(tyre), model, measured.known, given or {}, intervals))
-    return found
+            progress(done, every)
+
+    if progress is not None:
+        progress(0, every)
+    return [_fit_tyre(tyre, measured, model, given or {}, share, step) for tyre in measured.tyres]
 
 
 def _fit_tyre(
     tyre: str,
-    measured: tuple[Measured, ...],
+    every: MeasuredSet,
     model: str,
-    known: bool,
     given: Mapping[str, float],
-    intervals: bool,
+    share: Sequence[str],
+    step: Callable[[], None],
 ) -> TyreFit:
+    measured = every.of(tyre)
     stated = [one.data for one in measured]
-    verdicts = tuple(check_possible(one) for one in stated) if known else ()
-    granted = granted_error(stated, always=not known)
+    verdicts = tuple(check_possible(one) for one in stated) if every.known else ()
+    granted = granted_error(stated, always=not every.known)
     data = [with_error(one, granted) for one in stated]
     held = [_held(one, given) for one in measured]
     choice = choose(data, AUTO if model == "auto" else (model,), held)
     best, more = choice.best, 0.0
-    if best.chance < 1e-3:
+    if best.chance < _CHANCE:
         more = granted_error(data, lambda rows: _misfit(best.fit.model, rows, held))
         data = [with_error(one, more) for one in data]
         best = replace(best, fits=fit_conditions(best.fit.model, data, held))
+    whole = float(np.hypot(granted, more))
+    if share:
+        best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
-    ends = (
-        tuple(profile_intervals(one, row, fixed=fixed) for one, row in zip(best.fits, data, strict=True))
-        if intervals
-        else ()
-    )
-    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, float(np.hypot(granted, more)))
+    ends = []
+    for one, row in zip(best.fits, data, strict=True):
+        ends.append(_normal_ends(one) if share else profile_intervals(one, row, fixed=fixed))
+        step()
+    return TyreFit(tyre, measured, tuple(data), choice, best, tuple(ends), verdicts, whole)
+
+
+def _sharing(
+    best: Candidate,
+    measured: Sequence[Measured],
+    granted: float,
+    share: Sequence[str],
+    held: Sequence[Mapping[str, float]],
+) -> tuple[Fit, ...]:
+    """All conditions at once, some parameters being common; what is held stays."""
+    model = best.fit.model
+    if fixed_of(model, held):
+        raise ModelError("parameters that are given cannot go with shared ones: leave --fix or --share")
+    data = [with_error(one.own, granted) for one in measured]
+    designs = {name: np.ones((len(data), 1)) for name in share}
+    start = np.stack([one.values for one in best.fits])
+    return tuple(fit_together(model, data, start, designs, shared=_common(measured)).fits())
+
+
+def _normal_ends(found: Fit) -> FloatArray:
+    """Intervals (P, 2) of 95 % where the linked parameters are normal."""
+    ends = []
+    for at, parameter in enumerate(found.model.parameters):
+        linked = link(parameter, found.values[at])
+        slope = unlink(parameter, linked)[1]
+        half = 1.959964 * found.std[at] / slope if slope > 0 else 0.0
+        ends.append([float(unlink(parameter, linked + side * half)[0]) for side in (-1, 1)])
+    return np.array(ends)
+
+
+def _common(measured: Sequence[Measured]) -> list[FloatArray]:
+    """What errors common to all conditions do to each."""
+    width = max((one.shared.shape[1] for one in measured if one.shared.size), default=0)
+    return [one.shared if one.shared.size else np.zeros((2 * one.own.count, width)) for one in measured]
 
 
 def _held(measured: Measured, given: Mapping[str, float]) -> dict[str, float]:
@@ -227,7 +272,11 @@ def _map_tyre(
         if progress is not None:
             progress(at)
         try:
-            made.append((name, _map_of(model_named(name), measured, axes)))
+            model = model_named(name)
+            few = min(one.own.count for one in measured)
+            if len(names) > 1 and len(model.parameters) > few:  # it would follow every error of theirs
+                raise ModelError(f"its {len(model.parameters)} parameters are too many for {few} frequencies")
+            made.append((name, _map_of(model, measured, axes)))
         except ModelError as error:
             made.append((name, str(error)))
     good = [one for _, one in made if isinstance(one, OperatingMap)]
@@ -254,9 +303,7 @@ def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> Operating
     even = [with_error(one.data, _EVEN) for one in measured]
     fits = fit_conditions(model, even, [_held(one, {}) for one in measured])
     start = np.stack([one.values for one in fits])
-    width = max((one.shared.shape[1] for one in measured if one.shared.size), default=0)
-    shared = [one.shared if one.shared.size else np.zeros((2 * one.own.count, width)) for one in measured]
-    return make_map(model, [one.own for one in measured], axes, start, shared)
+    return make_map(model, [one.own for one in measured], axes, start, _common(measured))
 
 
 def _doubt(found: OperatingMap) -> float:
@@ -274,8 +321,8 @@ def _map_said(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
     said = f"{best.model.name} over {over}, {many} for each parameter"
     if np.isfinite(left.error):
         said += (
-            f"; conditions left out are told within {100 * left.error:.2g} %, "
-            f"{100 * left.inside:.0f} % of them inside their 95 % intervals"
+            f"; conditions left out are told within {100 * left.error:.2g} %, {100 * left.inside:.0f} % of their K' "
+            "and K'' inside the 95 % intervals"
         )
     if not best.model.causal:
         causal = [one for one in good if one.model.causal]

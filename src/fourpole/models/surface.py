@@ -125,7 +125,7 @@ def design(terms: Terms, scaled: FloatArray) -> FloatArray:
 def term_sets(levels: Sequence[int], count: int) -> list[Terms]:
     """Surfaces worth trying for axes of so many levels and so many conditions, the simplest first.
 
-    Of each axis a degree up to 3 and below its levels; products of axes up to the highest degree, or all of them.
+    Of each axis a degree up to 3 and below its levels; no products of axes, those up to the highest degree, or all.
 
     Examples
     --------
@@ -135,9 +135,10 @@ def term_sets(levels: Sequence[int], count: int) -> list[Terms]:
     most = max(int(_MOST_TERMS * count), 1)
     found: dict[Terms, None] = {}
     for degrees in product(*(range(min(level - 1, _MOST_DEGREE) + 1) for level in levels)):
-        for limit in (max(degrees, default=0), sum(degrees)):
-            every = product(*(range(degree + 1) for degree in degrees))
-            terms = tuple(sorted((one for one in every if sum(one) <= limit), key=lambda one: (sum(one), one[::-1])))
+        every = sorted(product(*(range(degree + 1) for degree in degrees)), key=lambda one: (sum(one), one[::-1]))
+        additive = tuple(one for one in every if sum(power > 0 for power in one) <= 1)
+        limited = tuple(one for one in every if sum(one) <= max(degrees, default=0))
+        for terms in (additive, limited, tuple(every)):
             if len(terms) <= most:
                 found[terms] = None
     return sorted(found, key=len)

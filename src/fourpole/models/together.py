@@ -21,6 +21,7 @@ from scipy import optimize
 from fourpole.core.arrays import FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
+from fourpole.models.fit import Fit
 from fourpole.models.interface import Model, Parameter
 
 __all__ = ["Scatter", "Together", "fit_together", "link", "unlink"]
@@ -78,6 +79,8 @@ class Together:
     Attributes
     ----------
     model : Model
+    designs : tuple of P (B, K) float arrays
+        The laws.
     values : (B, P) float array
         Parameters of each condition by the laws.
     coefficients : tuple of P float arrays
@@ -94,6 +97,7 @@ class Together:
     """
 
     model: Model
+    designs: tuple[FloatArray, ...]
     values: FloatArray
     coefficients: tuple[FloatArray, ...]
     covariance: FloatArray
@@ -103,6 +107,34 @@ class Together:
     rows: tuple[FloatArray, ...]
     residuals: tuple[FloatArray, ...]
     whiteners: tuple[FloatArray, ...]
+
+    def fits(self) -> list[Fit]:
+        """Each condition by itself: its parameters with their covariance; degrees of freedom are shared out evenly."""
+        linked = [link(one, self.values[:, at]) for at, one in enumerate(self.model.parameters)]
+        slopes = np.stack([unlink(one, at)[1] for one, at in zip(self.model.parameters, linked, strict=True)], axis=1)
+        spare = self.dof / len(self.values)
+        found = []
+        for at, values in enumerate(self.values):
+            by = np.zeros((values.size, self.covariance.shape[0]))
+            first = 0
+            for place, design in enumerate(self.designs):
+                by[place, first : first + design.shape[1]] = slopes[at, place] * design[at]
+                first += design.shape[1]
+            found.append(
+                Fit(
+                    model=self.model,
+                    values=values,
+                    covariance=by @ self.covariance @ by.T,
+                    chi2=np.asarray(np.sum(self.residuals[at] ** 2)),
+                    dof=round(spare),
+                    residuals=self.residuals[at],
+                    on_bound=np.zeros(values.size, dtype=bool),
+                    converged=np.asarray(self.converged),
+                    steps=0,
+                    agreed=np.asarray(1.0),
+                )
+            )
+        return found
 
     def left_out(self, at: int) -> tuple[FloatArray, FloatArray]:
         """Whitened residuals (M,) of a condition from a fit without it, and their covariance (M, M), to first order.
@@ -192,6 +224,7 @@ def fit_together(
     linked = search.linked(done.x)
     return Together(
         model=model,
+        designs=search.designs,
         values=np.stack([unlink(one, linked[:, at])[0] for at, one in enumerate(model.parameters)], axis=1),
         coefficients=tuple(np.split(done.x[:size], np.cumsum(search.sizes)[:-1])),
         covariance=inverse[:size, :size],

@@ -290,8 +290,9 @@ def _keys(key: Key, panels: Sequence[_Panel], groups: Sequence[float], sheet: Sh
 
 def _say(notes: Notes, panels: Sequence[_Panel], pair: tuple[Quantity, Quantity]) -> None:
     errors = {one.entry.tyre: one.entry.left_out[0] for one in panels}
-    told = [f"{share(error)} ({plain_text(tyre)})" if tyre else share(error) for tyre, error in errors.items()]
-    notes.say(f"K* of conditions left out of the map is told within {', '.join(told)}")
+    told = [share(error) + (f" ({plain_text(tyre)})" if tyre else "") for tyre, error in errors.items() if error]
+    if told:
+        notes.say(f"K* of conditions left out of the map is told within {', '.join(told)}")
     if pair[0] is not K2:
         notes.say("no K2 and C: K1 is not known, or no passive arm has this K*")
     notes.say("curves end where the tests do")

@@ -132,11 +132,13 @@ def map_facts(entry: MapEntry) -> list[tuple[str, str]]:
         facts.append((axis.name, spread(axis.values, unit, scale=scale, tolerance=0.02)))
     facts += [(f"{each.name}, not varied", _bare(each)) for each in entry.constant]
     facts.append(("frequency", ranged(list(entry.band), "Hz")))
-    error, inside, conditions = entry.left_out
-    facts.append(("K* of conditions left out is told within", percent(error)))
-    facts.append(("of their K′ and K″ inside the 95 % intervals", percent(inside)))
-    facts.append(("of these conditions inside at the middle frequency", percent(conditions)))
-    return facts
+    said = (
+        "K* of conditions left out is told within",
+        "of their K′ and K″ inside the 95 % intervals",
+        "of these conditions inside at the middle frequency",
+    )
+    told = zip(said, entry.left_out, strict=True)
+    return [*facts, *((words, percent(value)) for words, value in told if value is not None)]
 
 
 def _bare(each: Quantity) -> str:
