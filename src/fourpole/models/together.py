@@ -29,6 +29,8 @@ __all__ = ["Scatter", "Together", "fit_together", "link", "unlink"]
 #: A linked value is kept within this of the middle, where it has bounds on both sides; logarithms within 300.
 _MOST_LOGIT, _MOST_LOG = 12.0, 300.0
 _TOLERANCE = 1e-12
+#: Least share that the other conditions are taken to tell.
+_ALONE = 1e-9
 
 
 def link(parameter: Parameter, values: ArrayLike) -> FloatArray:
@@ -146,7 +148,9 @@ class Together:
         prior = np.zeros(whole.shape[1])
         prior[self.covariance.shape[0] :] = 1.0
         leverage = rows @ np.linalg.pinv(whole.T @ whole + np.diag(prior), hermitian=True) @ rows.T
-        spread = np.linalg.pinv(np.eye(len(rows)) - leverage, rcond=1e-9, hermitian=True)
+        shares, directions = np.linalg.eigh(leverage)
+        # what only this condition tells has all of the leverage: nothing is known of it without
+        spread = (directions / np.clip(1.0 - shares, _ALONE, 1.0)) @ directions.T
         return spread @ self.residuals[at], spread
 
 
