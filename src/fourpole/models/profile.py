@@ -18,12 +18,17 @@ from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit, fit
 from fourpole.models.interface import Model
+from fourpole.models.starts import starts_of
 
 __all__ = ["profile_intervals"]
 
 #: Where the profile is looked at, in standard uncertainties: first near, then, where it has not risen, far.
 _NEAR = np.array([1.0, 1.6, 1.9, 2.2, 2.6, 3.2, 4.0])
 _FAR = np.array([6.0, 10.0, 20.0, 50.0, 200.0])
+#: Free parameters from which on valleys are bent.
+_BENT = 3
+#: Relative uncertainty of a logarithm with which a best value is astray, and how many fresh starts then help.
+_UNSURE, _FRESH = 0.5, 3
 #: A logarithm is looked at no farther than this from its best.
 _FARTHEST = 12.0
 
@@ -158,7 +163,25 @@ class _Valley:
         data = _repeated(self.data, tried.size)
         if len(held) + len(tied) == len(symbols):  # nothing is left to fit
             return _misfit(model, data, starts)
-        return np.asarray(fit(model, data, starts, fixed=held, tied=tied).chi2)
+        first = fit(model, data, starts, fixed=held, tied=tied)
+        if len(symbols) - len(held) - len(tied) < _BENT:
+            return np.asarray(first.chi2)
+        # along a bent valley the nearer neighbour knows the way, and fresh starts where the best is astray
+        others = [np.concatenate([best[None], first.values[:-1]])]
+        if self._astray:
+            others += [np.repeat(one[None], tried.size, axis=0) for one in starts_of(model, self.data, _FRESH)]
+        for other in others:
+            for name in held:
+                other[:, symbols.index(name)] = starts[:, symbols.index(name)]
+        chi2 = [fit(model, data, other, fixed=held, tied=tied).chi2 for other in others]
+        return np.asarray(np.min([first.chi2, *chi2], axis=0))
+
+    @property
+    def _astray(self) -> bool:
+        """Whether the best lies so far out that no way leads back from it."""
+        logs = np.array([one.log for one in self.found.model.parameters])
+        relative = np.divide(self.found.std, self.found.values, out=np.zeros(logs.size), where=self.found.values != 0)
+        return bool(np.any(self.found.on_bound) or np.any(relative[logs] > _UNSURE))
 
 
 def _misfit(model: Model, data: StiffnessData, values: FloatArray) -> FloatArray:
