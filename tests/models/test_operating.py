@@ -1,5 +1,7 @@
 """The operating map: surfaces found again, conditions left out in their intervals, answers with their covariance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -114,6 +116,19 @@ def test_tr_has_the_uncertainty_of_k_and_of_the_rig(maps):
     assert std[0] == pytest.approx(drawn.std(), rel=0.05)
     blocked = answer.transmissibility(Rig(blocked=True), [14.0])
     assert [float(one[0]) for one in blocked] == [0.0, 0.0]
+
+
+def test_k1_is_that_of_the_static_tests_whatever_the_shape_of_k():
+    """K* of Zener tyres 3 % stiffer than their static tests say: K1 stays with the static tests."""
+    data = [replace(one, k1=np.asarray(one.k1 / 1.03)) for one in measured(0, 0.0)]
+    found = make_map(ZENER, data, Axes.of(["p [Pa]", "l [N]"], POINTS), fitted(data))
+    answer = found.ask(POINTS, np.full(len(POINTS), 14.0))
+    assert np.all(np.abs(answer.k1 / (truth(POINTS)[:, 0] / 1.03) - 1) < 0.01)
+    assert np.all(np.sqrt(answer.covariance[:, 2, 2]) / answer.k1 > 4e-3)  # no less than each static test has
+    without = [replace(one, k1=np.asarray(np.nan)) for one in data]
+    own = make_map(ZENER, without, Axes.of(["p [Pa]", "l [N]"], POINTS), fitted(without))
+    assert own.static is None
+    assert np.all(np.abs(own.ask(POINTS, np.full(len(POINTS), 14.0)).k1 / truth(POINTS)[:, 0] - 1) < 0.02)
 
 
 def test_what_a_model_cannot_follow_widens_its_answers():

@@ -22,7 +22,7 @@ from fourpole.io.write import write_text
 from fourpole.models.choice import model_named
 from fourpole.models.interface import Model
 from fourpole.models.operating import LeftOut, OperatingMap
-from fourpole.models.surface import Axes
+from fourpole.models.surface import Axes, ValueSurface
 from fourpole.models.together import Scatter
 from fourpole.units import shown
 
@@ -131,6 +131,16 @@ class AxisFile(_Strict):
     values: list[float] = Field(max_length=_LONGEST)
 
 
+class SurfaceFile(_Strict):
+    """The logarithm of K1 as a polynomial of the scaled axes, from the static tests."""
+
+    terms: list[list[int]] = Field(max_length=500)
+    coefficients: list[float] = Field(max_length=500)
+    covariance: list[list[float]] = Field(max_length=500)
+    scatter: float = Field(ge=0, description="Of conditions, relative [1].")
+    std: float = Field(ge=0, description="What the static tests have in common, relative [1].")
+
+
 class MapEntry(_Strict):
     """An operating map of one tyre: each linked parameter is a polynomial of the scaled axes."""
 
@@ -150,6 +160,7 @@ class MapEntry(_Strict):
     left_out: tuple[float | None, float | None, float | None] = Field(
         description="Relative error of conditions left out; share of K', K'' and of conditions inside 95 %; null: one."
     )
+    static: SurfaceFile | None = Field(description="null: K1 is the model's stiffness at rest.")
     choice: str
 
 
@@ -262,11 +273,21 @@ def _check_map(name: str, entry: MapEntry) -> None:
     where = f"{name}: tyre {shown(entry.tyre)}"
     if len(entry.coefficients) != size or any(len(one) != terms for one in entry.coefficients):
         raise ModelError(f"{where}: the coefficients are not {terms} for each of {size} parameters")
-    if any(len(one) != len(entry.axes) or min(one, default=0) < 0 or max(one, default=0) > 9 for one in entry.terms):
+    if not _fit_axes(entry.terms, entry):
         raise ModelError(f"{where}: the terms do not fit the axes")
     if len({len(axis.values) for axis in entry.axes}) > 1 or any(not axis.values for axis in entry.axes):
         raise ModelError(f"{where}: the axes have different numbers of tested conditions")
     _check_covariance(where, entry.covariance, size * terms)
+    if entry.static is not None:
+        own = len(entry.static.terms)
+        if len(entry.static.coefficients) != own or not _fit_axes(entry.static.terms, entry):
+            raise ModelError(f"{where}: the surface of K1 does not fit its terms or the axes")
+        _check_covariance(f"{where}, K1", entry.static.covariance, own)
+
+
+def _fit_axes(terms: list[list[int]], entry: MapEntry) -> bool:
+    """Whether the terms are powers of the axes."""
+    return all(len(one) == len(entry.axes) and all(0 <= power <= 9 for power in one) for one in terms)
 
 
 def _check_covariance(where: str, rows: list[list[float]], size: int) -> None:
@@ -337,7 +358,20 @@ def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
         scatter=(found.scatter.condition, *found.scatter.frequency),
         band=found.band,
         left_out=(_finite(left.error), _finite(left.inside), _finite(left.conditions)),
+        static=_surface_entry(found.static),
         choice=choice,
+    )
+
+
+def _surface_entry(found: ValueSurface | None) -> SurfaceFile | None:
+    if found is None:
+        return None
+    return SurfaceFile(
+        terms=[list(one) for one in found.terms],
+        coefficients=found.coefficients.tolist(),
+        covariance=found.covariance.tolist(),
+        scatter=found.scatter,
+        std=found.std,
     )
 
 
@@ -364,6 +398,7 @@ def map_of(entry: MapEntry) -> OperatingMap:
         scatter=Scatter(entry.scatter[0], (entry.scatter[1], entry.scatter[2])),
         band=entry.band,
         left_out=LeftOut(*(float("nan") if one is None else one for one in entry.left_out)),
+        static=_surface_of(entry.static),
     )
 
 
@@ -379,6 +414,18 @@ def response(entry: ModelEntry, at: int, frequency: FloatArray) -> tuple[Complex
     rows = np.stack([slopes.real, slopes.imag], axis=1)
     covariance = rows @ np.array(one.covariance) @ np.swapaxes(rows, 1, 2)
     return stiffness, covariance + ((entry.granted * np.abs(stiffness)) ** 2)[:, None, None] * np.eye(2)
+
+
+def _surface_of(file: SurfaceFile | None) -> ValueSurface | None:
+    if file is None:
+        return None
+    return ValueSurface(
+        tuple(tuple(one) for one in file.terms),
+        np.array(file.coefficients, dtype=float),
+        np.array(file.covariance, dtype=float).reshape(len(file.terms), len(file.terms)),
+        file.scatter,
+        file.std,
+    )
 
 
 def rig_in(file: RigFile | None) -> Rig | None:

@@ -19,7 +19,7 @@ from fourpole.core.routes import maxwell_arm
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
-from fourpole.models.surface import Axes, Terms, design, term_sets
+from fourpole.models.surface import Axes, Terms, ValueSurface, design, term_sets, value_surface
 from fourpole.models.together import Scatter, Together, fit_together, unlink
 
 __all__ = ["Answer", "LeftOut", "OperatingMap", "make_map", "misfit_of"]
@@ -109,6 +109,8 @@ class OperatingMap:
         Where all conditions were measured.
     left_out : LeftOut
         Not-a-number where there is one condition only.
+    static : ValueSurface or None
+        K1 of the static tests, which no shape of K* over frequency may shift; without them K1 is the model's.
     """
 
     model: Model
@@ -119,6 +121,7 @@ class OperatingMap:
     scatter: Scatter
     band: tuple[float, float]
     left_out: LeftOut
+    static: ValueSurface | None = None
 
     def parameters(self, points: ArrayLike) -> FloatArray:
         """Parameters (Q, P) at points (Q, d) of the axes."""
@@ -147,6 +150,10 @@ class OperatingMap:
         k1 = self.model.static_stiffness(values)
         rows = np.stack([by_value.real, by_value.imag, self.model.static_derivative(values)], axis=1) @ by_all
         covariance = rows @ self.covariance @ np.swapaxes(rows, 1, 2) + self._scattered(stiffness, k1)
+        if self.static is not None:
+            k1, std = self.static.at(self.axes.scaled(points))
+            covariance[:, 2, :] = covariance[:, :, 2] = 0.0
+            covariance[:, 2, 2] = std**2
         k2, c = maxwell_arm(stiffness, k1, omega)
         by_arm = _arm_by(stiffness, k1, k2, c, omega)
         passive = (stiffness.real > k1) & (stiffness.imag > 0)
@@ -304,7 +311,16 @@ def _calibrated(
         scatter=scatter,
         band=(float(max(lows)) / (2 * np.pi), float(min(highs)) / (2 * np.pi)),
         left_out=_left_out(found, conditions),
+        static=_static(conditions, axes),
     )
+
+
+def _static(conditions: Sequence[StiffnessData], axes: Axes) -> ValueSurface | None:
+    """K1 over the axes, where the static tests tell it of every condition."""
+    k1, std = (np.array([float(getattr(one, name)) for one in conditions]) for name in ("k1", "k1_std"))
+    if not (np.all(np.isfinite(k1)) and np.all(np.isfinite(std)) and np.all(k1 > 0)):
+        return None
+    return value_surface(axes, k1, std)
 
 
 def _excess(found: Together, conditions: Sequence[StiffnessData]) -> float:

@@ -13,7 +13,7 @@ from scipy import optimize
 from fourpole.core.arrays import FloatArray
 from fourpole.errors import ModelError
 
-__all__ = ["Axes", "Terms", "design", "term_sets"]
+__all__ = ["Axes", "Terms", "ValueSurface", "design", "term_sets", "value_surface"]
 
 #: Exponents of each axis, term by term.
 Terms = tuple[tuple[int, ...], ...]
@@ -25,6 +25,8 @@ _SAME = 0.02
 #: A point within this share of a half span is on the hull.
 _ON_HULL = 1e-6
 _HEAVY = 1e4
+#: A surface must be better by this share than a simpler one; least share of a condition that the others tell.
+_BETTER, _ALL_LEVERAGE = 0.98, 1e-6
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,64 @@ class Axes:
         if distance < _ON_HULL:
             return 0.0, np.asarray(point, dtype=float)
         return float(np.round(distance, 6)), np.asarray(np.round(nearest, 6) * self.half + self.middle)
+
+
+@dataclass(frozen=True)
+class ValueSurface:
+    """The logarithm of a positive value that each condition has, as a polynomial of the scaled axes.
+
+    Attributes
+    ----------
+    terms : Terms
+    coefficients : (K,) float array
+    covariance : (K, K) float array
+    scatter : float [1]
+        Of conditions about it, relative.
+    std : float [1]
+        Relative uncertainty that the conditions' values have in common: no number of them averages it away.
+    """
+
+    terms: Terms
+    coefficients: FloatArray
+    covariance: FloatArray
+    scatter: float
+    std: float
+
+    def at(self, scaled: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The value (Q,) and its standard uncertainty at scaled points (Q, d)."""
+        basis = design(self.terms, scaled)
+        value = np.exp(basis @ self.coefficients)
+        variance = np.einsum("qi,ij,qj->q", basis, self.covariance, basis) + self.scatter**2 + self.std**2
+        return value, value * np.sqrt(variance)
+
+
+def value_surface(axes: Axes, values: ArrayLike, stds: ArrayLike) -> ValueSurface:
+    """The surface that tells conditions left out best, of values (B,) with standard uncertainties (B,).
+
+    Examples
+    --------
+    >>> axes = Axes.of(["pressure [Pa]"], [[1.0e5], [1.5e5], [2.0e5], [2.5e5]])
+    >>> found = value_surface(axes, [100e3, 110e3, 121e3, 133.1e3], [1e3, 1.1e3, 1.21e3, 1.331e3])
+    >>> value, std = found.at(axes.scaled([[1.75e5]]))
+    >>> value.round(-1), (std / value).round(4)
+    (array([115370.]), array([0.01]))
+    """
+    logs = np.log(np.asarray(values, dtype=float))
+    common = float(np.sqrt(np.mean((np.asarray(stds, dtype=float) / np.exp(logs)) ** 2)))
+    scaled = axes.scaled(axes.points)
+    best: tuple[float, ValueSurface] | None = None
+    for terms in term_sets(axes.levels, logs.size):
+        basis = design(terms, scaled)
+        inverse = np.linalg.pinv(basis.T @ basis, hermitian=True)
+        off = logs - basis @ (inverse @ basis.T @ logs)
+        spare = np.maximum(1.0 - np.einsum("bi,ij,bj->b", basis, inverse, basis), _ALL_LEVERAGE)
+        error = float(np.sqrt(np.mean((off / spare) ** 2)))  # of conditions left out
+        scatter = float(np.sqrt(np.mean(off**2 / spare)))
+        if best is None or error < _BETTER * best[0]:
+            coefficients = inverse @ basis.T @ logs
+            best = error, ValueSurface(terms, coefficients, scatter**2 * inverse, scatter, common)
+    assert best is not None  # a constant is always tried
+    return best[1]
 
 
 def design(terms: Terms, scaled: FloatArray) -> FloatArray:
