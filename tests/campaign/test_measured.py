@@ -122,7 +122,17 @@ def test_files_that_are_no_results(tmp_path):
     (tmp_path / "covariance.parquet").write_bytes(b"no parquet")
     with pytest.raises(TableError, match=r"covariance\.parquet: cannot be read"):
         read_measured(tmp_path)
-    assert table_of(place)[RE].to_list() == [200e3, 190e3, 195e3, 150e3]
+
+
+def test_the_conditions_as_a_table_are_read_back_as_they_were():
+    u = {"u(Re K*) [N/m]": [100.0] * 4, "u(Im K*) [N/m]": [50.0] * 4, "corr(Re,Im K*) [1]": [0.5] * 4}
+    first = measured_of(table(**u, **{"K1 [N/m]": [1e5] * 4, "u(K1) [N/m]": [1e3] * 4}))
+    again = measured_of(table_of(first))
+    for one, other in zip(first.conditions, again.conditions, strict=True):
+        assert (one.tyre, one.tests, one.state) == (other.tyre, other.tests, other.state)
+        np.testing.assert_allclose(other.own.covariance, one.own.covariance, rtol=1e-12)
+        assert other.own.k1 == 1e5
+    assert "u(Re K*) [N/m]" not in table_of(measured_of(table())).columns
 
 
 @pytest.mark.parametrize("route", ["joint", "mobility"])

@@ -62,7 +62,8 @@ def _show_verdicts(entry: ModelEntry) -> None:
             f"were it uncertain by up to {100 * worst:.2g} % (fourpole causality says where)"
         )
     elif verdicts:
-        out(f"K* is possible for a passive linear tyre in all {len(verdicts)} conditions")
+        where = f" in all {len(verdicts)} conditions" if len(verdicts) > 1 else ""
+        out(f"K* is possible for a passive linear tyre{where}")
 
 
 def _show_parameters(entry: ModelEntry) -> None:

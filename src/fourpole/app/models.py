@@ -102,7 +102,7 @@ def run_fit(
     target = file if file is not None else (path / "model.json" if path.is_dir() else None)
     if target is not None:
         made.write(target)
-    drawn = _figures(path, made, figure)
+    drawn = _figures(path, measured, made, figure)
     if as_json:
         print_json(made.model_dump(mode="json"))
     else:
@@ -172,7 +172,7 @@ def run_map(path: Path, model: str, data: DataOptions, file: Path | None, *, as_
     made = model_file(measured, maps=maps, settings={"model": model, **data.settings()}, rig=_rig_of(path))
     target = file if file is not None else (path / "map.json" if path.is_dir() else Path("map.json"))
     made.write(target)
-    drawn = _figures(path, made, None)
+    drawn = _figures(path, measured, made, None)
     if as_json:
         print_json(made.model_dump(mode="json"))
         return OK
@@ -276,7 +276,7 @@ def _rig_of(path: Path) -> Any:
     return rig_file(results.record, results.rig)
 
 
-def _figures(path: Path, made: ModelFile, figure: Path | None) -> list[Path]:
+def _figures(path: Path, measured: MeasuredSet, made: ModelFile, figure: Path | None) -> list[Path]:
     """Figures of a model file, in the results' folder, or the one that is asked for."""
     import polars as pl
 
@@ -289,7 +289,7 @@ def _figures(path: Path, made: ModelFile, figure: Path | None) -> list[Path]:
         folder = path / "figures"
         drawn = list(save_figures(results, folder, keys=keys).values())
     else:
-        results = Results(pl.DataFrame(), table_of(path), pl.DataFrame(), **field)
+        results = Results(pl.DataFrame(), table_of(measured), pl.DataFrame(), **field)
         drawn = []
     if figure is not None:
         one = draw(results, keys[0])

@@ -190,11 +190,25 @@ def read_measured(
     return replace(found, sha256=hashlib.sha256(content).hexdigest())
 
 
-def table_of(path: str | Path) -> pl.DataFrame:
-    """The table itself, numbers as numbers: of a file with frequency [Hz], Re K* [N/m] and Im K* [N/m]."""
-    frame = _frame(Path(path).name, read_bytes(path, max_bytes=_MOST_BYTES))
-    numbers = [column for column in frame.columns if column in _known(())]
-    return frame.with_columns(pl.Series(column, _numbers(frame, column, Path(path).name)) for column in numbers)
+def table_of(measured: MeasuredSet) -> pl.DataFrame:
+    """The conditions as a table like dynamic.csv, with the uncertainties and K1 that are used."""
+    rows = []
+    for one in measured.conditions:
+        own = one.data
+        std = np.sqrt(np.diagonal(own.covariance) if own.full else np.diagonal(own.covariance, 0, 1, 2).ravel())
+        cross = [one.own.covariance[at, 0, 1] for at in range(own.count)]
+        for at in range(own.count):
+            u_re, u_im = float(std[2 * at]), float(std[2 * at + 1])
+            row = {"test": one.tests[at], "tyre": one.tyre, **one.state, FREQUENCY: float(one.frequency[at])}
+            row |= {RE: float(own.stiffness[at].real), IM: float(own.stiffness[at].imag)}
+            if measured.known:
+                row |= {_STD[0]: u_re, _STD[1]: u_im, _STD[2]: float(cross[at] / (u_re * u_im)) if u_re * u_im else 0.0}
+            rows.append({**row, _K1[0]: _known_or_none(own.k1), _K1[1]: _known_or_none(own.k1_std)})
+    return pl.DataFrame(rows, infer_schema_length=None)
+
+
+def _known_or_none(value: FloatArray) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def measured_of(
@@ -241,6 +255,7 @@ class _Rows:
     condition: np.ndarray
     known: bool
     alone: bool
+    forced: bool
 
     @classmethod
     def of(
@@ -267,7 +282,7 @@ class _Rows:
             own = _stated(numbers)
         else:
             known = False
-        return cls(tyres, names, numbers, own, shared, condition, known, alone)
+        return cls(tyres, names, numbers, own, shared, condition, known, alone, std is not None)
 
     @property
     def count(self) -> int:
@@ -280,6 +295,8 @@ class _Rows:
     def notes(self, had_covariance: bool) -> list[str]:
         if not self.known:
             return ["the table states no uncertainty of K*: what the best passive tyre leaves is taken for it"]
+        if self.forced:
+            return []
         if had_covariance and self.alone:
             return ["covariance.parquet is of other tests: errors that tests share are taken as independent"]
         if self.alone:

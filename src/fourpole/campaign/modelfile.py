@@ -63,6 +63,8 @@ class ParameterFile(_Strict):
     symbol: str
     unit: str
     meaning: str = ""
+    low: float | None = Field(description="Least value; null: none.")
+    high: float | None = Field(description="Greatest value; null: none.")
 
 
 class VerdictFile(_Strict):
@@ -320,7 +322,12 @@ def model_of(entry: ModelEntry | MapEntry, name: str = "the model file") -> Mode
 
 def parameters_of(model: Model) -> list[ParameterFile]:
     """The parameters as they stand in a file."""
-    return [ParameterFile(symbol=one.symbol, unit=one.unit, meaning=one.meaning) for one in model.parameters]
+    return [
+        ParameterFile(
+            symbol=one.symbol, unit=one.unit, meaning=one.meaning, low=_finite(one.low), high=_finite(one.high)
+        )
+        for one in model.parameters
+    ]
 
 
 def split_column(column: str) -> tuple[str, str]:

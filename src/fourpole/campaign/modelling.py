@@ -163,9 +163,9 @@ def _fit_tyre(
     measured = every.of(tyre)
     stated = [one.data for one in measured]
     verdicts = tuple(check_possible(one) for one in stated) if every.known else ()
-    granted = granted_error(stated, always=not every.known)
-    data = [with_error(one, granted) for one in stated]
     held = [_held(one, given) for one in measured]
+    granted = _granted(stated, model, held, known=every.known)
+    data = [with_error(one, granted) for one in stated]
     choice = choose(data, AUTO if model == "auto" else (model,), held)
     best, more = choice.best, 0.0
     if best.chance < _CHANCE:
@@ -181,6 +181,15 @@ def _fit_tyre(
         ends.append(_normal_ends(one) if share else profile_intervals(one, row, fixed=fixed))
         step()
     return TyreFit(tyre, measured, tuple(data), choice, best, tuple(ends), verdicts, whole)
+
+
+def _granted(stated: Sequence[StiffnessData], model: str, held: Sequence[Mapping[str, float]], *, known: bool) -> float:
+    """What must be granted before models are compared: what the best passive tyre must, or the one by itself."""
+    if model in ("auto", "maxwell"):
+        return granted_error(stated, always=not known)
+    if known:
+        return 0.0  # it is looked for once it does not fit
+    return granted_error(stated, lambda rows: _misfit(model_named(model), rows, held), always=True)
 
 
 def _sharing(

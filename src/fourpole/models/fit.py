@@ -199,11 +199,17 @@ def _fit_of(problem: Problem, lead: tuple[int, ...], place: FloatArray, steps: i
     held = problem.held(place) | (problem.log & (np.linalg.norm(slopes, axis=1) < _UNSEEN))
     on_bound = np.zeros(values.shape, dtype=bool)
     on_bound[:, problem.free] = held
+    covariance = _covariance(problem, slopes, held, values)
     size = values.shape[-1]
+    order = problem.model.ordering(values) if problem.free.size == size else None
+    if order is not None:  # of equal sets always the same one
+        values, on_bound = (np.take_along_axis(one, order, axis=1) for one in (values, on_bound))
+        covariance = np.take_along_axis(covariance, order[:, :, None], axis=1)
+        covariance = np.take_along_axis(covariance, order[:, None, :], axis=2)
     return Fit(
         model=problem.model,
         values=values.reshape(*lead, size),
-        covariance=_covariance(problem, slopes, held, values).reshape(*lead, size, size),
+        covariance=covariance.reshape(*lead, size, size),
         chi2=np.sum(residuals**2, axis=1).reshape(lead),
         dof=residuals.shape[1] - problem.free.size,
         residuals=residuals.reshape(*lead, -1),

@@ -115,6 +115,10 @@ class Model(ABC):
         found[..., 0] = 1.0
         return found
 
+    def ordering(self, values: FloatArray) -> np.ndarray | None:  # noqa: ARG002
+        """Places (..., P) of the parameters in the order that tells equal sets apart; none where there is one only."""
+        return None
+
     def state_space(self, values: ArrayLike) -> StateSpace:
         """The model in time, of one set of parameters (P,); ModelError where it has no finite causal form."""
         self.checked(values)

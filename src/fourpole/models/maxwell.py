@@ -72,7 +72,7 @@ class GeneralisedMaxwell(Model):
 
     .. math:: K^* = K_\infty + \sum_i K_i \frac{j\omega\tau_i}{1 + j\omega\tau_i}, \qquad K_\infty, K_i \ge 0
 
-    Causal and passive by construction. Values: K_inf, K_1 ... K_n, tau_1 ... tau_n.
+    Causal and passive by construction. Values: K_inf, K_1 ... K_n, tau_1 ... tau_n; a fit has the slowest arm first.
 
     Parameters
     ----------
@@ -126,6 +126,12 @@ class GeneralisedMaxwell(Model):
         one = np.ones_like(relaxed[..., :1])
         by_time = springs * 1j * positive(omega)[..., None] * relaxed**2
         return np.concatenate([one, 1 - relaxed, by_time], axis=-1)
+
+    def ordering(self, values: FloatArray) -> np.ndarray:
+        """The slowest arm first."""
+        arms = 1 + np.argsort(-values[..., 1 + self.arms :], axis=-1, kind="stable")
+        first = np.zeros((*values.shape[:-1], 1), dtype=int)
+        return np.concatenate([first, arms, arms + self.arms], axis=-1)
 
     def static_stiffness(self, values: ArrayLike) -> FloatArray:
         """K_inf."""

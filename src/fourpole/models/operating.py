@@ -157,6 +157,7 @@ class OperatingMap:
         k2, c = maxwell_arm(stiffness, k1, omega)
         by_arm = _arm_by(stiffness, k1, k2, c, omega)
         passive = (stiffness.real > k1) & (stiffness.imag > 0)
+        by_arm = np.where(passive[:, None, None], by_arm, 0.0)  # no arm, no derivative
         arm = by_arm @ covariance @ np.swapaxes(by_arm, 1, 2)
         return Answer(
             stiffness=stiffness,
