@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +21,7 @@ from scipy import optimize
 
 from fourpole.core.arrays import FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData
+from fourpole.models.data import StiffnessData, stacked
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model, Parameter
 
@@ -138,16 +139,21 @@ class Together:
             )
         return found
 
+    @cached_property
+    def _inverse(self) -> FloatArray:
+        """Of the normal equations of coefficients and shared errors."""
+        whole = np.concatenate(self.rows)
+        prior = np.zeros(whole.shape[1])
+        prior[self.covariance.shape[0] :] = 1.0
+        return np.asarray(np.linalg.pinv(whole.T @ whole + np.diag(prior), hermitian=True))
+
     def left_out(self, at: int) -> tuple[FloatArray, FloatArray]:
         """Whitened residuals (M,) of a condition from a fit without it, and their covariance (M, M), to first order.
 
         The leverage H of the condition's own rows gives (1 - H)^-1 r and (1 - H)^-1.
         """
         rows = self.rows[at]
-        whole = np.concatenate(self.rows)
-        prior = np.zeros(whole.shape[1])
-        prior[self.covariance.shape[0] :] = 1.0
-        leverage = rows @ np.linalg.pinv(whole.T @ whole + np.diag(prior), hermitian=True) @ rows.T
+        leverage = rows @ self._inverse @ rows.T
         shares, directions = np.linalg.eigh(leverage)
         # what only this condition tells has all of the leverage: nothing is known of it without
         spread = (directions / np.clip(1.0 - shares, _ALONE, 1.0)) @ directions.T
@@ -246,11 +252,9 @@ class _Search:
     """What the solver sees: coefficients in turn, then the shared errors."""
 
     model: Model
-    conditions: Sequence[StiffnessData]
+    groups: Sequence[_Group]
     designs: tuple[FloatArray, ...]
-    shared: Sequence[FloatArray]
-    whiteners: Sequence[FloatArray]
-    k1_std: FloatArray
+    common: int
 
     @property
     def sizes(self) -> list[int]:
@@ -261,11 +265,17 @@ class _Search:
     def coefficients(self) -> int:
         return sum(self.sizes)
 
+    @property
+    def whiteners(self) -> list[FloatArray]:
+        """Of each condition."""
+        found = {at: row for one in self.groups for at, row in zip(one.places, one.whitener, strict=True)}
+        return [found[at] for at in range(len(found))]
+
     def begin(self, values: FloatArray) -> FloatArray:
         """Coefficients closest to some parameters; no shared error."""
         linked = [link(one, values[:, at]) for at, one in enumerate(self.model.parameters)]
         found = [np.linalg.lstsq(design, one, rcond=None)[0] for design, one in zip(self.designs, linked, strict=True)]
-        return np.concatenate([*found, np.zeros(self.shared[0].shape[1])])
+        return np.concatenate([*found, np.zeros(self.common)])
 
     def linked(self, u: FloatArray) -> FloatArray:
         """Linked parameters (B, P)."""
@@ -279,36 +289,53 @@ class _Search:
     def residuals(self, u: FloatArray) -> list[FloatArray]:
         """Whitened data less model of each condition; K1 last, where it is known."""
         values, _ = self._parameters(u)
-        found: list[FloatArray] = []
-        for at, data in enumerate(self.conditions):
-            off = _pairs(data.stiffness - self.model.stiffness(values[at], data.omega))
-            rows = self.whiteners[at] @ (off - self.shared[at] @ u[self.coefficients :])
-            if np.isfinite(self.k1_std[at]):
-                rest = (data.k1 - self.model.static_stiffness(values[at])) / self.k1_std[at]
-                rows = np.append(rows, rest)
-            found.append(rows)
-        return found
+        found: dict[int, FloatArray] = {}
+        for one in self.groups:
+            data, own = one.data, values[one.places]
+            off = _pairs((data.stiffness - self.model.stiffness(own, data.omega))[..., None])[..., 0]
+            rows = (one.whitener @ (off - one.shared @ u[self.coefficients :])[..., None])[..., 0]
+            if one.has_k1:
+                rest = (data.k1 - self.model.static_stiffness(own)) / one.k1_std
+                rows = np.concatenate([rows, rest[:, None]], axis=1)
+            found.update(zip(one.places, rows, strict=True))
+        return [found[at] for at in range(len(values))]
 
     def rows(self, u: FloatArray) -> list[FloatArray]:
         """Derivatives of the whitened model of each condition."""
         values, slopes = self._parameters(u)
-        found: list[FloatArray] = []
-        for at, data in enumerate(self.conditions):
-            by_value = _pairs(self.model.derivative(values[at], data.omega)) * slopes[at]
-            rows = self.whiteners[at] @ np.concatenate([self._by_law(by_value, at), self.shared[at]], axis=1)
-            if np.isfinite(self.k1_std[at]):
-                by_rest = self.model.static_derivative(values[at]) * slopes[at] / self.k1_std[at]
-                last = np.concatenate(
-                    [self._by_law(by_rest[None], at), np.zeros((1, self.shared[at].shape[1]))], axis=1
-                )
-                rows = np.concatenate([rows, last])
-            found.append(rows)
-        return found
+        found: dict[int, FloatArray] = {}
+        for one in self.groups:
+            own, slope = values[one.places], slopes[one.places]
+            by_value = _pairs(self.model.derivative(own, one.data.omega)) * slope[:, None, :]
+            rows = one.whitener @ np.concatenate([self._by_law(by_value, one.places), one.shared], axis=2)
+            if one.has_k1:
+                by_rest = (self.model.static_derivative(own) * slope / one.k1_std[:, None])[:, None, :]
+                last = self._by_law(by_rest, one.places)
+                nothing = np.zeros((len(last), 1, one.shared.shape[2]))
+                rows = np.concatenate([rows, np.concatenate([last, nothing], axis=2)], axis=1)
+            found.update(zip(one.places, rows, strict=True))
+        return [found[at] for at in range(len(values))]
 
-    def _by_law(self, by_linked: FloatArray, at: int) -> FloatArray:
-        """Derivatives by the coefficients, of those (M, P) by linked parameters."""
-        parts = [by_linked[:, p, None] * design[at] for p, design in enumerate(self.designs)]
-        return np.concatenate(parts, axis=1)
+    def _by_law(self, by_linked: FloatArray, places: Sequence[int]) -> FloatArray:
+        """Derivatives by the coefficients, of those (G, M, P) by linked parameters."""
+        laws = (design[list(places)][:, None, :] for design in self.designs)
+        return np.concatenate([by_linked[:, :, p, None] * law for p, law in enumerate(laws)], axis=2)
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Conditions with as many frequencies, worked on at once, and where they stand among all."""
+
+    places: list[int]
+    data: StiffnessData
+    shared: FloatArray
+    whitener: FloatArray
+    k1_std: FloatArray
+
+    @property
+    def has_k1(self) -> bool:
+        """Whether they have their static stiffness."""
+        return bool(np.all(np.isfinite(self.k1_std)))
 
 
 def _search_of(
@@ -330,15 +357,18 @@ def _search_of(
         if law.ndim != 2 or len(law) != count:
             raise ModelError(f"the law of {symbol} has the shape {law.shape}: {count} conditions need as many rows")
     common = shared if shared is not None else [np.zeros((2 * one.count, 0)) for one in conditions]
-    k1_std = [np.hypot(one.k1_std, scatter.condition * one.k1) if np.isfinite(one.k1) else np.inf for one in conditions]
-    known = np.where(np.isfinite(k1_std), k1_std, np.inf)
-    return _Search(model, conditions, tuple(laws), common, [_whitener(one, scatter) for one in conditions], known)
+    groups = []
+    for places, data in stacked(conditions):
+        k1_std = np.hypot(data.k1_std, scatter.condition * data.k1)
+        whitener = np.stack([_whitener(conditions[at], scatter) for at in places])
+        groups.append(_Group(places, data, np.stack([common[at] for at in places]), whitener, k1_std))
+    return _Search(model, groups, tuple(laws), common[0].shape[1])
 
 
 def _whitener(data: StiffnessData, scatter: Scatter) -> FloatArray:
     """Of the data's own uncertainty with the scatter."""
     whole = np.zeros((2 * data.count, 2 * data.count))
-    turns = np.stack([_pairs(data.stiffness), _pairs(1j * data.stiffness)], axis=1)  # by Re and Im of log K*
+    turns = _pairs(np.stack([data.stiffness, 1j * data.stiffness], axis=1))  # by Re and Im of log K*
     for at in range(data.count):
         rows = slice(2 * at, 2 * at + 2)
         turn = turns[rows] * np.asarray(scatter.frequency)
@@ -349,6 +379,6 @@ def _whitener(data: StiffnessData, scatter: Scatter) -> FloatArray:
 
 
 def _pairs(values: np.ndarray) -> FloatArray:
-    """Re and Im of each row in turn."""
-    both = np.stack([values.real, values.imag], axis=1)
-    return np.asarray(both.reshape(2 * values.shape[0], *values.shape[1:]))
+    """Re and Im of each row in turn: (..., N, k) to (..., 2N, k)."""
+    both = np.stack([values.real, values.imag], axis=-2)
+    return np.asarray(both.reshape(*values.shape[:-2], 2 * values.shape[-2], values.shape[-1]))
