@@ -354,7 +354,7 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, ru
         process.wait()
     assert process.returncode == 130
     assert out == ""
-    said = "stopped; nothing is half-written, recordings done are kept: the same command goes on from there"
+    said = "stopped; nothing is half-written; recordings done are kept: the same command goes on from there"
     assert err.splitlines() == [said]
     assert took < 10.0  # a fraction of it where the machine is not busy with something else
     # no table, whole or half, and no leftovers of writing

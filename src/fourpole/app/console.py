@@ -116,9 +116,7 @@ def ends_well(command: Callable[P, None]) -> Callable[P, None]:
         except FourpoleError as error:
             fail(str(error))
         except KeyboardInterrupt:
-            say(
-                "stopped; nothing is half-written, recordings that are done are kept: the same command goes on from there"
-            )
+            say("stopped; nothing is half-written; recordings done are kept: the same command goes on from there")
             raise typer.Exit(STOPPED) from None
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
