@@ -105,6 +105,18 @@ def test_causality_tells_possible_from_impossible(run, tmp_path):
     assert 1e-3 < row["possible with an error of [1]"] < 0.02
 
 
+def test_causality_assumes_an_uncertainty_where_none_is_stated(run, tmp_path):
+    ran = run("causality", reduced(tmp_path / "k.csv", std=False), "--json")
+    assert ran.exit_code == 0, ran.output
+    assert "taken as 1 %" in ran.stderr
+    assert json.loads(ran.stdout)["conditions"][0]["possible"]
+
+
+def test_a_k1_that_contradicts_is_named(run, tmp_path):
+    ran = run("causality", reduced(tmp_path / "k.csv"), "--k1", "260 kN/m", "--std-k1", "1 %")
+    assert "it is K1 of the static test" in ran.stdout
+
+
 def test_results_to_model_map_and_query(run, results):
     fitted = run("fit", results)
     assert fitted.exit_code == 0, fitted.output
@@ -177,7 +189,10 @@ def test_a_query_outside_is_refused_and_writes_nothing(run, results, tmp_path):
         (("fit", "k.csv", "--band", "100:1 Hz"), "not two rising frequencies"),
         (("fit", "k.csv", "--band", "200:300 Hz"), "no test between 200 and 300 Hz"),
         (("fit", "k.csv", "--tyre", "x"), "no test of a tyre 'x'"),
-        (("fit", "k.csv", "--fix", "K1=heavy"), "is not a parameter and its value"),
+        (("fit", "k.csv", "--fix", "K1=heavy"), "--fix K1:"),
+        (("fit", "k.csv", "--fix", "K1=5 s"), "--fix K1:"),
+        (("fit", "k.csv", "--fix", "K9=5"), "'K9=5' is not a parameter and its value"),
+        (("fit", "k.csv", "--model", "spring", "--fix", "K=5"), "nothing is left to fit"),
         (("fit", "k.csv", "--std", "200 %"), "between 0 and 100 %"),
         (("fit", "k.csv", "--std-k1", "2 %"), "--std-k1 is of --k1"),
         (("fit", "k.csv", "--over", "camber [deg]"), "no column 'camber [deg]'"),

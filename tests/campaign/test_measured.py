@@ -161,3 +161,24 @@ def test_families_do_not_depend_on_the_order():
     backward = families(names, states[::-1])[::-1]
     assert forward.tolist() == backward.tolist()
     assert forward[0] == forward[1] != forward[3]
+
+
+def test_round_off_beside_a_large_variance_is_no_asymmetry():
+    own = [[1.3e5, 5.1e-9, 4.6e-9, 1.3e5]] * 4
+    names = (["D1", "D2", "D3", "D4"], [""] * 4, [0, 1, 2, 3], own, [[1.0]] * 4, [[0.0]] * 4)
+    found = measured_of(table(), pl.DataFrame(dict(zip(COVARIANCE_COLUMNS, names, strict=True))))
+    assert found.known
+
+
+def test_rows_that_state_no_uncertainty_among_others_that_do_are_left_out():
+    u = {"u(Re K*) [N/m]": [100.0, None, 100.0, 100.0], "u(Im K*) [N/m]": [50.0] * 4}
+    found = measured_of(table(**u))
+    assert found.known
+    assert found.conditions[0].tests == ("D1",)
+    assert "1 rows of dynamic state no uncertainty" in found.notes[0]
+
+
+def test_a_stiffness_below_zero_is_no_tyres():
+    found = measured_of(table(**{RE: [-200e3, 190e3, 195e3, 150e3]}))
+    assert found.conditions[0].tests == ("D2",)
+    assert "below zero" in found.notes[0]

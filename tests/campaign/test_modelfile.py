@@ -243,3 +243,56 @@ def test_the_map_of_a_file_is_the_map(mapped):
     mine, theirs = own.ask(points, [10.0, 20.0]), read.ask(points, [10.0, 20.0])
     np.testing.assert_allclose(theirs.stiffness, mine.stiffness, rtol=1e-12)
     np.testing.assert_allclose(theirs.covariance, mine.covariance, rtol=1e-12)
+
+
+def test_between_two_levels_of_an_axis_a_bend_is_allowed_for(mapped):
+    """At the tested loads nothing is added; half way between them what a slope 1.4 times as steep at one end makes."""
+    found = map_of(mapped.maps[0])
+    assert found.axes.straight == (1,)
+    at_load, between = (found.ask([[1.7e5, load]], [14.0]).covariance[0, 0, 0] for load in (1000.0, 1500.0))
+    change = np.diff([found.ask([[1.7e5, load]], [14.0]).stiffness[0].real for load in (1000.0, 2000.0)])[0]
+    assert between - (change / 24) ** 2 == pytest.approx(at_load, rel=0.3)  # the rest is of the surfaces
+    assert between > (change / 24) ** 2
+    assert "between the two tested values of preload a bend" in mapped.maps[0].choice
+
+
+def test_two_conditions_are_joined_by_a_straight_line_and_that_is_said():
+    measured = measured_of(table(pressures=(1.0e5, 2.4e5), preloads=(1000.0,)))
+    (made,) = map_tyres(measured, "zener")
+    assert len(made.best.terms) == 2
+    assert "too few conditions to leave one out" in made.text
+    file = model_file(measured, maps=[made])
+    assert file.maps[0].left_out == (None, None, None)
+    row = ask(file, Query([14.0], {"pressure [Pa]": 1.7e5}))[0]
+    clean = model_named("zener").stiffness(truth(1.7e5, 1000.0), [28 * np.pi])[0]
+    assert abs(row["Re K* [N/m]"] - clean.real) < 2 * row["u(Re K*) [N/m]"] < 0.05 * clean.real
+
+
+def test_conditions_without_a_common_frequency_make_no_map():
+    frame = table(pressures=(1.0e5, 1.7e5, 2.4e5), preloads=(1000.0,))
+    low = pl.col("frequency [Hz]") < 15.0
+    apart = frame.filter(pl.when(pl.col("pressure [Pa]") < 1.2e5).then(low).otherwise(~low))
+    with pytest.raises(
+        ModelError, match=r"no frequency is common to all conditions: one begins at 16 Hz.* ends at 14 Hz"
+    ):
+        map_tyres(measured_of(apart), "zener")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (_set(["kind"], "model"), "says that it is a model, and holds none or another"),
+        (_set(["version"], True), "no version that is known"),
+        (_set(["maps", 0, "band"], [20.0, 10.0]), "the band falls"),
+        (_set(["maps", 0, "band"], [0.0, 10.0]), "band"),
+        (_set(["maps", 0, "scatter"], [-1.0, 0.0, 0.0]), "scatter"),
+        (_set(["maps", 0, "scatter"], [1e200, 0.0, 0.0]), "scatter"),
+        (_set(["maps", 0, "axes", 1, "values"], [1000.0] * 10), "an axis has one value only"),
+        (_set(["maps", 0, "coefficients", 0, 0], 1e300), "beyond all measure"),
+        (_set(["maps", 0, "covariance", 0, 0], 1e300), "beyond all measure"),
+        (_set(["maps", 0, "static", "terms"], [[0]]), "the surface of K1 does not fit"),
+    ],
+)
+def test_a_map_that_makes_no_sense_is_refused(mapped, tmp_path, change, said):
+    with pytest.raises(ModelError, match=said):
+        read_model_file(changed(mapped, tmp_path, change))

@@ -80,3 +80,50 @@ def test_one_condition_at_a_time():
     stiffness = Zener().stiffness([[180e3, 120e3, 700.0]] * 2, BAND)
     with pytest.raises(ModelError, match="one condition at a time"):
         check_possible(StiffnessData.of(BAND, stiffness, 100.0))
+
+
+@pytest.mark.parametrize("tau", [2.0, 60.0, 1e4])
+def test_what_relaxes_too_slowly_to_be_seen_is_no_contradiction_of_k1(tau):
+    """An arm of seconds to hours stiffens every frequency of the band by as much, and is gone at rest."""
+    omega = 2 * np.pi * np.linspace(10.0, 24.0, 15)
+    slow = 60e3 * 1j * omega * tau / (1 + 1j * omega * tau)
+    clean = Zener().stiffness([120e3, 120e3, 700.0], omega) + slow
+    rng = np.random.default_rng(0)
+    for noise in (1e-3, 1e-4):
+        std = noise * np.abs(clean)
+        seen = clean + std * (rng.standard_normal(15) + 1j * rng.standard_normal(15))
+        assert check_possible(StiffnessData.of(omega, seen, std, k1=120e3, k1_std=600.0)).possible
+
+
+@pytest.mark.parametrize("std", [1e-5, 1e-6, 1e-7])
+def test_data_without_noise_are_possible_however_sure_they_are(std):
+    """Relaxation times off every grid: they are moved until chi-square is that of round-off."""
+    rng = np.random.default_rng(1)
+    for low, high, count in ((10.0, 24.0, 10), (1.0, 1000.0, 60)):
+        omega = 2 * np.pi * np.geomspace(low, high, count)
+        for _ in range(10):
+            k2, corner = rng.uniform(5e4, 3e5), 2 * np.pi * np.exp(rng.uniform(np.log(low), np.log(high)))
+            clean = Zener().stiffness([180e3, k2, k2 / corner], omega)
+            assert check_possible(StiffnessData.of(omega, clean, std * np.abs(clean))).possible
+
+
+@pytest.mark.parametrize(("at", "wrong"), [(0, 1.02), (14, 0.97), (7, 1.02), (7, np.exp(0.05j))])
+def test_the_one_that_is_wrong_is_named_and_no_other(at, wrong):
+    omega = 2 * np.pi * np.arange(10.0, 25.0)
+    clean = Zener().stiffness([180e3, 120e3, 700.0], omega)
+    rng = np.random.default_rng(4)
+    std = 1e-3 * np.abs(clean)
+    seen = clean + std * (rng.standard_normal(15) + 1j * rng.standard_normal(15))
+    seen[at] *= wrong
+    found = check_possible(StiffnessData.of(omega, seen, std))
+    assert not found.possible
+    assert found.impossible.round(6).tolist() == [10.0 + at]
+
+
+def test_a_k1_that_contradicts_is_told_apart_from_frequencies():
+    omega = 2 * np.pi * np.arange(10.0, 25.0)
+    clean = Zener().stiffness([180e3, 120e3, 700.0], omega)
+    found = check_possible(StiffnessData.of(omega, clean, 1e-3 * np.abs(clean), k1=250e3, k1_std=1e3))
+    assert not found.possible
+    assert found.without_k1
+    assert not found.impossible.size

@@ -153,3 +153,18 @@ def test_a_rational_form_keeps_its_accuracy_between_the_points_too(values, accur
 def test_what_cannot_be_is_told(call, said):
     with pytest.raises(ModelError, match=said):
         call()
+
+
+@pytest.mark.parametrize("model", [FractionalZener(), FractionalZener5()])
+def test_of_order_one_a_fractional_tyre_is_one_arm_and_little_else(model):
+    """It is a Zener: with its own relaxation time among the arms it is met to round-off."""
+    values = [150e3, 400e3, 2e-3, 1.0, 1.0][: len(model.parameters)]
+    maxwell, _, error = rational(model, values, (2.0, 120.0), 1e-9)
+    assert maxwell.arms <= 3
+    assert error < 1e-9
+
+
+def test_a_zener_without_a_spring_in_its_arm_is_its_k1_in_time():
+    space = Zener().state_space([180e3, 0.0, 700.0])
+    assert space.stiffness([60.0]) == 180e3
+    assert simulate(space, [0.0, 1e-3], [0.0, 0.0], 1e-3).tolist() == [0.0, 180.0]

@@ -47,7 +47,7 @@ def show_fit(entry: ModelEntry) -> None:
     table_console().print(table)
     out(entry.choice)
     if entry.granted:
-        out(f"{100 * entry.granted:.2g} % of K* was granted to the model as an error of its own, so that it fits")
+        out(f"all this with {100 * entry.granted:.2g} % of K* granted as an error of the model, so that it fits")
     _show_verdicts(entry)
     _show_parameters(entry)
 
@@ -131,7 +131,7 @@ def show_map(found: TyreMap) -> None:
             mark = " *" if one is found.best else ""
             left = one.left_out
             cells = (100 * left.error, 100 * left.inside, 100 * one.scatter.condition)
-            shown = (f"{cell:.2g}" if math.isfinite(cell) else "" for cell in cells)
+            shown = (f"{cell:.3g}" if math.isfinite(cell) else "" for cell in cells)
             table.add_row(name + mark, "yes" if one.model.causal else "no", str(len(one.terms)), *shown)
         else:
             table.add_row(name, "", "", "none", "", "")

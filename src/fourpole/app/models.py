@@ -19,6 +19,7 @@ from fourpole.campaign.results import Results, read_results
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, ModelError, UnitError
 from fourpole.models.causality import Possible, check_possible
+from fourpole.models.choice import AUTO, model_named
 
 __all__ = ["DataOptions", "fitted", "run_causality", "run_fit", "run_map", "run_query", "state_of"]
 
@@ -26,12 +27,12 @@ __all__ = ["DataOptions", "fitted", "run_causality", "run_fit", "run_map", "run_
 _ASSUMED = 0.01
 _MOST_NAMED = 12
 #: Kind of quantity of each unit of a parameter.
-_KINDS = {"N/m": "stiffness", "N s/m": "damping", "s": "time", "1": "ratio", "m": "length", "Pa": "pressure"}
+_KINDS = {"N/m": "stiffness", "N s/m": "damping", "s": "time", "m": "length", "Pa": "pressure"}
 
 
 @dataclass(frozen=True)
 class DataOptions:
-    """What is taken of the results; as text, with units."""
+    """What is taken of the results, as text with units; `relative` is an uncertainty of K* that was assumed."""
 
     tyre: str | None = None
     band: str | None = None
@@ -39,10 +40,11 @@ class DataOptions:
     std: str | None = None
     k1: str | None = None
     std_k1: str | None = None
+    relative: float | None = None
 
     def read(self, path: Path) -> MeasuredSet:
         """K* of the conditions."""
-        std = None if self.std is None else option(self.std, "ratio", "--std")
+        std = self.relative if self.std is None else option(self.std, "ratio", "--std")
         if std is not None and not 0 < std < 1:
             raise UnitError("--std: the uncertainty of K* must lie between 0 and 100 %")
         found = read_measured(path, over=self.over, std=std, k1=self._static())
@@ -95,14 +97,14 @@ def run_fit(
     measured = data.read(path)
     _notes(measured)
     with progress("fitting") as advance:
-        fits = fit_tyres(measured, model, given=_fixed(fixed), share=share, progress=advance)
+        fits = fit_tyres(measured, model, given=_fixed(fixed, model), share=share, progress=advance)
     more = {"fix": list(fixed), "share": list(share)}
     settings = {"model": model, **data.settings(), **{name: what for name, what in more.items() if what}}
     made = model_file(measured, fits, settings=settings, rig=_rig_of(path))
     target = file if file is not None else (path / "model.json" if path.is_dir() else None)
+    drawn = _figures(path, measured, made, figure)
     if target is not None:
         made.write(target)
-    drawn = _figures(path, measured, made, figure)
     if as_json:
         print_json(made.model_dump(mode="json"))
     else:
@@ -138,7 +140,7 @@ def run_causality(path: Path, data: DataOptions, *, as_json: bool) -> int:
     measured = data.read(path)
     if not measured.known:
         warn(f"the table states no uncertainty of K*: taken as {100 * _ASSUMED:g} %; state --std")
-        measured = DataOptions(**{**data.__dict__, "std": f"{_ASSUMED}"}).read(path)
+        measured = replace(data, relative=_ASSUMED).read(path)
     else:
         _notes(measured)
     found = [(one, check_possible(one.data)) for one in measured.conditions]
@@ -151,7 +153,7 @@ def run_causality(path: Path, data: DataOptions, *, as_json: bool) -> int:
         text = f"{where}: {'possible' if verdict.possible else 'NOT possible'} for a passive linear tyre (chi-square "
         out(f"{text}{verdict.chi2:.4g} for {verdict.dof} degrees of freedom, chance {verdict.chance:.2g})")
         if not verdict.possible:
-            out(f"  what no such tyre can give, with the others as they are: {_listed(verdict, one.own.count)}")
+            out(f"  {_blamed(verdict, one.own.count)}")
             out(f"  it could, were K* uncertain by {100 * lacking_error(one, verdict):.2g} % at each frequency")
     bad = sum(not verdict.possible for _, verdict in found)
     out(f"{len(found) - bad} of {len(found)} conditions are possible")
@@ -208,7 +210,7 @@ def run_query(
         from fourpole.io.write import write_table
 
         write_table(file if file.suffix else file.with_suffix(".csv"), pl.DataFrame(rows), label=str(file))
-        out(f"written: {file}")
+        say(f"written: {file}")
     if as_json:
         print_json({"rows": rows})
     elif file is None:
@@ -239,25 +241,22 @@ def state_of(
     return state
 
 
-def _fixed(texts: Sequence[str]) -> dict[str, float]:
-    """Parameters that are given, by symbol; their unit is that of the parameter's kind."""
+def _fixed(texts: Sequence[str], model: str) -> dict[str, float]:
+    """Parameters that are given, by symbol; a bare number is in the parameter's SI unit."""
+    names = [{"maxwell": "maxwell:20"}.get(name, name) for name in (AUTO if model == "auto" else (model,))]
+    known = {one.symbol: one.unit for name in names for one in model_named(name).parameters}
     found = {}
     for text in texts:
-        symbol, mark, value = text.partition("=")
+        symbol, mark, value = (part.strip() for part in text.partition("="))
+        if not mark or symbol not in known:
+            there = ", ".join(list(known)[:_MOST_NAMED])
+            raise UnitError(
+                f"--fix: {units.shown(text)} is not a parameter and its value, as in 'K1=180 kN/m'; there are {there}"
+            )
         try:
-            found[symbol.strip()] = float(value)
-            continue
+            found[symbol] = float(value)
         except ValueError:
-            pass
-        kinds = dict.fromkeys(_KINDS.values())
-        for kind in kinds if mark else ():
-            try:
-                found[symbol.strip()] = units.quantity(value, kind)
-                break
-            except UnitError:
-                continue
-        else:
-            raise UnitError(f"--fix: {units.shown(text)} is not a parameter and its value, as in 'K1=180 kN/m'")
+            found[symbol] = option(value, _KINDS.get(known[symbol], "ratio"), f"--fix {symbol}")
     return found
 
 
@@ -307,14 +306,19 @@ def _verdict(one: Measured, verdict: Possible) -> dict[str, Any]:
         "chance": verdict.chance,
         "possible with an error of [1]": lacking_error(one, verdict),
         "impossible [Hz]": verdict.impossible.tolist(),
+        "possible without K1": verdict.without_k1,
     }
 
 
-def _listed(verdict: Possible, count: int) -> str:
+def _blamed(verdict: Possible, count: int) -> str:
+    """What cannot be with the rest."""
+    if verdict.without_k1:
+        return "K* by itself is possible: it is K1 of the static test that no such tyre has with it"
     values = verdict.impossible.tolist()
+    said = "what no such tyre can give, with the others as they are: "
     if len(values) == count:
-        return f"all {count} frequencies"
+        return f"{said}all {count} frequencies"
     if not values:
-        return "no frequency by itself, but all of them together"
+        return f"{said}no frequency by itself, but all of them together"
     named = ", ".join(f"{value:.5g}" for value in values[:_MOST_NAMED])
-    return f"{named}{f' and {len(values) - _MOST_NAMED} more' if len(values) > _MOST_NAMED else ''} Hz"
+    return f"{said}{named}{f' and {len(values) - _MOST_NAMED} more' if len(values) > _MOST_NAMED else ''} Hz"

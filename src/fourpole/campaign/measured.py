@@ -29,6 +29,8 @@ _MOST_BYTES = 2_000_000_000
 FREQUENCY, RE, IM = "frequency [Hz]", "Re K* [N/m]", "Im K* [N/m]"
 _STD = ("u(Re K*) [N/m]", "u(Im K*) [N/m]", "corr(Re,Im K*) [1]")
 _K1 = ("K1 [N/m]", "u(K1) [N/m]")
+#: No frequency, and no stiffness in SI, is larger.
+_LARGEST = 1e25
 #: What tells conditions apart, where the table has it.
 AXES = {"pressure [Pa]": "pressure", "preload [N]": "preload", "temperature [degC]": "temperature"}
 
@@ -228,10 +230,19 @@ def measured_of(
             )
     numbers = {column: _numbers(frame, column, name) for column in frame.columns if column in _known(over)}
     good = np.isfinite(numbers[FREQUENCY]) & np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
-    good &= numbers[FREQUENCY] > 0
+    good &= (numbers[FREQUENCY] > 0) & (np.abs(numbers[FREQUENCY]) < _LARGEST)
+    notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
+    sound = good & (numbers[RE] > 0) & (np.hypot(np.nan_to_num(numbers[RE]), np.nan_to_num(numbers[IM])) < _LARGEST)
+    if sound.sum() < good.sum():
+        notes.append(f"{int(good.sum() - sound.sum())} rows of {name} have a K' below zero and were left out")
+    good = sound
+    if std is None and covariance is None and all(column in numbers for column in _STD[:2]):
+        sure = np.isfinite(numbers[_STD[0]]) & np.isfinite(numbers[_STD[1]])
+        if np.any(sure & good) and np.any(good & ~sure):
+            notes.append(f"{int(np.sum(good & ~sure))} rows of {name} state no uncertainty of K* and were left out")
+            good &= sure
     if not good.any():
         raise ModelError(f"{name}: no row has a frequency and K*: nothing can be fitted")
-    notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
     rows = _Rows.of(frame.filter(good), {column: values[good] for column, values in numbers.items()}, covariance, std)
     notes += rows.notes(covariance is not None)
     axes = [column for column in (*AXES, *over) if column in numbers]

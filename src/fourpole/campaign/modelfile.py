@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from importlib.metadata import version as version_of
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -43,10 +43,18 @@ _MOST_BYTES = 50_000_000
 _LONGEST = 100_000
 #: A covariance may be asymmetric, or have a negative direction, by this share of its size.
 _ROUND_OFF = 1e-6
+#: No parameter in SI, and no coefficient, is larger.
+_LARGEST = 1e30
 
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+#: Frequencies from low to high [Hz].
+Band = tuple[Annotated[float, Field(gt=0, le=1e12)], Annotated[float, Field(gt=0, le=1e12)]]
+#: A relative error.
+Share = Annotated[float, Field(ge=0, le=1e3)]
 
 
 class Quantity(_Strict):
@@ -98,7 +106,7 @@ class ConditionFile(_Strict):
 
     state: list[Quantity] = Field(max_length=20)
     tests: list[str] = Field(max_length=_LONGEST)
-    band: tuple[float, float] = Field(description="Lowest and highest frequency fitted [Hz].")
+    band: Band = Field(description="Lowest and highest frequency fitted [Hz].")
     values: list[float] = Field(max_length=200, description="Of the parameters, in their order.")
     covariance: list[list[float]] = Field(max_length=200, description="Of the parameters.")
     intervals: list[tuple[float | None, float | None]] = Field(
@@ -119,7 +127,7 @@ class ModelEntry(_Strict):
     model: str = Field(max_length=40)
     causal: bool
     parameters: list[ParameterFile] = Field(max_length=200)
-    granted: float = Field(ge=0, description="Relative error granted to the model so that it fits [1].")
+    granted: Share = Field(description="Relative error granted to the model so that it fits [1].")
     choice: str = Field(description="Which model, and why, in words.")
     candidates: list[CandidateFile] = Field(max_length=200, description="What was tried, the best first.")
     conditions: list[ConditionFile] = Field(max_length=_LONGEST)
@@ -139,8 +147,8 @@ class SurfaceFile(_Strict):
     terms: list[list[int]] = Field(max_length=500)
     coefficients: list[float] = Field(max_length=500)
     covariance: list[list[float]] = Field(max_length=500)
-    scatter: float = Field(ge=0, description="Of conditions, relative [1].")
-    std: float = Field(ge=0, description="What the static tests have in common, relative [1].")
+    scatter: Share = Field(description="Of conditions, relative [1].")
+    std: Share = Field(description="What the static tests have in common, relative [1].")
 
 
 class MapEntry(_Strict):
@@ -155,10 +163,10 @@ class MapEntry(_Strict):
     terms: list[list[int]] = Field(max_length=500, description="Exponents of the axes, term by term.")
     coefficients: list[list[float]] = Field(max_length=200, description="Per parameter, one for each term.")
     covariance: list[list[float]] = Field(max_length=2000, description="Of all coefficients in turn.")
-    scatter: tuple[float, float, float] = Field(
+    scatter: tuple[Share, Share, Share] = Field(
         description="Relative: of conditions; of frequencies, along and across K*."
     )
-    band: tuple[float, float] = Field(description="[Hz]")
+    band: Band = Field(description="[Hz]")
     left_out: tuple[float | None, float | None, float | None] = Field(
         description="Relative error of conditions left out; share of K', K'' and of conditions inside 95 %; null: one."
     )
@@ -240,18 +248,21 @@ def read_model_file(path: str | Path) -> ModelFile:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise ModelError(f"{name}: is no model file: fourpole fit or fourpole map write such files")
     stated = document.get("version")
-    if isinstance(stated, int) and stated > VERSION:
+    if type(stated) is int and stated > VERSION:
+        own = version_of("fourpole")
         raise ModelError(
-            f"{name}: is of version {stated}, this Fourpole ({version_of('fourpole')}) reads up to {VERSION}: update it"
+            f"{name}: is of version {str(stated)[:12]}, this Fourpole ({own}) reads up to {VERSION}: update it"
         )
-    if stated != VERSION:
+    if type(stated) is not int or stated != VERSION:
         raise ModelError(f"{name}: has no version that is known: {shown(str(stated))}")
     try:
         found = ModelFile.model_validate(document)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the document"
-        raise ModelError(f"{name}: {shown(where)}: {first['msg']}; it was changed since it was written") from None
+        raise ModelError(f"{name}: {shown(where)}: {first['msg']}: it was changed, or is of another version") from None
+    if (found.models if found.kind == "map" else found.maps) or not found.tyres:
+        raise ModelError(f"{name}: says that it is a {found.kind}, and holds none or another: it was changed")
     for entry in found.models:
         _check_model(name, entry)
     for one in found.maps:
@@ -267,6 +278,7 @@ def _check_model(name: str, entry: ModelEntry) -> None:
         if len(one.values) != size or len(one.intervals) != size:
             raise ModelError(f"{where}: {len(one.values)} values for {size} parameters")
         model.checked(one.values)
+        _check_numbers(where, one.values, one.band)
         _check_covariance(where, one.covariance, size)
 
 
@@ -279,12 +291,20 @@ def _check_map(name: str, entry: MapEntry) -> None:
         raise ModelError(f"{where}: the terms do not fit the axes")
     if len({len(axis.values) for axis in entry.axes}) > 1 or any(not axis.values for axis in entry.axes):
         raise ModelError(f"{where}: the axes have different numbers of tested conditions")
+    if any(min(axis.values) == max(axis.values) for axis in entry.axes):
+        raise ModelError(f"{where}: an axis has one value only")
+    _check_numbers(where, [value for row in entry.coefficients for value in row], entry.band)
     _check_covariance(where, entry.covariance, size * terms)
     if entry.static is not None:
         own = len(entry.static.terms)
         if len(entry.static.coefficients) != own or not _fit_axes(entry.static.terms, entry):
             raise ModelError(f"{where}: the surface of K1 does not fit its terms or the axes")
         _check_covariance(f"{where}, K1", entry.static.covariance, own)
+
+
+def _check_numbers(where: str, values: list[float], band: tuple[float, float]) -> None:
+    if max(map(abs, values), default=0.0) > _LARGEST or band[0] > band[1]:
+        raise ModelError(f"{where}: a number is beyond all measure, or the band falls: it was changed")
 
 
 def _fit_axes(terms: list[list[int]], entry: MapEntry) -> bool:
@@ -296,6 +316,8 @@ def _check_covariance(where: str, rows: list[list[float]], size: int) -> None:
     if len(rows) != size or any(len(row) != size for row in rows):
         raise ModelError(f"{where}: the covariance is not {size} by {size}")
     matrix = np.array(rows, dtype=float).reshape(size, size)
+    if size and np.abs(matrix).max() > _LARGEST**2:
+        raise ModelError(f"{where}: the covariance is none: a number in it is beyond all measure")
     std = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     scale = np.where(std > 0, std, 1.0)
     correlation = matrix / np.outer(scale, scale)
@@ -444,4 +466,6 @@ def rig_in(file: RigFile | None) -> Rig | None:
             raise ModelError(f"the model file's rig has {shown(name)} in {shown(one.unit)}: it was changed")
     values = {name: one.value for name, one in file.values.items()}
     std = {name: one.std for name, one in file.values.items()}
+    if max(map(abs, [*values.values(), *std.values()]), default=0.0) > _LARGEST:
+        raise ModelError("the model file's rig has a number beyond all measure: it was changed")
     return Rig(**values, std=std, blocked=file.output == "blocked")

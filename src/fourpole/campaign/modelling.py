@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
+from scipy import stats
 
 from fourpole.campaign.measured import Measured, MeasuredSet
 from fourpole.campaign.modelfile import (
@@ -186,10 +187,19 @@ def _fit_tyre(
 def _granted(stated: Sequence[StiffnessData], model: str, held: Sequence[Mapping[str, float]], *, known: bool) -> float:
     """What must be granted before models are compared: what the best passive tyre must, or the one by itself."""
     if model in ("auto", "maxwell"):
-        return granted_error(stated, always=not known)
+        needed = granted_error(stated, always=not known)
+        if needed and known and model == "auto":  # what does not relax may need none
+            fits = (_misfit(model_named(name), stated, held) for name in AUTO if name != "maxwell" and _is_odd(name))
+            needed = 0.0 if any(stats.chi2.sf(chi2, max(dof, 1)) > _CHANCE for chi2, dof in fits) else needed
+        return needed
     if known:
         return 0.0  # it is looked for once it does not fit
     return granted_error(stated, lambda rows: _misfit(model_named(model), rows, held), always=True)
+
+
+def _is_odd(name: str) -> bool:
+    """Whether a model is none of the relaxing tyres: it has inertia, or is not causal."""
+    return name == "shell" or not model_named(name).causal
 
 
 def _sharing(
@@ -333,6 +343,11 @@ def _map_said(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
             f"; conditions left out are told within {100 * left.error:.2g} %, {100 * left.inside:.0f} % of their K' "
             "and K'' inside the 95 % intervals"
         )
+    elif len(best.axes.points) > 1:
+        said += "; too few conditions to leave one out: straight between them, and nothing tells how they scatter"
+    for axis in best.axes.straight:
+        name = split_column(best.axes.names[axis])[0]
+        said += f"; between the two tested values of {name} a bend is allowed for in the uncertainty"
     if not best.model.causal:
         causal = [one for one in good if one.model.causal]
         said += ". It describes K2 and C and is not causal"

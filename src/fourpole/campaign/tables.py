@@ -330,6 +330,7 @@ def covariance_table(groups: Sequence[Group]) -> pl.DataFrame:
     for group in groups:
         shared, condition = group.result.stiffness_shared, group.result.condition
         own = group.result.stiffness_covariance - shared @ np.swapaxes(shared, 1, 2)
+        own = (own + np.swapaxes(own, 1, 2)) / 2  # round-off
         rows += [
             (
                 group.names[at],

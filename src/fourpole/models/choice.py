@@ -34,15 +34,16 @@ _MODELS: dict[str, type[Model]] = {
 }
 _COUNTED: dict[str, type[GeneralisedMaxwell] | type[GehmanLaw]] = {"maxwell": GeneralisedMaxwell, "gehman": GehmanLaw}
 #: What is tried where nothing is asked for; `maxwell` is as many arms as help.
-AUTO = ("spring", "kelvin", "structural", "zener", "maxwell", "fractional", "fractional5")
+AUTO = ("spring", "kelvin", "structural", "zener", "maxwell", "fractional", "fractional5", "shell")
 #: What a model is a special case of: it needs no more where it does as well.
 _WITHIN = {
-    "spring": {"kelvin", "structural", "zener", "maxwell", "fractional", "fractional5"},
-    "kelvin": set[str](),
+    "spring": {"kelvin", "structural", "zener", "maxwell", "fractional", "fractional5", "shell"},
+    "kelvin": {"shell"},
     "structural": set[str](),
     "zener": {"maxwell", "fractional", "fractional5"},
     "fractional": {"fractional5"},
     "fractional5": set[str](),
+    "shell": set[str](),
 }
 #: Difference of BIC below which two models are alike: odds of 20 to 1.
 _ALIKE = 6.0
@@ -343,6 +344,10 @@ def _said(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Seque
         f"{best.free} parameters" if len(best.fits) == 1 else f"{best.free} parameters in {len(best.fits)} conditions"
     )
     said = f"{best.name}: {free}, chi-square {best.chi2:.3g} for {best.dof} degrees of freedom"
+    if best.on_bound:
+        said += f"; {best.on_bound} of them on a bound, or unseen by the data"
+    if not best.dof:
+        return f"{said}: as many parameters as data, so that nothing is left to tell models apart"
     if best.chance < _CHANCE:
         said += "; it does not fit: more is in the data than noise, and no model tried explains it"
     if alike:

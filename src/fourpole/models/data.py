@@ -17,6 +17,8 @@ __all__ = ["SPACES", "StiffnessData", "stacked"]
 SPACES = ("stiffness", "compliance", "mobility")
 #: Least relative uncertainty that is believed: what single precision holds.
 _FLOOR = 1e-7
+#: No stiffness squared is larger [N²/m²].
+_LARGEST = 1e60
 
 
 @dataclass(frozen=True)
@@ -177,8 +179,12 @@ def _check_covariance(whole: FloatArray, shape: tuple[int, ...]) -> None:
     count = shape[-1]
     if whole.shape not in ((*shape, 2, 2), (*shape[:-1], 2 * count, 2 * count)):
         raise ModelError(f"the covariance has the shape {whole.shape}, K* {shape}")
-    if not np.all(np.isfinite(whole)) or not np.allclose(whole, np.swapaxes(whole, -1, -2), rtol=1e-6, atol=0):
-        raise ModelError("the covariance of K* is not symmetric or has gaps: it is none")
+    if not np.all(np.isfinite(whole)) or np.any(np.abs(whole) > _LARGEST):
+        raise ModelError("the covariance of K* has gaps, or numbers beyond all measure: it is none")
+    std = np.sqrt(np.abs(np.diagonal(whole, 0, -1, -2)))
+    scale = std[..., :, None] * std[..., None, :]
+    if np.any(np.abs(whole - np.swapaxes(whole, -1, -2)) > 1e-6 * scale):
+        raise ModelError("the covariance of K* is not symmetric: it is none")
     least = np.linalg.eigvalsh(whole)[..., 0]
     if np.any(least < -1e-9 * np.abs(whole).max(axis=(-1, -2))):
         raise ModelError("the covariance of K* has a negative direction: it is none; check its correlations")

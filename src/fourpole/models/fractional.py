@@ -24,6 +24,8 @@ _COMMON = (
 )
 _POINTS_PER_ARM = 12
 _MOST_ARMS = 60
+#: Orders above this have all but one relaxation time.
+_NEARLY_ONE = 0.9
 
 
 class FractionalZener(Model):
@@ -148,11 +150,14 @@ def rational(
     low, high = 2 * np.pi * np.asarray(band, dtype=float)
     if not 0 < low < high:
         raise ModelError(f"the band must rise from above zero, not {band[0]:g} to {band[1]:g} Hz")
+    own = _one_time(model, values, low / 10, high * 10)
     worst = np.inf
     for arms in range(2, _MOST_ARMS + 1):
         omega = np.geomspace(low, high, _POINTS_PER_ARM * arms)
         target = model.stiffness(values, omega)
         times = 1.0 / np.geomspace(low / 10, high * 10, arms)
+        if own is not None:  # of order 1 there is one relaxation time, and nothing else is it
+            times[int(np.argmin(np.abs(np.log(times / own))))] = own
         relaxed = 1.0 / (1.0 + 1j * omega[:, None] * times)
         columns_ = np.concatenate([np.ones((omega.size, 1)), 1 - relaxed], axis=1) / np.abs(target)[:, None]
         wanted = target / np.abs(target)
@@ -168,3 +173,10 @@ def rational(
         f"{_MOST_ARMS} arms reach {worst:.2g} of K* over {band[0]:g} to {band[1]:g} Hz, {accuracy:g} was asked: "
         "take a narrower band or a larger error"
     )
+
+
+def _one_time(model: Model, values: ArrayLike, low: float, high: float) -> float | None:
+    """The relaxation time of a model whose order is all but 1, where it lies between two frequencies [rad/s]."""
+    known = dict(zip((one.symbol for one in model.parameters), model.checked(values).tolist(), strict=True))
+    tau = known.get("tau", 0.0)
+    return tau if known.get("alpha", 0.0) > _NEARLY_ONE and low * tau <= 1.0 <= high * tau else None

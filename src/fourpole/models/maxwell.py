@@ -61,7 +61,7 @@ class Zener(Model):
     def state_space(self, values: ArrayLike) -> StateSpace:
         """One state: the deflection of the damper."""
         k1, k2, c = self.checked(values)
-        if c == 0:
+        if c == 0 or k2 == 0:
             return StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), np.array([k1, 0.0]))
         rate = k2 / c
         return StateSpace(np.array([[-rate]]), np.array([[rate, 0.0]]), np.array([-k2]), np.array([k1 + k2, 0.0]))

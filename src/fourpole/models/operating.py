@@ -19,7 +19,7 @@ from fourpole.core.routes import maxwell_arm
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
-from fourpole.models.surface import Axes, Terms, ValueSurface, design, term_sets, value_surface
+from fourpole.models.surface import Axes, Terms, ValueSurface, bends, design, term_sets, value_surface
 from fourpole.models.together import Scatter, Together, fit_together, unlink
 
 __all__ = ["Answer", "LeftOut", "OperatingMap", "make_map", "misfit_of"]
@@ -108,7 +108,7 @@ class OperatingMap:
     band : (float, float) [Hz]
         Where all conditions were measured.
     left_out : LeftOut
-        Not-a-number where there is one condition only.
+        Not-a-number where there are no more conditions than terms, so that none can be left out.
     static : ValueSurface or None
         K1 of the static tests, which no shape of K* over frequency may shift; without them K1 is the model's.
     """
@@ -130,13 +130,17 @@ class OperatingMap:
     def _parameters(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Parameters (Q, P), and their derivatives (Q, P, P K) by all coefficients."""
         basis = design(self.terms, self.axes.scaled(points))
+        values, slopes = self._unlinked(basis)
+        by = np.zeros((*values.shape, self.coefficients.size))
+        for at in range(values.shape[1]):
+            by[:, at, at * basis.shape[1] : (at + 1) * basis.shape[1]] = slopes[:, at, None] * basis
+        return values, by
+
+    def _unlinked(self, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Parameters (Q, P) of a basis (Q, K), and their slopes by the linked ones."""
         linked = basis @ self.coefficients.T
         both = [unlink(one, linked[:, at]) for at, one in enumerate(self.model.parameters)]
-        values = np.stack([one for one, _ in both], axis=1)
-        by = np.zeros((*values.shape, self.coefficients.size))
-        for at, (_, slope) in enumerate(both):
-            by[:, at, at * basis.shape[1] : (at + 1) * basis.shape[1]] = slope[:, None] * basis
-        return values, by
+        return np.stack([one for one, _ in both], axis=1), np.stack([slope for _, slope in both], axis=1)
 
     def ask(self, points: ArrayLike, frequency: ArrayLike) -> Answer:
         """K* with K1, K2 and C and their covariance at points (Q, d) and frequencies (Q,) [Hz].
@@ -150,8 +154,9 @@ class OperatingMap:
         k1 = self.model.static_stiffness(values)
         rows = np.stack([by_value.real, by_value.imag, self.model.static_derivative(values)], axis=1) @ by_all
         covariance = rows @ self.covariance @ np.swapaxes(rows, 1, 2) + self._scattered(stiffness, k1)
+        covariance[:, :2, :2] += self._bent(points, omega)
         if self.static is not None:
-            k1, std = self.static.at(self.axes.scaled(points))
+            k1, std = self.static.at(self.axes.scaled(points), self.axes.straight)
             covariance[:, 2, :] = covariance[:, :, 2] = 0.0
             covariance[:, 2, 2] = std**2
         k2, c = maxwell_arm(stiffness, k1, omega)
@@ -167,6 +172,18 @@ class OperatingMap:
             c=np.where(passive, c, np.nan),
             arm_covariance=np.where(passive[:, None, None], arm, np.nan),
         )
+
+    def _bent(self, points: ArrayLike, omega: FloatArray) -> FloatArray:
+        """Covariance (Q, 2, 2) of K* for bends between two levels of an axis; see `surface.bends`."""
+        scaled = self.axes.scaled(points)
+        whole = np.zeros((len(scaled), 2, 2))
+        for share, *ends in bends(scaled, self.axes.straight):
+            low, high = (
+                self.model.stiffness(self._unlinked(design(self.terms, one))[0], omega[:, None])[:, 0] for one in ends
+            )
+            bend = np.stack([(high - low).real, (high - low).imag], axis=1) * share[:, None]
+            whole += bend[:, :, None] * bend[:, None, :]
+        return whole
 
     def _scattered(self, stiffness: ComplexArray, k1: FloatArray) -> FloatArray:
         """Covariance (Q, 3, 3) of what conditions and frequencies are off the surfaces."""
@@ -209,6 +226,7 @@ def make_map(
     ModelError
         If no surface can be fitted.
     """
+    _common_band(conditions)
     scaled = axes.scaled(axes.points)
     frequency = misfit_of(model, conditions, start)
     trial = Scatter(_SCATTER, frequency)
@@ -221,7 +239,7 @@ def make_map(
             reason = str(error)
             continue
         error_ = _left_out(found, conditions).error
-        if np.isfinite(error_) or len(conditions) == 1:
+        if np.isfinite(error_) or len(one) >= len(conditions):
             tried.append((error_, one, found))
     if not tried:
         raise ModelError(f"no surface of the {model.name} model could be fitted: {reason}")
@@ -257,8 +275,8 @@ def _fitted(
 
 
 def _left_out(found: Together, conditions: Sequence[StiffnessData]) -> LeftOut:
-    """How good the surfaces are where a condition is left out; not-a-number where there is only one."""
-    if len(conditions) == 1:
+    """How good the surfaces are where a condition is left out; not-a-number where the rest cannot tell it."""
+    if not _judged(found):
         return LeftOut(float("nan"), float("nan"), float("nan"))
     errors, scores, middle = [], [], []
     for at, data in enumerate(conditions):
@@ -292,7 +310,7 @@ def _calibrated(
     low, high, size = _LEAST, _MOST, _SCATTER
     found = _fitted(model, conditions, start, basis, shared, Scatter(0.0, frequency))
     scatter = Scatter(0.0, frequency)
-    if len(conditions) > 1 and _excess(found, conditions) > 1:
+    if _judged(found) and _excess(found, conditions) > 1:
         for _ in range(_ROUNDS):
             scatter = Scatter(size, frequency)
             found = _fitted(model, conditions, found.values, basis, shared, scatter)
@@ -302,7 +320,6 @@ def _calibrated(
                 break
             guess = size * np.sqrt(excess)
             size = float(guess) if low < guess < high else float(np.sqrt(low * high))
-    lows, highs = zip(*((one.omega.min(), one.omega.max()) for one in conditions), strict=True)
     return OperatingMap(
         model=model,
         axes=axes,
@@ -310,10 +327,27 @@ def _calibrated(
         coefficients=np.stack(found.coefficients),
         covariance=found.covariance,
         scatter=scatter,
-        band=(float(max(lows)) / (2 * np.pi), float(min(highs)) / (2 * np.pi)),
+        band=_common_band(conditions),
         left_out=_left_out(found, conditions),
         static=_static(conditions, axes),
     )
+
+
+def _judged(found: Together) -> bool:
+    """Whether there are more conditions than terms, so that one can be left out."""
+    return len(found.values) > max(one.shape[1] for one in found.designs)
+
+
+def _common_band(conditions: Sequence[StiffnessData]) -> tuple[float, float]:
+    """Where all were measured [Hz]; ModelError where that is nowhere."""
+    low = max(float(one.omega.min()) for one in conditions) / (2 * np.pi)
+    high = min(float(one.omega.max()) for one in conditions) / (2 * np.pi)
+    if low > high * (1 + 1e-9):
+        raise ModelError(
+            f"no frequency is common to all conditions: one begins at {low:.4g} Hz, another ends at {high:.4g} Hz; map "
+            "those apart, or leave some out with --band"
+        )
+    return low, max(low, high)
 
 
 def _static(conditions: Sequence[StiffnessData], axes: Axes) -> ValueSurface | None:

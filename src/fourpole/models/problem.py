@@ -192,7 +192,9 @@ def problem_of(
     flat = _flat(data)
     has_k1 = bool(np.any(np.isfinite(data.k1_std) & np.isfinite(data.k1)))
     known = 2 * data.count + int(has_k1)
-    if free.size == 0 or known < free.size:
+    if free.size == 0:
+        raise ModelError(f"all parameters of the {model.name} model are given: nothing is left to fit")
+    if known < free.size:
         raise ModelError(
             f"{data.count} frequencies give {known} numbers, too few for {free.size} free parameters of the "
             f"{model.name} model: fix some, take a smaller model, or measure at more frequencies"

@@ -29,6 +29,8 @@ _FAR = np.array([6.0, 10.0, 20.0, 50.0, 200.0])
 _BENT = 3
 #: Relative uncertainty of a logarithm with which a best value is astray, and how many fresh starts then help.
 _UNSURE, _FRESH = 0.5, 3
+#: Shares of the way to a bound that is near; looks between two heights that differ by more than this.
+_SHARES, _COARSE, _BETWEEN = np.array([0.05, 0.12, 0.22, 0.35, 0.5, 0.7, 0.88]), 1.0, 4
 #: A logarithm is looked at no farther than this from its best.
 _FARTHEST = 12.0
 
@@ -104,20 +106,38 @@ class _Valley:
     def end(self, at: int, side: float, rise: float) -> float:
         """Where the root of what chi-square has risen by reaches `rise`, towards one side."""
         parameter = self.found.model.parameters[at]
-        places, heights = np.array([self._place(at, self.found.values[at])]), np.zeros(1)
+        places: FloatArray = np.array([self._place(at, self.found.values[at])])
+        heights: FloatArray = np.zeros(1)
         for look in (_NEAR, _FAR):
             tried = self._tried(at, side, look)
             if not tried.size:
                 continue
-            places = np.append(places, self._place(at, tried))
-            heights = np.append(heights, np.sqrt(np.maximum(self._chi2(at, tried) - self.found.chi2, 0.0)))
-            beyond = np.flatnonzero(heights >= rise)
-            if beyond.size:
-                to = int(beyond[0])
-                share = (rise - heights[to - 1]) / (heights[to] - heights[to - 1])
-                place = places[to - 1] + share * (places[to] - places[to - 1])
-                return float(np.exp(place) if parameter.log else place)
-        return parameter.low if side < 0 else parameter.high
+            places, heights = self._seen(at, tried, places, heights)
+            if heights[-1] >= rise:
+                break
+        else:
+            return parameter.low if side < 0 else parameter.high
+        to = int(np.flatnonzero(heights >= rise)[0])
+        if heights[to] - heights[to - 1] > _COARSE:  # look again between
+            between = np.linspace(places[to - 1], places[to], _BETWEEN + 2)[1:-1]
+            tried = np.exp(between) if parameter.log else between
+            places, heights = self._seen(at, np.append(tried, self._value(at, places[to])), places[:to], heights[:to])
+            to = int(np.flatnonzero(heights >= rise)[0]) if heights[-1] >= rise else heights.size - 1
+        share = (rise - heights[to - 1]) / max(heights[to] - heights[to - 1], 1e-300)
+        return float(self._value(at, places[to - 1] + min(share, 1.0) * (places[to] - places[to - 1])))
+
+    def _seen(
+        self, at: int, tried: FloatArray, places: FloatArray, heights: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Places and heights with those tried; a fit that ended too high is seen by a lower one beyond it."""
+        found = np.sqrt(np.maximum(self._chi2(at, tried) - self.found.chi2, 0.0))
+        every = np.append(heights, found)
+        return np.append(places, self._place(at, tried)), np.minimum.accumulate(every[::-1])[::-1]
+
+    def _value(self, at: int, place: ArrayLike) -> FloatArray:
+        """Back from where a parameter is searched."""
+        array = np.asarray(place, dtype=float)
+        return np.exp(array) if self.found.model.parameters[at].log else array
 
     def _place(self, at: int, values: ArrayLike) -> FloatArray:
         """Logarithms of a parameter that is searched so."""
@@ -134,6 +154,8 @@ class _Valley:
         else:
             tried = best + side * look * (std if std > 0 else 0.1 * (abs(best) or parameter.default or 1.0))
         bound = parameter.low if side < 0 else parameter.high
+        if not parameter.log and np.isfinite(bound) and abs(bound - best) < look[-1] * std:
+            tried = best + (bound - best) * _SHARES  # the bound is nearer than what is to be looked at
         inside = tried[(tried > parameter.low) & (tried < parameter.high)]
         if inside.size < tried.size and np.isfinite(bound) and best != bound and not parameter.log:
             inside = np.append(inside, bound)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -13,7 +13,7 @@ from scipy import optimize
 from fourpole.core.arrays import FloatArray
 from fourpole.errors import ModelError
 
-__all__ = ["Axes", "Terms", "ValueSurface", "design", "term_sets", "value_surface"]
+__all__ = ["Axes", "Terms", "ValueSurface", "bends", "design", "term_sets", "value_surface"]
 
 #: Exponents of each axis, term by term.
 Terms = tuple[tuple[int, ...], ...]
@@ -25,6 +25,8 @@ _SAME = 0.02
 #: A point within this share of a half span is on the hull.
 _ON_HULL = 1e-6
 _HEAVY = 1e4
+#: Bend half way between two levels, as a share of the change from one to the other: c in x + c (1 - x²), halved.
+_BEND = 1.0 / 24.0
 #: A surface must be better by this share than a simpler one; least share of a condition that the others tell.
 _BETTER, _ALL_LEVERAGE = 0.98, 1e-6
 
@@ -76,6 +78,11 @@ class Axes:
     def levels(self) -> tuple[int, ...]:
         """Number of different values of each axis."""
         return tuple(_levels(self.points[:, at]) for at in range(len(self.names)))
+
+    @property
+    def straight(self) -> tuple[int, ...]:
+        """Axes that have two levels only: nothing tells how a value bends between them."""
+        return tuple(at for at, levels in enumerate(self.levels) if levels == 2)
 
     def scaled(self, points: ArrayLike) -> FloatArray:
         """Points (Q, d) where what was measured lies between -1 and 1."""
@@ -131,12 +138,27 @@ class ValueSurface:
     scatter: float
     std: float
 
-    def at(self, scaled: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The value (Q,) and its standard uncertainty at scaled points (Q, d)."""
+    def at(self, scaled: FloatArray, straight: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:
+        """The value (Q,) and its standard uncertainty at scaled points (Q, d); see `bends` for `straight`."""
         basis = design(self.terms, scaled)
         value = np.exp(basis @ self.coefficients)
         variance = np.einsum("qi,ij,qj->q", basis, self.covariance, basis) + self.scatter**2 + self.std**2
+        for share, low, high in bends(scaled, straight):
+            change = (design(self.terms, high) - design(self.terms, low)) @ self.coefficients
+            variance = variance + (share * change) ** 2
         return value, value * np.sqrt(variance)
+
+
+def bends(scaled: FloatArray, straight: Sequence[int]) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Along each axis with two levels: how far a value may bend from the straight line between them, and their points.
+
+    The share (Q,) of the change between the levels that is one standard deviation: with it the slope is 1.4 times as
+    steep at one level as at the other, with two of it three times.
+    """
+    for axis in straight:
+        low, high = scaled.copy(), scaled.copy()
+        low[:, axis], high[:, axis] = -1.0, 1.0
+        yield _BEND * np.maximum(1.0 - scaled[:, axis] ** 2, 0.0), low, high
 
 
 def value_surface(axes: Axes, values: ArrayLike, stds: ArrayLike) -> ValueSurface:
@@ -185,13 +207,16 @@ def design(terms: Terms, scaled: FloatArray) -> FloatArray:
 def term_sets(levels: Sequence[int], count: int) -> list[Terms]:
     """Surfaces worth trying for axes of so many levels and so many conditions, the simplest first.
 
-    Of each axis a degree up to 3 and below its levels; no products of axes, those up to the highest degree, or all.
+    Of each axis a degree up to 3 and below its levels; no products of axes, those up to the highest degree, or all. No
+    more conditions than axes and one leave no choice: straight lines between them.
 
     Examples
     --------
     >>> term_sets([3], 4)
     [((0,),), ((0,), (1,)), ((0,), (1,), (2,))]
     """
+    if 1 < count <= len(levels) + 1:  # too few to judge by: straight between them
+        return [tuple(tuple(int(at == axis) for at in range(len(levels))) for axis in range(-1, len(levels)))[:count]]
     most = max(int(_MOST_TERMS * count), 1)
     found: dict[Terms, None] = {}
     for degrees in product(*(range(min(level - 1, _MOST_DEGREE) + 1) for level in levels)):
