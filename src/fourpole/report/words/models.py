@@ -53,7 +53,7 @@ def _verdicts(entry: ModelEntry) -> list[str]:
             return ["A passive linear tyre can have this K*, within its uncertainty."]
         return [f"A passive linear tyre can have K* as measured in all {len(judged)} conditions."]
     worst = max(one.verdict.misfit for one in bad if one.verdict is not None)
-    off = f"the best passive tyre is off by up to {percent(worst)}"
+    off = f"it would take an error of K* of up to {percent(worst)} at each frequency"
     if len(judged) == 1:
         return [f"No passive linear tyre can have this K*: {off}. {_where(bad[0])}."]
     good = len(judged) - len(bad)
