@@ -83,12 +83,13 @@ def test_verdicts_are_summed_up(fitted):
     )
     assert verdicts(good, bad, (False, 0.2, [14.0])) == (
         "1 of 3 conditions is possible for a passive linear tyre; in the others it would take an error of K* of up "
-        "to 20 % at each frequency. At 1 bar, 2000 N: K* cannot be at 10, 12 Hz; at 1.7 bar, 1000 N: K* at 14.0 Hz cannot be."
+        "to 20 % at each frequency. At 1 bar, 2000 N: K* cannot be at 10, 12 Hz; at 1.7 bar, 1000 N: K* at 14.0 Hz "
+        "cannot be."
     )
     every = (False, 0.05, [10.0, 14.0, 17.0, 19.0, 24.0])
     assert verdicts(every, every) == (
-        "None of 2 conditions is possible for a passive linear tyre; it would take an error of K* of up to 5.0 % at each "
-        "frequency. There K* cannot be at any of the frequencies."
+        "None of 2 conditions is possible for a passive linear tyre; it would take an error of K* of up to 5.0 % at "
+        "each frequency. There K* cannot be at any of the frequencies."
     )
     lone = judged(fitted, [(False, 0.1, [])]).models.models[0]
     assert "No single frequency is at fault" in sentences(lone)[-1]
