@@ -14,7 +14,7 @@ import numpy as np
 
 from fourpole.campaign.families import alike
 from fourpole.campaign.measured import AXES
-from fourpole.campaign.modelfile import MapEntry, ModelEntry, ModelFile, column_of, map_of, model_of, rig_in
+from fourpole.campaign.modelfile import ModelEntry, ModelFile, column_of, map_of, model_of, rig_in
 from fourpole.core.arrays import FloatArray
 from fourpole.core.rig import Rig
 from fourpole.errors import ModelError
@@ -24,9 +24,6 @@ from fourpole.models.together import Scatter, link, unlink
 from fourpole.units import shown
 
 __all__ = ["Query", "ask", "maps_of", "place_of"]
-
-#: A frequency within this share of the band's end is inside.
-_EDGE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -69,11 +66,16 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     far = _beyond_band(found, frequency, beyond=query.beyond)
     answer = found.ask(np.repeat(point[None], frequency.size, axis=0), frequency)
     rig = query.rig if query.rig is not None else rig_in(file.rig)
+    tr = None if rig is None else answer.transmissibility(rig, frequency)
+    loss = answer.loss_factor
     rows = []
     for at in range(frequency.size):
         said = [*remarks, *([f"{far[at]:.3g} octaves outside the measured band"] if far[at] else [])]
         row = {"tyre": tyre, **found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
-        row |= {"frequency [Hz]": float(frequency[at]), **_cells(answer, at), **_tr(answer, rig, frequency, at)}
+        row |= {"frequency [Hz]": float(frequency[at]), **_cells(answer, loss, at)}
+        row |= {"TR [1]": None, "u(TR) [1]": None}
+        if tr is not None:
+            row |= {"TR [1]": float(tr[0][at]), "u(TR) [1]": float(tr[1][at])}
         row |= {"outside [half spans]": outside, "remarks": "; ".join(said)}
         rows.append({name: _finite(value) for name, value in row.items()})
     return rows
@@ -179,10 +181,9 @@ def _beyond_band(found: OperatingMap, frequency: FloatArray, *, beyond: bool) ->
     """Octaves by which each frequency is outside the band; refused unless wanted."""
     if not (np.all(np.isfinite(frequency)) and np.all(frequency > 0)):
         raise ModelError("the frequency must be positive [Hz]")
-    low, high = found.band
-    far = np.maximum(np.maximum(np.log2(low / frequency), np.log2(frequency / high)), 0.0)
-    far = np.where(far < np.log2(1 + _EDGE), 0.0, far)
+    far = found.octaves_beyond(frequency)
     if far.any() and not beyond:
+        low, high = found.band
         worst = float(frequency[int(np.argmax(far))])
         raise ModelError(
             f"{worst:.6g} Hz is outside the measured band, {low:.4g} to {high:.4g} Hz: ask inside it, or state "
@@ -191,11 +192,9 @@ def _beyond_band(found: OperatingMap, frequency: FloatArray, *, beyond: bool) ->
     return far
 
 
-def _cells(answer: Answer, at: int) -> dict[str, float]:
+def _cells(answer: Answer, loss: tuple[FloatArray, FloatArray], at: int) -> dict[str, float]:
     stiffness, covariance = complex(answer.stiffness[at]), answer.covariance[at]
     u_re, u_im, u_k1 = (float(one) for one in np.sqrt(np.diag(covariance)))
-    loss = stiffness.imag / stiffness.real
-    by_loss = np.array([-loss, 1.0]) / stiffness.real
     arm = answer.arm_covariance[at]
     u_k2, u_c = (float(one) for one in np.sqrt(np.diag(arm)))
     return {
@@ -204,8 +203,8 @@ def _cells(answer: Answer, at: int) -> dict[str, float]:
         "u(Re K*) [N/m]": u_re,
         "u(Im K*) [N/m]": u_im,
         "corr(Re,Im K*) [1]": float(covariance[0, 1] / (u_re * u_im)) if u_re and u_im else 0.0,
-        "loss factor [1]": loss,
-        "u(loss factor) [1]": float(np.sqrt(by_loss @ covariance[:2, :2] @ by_loss)),
+        "loss factor [1]": float(loss[0][at]),
+        "u(loss factor) [1]": float(loss[1][at]),
         "K1 [N/m]": float(answer.k1[at]),
         "u(K1) [N/m]": u_k1,
         "K2 [N/m]": float(answer.k2[at]),
@@ -214,13 +213,6 @@ def _cells(answer: Answer, at: int) -> dict[str, float]:
         "u(C) [N s/m]": u_c,
         "corr(K2,C) [1]": float(arm[0, 1] / (u_k2 * u_c)) if u_k2 and u_c else 0.0,
     }
-
-
-def _tr(answer: Answer, rig: Rig | None, frequency: FloatArray, at: int) -> dict[str, float | None]:
-    if rig is None:
-        return {"TR [1]": None, "u(TR) [1]": None}
-    value, std = answer.transmissibility(rig, frequency)
-    return {"TR [1]": float(value[at]), "u(TR) [1]": float(std[at])}
 
 
 def _finite(value: Any) -> Any:
@@ -242,12 +234,3 @@ def _value(column: str, value: float) -> str:
 
 def _words(state: Mapping[str, float]) -> str:
     return ", ".join(_value(column, value) for column, value in state.items()) or "one condition"
-
-
-def axes_said(entry: MapEntry) -> list[str]:
-    """The axes of a map in words: pressure 1 bar to 2.4 bar."""
-    said = []
-    for axis in entry.axes:
-        column = column_of(axis.name, axis.unit)
-        said.append(f"{_name(column)} {_value(column, min(axis.values))} to {_value(column, max(axis.values))}")
-    return said

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["grid_of"]
 
-#: A frequency within this share of the band's end is inside.
-_EDGE = 1e-3
 #: Variables by name: unit, and what they are called in full.
 _VARIABLES = {
     "K_storage": ("N/m", "storage stiffness K', real part of K*"),
@@ -81,7 +79,7 @@ def grid_of(
     found: dict[str, list[FloatArray]] = {}
     for one in maps.values():
         inside = np.repeat([one.axes.outside(point)[0] == 0 for point in mesh], frequency.size)
-        inside &= (times >= one.band[0] * (1 - _EDGE)) & (times <= one.band[1] * (1 + _EDGE))
+        inside &= one.octaves_beyond(times) == 0
         for name, column in _values(one, rig, every, times).items():
             found.setdefault(name, []).append(np.where(inside, column, np.nan).reshape(shape))
     data: dict[str, Any] = {}
@@ -118,17 +116,14 @@ def _sides(
 
 def _values(found: OperatingMap, rig: Rig | None, points: FloatArray, frequency: FloatArray) -> dict[str, FloatArray]:
     answer = found.ask(points, frequency)
-    std = np.sqrt(np.diagonal(answer.covariance, 0, 1, 2))
-    arm = np.sqrt(np.diagonal(answer.arm_covariance, 0, 1, 2))
-    real, imag = answer.stiffness.real, answer.stiffness.imag
-    by_loss = np.stack([-imag / real, np.ones_like(real)], axis=1) / real[:, None]
-    u_loss = np.sqrt(np.einsum("qi,qij,qj->q", by_loss, answer.covariance[:, :2, :2], by_loss))
+    std, arm = answer.std, np.sqrt(np.diagonal(answer.arm_covariance, 0, 1, 2))
+    loss, u_loss = answer.loss_factor
     values = {
-        "K_storage": real,
+        "K_storage": answer.stiffness.real,
         "u_K_storage": std[:, 0],
-        "K_loss": imag,
+        "K_loss": answer.stiffness.imag,
         "u_K_loss": std[:, 1],
-        "loss_factor": imag / real,
+        "loss_factor": loss,
         "u_loss_factor": u_loss,
         "K1": answer.k1,
         "u_K1": std[:, 2],

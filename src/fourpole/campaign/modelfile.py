@@ -346,7 +346,11 @@ def parameters_of(model: Model) -> list[ParameterFile]:
     """The parameters as they stand in a file."""
     return [
         ParameterFile(
-            symbol=one.symbol, unit=one.unit, meaning=one.meaning, low=_finite(one.low), high=_finite(one.high)
+            symbol=one.symbol,
+            unit=one.unit,
+            meaning=one.meaning,
+            low=finite_or_none(one.low),
+            high=finite_or_none(one.high),
         )
         for one in model.parameters
     ]
@@ -386,7 +390,11 @@ def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
         covariance=found.covariance.tolist(),
         scatter=(found.scatter.condition, *found.scatter.frequency),
         band=found.band,
-        left_out=(_finite(left.error), _finite(left.inside), _finite(left.conditions)),
+        left_out=(
+            finite_or_none(left.error),
+            finite_or_none(left.inside),
+            finite_or_none(left.conditions),
+        ),
         static=_surface_entry(found.static),
         choice=choice,
     )
@@ -404,7 +412,8 @@ def _surface_entry(found: ValueSurface | None) -> SurfaceFile | None:
     )
 
 
-def _finite(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
+    """A number as JSON can hold it."""
     return value if np.isfinite(value) else None
 
 

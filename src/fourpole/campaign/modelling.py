@@ -22,6 +22,7 @@ from fourpole.campaign.modelfile import (
     RigValue,
     VerdictFile,
     entry_of,
+    finite_or_none,
     parameters_of,
     provenance,
     split_column,
@@ -31,7 +32,7 @@ from fourpole.core.rig import PARAMETERS
 from fourpole.errors import ModelError
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of, model_named
-from fourpole.models.data import StiffnessData
+from fourpole.models.data import CHANCE, NORMAL_95, StiffnessData
 from fourpole.models.fit import Fit
 from fourpole.models.granted import granted_error, with_error
 from fourpole.models.interface import Model
@@ -43,8 +44,6 @@ from fourpole.models.together import fit_together, link, unlink
 __all__ = ["TyreFit", "TyreMap", "fit_tyres", "lacking_error", "map_tyres", "model_file", "rig_file"]
 
 Progress = Callable[[int, int], None]
-#: Chance below which a model does not fit.
-_CHANCE = 1e-3
 #: What a map is tried with where nothing is asked for: laws of K2 and C, and what can be stepped in time.
 MAP_AUTO = ("gehman:1", "gehman:2", "gehman:3", "zener", "maxwell:2", "fractional")
 #: Maps whose errors differ by less than this are alike; the one that is surer of itself is taken.
@@ -169,7 +168,7 @@ def _fit_tyre(
     data = [with_error(one, granted) for one in stated]
     choice = choose(data, AUTO if model == "auto" else (model,), held)
     best, more = choice.best, 0.0
-    if best.chance < _CHANCE:
+    if best.chance < CHANCE:
         more = granted_error(data, lambda rows: _misfit(best.fit.model, rows, held))
         data = [with_error(one, more) for one in data]
         best = replace(best, fits=fit_conditions(best.fit.model, data, held))
@@ -190,7 +189,7 @@ def _granted(stated: Sequence[StiffnessData], model: str, held: Sequence[Mapping
         needed = granted_error(stated, always=not known)
         if needed and known and model == "auto":  # what does not relax may need none
             fits = (_misfit(model_named(name), stated, held) for name in AUTO if name != "maxwell" and _is_odd(name))
-            needed = 0.0 if any(stats.chi2.sf(chi2, max(dof, 1)) > _CHANCE for chi2, dof in fits) else needed
+            needed = 0.0 if any(stats.chi2.sf(chi2, max(dof, 1)) > CHANCE for chi2, dof in fits) else needed
         return needed
     if known:
         return 0.0  # it is looked for once it does not fit
@@ -225,7 +224,7 @@ def _normal_ends(found: Fit) -> FloatArray:
     for at, parameter in enumerate(found.model.parameters):
         linked = link(parameter, found.values[at])
         slope = unlink(parameter, linked)[1]
-        half = 1.959964 * found.std[at] / slope if slope > 0 else 0.0
+        half = NORMAL_95 * found.std[at] / slope if slope > 0 else 0.0
         ends.append([float(unlink(parameter, linked + side * half)[0]) for side in (-1, 1)])
     return np.array(ends)
 
@@ -405,7 +404,7 @@ def _candidate_entry(one: Candidate) -> CandidateFile:
         dof=one.dof,
         aicc=one.aicc,
         bic=one.bic,
-        left_out=_finite(one.left_out),
+        left_out=finite_or_none(one.left_out),
         on_bound=one.on_bound,
         lost=one.lost,
     )
@@ -434,7 +433,7 @@ def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: 
         band=(float(measured.frequency.min()), float(measured.frequency.max())),
         values=found.values.tolist(),
         covariance=found.covariance.tolist(),
-        intervals=[(_finite(low), _finite(high)) for low, high in ends.tolist()],
+        intervals=[(finite_or_none(low), finite_or_none(high)) for low, high in ends.tolist()],
         on_bound=[symbol for symbol, held in zip(symbols, found.on_bound.tolist(), strict=True) if held],
         chi2=float(found.chi2),
         dof=found.dof,
@@ -442,10 +441,6 @@ def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: 
         agreed=float(found.agreed),
         verdict=None if verdict is None else _verdict_entry(measured, verdict),
     )
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def rig_file(record: Mapping[str, Any], found: pl.DataFrame) -> RigFile | None:

@@ -18,6 +18,7 @@ from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.routes import (
     ROUTES,
+    arm_slopes,
     maxwell_arm,
     mobility_route,
     relative_route,
@@ -479,11 +480,9 @@ def _arm(
     k2, c = maxwell_arm(stiffness, k1, omega)
     by_arm = by_stiffness.copy()
     by_arm[:, _K1_AT] -= 1.0
-    by_compliance = -by_arm / ((stiffness - k1) ** 2)[:, None]
-    by_k2 = -(k2**2)[:, None] * by_compliance.real
-    by_c = (omega * c**2)[:, None] * by_compliance.imag
-    by_c[:, _OMEGA_AT] -= c / omega
-    return k2, c, np.stack([by_k2, by_c], axis=1)
+    slopes = arm_slopes(stiffness, k1, (k2, c), omega, by_arm)
+    slopes[:, 1, _OMEGA_AT] -= c / omega
+    return k2, c, slopes
 
 
 def _parts(values: ComplexArray, axis: int = -1) -> FloatArray:

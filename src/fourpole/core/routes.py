@@ -18,6 +18,7 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 
 __all__ = [
     "ROUTES",
+    "arm_slopes",
     "maxwell_arm",
     "mobility_route",
     "paper_d",
@@ -157,6 +158,15 @@ def maxwell_arm(stiffness: ArrayLike, k1: ArrayLike, omega: ArrayLike) -> tuple[
     with np.errstate(divide="ignore", invalid="ignore"):
         compliance = 1.0 / arm
         return (1.0 / compliance.real)[()], (-1.0 / (np.asarray(omega) * compliance.imag))[()]
+
+
+def arm_slopes(
+    stiffness: ComplexArray, k1: FloatArray, arm: tuple[FloatArray, FloatArray], omega: FloatArray, by: ComplexArray
+) -> FloatArray:
+    """Derivatives (N, 2, k) of K2 and C, of `arm` as `maxwell_arm` gives it, from those (N, k) of K* - K1."""
+    k2, c = arm
+    by_compliance = -by / ((stiffness - k1) ** 2)[:, None]
+    return np.stack([-(k2**2)[:, None] * by_compliance.real, (omega * c**2)[:, None] * by_compliance.imag], axis=1)
 
 
 def paper_d(stiffness: ArrayLike, k1: ArrayLike) -> FloatArray:

@@ -17,7 +17,7 @@ from scipy import optimize, stats
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData
+from fourpole.models.data import CHANCE, StiffnessData
 
 __all__ = ["Possible", "check_possible"]
 
@@ -31,8 +31,6 @@ _STUCK = 0.03
 _MOST_MOVED, _MOVES, _FARTHEST_MOVE = 12, 6, 0.3
 #: Frequencies are left out one by one, up to so many, to see which are at fault.
 _MOST_NAMED = 3
-#: Chance below which no passive tyre is believed.
-_CHANCE = 1e-3
 #: A frequency is named where it is further off than this, in standard uncertainties.
 _FAR = 3.0
 
@@ -70,7 +68,7 @@ class Possible:
     spectrum: FloatArray
 
 
-def check_possible(data: StiffnessData, enough: float = _CHANCE) -> Possible:
+def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
     """Hold K* of one condition against all passive linear tyres.
 
     Parameters
@@ -106,7 +104,7 @@ def check_possible(data: StiffnessData, enough: float = _CHANCE) -> Possible:
     if data.stiffness.ndim != 1:
         raise ModelError("the verdict is on one condition at a time: choose one")
     best = _best(data, enough)
-    possible = best.chance > _CHANCE
+    possible = best.chance > CHANCE
     far = np.sqrt(np.sum(best.left[: 2 * data.count].reshape(-1, 2) ** 2, axis=1) / 2)
     named, alone = (np.empty(0, dtype=int), False) if possible else _named(data, best, far)
     return Possible(
@@ -178,7 +176,7 @@ def _moved(data: StiffnessData, whiten: FloatArray, best: _Best) -> _Best:
         tried = _with_times(data, whiten, np.exp(place))
         if tried.chi2 < best.chi2 * (1 - 1e-9):
             best = tried
-        if best.chance > _CHANCE:
+        if best.chance > CHANCE:
             break
         lag = 1j * data.omega[:, None] * np.exp(place)
         slopes = data.whitened(whiten, tried.spectrum * lag / (1 + lag) ** 2)
@@ -193,13 +191,13 @@ def _named(data: StiffnessData, best: _Best, far: FloatArray) -> tuple[np.ndarra
 
     The one that is farthest off is left out first, then of what remains; K1 too, where it is the farthest.
     """
-    if best.left.size > 2 * data.count and _best(replace(data, k1=np.asarray(np.nan)), _CHANCE).chance > _CHANCE:
+    if best.left.size > 2 * data.count and _best(replace(data, k1=np.asarray(np.nan)), CHANCE).chance > CHANCE:
         return np.empty(0, dtype=int), True
     kept, worst = np.arange(data.count), far
     for _ in range(min(_MOST_NAMED, data.count - 2)):
         kept = np.delete(kept, int(np.argmax(worst)))
-        rest = _best(data.part(kept), _CHANCE)
-        if rest.chance > _CHANCE:
+        rest = _best(data.part(kept), CHANCE)
+        if rest.chance > CHANCE:
             return np.setdiff1d(np.arange(data.count), kept), False
         worst = np.sqrt(np.sum(rest.left[: 2 * kept.size].reshape(-1, 2) ** 2, axis=1))
     return np.flatnonzero(far > _FAR), False

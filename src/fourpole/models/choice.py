@@ -10,7 +10,7 @@ from scipy import stats
 
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData, stacked
+from fourpole.models.data import CHANCE, StiffnessData, stacked
 from fourpole.models.fit import Fit, best_fit, fit
 from fourpole.models.fractional import FractionalZener, FractionalZener5
 from fourpole.models.interface import Model
@@ -49,8 +49,6 @@ _WITHIN = {
 _ALIKE = 6.0
 #: A model further off than this, per condition, is not tried on frequencies left out.
 _WORTH = 30.0
-#: Chance below which a model does not fit.
-_CHANCE = 1e-3
 _FOLDS = 5
 _FEWEST_LEFT = 2
 #: Starts of each fit: a guard against local minima.
@@ -348,7 +346,7 @@ def _said(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Seque
         said += f"; {best.on_bound} of them on a bound, or unseen by the data"
     if not best.dof:
         return f"{said}: as many parameters as data, so that nothing is left to tell models apart"
-    if best.chance < _CHANCE:
+    if best.chance < CHANCE:
         said += "; it does not fit: more is in the data than noise, and no model tried explains it"
     if alike:
         said = f"{said}. The data cannot tell it from {', '.join(alike)}"

@@ -11,10 +11,14 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
 
-__all__ = ["SPACES", "StiffnessData", "stacked"]
+__all__ = ["CHANCE", "NORMAL_95", "SPACES", "StiffnessData", "stacked", "turning"]
 
 #: What may be compared: K* itself, or what follows from it.
 SPACES = ("stiffness", "compliance", "mobility")
+#: Chance below which a model, or the data as stated, are not believed.
+CHANCE = 1e-3
+#: Standard uncertainties to either side that hold 95 % of a normal distribution.
+NORMAL_95 = 1.959964
 #: Least relative uncertainty that is believed: what single precision holds.
 _FLOOR = 1e-7
 #: No stiffness squared is larger [N²/m²].
@@ -147,6 +151,12 @@ class StiffnessData:
         else:
             covariance = self.covariance[..., rows, :, :]
         return StiffnessData(self.omega[..., rows], self.stiffness[..., rows], covariance, self.k1, self.k1_std)
+
+
+def turning(values: ComplexArray) -> FloatArray:
+    """Matrices (..., 2, 2) that do to (Re, Im) what multiplying by complex values (...,) does."""
+    rows = [np.stack([values.real, -values.imag], -1), np.stack([values.imag, values.real], -1)]
+    return np.stack(rows, -2)
 
 
 def stacked(conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], StiffnessData]]:

@@ -13,12 +13,10 @@ import numpy as np
 from scipy import stats
 
 from fourpole.models.causality import check_possible
-from fourpole.models.data import StiffnessData
+from fourpole.models.data import CHANCE, StiffnessData
 
 __all__ = ["granted_error", "least_misfit", "with_error"]
 
-#: Chance below which the data as stated are not believed.
-_CHANCE = 1e-3
 #: Chance up to which a better spectrum is looked for: chi-square is to be the least, not only good enough.
 _LIKELY = 0.5
 #: The search ends where chi-square is its degrees of freedom within this share.
@@ -76,7 +74,7 @@ def granted_error(
     """
     misfit = misfit or least_misfit
     chi2, dof = misfit(conditions)
-    if not always and stats.chi2.sf(chi2, max(dof, 1)) > _CHANCE:
+    if not always and stats.chi2.sf(chi2, max(dof, 1)) > CHANCE:
         return 0.0
     low, high, error = _LEAST, _MOST, 0.01
     for _ in range(_MOST_STEPS):

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.rig import Rig
-from fourpole.core.routes import maxwell_arm
+from fourpole.core.routes import arm_slopes, maxwell_arm
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData
+from fourpole.models.data import NORMAL_95, StiffnessData, turning
 from fourpole.models.interface import Model
 from fourpole.models.surface import Axes, Terms, ValueSurface, bends, design, term_sets, value_surface
 from fourpole.models.together import Scatter, Together, fit_together, unlink
@@ -27,9 +27,10 @@ __all__ = ["Answer", "LeftOut", "OperatingMap", "make_map", "misfit_of"]
 #: Scatter of conditions with which surfaces are compared, and the least and most that is looked for.
 _SCATTER, _LEAST, _MOST = 1e-2, 1e-6, 1.0
 _ROUNDS = 12
+#: A frequency within this share of the band's end is inside.
+_EDGE = 1e-3
 #: A surface must be better by this share than a simpler one.
 _BETTER = 0.98
-_NORMAL = 1.959964
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,18 @@ class Answer:
     k2: FloatArray
     c: FloatArray
     arm_covariance: FloatArray
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard uncertainties (Q, 3) of Re K*, Im K* and K1 [N/m]."""
+        return np.sqrt(np.diagonal(self.covariance, 0, 1, 2))
+
+    @property
+    def loss_factor(self) -> tuple[FloatArray, FloatArray]:
+        """K''/K' (Q,) [1], and its standard uncertainty."""
+        real, value = self.stiffness.real, self.stiffness.imag / self.stiffness.real
+        by = np.stack([-value, np.ones_like(real)], axis=1) / real[:, None]
+        return value, np.sqrt(np.einsum("qi,qij,qj->q", by, self.covariance[:, :2, :2], by))
 
     def transmissibility(self, rig: Rig, frequency: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """TR (Q,) on a rig at the frequencies asked (Q,) [Hz], and its standard uncertainty, the rig's own included."""
@@ -142,6 +155,12 @@ class OperatingMap:
         both = [unlink(one, linked[:, at]) for at, one in enumerate(self.model.parameters)]
         return np.stack([one for one, _ in both], axis=1), np.stack([slope for _, slope in both], axis=1)
 
+    def octaves_beyond(self, frequency: ArrayLike) -> FloatArray:
+        """How far frequencies (Q,) [Hz] are outside the band; 0 inside."""
+        asked, (low, high) = np.asarray(frequency, dtype=float), self.band
+        far = np.maximum(np.maximum(np.log2(low / asked), np.log2(asked / high)), 0.0)
+        return np.where(far < np.log2(1 + _EDGE), 0.0, far)
+
     def ask(self, points: ArrayLike, frequency: ArrayLike) -> Answer:
         """K* with K1, K2 and C and their covariance at points (Q, d) and frequencies (Q,) [Hz].
 
@@ -160,7 +179,8 @@ class OperatingMap:
             covariance[:, 2, :] = covariance[:, :, 2] = 0.0
             covariance[:, 2, 2] = std**2
         k2, c = maxwell_arm(stiffness, k1, omega)
-        by_arm = _arm_by(stiffness, k1, k2, c, omega)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            by_arm = arm_slopes(stiffness, k1, (k2, c), omega, np.tile([1.0, 1j, -1.0], (k1.size, 1)))
         passive = (stiffness.real > k1) & (stiffness.imag > 0)
         by_arm = np.where(passive[:, None, None], by_arm, 0.0)  # no arm, no derivative
         arm = by_arm @ covariance @ np.swapaxes(by_arm, 1, 2)
@@ -187,9 +207,7 @@ class OperatingMap:
 
     def _scattered(self, stiffness: ComplexArray, k1: FloatArray) -> FloatArray:
         """Covariance (Q, 3, 3) of what conditions and frequencies are off the surfaces."""
-        turn = np.stack(
-            [np.stack([stiffness.real, -stiffness.imag], -1), np.stack([stiffness.imag, stiffness.real], -1)], -2
-        )
+        turn = turning(stiffness)
         spread = np.array(self.scatter.frequency) ** 2 + self.scatter.condition**2
         whole = np.zeros((stiffness.size, 3, 3))
         whole[:, :2, :2] = (turn * spread) @ np.swapaxes(turn, 1, 2)
@@ -253,8 +271,7 @@ def misfit_of(model: Model, conditions: Sequence[StiffnessData], values: ArrayLi
     sums, noise, spare = np.zeros(2), np.zeros(2), 0.0
     for data, own in zip(conditions, np.asarray(values, dtype=float), strict=True):
         left = data.stiffness / model.stiffness(own, data.omega) - 1
-        turned = np.conj(data.stiffness) / np.abs(data.stiffness) ** 2
-        turn = np.stack([np.stack([turned.real, -turned.imag], -1), np.stack([turned.imag, turned.real], -1)], -2)
+        turn = turning(np.conj(data.stiffness) / np.abs(data.stiffness) ** 2)
         sums += [np.sum(left.real**2), np.sum(left.imag**2)]
         noise += np.sum(np.diagonal(turn @ data.covariance @ np.swapaxes(turn, 1, 2), 0, 1, 2), axis=0)
         spare += data.count - len(model.parameters) / 2
@@ -291,8 +308,8 @@ def _left_out(found: Together, conditions: Sequence[StiffnessData]) -> LeftOut:
         middle.append(float(score[2 * centre : 2 * centre + 2].max()))
     return LeftOut(
         error=float(np.sqrt(np.mean(np.concatenate(errors) ** 2))),
-        inside=float(np.mean(np.concatenate(scores) < _NORMAL)),
-        conditions=float(np.mean(np.array(middle) < _NORMAL)),
+        inside=float(np.mean(np.concatenate(scores) < NORMAL_95)),
+        conditions=float(np.mean(np.array(middle) < NORMAL_95)),
     )
 
 
@@ -373,12 +390,3 @@ def _excess(found: Together, conditions: Sequence[StiffnessData]) -> float:
         seen = turn @ off[:size]
         ratios.append(seen**2 / np.diag(turn @ spread[:size, :size] @ turn.T))
     return float(np.mean(ratios))
-
-
-def _arm_by(stiffness: ComplexArray, k1: FloatArray, k2: FloatArray, c: FloatArray, omega: FloatArray) -> FloatArray:
-    """Derivatives (Q, 2, 3) of K2 and C by Re K*, Im K* and K1."""
-    by = np.stack([np.ones_like(stiffness), np.full_like(stiffness, 1j), -np.ones_like(stiffness)], axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        by_compliance = -by / ((stiffness - k1) ** 2)[:, None]
-        both = [-(k2**2)[:, None] * by_compliance.real, (omega * c**2)[:, None] * by_compliance.imag]
-    return np.stack(both, axis=1)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import SPACES, StiffnessData
+from fourpole.models.data import SPACES, StiffnessData, turning
 from fourpole.models.interface import Model
 
 __all__ = ["Problem", "problem_of"]
@@ -261,7 +261,7 @@ def _in_space(data: StiffnessData, space: str) -> FloatArray:
         return whiten
     over = 1.0 if space == "compliance" else 1j * data.omega
     back = -(data.stiffness**2) / over  # dK*/dq
-    turn = np.stack([np.stack([back.real, -back.imag], -1), np.stack([back.imag, back.real], -1)], -2)
+    turn = turning(back)
     if not data.full:
         return np.asarray(whiten @ turn)
     count = data.count

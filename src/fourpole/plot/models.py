@@ -16,15 +16,14 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from fourpole.campaign.modelfile import ConditionFile, ModelEntry, column_of, response
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.models.data import NORMAL_95
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, curve, limit, span, tyre_heading
 from fourpole.plot.sheet import FREQUENCY, IMAG, REAL, Sheet, read_sheet, spread
 from fourpole.plot.style import Style, load_dashes, mixed, plain_text, pressure_marker
 
-__all__ = ["NORMAL_95", "band", "heading", "key_of_band", "models", "numbered", "share", "steep", "steep_limits"]
+__all__ = ["band", "heading", "key_of_band", "models", "numbered", "share", "steep", "steep_limits"]
 
-#: Standard uncertainties to the ends of a 95 % interval.
-NORMAL_95 = 1.959964
 _MOST_COLUMNS = 4
 #: Conditions of a panel: over less than a decade more bands than this melt into one.
 _MOST_SERIES, _MOST_WIDE = 3, 5

@@ -14,9 +14,10 @@ from matplotlib.lines import Line2D
 from fourpole.campaign.modelfile import MapEntry, map_of
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.models.data import NORMAL_95
 from fourpole.models.operating import Answer, OperatingMap
 from fourpole.plot.layout import Grid, Key, Notes
-from fourpole.plot.models import NORMAL_95, band, heading, key_of_band, share, steep, steep_limits
+from fourpole.plot.models import band, heading, key_of_band, share, steep, steep_limits
 from fourpole.plot.panels import Extent, Marks, curve, limit, span
 from fourpole.plot.sheet import FREQUENCY, IMAG, K2, REAL, C, Quantity, Sheet, read_sheet, spread
 from fourpole.plot.style import Style, load_dashes, load_marker, plain_text

@@ -12,7 +12,7 @@ from fourpole.core.identify import Identification
 from fourpole.core.joint.identify import Joint
 from fourpole.core.joint.settle import largest_part
 from fourpole.core.phasor import Phasors
-from fourpole.core.routes import maxwell_arm, why_no_arm
+from fourpole.core.routes import arm_slopes, maxwell_arm, why_no_arm
 
 __all__ = ["Outputs", "identification", "outputs", "variance_by_source"]
 
@@ -132,8 +132,7 @@ def _arm(
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives of K2 and C by Re and Im of log K*, (N, 2, 2), and by K1, (N, 2)."""
     by = np.concatenate([by_log_k, np.full((k1.size, 1), -1.0 + 0j)], axis=1)
-    by_compliance = -by / ((stiffness - k1) ** 2)[:, None]
-    both = np.stack([-(k2**2)[:, None] * by_compliance.real, (omega * c**2)[:, None] * by_compliance.imag], axis=1)
+    both = arm_slopes(stiffness, k1, (k2, c), omega, by)
     return both[:, :, :2], both[:, :, 2]
 
 
