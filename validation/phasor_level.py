@@ -11,7 +11,7 @@ from laboratories import MASSES, Case, case
 from fourpole.core.arrays import FloatArray as Array
 from fourpole.core.joint import Joint, identify_joint
 from fourpole.core.joint.outputs import identification
-from fourpole.core.joint.shared import Quantity
+from fourpole.virtual.phasor_rig import CHANNELS, RIG_VALUES
 
 __all__ = ["EVERY", "run"]
 
@@ -85,21 +85,15 @@ def _rows(this: Case, joint: Joint) -> dict[str, _Triple]:
 def _shared(this: Case, joint: Joint) -> dict[str, _Triple]:
     """Found, true and stated uncertainty of each value that the tests share."""
     truth = this.campaign.truth
-    masses = sorted(set(this.added_mass.tolist()) - {0.0})
-
-    def true(quantity: Quantity) -> float:
-        if quantity.kind == "gain":
-            return 1 + float(truth.gain[quantity.index])
-        if quantity.kind == "phase":
-            return float(truth.phase[quantity.index])
-        if quantity.kind == "mass":
-            return truth.added_mass[masses[quantity.index]]
-        return float(getattr(truth, quantity.name))
-
+    true = {name: float(getattr(truth, name)) for name in RIG_VALUES}
+    true |= {f"gain {channel}": 1 + float(error) for channel, error in zip(CHANNELS, truth.gain, strict=True)}
+    true |= {f"phase {channel}": float(error) for channel, error in zip(CHANNELS, truth.phase, strict=True)}
+    true |= {f"added mass {mass:g} kg": weight for mass, weight in truth.added_mass.items()}
+    names = [each.name for each in joint.stated.quantities]
     return {
-        quantity.name: (np.array([found]), np.array([true(quantity)]), np.array([u]))
-        for quantity, found, u in zip(joint.stated.quantities, joint.found, joint.found_std, strict=True)
-        if quantity.kind != "extra"  # nobody stated it; counted by itself
+        name: (np.array([found]), np.array([true[name]]), np.array([u]))
+        for name, found, u in zip(names, joint.found, joint.found_std, strict=True)
+        if not name.startswith("unstated ")  # has no true value: counted by itself
     }
 
 

@@ -12,7 +12,7 @@ from fourpole.core.identify import ChannelUncertainty
 from fourpole.core.joint.conditions import Conditions, group_conditions
 from fourpole.core.joint.misfit import Residuals, residuals
 from fourpole.core.joint.model import Observed
-from fourpole.core.joint.settle import Misfit, settle
+from fourpole.core.joint.reconcile import Misfit, reconcile
 from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Problem, Solution, solve
 from fourpole.core.joint.start import closed_form_start
@@ -148,7 +148,7 @@ def identify_joint(
         smooth = np.full(count, np.nan)
         problem = replace(problem, conditions=Conditions(label[order], family[order], sorted_phasors.frequency, smooth))
         solution = solve(problem, start)
-    problem, solution, outlier, misfit = settle(problem, solution)
+    problem, solution, outlier, misfit = reconcile(problem, solution)
     back = np.argsort(order)
     left = residuals(problem, solution)
     return Joint(

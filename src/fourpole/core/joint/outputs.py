@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.identify import Identification
 from fourpole.core.joint.identify import Joint
-from fourpole.core.joint.settle import largest_part
+from fourpole.core.joint.reconcile import largest_part
 from fourpole.core.phasor import Phasors
 from fourpole.core.routes import arm_slopes, maxwell_arm, why_no_arm
 

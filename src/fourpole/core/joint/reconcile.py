@@ -1,4 +1,4 @@
-"""What contradicts is set aside, noise is taken as large as the tests show it to be, and the rest is solved again."""
+"""Reconcile statement and tests: outliers, contradicted values, missing parts, scatter and noise, round by round."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fourpole.core.joint.model import PARTS, cholesky_qr, part_shapes, projected
 from fourpole.core.joint.shared import Quantity
 from fourpole.core.joint.solve import Problem, Solution, solve, spread
 
-__all__ = ["Misfit", "largest_part", "settle"]
+__all__ = ["Misfit", "largest_part", "reconcile"]
 
 #: A stated value drawn further than this from what is stated, in standard uncertainties, contradicts the tests; it may
 #: still be true by bad luck, so until luck is out of the question only the uncertainties are those without it.
@@ -96,14 +96,14 @@ class _State:
     scatter: float = 0.0
     unsteady: float = 0.0
     trifle: bool = True
-    settled: bool = True
+    finished: bool = True
 
     def solve(self, problem: Problem) -> None:
         self.problem = problem
         self.solution = solve(problem, self.solution.stiffness, self.solution.z)
 
 
-def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, FloatArray, Misfit]:
+def reconcile(problem: Problem, solution: Solution) -> tuple[Problem, Solution, FloatArray, Misfit]:
     """Repeat until all that is left can be chance: outliers, contradicted statements, scatter of the tyre, the rig.
 
     Returns
@@ -125,7 +125,7 @@ def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Flo
         elif not _mend(state, left):
             break
     else:
-        state.settled = False
+        state.finished = False
     # Doubtful values stay where luck would have them; how well they are known does not rest on luck.
     for at in state.doubtful:
         _set_aside(state, at, _IMPOSSIBLE)
@@ -144,7 +144,7 @@ def settle(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Flo
             unsteady=state.unsteady,
             conflicts=tuple(state.conflicts),
             parts=tuple(state.parts),
-            fits=state.settled
+            fits=state.finished
             and not (state.conflicts or state.parts or state.rig_error)
             and (state.trifle or state.inflation <= _NOISE_IN_DOUBT),
         ),
@@ -268,7 +268,7 @@ def _mend(state: _State, left: Residuals) -> bool:
         state.solve(problem.widened(problem.columns("by_stiffness", solution.z, solution.stiffness) * scatter))
     elif found.part_missing and found.named[0].part not in state.parts:
         _name(state, found.named)
-        _grant(state, found.named[0])
+        _add_part(state, found.named[0])
     elif found.rig_bad and state.parts and found.level > _TRIFLE and state.rig_error < 1:
         state.rig_error = float(np.hypot(state.rig_error, found.level))
         columns = problem.columns("by_impedance", solution.z, solution.stiffness)
@@ -372,7 +372,7 @@ def _set_aside(state: _State, at: int, pull: float) -> None:
     state.solution = replace(state.solution, z=z)
 
 
-def _grant(state: _State, candidate: Candidate) -> None:
+def _add_part(state: _State, candidate: Candidate) -> None:
     """Let the rig have a part that nobody stated, as large as the tests want it, and as uncertain."""
     shared = state.problem.shared
     size = abs(candidate.size)
