@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fourpole.campaign.outcome import Point
 from fourpole.core.checks import Check
 from fourpole.core.demodulation.corrections import Correction
-from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
 from fourpole.io.write import write_text
@@ -20,7 +21,7 @@ from fourpole.io.write import write_text
 __all__ = ["cache_name", "recall", "remember"]
 
 #: Raised whenever demodulation or its checks change, so that what older versions kept is not used.
-_VERSION = 5
+_VERSION = 6
 
 
 def cache_name(depends_on: list[object], sha256: str) -> str:
@@ -29,20 +30,21 @@ def cache_name(depends_on: list[object], sha256: str) -> str:
     return hashlib.sha256(content.encode()).hexdigest()[:40] + ".json"
 
 
-def remember(place: Path, result: Demodulation, rows: tuple[Check, ...]) -> None:
-    """Keep a result."""
-    phasors = {name: _plain(value) for name, value in vars(result.phasors).items()}
-    shown = {name: np.asarray(value, dtype=np.float32).tolist() for name, value in vars(result.preview).items()}
-    apart = ("phasors", "preview", "corrections")
-    found = {name: _plain(value) for name, value in vars(result).items() if name not in apart}
-    content = {
-        "phasors": phasors,
-        "found": found,
+def remember(place: Path, points: Sequence[Point]) -> None:
+    """Keep the points of a recording; one that was rejected without phasors is not kept."""
+    if all(point.phasors is not None and point.preview is not None for point in points):
+        write_text(place, json.dumps([_kept(point) for point in points]))
+
+
+def _kept(point: Point) -> dict[str, Any]:
+    shown = {name: np.asarray(value, dtype=np.float32).tolist() for name, value in vars(point.preview).items()}
+    return {
+        "phasors": {name: _plain(value) for name, value in vars(point.phasors).items()},
+        "checks": [asdict(row) for row in point.checks],
+        "corrections": [asdict(row) for row in point.corrections],
+        "channels": point.channels,
         "preview": shown,
-        "corrections": [asdict(row) for row in result.corrections],
-        "checks": [asdict(row) for row in rows],
     }
-    write_text(place, json.dumps(content))
 
 
 def _plain(value: Any) -> Any:
@@ -52,30 +54,23 @@ def _plain(value: Any) -> Any:
     return array.tolist()
 
 
-def recall(place: Path) -> tuple[Demodulation, tuple[Check, ...]] | None:
-    """A kept result, or None where there is none that can be read."""
+def recall(place: Path) -> tuple[Point, ...] | None:
+    """The points kept, or None where there are none that can be read."""
     try:
-        content = json.loads(place.read_text(encoding="utf-8"))
-        rows = tuple(Check(**row) for row in content["checks"])
-        raw = content["phasors"]
-        pair = raw.pop("amplitudes")
-        amplitudes = np.array(pair["re"]) + 1j * np.array(pair["im"])
-        phasors = Phasors(amplitudes=amplitudes, **{name: np.asarray(value) for name, value in raw.items()})
-        found = content["found"]
-        low, high = found["band"]
-        kept = Demodulation(
-            phasors=phasors,
-            cycles=float(found["cycles"]),
-            band=(float(low), float(high)),
-            distortion=np.asarray(found["distortion"], dtype=float),
-            noise_ratio=np.asarray(found["noise_ratio"], dtype=float),
-            force_peak=float(found["force_peak"]),
-            lines=np.asarray(found["lines"], dtype=float),
-            missing=float(found["missing"]),
-            channels=tuple(found["channels"]),
-            preview=Preview(**{name: np.asarray(value, dtype=float) for name, value in content["preview"].items()}),
-            corrections=tuple(Correction(**row) for row in content["corrections"]),
-        )
-        return kept, rows
+        return tuple(_recalled(**point) for point in json.loads(place.read_text(encoding="utf-8"))) or None
     except (OSError, ValueError, KeyError, TypeError):
         return None
+
+
+def _recalled(
+    phasors: dict[str, Any], checks: Any, corrections: Any, channels: Sequence[str], preview: dict[str, Any]
+) -> Point:
+    pair = phasors.pop("amplitudes")
+    amplitudes = np.array(pair["re"]) + 1j * np.array(pair["im"])
+    return Point(
+        phasors=Phasors(amplitudes=amplitudes, **{name: np.asarray(value) for name, value in phasors.items()}),
+        checks=tuple(Check(**row) for row in checks),
+        corrections=tuple(Correction(**row) for row in corrections),
+        channels=tuple(channels),
+        preview=Preview(**{name: np.asarray(value, dtype=float) for name, value in preview.items()}),
+    )

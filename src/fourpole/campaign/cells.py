@@ -8,7 +8,7 @@ import numpy as np
 
 from fourpole.campaign.folder import Test
 from fourpole.campaign.identified import Identified
-from fourpole.campaign.reduce import Reduced
+from fourpole.campaign.outcome import Point
 from fourpole.campaign.static import StaticStiffness
 from fourpole.campaign.tables import amplitude_cells, covariance_cells, tyre_cells
 from fourpole.core.checks import Check, remarked, worst_verdict
@@ -23,19 +23,19 @@ _NEVER_PASSIVE = 0.975
 
 
 def dynamic_cells(
-    test: Test, reduced: Reduced, stiffness: StaticStiffness, found: Identified | None, route: str
+    test: Test, point: Point, stiffness: StaticStiffness, found: Identified | None, route: str
 ) -> dict[str, Any]:
     """Cells of a test; one that was rejected has its amplitudes only."""
-    rows = list(reduced.checks)
+    rows = list(point.checks)
     cells: dict[str, Any] = {"route": route if found is None else found.group.route}
-    if reduced.found is not None:
-        cells.update(amplitude_cells(reduced.found.phasors))
+    if point.phasors is not None:
+        cells.update(amplitude_cells(point.phasors))
     if found is not None:
         rows += _calibration_checks(test) if test.kind == "calibration" else _arm_checks(found, stiffness)
         rows += [remarked("K1", "ok", stiffness.doubt)] if stiffness.doubt else []
         rows += [*_outlier_checks(found), *_convergence_checks(found)]
         cells.update(_identified_cells(found.result, found.at))
-    elif test.kind == "calibration" and reduced.found is not None and route != "joint":
+    elif test.kind == "calibration" and point.phasors is not None and route != "joint":
         rows.append(
             remarked("calibration", "warning", f"a calibration test serves the joint route only, not the {route} route")
         )

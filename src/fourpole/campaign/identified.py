@@ -11,11 +11,10 @@ import numpy as np
 from fourpole.campaign.families import LIMITS, families
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.learned import Learned, learn
-from fourpole.campaign.reduce import Reduced
+from fourpole.campaign.outcome import Point
 from fourpole.campaign.static import StaticStiffness
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.checks import worst_verdict
-from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.identify import ChannelUncertainty, Identification, identify, variance_by_source
 from fourpole.core.joint import Joint, identify_joint
 from fourpole.core.joint.outputs import identification, outputs
@@ -113,7 +112,7 @@ def possible_route(campaign: Campaign, route: str) -> tuple[str, str]:
 def identify_tests(
     campaign: Campaign,
     tests: Sequence[Test],
-    reduced: Sequence[Reduced],
+    points: Sequence[Point],
     stiffness: Sequence[StaticStiffness],
     route: str,
     draws: int,
@@ -131,12 +130,12 @@ def identify_tests(
     found: dict[int, Identified] = {}
     notes: list[str] = []
     for rig_name in dict.fromkeys(test.rig for test in tests):
-        members = [i for i, test in enumerate(tests) if test.rig == rig_name and _usable(test, reduced[i], route)]
+        members = [i for i, test in enumerate(tests) if test.rig == rig_name and _usable(test, points[i], route)]
         if not members:
             continue
         setup = setup_of(campaign, rig_name, [tests[i] for i in members], [stiffness[i] for i in members])
-        phasors = Phasors.stack([phasors for i in members if (phasors := _phasors(reduced[i], route)) is not None])
-        setup = _with_responses(setup, [made for i in members if (made := reduced[i].found) is not None])
+        phasors = Phasors.stack([phasors for i in members if (phasors := _phasors(points[i], route)) is not None])
+        setup = _with_responses(setup, [points[i] for i in members])
         used, note = _route_of(setup, phasors, route)
         names, parts = tuple(tests[i].name for i in members), [stiffness[i].parts for i in members]
         try:
@@ -153,20 +152,20 @@ def identify_tests(
     return found, notes
 
 
-def _with_responses(setup: Setup, tests: Sequence[Demodulation]) -> Setup:
+def _with_responses(setup: Setup, points: Sequence[Point]) -> Setup:
     """The setup with what calibrated responses leave unknown at each test's frequency."""
-    left = np.array([test.response_std for test in tests])
+    left = np.array([point.response_std for point in points])
     if not left.any():
         return setup
     return replace(setup, channels=replace(setup.channels, response=left[:, :, 0] + 1j * left[:, :, 1]))
 
 
-def _phasors(reduced: Reduced, route: str) -> Phasors | None:
+def _phasors(point: Point, route: str) -> Phasors | None:
     """Amplitudes of a test; what hardly moves may warn, but must not be taken for a measurement by the joint route."""
-    if reduced.found is None:
+    if point.phasors is None:
         return None
-    phasors = reduced.found.phasors
-    still = {row.name for row in reduced.checks if row.name.startswith("excitation of") and row.statistic > row.limit}
+    phasors = point.phasors
+    still = {row.name for row in point.checks if row.name.startswith("excitation of") and row.statistic > row.limit}
     idle = [f"excitation of {symbol}" in still for symbol in SYMBOLS.values()]
     if route != "joint" or not any(idle):
         return phasors
@@ -177,11 +176,11 @@ def _where(rig_name: str) -> str:
     return f"[rigs.{rig_name}]" if rig_name else "[rig]"
 
 
-def _usable(test: Test, reduced: Reduced, route: str) -> bool:
+def _usable(test: Test, point: Point, route: str) -> bool:
     """Whether a test may take part; one that is rejected must not spoil what the others find together."""
-    if reduced.found is None or (test.kind == "calibration" and route != "joint"):
+    if point.phasors is None or (test.kind == "calibration" and route != "joint"):
         return False
-    return worst_verdict(row.verdict for row in reduced.checks) != "rejected"
+    return worst_verdict(row.verdict for row in point.checks) != "rejected"
 
 
 def _route_of(setup: Setup, phasors: Phasors, route: str) -> tuple[str, str]:

@@ -1,19 +1,23 @@
-"""The heavy half: each recording becomes phasors and verdict rows, independently, in parallel, and cached."""
+"""The reduction: each recording becomes phasors, checks and a preview, by a job of its own, with a cache."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from fourpole.campaign.cache import cache_name, recall, remember
+from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.campaign.load import MOST_BYTES, load_recording
+from fourpole.campaign.outcome import Point, Reduced
+from fourpole.campaign.schema import RigFile
 from fourpole.core import checks
 from fourpole.core.checks import Check, remarked
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
@@ -24,7 +28,7 @@ from fourpole.core.recording import Recording
 from fourpole.errors import FourpoleError, RecordingError, TableError
 from fourpole.io.source import sha256_of
 
-__all__ = ["ROUTE_NEEDS", "Reduced", "reduce_tests", "response_hashes"]
+__all__ = ["ROUTE_NEEDS", "Job", "jobs_of", "reduce_tests", "reduced_point", "response_hashes"]
 
 _WORKERS = min(os.cpu_count() or 1, 8)
 #: Channels that a route cannot do without.
@@ -37,113 +41,133 @@ ROUTE_NEEDS = {
 
 
 @dataclass(frozen=True)
-class Reduced:
-    """What one recording came to: amplitudes (none where it failed), verdict rows, and the hash of the file read."""
+class Job:
+    """The reduction of one recording, with all that it needs besides the files; any executor can run it.
 
-    found: Demodulation | None
-    checks: tuple[Check, ...]
-    sha256: str = ""
+    Attributes
+    ----------
+    folder : Path
+        The campaign folder, to which the names of files relate.
+    test : Test
+    channels : ChannelsFile
+    rig : RigFile or None
+        The rig of the test, where it is stated.
+    needed : tuple of str
+        Roles of the channels that the route cannot do without.
+    responses : dict of str to str
+        Hash of each table of a calibrated response, by its name in the campaign.
+    cache : Path or None
+        Folder that keeps results.
+    """
+
+    folder: Path
+    test: Test
+    channels: ChannelsFile
+    rig: RigFile | None
+    needed: tuple[str, ...]
+    responses: dict[str, str] = field(default_factory=dict)
+    cache: Path | None = None
+
+    def run(self) -> Reduced:
+        """Reduce the recording, or recall it from the cache; an error becomes a rejecting check of this test."""
+        if self.test.problem:
+            return Reduced((Point(None, (remarked("tests.csv", "rejected", self.test.problem),)),))
+        try:
+            path = inside(self.folder, self.test.file)
+            sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=self.test.file)
+            place = self.cache / cache_name(self._settings(), sha256) if self.cache is not None else None
+            points = recall(place) if place is not None else None
+            if points is None:
+                points = (reduced_point(self, path),)
+                if place is not None:
+                    remember(place, points)
+            return Reduced(points, sha256)
+        except FourpoleError as error:
+            remark = str(error)
+        except MemoryError:
+            remark = f"{self.test.file} does not fit into memory: cut it with window [s]"
+        except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
+            remark = (
+                f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it with this recording"
+            )
+        return Reduced((Point(None, (remarked("recording", "rejected", remark),)),))
+
+    def _settings(self) -> list[object]:
+        """All that the result depends on besides the recording."""
+        rig = self.rig and repr(self.rig)
+        stated = self.test.kind, self.test.values, self.test.window
+        return [self.needed, *stated, self.channels.model_dump(), self.responses, rig]
+
+
+def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str, cache: Path | None = None) -> list[Job]:
+    """The reductions of some tests for a route."""
+    channels, rigs, responses = campaign.stated.channels, campaign.stated.all_rigs, response_hashes(campaign)
+    needed = ROUTE_NEEDS[route]
+    return [Job(campaign.folder, test, channels, rigs.get(test.rig), needed, responses, cache) for test in tests]
 
 
 def reduce_tests(
-    campaign: Campaign,
-    tests: list[Test],
-    route: str,
-    *,
-    cache: Path | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    jobs: Sequence[Job], *, executor: Executor | None = None, progress: Callable[[int, int], None] | None = None
 ) -> list[Reduced]:
-    """Reduce all tests, in their order; what `cache` holds already is not computed again."""
+    """Results of some jobs, in their order; without an executor they run in threads."""
+    if executor is None:
+        with ThreadPoolExecutor(max_workers=_WORKERS) as threads:
+            return reduce_tests(jobs, executor=threads, progress=progress)
     results: dict[int, Reduced] = {}
-    with ThreadPoolExecutor(max_workers=_WORKERS) as pool:
-        try:
-            for index, result in _unordered(pool, campaign, tests, route, cache):
-                results[index] = result
-                if progress is not None:
-                    progress(len(results), len(tests))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return [results[index] for index in range(len(tests))]
-
-
-def _unordered(
-    pool: ThreadPoolExecutor, campaign: Campaign, tests: list[Test], route: str, cache: Path | None
-) -> Iterator[tuple[int, Reduced]]:
-    """Results as they come; only a few tests are under way at once, so that memory stays bounded."""
-    waiting = iter(enumerate(tests))
     running: dict[Future[Reduced], int] = {}
-    most = 4 * _WORKERS
-    while True:
-        for index, test in waiting:
-            running[pool.submit(_reduce, campaign, test, route, cache)] = index
-            if len(running) >= most:
-                break
-        if not running:
-            return
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in done:
-            yield running.pop(future), future.result()
-
-
-def _reduce(campaign: Campaign, test: Test, route: str, cache: Path | None) -> Reduced:
-    """One test, from the cache where it is there; whatever goes wrong stays with this test."""
-    if test.problem:
-        return Reduced(None, (remarked("tests.csv", "rejected", test.problem),))
+    waiting = iter(enumerate(jobs))
     try:
-        return _read_and_reduce(campaign, test, route, cache)
-    except FourpoleError as error:
-        remark = str(error)
-    except MemoryError:
-        remark = f"{test.file} does not fit into memory: cut it with window [s]"
-    except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
-        remark = f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it with this recording"
-    return Reduced(None, (remarked("recording", "rejected", remark),))
+        while len(results) < len(jobs):
+            for index, job in islice(waiting, 4 * _WORKERS - len(running)):  # few at once, so that memory is bounded
+                running[executor.submit(job.run)] = index
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                results[running.pop(future)] = future.result()
+                if progress is not None:
+                    progress(len(results), len(jobs))
+    finally:
+        for future in running:
+            future.cancel()
+    return [results[index] for index in range(len(jobs))]
 
 
-def _read_and_reduce(campaign: Campaign, test: Test, route: str, cache: Path | None) -> Reduced:
-    path = inside(campaign.folder, test.file)
-    sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=test.file)
-    place = cache / cache_name(_depends_on(campaign, test, route), sha256) if cache is not None else None
-    if place is not None and (known := recall(place)) is not None:
-        return Reduced(*known, sha256)
-    result = replace(_demodulated(campaign, path, test, route), sha256=sha256)
-    if place is not None and result.found is not None:
-        remember(place, result.found, result.checks)
-    return result
+def reduced_point(job: Job, path: Path) -> Point:
+    """Amplitudes from all stated channels; a damaged channel that the route can spare is left out with a warning."""
+    recording, rows = _loaded(job, path)
+    near = job.test.value("frequency")
+    if job.test.window is None:
+        recording, cut = _trimmed(recording, near)
+        rows += cut
+    recording, clipped = _unclipped(recording, job.needed)
+    rows += clipped
+    try:
+        found, wandering = _followed(recording, near)
+    except RecordingError as error:
+        present = [role for role in recording.channels if role not in job.needed]
+        if not present:
+            raise
+        found, wandering = _followed(recording.without(present[0]), near)
+        rows.append(_left_out(present[0], str(error)))
+    checks = (*rows, *wandering, *_judged(job, found))
+    return Point(found.phasors, checks, found.corrections, found.channels, found.preview)
 
 
-def _demodulated(campaign: Campaign, path: Path, test: Test, route: str) -> Reduced:
-    """Demodulate with all channels; one that is hurt and not needed by the route is left out with a warning."""
-    needed = ROUTE_NEEDS[route]
-    roles = [role for role in CHANNELS if campaign.stated.channels.named(role) is not None]
-    lacking = [role for role in needed if role not in roles]
+def _loaded(job: Job, path: Path) -> tuple[Recording, list[Check]]:
+    """The recording with all stated channels, or with the needed ones only; and what there is to say of it."""
+    roles = [role for role in CHANNELS if job.channels.named(role) is not None]
+    lacking = [role for role in job.needed if role not in roles]
     if lacking:
+        route = next(route for route, needed in ROUTE_NEEDS.items() if needed == job.needed)
         raise TableError(f"the {route} route needs {lacking[0]}, which [channels] in campaign.toml does not state")
+    spare = [role for role in roles if role not in job.needed]
     rows: list[Check] = []
-    spare = [role for role in roles if role not in needed]
     try:
-        recording, remarks = load_recording(campaign.folder, path, test, campaign.stated.channels, roles)
+        recording, remarks = load_recording(job.folder, path, job.test, job.channels, roles)
     except TableError as error:
         if not spare:
             raise
-        recording, remarks = load_recording(campaign.folder, path, test, campaign.stated.channels, needed)
+        recording, remarks = load_recording(job.folder, path, job.test, job.channels, job.needed)
         rows.append(_left_out(spare[0], str(error)))
-    rows += [remarked("time base", "warning", remark) for remark in remarks]
-    if test.window is None:
-        recording, cut = _trimmed(recording, test.value("frequency"))
-        rows += cut
-    recording, clipped = _unclipped(recording, needed)
-    rows += clipped
-    try:
-        found, wandering = _followed(recording, test.value("frequency"))
-    except RecordingError as error:
-        present = [role for role in spare if role in recording.channels]
-        if not present:
-            raise
-        found, wandering = _followed(recording.without(present[0]), test.value("frequency"))
-        rows.append(_left_out(present[0], str(error)))
-    return Reduced(found, (*rows, *wandering, *_judge(campaign, test, route, found)))
+    return recording, rows + [remarked("time base", "warning", remark) for remark in remarks]
 
 
 def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[Check]]:
@@ -204,25 +228,24 @@ def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording
     return recording, rows
 
 
-def _judge(campaign: Campaign, test: Test, route: str, found: Demodulation) -> Iterator[Check]:
+def _judged(job: Job, found: Demodulation) -> Iterator[Check]:
     """The checks of one demodulated test; a fault of a channel that the route can spare only warns."""
     names = tuple(SYMBOLS[role] for role in CHANNELS)
-    frequency = float(found.phasors.frequency)
+    test, frequency = job.test, float(found.phasors.frequency)
     yield checks.check_frequency(frequency, test.value("frequency"))
     yield checks.check_gaps(found)
     yield checks.check_mains(found)
     yield checks.check_distortion(found)
-    spared = tuple(SYMBOLS[role] for role in CHANNELS if role not in ROUTE_NEEDS[route])
+    spared = tuple(SYMBOLS[role] for role in CHANNELS if role not in job.needed)
     for row in (*checks.check_excitation(found, names), *checks.check_noise(found, names)):
         spare = row.verdict == "rejected" and row.name.endswith(spared) and bool(spared)
         yield replace(row, verdict="warning") if spare else row
     if np.isfinite(found.force_peak):
         yield checks.check_lift_off(found.force_peak, test.value("preload"))
-    stated = campaign.stated.all_rigs.get(test.rig)
-    if stated is not None and stated.output != "blocked":
+    if job.rig is not None and job.rig.output != "blocked":
         added = test.value("added_mass") or 0.0
-        yield checks.check_resonance(frequency, stated.rig(), added)
-        yield checks.check_consistency(found.phasors, stated.rig(), added)
+        yield checks.check_resonance(frequency, job.rig.rig(), added)
+        yield checks.check_consistency(found.phasors, job.rig.rig(), added)
 
 
 def response_hashes(campaign: Campaign) -> dict[str, str]:
@@ -233,17 +256,3 @@ def response_hashes(campaign: Campaign) -> dict[str, str]:
         with suppress(FourpoleError):
             hashes[name] = sha256_of(inside(campaign.folder, name), max_bytes=MOST_BYTES, label=name)
     return hashes
-
-
-def _depends_on(campaign: Campaign, test: Test, route: str) -> list[object]:
-    """All that a reduced test depends on but its file: the channels, the rig and the row."""
-    rig = campaign.stated.all_rigs.get(test.rig)
-    return [
-        ROUTE_NEEDS[route],
-        test.kind,
-        test.values,
-        test.window,
-        campaign.stated.channels.model_dump(),
-        response_hashes(campaign),
-        rig and repr(rig),
-    ]

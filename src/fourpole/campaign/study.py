@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +21,8 @@ from fourpole.campaign.load import MOST_BYTES
 from fourpole.campaign.measured import MeasuredSet, measured_of
 from fourpole.campaign.modelfile import rig_in
 from fourpole.campaign.modelling import TyreFit, fit_tyres, map_tyres, rig_file
-from fourpole.campaign.reduce import Reduced, reduce_tests, response_hashes
+from fourpole.campaign.outcome import Reduced
+from fourpole.campaign.reduce import jobs_of, reduce_tests, response_hashes
 from fourpole.campaign.results import Results
 from fourpole.campaign.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
 from fourpole.campaign.tables import (
@@ -244,6 +246,7 @@ def analyse(
     route: str = "joint",
     monte_carlo: int = DRAWS,
     cache: str | Path | None = None,
+    executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
     """Analyse a campaign: static curves, demodulation, identification, tables.
@@ -258,6 +261,9 @@ def analyse(
         Draws for the intervals of K2 and C where linear propagation fails; 0 for none.
     cache : path, optional
         Folder that keeps the phasors of each recording, so that a run that was stopped goes on.
+    executor : concurrent.futures.Executor, optional
+        Runs the reduction of each recording as a job of its own, in whatever threads, processes or machines it has; by
+        default threads.
     progress : callable, optional
         Called with the recordings done and all recordings.
 
@@ -292,28 +298,31 @@ def analyse(
     kept = make_folder(cache) if cache is not None else None
     statics = evaluate_statics(campaign)
     static_rows = [row for item in statics for row in item.rows]
-    reduced = reduce_tests(campaign, dynamic, route, cache=kept, progress=progress)
+    reduced = reduce_tests(jobs_of(campaign, dynamic, route, kept), executor=executor, progress=progress)
+    hashes = _hashes(campaign, statics, dynamic, reduced)
+    dynamic = [test for test, item in zip(dynamic, reduced, strict=True) for _ in item.points]
+    points = [point for item in reduced for point in item.points]
     stiffness = [_stiffness(test, static_rows) for test in dynamic]
-    found, remarks = identify_tests(campaign, dynamic, reduced, stiffness, route, monte_carlo, _SEED)
-    cells = [dynamic_cells(dynamic[i], reduced[i], stiffness[i], found.get(i), route) for i in range(len(dynamic))]
+    found, remarks = identify_tests(campaign, dynamic, points, stiffness, route, monte_carlo, _SEED)
+    cells = [dynamic_cells(dynamic[i], points[i], stiffness[i], found.get(i), route) for i in range(len(dynamic))]
     groups = list({id(item.group): item.group for item in found.values()}.values())
     return Study(
         campaign=campaign,
         static=static_table(campaign, static_rows),
         dynamic=dynamic_table(campaign, dynamic, cells),
-        phasors=phasor_table(dynamic, reduced),
+        phasors=phasor_table(dynamic, points),
         covariance=covariance_table(groups),
-        previews=preview_table(statics, dynamic, reduced),
+        previews=preview_table(statics, dynamic, points),
         route=route,
         rig=rig_table(groups),
         residuals=residual_table(groups),
         budget=budget_table(groups),
         quantiles=quantile_table(groups),
-        corrections=correction_table(dynamic, reduced),
+        corrections=correction_table(dynamic, points),
         joint={group.setup.rig_name: group.learned.record for group in groups if group.learned is not None},
         monte_carlo=monte_carlo,
         notes=(*([note] if note else []), *remarks, *campaign.stated.assumptions(), *_assumed(dynamic)),
-        sha256=_hashes(campaign, statics, dynamic, reduced),
+        sha256=hashes,
     )
 
 

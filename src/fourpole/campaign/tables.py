@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.identified import Group, budget_columns
-from fourpole.campaign.reduce import Reduced
+from fourpole.campaign.outcome import Point
 from fourpole.campaign.static import StaticRow, StaticTest
-from fourpole.core.demodulation.demodulate import Demodulation
+from fourpole.core.demodulation.preview import Preview
 from fourpole.core.identify import OUTPUTS, Identification
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.phasor import SYMBOLS, Phasors
@@ -251,12 +251,12 @@ def quantile_table(groups: Sequence[Group]) -> pl.DataFrame:
     return _frame(rows, QUANTILE_COLUMNS)
 
 
-def correction_table(tests: Sequence[Test], reduced: Sequence[Reduced]) -> pl.DataFrame:
+def correction_table(tests: Sequence[Test], points: Sequence[Point]) -> pl.DataFrame:
     """corrections.csv: what was undone at the amplitudes of each test."""
     rows = [
         {
             "test": test.name,
-            "frequency [Hz]": float(item.found.phasors.frequency),
+            "frequency [Hz]": float(item.phasors.frequency),
             "channel": SYMBOLS[row.channel],
             "correction": row.name,
             "gain [1]": row.gain,
@@ -264,9 +264,9 @@ def correction_table(tests: Sequence[Test], reduced: Sequence[Reduced]) -> pl.Da
             "u(gain) [1]": row.gain_std,
             "u(phase) [rad]": row.phase_std,
         }
-        for test, item in zip(tests, reduced, strict=True)
-        if item.found is not None
-        for row in item.found.corrections
+        for test, item in zip(tests, points, strict=True)
+        if item.phasors is not None
+        for row in item.corrections
     ]
     return _frame(rows, CORRECTION_COLUMNS)
 
@@ -284,9 +284,9 @@ def amplitude_cells(phasors: Phasors) -> dict[str, float]:
     }
 
 
-def phasor_table(tests: Sequence[Test], reduced: Sequence[Reduced]) -> pl.DataFrame:
+def phasor_table(tests: Sequence[Test], points: Sequence[Point]) -> pl.DataFrame:
     """phasors.parquet: complex amplitudes with their 6×6 covariance, row by row as a list of 36."""
-    kept = [(test, item.found.phasors) for test, item in zip(tests, reduced, strict=True) if item.found is not None]
+    kept = [(test, item.phasors) for test, item in zip(tests, points, strict=True) if item.phasors is not None]
     columns: dict[str, Any] = {
         "test": [test.name for test, _ in kept],
         "rig": [test.rig for test, _ in kept],
@@ -345,10 +345,10 @@ def covariance_table(groups: Sequence[Group]) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=types, orient="row")
 
 
-def preview_table(statics: Sequence[StaticTest], tests: Sequence[Test], reduced: Sequence[Reduced]) -> pl.DataFrame:
+def preview_table(statics: Sequence[StaticTest], tests: Sequence[Test], points: Sequence[Point]) -> pl.DataFrame:
     """previews.parquet: per test a few cycles of signal and fit with the residual, or the static loop and its mean."""
     rows = [_static_preview(item.test, item.curve) for item in statics if item.curve is not None]
-    rows += [_dynamic_preview(test, item.found) for test, item in zip(tests, reduced, strict=True) if item.found]
+    rows += [_dynamic_preview(test, one, one.preview) for test, one in zip(tests, points, strict=True) if one.preview]
     types: dict[str, Any] = {"test": pl.String, **dict.fromkeys(_PREVIEW_LISTS, pl.List(pl.Float32))}
     return pl.DataFrame([[_listed(row.get(name)) for row in rows] for name in types], schema=types, strict=False)
 
@@ -373,9 +373,8 @@ def _static_preview(test: Test, curve: LoadCurve) -> dict[str, Any]:
     return {"test": test.name, **dict(zip(_PREVIEW_LISTS[:4], (x, f, mean_x, mean_f), strict=True))}
 
 
-def _dynamic_preview(test: Test, found: Demodulation) -> dict[str, Any]:
+def _dynamic_preview(test: Test, found: Point, seen: Preview) -> dict[str, Any]:
     """Signals less their mean, in the SI unit of what each channel recorded."""
-    seen = found.preview
     row: dict[str, Any] = {"test": test.name, "time [s]": seen.time, "residual time [s]": seen.blocks}
     for role, signal, fit, residual in zip(found.channels, seen.signals, seen.fit, seen.residual, strict=True):
         name = SYMBOLS[role]

@@ -1,0 +1,50 @@
+"""The outcome of a reduction: phasors, checks and a preview for each excitation frequency of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fourpole.core.arrays import FloatArray
+from fourpole.core.checks import Check
+from fourpole.core.demodulation.corrections import Correction, response_std
+from fourpole.core.demodulation.preview import Preview
+from fourpole.core.phasor import Phasors
+
+__all__ = ["Point", "Reduced"]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One excitation frequency of a recording, whatever method found its amplitudes.
+
+    Attributes
+    ----------
+    phasors : Phasors or None
+        Amplitudes of F1, V1, V2 with their covariance; None where the recording was rejected before.
+    checks : tuple of Check
+    corrections : tuple of Correction
+        Effects of the measurement chain that were removed from the amplitudes.
+    channels : tuple of str
+        Roles of the channels, in the order of `preview`.
+    preview : Preview or None
+        A few cycles of the recording, for figures.
+    """
+
+    phasors: Phasors | None
+    checks: tuple[Check, ...]
+    corrections: tuple[Correction, ...] = ()
+    channels: tuple[str, ...] = ()
+    preview: Preview | None = None
+
+    @property
+    def response_std(self) -> FloatArray:
+        """Unknown part of the calibrated responses of F1, V1, V2: relative gain [1] and phase [rad], (3, 2)."""
+        return response_std(self.corrections)
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """What one recording gave: at least one point, and the hash of the file read; empty if it was not read."""
+
+    points: tuple[Point, ...]
+    sha256: str = ""
