@@ -30,16 +30,7 @@ def test_help_comes_within_two_seconds(fourpole, command):
         assert all(name in ran.stdout for name in COMMANDS)
 
 
-@pytest.mark.parametrize(
-    "module",
-    [
-        pytest.param("numpy", marks=pytest.mark.xfail(reason="fourpole.app.console takes numpy in by fourpole.units")),
-        "scipy",
-        "polars",
-        "pint",
-        "pydantic",
-    ],
-)
+@pytest.mark.parametrize("module", ["numpy", "scipy", "polars", "pint", "pydantic"])
 def test_help_loads_nothing_slow(loaded_by_help, module):
     assert "typer" in loaded_by_help
     assert module not in loaded_by_help
@@ -57,6 +48,28 @@ def loaded_by_help():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, encoding="utf-8")
     return set(done.stdout.splitlines()[-1].split()[1:])
+
+
+def test_one_thread_of_linear_algebra_is_asked_for_before_numpy_is_loaded():
+    """The library reads the environment once, as it is loaded; what the user set stays."""
+    code = (
+        "import os, sys\n"
+        "class Watch:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'numpy':\n"
+        "            print('threads:', os.environ.get('OPENBLAS_NUM_THREADS'), os.environ.get('OMP_NUM_THREADS'))\n"
+        "sys.meta_path.insert(0, Watch())\n"
+        "from fourpole.app.cli import main\n"
+        "words = '--k1=180 kN/m|--k2=120 kN/m|--c=700 N s/m|--mass=15 kg|--preload-stiffness=12 kN/m|--frequency=10 Hz'\n"
+        "sys.argv = ['fourpole', 'predict', *words.split('|')]\n"
+        "main()\n"
+    )
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    for stated, expected in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")):
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, encoding="utf-8", env=environment | stated
+        )
+        assert f"threads: {expected} 1" in done.stdout.splitlines()
 
 
 @pytest.mark.parametrize("command", COMMANDS)

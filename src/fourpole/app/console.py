@@ -17,7 +17,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from fourpole import units
 from fourpole.errors import FourpoleError, UnitError
 
 __all__ = [
@@ -98,8 +97,10 @@ def _plain(value: Any) -> Any:
 
 def option(text: str, kind: str, name: str) -> float:
     """A quantity given on the command line, in SI; the error names the option."""
+    from fourpole.units import quantity
+
     try:
-        return units.quantity(text, kind)
+        return quantity(text, kind)
     except UnitError as error:
         raise UnitError(f"{name}: {error}") from None
 
