@@ -60,14 +60,19 @@ def test_one_thread_of_linear_algebra_is_asked_for_before_numpy_is_loaded():
         "            print('threads:', os.environ.get('OPENBLAS_NUM_THREADS'), os.environ.get('OMP_NUM_THREADS'))\n"
         "sys.meta_path.insert(0, Watch())\n"
         "from fourpole.app.cli import main\n"
-        "words = '--k1=180 kN/m|--k2=120 kN/m|--c=700 N s/m|--mass=15 kg|--preload-stiffness=12 kN/m|--frequency=10 Hz'\n"
+        "words = '--k1=9 kN/m|--k2=9 kN/m|--c=70 N s/m|--mass=15 kg|--preload-stiffness=12 kN/m|--frequency=10 Hz'\n"
         "sys.argv = ['fourpole', 'predict', *words.split('|')]\n"
         "main()\n"
     )
     environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     for stated, expected in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")):
         done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, encoding="utf-8", env=environment | stated
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            check=True,
+            encoding="utf-8",
+            env=environment | stated,
         )
         assert f"threads: {expected} 1" in done.stdout.splitlines()
 
