@@ -64,5 +64,8 @@ def test_a_recording_with_two_points_has_two_rows(noisy, monkeypatch):
     for name in ("dynamic", "phasors", "previews"):
         table = getattr(whole, name).filter(~getattr(whole, name)["test"].str.starts_with("S"))
         found = getattr(both, name).filter(~getattr(both, name)["test"].str.starts_with("S"))
+        assert "point" not in table.columns
+        assert found["point"].to_list() == [1, 2] * table.height
+        found = found.drop("point")
         assert found.gather_every(2).equals(table)
         assert found.gather_every(2, 1).equals(table)

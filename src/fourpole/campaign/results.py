@@ -3,68 +3,68 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
 from fourpole.campaign.modelfile import ModelFile, read_model_file
-from fourpole.campaign.tables import (
-    BUDGET_COLUMNS,
-    DYNAMIC_COLUMNS,
-    QUANTILE_COLUMNS,
-    RESIDUAL_COLUMNS,
-    RIG_COLUMNS,
-    STATIC_COLUMNS,
-    TEXT_COLUMNS,
-)
+from fourpole.campaign.tables import DYNAMIC, TABLES, Tables, TableSpec
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.source import read_bytes, sha256_of
+from fourpole.quantities import POINT
 
 __all__ = ["Results", "read_results"]
 
 _MOST_BYTES = 2_000_000_000
-_OPTIONAL = {
-    "rig": RIG_COLUMNS,
-    "residuals": RESIDUAL_COLUMNS,
-    "budget": BUDGET_COLUMNS,
-    "quantiles": QUANTILE_COLUMNS,
-}
 _MADE_BY = {"model": "fit", "map": "map"}
 
 
-@dataclass(frozen=True)
-class Results:
+@dataclass(frozen=True, eq=False, init=False)
+class Results(Tables):
     """Tables of an analysed campaign; all that figures and reports need.
 
     Attributes
     ----------
-    static, dynamic : polars.DataFrame
-        As in static.csv and dynamic.csv.
-    previews : polars.DataFrame
-        A few cycles of signal and fit of each recording, as in previews.parquet; empty where there are none.
+    tables : mapping of str to polars.DataFrame
+        By the name of their file; each is an attribute too, and has no columns where the analysis had none:
+        `static`, `dynamic`, `rig`, `residuals`, `quantiles`, `budget`, and `previews`, a few cycles of signal and fit
+        of each recording.
     record : dict
         study.json: title, settings, what the campaign states, versions, verdicts, assumptions, hashes.
-    rig, residuals, budget, quantiles : polars.DataFrame
-        As in rig.csv, residuals.csv, budget.csv and quantiles.csv; empty where the analysis had none.
     models, maps : ModelFile or None
         As in model.json and map.json; None where there are none.
     faults : tuple of str
         Why model files that are there are not used.
     """
 
-    static: pl.DataFrame
-    dynamic: pl.DataFrame
-    previews: pl.DataFrame
-    record: dict[str, Any] = field(default_factory=dict)
-    rig: pl.DataFrame = field(default_factory=pl.DataFrame)
-    residuals: pl.DataFrame = field(default_factory=pl.DataFrame)
-    budget: pl.DataFrame = field(default_factory=pl.DataFrame)
-    quantiles: pl.DataFrame = field(default_factory=pl.DataFrame)
-    models: ModelFile | None = None
-    maps: ModelFile | None = None
-    faults: tuple[str, ...] = ()
+    tables: Mapping[str, pl.DataFrame]
+    record: dict[str, Any]
+    models: ModelFile | None
+    maps: ModelFile | None
+    faults: tuple[str, ...]
+
+    def __init__(
+        self,
+        static: pl.DataFrame | None = None,
+        dynamic: pl.DataFrame | None = None,
+        previews: pl.DataFrame | None = None,
+        record: dict[str, Any] | None = None,
+        *,
+        tables: Mapping[str, pl.DataFrame] | None = None,
+        models: ModelFile | None = None,
+        maps: ModelFile | None = None,
+        faults: tuple[str, ...] = (),
+        **more: pl.DataFrame,
+    ) -> None:
+        """Tables by name, or in one mapping; those named take the place of those in the mapping."""
+        named = {"static": static, "dynamic": dynamic, "previews": previews, **more}
+        held = {**(tables or {}), **{name: table for name, table in named.items() if table is not None}}
+        values = {"tables": held, "record": record or {}, "models": models, "maps": maps, "faults": faults}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
 
 def read_results(folder: str | Path) -> Results:
@@ -88,29 +88,21 @@ def read_results(folder: str | Path) -> Results:
     folder = Path(folder)
     if not folder.is_dir():
         raise CampaignError(f"{folder}: there is no such folder of results")
-    dynamic = _table(folder / "dynamic.csv", DYNAMIC_COLUMNS)
-    static = _table(folder / "static.csv", STATIC_COLUMNS)
+    tables = {spec.name: _table(folder, spec) for spec in TABLES.values() if spec.read}
     try:
         record = json.loads(read_bytes(folder / "study.json", max_bytes=_MOST_BYTES))
         if not isinstance(record, dict):
             raise CampaignError("study.json is not one that fourpole wrote: run fourpole analyse again")
-        previews = folder / "previews.parquet"
-        frame = pl.read_parquet(previews) if previews.is_file() else pl.DataFrame()
     except (FileError, TableError) as error:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
-    except (ValueError, pl.exceptions.PolarsError) as error:
+    except ValueError as error:
         raise CampaignError(f"{folder}: cannot be read ({error}): run fourpole analyse again") from None
-    more: dict[str, Any] = {
-        name: _table(folder / f"{name}.csv", columns) if (folder / f"{name}.csv").is_file() else pl.DataFrame()
-        for name, columns in _OPTIONAL.items()
-    }
-    found = Results(static, dynamic, frame, record, **more)
-    return _with_models(found, folder)
+    return _with_models(Results(record=record, tables=tables), folder)
 
 
 def _with_models(results: Results, folder: Path) -> Results:
     """The results with the model files that were made from them."""
-    sha256 = sha256_of(folder / "dynamic.csv", max_bytes=_MOST_BYTES)
+    sha256 = sha256_of(folder / f"{DYNAMIC.name}.csv", max_bytes=_MOST_BYTES)
     files: dict[str, Any] = {}
     faults = []
     for name, field_name in (("model", "models"), ("map", "maps")):
@@ -127,17 +119,24 @@ def _with_models(results: Results, folder: Path) -> Results:
     return replace(results, faults=tuple(faults), **files)
 
 
-def _table(path: Path, columns: tuple[str, ...]) -> pl.DataFrame:
+def _table(folder: Path, spec: TableSpec) -> pl.DataFrame:
+    """A table as it was written; one without columns where it may lack and does."""
+    path = folder / f"{spec.name}{spec.endings[0]}"
+    optional = not spec.always or path.suffix == ".parquet"
+    if optional and not path.is_file():
+        return pl.DataFrame()
     try:
+        if path.suffix == ".parquet":
+            return pl.read_parquet(path)
         content = read_bytes(path, max_bytes=_MOST_BYTES)
         names = pl.read_csv(content, n_rows=0, infer_schema=False).columns
-        types = {name: pl.Float64 if name in columns and name not in TEXT_COLUMNS else pl.String for name in names}
-        frame = pl.read_csv(content, schema=types)
+        known = {**spec.columns, POINT.head: pl.Int64}
+        frame = pl.read_csv(content, schema={name: known.get(name, pl.String) for name in names})
     except (FileError, TableError) as error:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
     except pl.exceptions.PolarsError as error:
         raise CampaignError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
-    lacking = [name for name in columns if name not in names]
+    lacking = [name for name in spec.columns if name not in names]
     if lacking:
         raise CampaignError(f"{path.name}: has no column {lacking[0]!r}: run fourpole analyse again")
-    return frame.with_columns(pl.col(name).fill_null("") for name in names if types[name] == pl.String)
+    return frame.with_columns(pl.col(pl.String).fill_null(""))

@@ -25,18 +25,7 @@ from fourpole.campaign.outcome import Reduced
 from fourpole.campaign.reduce import jobs_of, reduce_tests, response_hashes
 from fourpole.campaign.results import Results
 from fourpole.campaign.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
-from fourpole.campaign.tables import (
-    budget_table,
-    correction_table,
-    covariance_table,
-    dynamic_table,
-    phasor_table,
-    preview_table,
-    quantile_table,
-    residual_table,
-    rig_table,
-    static_table,
-)
+from fourpole.campaign.tables import TABLES, Analysed, Tables
 from fourpole.core.checks import worst_verdict
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
@@ -54,20 +43,19 @@ DRAWS = 10_000
 _SEED = 1982
 
 
-@dataclass(frozen=True)
-class Study:
+@dataclass(frozen=True, eq=False)
+class Study(Tables):
     """Result tables of a campaign.
 
     Attributes
     ----------
     campaign : Campaign
         What was analysed.
-    static, dynamic, phasors, covariance, previews : polars.DataFrame
-        As in static.csv, dynamic.csv, phasors.parquet, covariance.parquet and previews.parquet.
+    tables : mapping of str to polars.DataFrame
+        By the name of their file; each is an attribute too: `static`, `dynamic`, `rig`, `residuals`, `quantiles`,
+        `budget`, `corrections`, `phasors`, `covariance` and `previews`.
     route : str
         How K* was found.
-    rig, residuals, budget, quantiles, corrections : polars.DataFrame
-        As in rig.csv, residuals.csv, budget.csv, quantiles.csv and corrections.csv.
     joint : dict
         Of each rig, what the joint route says of its fit.
     monte_carlo : int
@@ -88,17 +76,8 @@ class Study:
     """
 
     campaign: Campaign
-    static: pl.DataFrame
-    dynamic: pl.DataFrame
-    phasors: pl.DataFrame
-    covariance: pl.DataFrame
-    previews: pl.DataFrame
+    tables: Mapping[str, pl.DataFrame]
     route: str
-    rig: pl.DataFrame
-    residuals: pl.DataFrame
-    budget: pl.DataFrame
-    quantiles: pl.DataFrame
-    corrections: pl.DataFrame
     joint: dict[str, dict[str, Any]] = field(default_factory=dict)
     monte_carlo: int = DRAWS
     notes: tuple[str, ...] = ()
@@ -114,9 +93,8 @@ class Study:
     @property
     def results(self) -> Results:
         """The tables that figures and reports are made from."""
-        return Results(
-            self.static, self.dynamic, self.previews, self.record, self.rig, self.residuals, self.budget, self.quantiles
-        )
+        read = {name: table for name, table in self.tables.items() if TABLES[name].read}
+        return Results(record=self.record, tables=read)
 
     @property
     def measured(self) -> MeasuredSet:
@@ -195,18 +173,13 @@ class Study:
             If a file cannot be written.
         """
         folder = make_folder(folder)
-        write_table(folder / "static.csv", self.static)
-        write_table(folder / "dynamic.csv", self.dynamic)
-        write_table(folder / "dynamic.parquet", self.dynamic)
-        write_table(folder / "phasors.parquet", self.phasors)
-        write_table(folder / "covariance.parquet", self.covariance)
-        write_table(folder / "previews.parquet", self.previews)
-        for name in ("rig", "residuals", "budget", "quantiles", "corrections"):
-            table = getattr(self, name)
-            if table.height:
-                write_table(folder / f"{name}.csv", table)
-            else:  # of an earlier run with another route
-                (folder / f"{name}.csv").unlink(missing_ok=True)
+        for spec in TABLES.values():
+            table = self.tables[spec.name]
+            for path in (folder / f"{spec.name}{ending}" for ending in spec.endings):
+                if table.height or spec.always:
+                    write_table(path, table)
+                else:  # of an earlier run with another route
+                    path.unlink(missing_ok=True)
         write_text(folder / "study.json", json.dumps(self.record, indent=2, ensure_ascii=False) + "\n")
         return folder
 
@@ -305,20 +278,12 @@ def analyse(
     stiffness = [_stiffness(test, static_rows) for test in dynamic]
     found, remarks = identify_tests(campaign, dynamic, points, stiffness, route, monte_carlo, _SEED)
     cells = [dynamic_cells(dynamic[i], points[i], stiffness[i], found.get(i), route) for i in range(len(dynamic))]
-    groups = list({id(item.group): item.group for item in found.values()}.values())
+    analysed = Analysed(campaign, statics, dynamic, points, cells, found)
+    groups = [group for group, _ in analysed.groups]
     return Study(
         campaign=campaign,
-        static=static_table(campaign, static_rows),
-        dynamic=dynamic_table(campaign, dynamic, cells),
-        phasors=phasor_table(dynamic, points),
-        covariance=covariance_table(groups),
-        previews=preview_table(statics, dynamic, points),
+        tables={name: spec.of(analysed) for name, spec in TABLES.items()},
         route=route,
-        rig=rig_table(groups),
-        residuals=residual_table(groups),
-        budget=budget_table(groups),
-        quantiles=quantile_table(groups),
-        corrections=correction_table(dynamic, points),
         joint={group.setup.rig_name: group.learned.record for group in groups if group.learned is not None},
         monte_carlo=monte_carlo,
         notes=(*([note] if note else []), *remarks, *campaign.stated.assumptions(), *_assumed(dynamic)),

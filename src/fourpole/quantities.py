@@ -1,0 +1,295 @@
+"""Quantities: all that stands in result tables, on axes, in sentences and in exports, each said once.
+
+A quantity is one entry below. A head in a file is `column` with the SI unit: "Re K* [N/m]", "u(Re K*) [N/m]".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import pi
+from typing import Any, Literal
+
+__all__ = ["DERIVED", "QUANTITIES", "Quantity", "meaning_of"]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity: what it is called and where, and in which unit people read it.
+
+    Attributes
+    ----------
+    key : str
+        Name in Python, JSON and tests.csv.
+    symbol : str
+        Short sign, as the report's tables have it.
+    name : str
+        Name on an axis.
+    unit : str
+        SI unit of the column, "1" for a ratio; empty where the head has none.
+    meaning : str
+        What it is, in words.
+    shown : str
+        Unit in which people read it; by default the SI unit.
+    scale : float
+        SI value of one shown unit.
+    column, u_column : str
+        Name in the head, and in the head of the uncertainty; by default `name`, and as `column`.
+    kind : {"number", "text", "count", "lists"}
+        What a cell holds.
+    digits : int
+        Significant digits where no uncertainty is beside it.
+    pair : tuple of Quantity
+        Of a correlation: the two quantities.
+    topic, more, start : str
+        The part of the findings that reports it, what a tyre is that has more of it, and how it opens a sentence.
+    over : tuple of str
+        Axes along which findings follow it.
+    of : callable, optional
+        A quantity that follows from others: value and standard uncertainty from a row of dynamic.csv, by heads.
+
+    Examples
+    --------
+    >>> STORAGE.head, STORAGE.u_head, STORAGE.label
+    ('Re K* [N/m]', 'u(Re K*) [N/m]', "K' [kN/m]")
+    """
+
+    key: str
+    symbol: str
+    name: str
+    unit: str = ""
+    meaning: str = ""
+    shown: str = ""
+    scale: float = 1.0
+    column: str = ""
+    u_column: str = ""
+    kind: Literal["number", "text", "count", "lists"] = "number"
+    digits: int = 4
+    pair: tuple[Quantity, ...] = ()
+    topic: str = ""
+    more: str = ""
+    start: str = ""
+    over: tuple[str, ...] = ("pressure", "load", "frequency")
+    of: Callable[[Mapping[str, Any]], tuple[float, float]] | None = None
+
+    def __post_init__(self) -> None:
+        """Fill in what is by default as another attribute."""
+        object.__setattr__(self, "shown", self.shown or self.unit)
+        object.__setattr__(self, "column", self.column or self.name)
+        object.__setattr__(self, "u_column", self.u_column or self.column)
+
+    @property
+    def head(self) -> str:
+        """Head of the column."""
+        return self._headed(self.column)
+
+    @property
+    def u_head(self) -> str:
+        """Head of the column of its standard uncertainty."""
+        return self._headed(f"u({self.u_column})")
+
+    @property
+    def heads(self) -> tuple[str, str]:
+        """Heads of value and uncertainty."""
+        return self.head, self.u_head
+
+    @property
+    def parts(self) -> tuple[str, str]:
+        """Heads of the real and the imaginary part of a complex amplitude."""
+        return self._headed(f"Re {self.column}"), self._headed(f"Im {self.column}")
+
+    @property
+    def relative_head(self) -> str:
+        """Head of the relative standard uncertainty."""
+        return f"u({self.column})/{self.column} [1]"
+
+    def u_head_from(self, other: Quantity) -> str:
+        """Head of that part of the uncertainty that comes from another quantity."""
+        return self._headed(f"u({self.column}) from {other.column}")
+
+    def _headed(self, column: str) -> str:
+        return f"{column} [{self.unit}]" if self.unit else column
+
+    @property
+    def label(self) -> str:
+        """Text of an axis, in the unit shown."""
+        return f"{self.name} [{self.shown}]"
+
+    @property
+    def u_label(self) -> str:
+        """Head of the uncertainty in the unit shown."""
+        return f"u({self.name}) [{self.shown}]"
+
+    @property
+    def stated_head(self) -> str:
+        """Head in tests.csv."""
+        return f"{self.key} [{self.unit if self.scale == 1 else self.shown}]"
+
+    @property
+    def suffix(self) -> str:
+        """Unit that stands behind a shown number; none behind a ratio."""
+        return "" if self.shown == "1" else self.shown
+
+
+def _text(key: str, meaning: str = "") -> Quantity:
+    return Quantity(key, key, key, meaning=meaning, kind="text")
+
+
+def _listed(key: str, name: str, unit: str, meaning: str = "") -> Quantity:
+    return Quantity(key, name, name, unit, meaning, kind="lists")
+
+
+TEST = _text("test", "name of the test")
+POINT = Quantity("point", "point", "point", meaning="which of several rows of a test, from 1 on", kind="count")
+RIG = _text("rig", "name of the rig; empty where the campaign has one")
+TYRE = _text("tyre", "name of the tyre or specimen")
+CONSTRUCTION = _text("construction", "construction of the tyre")
+ROUTE = _text("route", "how K* was found")
+VERDICT = _text("verdict", "ok, warning or rejected")
+REMARKS = _text("remarks", "reasons for the verdict, and what to do")
+CONDITION = Quantity("condition", "condition", "condition", meaning="number shared by tests of one K*", kind="count")
+
+PRESSURE = Quantity("pressure", "p", "pressure", "Pa", "inflation pressure", "bar", 1e5, digits=3)
+PRELOAD = Quantity("preload", "preload", "preload", "N", "static load on the tyre")
+ADDED_MASS = Quantity("added_mass", "added mass", "added mass", "kg", "mass added to the moving mass")
+TEMPERATURE = Quantity("temperature", "T", "temperature", "degC", "temperature of the test", "°C", digits=3)
+FREQUENCY = Quantity("frequency", "f", "frequency", "Hz", "frequency found in the recording")
+F1 = Quantity("f1", "F1", "F1", "N", "amplitude of the force at the contact")
+V1 = Quantity("v1", "V1", "V1", "m/s", "amplitude of the velocity at the contact", "mm/s", 1e-3)
+V2 = Quantity("v2", "V2", "V2", "m/s", "amplitude of the velocity of the moving mass", "mm/s", 1e-3)
+PHASE_F1 = Quantity(
+    "phase_f1_v1", "F1 ahead of V1", "phase F1-V1", "rad", "phase of F1 ahead of V1", "°", pi / 180
+)  # fmt: skip
+PHASE_V2 = Quantity(
+    "phase_v2_v1", "V2 ahead of V1", "phase V2-V1", "rad", "phase of V2 ahead of V1", "°", pi / 180
+)  # fmt: skip
+
+R = Quantity("r", "R", "R", "m/(N s)", "real part of the mobility V1/F1", "mm/(N s)", 1e-3)
+I = Quantity("i", "I", "I", "m/(N s)", "imaginary part of the mobility V1/F1", "mm/(N s)", 1e-3)  # noqa: E741  the paper's symbol
+CORR_R_I = Quantity("corr_r_i", "corr(R, I)", "corr(R,I)", "1", "correlation of R and I", digits=2, pair=(R, I))
+STORAGE = Quantity(
+    "storage", "K′", "K'", "N/m", "real part of the dynamic stiffness", "kN/m", 1e3, "Re K*",
+    topic="dynamic stiffness", more="is dynamically the stiffer",
+)  # fmt: skip
+LOSS = Quantity("loss", "K″", "K''", "N/m", "imaginary part of the dynamic stiffness", "kN/m", 1e3, "Im K*")
+CORR_K = Quantity(
+    "corr_k", "corr(K′, K″)", "corr(Re,Im K*)", "1", "correlation of Re K* and Im K*", digits=2, pair=(STORAGE, LOSS)
+)
+LOSS_FACTOR = Quantity(
+    "loss_factor", "η", "loss factor", "1", "loss factor Im K* / Re K*",
+    topic="loss", more="has the larger loss", start="The loss factor",
+)  # fmt: skip
+K_STAR = Quantity("k_star", "K*", "K*", "N/m", "dynamic stiffness, complex", "kN/m", 1e3)
+K1 = Quantity(
+    "k1", "K1", "K1", "N/m", "static stiffness at the preload", "kN/m", 1e3,
+    topic="static stiffness", more="is the stiffer", over=("pressure", "load"),
+)  # fmt: skip
+K2 = Quantity(
+    "k2", "K2", "K2", "N/m", "stiffness of the spring in series with C", "kN/m", 1e3,
+    topic="dynamic stiffness", more="is dynamically the stiffer",
+)  # fmt: skip
+C = Quantity(
+    "c", "C", "C", "N s/m", "damping of the damper in series with K2", topic="damping", more="is the more damped"
+)
+CORR_K2_C = Quantity("corr_k2_c", "corr(K2, C)", "corr(K2,C)", "1", "correlation of K2 and C", digits=2, pair=(K2, C))
+TR = Quantity("tr", "TR", "TR", "1", "modulus of V2/V1")
+TR_MEASURED = Quantity("tr_measured", "TR", "TR measured", "1", "modulus of V2/V1, measured", u_column="TR")
+TR_PREDICTED = Quantity(
+    "tr_predicted", "TR predicted", "TR predicted", "1", "modulus of V2/V1 that K* and the rig give", u_column="TR"
+)
+
+SECANT = Quantity(
+    "secant", "secant", "secant", "N/m", "secant static stiffness, from the point of zero load", "kN/m", 1e3
+)
+CYCLE_LOSS = Quantity(
+    "cycle_loss", "loss", "hysteresis loss", "J", "energy lost in the last complete cycle of the static curve",
+    topic="loss", over=("pressure",),
+)  # fmt: skip
+NONLINEARITY = Quantity(
+    "nonlinearity", "nonlinearity", "nonlinearity", "1",
+    "departure of the static curve from a line, over the load span", "%", 0.01, digits=3,
+    topic="nonlinearity", over=("pressure",),
+)  # fmt: skip
+
+VALUE = _text("value", "name of the shared value")
+UNIT = _text("unit", "unit of the values in the row")
+FINDING = _text("finding", "found, not determined, contradicted, not calibrated or unstated")
+STATED = Quantity("stated", "stated", "stated", meaning="value as stated; a gain is measured over true")
+FOUND = Quantity("found", "found", "found", meaning="value after the tests")
+POSTERIOR = Quantity(
+    "posterior_over_prior", "", "posterior over prior", "1", "ratio of the uncertainties after and before the tests"
+)
+PULL = Quantity("pull", "pull", "pull", "1", "found less stated, in the uncertainty of that difference")
+DETECTION_LIMIT = Quantity(
+    "detection_limit", "", "detection limit", column="seen from",
+    meaning="smallest undeclared error that the tests would show; blank where they show none",
+)  # fmt: skip
+
+RESIDUAL_RE = Quantity(
+    "residual_re", "", "Re residual", "N s/m", "real part of F1/V2 - Zr", u_column="Re"
+)  # fmt: skip
+RESIDUAL_IM = Quantity(
+    "residual_im", "", "Im residual", "N s/m", "imaginary part of F1/V2 - Zr", u_column="Im"
+)  # fmt: skip
+ZR = Quantity("zr", "Zr", "Zr", "N s/m", "impedance of the rig")
+CHI2 = Quantity("chi2", "χ²", "chi2", "1", "chi-square of the residual")
+DOF = Quantity("dof", "dof", "dof", "1", "degrees of freedom")
+OUTLIER = Quantity("outlier", "", "outlier", "1", "factor by which the variance of an outlier is enlarged, else 1")
+
+QUANTITY = _text("quantity", "symbol of the quantity")
+SOURCE = _text("source", "source of the uncertainty")
+U = Quantity("u", "u", "u", meaning="standard uncertainty from this source, in the unit of the row")
+SHARE = Quantity("share", "share", "share", "1", "share of the variance")
+LOWER = Quantity("lower", "", "2.5 %", meaning="2.5 % quantile, in the unit of the row")
+MEDIAN = Quantity("median", "", "50 %", meaning="median, in the unit of the row")
+UPPER = Quantity("upper", "", "97.5 %", meaning="97.5 % quantile, in the unit of the row; blank where it has no limit")
+NON_PASSIVE = Quantity(
+    "non_passive", "", "non-passive share", "1", "share of the draws without a passive K2, C", column="impassive share"
+)
+
+CHANNEL = _text("channel", "F1, V1 or V2")
+CORRECTION = _text("correction", "what was corrected: delay, filter, response or cross-talk")
+GAIN = Quantity("gain", "gain", "gain", "1", "gain at the frequency, recorded over true")
+PHASE = Quantity("phase", "phase", "phase", "rad", "phase at the frequency, recorded less true")
+
+PHASOR_COVARIANCE = _listed(
+    "phasor_covariance", "covariance Re F1, Im F1, Re V1, Im V1, Re V2, Im V2", "", "6×6, row by row"
+)
+OWN_COVARIANCE = _listed(
+    "own_covariance", "own covariance Re, Im K*", "N2/m2",
+    "2×2, row by row, Re before Im: what this condition does not share with others",
+)  # fmt: skip
+SHARED_STORAGE = _listed(
+    "shared_storage", "shared Re K*", "N/m", "what one standard uncertainty of each common error does to Re K*"
+)
+SHARED_LOSS = _listed(
+    "shared_loss", "shared Im K*", "N/m", "what one standard uncertainty of each common error does to Im K*"
+)
+DEFLECTION = _listed("deflection", "deflection", "m", "deflection of the static curve")
+LOAD = _listed("load", "load", "N", "load of the static curve")
+MEAN_DEFLECTION = _listed("mean_deflection", "mean deflection", "m", "deflection of the mean curve")
+MEAN_LOAD = _listed("mean_load", "mean load", "N", "load of the mean curve")
+TIME = _listed("time", "time", "s", "time of the samples shown")
+RESIDUAL_TIME = _listed("residual_time", "residual time", "s", "time of the stretches whose residual is shown")
+
+WINDOW = Quantity("window", "window", "window", "s", "part of the recording in use", kind="text")
+OUTSIDE = Quantity("outside", "", "outside", "half spans", "distance from what was measured")
+
+#: All of them, in the order above.
+QUANTITIES = tuple(one for one in list(globals().values()) if isinstance(one, Quantity))
+#: Those that follow from others in a row of dynamic.csv; they stand behind the others there.
+DERIVED = tuple(one for one in QUANTITIES if one.of is not None)
+_MEANINGS = {head: text for one in QUANTITIES for head, text in (
+    (one.u_head, f"standard uncertainty of {one.u_column}"), (one.head, one.meaning)
+)}  # fmt: skip
+
+
+def meaning_of(head: str) -> str:
+    """What a column is, in words; its name where no table has it.
+
+    Examples
+    --------
+    >>> meaning_of("loss factor [1]"), meaning_of("u(TR) [1]"), meaning_of("camber [deg]")
+    ('loss factor Im K* / Re K*', 'standard uncertainty of TR', 'camber')
+    """
+    return _MEANINGS.get(head) or head.rpartition(" [")[0] or head
