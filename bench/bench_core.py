@@ -17,8 +17,9 @@ from scipy.optimize import curve_fit, least_squares
 from side_by_side import Row, agree, compare, show
 
 import fourpole
+from fourpole import twoport
 from fourpole.core.phasor import Phasors
-from fourpole.core.tyre import zener_mobility
+from fourpole.core.tyre import transmissibility, zener_mobility, zener_stiffness
 from fourpole.io.columns import read_columns
 
 SEED = 1982
@@ -96,14 +97,14 @@ def demodulation() -> list[Row]:
 def four_poles() -> list[Row]:
     frequency = np.linspace(1.0, 100.0, FREQUENCIES)
     omega = 2 * np.pi * frequency
-    stiffness = fourpole.zener_stiffness(**STIFFNESS, omega=omega)
+    stiffness = zener_stiffness(**STIFFNESS, omega=omega)
     grid = skrf.Frequency.from_f(frequency, unit="hz")
 
     def network(part):
         return skrf.Network(frequency=grid, a=part, z0=REFERENCE_IMPEDANCE)
 
     def parts():
-        return fourpole.spring(stiffness, omega), fourpole.mass(MASS, omega), fourpole.spring(PRELOAD, omega)
+        return twoport.spring(stiffness, omega), twoport.mass(MASS, omega), twoport.spring(PRELOAD, omega)
 
     tyre, mass, preload = parts()
     tyre_network, mass_network, preload_network = map(network, parts())
@@ -115,7 +116,7 @@ def four_poles() -> list[Row]:
         first, second, third = map(network, parts())
         return (first**second**third).a
 
-    chain, rig = fourpole.cascade(tyre, mass, preload), fourpole.cascade(mass, preload)
+    chain, rig = twoport.cascade(tyre, mass, preload), twoport.cascade(mass, preload)
     chain_network, rig_network = network(chain), network(rig)
 
     def without_rig():
@@ -124,25 +125,25 @@ def four_poles() -> list[Row]:
     same = agree(float(np.max(np.abs(from_values() / chain - 1))), 3e-11)
     ours, theirs = (
         float(np.max(np.abs(1j * omega / found[:, 1, 0] / stiffness - 1)))
-        for found in (fourpole.deembed(chain, after=rig), without_rig())
+        for found in (twoport.deembed(chain, after=rig), without_rig())
     )
     error = f"{ours:.0e} and {agree(theirs, 5e-10)}"
     return [
         *compare(
             "cascade, product of parts",
-            lambda: fourpole.cascade(tyre, mass, preload),
+            lambda: twoport.cascade(tyre, mass, preload),
             {"scikit-rf **": (product, same)},
             rounds=15,
         ),
         *compare(
             "cascade, from values",
-            lambda: fourpole.cascade(*parts()),
+            lambda: twoport.cascade(*parts()),
             {"scikit-rf Network, **, .a": (from_values, same)},
             rounds=15,
         ),
         *compare(
             "de-embed m and K3",
-            lambda: fourpole.deembed(chain, after=rig),
+            lambda: twoport.deembed(chain, after=rig),
             {"scikit-rf .inv, **, .a": (without_rig, error)},
             rounds=5,
         ),
@@ -156,10 +157,10 @@ def identification() -> list[Row]:
     omega = 2 * np.pi * frequency
     k1, k2, c = (value * rng.uniform(0.7, 1.4, count) for value in STIFFNESS.values())
     mobility = zener_mobility(k1, k2, c, omega, mass=MASS, preload_stiffness=PRELOAD)
-    stiffness = fourpole.zener_stiffness(k1, k2, c, omega)
-    transmissibility = fourpole.transmissibility(stiffness, omega, mass=MASS, preload_stiffness=PRELOAD)
+    stiffness = zener_stiffness(k1, k2, c, omega)
+    ratio = transmissibility(stiffness, omega, mass=MASS, preload_stiffness=PRELOAD)
 
-    amplitudes = np.stack([0.06 / mobility, np.full(count, 0.06 + 0j), 0.06 * transmissibility], axis=-1)
+    amplitudes = np.stack([0.06 / mobility, np.full(count, 0.06 + 0j), 0.06 * ratio], axis=-1)
     variance = np.repeat(0.5 * (1e-3 * np.abs(amplitudes)) ** 2, 2, axis=-1)
     covariance = variance[:, :, None] * np.eye(6)
     phasors = Phasors(frequency, amplitudes, covariance, np.zeros(count), np.full(count, 60.0))

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -63,10 +64,50 @@ def test_importing_the_package_loads_nothing_heavy():
     assert not loaded & HEAVY
 
 
-def test_the_face_says_something_and_says_it_once():
-    assert SPEAKING
-    assert len(set(fourpole.__all__)) == len(fourpole.__all__)
-    assert set(fourpole.__all__) <= set(dir(fourpole))
+FACE = """
+    analyse Channel ChannelUncertainty demodulate FourpoleError Identification identify identify_joint LoadCurve
+    maxwell_arm models Phasors plan quantity read_campaign read_recording read_results Recording Rig simulate_campaign
+    Study
+"""
+
+
+def test_the_face_is_exactly_what_is_promised():
+    assert sorted(fourpole.__all__) == sorted(FACE.split())
+    assert set(dir(fourpole)) == {*fourpole.__all__, "twoport"}
+    assert all(getattr(fourpole, name) is not None for name in dir(fourpole))
+    assert inspect.isfunction(fourpole.plan)
+    assert inspect.ismodule(fourpole.models)
+
+
+def test_the_four_poles_have_a_module_at_the_top():
+    from fourpole.core import twoport
+    from fourpole.twoport import __all__ as names
+
+    assert sorted(names) == sorted(twoport.__all__)
+    assert all(getattr(fourpole.twoport, name) is getattr(twoport, name) for name in names)
+
+
+@pytest.mark.parametrize(
+    ("name", "home"),
+    [
+        ("cascade", "twoport"),
+        ("energy_loss", "core.tyre"),
+        ("identify_mobility", "core.reduced"),
+        ("mass", "twoport"),
+        ("predict", "core.reduced"),
+        ("transmissibility", "core.tyre"),
+        ("zener_stiffness", "core.tyre"),
+    ],
+)
+def test_a_name_that_left_the_face_says_where_it_is(name, home):
+    with pytest.raises(AttributeError, match=rf"use fourpole\.{home}\.{name}$"):
+        getattr(fourpole, name)
+    assert callable(getattr(import_module(f"fourpole.{home}"), name))
+
+
+def test_a_name_that_never_was_is_only_unknown():
+    with pytest.raises(AttributeError, match=r"has no attribute 'nothing'$"):
+        _ = fourpole.nothing
 
 
 @pytest.mark.parametrize("name", SPEAKING)

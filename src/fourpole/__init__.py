@@ -1,7 +1,8 @@
 """Fourpole: from tyre-rig recordings to stiffness, damping, mobility and transmissibility, with uncertainty.
 
-The names below are all that a script needs; each is loaded when it is first used, so importing fourpole loads
-no plotting, file or web library. Units are SI, angles radians, time factors e^{+jwt}.
+The names below are what a script starts from; four-poles are in `fourpole.twoport`. Each name is loaded when it is
+first used, so importing fourpole loads no plotting, file or web library. Units are SI, angles radians, time factors
+e^{+jwt}.
 """
 
 from __future__ import annotations
@@ -10,100 +11,87 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fourpole import models, twoport
     from fourpole.campaign import Study, analyse, read_campaign
+    from fourpole.campaign.planning import plan
+    from fourpole.campaign.recording import read_recording
+    from fourpole.campaign.results import read_results
     from fourpole.core.demodulation.demodulate import demodulate
-    from fourpole.core.identify import identify
+    from fourpole.core.identify import ChannelUncertainty, Identification, identify
+    from fourpole.core.joint import identify_joint
     from fourpole.core.loadcurve import LoadCurve
     from fourpole.core.phasor import Phasors
     from fourpole.core.recording import Channel, Recording
-    from fourpole.core.reduced import identify_mobility, predict
     from fourpole.core.rig import Rig
     from fourpole.core.routes import maxwell_arm
-    from fourpole.core.twoport import (
-        cascade,
-        chain_mobility,
-        chain_transmissibility,
-        damper,
-        deembed,
-        inverse,
-        mass,
-        spring,
-    )
-    from fourpole.core.tyre import energy_loss, loss_factor, mobility, transmissibility, zener_stiffness
     from fourpole.errors import FourpoleError
     from fourpole.units import quantity
     from fourpole.virtual import simulate_campaign
 
 _HOME = {
     "Channel": "core.recording",
+    "ChannelUncertainty": "core.identify",
     "FourpoleError": "errors",
+    "Identification": "core.identify",
     "LoadCurve": "core.loadcurve",
     "Phasors": "core.phasor",
     "Recording": "core.recording",
     "Rig": "core.rig",
     "Study": "campaign",
     "analyse": "campaign",
-    "cascade": "core.twoport",
-    "chain_mobility": "core.twoport",
-    "chain_transmissibility": "core.twoport",
-    "damper": "core.twoport",
-    "deembed": "core.twoport",
     "demodulate": "core.demodulation.demodulate",
-    "energy_loss": "core.tyre",
     "identify": "core.identify",
-    "identify_mobility": "core.reduced",
-    "inverse": "core.twoport",
-    "loss_factor": "core.tyre",
-    "mass": "core.twoport",
+    "identify_joint": "core.joint",
     "maxwell_arm": "core.routes",
-    "mobility": "core.tyre",
-    "predict": "core.reduced",
+    "plan": "campaign.planning",
     "quantity": "units",
     "read_campaign": "campaign",
+    "read_recording": "campaign.recording",
+    "read_results": "campaign.results",
     "simulate_campaign": "virtual",
-    "spring": "core.twoport",
-    "transmissibility": "core.tyre",
-    "zener_stiffness": "core.tyre",
+}
+_MODULES = ("models", "twoport")
+#: Where names are that earlier versions had at the top.
+_MOVED = {
+    **dict.fromkeys(("energy_loss", "loss_factor", "mobility", "transmissibility", "zener_stiffness"), "core.tyre"),
+    **dict.fromkeys(("identify_mobility", "predict"), "core.reduced"),
+    **dict.fromkeys(("cascade", "chain_mobility", "chain_transmissibility", "damper"), "twoport"),
+    **dict.fromkeys(("deembed", "inverse", "mass", "spring"), "twoport"),
 }
 
 __all__ = [
     "Channel",
+    "ChannelUncertainty",
     "FourpoleError",
+    "Identification",
     "LoadCurve",
     "Phasors",
     "Recording",
     "Rig",
     "Study",
     "analyse",
-    "cascade",
-    "chain_mobility",
-    "chain_transmissibility",
-    "damper",
-    "deembed",
     "demodulate",
-    "energy_loss",
     "identify",
-    "identify_mobility",
-    "inverse",
-    "loss_factor",
-    "mass",
+    "identify_joint",
     "maxwell_arm",
-    "mobility",
-    "predict",
+    "models",
+    "plan",
     "quantity",
     "read_campaign",
+    "read_recording",
+    "read_results",
     "simulate_campaign",
-    "spring",
-    "transmissibility",
-    "zener_stiffness",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'fourpole' has no attribute {name!r}")
-    return getattr(import_module(f"fourpole.{_HOME[name]}"), name)
+    if name in _MODULES:
+        return import_module(f"fourpole.{name}")
+    if name in _HOME:
+        return getattr(import_module(f"fourpole.{_HOME[name]}"), name)
+    moved = f"; use fourpole.{_MOVED[name]}.{name}" if name in _MOVED else ""
+    raise AttributeError(f"module 'fourpole' has no attribute {name!r}{moved}")
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted([*__all__, "twoport"])

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from fourpole.campaign.channels import DEFAULT_GAIN_STD, DEFAULT_PHASE_STD
-from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.folder import Campaign, Test, read_campaign
 from fourpole.campaign.identified import ADDED_MASS_STD, setup_of
 from fourpole.campaign.results import read_results
 from fourpole.campaign.schema import DEFAULT_RIG_STD
@@ -32,6 +32,7 @@ __all__ = [
     "RigPlan",
     "Run",
     "bare_plan",
+    "plan",
     "plan_campaign",
     "plan_table",
     "with_kg",
@@ -113,6 +114,64 @@ class CampaignPlan:
     tests: tuple[Test, ...]
     extra_columns: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def table(self, masses: Sequence[float] = ()) -> pl.DataFrame:
+        """The uncertainties to expect, as `plan_table` gives them."""
+        return plan_table(self, masses)
+
+
+def plan(
+    campaign: Campaign | str | Path,
+    *,
+    k1: float | None = None,
+    k2: float | None = None,
+    c: float | None = None,
+    k1_std: float | None = None,
+    noise: float = 1e-4,
+    cycles: float = _CYCLES,
+    eccentricity: float = 1e-3,
+) -> CampaignPlan:
+    """Plan a campaign before testing: its tests with the uncertainty to expect of each; no recording is read.
+
+    Parameters
+    ----------
+    campaign : Campaign or path
+        The campaign, or its folder.
+    k1, k2, c : float [N/m], [N/m], [N s/m], optional
+        The guessed tyre. What is not given comes from tests.csv (K1), or from an earlier analysis of the campaign.
+    k1_std : float [1], optional
+        Relative standard uncertainty that the static tests will leave of K1; 2 % where nothing states it.
+    noise : float [1]
+        Standard uncertainty of Re and of Im of each amplitude over its modulus, after 40 cycles.
+    cycles : float [1]
+        Recorded in each test; the noise falls with their root.
+    eccentricity : float [m]
+        Amplitude of the contact's motion.
+
+    Returns
+    -------
+    CampaignPlan
+        Its method ``table`` gives a row per route and test.
+
+    Raises
+    ------
+    CampaignError
+        If a test cannot be planned: it has a problem, no frequency, or no guess of its tyre.
+    RigError
+        If a rig is not stated.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from fourpole import simulate_campaign
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     made = simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[14.0], clean=True)
+    ...     planned = plan(made.folder, k1=110e3, k2=100e3, c=800.0)
+    >>> planned.table()["route"].unique(maintain_order=True).to_list()
+    ['mobility', 'relative', 'transmissibility', 'joint']
+    """
+    stated = campaign if isinstance(campaign, Campaign) else read_campaign(campaign)
+    return plan_campaign(stated, Guess(k1, k2, c, k1_std), Run(noise, cycles, eccentricity))
 
 
 def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:

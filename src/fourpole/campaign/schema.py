@@ -23,7 +23,7 @@ from fourpole.campaign.channels import (
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import CampaignError
 
-__all__ = ["CampaignFile", "Stated", "parse_campaign"]
+__all__ = ["CampaignFile", "Stated", "parse_campaign", "validated"]
 
 #: What an unstated uncertainty is taken as.
 DEFAULT_RIG_STD = 0.02
@@ -233,6 +233,11 @@ def parse_campaign(text: str, name: str = "campaign.toml") -> CampaignFile:
         raw = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise CampaignError(f"{name}: not valid TOML: {error}") from None
+    return validated(raw, name)
+
+
+def validated(raw: dict[str, Any], name: str) -> CampaignFile:
+    """What campaign.toml holds as a dict, checked; CampaignError with one short message, which begins with `name`."""
     try:
         return CampaignFile.model_validate(raw)
     except ValidationError as error:
