@@ -18,8 +18,8 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 
 from fourpole import Rig
-from fourpole.core.identify import ChannelUncertainty
-from fourpole.core.joint import identify_joint
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.joint import solve_joint
 from fourpole.core.joint.outputs import identification
 from fourpole.virtual.phasor_rig import RIG_VALUES, Conditions, Laboratory, simulate_phasors
 
@@ -40,7 +40,7 @@ LABORATORY = Laboratory(
 )
 
 NOTES = f"""Tests of many tyres, 10 frequencies each, with 0 and 10 kg added; sensors known to 3 % and 1 degree, m and
-K3 to 2 %, noise 1e-4; 10 shared values. 'solve': identify_joint, from amplitudes to the most probable values, the rig
+K3 to 2 %, noise 1e-4; 10 shared values. 'solve': solve_joint, from amplitudes to the most probable values, the rig
 judged; 'outputs': K*, K2, C, TR of each test with all covariances. Each size in a process of its own; times are
 medians. Memory is the most that the process ever had, with Python and its libraries ('before': those and the
 amplitudes). Checked: the search came to rest; K* within 6 of its uncertainties everywhere; ten times the tests take at
@@ -81,7 +81,7 @@ def measure(count: int) -> Row:
     times = []
     for _ in range(SIZES[count]):
         start = time.perf_counter()
-        joint = identify_joint(
+        joint = solve_joint(
             run.phasors, rig, k1, family=family, added_mass=added, added_mass_std=1e-4 * added, channels=channels
         )
         solved = time.perf_counter()

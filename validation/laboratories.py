@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fourpole.core.identify import ChannelUncertainty
+from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.rig import Rig
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 from fourpole.virtual.phasor_rig import RIG_VALUES, Conditions, Laboratory, PhasorCampaign, simulate_phasors

@@ -9,7 +9,7 @@ from bound import bounds
 from laboratories import MASSES, Case, case
 
 from fourpole.core.arrays import FloatArray as Array
-from fourpole.core.joint import Joint, identify_joint
+from fourpole.core.joint import Joint, solve_joint
 from fourpole.core.joint.outputs import identification
 from fourpole.virtual.phasor_rig import CHANNELS, RIG_VALUES
 
@@ -23,7 +23,7 @@ def run(number: int) -> dict[str, Any]:
     """Errors over uncertainty `z`, uncertainty over value `relative` and over the bound `bound`, by quantity."""
     this = case(number)
     phasors, added = this.campaign.phasors, this.added_mass
-    joint = identify_joint(
+    joint = solve_joint(
         phasors,
         this.rig,
         this.k1,

@@ -11,13 +11,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fourpole import models, twoport
+    from fourpole import models
+    from fourpole import twoport as twoport
     from fourpole.campaign import Study, analyse, read_campaign
     from fourpole.campaign.planning import plan
     from fourpole.campaign.recording import read_recording
     from fourpole.campaign.results import read_results
+    from fourpole.core.channelerrors import ChannelUncertainty
     from fourpole.core.demodulation.demodulate import demodulate
-    from fourpole.core.identify import ChannelUncertainty, Identification, identify
+    from fourpole.core.identification import Identification
+    from fourpole.core.identify import identify
     from fourpole.core.joint import identify_joint
     from fourpole.core.loadcurve import LoadCurve
     from fourpole.core.phasor import Phasors
@@ -30,9 +33,9 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Channel": "core.recording",
-    "ChannelUncertainty": "core.identify",
+    "ChannelUncertainty": "core.channelerrors",
     "FourpoleError": "errors",
-    "Identification": "core.identify",
+    "Identification": "core.identification",
     "LoadCurve": "core.loadcurve",
     "Phasors": "core.phasor",
     "Recording": "core.recording",

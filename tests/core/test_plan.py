@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fourpole.core.identify import ChannelUncertainty, identify
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.identify import identify
 from fourpole.core.joint import identify_joint
-from fourpole.core.joint.outputs import identification
 from fourpole.core.plan import PLAN_ROUTES, Effort, Plan, PlannedTests, advise, expect, possible_routes
 from fourpole.core.plan.expect import arm_by_k1, planned_phasors, relative_uncertainties
 from fourpole.core.plan.remedies import remedies
@@ -45,7 +45,7 @@ def stated(rig_std, gain, phase):
 def analysed(route, phasors, rig, k1, tests, channels):
     added = {"added_mass": tests.added_mass, "added_mass_std": tests.added_mass_std, "channels": channels}
     if route == "joint":
-        return identification(identify_joint(phasors, rig, k1, **added), phasors, k1, tests.k1_std)
+        return identify_joint(phasors, rig, k1, k1_std=tests.k1_std, **added)
     return identify(phasors, rig, k1, route=route, k1_std=tests.k1_std, **added)
 
 

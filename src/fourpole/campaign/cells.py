@@ -12,7 +12,7 @@ from fourpole.campaign.outcome import Point
 from fourpole.campaign.static import StaticStiffness
 from fourpole.campaign.tables import amplitude_cells, covariance_cells, tyre_cells
 from fourpole.core.checks import Check, remarked, worst_verdict
-from fourpole.core.identify import Identification
+from fourpole.core.identification import Identification
 
 __all__ = ["dynamic_cells"]
 
@@ -51,7 +51,7 @@ def _calibration_checks(test: Test) -> list[Check]:
 
 
 def _convergence_checks(found: Identified) -> list[Check]:
-    joint = found.group.joint
+    joint = found.group.result.joint
     if joint is None or joint.solution.converged:
         return []
     return [

@@ -14,9 +14,11 @@ from fourpole.campaign.learned import Learned, learn
 from fourpole.campaign.outcome import Point
 from fourpole.campaign.static import StaticStiffness
 from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import worst_verdict
-from fourpole.core.identify import ChannelUncertainty, Identification, identify, variance_by_source
-from fourpole.core.joint import Joint, identify_joint
+from fourpole.core.identification import Identification
+from fourpole.core.identify import identify, variance_by_source
+from fourpole.core.joint import solve_joint
 from fourpole.core.joint.outputs import identification, outputs
 from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_source
 from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_route
@@ -74,8 +76,6 @@ class Group:
     route : str
         The route that was possible.
     result : Identification
-    joint : Joint or None
-        What the joint route found besides.
     variance : dict of str to (N, 6) float array
         Of each of `core.identify.OUTPUTS`, by its source; K1 in its parts.
     intervals : dict of int to (Interval, Interval)
@@ -89,7 +89,6 @@ class Group:
     phasors: Phasors
     route: str
     result: Identification
-    joint: Joint | None
     variance: dict[str, FloatArray]
     intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
     learned: Learned | None = None
@@ -228,7 +227,7 @@ def _families(tests: Sequence[Test]) -> np.ndarray:
 def _identified(names: tuple[str, ...], setup: Setup, phasors: Phasors, route: str, parts: Sequence[Any]) -> Group:
     if route == "joint":
         assert setup.rig is not None
-        joint = identify_joint(
+        joint = solve_joint(
             phasors,
             setup.rig,
             setup.k1,
@@ -242,7 +241,7 @@ def _identified(names: tuple[str, ...], setup: Setup, phasors: Phasors, route: s
         result = identification(joint, phasors, setup.k1, setup.k1_std, found)
         variance = joint_variance_by_source(joint, found, setup.k1_std)
         learned = learn(joint, names, phasors, setup.rig, setup.channels, (setup.family, setup.nominal), found, result)
-        return Group(names, setup, phasors, route, result, joint, _k1_apart(variance, parts), learned=learned)
+        return Group(names, setup, phasors, route, result, _k1_apart(variance, parts), learned=learned)
     arguments: dict[str, Any] = {
         "k1_std": setup.k1_std,
         "route": route,
@@ -252,7 +251,7 @@ def _identified(names: tuple[str, ...], setup: Setup, phasors: Phasors, route: s
     }
     result = identify(phasors, setup.rig, setup.k1, **arguments)
     variance = variance_by_source(phasors, setup.rig, setup.k1, **arguments)
-    return Group(names, setup, phasors, route, result, None, _k1_apart(variance, parts))
+    return Group(names, setup, phasors, route, result, _k1_apart(variance, parts))
 
 
 def _k1_apart(variance: dict[str, FloatArray], parts: Sequence[Any]) -> dict[str, FloatArray]:
@@ -293,7 +292,7 @@ def _skew(result: Identification) -> np.ndarray:
 
 
 def _drawn(group: Group, at: int, draws: int, rng: np.random.Generator) -> ComplexArray:
-    if group.joint is not None:
+    if group.result.joint is not None:
         return draw_around(complex(group.result.stiffness[at]), group.result.stiffness_covariance[at], draws, rng)
     one = group.phasors.part(at)
     setup = group.setup

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.core.identify import ChannelUncertainty, Identification
-from fourpole.core.joint import Joint, identify_joint
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.identification import Identification
+from fourpole.core.joint import Joint, solve_joint
 from fourpole.core.joint.misfit import pulls
 from fourpole.core.joint.outputs import Outputs, identification, outputs
 from fourpole.core.phasor import Phasors
@@ -332,7 +333,7 @@ def _gain_of_masses(
     fewer = phasors.part(bare)
     k1, k1_std = result.k1[bare], result.k1_std[bare]
     family, nominal = (place[bare] for place in places)
-    alone = identify_joint(fewer, rig, k1, family=family, nominal_frequency=nominal, channels=channels.part(bare))
+    alone = solve_joint(fewer, rig, k1, family=family, nominal_frequency=nominal, channels=channels.part(bare))
     every = np.ones(k1.size, dtype=bool)
     fewer_found = outputs(alone, fewer, k1)
     stated, exact = (identification(alone, fewer, k1, std, fewer_found) for std in (k1_std, 0.0))

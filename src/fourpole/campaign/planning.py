@@ -18,7 +18,7 @@ from fourpole.campaign.schema import DEFAULT_RIG_STD
 from fourpole.campaign.static import StaticStiffness
 from fourpole.campaign.tables import tyre_cells
 from fourpole.core.arrays import FloatArray
-from fourpole.core.identify import ChannelUncertainty
+from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.plan import Plan, PlannedTests
 from fourpole.core.plan.expect import arm_by_k1, planned_phasors, relative_uncertainties

@@ -18,7 +18,7 @@ __all__ = ["read_recording"]
 
 
 def read_recording(file: str | Path, channels: Mapping[str, str | Mapping[str, Any]] | Campaign) -> Recording:
-    """Read the file of one dynamic test, in any format that Fourpole reads, as channels in SI units.
+    r"""Read the file of one dynamic test, in any format that Fourpole reads, as channels in SI units.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ def read_recording(file: str | Path, channels: Mapping[str, str | Mapping[str, A
     --------
     >>> import tempfile
     >>> with tempfile.NamedTemporaryFile("w", suffix=".csv", delete=False) as file:
-    ...     _ = file.write("t [s],F1 [N],V1 [mm/s]\\n")
+    ...     _ = file.write("t [s],F1 [N],V1 [mm/s]\n")
     ...     for i in range(100):
-    ...         _ = file.write(f"{i / 50},{10 * (-1) ** i},{i}\\n")
+    ...         _ = file.write(f"{i / 50},{10 * (-1) ** i},{i}\n")
     >>> recording = read_recording(file.name, {"time": "t", "force_in": "F1", "motion_in": "V1"})
     >>> recording.duration, recording.channels["motion_in"].samples[:3]
     (2.0, array([0.   , 0.001, 0.002]))

@@ -84,6 +84,13 @@ def read_results(folder: str | Path) -> Results:
     ------
     CampaignError
         If the folder does not hold the results of an analysis.
+
+    Examples
+    --------
+    >>> read_results("no such folder")
+    Traceback (most recent call last):
+    ...
+    fourpole.errors.CampaignError: no such folder: there is no such folder of results
     """
     folder = Path(folder)
     if not folder.is_dir():

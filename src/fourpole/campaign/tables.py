@@ -22,7 +22,8 @@ from fourpole.campaign.identified import Group, Identified, budget_columns
 from fourpole.campaign.outcome import Point
 from fourpole.campaign.static import StaticTest
 from fourpole.core.demodulation.preview import Preview
-from fourpole.core.identify import OUTPUTS, Identification
+from fourpole.core.identification import Identification
+from fourpole.core.identify import OUTPUTS
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.quantities import DERIVED, QUANTITIES, Quantity

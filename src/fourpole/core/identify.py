@@ -7,14 +7,15 @@ themselves stand in `fourpole.core.routes`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
+from fourpole.core.channelerrors import ChannelUncertainty, error_covariance, parts
+from fourpole.core.identification import Identification
+from fourpole.core.phasor import Phasors
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.routes import (
     ROUTES,
@@ -27,7 +28,7 @@ from fourpole.core.routes import (
 )
 from fourpole.errors import RigError
 
-__all__ = ["OUTPUTS", "ChannelError", "ChannelUncertainty", "Identification", "identify", "variance_by_source"]
+__all__ = ["OUTPUTS", "identify", "variance_by_source"]
 
 #: What uncertainty is accounted for, with units, in the order of every budget.
 OUTPUTS = {"Re K*": "N/m", "Im K*": "N/m", "loss factor": "1", "K2": "N/m", "C": "N s/m", "TR": "1"}
@@ -39,139 +40,6 @@ _K1_AT = _ADDED_AT + 1
 _OMEGA_AT = _K1_AT + 1
 _INPUTS = _OMEGA_AT + 1
 _INPUT_MASS_AT = 6 + list(PARAMETERS).index("input_mass")
-
-
-@dataclass(frozen=True)
-class ChannelError:
-    """One error that a channel has in all tests.
-
-    Attributes
-    ----------
-    name, unit : str
-        As in a budget: gain F1, phase V2, delay V1, response gain V1; the last in its stated uncertainties.
-    channel : int
-        0, 1, 2 for F1, V1, V2.
-    std : float
-        Standard uncertainty in the unit.
-    turn : (N,) complex array
-        Change of the logarithm of each test's recorded amplitude per unit of the error.
-    """
-
-    name: str
-    unit: str
-    channel: int
-    std: float
-    turn: ComplexArray
-
-
-@dataclass(frozen=True)
-class ChannelUncertainty:
-    """What is not known of the channels F1, V1, V2.
-
-    Attributes
-    ----------
-    gain, phase : (3,) float arrays [1], [rad]
-        Standard uncertainty of the gain, relative, and of the phase; one error of each at all frequencies.
-    delay : (3,) float array [s]
-        Of the delay, whose error turns the phase by omega times itself.
-    response : (N, 3) complex array, optional [1] + j [rad]
-        What a calibrated response leaves unknown of gain and phase at each test's frequency; one error of each, in
-        these proportions, in all tests.
-    """
-
-    gain: FloatArray = field(default_factory=lambda: np.zeros(3))
-    phase: FloatArray = field(default_factory=lambda: np.zeros(3))
-    delay: FloatArray = field(default_factory=lambda: np.zeros(3))
-    response: ComplexArray | None = None
-
-    def part(self, rows: Any) -> ChannelUncertainty:
-        """The same of some of the tests, by whatever indexes an array."""
-        return self if self.response is None else replace(self, response=self.response[rows])
-
-    def errors(self, omega: FloatArray) -> list[ChannelError]:
-        """All that have an uncertainty, for tests at angular frequencies (N,) [rad/s]."""
-        one = np.ones(omega.size, dtype=complex)
-        found = []
-        for at, role in enumerate(CHANNELS):
-            symbol = SYMBOLS[role]
-            found.append(ChannelError(f"gain {symbol}", "1", at, float(self.gain[at]), one))
-            found.append(ChannelError(f"phase {symbol}", "rad", at, float(self.phase[at]), 1j * one))
-            found.append(ChannelError(f"delay {symbol}", "s", at, float(self.delay[at]), -1j * omega))
-            if self.response is not None:
-                gain, phase = self.response[:, at].real, self.response[:, at].imag
-                found.append(ChannelError(f"response gain {symbol}", "1", at, float(gain.any()), gain + 0j))
-                found.append(ChannelError(f"response phase {symbol}", "1", at, float(phase.any()), 1j * phase))
-        return [error for error in found if error.std > 0]
-
-    def covariance(self, amplitudes: ComplexArray, omega: FloatArray) -> FloatArray:
-        """Covariance (N, 6, 6) that these uncertainties give amplitudes (N, 3) as measured."""
-        result = np.zeros((omega.size, 6, 6))
-        for error in self.errors(omega):
-            result += error_covariance(error, amplitudes)
-        return result
-
-
-def error_covariance(error: ChannelError, amplitudes: ComplexArray) -> FloatArray:
-    """Covariance (N, 6, 6) that one error gives amplitudes (N, 3) as measured."""
-    result = np.zeros((len(amplitudes), 6, 6))
-    along = _parts(amplitudes[:, error.channel] * error.turn * error.std)
-    block = slice(2 * error.channel, 2 * error.channel + 2)
-    result[:, block, block] = along[:, :, None] * along[:, None, :]
-    return result
-
-
-@dataclass(frozen=True)
-class Identification:
-    """What the phasors of N tests say of the tyre; every array has N rows, not-a-number where a value does not exist.
-
-    Attributes
-    ----------
-    frequency : (N,) float array [Hz]
-        Excitation frequency.
-    mobility, mobility_covariance : (N,) complex [m/(N s)], (N, 2, 2) float
-        V1/F1 as measured, R + jI; covariance of (R, I).
-    stiffness, stiffness_covariance : (N,) complex [N/m], (N, 2, 2) float
-        K* by the route; covariance of (Re, Im).
-    loss_factor, loss_factor_std : (N,) float [1]
-        K''/K'.
-    k1, k1_std : (N,) float [N/m]
-        Static stiffness used.
-    k2, c : (N,) float [N/m], [N s/m]
-        The arm; not-a-number where no passive answer exists or K1 is unknown, with a reason in `reasons`.
-    arm_covariance : (N, 2, 2) float
-        Covariance of (K2, C).
-    tr_measured, tr_predicted, tr_std : (N,) float [1]
-        abs(V2/V1); the same from K* and the rig; uncertainty of the latter (of the former, where there is no rig).
-    reasons : tuple of N str
-        Why K2 and C are blank, with the likely cause; empty where they are not.
-    route : str
-        How K* was found.
-    stiffness_shared : (N, 2, p) float [N/m]
-        What p errors that all tests share, of one standard uncertainty each, do to (Re, Im) of K*: S. The covariance
-        of two tests is S_i S_j^T; what is left of `stiffness_covariance` is each condition's own.
-    condition : (N,) int
-        Tests of one number have one K* between them, and its own part of the uncertainty in common.
-    """
-
-    frequency: FloatArray
-    mobility: ComplexArray
-    mobility_covariance: FloatArray
-    stiffness: ComplexArray
-    stiffness_covariance: FloatArray
-    loss_factor: FloatArray
-    loss_factor_std: FloatArray
-    k1: FloatArray
-    k1_std: FloatArray
-    k2: FloatArray
-    c: FloatArray
-    arm_covariance: FloatArray
-    tr_measured: FloatArray
-    tr_predicted: FloatArray
-    tr_std: FloatArray
-    reasons: tuple[str, ...]
-    route: str
-    stiffness_shared: FloatArray
-    condition: np.ndarray
 
 
 def identify(
@@ -264,7 +132,7 @@ def _shared(
     amplitudes = phasors.amplitudes.reshape(count, 3)
     columns = []
     for error in channels.errors(phasors.omega.reshape(count)) if channels is not None else ():
-        along = _parts(amplitudes[:, error.channel] * error.turn * error.std)
+        along = parts(amplitudes[:, error.channel] * error.turn * error.std)
         first = 2 * error.channel
         columns.append(np.einsum("nki,ni->nk", by[:, :, first : first + 2], along))
     at = np.arange(_RIG_AT.start, _RIG_AT.stop)
@@ -315,10 +183,10 @@ def _answers(
         loss, by_loss = _loss_factor(stiffness, by_stiffness)
         k2, c, by_arm = _arm(stiffness, by_stiffness, k1, omega)
         measured, predicted, by_tr = state.transmissibility(stiffness, by_stiffness)
-    rows = [_parts(by_stiffness, axis=-2), by_loss[:, None], by_arm, by_tr[:, None]]
+    rows = [parts(by_stiffness, axis=-2), by_loss[:, None], by_arm, by_tr[:, None]]
     return _Answers(
         mobility=mobility,
-        by_mobility=_parts(by_mobility, axis=-2),
+        by_mobility=parts(by_mobility, axis=-2),
         stiffness=stiffness,
         loss_factor=loss,
         k1=k1,
@@ -483,11 +351,6 @@ def _arm(
     slopes = arm_slopes(stiffness, k1, (k2, c), omega, by_arm)
     slopes[:, 1, _OMEGA_AT] -= c / omega
     return k2, c, slopes
-
-
-def _parts(values: ComplexArray, axis: int = -1) -> FloatArray:
-    """Real and imaginary part along a new axis."""
-    return np.stack([values.real, values.imag], axis=axis)
 
 
 def _input_covariance(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.identify import ChannelUncertainty
+from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import mobility_route, relative_route, transmissibility_route

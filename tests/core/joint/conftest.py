@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from fourpole.core.identify import ChannelUncertainty
-from fourpole.core.joint import identify_joint
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.joint import solve_joint
 from fourpole.core.joint.conditions import Conditions, group_conditions
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import Shared
@@ -70,7 +70,7 @@ class Made:
             "added_mass_std": self.laboratory.std_added * self.added_mass,
             "channels": self.channels,
         } | changes
-        return identify_joint(self.phasors, given.pop("rig", self.rig), given.pop("k1", self.k1), **given)
+        return solve_joint(self.phasors, given.pop("rig", self.rig), given.pop("k1", self.k1), **given)
 
     def problem(self):
         """Of tests that stand in the order of their conditions."""

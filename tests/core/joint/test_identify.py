@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from fourpole.core.identify import identify
 from fourpole.core.joint import identify_joint
 from fourpole.core.joint.outputs import identification
 from fourpole.core.rig import Rig
@@ -187,6 +188,20 @@ def test_what_is_found_is_told_in_units(make):
     assert abs(found["moving_mass"] - truth.moving_mass) < 4 * std["moving_mass"]
     assert abs(found["gain V1"] - 1 - truth.gain[1]) < 4 * std["gain V1"]
     assert std["moving_mass"] < 0.1 * WIDE.moving_mass[1]  # two masses calibrate the rig
+
+
+def test_the_answer_has_the_form_of_every_route(make):
+    made = make(WIDE, masses=(0.0, 10.0))
+    given = {"k1_std": 0.01 * made.k1, "added_mass": made.added_mass, "channels": made.channels}
+    alone = identify(made.phasors, made.rig, made.k1, route="relative", **given)
+    found = identify_joint(made.phasors, made.rig, made.k1, family=made.family, **given)
+    assert type(found) is type(alone)
+    assert (alone.joint, found.route) == (None, "joint")
+    np.testing.assert_array_equal(found.k1_std, alone.k1_std)
+    assert found.joint.found.shape == found.joint.found_std.shape
+    exact = identify_joint(made.phasors, made.rig, made.k1, family=made.family, **(given | {"k1_std": 0.0}))
+    np.testing.assert_array_equal(exact.stiffness, found.stiffness)
+    assert np.all(found.arm_covariance[:, 0, 0] > exact.arm_covariance[:, 0, 0])
 
 
 def test_a_blocked_rig_has_nothing_to_join(make):

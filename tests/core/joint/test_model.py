@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fourpole.core.identify import ChannelUncertainty
+from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint import model
 from fourpole.core.joint.model import (
     FLOOR,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fourpole.core.joint import identify_joint
+from fourpole.core.joint import solve_joint
 from fourpole.core.joint.outputs import identification, outputs
 from fourpole.core.rig import Rig
 from fourpole.virtual.phasor_rig import Conditions, Laboratory, simulate_phasors
@@ -175,7 +175,7 @@ def test_an_unsteady_drive_is_found_as_what_it_is():
         k1 = np.array([120e3, 150e3, 180e3, 210e3])[family]
         made = simulate_phasors(exact, Conditions(frequency, k1, 0.6 * k1, 700.0), rng)
         wrong = frequency * (1 + level * rng.standard_normal(frequency.size))
-        found = identify_joint(
+        found = solve_joint(
             replace(made.phasors, frequency=wrong),
             Rig(**values),
             k1,

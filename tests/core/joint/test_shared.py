@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.core.identify import ChannelUncertainty
+from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint.shared import Shared
 from fourpole.core.rig import Rig
 

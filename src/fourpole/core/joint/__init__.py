@@ -7,6 +7,7 @@ asks whether the rig as stated can be true.
 
 from __future__ import annotations
 
-from fourpole.core.joint.identify import Joint, identify_joint
+from fourpole.core.joint.identify import identify_joint
+from fourpole.core.joint.joint import Joint, solve_joint
 
-__all__ = ["Joint", "identify_joint"]
+__all__ = ["Joint", "identify_joint", "solve_joint"]

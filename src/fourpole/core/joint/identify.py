@@ -1,67 +1,18 @@
-"""All tests of a rig at once: the most probable K* of each condition, the rig's values and the channels' gains."""
+"""The joint route in the form of every route's answer."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.identify import ChannelUncertainty
-from fourpole.core.joint.conditions import Conditions, group_conditions
-from fourpole.core.joint.misfit import Residuals, residuals
-from fourpole.core.joint.model import Observed
-from fourpole.core.joint.reconcile import Misfit, reconcile
-from fourpole.core.joint.shared import Shared
-from fourpole.core.joint.solve import Problem, Solution, solve
-from fourpole.core.joint.start import closed_form_start
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.identification import Identification
+from fourpole.core.joint.joint import solve_joint
+from fourpole.core.joint.outputs import identification
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.errors import RigError
 
-__all__ = ["Joint", "identify_joint"]
-
-
-@dataclass(frozen=True)
-class Joint:
-    """Result of the joint route, test by test in the order given.
-
-    Attributes
-    ----------
-    problem, solution : Problem, Solution
-        The tests sorted by condition, and the most probable values.
-    order : (N,) int array
-        Which of the tests given each row of `problem` is.
-    condition : (N,) int array
-        Of each test given; -1 for a rigid block.
-    stated : Shared
-        What was stated of the shared values; last, with their size for an uncertainty, parts that nobody stated.
-    residuals : Residuals
-        Of each test given.
-    outlier : (N,) float array [1]
-        By how much the noise of a test that does not go with the others was taken larger; 1 for the others.
-    misfit : Misfit
-    """
-
-    problem: Problem
-    solution: Solution
-    order: np.ndarray
-    condition: np.ndarray
-    stated: Shared
-    residuals: Residuals
-    outlier: FloatArray
-    misfit: Misfit
-
-    @property
-    def found(self) -> FloatArray:
-        """Shared values as found, each in its unit."""
-        return self.problem.shared.found(self.solution.z)
-
-    @property
-    def found_std(self) -> FloatArray:
-        """Their standard uncertainties, if the rig as stated is true but for what was set aside."""
-        return np.sqrt(np.diag(self.solution.covariance)) * self.problem.shared.std
+__all__ = ["identify_joint"]
 
 
 def identify_joint(
@@ -69,12 +20,13 @@ def identify_joint(
     rig: Rig,
     k1: ArrayLike = np.nan,
     *,
+    k1_std: ArrayLike = 0.0,
     family: ArrayLike = 0,
     nominal_frequency: ArrayLike = np.nan,
     added_mass: ArrayLike = 0.0,
     added_mass_std: ArrayLike = 0.0,
     channels: ChannelUncertainty | None = None,
-) -> Joint:
+) -> Identification:
     r"""Find K* of every condition, the rig's values and the channels' gains from all tests of a rig together.
 
     Maximises the posterior of: per test a free drive, per condition K* (carried to each test's own frequency by the
@@ -87,8 +39,8 @@ def identify_joint(
         N tests; not-a-number where a channel is absent, at least two of the three per test.
     rig : Rig
         As stated, with its uncertainties.
-    k1 : (N,) float array [N/m]
-        Static stiffness; not-a-number where unknown.
+    k1, k1_std : (N,) float arrays [N/m]
+        Static stiffness and its standard uncertainty; not-a-number where unknown: K* is found all the same.
     family : (N,) int array
         Tests with the same number have the same tyre, pressure and preload; negative: a rigid block in place of the
         tyre, its mass within `added_mass`.
@@ -101,7 +53,8 @@ def identify_joint(
 
     Returns
     -------
-    Joint
+    Identification
+        One row per test, K* blank for rigid blocks; its `joint` has the rig's values and the channels' gains as found.
 
     Raises
     ------
@@ -119,65 +72,17 @@ def identify_joint(
     >>> nothing = np.zeros(2)
     >>> phasors = Phasors(omega / (2 * np.pi), amplitudes, np.zeros((2, 6, 6)), nothing, nothing + np.inf)
     >>> found = identify_joint(phasors, Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.3}))
-    >>> found.found.round(4), found.solution.stiffness.round(0)
+    >>> found.joint.found.round(4), found.stiffness.round(0)
     (array([15.2]), array([200000.+40000.j, 200000.+40000.j]))
     """
-    if rig.blocked:
-        raise RigError("a blocked rig has no V2 that could be held against its force: use the mobility route")
-    count = np.size(phasors.frequency)
-    k1, added, added_std = (np.broadcast_to(np.asarray(x, float), count) for x in (k1, added_mass, added_mass_std))
-    family = np.broadcast_to(np.asarray(family, dtype=int), count)
-    channels = channels or ChannelUncertainty()
-
-    nominal = np.broadcast_to(np.asarray(nominal_frequency, dtype=float), count)
-    label = group_conditions(family, phasors.frequency, nominal)
-    order = np.lexsort((np.arange(count), label))
-    masses, mass_at, masses_std = _distinct(added, added_std)
-    errors = channels.part(order).errors(phasors.omega[order])
-    stated = Shared.stated(rig, errors, masses, masses_std)
-    sorted_phasors = phasors.part(order)
-    problem = Problem(
-        Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors),
-        Conditions(label[order], family[order], sorted_phasors.frequency, k1[order]),
-        stated,
+    joint = solve_joint(
+        phasors,
+        rig,
+        k1,
+        family=family,
+        nominal_frequency=nominal_frequency,
+        added_mass=added_mass,
+        added_mass_std=added_mass_std,
+        channels=channels,
     )
-    start = closed_form_start(problem.observed, problem.conditions, stated, channels)
-    problem = _with_frequency_noise(problem, start)
-    solution = solve(problem, start)
-    if not solution.converged:  # K2 and C near their poles change too fast to carry: K* does not
-        smooth = np.full(count, np.nan)
-        problem = replace(problem, conditions=Conditions(label[order], family[order], sorted_phasors.frequency, smooth))
-        solution = solve(problem, start)
-    problem, solution, outlier, misfit = reconcile(problem, solution)
-    back = np.argsort(order)
-    left = residuals(problem, solution)
-    return Joint(
-        problem=problem,
-        solution=solution,
-        order=order,
-        condition=label,
-        stated=replace(stated, quantities=(*stated.quantities, *problem.shared.quantities[len(stated) :])),
-        residuals=Residuals(*(getattr(left, name)[back] for name in left.__dataclass_fields__)),
-        outlier=outlier[back],
-        misfit=misfit,
-    )
-
-
-def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarray, FloatArray]:
-    """The distinct added masses, which of them each test has (-1: none), and their uncertainties."""
-    masses, at = np.unique(added, return_inverse=True)
-    spread = np.zeros(masses.size)
-    np.maximum.at(spread, at, std)
-    real = masses != 0
-    number = np.where(real, np.cumsum(real) - 1, -1)
-    return masses[real], number[at], spread[real]
-
-
-def _with_frequency_noise(problem: Problem, stiffness: ComplexArray) -> Problem:
-    """Weights that count what the uncertainty of the frequency does to the amplitudes."""
-    observed = problem.observed
-    if not np.any(observed.frequency_std > 0):
-        return problem
-    by_log = problem.by_log_frequency(np.zeros(len(problem.shared)), stiffness)
-    relative = 2 * np.pi * observed.frequency_std / observed.omega
-    return problem.widened((by_log * relative[:, None])[:, :, None])
+    return identification(joint, phasors, k1, k1_std)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
-from fourpole.core.identify import ChannelError
+from fourpole.core.channelerrors import ChannelError
 from fourpole.core.joint.shared import Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig

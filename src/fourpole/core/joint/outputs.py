@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.identify import Identification
-from fourpole.core.joint.identify import Joint
+from fourpole.core.identification import Identification
+from fourpole.core.joint.joint import Joint
 from fourpole.core.joint.reconcile import largest_part
 from fourpole.core.phasor import Phasors
 from fourpole.core.routes import arm_slopes, maxwell_arm, why_no_arm
@@ -217,6 +217,7 @@ def identification(
         route="joint",
         stiffness_shared=found.by_shared[:, :2] @ _root(found.covariance),
         condition=joint.condition,
+        joint=joint,
     )
 
 

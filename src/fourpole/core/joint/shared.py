@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
-from fourpole.core.identify import ChannelError
+from fourpole.core.channelerrors import ChannelError
 from fourpole.core.rig import PARAMETERS, Rig
 
 __all__ = ["Quantity", "Shared"]
@@ -28,7 +28,7 @@ class Quantity:
     kind : {"rig", "channel", "mass", "extra"}
         What it is; extra is an unstated part that the tests want.
     index : int
-        Of the rig's values, of `core.identify.ChannelUncertainty.errors`, or of the distinct masses.
+        Of the rig's values, of `core.channelerrors.ChannelUncertainty.errors`, or of the distinct masses.
     stated, std : float
         Most probable value and standard uncertainty before the tests, in the unit.
     """

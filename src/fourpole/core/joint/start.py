@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray
-from fourpole.core.identify import ChannelUncertainty
+from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint.conditions import Conditions
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import Shared

@@ -116,7 +116,7 @@ def advise(plan: Plan, wanted: float, *, masses: Sequence[float] = MASSES, effor
 
     Examples
     --------
-    >>> from fourpole.core.identify import ChannelUncertainty
+    >>> from fourpole.core.channelerrors import ChannelUncertainty
     >>> from fourpole.core.plan import PlannedTests
     >>> from fourpole.core.rig import Rig
     >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.3, "preload_stiffness": 249.0})

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
-from fourpole.core.identify import ChannelUncertainty, Identification, identify
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.identification import Identification
+from fourpole.core.identify import identify
 from fourpole.core.joint import identify_joint
-from fourpole.core.joint.outputs import identification
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import ROUTES, maxwell_arm
@@ -277,16 +278,16 @@ def expect(
             added_mass_std=tests.added_mass_std,
             channels=channels,
         )
-    joint = identify_joint(
+    return identify_joint(
         phasors,
         rig,
         tests.k1,
+        k1_std=tests.k1_std,
         family=tests.family,
         added_mass=tests.added_mass,
         added_mass_std=tests.added_mass_std,
         channels=channels,
     )
-    return identification(joint, phasors, tests.k1, tests.k1_std)
 
 
 def relative_uncertainties(found: Identification) -> FloatArray:

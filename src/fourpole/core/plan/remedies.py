@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
-from fourpole.core.identify import ChannelUncertainty, Identification
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.identification import Identification
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.plan.expect import PlannedTests, expect, possible_routes
 from fourpole.core.rig import Rig

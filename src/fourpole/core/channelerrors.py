@@ -1,0 +1,105 @@
+"""What is not known of the channels: the errors of gain, phase, delay and response that each has in all tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.phasor import CHANNELS, SYMBOLS
+
+__all__ = ["ChannelError", "ChannelUncertainty", "error_covariance", "parts"]
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """One error that a channel has in all tests.
+
+    Attributes
+    ----------
+    name, unit : str
+        As in a budget: gain F1, phase V2, delay V1, response gain V1; the last in its stated uncertainties.
+    channel : int
+        0, 1, 2 for F1, V1, V2.
+    std : float
+        Standard uncertainty in the unit.
+    turn : (N,) complex array
+        Change of the logarithm of each test's recorded amplitude per unit of the error.
+    """
+
+    name: str
+    unit: str
+    channel: int
+    std: float
+    turn: ComplexArray
+
+
+@dataclass(frozen=True)
+class ChannelUncertainty:
+    """What is not known of the channels F1, V1, V2.
+
+    Attributes
+    ----------
+    gain, phase : (3,) float arrays [1], [rad]
+        Standard uncertainty of the gain, relative, and of the phase; one error of each at all frequencies.
+    delay : (3,) float array [s]
+        Of the delay, whose error turns the phase by omega times itself.
+    response : (N, 3) complex array, optional [1] + j [rad]
+        What a calibrated response leaves unknown of gain and phase at each test's frequency; one error of each, in
+        these proportions, in all tests.
+
+    Examples
+    --------
+    Gains known to 1 % and phases to 0.5 degrees:
+
+    >>> unsure = ChannelUncertainty(np.full(3, 0.01), np.radians(np.full(3, 0.5)))
+    >>> [error.name for error in unsure.errors(np.array([63.0]))][:2]
+    ['gain F1', 'phase F1']
+    """
+
+    gain: FloatArray = field(default_factory=lambda: np.zeros(3))
+    phase: FloatArray = field(default_factory=lambda: np.zeros(3))
+    delay: FloatArray = field(default_factory=lambda: np.zeros(3))
+    response: ComplexArray | None = None
+
+    def part(self, rows: Any) -> ChannelUncertainty:
+        """The same of some of the tests, by whatever indexes an array."""
+        return self if self.response is None else replace(self, response=self.response[rows])
+
+    def errors(self, omega: FloatArray) -> list[ChannelError]:
+        """All that have an uncertainty, for tests at angular frequencies (N,) [rad/s]."""
+        one = np.ones(omega.size, dtype=complex)
+        found = []
+        for at, role in enumerate(CHANNELS):
+            symbol = SYMBOLS[role]
+            found.append(ChannelError(f"gain {symbol}", "1", at, float(self.gain[at]), one))
+            found.append(ChannelError(f"phase {symbol}", "rad", at, float(self.phase[at]), 1j * one))
+            found.append(ChannelError(f"delay {symbol}", "s", at, float(self.delay[at]), -1j * omega))
+            if self.response is not None:
+                gain, phase = self.response[:, at].real, self.response[:, at].imag
+                found.append(ChannelError(f"response gain {symbol}", "1", at, float(gain.any()), gain + 0j))
+                found.append(ChannelError(f"response phase {symbol}", "1", at, float(phase.any()), 1j * phase))
+        return [error for error in found if error.std > 0]
+
+    def covariance(self, amplitudes: ComplexArray, omega: FloatArray) -> FloatArray:
+        """Covariance (N, 6, 6) that these uncertainties give amplitudes (N, 3) as measured."""
+        result = np.zeros((omega.size, 6, 6))
+        for error in self.errors(omega):
+            result += error_covariance(error, amplitudes)
+        return result
+
+
+def error_covariance(error: ChannelError, amplitudes: ComplexArray) -> FloatArray:
+    """Covariance (N, 6, 6) that one error gives amplitudes (N, 3) as measured."""
+    result = np.zeros((len(amplitudes), 6, 6))
+    along = parts(amplitudes[:, error.channel] * error.turn * error.std)
+    block = slice(2 * error.channel, 2 * error.channel + 2)
+    result[:, block, block] = along[:, :, None] * along[:, None, :]
+    return result
+
+
+def parts(values: ComplexArray, axis: int = -1) -> FloatArray:
+    """Real and imaginary part along a new axis."""
+    return np.stack([values.real, values.imag], axis=axis)

@@ -1,0 +1,137 @@
+"""All tests of a rig at once: the most probable K* of each condition, the rig's values and the channels' gains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.joint.conditions import Conditions, group_conditions
+from fourpole.core.joint.misfit import Residuals, residuals
+from fourpole.core.joint.model import Observed
+from fourpole.core.joint.reconcile import Misfit, reconcile
+from fourpole.core.joint.shared import Shared
+from fourpole.core.joint.solve import Problem, Solution, solve
+from fourpole.core.joint.start import closed_form_start
+from fourpole.core.phasor import Phasors
+from fourpole.core.rig import Rig
+from fourpole.errors import RigError
+
+__all__ = ["Joint", "solve_joint"]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Result of the joint route, test by test in the order given.
+
+    Attributes
+    ----------
+    problem, solution : Problem, Solution
+        The tests sorted by condition, and the most probable values.
+    order : (N,) int array
+        Which of the tests given each row of `problem` is.
+    condition : (N,) int array
+        Of each test given; -1 for a rigid block.
+    stated : Shared
+        What was stated of the shared values; last, with their size for an uncertainty, parts that nobody stated.
+    residuals : Residuals
+        Of each test given.
+    outlier : (N,) float array [1]
+        By how much the noise of a test that does not go with the others was taken larger; 1 for the others.
+    misfit : Misfit
+    """
+
+    problem: Problem
+    solution: Solution
+    order: np.ndarray
+    condition: np.ndarray
+    stated: Shared
+    residuals: Residuals
+    outlier: FloatArray
+    misfit: Misfit
+
+    @property
+    def found(self) -> FloatArray:
+        """Shared values as found, each in its unit."""
+        return self.problem.shared.found(self.solution.z)
+
+    @property
+    def found_std(self) -> FloatArray:
+        """Their standard uncertainties, if the rig as stated is true but for what was set aside."""
+        return np.sqrt(np.diag(self.solution.covariance)) * self.problem.shared.std
+
+
+def solve_joint(
+    phasors: Phasors,
+    rig: Rig,
+    k1: ArrayLike = np.nan,
+    *,
+    family: ArrayLike = 0,
+    nominal_frequency: ArrayLike = np.nan,
+    added_mass: ArrayLike = 0.0,
+    added_mass_std: ArrayLike = 0.0,
+    channels: ChannelUncertainty | None = None,
+) -> Joint:
+    """The most probable values of all tests of a rig; the arguments are those of `identify_joint`."""
+    if rig.blocked:
+        raise RigError("a blocked rig has no V2 that could be held against its force: use the mobility route")
+    count = np.size(phasors.frequency)
+    k1, added, added_std = (np.broadcast_to(np.asarray(x, float), count) for x in (k1, added_mass, added_mass_std))
+    family = np.broadcast_to(np.asarray(family, dtype=int), count)
+    channels = channels or ChannelUncertainty()
+
+    nominal = np.broadcast_to(np.asarray(nominal_frequency, dtype=float), count)
+    label = group_conditions(family, phasors.frequency, nominal)
+    order = np.lexsort((np.arange(count), label))
+    masses, mass_at, masses_std = _distinct(added, added_std)
+    errors = channels.part(order).errors(phasors.omega[order])
+    stated = Shared.stated(rig, errors, masses, masses_std)
+    sorted_phasors = phasors.part(order)
+    problem = Problem(
+        Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors),
+        Conditions(label[order], family[order], sorted_phasors.frequency, k1[order]),
+        stated,
+    )
+    start = closed_form_start(problem.observed, problem.conditions, stated, channels)
+    problem = _with_frequency_noise(problem, start)
+    solution = solve(problem, start)
+    if not solution.converged:  # K2 and C near their poles change too fast to carry: K* does not
+        smooth = np.full(count, np.nan)
+        problem = replace(problem, conditions=Conditions(label[order], family[order], sorted_phasors.frequency, smooth))
+        solution = solve(problem, start)
+    problem, solution, outlier, misfit = reconcile(problem, solution)
+    back = np.argsort(order)
+    left = residuals(problem, solution)
+    return Joint(
+        problem=problem,
+        solution=solution,
+        order=order,
+        condition=label,
+        stated=replace(stated, quantities=(*stated.quantities, *problem.shared.quantities[len(stated) :])),
+        residuals=Residuals(*(getattr(left, name)[back] for name in left.__dataclass_fields__)),
+        outlier=outlier[back],
+        misfit=misfit,
+    )
+
+
+def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarray, FloatArray]:
+    """The distinct added masses, which of them each test has (-1: none), and their uncertainties."""
+    masses, at = np.unique(added, return_inverse=True)
+    spread = np.zeros(masses.size)
+    np.maximum.at(spread, at, std)
+    real = masses != 0
+    number = np.where(real, np.cumsum(real) - 1, -1)
+    return masses[real], number[at], spread[real]
+
+
+def _with_frequency_noise(problem: Problem, stiffness: ComplexArray) -> Problem:
+    """Weights that count what the uncertainty of the frequency does to the amplitudes."""
+    observed = problem.observed
+    if not np.any(observed.frequency_std > 0):
+        return problem
+    by_log = problem.by_log_frequency(np.zeros(len(problem.shared)), stiffness)
+    relative = 2 * np.pi * observed.frequency_std / observed.omega
+    return problem.widened((by_log * relative[:, None])[:, :, None])
