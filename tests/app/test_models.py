@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from fourpole.models.choice import model_named
+from fourpole.models.families import model_named
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 FREQUENCIES = np.geomspace(1.0, 100.0, 24)

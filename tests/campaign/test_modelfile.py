@@ -12,7 +12,7 @@ from fourpole.campaign.modelfile import ModelFile, map_of, read_model_file, resp
 from fourpole.campaign.modelling import fit_tyres, map_tyres, model_file
 from fourpole.core.rig import Rig
 from fourpole.errors import FileError, ModelError
-from fourpole.models.choice import model_named
+from fourpole.models.families import model_named
 
 FREQUENCIES = np.linspace(8.0, 26.0, 10)
 PRESSURES, PRELOADS = (1.0e5, 1.35e5, 1.7e5, 2.05e5, 2.4e5), (1000.0, 2000.0)

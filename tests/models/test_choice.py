@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from fourpole.errors import ModelError
-from fourpole.models.choice import AUTO, choose, model_named
+from fourpole.models.choice import AUTO, choose
 from fourpole.models.data import StiffnessData
+from fourpole.models.families import model_named
 
 NARROW, WIDE = 2 * np.pi * np.linspace(5.0, 30.0, 20), 2 * np.pi * np.geomspace(0.1, 200.0, 30)
 TRUTHS = {

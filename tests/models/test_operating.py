@@ -7,8 +7,9 @@ import pytest
 
 from fourpole.core.rig import Rig
 from fourpole.core.routes import maxwell_arm
-from fourpole.models.choice import fit_conditions, model_named
+from fourpole.models.choice import fit_conditions
 from fourpole.models.data import StiffnessData
+from fourpole.models.families import model_named
 from fourpole.models.operating import OperatingMap, make_map
 from fourpole.models.surface import Axes
 

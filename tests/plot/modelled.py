@@ -14,7 +14,7 @@ from fourpole.campaign.measured import measured_of
 from fourpole.campaign.modelfile import ModelFile, VerdictFile
 from fourpole.campaign.modelling import fit_tyres, map_tyres, model_file
 from fourpole.campaign.results import Results
-from fourpole.models.choice import model_named
+from fourpole.models.families import model_named
 
 #: An elastomer over seven decades: stiffness at rest and at once, relaxation time, order.
 ELASTOMER = (2e5, 5e7, 1e-5, 0.5)

@@ -11,7 +11,7 @@ from tests.plot.modelled import edited, elastomer, named, study_with_models, wit
 from tests.plot.test_figures import in_order, lines, panel, points, said, texts
 
 from fourpole.campaign.modelfile import map_of, response
-from fourpole.models.choice import model_named
+from fourpole.models.families import model_named
 from fourpole.plot import THEMES, Style, draw, render
 from fourpole.plot.models import whitened
 

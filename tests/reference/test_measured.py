@@ -11,7 +11,7 @@ from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.reduced import identify_mobility
 from fourpole.io.text import read_table
 from fourpole.io.understand import read_curve, read_reduced
-from fourpole.models.choice import model_named
+from fourpole.models.families import model_named
 
 # Static curve of a truck tyre 335/65 R22.5 at 4.14 bar, as a cubic [N/m³, N/m², N/m]
 # (Calspan test, 2010, in Project Chrono, data/vehicle/feda/tires, BSD-3).

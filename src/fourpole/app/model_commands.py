@@ -10,6 +10,7 @@ import typer
 
 from fourpole.app.console import ends_well
 from fourpole.app.options import JsonFlag, OutFile, rig_of_options
+from fourpole.models.families import NAMES
 
 __all__ = ["COMMANDS"]
 
@@ -29,10 +30,7 @@ def fit(
     results: Results,
     model: Annotated[
         str,
-        typer.Option(
-            help="spring, kelvin, structural, zener, maxwell:N, maxwell (as many arms as help), fractional, "
-            "fractional5, shell, gehman:N, or auto."
-        ),
+        typer.Option(help=f"{NAMES}, or auto; where N may be left out, it is as large as helps."),
     ] = "auto",
     tyre: OneTyre = None,
     band: Band = None,

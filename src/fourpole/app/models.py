@@ -19,7 +19,7 @@ from fourpole.campaign.results import Results, read_results
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, ModelError, UnitError
 from fourpole.models.causality import Possible, check_possible
-from fourpole.models.choice import AUTO, model_named
+from fourpole.models.families import automatic, model_named, sizes_of
 
 __all__ = ["DataOptions", "fitted", "run_causality", "run_fit", "run_map", "run_query", "state_of"]
 
@@ -243,7 +243,8 @@ def state_of(
 
 def _fixed(texts: Sequence[str], model: str) -> dict[str, float]:
     """Parameters that are given, by symbol; a bare number is in the parameter's SI unit."""
-    names = [{"maxwell": "maxwell:20"}.get(name, name) for name in (AUTO if model == "auto" else (model,))]
+    wanted = automatic() if model == "auto" else (model,)
+    names = [f"{name}:{sizes[-1]}" if (sizes := sizes_of(name)) else name for name in wanted]
     known = {one.symbol: one.unit for name in names for one in model_named(name).parameters}
     found = {}
     for text in texts:

@@ -19,7 +19,7 @@ from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import ModelError
 from fourpole.io.source import read_bytes
 from fourpole.io.write import write_text
-from fourpole.models.choice import model_named
+from fourpole.models.families import model_named
 from fourpole.models.interface import Model
 from fourpole.models.operating import LeftOut, OperatingMap
 from fourpole.models.surface import Axes, ValueSurface

@@ -31,8 +31,9 @@ from fourpole.core.arrays import FloatArray
 from fourpole.core.rig import PARAMETERS
 from fourpole.errors import ModelError
 from fourpole.models.causality import Possible, check_possible
-from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of, model_named
+from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import CHANCE, NORMAL_95, StiffnessData
+from fourpole.models.families import for_maps, model_named, sizes_of
 from fourpole.models.fit import Fit
 from fourpole.models.granted import granted_error, with_error
 from fourpole.models.interface import Model
@@ -44,8 +45,6 @@ from fourpole.models.together import fit_together, link, unlink
 __all__ = ["TyreFit", "TyreMap", "fit_tyres", "lacking_error", "map_tyres", "model_file", "rig_file"]
 
 Progress = Callable[[int, int], None]
-#: What a map is tried with where nothing is asked for: laws of K2 and C, and what can be stepped in time.
-MAP_AUTO = ("gehman:1", "gehman:2", "gehman:3", "zener", "maxwell:2", "fractional")
 #: Maps whose errors differ by less than this are alike; the one that is surer of itself is taken.
 _ALIKE = 1.1
 #: Relative uncertainty that conditions are given before their surfaces are sought: none may dominate.
@@ -137,7 +136,7 @@ def fit_tyres(
     ModelError
         If a tyre cannot be fitted.
     """
-    if model not in ("auto", "maxwell"):
+    if model != "auto" and not sizes_of(model):
         model_named(model)
     done, every = 0, len(measured.conditions)
 
@@ -185,20 +184,16 @@ def _fit_tyre(
 
 def _granted(stated: Sequence[StiffnessData], model: str, held: Sequence[Mapping[str, float]], *, known: bool) -> float:
     """What must be granted before models are compared: what the best passive tyre must, or the one by itself."""
-    if model in ("auto", "maxwell"):
+    if model == "auto" or sizes_of(model):
         needed = granted_error(stated, always=not known)
         if needed and known and model == "auto":  # what does not relax may need none
-            fits = (_misfit(model_named(name), stated, held) for name in AUTO if name != "maxwell" and _is_odd(name))
+            odd = (one for name in AUTO if not sizes_of(name) and not (one := model_named(name)).relaxing)
+            fits = (_misfit(one, stated, held) for one in odd)
             needed = 0.0 if any(stats.chi2.sf(chi2, max(dof, 1)) > CHANCE for chi2, dof in fits) else needed
         return needed
     if known:
         return 0.0  # it is looked for once it does not fit
     return granted_error(stated, lambda rows: _misfit(model_named(model), rows, held), always=True)
-
-
-def _is_odd(name: str) -> bool:
-    """Whether a model is none of the relaxing tyres: it has inertia, or is not causal."""
-    return name == "shell" or not model_named(name).causal
 
 
 def _sharing(
@@ -266,7 +261,7 @@ def map_tyres(
     ModelError
         If a tyre has one condition only, or no surface can be fitted.
     """
-    names = MAP_AUTO if model == "auto" else (model,)
+    names = for_maps() if model == "auto" else (model,)
     for name in names:
         model_named(name)
     total = len(names) * len(measured.tyres)

@@ -11,40 +11,15 @@ from scipy import stats
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import CHANCE, StiffnessData, stacked
+from fourpole.models.families import automatic, contains, model_named, sizes_of
 from fourpole.models.fit import Fit, best_fit, fit
-from fourpole.models.fractional import FractionalZener, FractionalZener5
 from fourpole.models.interface import Model
-from fourpole.models.maxwell import GeneralisedMaxwell, Zener
-from fourpole.models.springs import KelvinVoigt, Spring, Structural
 from fourpole.models.starts import starts_of
-from fourpole.models.table import GehmanLaw
-from fourpole.models.tyre_shell import Shell
-from fourpole.units import shown
 
-__all__ = ["AUTO", "Candidate", "Choice", "choose", "fit_conditions", "fixed_of", "model_named"]
+__all__ = ["AUTO", "Candidate", "Choice", "choose", "fit_conditions", "fixed_of"]
 
-_MODELS: dict[str, type[Model]] = {
-    "spring": Spring,
-    "kelvin": KelvinVoigt,
-    "structural": Structural,
-    "zener": Zener,
-    "fractional": FractionalZener,
-    "fractional5": FractionalZener5,
-    "shell": Shell,
-}
-_COUNTED: dict[str, type[GeneralisedMaxwell] | type[GehmanLaw]] = {"maxwell": GeneralisedMaxwell, "gehman": GehmanLaw}
-#: What is tried where nothing is asked for; `maxwell` is as many arms as help.
-AUTO = ("spring", "kelvin", "structural", "zener", "maxwell", "fractional", "fractional5", "shell")
-#: What a model is a special case of: it needs no more where it does as well.
-_WITHIN = {
-    "spring": {"kelvin", "structural", "zener", "maxwell", "fractional", "fractional5", "shell"},
-    "kelvin": {"shell"},
-    "structural": set[str](),
-    "zener": {"maxwell", "fractional", "fractional5"},
-    "fractional": {"fractional5"},
-    "fractional5": set[str](),
-    "shell": set[str](),
-}
+#: What is tried where nothing is asked for.
+AUTO = automatic()
 #: Difference of BIC below which two models are alike: odds of 20 to 1.
 _ALIKE = 6.0
 #: A model further off than this, per condition, is not tried on frequencies left out.
@@ -53,31 +28,10 @@ _FOLDS = 5
 _FEWEST_LEFT = 2
 #: Starts of each fit: a guard against local minima.
 _STARTS = 4
-#: Most arms that are tried, and how many more are tried once one more did not help.
-_MOST_ARMS, _PATIENCE = 20, 2
+#: Sizes of a family that are tried beyond the best one so far.
+_PATIENCE = 2
 #: Relative uncertainty with which a datum weighs nothing.
 _NOTHING = 1e6
-
-
-def model_named(name: str) -> Model:
-    """A model by its name: spring, kelvin, structural, zener, fractional, fractional5, shell, maxwell:N, gehman:N.
-
-    Raises
-    ------
-    ModelError
-        If there is none of that name.
-
-    Examples
-    --------
-    >>> model_named("maxwell:3").name
-    'maxwell:3'
-    """
-    kind, mark, count = name.partition(":")
-    if kind in _COUNTED and mark and count.isdecimal() and len(count) < 4:
-        return _COUNTED[kind](int(count))
-    if name not in _MODELS:
-        raise ModelError(f"no model {shown(name)}: choose one of {', '.join(_MODELS)}, maxwell:3, gehman:2")
-    return _MODELS[name]()
 
 
 @dataclass(frozen=True)
@@ -192,7 +146,7 @@ def choose(
     data : StiffnessData or sequence of them
         Of one condition each.
     names : sequence of str
-        Models; see `model_named`; `maxwell` is as many arms as help.
+        Models; see `families.model_named`. A family's bare name, as maxwell, is as large a size as helps.
     given : sequence of mapping of str to float, optional
         Of each condition, parameters that are known and not fitted, by symbol; a model takes those that it has.
 
@@ -207,6 +161,7 @@ def choose(
 
     Examples
     --------
+    >>> from fourpole.models.maxwell import Zener
     >>> omega = 2 * np.pi * np.geomspace(1.0, 100.0, 20)
     >>> truth = Zener().stiffness([180e3, 120e3, 700.0], omega)
     >>> choose(StiffnessData.of(omega, truth, 100.0)).best.name
@@ -219,10 +174,12 @@ def choose(
     for name in names:
         try:
             known = given if given is not None else [{}] * len(conditions)
-            every = (
-                _arms(conditions, known) if name == "maxwell" else [_candidate(model_named(name), conditions, known)]
+            sizes = sizes_of(name)
+            candidates += (
+                _growing(name, sizes, conditions, known)
+                if sizes
+                else [_candidate(model_named(name), conditions, known)]
             )
-            candidates += every
         except ModelError as error:
             passed.append((name, str(error)))
     if not candidates:
@@ -234,8 +191,8 @@ def choose(
     ]
     best = candidates[0]
     near = [one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE]
-    alike = tuple(name for name in near if not _contains(name, best.name))
-    unneeded = tuple(name for name in near if _contains(name, best.name))
+    alike = tuple(name for name in near if not contains(name, best.name))
+    unneeded = tuple(name for name in near if contains(name, best.name))
     return Choice(tuple(candidates), alike, unneeded, tuple(passed), _said(candidates, alike, unneeded))
 
 
@@ -264,12 +221,14 @@ def fixed_of(model: Model, given: Sequence[Mapping[str, float]]) -> dict[str, Fl
     return fixed
 
 
-def _arms(conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> list[Candidate]:
-    """Maxwell models of two arms and more, until more do not help; one arm is a Zener."""
+def _growing(
+    family: str, sizes: Sequence[int], conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
+) -> list[Candidate]:
+    """Models of a family from its smallest size on, until larger ones do not help."""
     found: list[Candidate] = []
-    for arms in range(2, _MOST_ARMS + 1):
+    for size in sizes:
         try:
-            found.append(_candidate(GeneralisedMaxwell(arms), conditions, given))
+            found.append(_candidate(model_named(f"{family}:{size}"), conditions, given))
         except ModelError:
             if not found:
                 raise
@@ -279,19 +238,12 @@ def _arms(conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, floa
     return found
 
 
-def _contains(larger: str, smaller: str) -> bool:
-    """Whether one model is the other with more parameters."""
-    large, small = larger.partition(":")[0], smaller.partition(":")[0]
-    if large == small == "maxwell":
-        return int(larger.partition(":")[2]) > int(smaller.partition(":")[2])
-    return large in _WITHIN.get(small, set())
-
-
 def _candidate(model: Model, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> Candidate:
     fits = fit_conditions(model, conditions, given)
     aicc = bic = 0.0
-    for one in fits:
-        count = one.residuals.shape[-1]
+    for one, data in zip(fits, conditions, strict=True):
+        # A model that flows leaves K1 as a parameter of its own: so all models are compared on the same data.
+        count = one.residuals.shape[-1] + int(data.has_k1 and not model.rests)
         free = count - one.dof
         aicc += float(one.chi2) + 2 * free + 2 * free * (free + 1) / max(count - free - 1, 1)
         bic += float(one.chi2) + free * float(np.log(count))
@@ -351,7 +303,7 @@ def _said(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Seque
     if alike:
         said = f"{said}. The data cannot tell it from {', '.join(alike)}"
     else:
-        rivals = [one for one in candidates[1:] if not _contains(one.name, best.name)]
+        rivals = [one for one in candidates[1:] if not contains(one.name, best.name)]
         if rivals:
             said += f". The next, {rivals[0].name}, is worse by {rivals[0].bic - best.bic:.3g} in BIC"
     if unneeded:

@@ -113,6 +113,23 @@ class StiffnessData:
         """Whether the covariance joins frequencies."""
         return self.covariance.ndim == self.stiffness.ndim + 1
 
+    @property
+    def has_k1(self) -> bool:
+        """Whether any condition has its static stiffness."""
+        return bool(np.any(np.isfinite(self.k1) & np.isfinite(self.k1_std)))
+
+    def flat(self) -> StiffnessData:
+        """The same conditions along one axis, (B, N)."""
+        count = self.count
+        tail = self.covariance.shape[-2:] if self.full else (count, 2, 2)
+        return StiffnessData(
+            self.omega.reshape(-1, count) if self.omega.ndim > 1 else self.omega,
+            self.stiffness.reshape(-1, count),
+            np.broadcast_to(self.covariance, (*self.stiffness.shape[:-1], *tail)).reshape(-1, *tail),
+            self.k1.reshape(-1),
+            self.k1_std.reshape(-1),
+        )
+
     def whitener(self) -> FloatArray:
         """W with W S W^T = 1: (..., N, 2, 2) or (..., 2N, 2N)."""
         size = np.abs(self.stiffness) * _FLOOR
@@ -163,8 +180,7 @@ def stacked(conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], St
     """Conditions of one kind together, as (B, N), with where each stood: as many frequencies, K1 or none, one form."""
     kinds: dict[tuple[int, bool, bool], list[int]] = {}
     for at, one in enumerate(conditions):
-        has_k1 = bool(np.isfinite(one.k1) and np.isfinite(one.k1_std))
-        kinds.setdefault((one.count, one.full, has_k1), []).append(at)
+        kinds.setdefault((one.count, one.full, one.has_k1), []).append(at)
     for places in kinds.values():
         parts = [conditions[at] for at in places]
         names = ("omega", "stiffness", "covariance", "k1", "k1_std")

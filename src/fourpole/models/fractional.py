@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import optimize
+from scipy import ndimage, optimize
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
+from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model, Parameter, columns, positive
 from fourpole.models.maxwell import GeneralisedMaxwell
+from fourpole.models.spectrum import two_springs, whitened_conditions
 
 __all__ = ["FractionalZener", "FractionalZener5", "rational"]
 
@@ -26,6 +28,13 @@ _POINTS_PER_ARM = 12
 _MOST_ARMS = 60
 #: Orders above this have all but one relaxation time.
 _NEARLY_ONE = 0.9
+#: The grid of starts: orders, leans, times per decade, decades beyond the band.
+_ORDERS, _LEANS = np.linspace(0.1, 1.0, 10), np.array([0.9, 0.4])
+_TIMES_PER_DECADE, _DECADES_BEYOND = 2, 3.0
+#: Points of the grid as close as this, in times and in orders, lead to the same optimum.
+_NEAR = (1, 1)
+#: Least springs of a start, as a share of |K*|, and of their difference.
+_LEAST_SPRING, _LEAST_RISE = 1e-6, 1e-3
 
 
 class FractionalZener(Model):
@@ -45,6 +54,8 @@ class FractionalZener(Model):
 
     name = "fractional"
     parameters = _COMMON
+    special_cases = ("zener",)
+    for_maps = ("fractional",)
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """K* [N/m]."""
@@ -59,9 +70,9 @@ class FractionalZener(Model):
         slope = (high - low) * share * (1 - share)
         return np.stack([1 - share, share, slope * alpha / tau, slope * log], axis=-1)
 
-    def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K0."""
-        return np.asarray(self.checked(values)[..., 0])
+    def starts(self, data: StiffnessData, count: int) -> FloatArray:
+        """The best springs on a grid of times and orders."""
+        return _grid_starts(data, None, count)
 
 
 class FractionalZener5(Model):
@@ -84,6 +95,7 @@ class FractionalZener5(Model):
 
     name = "fractional5"
     parameters = (*_COMMON, Parameter("beta", "1", 0.0, 1.0, 1.0, "lean of the loss peak"))
+    special_cases = ("fractional",)
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """K* [N/m]."""
@@ -100,9 +112,9 @@ class FractionalZener5(Model):
         by_beta = (high - low) * power * np.log(share)
         return np.stack([1 - power, power, slope * alpha / tau, slope * log, by_beta], axis=-1)
 
-    def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K0."""
-        return np.asarray(self.checked(values)[..., 0])
+    def starts(self, data: StiffnessData, count: int) -> FloatArray:
+        """The best springs on a grid of times, orders and leans."""
+        return _grid_starts(data, _LEANS, count)
 
 
 def _share(omega: FloatArray, tau: FloatArray, alpha: FloatArray) -> tuple[ComplexArray, ComplexArray]:
@@ -180,3 +192,44 @@ def _one_time(model: Model, values: ArrayLike, low: float, high: float) -> float
     known = dict(zip((one.symbol for one in model.parameters), model.checked(values).tolist(), strict=True))
     tau = known.get("tau", 0.0)
     return tau if known.get("alpha", 0.0) > _NEARLY_ONE and low * tau <= 1.0 <= high * tau else None
+
+
+def _grid_starts(data: StiffnessData, leans: FloatArray | None, count: int) -> FloatArray:
+    """The best K0, K_inf >= 0 on a grid of times, orders and leans: its optima (count, B, P), the best first."""
+    omega: FloatArray = np.empty(0)
+    found = []
+    for seen in whitened_conditions(data):
+        if not np.array_equal(omega, seen.omega):
+            omega = seen.omega
+            times, share = _shares(omega, leans)
+            terms = np.stack([1 - share, share], axis=-1)
+        springs, misfit = two_springs(seen.rows(terms), seen.wanted)
+        places = _optima(misfit, count)
+        low, high = np.maximum(springs[*places.T], _LEAST_SPRING * np.mean(np.abs(seen.stiffness))).T
+        start = [low, np.maximum(high, low * (1 + _LEAST_RISE)), times[places[:, 0]], _ORDERS[places[:, 1]]]
+        found.append(np.stack(start if leans is None else [*start, leans[places[:, 2]]], axis=1))
+    return np.stack(found, axis=1)
+
+
+def _shares(omega: FloatArray, leans: FloatArray | None) -> tuple[FloatArray, ComplexArray]:
+    """Times (T,), and the share (T, O, L, N) of K_inf - K0 at each time, order and lean."""
+    low, high = omega.min() / 10**_DECADES_BEYOND, omega.max() * 10**_DECADES_BEYOND
+    times: FloatArray = 1.0 / np.geomspace(low, high, int(np.log10(high / low) * _TIMES_PER_DECADE) + 1)
+    power = (1j * omega * times[:, None, None]) ** _ORDERS[:, None]
+    share: ComplexArray = (power / (1 + power))[:, :, None, :]
+    return times, share if leans is None else np.asarray(share ** leans[:, None])
+
+
+def _optima(misfit: FloatArray, count: int) -> np.ndarray:
+    """Places (count, 3) on a grid (T, O, L): local optima first, then the best of what is far from those chosen."""
+    best = misfit <= ndimage.minimum_filter(misfit, size=3, mode="nearest")
+    best.flat[np.argmin(misfit)] = True
+    ranked = np.where(best, misfit, misfit + misfit.max())
+    at = np.indices(misfit.shape)
+    places = []
+    for _ in range(count):
+        place = np.unravel_index(int(np.argmin(ranked)), misfit.shape)
+        places.append(place)
+        near = (np.abs(at[0] - place[0]) <= _NEAR[0]) & (np.abs(at[1] - place[1]) <= _NEAR[1])
+        ranked = np.where(near, np.inf, ranked)
+    return np.array(places)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
+from fourpole.models.data import StiffnessData
 
 __all__ = ["Model", "Parameter", "StateSpace"]
 
@@ -77,24 +78,46 @@ class StateSpace:
 
 
 class Model(ABC):
-    """A model of K*(omega); values of its parameters are given apart, so that many sets can be looked at together.
+    """A model of K*(omega); methods take the parameters' values, so that one call evaluates many sets.
+
+    The attributes say all that fits, choices, commands and files need to know of a family; `families` lists them.
 
     Attributes
     ----------
     name : str
-        As in `--model`.
+        As in `--model`; of a family with sizes it ends in the size, as maxwell:3.
     parameters : tuple of Parameter
         In the order of every array of values.
     usually_fixed : tuple of str
-        Parameters that K* over frequency does not tell, and a choice of models holds at what is known of them.
+        Parameters that K* over frequency does not identify; a choice of models holds them at their known values.
     causal : bool
-        Whether its force never comes before its deflection, so that it can be stepped in time.
+        Whether the force never comes before the deflection, so that the model can be stepped in time.
+    rests : bool
+        Whether K* tends to a finite stiffness at zero frequency, the first parameter unless `static_stiffness` says
+        otherwise. Only such a model is held against K1 of a static test; one that flows is not.
+    relaxing : bool
+        Whether K* is a sum of non-negative relaxation terms, as that of every passive linear tyre without inertia.
+    special_cases, special_case_of : tuple of str
+        Families, by their names without size, that this one contains, and that contain it.
+    candidate : bool
+        Whether `auto` tries the family.
+    sizes : range
+        Sizes that the bare name of the family tries, as maxwell does, until larger ones do not help; or none.
+    for_maps : tuple of str
+        Names of its members that an automatic operating map tries.
     """
 
     name: str
     parameters: tuple[Parameter, ...]
     usually_fixed: tuple[str, ...] = ()
     causal: bool = True
+    rests: bool = True
+    relaxing: bool = True
+    special_cases: tuple[str, ...] = ()
+    special_case_of: tuple[str, ...] = ()
+    candidate: bool = True
+    sizes: range = range(0)
+    for_maps: tuple[str, ...] = ()
 
     @abstractmethod
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
@@ -104,16 +127,20 @@ class Model(ABC):
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """Derivatives (..., N, P) of K* by each parameter, in its unit."""
 
-    @abstractmethod
     def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K* at rest (...,) [N/m]."""
+        """K* at zero frequency (...,) [N/m]: the first parameter, or 0 of a model that flows, unless a model says."""
+        first = self.checked(values)[..., 0]
+        return np.asarray(first if self.rests else np.zeros_like(first))
 
     def static_derivative(self, values: ArrayLike) -> FloatArray:
-        """Derivatives (..., P) of the static stiffness by each parameter; it is the first one, unless a model says."""
-        array = self.checked(values)
-        found = np.zeros(array.shape)
-        found[..., 0] = 1.0
+        """Derivatives (..., P) of `static_stiffness` by each parameter."""
+        found = np.zeros(self.checked(values).shape)
+        found[..., 0] = float(self.rests)
         return found
+
+    def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
+        """From 1 to `count` starts (n, B, P) of a fit to conditions (B, N), the best first; see `starts.starts_of`."""
+        raise ModelError(f"no start is known for the {self.name} model: state one")
 
     def ordering(self, values: FloatArray) -> np.ndarray | None:  # noqa: ARG002
         """Places (..., P) of the parameters in the order that tells equal sets apart; none where there is one only."""

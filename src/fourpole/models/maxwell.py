@@ -9,11 +9,15 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
+from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
+from fourpole.models.spectrum import WhitenedCondition, arms_at, two_springs, whitened_conditions
 
 __all__ = ["GeneralisedMaxwell", "Zener"]
 
 _MOST_ARMS = 60
+#: Least stiffness of the arm and least relaxation time of a start, as shares of |K*| and of 1/omega.
+_LEAST_SPRING, _LEAST_TIME = 0.01, 1e-6
 
 
 class Zener(Model):
@@ -35,6 +39,8 @@ class Zener(Model):
         Parameter("K2", "N/m", 0.0, np.inf, 120e3, "spring of the arm", log=True),
         Parameter("C", "N s/m", 0.0, np.inf, 700.0, "damper of the arm", log=True),
     )
+    special_cases = ("spring",)
+    for_maps = ("zener",)
 
     def _arm(self, values: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray, ComplexArray, ComplexArray]:
         """K1, K2, jwC, and the share of the arm's deflection that its spring has."""
@@ -54,9 +60,13 @@ class Zener(Model):
         _, _, _, share = self._arm(values, omega)
         return np.stack([np.ones_like(share), share**2, 1j * positive(omega) * (1 - share) ** 2], axis=-1)
 
-    def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K1."""
-        return np.asarray(self.checked(values)[..., 0])
+    def starts(self, data: StiffnessData, count: int) -> FloatArray:
+        """The closed form of least squares, then arms that relax at frequencies over the band."""
+        first = _zener(data.stiffness, data.omega)[None]
+        if count == 1:
+            return first
+        others = [_relaxing(one, count - 1) for one in whitened_conditions(data)]
+        return np.concatenate([first, np.stack(others, axis=1)])
 
     def state_space(self, values: ArrayLike) -> StateSpace:
         """One state: the deflection of the damper."""
@@ -88,6 +98,10 @@ class GeneralisedMaxwell(Model):
     >>> GeneralisedMaxwell(1).stiffness([180e3, 120e3, 700 / 120e3], [20 * np.pi]).round(2)
     array([194211.27+38773.6j])
     """
+
+    special_cases = ("zener",)
+    sizes = range(2, 21)  # one arm is a Zener
+    for_maps = ("maxwell:2",)
 
     def __init__(self, arms: int) -> None:
         if not 1 <= arms <= _MOST_ARMS:
@@ -133,9 +147,9 @@ class GeneralisedMaxwell(Model):
         first = np.zeros((*values.shape[:-1], 1), dtype=int)
         return np.concatenate([first, arms, arms + self.arms], axis=-1)
 
-    def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K_inf."""
-        return np.asarray(self.checked(values)[..., 0])
+    def starts(self, data: StiffnessData, count: int) -> FloatArray:
+        """Non-negative springs on several layouts of the relaxation times."""
+        return np.stack([arms_at(one, self.arms, count) for one in whitened_conditions(data)], axis=1)
 
     def state_space(self, values: ArrayLike) -> StateSpace:
         """A state per arm: the deflection of its damper."""
@@ -146,3 +160,30 @@ class GeneralisedMaxwell(Model):
         inputs = np.stack([rates, np.zeros_like(rates)], axis=1)
         direct = np.array([checked[0] + springs[stiff].sum(), 0.0])
         return StateSpace(-np.diag(rates), inputs, -springs[stiff], direct)
+
+
+def _zener(k: ComplexArray, omega: FloatArray) -> FloatArray:
+    """K* (1 + jw tau) = K1 + jw tau (K1 + K2) is linear in K1, tau (K1 + K2) and tau: least squares of each row."""
+    scale, middle = np.mean(np.abs(k), axis=1)[:, None], np.mean(omega, axis=1)[:, None]
+    w, y = omega / middle, k / scale
+    terms = np.stack([np.ones_like(y), 1j * w, -1j * w * y], axis=-1) / (1 + w[..., None])
+    rows = np.concatenate([terms.real, terms.imag], axis=1)
+    right = np.concatenate([y.real / (1 + w), y.imag / (1 + w)], axis=1)
+    turned = np.swapaxes(rows, 1, 2)
+    ridge = 1e-12 * np.eye(3)
+    first, second, tau = np.linalg.solve(turned @ rows + ridge, (turned @ right[..., None]))[..., 0].T
+    tau = np.maximum(tau, _LEAST_TIME)
+    k1 = np.maximum(first, _LEAST_SPRING) * scale[:, 0]
+    k2 = np.maximum(second / tau * scale[:, 0] - k1, _LEAST_SPRING * scale[:, 0])
+    return np.stack([k1, k2, tau / middle[:, 0] * k2], axis=1)
+
+
+def _relaxing(seen: WhitenedCondition, count: int) -> FloatArray:
+    """Zener tyres (count, 3) that relax at frequencies spread over the band and a little beyond."""
+    ends = np.log(1.0 / seen.omega.max() / 3.0), np.log(3.0 / seen.omega.min())
+    times = np.exp(ends[0] + (ends[1] - ends[0]) * (np.arange(count) + 0.5) / count)
+    relaxed = 1.0 - 1.0 / (1.0 + 1j * seen.omega[:, None] * times[:, None, None])
+    terms = np.concatenate([np.ones_like(relaxed), relaxed], axis=-1)
+    springs, _ = two_springs(seen.rows(terms), seen.wanted)
+    springs = np.maximum(springs, _LEAST_SPRING * np.mean(np.abs(seen.stiffness)))
+    return np.stack([springs[:, 0], springs[:, 1], times * springs[:, 1]], axis=1)

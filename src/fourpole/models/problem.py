@@ -189,8 +189,8 @@ def problem_of(
             begin[:, symbols.index(name)] = np.broadcast_to(np.asarray(value, dtype=float), lead).reshape(-1)
         model.checked(begin)
     free = np.array([at for at, one in enumerate(symbols) if one not in fixed and one not in tied], dtype=int)
-    flat = _flat(data)
-    has_k1 = bool(np.any(np.isfinite(data.k1_std) & np.isfinite(data.k1)))
+    flat = data.flat()
+    has_k1 = data.has_k1 and model.rests
     known = 2 * data.count + int(has_k1)
     if free.size == 0:
         raise ModelError(f"all parameters of the {model.name} model are given: nothing is left to fit")
@@ -239,19 +239,6 @@ def _spread(
         spread[symbols.index(name), at[0]] = factor
         high[at[0]] = min(high[at[0]], model.parameters[symbols.index(name)].high / factor)
     return spread, high
-
-
-def _flat(data: StiffnessData) -> StiffnessData:
-    """The same conditions along one axis."""
-    count = data.count
-    tail = data.covariance.shape[-2:] if data.full else (count, 2, 2)
-    return StiffnessData(
-        data.omega.reshape(-1, count) if data.omega.ndim > 1 else data.omega,
-        data.stiffness.reshape(-1, count),
-        np.broadcast_to(data.covariance, (*data.stiffness.shape[:-1], *tail)).reshape(-1, *tail),
-        data.k1.reshape(-1),
-        data.k1_std.reshape(-1),
-    )
 
 
 def _in_space(data: StiffnessData, space: str) -> FloatArray:

@@ -210,6 +210,8 @@ def _misfit(model: Model, data: StiffnessData, values: FloatArray) -> FloatArray
     """Chi-square of given parameters (B, P) on conditions (B,)."""
     off = data.stiffness - model.stiffness(values, data.omega)
     chi2 = np.sum(data.whitened(data.whitener(), off[..., None])[..., 0] ** 2, axis=-1)
+    if not model.rests:
+        return np.asarray(chi2)
     at_rest = (data.k1 - model.static_stiffness(values)) / data.k1_std
     return np.asarray(chi2 + np.nan_to_num(at_rest) ** 2)
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
 
 __all__ = ["KelvinVoigt", "Spring", "Structural"]
@@ -34,9 +35,9 @@ class Spring(Model):
         """By K."""
         return np.ones_like(self.stiffness(values, omega))[..., None]
 
-    def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K."""
-        return np.asarray(self.checked(values)[..., 0])
+    def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
+        """The mean of K'."""
+        return np.mean(data.stiffness.real, axis=1)[None, :, None]
 
     def state_space(self, values: ArrayLike) -> StateSpace:
         """No states."""
@@ -55,6 +56,7 @@ class KelvinVoigt(Model):
 
     name = "kelvin"
     parameters = (_K, Parameter("C", "N s/m", 0.0, np.inf, 300.0, "damper beside it", log=True))
+    special_cases = ("spring",)
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """K* [N/m]."""
@@ -66,9 +68,10 @@ class KelvinVoigt(Model):
         by_c = 0 * self.stiffness(values, omega) + 1j * positive(omega)
         return np.stack([np.ones_like(by_c), by_c], axis=-1)
 
-    def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K."""
-        return np.asarray(self.checked(values)[..., 0])
+    def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
+        """The mean of K', and the least squares slope of K'' over the angular frequency."""
+        k, omega = data.stiffness, data.omega
+        return np.stack([np.mean(k.real, 1), np.mean(k.imag * omega, 1) / np.mean(omega**2, 1)], axis=1)[None]
 
     def state_space(self, values: ArrayLike) -> StateSpace:
         """No states: the force goes with deflection and rate."""
@@ -92,7 +95,9 @@ class Structural(Model):
 
     name = "structural"
     parameters = (_K, Parameter("eta", "1", 0.0, np.inf, 0.1, "loss factor"))
+    special_cases = ("spring",)
     causal = False
+    relaxing = False
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """K* [N/m]."""
@@ -105,6 +110,7 @@ class Structural(Model):
         nothing = 0 * positive(omega)
         return np.stack([1 + 1j * eta + nothing, 1j * k + nothing], axis=-1)
 
-    def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K."""
-        return np.asarray(self.checked(values)[..., 0])
+    def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
+        """The means of K' and of K'', the second over the first."""
+        k = data.stiffness
+        return np.stack([np.mean(k.real, 1), np.mean(k.imag, 1) / np.mean(k.real, 1)], axis=1)[None]

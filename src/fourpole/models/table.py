@@ -7,8 +7,10 @@ from numpy.typing import ArrayLike
 from scipy import interpolate
 
 from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.routes import maxwell_arm
 from fourpole.core.tyre import zener_stiffness
 from fourpole.errors import ModelError
+from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model, Parameter, columns, positive
 
 __all__ = ["Gehman", "GehmanLaw"]
@@ -52,6 +54,7 @@ class Gehman(Model):
     name = "table"
     parameters = (Parameter("K1", "N/m", 0.0, np.inf, 180e3, "static stiffness", log=True),)
     causal = False
+    relaxing = False
 
     def __init__(self, frequency: ArrayLike, k2: ArrayLike, c: ArrayLike) -> None:
         rows = [np.asarray(one, dtype=float) for one in (frequency, k2, c)]
@@ -87,9 +90,9 @@ class Gehman(Model):
         """By K1."""
         return np.ones_like(self.stiffness(values, omega))[..., None]
 
-    def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K1."""
-        return np.asarray(self.checked(values)[..., 0])
+    def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
+        """The mean of K' less that of the arm."""
+        return np.mean((data.stiffness - self.stiffness([0.0], data.omega)).real, axis=1)[None, :, None]
 
 
 class GehmanLaw(Model):
@@ -118,6 +121,9 @@ class GehmanLaw(Model):
     """
 
     causal = False
+    relaxing = False
+    candidate = False
+    for_maps = ("gehman:1", "gehman:2", "gehman:3")
 
     def __init__(self, order: int) -> None:
         if not 1 <= order <= _MOST_ORDER:
@@ -161,6 +167,25 @@ class GehmanLaw(Model):
         rest = [by_log_k2[..., None] * powers, by_log_c[..., None] * powers]
         return np.concatenate([np.stack(firsts, axis=-1), *rest], axis=-1)
 
-    def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K1."""
-        return np.asarray(self.checked(values)[..., 0])
+    def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
+        """Laws through K2 and C of each frequency."""
+        return _laws(data.stiffness, data.omega, data.k1, self.order)[None]
+
+
+def _laws(k: ComplexArray, omega: FloatArray, k1: FloatArray, order: int) -> FloatArray:
+    """Polynomials through log K2 and log C of each frequency, K1 being known, or somewhat below the least K'."""
+    least = 0.9 * np.min(k.real, axis=1)
+    rest = np.where(np.isfinite(k1) & (k1 > 0), np.minimum(np.nan_to_num(k1), 1.1 * least), least)[:, None]
+    k2, c = maxwell_arm(k, rest, omega)
+    found = []
+    for row, static, spring, damper in zip(omega, rest[:, 0], k2, c, strict=True):
+        good = np.isfinite(spring) & np.isfinite(damper) & (spring > 0) & (damper > 0)
+        logs = np.log(row[good] / _REFERENCE)
+        flat = np.array([abs(static), static / row.mean()])
+        both = [np.log(spring[good]), np.log(damper[good])]
+        laws = np.zeros((2, order + 1))
+        for at, values in enumerate(both):
+            degree = min(order, max(values.size - 1, 0))
+            laws[at, : degree + 1] = np.polyfit(logs, values, degree)[::-1] if values.size else np.log(flat[at])
+        found.append([static, *np.exp(np.clip(laws[:, 0], -100, 100)), *laws[0, 1:], *laws[1, 1:]])
+    return np.array(found)

@@ -359,7 +359,7 @@ def _search_of(
     common = shared if shared is not None else [np.zeros((2 * one.count, 0)) for one in conditions]
     groups = []
     for places, data in stacked(conditions):
-        k1_std = np.hypot(data.k1_std, scatter.condition * data.k1)
+        k1_std = np.hypot(data.k1_std, scatter.condition * data.k1) if model.rests else np.full(len(places), np.nan)
         whitener = np.stack([_whitener(conditions[at], scatter) for at in places])
         groups.append(_Group(places, data, np.stack([common[at] for at in places]), whitener, k1_std))
     return _Search(model, groups, tuple(laws), common[0].shape[1])

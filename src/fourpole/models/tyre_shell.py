@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
+from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
 from fourpole.models.shell import (
     Cylinder,
@@ -141,6 +142,8 @@ class Shell(Model):
     name = "shell"
     parameters = _PARAMETERS
     usually_fixed = ("R", "B", "S", "D", "p", "l", "beta")
+    special_cases = ("kelvin",)
+    relaxing = False  # it has inertia
 
     def __init__(
         self,
@@ -217,6 +220,17 @@ class Shell(Model):
     def static_derivative(self, values: ArrayLike) -> FloatArray:
         """Of the static stiffness: what `derivative` tends to."""
         return np.asarray(self.derivative(values, [_AT_REST])[..., 0, :].real)
+
+    def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
+        """The usual shell on springs that give the mean K', with the time constant that gives the mean loss."""
+        k = data.stiffness
+        symbols = [parameter.symbol for parameter in self.parameters]
+        found = np.repeat(self.defaults[None], len(k), axis=0)
+        wanted = np.mean(k.real, axis=1)
+        for _ in range(4):  # the stiffness grows with less than the springs' 3/4th power
+            found[:, symbols.index("k")] *= (wanted / self.static_stiffness(found)) ** 1.3
+        found[:, symbols.index("tau")] = np.mean(k.imag / k.real / data.omega, axis=1)
+        return found[None]
 
     def state_space(self, values: ArrayLike) -> StateSpace:
         """Two states for each mode that the load drives: its deflection and rate.

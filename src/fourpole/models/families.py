@@ -1,0 +1,104 @@
+"""The families of models: one line each, from which names, help, candidates and special cases are taken.
+
+What a family is, it says itself, by the attributes of `interface.Model`. Its class is imported when it is first asked
+for, so that the command line can name the families without loading them.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from fourpole.errors import ModelError
+from fourpole.units import shown
+
+if TYPE_CHECKING:
+    from fourpole.models.interface import Model
+
+__all__ = ["FAMILIES", "NAMES", "automatic", "contains", "for_maps", "model_named", "sizes_of"]
+
+#: Name and class of each family, in the order of help and of `auto`. `:N` is a size; in brackets it may be left out.
+FAMILIES = {
+    "spring": "springs.Spring",
+    "kelvin": "springs.KelvinVoigt",
+    "structural": "springs.Structural",
+    "gehman:N": "table.GehmanLaw",
+    "zener": "maxwell.Zener",
+    "maxwell[:N]": "maxwell.GeneralisedMaxwell",
+    "fractional": "fractional.FractionalZener",
+    "fractional5": "fractional.FractionalZener5",
+    "shell": "tyre_shell.Shell",
+}
+#: All names, as help and messages list them.
+NAMES = ", ".join(FAMILIES)
+_PLACES = {key.partition(":")[0].rstrip("["): (key, place) for key, place in FAMILIES.items()}
+
+
+def model_named(name: str) -> Model:
+    """The model of a name, with its size where the family has sizes.
+
+    Raises
+    ------
+    ModelError
+        If there is none of that name, or the family has no such size.
+
+    Examples
+    --------
+    >>> model_named("maxwell:3").name
+    'maxwell:3'
+    """
+    family, mark, size = name.partition(":")
+    key = _PLACES.get(family, ("", ""))[0]
+    sized = ":N" in key
+    number = size.isdecimal() and len(size) < 4
+    if not key or sized != bool(mark) or (sized and not number):
+        raise ModelError(f"no model {shown(name)}: choose one of {NAMES}, with a number for N")
+    made: Model = _class(family)(*([int(size)] if sized else []))
+    return made
+
+
+def automatic() -> tuple[str, ...]:
+    """Names of the families that `auto` tries; a family with `sizes` stands by its bare name."""
+    return tuple(family for family in _PLACES if _class(family).candidate)
+
+
+def for_maps() -> tuple[str, ...]:
+    """Names of the models that an automatic operating map tries."""
+    return tuple(name for family in _PLACES for name in _class(family).for_maps)
+
+
+def sizes_of(name: str) -> range:
+    """Sizes that a family's bare name tries; none for any other name."""
+    return _class(name).sizes if name in _PLACES else range(0)
+
+
+def contains(larger: str, smaller: str) -> bool:
+    """Whether the second model is a special case of the first.
+
+    Examples
+    --------
+    >>> contains("maxwell:3", "maxwell:2"), contains("fractional5", "spring"), contains("zener", "kelvin")
+    (True, True, False)
+    """
+    (large, _, size), (small, _, own) = larger.partition(":"), smaller.partition(":")
+    return int(size) > int(own) if large == small and own else small in _special_cases(large)
+
+
+@cache
+def _special_cases(family: str) -> frozenset[str]:
+    """Families that are special cases of one, by what either side says, also at second hand."""
+    pairs = {(one, case) for one in _PLACES for case in _class(one).special_cases}
+    pairs |= {(whole, one) for one in _PLACES for whole in _class(one).special_case_of}
+    found: set[str] = set()
+    new = {family}
+    while new:
+        new = {case for whole, case in pairs if whole in new} - found
+        found |= new
+    return frozenset(found)
+
+
+def _class(family: str) -> type[Model]:
+    module, _, name = _PLACES[family][1].partition(".")
+    found: type[Model] = getattr(import_module(f"fourpole.models.{module}"), name)
+    return found
