@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 
 from fourpole.app.outline import line, picture
-from fourpole.io import along as going
+from fourpole.io import stream as streaming
 from fourpole.io.look import look
 from fourpole.io.recordings import survey
 
@@ -188,8 +188,8 @@ def test_row_numbers_are_no_times(run, tmp_path):
 def test_pieces_show_what_the_whole_shows(table, monkeypatch):
     found = survey(table)
     whole = look(table, found, range(3), label="a")
-    monkeypatch.setattr(going, "_AT_ONCE", 1)
-    monkeypatch.setattr(going, "_LEAST_ROWS", 701)  # a gap of three goes over the edge of the first piece
+    monkeypatch.setattr(streaming, "_AT_ONCE", 1)
+    monkeypatch.setattr(streaming, "_LEAST_ROWS", 701)  # a gap of three goes over the edge of the first piece
     pieces = look(table, found, range(3), label="a")
     for at in range(3):
         for name, value in vars(whole[at]).items():

@@ -469,7 +469,7 @@ def test_noise_is_no_test_that_is_taken_for_granted(origin, tmp_path):
 
 
 def test_a_long_table_is_looked_at_by_its_start(tmp_path, monkeypatch):
-    monkeypatch.setattr("fourpole.campaign.guess.signals._ENOUGH_TEXT", 100_000)
+    monkeypatch.setattr("fourpole.campaign.guess.signals._ENOUGH_ROWS", 5_000)
     t = np.arange(40_000) / 1000
     frequency = np.where(t < 20, 12.3, 55.0)
     wave = {"F1 [N]": np.sin(2 * np.pi * frequency * t), "V1 [m/s]": np.cos(2 * np.pi * frequency * t)}

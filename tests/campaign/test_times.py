@@ -296,7 +296,7 @@ def test_clipping_is_seen_in_a_long_recording(bench, monkeypatch):
 
 def test_pieces_and_the_whole_are_the_same(bench, monkeypatch):
     """A table read in stretches, its time column too, against the same read whole."""
-    from fourpole.io import recordings
+    from fourpole.io import stream as recordings
 
     bench.dynamic("D1")
     whole = bench.analyse(route="relative").dynamic

@@ -12,9 +12,8 @@ from rich.cells import cell_len
 
 from fourpole.app.console import OK, out, print_json, progress, table_console
 from fourpole.app.outline import draws_dots, line, picture
-from fourpole.io.along import chosen_of
 from fourpole.io.look import Look, look
-from fourpole.io.recordings import survey
+from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, SignalInfo
 
 __all__ = ["Wanted", "run_info"]

@@ -10,7 +10,6 @@ import numpy as np
 
 from fourpole import units
 from fourpole.campaign.folder import Campaign, Test, inside
-from fourpole.campaign.gather import agreed
 from fourpole.campaign.guess.signals import rate_of, samples_of
 from fourpole.campaign.identified import possible_route
 from fourpole.campaign.load import group_of
@@ -23,6 +22,7 @@ from fourpole.io.layout import find_column
 from fourpole.io.recordings import survey
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Request, SignalInfo
 from fourpole.io.source import sha256_of
+from fourpole.io.stream import agreed
 
 __all__ = ["Checked", "Problem", "check_campaign"]
 
@@ -291,8 +291,7 @@ class _Look:
         group = group_of(path, test)
         signal = _found(info, clock, group, test.file)
         unit = agreed(clock, signal.unit, channels.time.unit, "time")
-        signals, _ = samples_of(path, [clock], clock=None, group=group, label=test.file)
-        time = signals[clock].samples * units.unit_scale(unit, "time")
+        time = samples_of(path, [clock], group=group, label=test.file)[clock].samples * units.unit_scale(unit, "time")
         rate = rate_of(time)
         if rate is None:
             raise TableError(f"time, column {units.shown(clock)}, does not rise: another column may be meant")

@@ -1,4 +1,4 @@
-"""Pieces of a recording become channels: SI values on their own time base, thinned where they are very many."""
+"""Chunks of a recording become channels: SI values on their own time base, thinned where they are very many."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from fourpole.core.checks import clipped_share
 from fourpole.core.decimate import Decimator
 from fourpole.core.recording import Channel, uniform_time
 from fourpole.core.reference import PulseTrain, Reference
-from fourpole.errors import RecordingError, TableError, UnitError
+from fourpole.errors import RecordingError, TableError
 from fourpole.io.signals import Signal
+from fourpole.io.stream import agreed
 
-__all__ = ["Gathered", "Timing", "Turning", "agreed"]
+__all__ = ["ChannelBuilder", "ReferenceBuilder", "Timing"]
 
 #: Samples of a channel beyond which it is thinned: what a fit of some thirty unknowns holds in memory.
 _MOST_SAMPLES = 1 << 19
 #: But so many samples per cycle of the excitation are kept.
 _PER_CYCLE = 4.0
-#: Of two rates for the same channel.
-_SAME_RATE = 1e-4
 #: Of a nominal rate and the times themselves.
 _SAME_NOMINAL = 1e-3
 #: Of an encoder's angles in one piece: what is kept.
@@ -36,8 +35,6 @@ class Timing:
 
     Attributes
     ----------
-    rate : float or None [Hz]
-        Stated in campaign.toml in place of the file's times.
     window : (float, float) or None [s]
     near : float or None [Hz]
         About the frequency of the excitation.
@@ -45,7 +42,6 @@ class Timing:
         The file, for messages.
     """
 
-    rate: float | None
     window: tuple[float, float] | None
     near: float | None
     label: str
@@ -57,8 +53,8 @@ class Timing:
         return min(count, int((self.window[1] - self.window[0]) * rate) + 2)
 
 
-class Gathered:
-    """One channel, as it comes in piece by piece."""
+class ChannelBuilder:
+    """One channel, as it comes in chunk by chunk."""
 
     def __init__(self, name: str, conversion: Conversion, unit: str | None, timing: Timing, count: int) -> None:
         self._name, self._conversion, self._unit, self._timing, self._count = name, conversion, unit, timing, count
@@ -66,11 +62,11 @@ class Gathered:
         self._thin: Decimator | None = None
         self._clipped: list[tuple[int, float]] = []
 
-    def feed(self, signal: Signal, clock: FloatArray | None) -> None:
-        """The next samples, with their times [s] where a column states them."""
+    def feed(self, signal: Signal) -> None:
+        """Take the next samples."""
         if self._unit is not None:
             agreed(self._name, signal.unit, self._unit, self._conversion.kind)
-        kept = self._base.feed(signal, clock)
+        kept = self._base.feed(signal)
         samples = signal.samples[kept]
         if not samples.size:
             return
@@ -111,8 +107,8 @@ class Gathered:
         return channel, self._base.remark
 
 
-class Turning:
-    """The drive's reference, as it comes in piece by piece: a tacho's pulses, or an encoder's angle."""
+class ReferenceBuilder:
+    """The drive's reference, as it comes in chunk by chunk: a tacho's pulses, or an encoder's angle."""
 
     def __init__(self, stated: ReferenceFile, timing: Timing) -> None:
         self._stated = stated
@@ -122,23 +118,22 @@ class Turning:
         self._angles: list[tuple[FloatArray, FloatArray]] = []
         self._refused: RecordingError | None = None
 
-    def feed(self, signal: Signal, clock: FloatArray | None) -> None:
-        """The next samples, with their times [s] where a column states them; what is no reference waits to be told."""
+    def feed(self, signal: Signal) -> None:
+        """Take the next samples; an error is kept until the reference is asked for."""
         if self._refused is not None:
             return
         try:
-            self._take(signal, clock)
+            self._take(signal)
         except RecordingError as error:
             self._refused = error
 
-    def _take(self, signal: Signal, clock: FloatArray | None) -> None:
+    def _take(self, signal: Signal) -> None:
         first = self._base.kept
-        self._base.feed(signal, clock)
+        self._base.feed(signal)
         if not signal.samples.size:
             return
-        stamps = clock if clock is not None else signal.time
         rate = self._base.rate
-        start = self._base.start + first / rate if stamps is None else float(stamps[0])
+        start = self._base.start + first / rate if signal.time is None else float(signal.time[0])
         if self._stated.is_angle:
             step = max(1, signal.samples.size // _MOST_ANGLES)
             times = start + np.arange(0, signal.samples.size, step) / rate
@@ -162,7 +157,7 @@ class Turning:
 
 
 class TimeBase:
-    """When the samples of a channel were taken, as its pieces say one after the other.
+    """When the samples of a channel were taken, as its chunks say one after the other.
 
     Attributes
     ----------
@@ -176,28 +171,20 @@ class TimeBase:
 
     def __init__(self, timing: Timing) -> None:
         self._timing = timing
-        self._seen = self.kept = 0
+        self.kept = 0
         self.start = self._last = float("nan")
         self.remark = ""
         self._span = (float("inf"), float("-inf"))
         self.rate = float("nan")
 
-    def feed(self, signal: Signal, clock: FloatArray | None) -> slice:
-        """Take in the times of a piece; which of its samples lie in the window."""
-        count = signal.samples.size
-        stamps = clock if clock is not None else signal.time
-        rate = self._stated(signal, stamps)
-        if rate is None:
-            assert stamps is not None
-            kept = self._by_stamps(stamps)
-            if signal.rate is not None and self.kept > 1 and abs(self.rate / signal.rate - 1) > _SAME_NOMINAL:
-                self.remark = self.remark or (
-                    f"the file says {signal.rate:.6g} samples per second, its times {self.rate:.6g}: these were taken; "
-                    "if the rate is right, state sample_rate in campaign.toml in place of time"
-                )
+    def feed(self, signal: Signal) -> slice:
+        """Take in the times of a chunk, in which the stream gave a rate or times; which samples lie in the window."""
+        if signal.time is not None:
+            kept = self._by_stamps(signal.time)
+            self._hold_against(signal.rate)
             return kept
-        first = self._seen / rate if self._timing.rate is not None else signal.start
-        self._seen += count
+        assert signal.rate is not None
+        count, first, rate = signal.samples.size, signal.start, signal.rate
         if count:
             self._span = min(self._span[0], first), max(self._span[1], first + (count - 1) / rate)
         low, high = 0, count
@@ -208,22 +195,13 @@ class TimeBase:
         self.kept += high - low
         return slice(low, high)
 
-    def _stated(self, signal: Signal, stamps: FloatArray | None) -> float | None:
-        """The rate that holds, None where the samples' own times do; an error where nothing or two things are said."""
-        stated, own = self._timing.rate, signal.rate
-        if stated is None:
-            if stamps is None and own is None:
-                raise TableError(
-                    f"{self._timing.label}: does not say when its samples were taken: state sample_rate, or the column "
-                    "time, in [channels] of campaign.toml"
-                )
-            return own if stamps is None else None
-        if own is not None and abs(own - stated) > _SAME_RATE * stated:
-            raise TableError(
-                f"{units.shown(signal.name)} was sampled at {own:.8g} Hz by the file, at {stated:.8g} Hz by "
-                "campaign.toml: correct or leave out sample_rate in campaign.toml"
+    def _hold_against(self, nominal: float | None) -> None:
+        """Remark on times that contradict the rate that the file states besides."""
+        if nominal is not None and self.kept > 1 and abs(self.rate / nominal - 1) > _SAME_NOMINAL:
+            self.remark = self.remark or (
+                f"the file says {nominal:.6g} samples per second, its times {self.rate:.6g}: these were taken; "
+                "if the rate is right, state sample_rate in campaign.toml in place of time"
             )
-        return stated
 
     def _by_stamps(self, stamps: FloatArray) -> slice:
         if stamps.size:
@@ -262,19 +240,3 @@ class TimeBase:
             f"window {window[0]:g}..{window[1]:g} s holds no samples: the recording runs "
             f"{self._span[0]:g} to {self._span[1]:g} s"
         )
-
-
-def agreed(column: str, written: str | None, unit: str, kind: str) -> str:
-    """The campaign's unit, held against the file's own where both are of that kind and differ."""
-    if written is None or written == unit:
-        return unit
-    try:
-        differs = units.channel_scale(written, (kind, "voltage")) != units.channel_scale(unit, (kind, "voltage"))
-    except UnitError:
-        differs = units.is_unit(written)
-    if differs:
-        raise TableError(
-            f"column {units.shown(column)} is in {units.shown(written)} by the file, "
-            f"in {units.shown(unit)} by campaign.toml: correct the unit in campaign.toml"
-        )
-    return unit

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fourpole import units
-from fourpole.campaign.channels import ChannelsFile, ReferenceFile
+from fourpole.campaign.channels import ChannelFile, ChannelsFile, ReferenceFile
 from fourpole.campaign.folder import Test, inside
-from fourpole.campaign.gather import Gathered, Timing, Turning, agreed
+from fourpole.campaign.gather import ChannelBuilder, ReferenceBuilder, Timing
 from fourpole.campaign.response import read_response
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import clipped_share
@@ -20,8 +19,8 @@ from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recording import Channel, Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import FourpoleError, RecordingError, TableError
-from fourpole.io.recordings import Piece, Source, pieces
-from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.io.signals import MAX_FILE_BYTES, Signal
+from fourpole.io.stream import Source, stream
 
 __all__ = ["MOST_BYTES", "group_of", "load_curve", "load_recording"]
 
@@ -83,29 +82,30 @@ def _gathered(
 ) -> tuple[dict[str, Channel], list[str], Reference | None]:
     """Channels by role, remarks, and the reference; not `timed`: channels of as many samples were taken at once."""
     stated = {role: channel for role in roles if (channel := channels.named(role)) is not None}
-    timing = Timing(channels.rate if timed else None, test.window, test.value("frequency"), test.file)
-    clock = channels.time.column if timed and channels.rate is None and channels.time is not None else None
-    columns = [channel.column for channel in stated.values()] + ([turning.column] if turning is not None else [])
-    count, stretches = pieces(Source(path, tuple(columns), clock, group_of(path, test), test.file))
-    lines: dict[str, Gathered] = {}
-    turn = Turning(turning, timing) if turning is not None else None
-    for piece in stretches:
-        time = _clock_times(piece, channels) if clock is not None else None
-        if count and not lines and timing.near is None and "motion_in" in stated:
-            timing = replace(timing, near=_about(piece, channels, timing, time))
-        by_count = not timed and len({signal.samples.size for signal in piece.signals.values()}) == 1
-        for role, channel in stated.items():
-            signal = piece.signals[channel.column]
-            if role not in lines:
-                conversion = channels.conversion(role, signal.unit)
-                lines[role] = Gathered(channel.column, conversion, channel.plain_unit, timing, count)
-            lines[role].feed(replace(signal, rate=1.0, time=None) if by_count else signal, time)
-        if turn is not None and turning is not None:
-            turn.feed(piece.signals[turning.column], time)
-    found, remarks = {}, []
-    for role, line in lines.items():
-        found[role], remark = line.channel()
-        remarks += [remark] if remark else []
+    timing = Timing(test.window, test.value("frequency"), test.file)
+    run = stream(_source(path, test, channels, [*stated.values(), *([turning] if turning else [])], timed=timed))
+    lines: dict[str, ChannelBuilder] = {}
+    turn = ReferenceBuilder(turning, timing) if turning is not None else None
+    for chunk in run.chunks:
+        signals = dict(zip(stated, chunk, strict=False))
+        if not lines:
+            if run.count and timing.near is None and "motion_in" in stated:
+                timing = replace(timing, near=_about(signals["motion_in"], channels, timing))
+            lines = {
+                role: ChannelBuilder(
+                    channel.column, channels.conversion(role, signals[role].unit), channel.plain_unit, timing, run.count
+                )
+                for role, channel in stated.items()
+            }
+        for role, line in lines.items():
+            line.feed(signals[role])
+        if turn is not None:
+            turn.feed(chunk[-1])
+    built = {role: line.channel() for role, line in lines.items()}
+    found, remarks = (
+        {role: channel for role, (channel, _) in built.items()},
+        [said for _, said in built.values() if said],
+    )
     reference = None
     if turn is not None:
         try:
@@ -113,6 +113,17 @@ def _gathered(
         except RecordingError as error:
             remarks.append(f"[channels] reference is not used: {error}")
     return found, list(dict.fromkeys(remarks)), reference
+
+
+def _source(
+    path: Path, test: Test, channels: ChannelsFile, columns: Sequence[ChannelFile | ReferenceFile], *, timed: bool
+) -> Source:
+    """What is read of a recording, and what is stated of its times."""
+    names = tuple(channel.column for channel in columns)
+    source = Source(path, names, test.file, group_of(path, test), needs="times" if timed else "order")
+    if not timed or channels.rate is not None or channels.time is None:
+        return replace(source, rate=channels.rate if timed else None)
+    return replace(source, clock=channels.time.column, unit=channels.time.unit)
 
 
 def _checked(reference: Reference, found: dict[str, Channel], timing: Timing) -> Reference:
@@ -129,23 +140,13 @@ def _checked(reference: Reference, found: dict[str, Channel], timing: Timing) ->
     return reference
 
 
-def _about(piece: Piece, channels: ChannelsFile, timing: Timing, clock: FloatArray | None) -> float | None:
-    """About the frequency of the excitation, by V1 in the first stretch of a long recording [Hz]."""
+def _about(signal: Signal, channels: ChannelsFile, timing: Timing) -> float | None:
+    """About the frequency of the excitation, by V1 in the first chunk of a long recording [Hz]."""
     role = channels.named("motion_in")
     assert role is not None
-    signal = piece.signals[role.column]
-    line = Gathered(role.column, channels.conversion("motion_in", signal.unit), role.plain_unit, timing, 0)
+    line = ChannelBuilder(role.column, channels.conversion("motion_in", signal.unit), role.plain_unit, timing, 0)
     try:
-        line.feed(signal, clock)
+        line.feed(signal)
         return first_guess(Recording(1.0, {"motion_in": line.channel()[0]}))
     except FourpoleError:
-        return None  # whatever is wrong is told where the channel is gathered
-
-
-def _clock_times(piece: Piece, channels: ChannelsFile) -> FloatArray | None:
-    """The column of times in seconds, where the file has one and no times of its own."""
-    if piece.clock is None or channels.time is None:
-        return None
-    column = channels.time.column or ""
-    scale = units.unit_scale(agreed(column, piece.clock.unit, channels.time.unit, "time"), "time")
-    return piece.clock.samples * scale
+        return None  # the channel's own builder meets the same error

@@ -13,10 +13,10 @@ import numpy as np
 
 from fourpole.core.recording import uniform_time
 from fourpole.errors import FileError, RecordingError, TableError
-from fourpole.io.along import Along, along, chosen_of, times_of
 from fourpole.io.formats.guard import tidy
-from fourpole.io.recordings import survey
+from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, Signal
+from fourpole.io.stream import Chunk, Stream, surveyed_stream, times_of
 from fourpole.io.writers.plan import Block, FloatArray, Group, Told, Track, Writer, beside
 from fourpole.units import shown
 
@@ -137,8 +137,8 @@ def convert(
     places = chosen_of(found, choice.group, choice.channels, source.name)
     told = Told(() if found.format == "WAV" else found.notes)  # of a WAV file they are the reader's own
     places = places if choice.channels else _readable(source, found, places, told)
-    run = along(source, found, places, label=source.name)
-    first = next(iter(run.stretches))
+    run = surveyed_stream(source, found, places, label=source.name)
+    first = next(iter(run.chunks))
     plan = _Plan(found, places, run, first, choice, told, source.name)
     if writer.one_table and len(plan.groups) > 1:
         bases = "; ".join(group.words for group in plan.groups[:_NAMED])
@@ -149,7 +149,7 @@ def convert(
         )
     if (writer.one_table or writer.kind in ("mat", "uff")) and plan.groups[0].name and len(plan.groups) == 1:
         told.lost.append(f"the name of the group, {plan.groups[0].name}, is not kept")
-    _write(target, writer, plan, chain([first], run.stretches), told, progress)
+    _write(target, writer, plan, chain([first], run.chunks), told, progress)
     return Converted(writer.name, tuple(group.words for group in plan.counted()), tuple(dict.fromkeys(told.lost)))
 
 
@@ -157,16 +157,16 @@ def _write(
     target: Path,
     writer: Writer,
     plan: _Plan,
-    stretches: Iterable[list[Signal]],
+    chunks: Iterable[Chunk],
     told: Told,
     progress: Callable[[int, int], None] | None,
 ) -> None:
     done = 0
     with beside(target) as path, writer.open(path, plan.groups, told) as sink:
-        for stretch in stretches:
-            for at, block in plan.blocks(stretch):
+        for chunk in chunks:
+            for at, block in plan.blocks(chunk):
                 sink.add(at, block)
-            done += sum(signal.samples.size for signal in stretch)
+            done += sum(signal.samples.size for signal in chunk)
             if progress is not None:
                 progress(done, plan.total)
         plan.check_not_empty()
@@ -193,7 +193,7 @@ def _readable(path: Path, found: FileInfo, places: Sequence[int], told: Told) ->
     while waiting:
         some = waiting.pop()
         try:
-            next(iter(along(path, found, some, label=path.name).stretches))
+            next(iter(surveyed_stream(path, found, some, label=path.name).chunks))
         except TableError as error:
             if len(found.signals) == 1:
                 raise
@@ -217,7 +217,7 @@ class _Plan:
         self,
         found: FileInfo,
         places: Sequence[int],
-        run: Along,
+        run: Stream,
         first: Sequence[Signal],
         choice: Choice,
         told: Told,
@@ -258,10 +258,10 @@ class _Plan:
             count = min(count, int((self._window[1] - self._window[0]) * rate) + 2)
         return Group(infos[0].group, tracks, rate, start, stamped, count, off)
 
-    def blocks(self, stretch: Sequence[Signal]) -> Iterable[tuple[int, Block]]:
-        """What is written of a stretch, by groups."""
+    def blocks(self, chunk: Chunk) -> Iterable[tuple[int, Block]]:
+        """What is written of a chunk, by groups."""
         for at, base in enumerate(self._members):
-            signals = [stretch[one] for one in base]
+            signals = [chunk[one] for one in base]
             if len({signal.samples.size for signal in signals}) > 1:
                 names = ", ".join(signal.name for signal in signals)
                 raise TableError(f"{self._label}: {names} are not as long as each other; convert them one by one")

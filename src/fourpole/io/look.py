@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import FileError, TableError
-from fourpole.io.along import along
 from fourpole.io.signals import FileInfo, Signal
+from fourpole.io.stream import surveyed_stream
 
 __all__ = ["Look", "look"]
 
@@ -127,13 +127,13 @@ class _Progress:
 def _pass(
     path: Path, found: FileInfo, chosen: Sequence[int], label: str, progress: Callable[[int], None]
 ) -> dict[int, Look | str]:
-    run = along(path, found, chosen, label=label)
+    run = surveyed_stream(path, found, chosen, label=label)
     tallies = [_Tally(found.signals[one].count) for one in chosen]
     done = 0
-    for stretch in run.stretches:
-        for tally, signal in zip(tallies, stretch, strict=True):
+    for chunk in run.chunks:
+        for tally, signal in zip(tallies, chunk, strict=True):
             tally.feed(signal)
-        done += sum(signal.samples.size for signal in stretch)
+        done += sum(signal.samples.size for signal in chunk)
         progress(done)
     names = {one: found.signals[clock].name for one, clock in run.clocks.items()}
     return {one: tally.look(names.get(one, "")) for one, tally in zip(chosen, tallies, strict=True)}

@@ -1,29 +1,22 @@
-"""A recording in whatever format: which it is, what it holds, and columns of numbers out of it."""
+"""A recording in whatever format: which format it is, and what channels it holds."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
-from fourpole.errors import FourpoleError, TableError
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal
+from fourpole.errors import TableError
+from fourpole.io.formats.guard import listed
+from fourpole.io.signals import FileInfo, Format, SignalInfo
 from fourpole.io.source import name_of, open_regular
+from fourpole.units import column_unit, shown
 
-__all__ = ["Piece", "Source", "format_of", "pieces", "survey"]
+__all__ = ["chosen_of", "format_of", "survey"]
 
 #: Modules of `fourpole.io.formats` in the order in which they look at a file; text takes what nobody else knows.
 _MODULES = ("mdf", "tdms", "hdf5", "matlab", "parquet", "famos", "uff", "wav", "tydex", "lvm", "text")
 _HEAD = 4096
-#: A file up to this size is read whole without a look at what it declares [byte].
-_SMALL = 20_000_000
-#: Channels that take no more memory than this are read whole [byte]; nothing is read that needs more than the other.
-_WHOLE, _MOST_MEMORY = 200_000_000, 2_000_000_000
-#: Rows of a stretch: 8 MB per channel.
-_ROWS = 1 << 20
-#: Times of two channels are the same within this share of a step.
-_SAME_TIME = 1e-3
 
 
 def format_of(path: str | Path, *, max_bytes: int, label: str | None = None) -> Format:
@@ -51,103 +44,41 @@ def survey(path: str | Path, *, max_bytes: int = 4_000_000_000, label: str | Non
     return format_of(path, max_bytes=max_bytes, label=name).survey(Path(path), name, max_bytes)
 
 
-@dataclass(frozen=True)
-class Piece:
-    """A stretch of a recording.
+def chosen_of(found: FileInfo, group: str, names: Sequence[str], label: str) -> list[int]:
+    """Places of the channels of a group, of all where it is empty, or of those that are named.
 
-    Attributes
-    ----------
-    signals : dict of str to Signal
-        By the names that were asked for.
-    clock : Signal or None
-        The column of times, in its own unit, where the file does not know its times itself, or is a table.
+    A name is taken as written, with its group as in `group/name`, in another case, or without its unit; TableError
+    where there is none.
     """
-
-    signals: dict[str, Signal]
-    clock: Signal | None
-
-
-@dataclass(frozen=True)
-class Source:
-    """A recording to be read: where it is, and what is wanted of it.
-
-    Attributes
-    ----------
-    path : Path
-    names : tuple of str
-        The channels.
-    clock : str or None
-        Column of the time; a file that knows its own time need not have it.
-    group : str
-        Of a file with several recordings.
-    label : str
-        The file's name in messages.
-    """
-
-    path: Path
-    names: tuple[str, ...]
-    clock: str | None
-    group: str
-    label: str
+    signals = found.signals
+    places = _in_group(signals, group, label) if group else list(range(len(signals)))
+    chosen: list[int] = []
+    for wanted in names:
+        same = _named(signals, places, wanted)
+        if not same:
+            there = listed([signals[at].name for at in places], wanted)
+            raise TableError(f"{label}: there is no channel {shown(wanted)}{there}")
+        chosen += same
+    return list(dict.fromkeys(chosen)) if names else places
 
 
-def pieces(source: Source) -> tuple[int, Iterator[Piece]]:
-    """The channels of a recording, whole where that takes little memory, else one stretch after the other.
-
-    Parameters
-    ----------
-    source : Source
-
-    Returns
-    -------
-    count : int
-        Samples of the longest channel wanted; 0 where the recording comes whole.
-    pieces : iterator of Piece
-        In order of time; each channel's samples put together are the recording's.
-
-    Raises
-    ------
-    FileError, TableError
-        If the file cannot be read, lacks a channel, or does not fit into memory and cannot be read in parts.
-    """
-    kind = format_of(source.path, max_bytes=MAX_FILE_BYTES, label=source.label)
-    names = tuple(dict.fromkeys(source.names))
-    if kind.name == "text" and source.clock is not None:
-        names = tuple(dict.fromkeys([*names, source.clock]))
-    count = _count(kind, source, names, least=_SMALL)
-    request = Request(source.path, names, source.group, source.label, _MOST_MEMORY)
-    if kind.blocks is None:
-        return 0, iter([_piece(kind.read(request), names, source, kind.read)])
-    if 8 * count * len(names) <= _WHOLE:
-        try:
-            few = replace(request, max_bytes=2 * _WHOLE)
-            return 0, iter([_piece(kind.read(few), names, source, kind.read)])
-        except FourpoleError:  # a small file that unpacks to much is read in stretches; what else is wrong is told
-            count = _count(kind, source, names, least=0)
-            if 8 * count * len(names) <= _WHOLE:
-                raise
-    return count, (_piece(block, names, source, None) for block in kind.blocks(request, _ROWS))
+def _in_group(signals: Sequence[SignalInfo], group: str, label: str) -> list[int]:
+    exact = [at for at, one in enumerate(signals) if one.group == group]
+    if places := exact or [at for at, one in enumerate(signals) if one.group.casefold() == group.casefold()]:
+        return places
+    known = list(dict.fromkeys(one.group for one in signals if one.group))
+    if not known:
+        raise TableError(f"{label}: has no groups; leave out {shown(group)}")
+    raise TableError(f"{label}: there is no group {shown(group)}{listed(known, group)}")
 
 
-def _count(kind: Format, source: Source, names: tuple[str, ...], *, least: int) -> int:
-    """Samples of the longest of some channels; 0 where the file has no more than `least` bytes."""
-    if source.path.stat().st_size <= least:
-        return 0
-    found = kind.survey(source.path, source.label, MAX_FILE_BYTES)
-    inside = [one.count for one in found.signals if one.name in names and source.group in ("", one.group)]
-    return max(inside or [one.count for one in found.signals], default=0)
-
-
-_Read = Callable[[Request], Sequence[Signal]]
-
-
-def _piece(signals: Sequence[Signal], names: tuple[str, ...], source: Source, again: _Read | None) -> Piece:
-    """Signals by name, the clock apart; a file without times of its own is asked for the clock by its name."""
-    by_name = dict(zip(names, signals, strict=True))
-    clock = by_name.get(source.clock) if source.clock is not None else None
-    timeless = all(one.rate is None and one.time is None for one in signals)
-    if clock is None and source.clock is not None and timeless and again is not None:
-        request = Request(source.path, (source.clock,), source.group, source.label, _MOST_MEMORY)
-        clock = again(request)[0]
-    stated = clock is not None and source.clock in names  # a table's own column, whatever its preamble says
-    return Piece({name: by_name[name] for name in source.names}, clock if timeless or stated else None)
+def _named(signals: Sequence[SignalInfo], places: Sequence[int], wanted: str) -> list[int]:
+    ways: list[list[int]] = [[], [], []]
+    bare = column_unit(wanted)[0].casefold()
+    for at in places:
+        one = signals[at]
+        both = (one.name, f"{one.group}/{one.name}")
+        ways[0] += [at] * (wanted in both)
+        ways[1] += [at] * (wanted.casefold() in (text.casefold() for text in both))
+        ways[2] += [at] * (column_unit(one.name)[0].casefold() == bare)
+    return next((way for way in ways if way), [])

@@ -10,8 +10,7 @@ import polars as pl
 import pytest
 
 from fourpole.errors import FileError, TableError
-from fourpole.io import along as going
-from fourpole.io.along import along
+from fourpole.io import stream as streaming
 from fourpole.io.convert import Choice, convert, writers
 from fourpole.io.recordings import survey
 
@@ -49,13 +48,13 @@ def recording(path: Path, *, start=0.0, rate=RATE, time=None, samples=None) -> P
 def read(path: Path):
     """All that our reader finds: signals by name, whole."""
     found = survey(path)
-    run = along(path, found, range(len(found.signals)), label=path.name)
-    parts = list(run.stretches)
+    run = streaming.surveyed_stream(path, found, range(len(found.signals)), label=path.name)
+    parts = list(run.chunks)
     result = {}
     for at, info in enumerate(found.signals):
         samples = np.concatenate([part[at].samples for part in parts])
         first = parts[0][at]
-        times = [going.times_of(part[at]) for part in parts]
+        times = [streaming.times_of(part[at]) for part in parts]
         time = None if times[0] is None else np.concatenate(times)
         result[f"{info.group}/{info.name}" if info.group else info.name] = (samples, info.unit, time, first)
     return result
@@ -398,8 +397,8 @@ def test_in_pieces_it_is_the_same_file(tmp_path, kind, monkeypatch):
     source = recording(tmp_path / "a.h5", start=0.25)
     ending = ENDINGS.get(kind, f".{kind}")
     convert(source, tmp_path / f"whole{ending}", Choice(window=(0.3, 2.5)))
-    monkeypatch.setattr(going, "_AT_ONCE", 1)
-    monkeypatch.setattr(going, "_LEAST_ROWS", 700)
+    monkeypatch.setattr(streaming, "_AT_ONCE", 1)
+    monkeypatch.setattr(streaming, "_LEAST_ROWS", 700)
     seen = []
     convert(source, tmp_path / f"pieces{ending}", Choice(window=(0.3, 2.5)), progress=lambda *now: seen.append(now))
     assert len(seen) == 8

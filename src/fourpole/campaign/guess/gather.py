@@ -267,11 +267,9 @@ def _looked(
 ) -> Look:
     """What the samples show."""
     aside = frozenset(column.name for column in own if column.quantity in _ASIDE)
-    signals, times = samples_of(
-        path, [column.name for column in own], clock=clock.name if clock else None, group=group, label=name
-    )
-    stamps = times.samples * _TIME_UNITS.get((clock.unit or "s") if clock else "s", 1.0) if times is not None else None
-    return look(signals, clock=stamps, rate=rate, aside=aside)
+    stated = {"clock": clock.name, "unit": clock.unit or "s"} if clock is not None else {}
+    signals = samples_of(path, [column.name for column in own], group=group, label=name, **stated)
+    return look(signals, rate=rate, aside=aside)
 
 
 #: Quantities that do not say what is excited.
@@ -299,9 +297,6 @@ def _recorded(columns: tuple[Column, ...], looked: Look | None) -> Iterator[Toke
         if low < mean < high and np.ptp(values) < 0.1 * max(abs(mean), 20.0):
             text = f"column {shown(column.name, 30)}, on average {mean:.4g} {units.si_unit(column.quantity)}"
             yield Token(column.quantity, text, float(f"{mean:.3g}"))
-
-
-_TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
 
 
 def _noted(one: Seen, notes: dict[str, tuple[Token, ...]]) -> Seen:

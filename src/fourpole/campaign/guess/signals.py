@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
-from fourpole.io.recordings import Source, pieces
-from fourpole.io.signals import MAX_FILE_BYTES, Signal
-from fourpole.io.source import open_regular
+from fourpole.io.signals import Signal
+from fourpole.io.stream import Source, stream
 
 __all__ = ["Look", "look", "rate_of", "samples_of", "turn"]
 
-_ENOUGH_TEXT = 16_000_000  # bytes of a long table that are read
 _ENOUGH_ROWS = 1 << 18
 _SPECTRUM = 1 << 16
 _SLOW = 0.5  # Hz: no rig is excited below, no load is cycled faster
@@ -56,43 +53,20 @@ class Look:
 
 
 def samples_of(
-    path: Path, names: Sequence[str], *, clock: str | None, group: str, label: str
-) -> tuple[dict[str, Signal], Signal | None]:
-    """Channels of a recording, of a long one its start only, and the column of times of one that knows no other."""
-    if not _is_long_text(path, label):
-        return _first_piece(Source(path, tuple(names), clock, group, label))
-    with tempfile.TemporaryDirectory() as folder:
-        start = Path(folder) / "start.csv"
-        with open_regular(path, max_bytes=MAX_FILE_BYTES, label=label) as file:
-            content = file.read(_ENOUGH_TEXT)
-        start.write_bytes(content[: content.rfind(b"\n") + 1])
-        return _first_piece(Source(start, tuple(names), clock, group, label))
-
-
-def _first_piece(source: Source) -> tuple[dict[str, Signal], Signal | None]:
-    _, several = pieces(source)
-    first = next(several)
-    if isinstance(several, Generator):
-        several.close()
-    return first.signals, first.clock
-
-
-def _is_long_text(path: Path, label: str) -> bool:
-    with open_regular(path, max_bytes=MAX_FILE_BYTES, label=label) as file:
-        if path.stat().st_size <= _ENOUGH_TEXT:
-            return False
-        return not any(byte < 9 or 13 < byte < 26 for byte in file.read(4096))
+    path: Path, names: Sequence[str], *, group: str, label: str, clock: str | None = None, unit: str = "s"
+) -> dict[str, Signal]:
+    """The first samples of the channels of a recording, with times where the file or the column `clock` states them."""
+    source = Source(path, tuple(names), label, group, clock=clock, unit=unit, needs="nothing", rows=_ENOUGH_ROWS)
+    return dict(zip(names, next(stream(source).chunks), strict=True))
 
 
 def look(
     signals: Mapping[str, Signal],
     *,
-    clock: FloatArray | None = None,
     rate: float | None = None,
     aside: frozenset[str] = frozenset(),
 ) -> Look:
     """What the samples of some channels show; those `aside` do not say what is excited."""
-    rate = (rate_of(clock[:_ENOUGH_ROWS]) if clock is not None else None) or rate
     lines = {name: _Line.of(signal, rate) for name, signal in signals.items() if np.isfinite(signal.samples).sum() > 1}
     ranges = {name: (float(one.samples.min()), float(one.samples.max())) for name, one in lines.items()}
     thin = {name: one.samples[:: max(1, one.samples.size // 2000)] for name, one in lines.items()}
@@ -128,8 +102,8 @@ class _Line:
     @classmethod
     def of(cls, signal: Signal, rate: float | None) -> _Line:
         """By the times of the signal itself, else by those of the recording."""
-        samples = _filled(signal.samples[:_ENOUGH_ROWS])
-        own = signal.rate or (rate_of(signal.time[:_ENOUGH_ROWS]) if signal.time is not None else None)
+        samples = _filled(signal.samples)
+        own = signal.rate or (rate_of(signal.time) if signal.time is not None else None)
         start = float(signal.time[0]) if signal.time is not None else signal.start if signal.rate else 0.0
         return cls(samples, own or rate, start, _line(samples) if samples.size >= 16 else (0.0, 0.0))
 

@@ -1,0 +1,312 @@
+"""A recording as a stream of chunks: some channels of a file, one stretch of time after the other, each with its times.
+
+The time base of a recording is reconciled here and nowhere else. The times are those of a stated rate, of a stated
+column, of the file itself, or of a column that by its name or unit is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fourpole import units
+from fourpole.errors import FourpoleError, TableError, UnitError
+from fourpole.io.formats.guard import is_time, seconds
+from fourpole.io.recordings import format_of
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.units import shown
+
+__all__ = ["Chunk", "Source", "Stream", "agreed", "stream", "surveyed_stream", "times_of"]
+
+FloatArray = NDArray[np.float64]
+
+Chunk = list[Signal]
+"""The next samples of each channel, in the order asked for, with their times where these are known."""
+
+#: A file up to this size is read whole without a look at what it declares [byte].
+_SMALL = 20_000_000
+#: Channels up to the first size are read whole; nothing is read that needs more memory than the second [byte].
+_WHOLE, _MOST_MEMORY = 200_000_000, 2_000_000_000
+#: Rows of a chunk of a long file: 8 MB per channel.
+_ROWS = 1 << 20
+#: Samples of a chunk of a surveyed stream, all channels together (32 MB), and the fewest of each channel.
+_AT_ONCE, _LEAST_ROWS = 1 << 22, 1 << 10
+#: Largest relative difference between a stated rate and the file's own.
+_SAME_RATE = 1e-4
+#: Largest relative difference between two steps of a column that has no unit and counts the time.
+_EVEN = 1e-3
+_TIME_OF_DAY = "times of day"
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is wanted of a recording, and what is stated of its times.
+
+    Attributes
+    ----------
+    path : Path
+    names : tuple of str
+        The channels.
+    label : str
+        The file's name in messages.
+    group : str
+        Of a file with several recordings.
+    rate : float or None [Hz]
+        Stated in place of the file's times.
+    clock, unit : str or None, str
+        Stated column of the time, with its unit; a file that knows its own time need not have the column.
+    needs : {"times", "order", "nothing"}
+        "times": every channel needs its times. "order": channels with equal counts need none, they were sampled row
+        by row. "nothing": times are given where they are known.
+    rows : int
+        Most samples of a channel in a chunk; 0 leaves the choice to the stream.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    label: str
+    group: str = ""
+    rate: float | None = None
+    clock: str | None = None
+    unit: str = "s"
+    needs: Literal["times", "order", "nothing"] = "times"
+    rows: int = 0
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Chunks of some channels, to be gone through once; there is at least one.
+
+    Attributes
+    ----------
+    count : int
+        Samples of the longest channel; 0 where the recording comes as one chunk.
+    chunks : iterator of Chunk
+    clocks : dict of int to int
+        Of a surveyed stream, the place of the column that states the times of a channel, by the channel's place.
+    """
+
+    count: int
+    chunks: Iterator[Chunk]
+    clocks: dict[int, int]
+
+
+def times_of(signal: Signal) -> FloatArray | None:
+    """The time of each sample of a chunk [s]; None where it is not known."""
+    if signal.time is not None:
+        return signal.time
+    return signal.start + np.arange(signal.samples.size) / signal.rate if signal.rate else None
+
+
+def _timeless(signals: Iterable[Signal]) -> bool:
+    """Whether the file knows the times of none of some signals."""
+    return all(one.rate is None and one.time is None for one in signals)
+
+
+# --- channels by name, with what is stated of their times ------------------------------------------------------------
+
+
+def stream(source: Source) -> Stream:
+    """The named channels of a recording: one chunk where they take little memory, else one stretch after the other.
+
+    Raises
+    ------
+    FileError, TableError
+        If the file cannot be read, lacks a channel, does not fit into memory and cannot be read in parts, or if what
+        is needed of its times is neither stated nor known.
+    """
+    kind = format_of(source.path, max_bytes=MAX_FILE_BYTES, label=source.label)
+    names = tuple(dict.fromkeys(source.names))
+    if kind.name == "text" and source.clock is not None:
+        names = tuple(dict.fromkeys([*names, source.clock]))
+    count, chunks = _read(kind, source, names)
+    first = next(chunks)
+    if source.clock is not None and source.clock not in names and _timeless(first):
+        names = (*names, source.clock)
+        count, chunks = _read(kind, source, names)
+        first = next(chunks)
+    return Stream(count, _reconciled(chain([first], chunks), source, names, kind.name == "text"), {})
+
+
+def _read(kind: Format, source: Source, names: tuple[str, ...]) -> tuple[int, Iterator[Sequence[Signal]]]:
+    """Samples of the longest channel, 0 where it comes whole; and the chunks as the file has them."""
+    request = Request(source.path, names, source.group, source.label, _MOST_MEMORY)
+    if kind.blocks is None:
+        return 0, iter([kind.read(request)])
+    if source.rows:
+        return 0, kind.blocks(request, source.rows)
+    count = _count(kind, source, names, least=_SMALL)
+    if 8 * count * len(names) <= _WHOLE:
+        try:
+            return 0, iter([kind.read(replace(request, max_bytes=2 * _WHOLE))])
+        except FourpoleError:  # a small file may unpack to a long recording, which is read in chunks
+            count = _count(kind, source, names, least=0)
+            if 8 * count * len(names) <= _WHOLE:
+                raise
+    return count, kind.blocks(request, _ROWS)
+
+
+def _count(kind: Format, source: Source, names: tuple[str, ...], *, least: int) -> int:
+    """Samples of the longest of some channels; 0 where the file has no more than `least` bytes."""
+    if source.path.stat().st_size <= least:
+        return 0
+    found = kind.survey(source.path, source.label, MAX_FILE_BYTES)
+    inside = [one.count for one in found.signals if one.name in names and source.group in ("", one.group)]
+    return max(inside or [one.count for one in found.signals], default=0)
+
+
+def _reconciled(
+    chunks: Iterable[Sequence[Signal]], source: Source, names: Sequence[str], is_table: bool
+) -> Iterator[Chunk]:
+    """Chunks whose signals have the times that hold: those stated, before those of the file."""
+    done = dict.fromkeys(names, 0)
+    for chunk in chunks:
+        signals = dict(zip(names, chunk, strict=True))
+        stamps = None
+        if source.clock is not None and source.clock in signals:
+            clock = signals[source.clock]
+            if is_table or _timeless(chunk):
+                stamps = clock.samples * units.unit_scale(agreed(source.clock, clock.unit, source.unit, "time"), "time")
+        by_row = source.needs == "order" and len({one.samples.size for one in chunk}) == 1
+        timed = []
+        for name in source.names:
+            signal = signals[name]
+            if by_row:
+                signal = replace(signal, rate=1.0, time=None)
+            elif source.rate is not None:
+                signal = _at_rate(signal, source.rate, done[name])
+            elif stamps is not None:
+                signal = replace(signal, time=stamps)
+            elif source.needs != "nothing" and _timeless([signal]):
+                raise TableError(
+                    f"{source.label}: does not say when its samples were taken: state sample_rate, or the column "
+                    "time, in [channels] of campaign.toml"
+                )
+            timed.append(signal)
+        yield timed
+        for name in names:
+            done[name] += signals[name].samples.size
+
+
+def _at_rate(signal: Signal, rate: float, done: int) -> Signal:
+    """A signal at a stated rate; TableError where the file states another one."""
+    if signal.rate is not None and abs(signal.rate - rate) > _SAME_RATE * rate:
+        raise TableError(
+            f"{shown(signal.name)} was sampled at {signal.rate:.8g} Hz by the file, at {rate:.8g} Hz by "
+            "campaign.toml: correct or leave out sample_rate in campaign.toml"
+        )
+    return replace(signal, rate=rate, start=done / rate, time=None)
+
+
+def agreed(column: str, written: str | None, unit: str, kind: str) -> str:
+    """The stated unit of a column; TableError where the file's own is of that kind too and differs."""
+    if written is None or written == unit:
+        return unit
+    try:
+        differs = units.channel_scale(written, (kind, "voltage")) != units.channel_scale(unit, (kind, "voltage"))
+    except UnitError:
+        differs = units.is_unit(written)
+    if differs:
+        raise TableError(
+            f"column {shown(column)} is in {shown(written)} by the file, "
+            f"in {shown(unit)} by campaign.toml: correct the unit in campaign.toml"
+        )
+    return unit
+
+
+# --- channels by their places in a survey, whose times the file alone states -----------------------------------------
+
+
+def surveyed_stream(path: Path, found: FileInfo, chosen: Sequence[int], *, label: str) -> Stream:
+    """Some channels of a surveyed file, in bounded memory where its format can be read in parts.
+
+    Parameters
+    ----------
+    path : Path
+    found : FileInfo
+        What `survey` says of it.
+    chosen : sequence of int
+        Places of the channels in `found.signals`.
+    label : str
+        The file's name in messages.
+
+    Raises
+    ------
+    FileError, TableError
+        If a channel cannot be read; also while the chunks are taken.
+    """
+    kind = format_of(path, max_bytes=MAX_FILE_BYTES, label=label)
+    stated = {one: _stated_clock(found.signals, found.signals[one]) for one in chosen}
+    asked = list(dict.fromkeys([*chosen, *(clock for clock in stated.values() if clock is not None)]))
+    guess = kind.name == "text" and all(clock is None for clock in stated.values())
+    if guess and found.signals and 0 not in asked:
+        asked.append(0)
+    names = tuple(_called(found.signals, one) for one in asked)
+    request = Request(path, names, "", label, _MOST_MEMORY)
+    rows = max(_LEAST_ROWS, _AT_ONCE // max(len(names), 1))
+    several = kind.blocks(request, rows) if kind.blocks is not None else iter([kind.read(request)])
+    chunks = (dict(zip(asked, chunk, strict=True)) for chunk in several)
+    first = next(chunks)
+    clocks = {}
+    for one in chosen:
+        clock = stated[one]
+        if clock is not None and _is_clock(first[clock], first[one]):
+            clocks[one] = clock
+        elif guess and _timeless([first[one]]) and found.signals[0].unit is None and _counts_time(first[0]):
+            clocks[one] = 0
+    count = max((found.signals[one].count for one in chosen), default=0)
+    return Stream(count, (_timed(part, chosen, clocks, label) for part in chain([first], chunks)), clocks)
+
+
+def _called(signals: Sequence[SignalInfo], at: int) -> str:
+    """The name that means this channel alone, where groups repeat names."""
+    one = signals[at]
+    return f"{one.group}/{one.name}" if any(other.group for other in signals) else one.name
+
+
+def _stated_clock(signals: Sequence[SignalInfo], one: SignalInfo) -> int | None:
+    """Place of the channel that by its note, name or unit is the time of another, if there is one."""
+    beside = [at for at, other in enumerate(signals) if (other.group, other.count) == (one.group, one.count)]
+    timely = [at for at in beside if seconds(signals[at].unit) is not None]
+    of_day = (at for at in timely if signals[at].note.startswith(_TIME_OF_DAY))
+    named = (at for at in timely if is_time(signals[at].name))
+    return next(chain(of_day, named, (at for at in timely if signals[at].unit)), None)
+
+
+def _is_clock(clock: Signal, signal: Signal) -> bool:
+    """Whether a column states the times of a channel: it rises, or repeats what the file says."""
+    own, values = times_of(signal), clock.samples * (seconds(clock.unit) or 1.0)
+    if own is not None:
+        return values.size == own.size and np.allclose(values, own, rtol=1e-12, atol=0.0)
+    if values.size < 2:
+        return bool(values.size == 1)
+    # a few lost or repeated samples are allowed
+    return bool(np.mean(np.diff(values) >= 0) > 0.9 and values[-1] > values[0])
+
+
+def _counts_time(column: Signal) -> bool:
+    """Whether a column rises by equal steps below 1; one that rises by whole numbers may count the rows."""
+    steps = np.diff(column.samples)
+    middle = float(np.median(steps)) if steps.size else 0.0
+    return 0 < middle < 1 and bool(np.all(np.abs(steps - middle) <= _EVEN * middle))
+
+
+def _timed(part: dict[int, Signal], chosen: Sequence[int], clocks: dict[int, int], label: str) -> Chunk:
+    timed = []
+    times: dict[int, FloatArray] = {}
+    for one in chosen:
+        signal = part[one]
+        if one in clocks and _timeless([signal]):
+            clock = part[clocks[one]]
+            if clock.samples.size != signal.samples.size:
+                raise TableError(f"{label}: {shown(signal.name)} has not as many samples as {shown(clock.name)}")
+            time = times.setdefault(clocks[one], clock.samples * (seconds(clock.unit) or 1.0))
+            signal = replace(signal, time=time, start=float(time[0]) if time.size else 0.0)
+        timed.append(signal)
+    return timed
