@@ -11,7 +11,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from fourpole.errors import ModelError
-from fourpole.units import shown
 
 if TYPE_CHECKING:
     from fourpole.models.interface import Model
@@ -53,6 +52,8 @@ def model_named(name: str) -> Model:
     sized = ":N" in key
     number = size.isdecimal() and len(size) < 4
     if not key or sized != bool(mark) or (sized and not number):
+        from fourpole.units import shown
+
         raise ModelError(f"no model {shown(name)}: choose one of {NAMES}, with a number for N")
     made: Model = _class(family)(*([int(size)] if sized else []))
     return made
