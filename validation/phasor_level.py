@@ -11,6 +11,7 @@ from laboratories import MASSES, Case, case
 from fourpole.core.arrays import FloatArray as Array
 from fourpole.core.joint import Joint, solve_joint
 from fourpole.core.joint.outputs import identification
+from fourpole.core.sources import Role
 from fourpole.virtual.phasor_rig import CHANNELS, RIG_VALUES
 
 __all__ = ["EVERY", "run"]
@@ -38,7 +39,7 @@ def run(number: int) -> dict[str, Any]:
         **this.settings,
         "frequencies": int(np.bincount(this.family[this.family >= 0])[0] / len(MASSES[this.masses])),
         "fits": joint.misfit.fits,
-        "conflicts": [joint.stated.quantities[at].name for at in joint.misfit.conflicts],
+        "conflicts": [joint.stated.parameters[at].source.text for at in joint.misfit.conflicts],
         "parts": list(joint.misfit.parts),
         "inflation": joint.misfit.inflation,
         "scatter": joint.misfit.scatter,
@@ -89,11 +90,11 @@ def _shared(this: Case, joint: Joint) -> dict[str, _Triple]:
     true |= {f"gain {channel}": 1 + float(error) for channel, error in zip(CHANNELS, truth.gain, strict=True)}
     true |= {f"phase {channel}": float(error) for channel, error in zip(CHANNELS, truth.phase, strict=True)}
     true |= {f"added mass {mass:g} kg": weight for mass, weight in truth.added_mass.items()}
-    names = [each.name for each in joint.stated.quantities]
+    sources = [each.source for each in joint.stated.parameters]
     return {
-        name: (np.array([found]), np.array([true[name]]), np.array([u]))
-        for name, found, u in zip(names, joint.found, joint.found_std, strict=True)
-        if not name.startswith("unstated ")  # has no true value: counted by itself
+        source.text: (np.array([found]), np.array([true[source.text]]), np.array([u]))
+        for source, found, u in zip(sources, joint.found, joint.found_std, strict=True)
+        if source.role is not Role.UNSTATED  # has no true value: counted by itself
     }
 
 

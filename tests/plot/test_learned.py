@@ -10,6 +10,7 @@ from tests.plot.conftest import results_of
 from tests.plot.learned import MASSED, MISFIT, VALUES, rig_table, with_learned
 from tests.plot.test_figures import lines, points, said, texts
 
+from fourpole.core.sources import Kind, Source
 from fourpole.plot import THEMES, Style, draw, render
 from fourpole.plot.budget import source_colour
 from fourpole.virtual import RADIAL_PLY
@@ -186,9 +187,8 @@ def test_a_source_has_one_colour_whatever_else_there_is(small):
     both = draw(small, "budget")
     for figure in (fewer, both):
         (part,) = [part for part in figure.axes[0].collections if part.get_label() == "_gain V1"]
-        assert to_hex(part.get_facecolor()[0]) == source_colour("gain V1", style)
-    assert source_colour("added mass 10 kg", style) == source_colour("added mass", style)
-    assert source_colour("K1 gains (load and deflection)", style) == source_colour("K1 gains", style)
+        assert to_hex(part.get_facecolor()[0]) == source_colour(Source.read("gain V1"), style)
+    assert source_colour(Source(Kind.ADDED_MASS, mass=10.0), style) == source_colour(Source(Kind.ADDED_MASS), style)
 
 
 def test_four_tyres_are_taken_together():

@@ -77,7 +77,7 @@ def _table(values: Iterable[Value]) -> Table:
     for name in ("as stated", "as found", "u after/before", "pull", "error shows from"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("finding")
-    group = ""
+    group = None
     for value in values:
         if value.group != group:
             group = value.group

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -24,6 +24,7 @@ from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_
 from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_route
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
+from fourpole.core.sources import Kind, Source
 
 __all__ = ["Group", "Identified", "Setup", "identify_tests", "possible_route", "setup_of"]
 
@@ -76,7 +77,7 @@ class Group:
     route : str
         The route that was possible.
     result : Identification
-    variance : dict of str to (N, 6) float array
+    variance : dict of Source to (N, 6) float array
         Of each of `core.identify.OUTPUTS`, by its source; K1 in its parts.
     intervals : dict of int to (Interval, Interval)
         Of K2 and C, for the tests where linear propagation fails.
@@ -89,7 +90,7 @@ class Group:
     phasors: Phasors
     route: str
     result: Identification
-    variance: dict[str, FloatArray]
+    variance: dict[Source, FloatArray]
     intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
     learned: Learned | None = None
 
@@ -224,7 +225,9 @@ def _families(tests: Sequence[Test]) -> np.ndarray:
     return np.where([test.kind == "calibration" for test in tests], -1, families(tuple(LIMITS), states))
 
 
-def _identified(names: tuple[str, ...], setup: Setup, phasors: Phasors, route: str, parts: Sequence[Any]) -> Group:
+def _identified(
+    names: tuple[str, ...], setup: Setup, phasors: Phasors, route: str, parts: Sequence[Mapping[Source, float]]
+) -> Group:
     if route == "joint":
         assert setup.rig is not None
         joint = solve_joint(
@@ -254,15 +257,15 @@ def _identified(names: tuple[str, ...], setup: Setup, phasors: Phasors, route: s
     return Group(names, setup, phasors, route, result, _k1_apart(variance, parts))
 
 
-def _k1_apart(variance: dict[str, FloatArray], parts: Sequence[Any]) -> dict[str, FloatArray]:
+def _k1_apart(variance: dict[Source, FloatArray], parts: Sequence[Mapping[Source, float]]) -> dict[Source, FloatArray]:
     """The variance that K1 makes, in the parts that K1's own uncertainty has."""
-    whole = variance.pop("K1")
-    names = dict.fromkeys(name for part in parts for name in part)
-    squares = {name: np.array([part.get(name, 0.0) ** 2 for part in parts]) for name in names}
+    whole = variance.pop(Source(Kind.K1))
+    sources = dict.fromkeys(source for part in parts for source in part)
+    squares = {source: np.array([part.get(source, 0.0) ** 2 for part in parts]) for source in sources}
     total = np.sum(list(squares.values()), axis=0) if squares else np.zeros(len(parts))
-    for name, square in squares.items():
+    for source, square in squares.items():
         share = np.divide(square, total, out=np.zeros_like(square), where=total > 0)
-        variance[name] = whole * share[:, None]
+        variance[source] = whole * share[:, None]
     return variance
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,11 @@ from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.identification import Identification
 from fourpole.core.joint import Joint, solve_joint
-from fourpole.core.joint.misfit import pulls
+from fourpole.core.joint.misfit import Candidate, pulls
 from fourpole.core.joint.outputs import Outputs, identification, outputs
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
+from fourpole.core.sources import RATIOS, Kind, Role, Source
 
 __all__ = ["Learned", "learn"]
 
@@ -25,21 +26,20 @@ NOT_DETERMINED = 0.9
 _HALF = 0.5
 #: Less information than this, against the statement's own, is none.
 _NOTHING = 1e-8
-#: Kinds of values in the order of rig.csv, and what a part that nobody stated does not have.
-_ORDER = ("rig", "extra", "channel", "mass")
+#: Roles of values in the order of rig.csv, and what a part that nobody stated does not have.
+_ORDER = (Role.RIG, Role.UNSTATED, Role.CHANNEL, Role.MASS)
 _STATEMENT = ("stated", "u(stated)", "posterior over prior [1]", "pull [1]", "seen from")
 #: What cannot be told from a value: it moves, or gives way, with it.
-_HIDDEN = {"moving_mass": "tyre_mass", "preload_stiffness": "frame_stiffness"}
+_MASS, _SPRING = Source(Kind.RIG_VALUE, "moving_mass"), Source(Kind.RIG_VALUE, "preload_stiffness")
+_HIDDEN = {_MASS: Source(Kind.RIG_VALUE, "tyre_mass"), _SPRING: Source(Kind.RIG_VALUE, "frame_stiffness")}
 _HIDDEN_WORDS = {
-    "moving_mass": "; whatever else moves with V2, such as the tyre's own moving part, is in it",
-    "preload_stiffness": "; whatever gives way with the spring, such as the frame, is in it",
+    _MASS: "; whatever else moves with V2, such as the tyre's own moving part, is in it",
+    _SPRING: "; whatever gives way with the spring, such as the frame, is in it",
 }
 #: Further from its statement than this, in stated uncertainties, a value may hold what nobody stated.
 _FAR = 2.0
 #: Noise larger than the recordings say by more than this is worth a note.
 _WORTH_SAYING = 1.2
-#: Ratios of gains that K* rests on: over, under.
-_RATIOS = (("F1", "V1"), ("V2", "V1"))
 
 
 @dataclass(frozen=True)
@@ -97,10 +97,7 @@ def learn(
         "reason": solution.reason,
         "steps": solution.steps,
         "notes": list(notes),
-        "candidates": [
-            asdict(candidate) | {"explains": min(candidate.explains, misfit.chi2)}
-            for candidate in misfit.candidates[:6]
-        ],
+        "candidates": [_candidate_record(candidate, misfit.chi2) for candidate in misfit.candidates[:6]],
     }
     if gained:
         record["gain_of_masses"] = gained
@@ -114,16 +111,23 @@ def learn(
     )
 
 
+def _candidate_record(candidate: Candidate, chi2: float) -> dict[str, Any]:
+    """A candidate for study.json, where its source stands as text."""
+    part = candidate.source.of if candidate.of_rig else candidate.source.text
+    known = {"part" if name == "source" else name: value for name, value in vars(candidate).items()}
+    return known | {"part": part, "explains": min(candidate.explains, chi2)}
+
+
 def _values(joint: Joint) -> list[dict[str, Any]]:
     """One row per shared value."""
     pull, found, std = pulls(joint.solution), joint.found, _honest_std(joint)
     stated = joint.stated.std
     rows = []
-    for at, quantity in enumerate(joint.stated.quantities):
+    for at, parameter in enumerate(joint.stated.parameters):
         row: dict[str, Any] = {
-            "value": quantity.name,
-            "unit": quantity.unit,
-            "stated": quantity.stated,
+            "value": parameter.source.text,
+            "unit": parameter.unit,
+            "stated": parameter.stated,
             "u(stated)": stated[at],
             "found": found[at],
             "u(found)": std[at],
@@ -131,9 +135,9 @@ def _values(joint: Joint) -> list[dict[str, Any]]:
             "pull [1]": _first_pull(joint, at, pull),
             "seen from": _seen_from(joint, at),
         }
-        if quantity.kind == "extra":
+        if parameter.source.role is Role.UNSTATED:
             row |= dict.fromkeys(_STATEMENT, float("nan")) | {"u(found)": joint.found_std[at]}
-        group = _ORDER.index(quantity.kind)
+        group = _ORDER.index(parameter.source.role)
         rows.append((group, at, row | _finding(joint, at, std[at] / stated[at])))
     return [row for _, _, row in sorted(rows, key=lambda item: item[:2])]
 
@@ -141,7 +145,7 @@ def _values(joint: Joint) -> list[dict[str, Any]]:
 def _first_pull(joint: Joint, at: int, pull: FloatArray) -> float:
     """Distance from the statement in its uncertainty, also for a statement that was contradicted."""
     if at in joint.misfit.conflicts:
-        return float((joint.found[at] - joint.stated.quantities[at].stated) / joint.stated.std[at])
+        return float((joint.found[at] - joint.stated.parameters[at].stated) / joint.stated.std[at])
     return float(pull[at])
 
 
@@ -152,13 +156,13 @@ def _honest_std(joint: Joint) -> FloatArray:
     stated these, a mass or spring found further from its statement than chance easily takes it may hold them.
     """
     std = joint.found_std.copy()
-    stated = joint.stated.quantities
-    off = np.abs(joint.found - np.array([quantity.stated for quantity in stated]))
-    names = [quantity.name for quantity in stated]
-    for at, quantity in enumerate(stated):
-        hidden = _HIDDEN.get(quantity.name)
+    stated = joint.stated.parameters
+    off = np.abs(joint.found - np.array([parameter.stated for parameter in stated]))
+    sources = [parameter.source for parameter in stated]
+    for at, source in enumerate(sources):
+        hidden = _HIDDEN.get(source)
         far = off[at] > _FAR * joint.stated.std[at]
-        if at in joint.misfit.conflicts or not joint.misfit.fits or (hidden and hidden not in names and far):
+        if at in joint.misfit.conflicts or not joint.misfit.fits or (hidden and hidden not in sources and far):
             std[at] = max(float(np.hypot(std[at], off[at])), joint.stated.std[at] if not joint.misfit.fits else 0.0)
     return std
 
@@ -172,7 +176,8 @@ def _seen_from(joint: Joint, at: int) -> float:
 
 
 def _finding(joint: Joint, at: int, ratio: float) -> dict[str, str]:
-    if at >= 0 and joint.stated.quantities[at].kind == "extra":
+    source = joint.stated.parameters[at].source if at >= 0 else None
+    if source is not None and source.role is Role.UNSTATED:
         said = "not stated by you: the tests want it; look for its cause and state it"
         return {"finding": "unstated", "remarks": said}
     if at in joint.misfit.conflicts:
@@ -182,9 +187,9 @@ def _finding(joint: Joint, at: int, ratio: float) -> dict[str, str]:
         return {"finding": "not determined", "remarks": "not determined by your data, taken from your statement"}
     if not joint.misfit.fits:
         return {"finding": "not calibrated", "remarks": "the rig as stated does not fit: not calibrated"}
-    name = joint.stated.quantities[at].name if at >= 0 else ""
-    names = [quantity.name for quantity in joint.stated.quantities]
-    more = _HIDDEN_WORDS.get(name, "") if _HIDDEN.get(name) not in names else ""
+    more = ""
+    if source in _HIDDEN and _HIDDEN[source] not in [parameter.source for parameter in joint.stated.parameters]:
+        more = _HIDDEN_WORDS[source]
     part = " in part" if ratio > _HALF else ""
     rest = ", in part from your statement" if part else ""
     return {"finding": "found", "remarks": f"found{part} from your data{rest}{more}"}
@@ -192,22 +197,20 @@ def _finding(joint: Joint, at: int, ratio: float) -> dict[str, str]:
 
 def _ratios(joint: Joint) -> list[dict[str, Any]]:
     """Ratios of the channels' gains, and differences of their phases: all that K* rests on."""
-    at = {quantity.name: i for i, quantity in enumerate(joint.stated.quantities)}
+    at = {parameter.source: i for i, parameter in enumerate(joint.stated.parameters)}
     rows = []
-    for over, under in _RATIOS:
-        for what, unit, sign, centre in (("gain", "1", "/", 1.0), ("phase", "rad", "-", 0.0)):
-            sides = [(f"{what} {over}", 1.0), (f"{what} {under}", -1.0)]
+    for over, under in RATIOS:
+        for kind, unit, centre in ((Kind.GAIN, "1", 1.0), (Kind.PHASE, "rad", 0.0)):
             weights = np.zeros(len(joint.stated))
-            for name, weight in sides:
-                if name in at:
-                    weights[at[name]] = weight
-            if not weights.any():
-                continue
-            rows.append(_combined(joint, f"{what} {over}{sign}{under}", unit, centre, weights))
+            for of, weight in ((over, 1.0), (under, -1.0)):
+                if Source(kind, of) in at:
+                    weights[at[Source(kind, of)]] = weight
+            if weights.any():
+                rows.append(_combined(joint, Source(kind, over, under), unit, centre, weights))
     return rows
 
 
-def _combined(joint: Joint, name: str, unit: str, centre: float, weights: FloatArray) -> dict[str, Any]:
+def _combined(joint: Joint, source: Source, unit: str, centre: float, weights: FloatArray) -> dict[str, Any]:
     scaled = weights * joint.problem.shared.std
     std = float(np.sqrt(scaled @ joint.solution.covariance @ scaled))
     if not joint.misfit.fits:
@@ -217,7 +220,7 @@ def _combined(joint: Joint, name: str, unit: str, centre: float, weights: FloatA
     off = float(scaled @ joint.solution.z)
     touched = [i for i in joint.misfit.conflicts if weights[i]]
     row = {
-        "value": name,
+        "value": source.text,
         "unit": unit,
         "stated": centre,
         "u(stated)": stated,
@@ -263,11 +266,11 @@ def _notes(joint: Joint) -> list[str]:
         notes.append(f"the joint route did not converge: {joint.solution.reason}; use --route relative")
     if not misfit.fits:
         best = f"; best explained by {misfit.candidates[0].text}" if misfit.candidates else ""
-        aside = [joint.stated.quantities[at] for at in misfit.conflicts]
+        aside = [joint.stated.parameters[at] for at in misfit.conflicts]
         against = [
-            f"{quantity.name} is stated as {_short(quantity.stated, quantity.unit)}, "
-            f"the tests want {_short(float(joint.found[at]), quantity.unit)}"
-            for at, quantity in zip(misfit.conflicts, aside, strict=True)
+            f"{parameter.source.text} is stated as {_short(parameter.stated, parameter.unit)}, "
+            f"the tests want {_short(float(joint.found[at]), parameter.unit)}"
+            for at, parameter in zip(misfit.conflicts, aside, strict=True)
         ]
         what = "; ".join(against) or f"chi-square is {misfit.chi2:.3g} for {misfit.dof:.0f} degrees of freedom"
         notes.append(

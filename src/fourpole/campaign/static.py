@@ -10,6 +10,7 @@ import numpy as np
 from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.campaign.load import MOST_BYTES, load_curve
 from fourpole.core.loadcurve import LoadCurve
+from fourpole.core.sources import Kind, Source
 from fourpole.errors import FourpoleError, LoadCurveError
 from fourpole.io.source import sha256_of
 
@@ -35,7 +36,7 @@ class StaticRow:
     nonlinearity: float = float("nan")
     verdict: str = "ok"
     remarks: tuple[str, ...] = ()
-    parts: Mapping[str, float] = field(default_factory=dict)
+    parts: Mapping[Source, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class StaticStiffness:
     std: float = float("nan")
     reason: str = ""
     doubt: str = ""
-    parts: Mapping[str, float] = field(default_factory=dict)
+    parts: Mapping[Source, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -131,10 +132,10 @@ def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load
     remarks = [*curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
     std = tangent.std_with_gains(channels.load.gain_std, channels.deflection.gain_std)
     parts = {
-        "K1 fit": tangent.fit,
-        "K1 branch gap": tangent.branches,
-        "K1 cycles": tangent.cycles,
-        "K1 gains": float(np.sqrt(max(std**2 - tangent.std**2, 0.0))),
+        Source(Kind.K1_FIT): tangent.fit,
+        Source(Kind.K1_GAP): tangent.branches,
+        Source(Kind.K1_CYCLES): tangent.cycles,
+        Source(Kind.K1_GAINS): float(np.sqrt(max(std**2 - tangent.std**2, 0.0))),
     }
     return StaticRow(
         test,
@@ -156,7 +157,7 @@ def stiffness_for(test: Test, statics: Sequence[StaticRow]) -> StaticStiffness:
     if stated is not None:
         std = test.value("u(K1)")
         std = _UNSTATED_K1_STD * stated if std is None else std
-        return StaticStiffness(stated, std, parts={"K1 stated": std})
+        return StaticStiffness(stated, std, parts={Source(Kind.K1_STATED): std})
     tyre = f"tyre {test.tyre!r}"
     alike = [row for row in statics if _same_condition(row.test, test)]
     if not alike:
@@ -183,9 +184,9 @@ def stiffness_for(test: Test, statics: Sequence[StaticRow]) -> StaticStiffness:
     nearest = _nearest_pressure(test, good)
     values = np.array([row.stiffness for row in nearest])
     spread = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
-    parts = {name: float(np.mean([row.parts[name] for row in nearest])) for name in nearest[0].parts}
+    parts = {part: float(np.mean([row.parts[part] for row in nearest])) for part in nearest[0].parts}
     if spread > 0:
-        parts["K1 repeats"] = float(spread)
+        parts[Source(Kind.K1_REPEATS)] = float(spread)
     std = float(np.hypot(np.mean([row.std for row in nearest]), spread))
     doubts = [f"K1 from {row.test.name}: {'; '.join(row.remarks)}" for row in nearest if row.verdict == "warning"]
     return StaticStiffness(float(values.mean()), std, doubt="; ".join(doubts), parts=parts)

@@ -285,7 +285,7 @@ def _budget_table(analysed: Analysed) -> pl.DataFrame:
             **{head: pl.Series([key[head] for key in keys], dtype=types[head]).gather(columns["test"]) for head in KEY},
             q.QUANTITY.head: pl.Series(list(OUTPUTS)).gather(columns["quantity"]),
             q.UNIT.head: pl.Series(list(OUTPUTS.values())).gather(columns["quantity"]),
-            q.SOURCE.head: pl.Series(list(group.variance)).gather(columns["source"]),
+            q.SOURCE.head: pl.Series([source.text for source in group.variance]).gather(columns["source"]),
         }
         frames.append(pl.DataFrame({**made, q.U.head: columns["u"], q.SHARE.head: columns["share"]}, schema=types))
     return pl.concat(frames)

@@ -9,6 +9,7 @@ import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.phasor import CHANNELS, SYMBOLS
+from fourpole.core.sources import Kind, Source
 
 __all__ = ["ChannelError", "ChannelUncertainty", "error_covariance", "parts"]
 
@@ -19,8 +20,10 @@ class ChannelError:
 
     Attributes
     ----------
-    name, unit : str
-        As in a budget: gain F1, phase V2, delay V1, response gain V1; the last in its stated uncertainties.
+    source : Source
+        A gain, phase, delay, or the gain or phase of a calibrated response.
+    unit : str
+        SI; an error of a calibrated response counts in its stated uncertainties.
     channel : int
         0, 1, 2 for F1, V1, V2.
     std : float
@@ -29,7 +32,7 @@ class ChannelError:
         Change of the logarithm of each test's recorded amplitude per unit of the error.
     """
 
-    name: str
+    source: Source
     unit: str
     channel: int
     std: float
@@ -55,7 +58,7 @@ class ChannelUncertainty:
     Gains known to 1 % and phases to 0.5 degrees:
 
     >>> unsure = ChannelUncertainty(np.full(3, 0.01), np.radians(np.full(3, 0.5)))
-    >>> [error.name for error in unsure.errors(np.array([63.0]))][:2]
+    >>> [error.source.text for error in unsure.errors(np.array([63.0]))][:2]
     ['gain F1', 'phase F1']
     """
 
@@ -74,13 +77,14 @@ class ChannelUncertainty:
         found = []
         for at, role in enumerate(CHANNELS):
             symbol = SYMBOLS[role]
-            found.append(ChannelError(f"gain {symbol}", "1", at, float(self.gain[at]), one))
-            found.append(ChannelError(f"phase {symbol}", "rad", at, float(self.phase[at]), 1j * one))
-            found.append(ChannelError(f"delay {symbol}", "s", at, float(self.delay[at]), -1j * omega))
+            found.append(ChannelError(Source(Kind.GAIN, symbol), "1", at, float(self.gain[at]), one))
+            found.append(ChannelError(Source(Kind.PHASE, symbol), "rad", at, float(self.phase[at]), 1j * one))
+            found.append(ChannelError(Source(Kind.DELAY, symbol), "s", at, float(self.delay[at]), -1j * omega))
             if self.response is not None:
                 gain, phase = self.response[:, at].real, self.response[:, at].imag
-                found.append(ChannelError(f"response gain {symbol}", "1", at, float(gain.any()), gain + 0j))
-                found.append(ChannelError(f"response phase {symbol}", "1", at, float(phase.any()), 1j * phase))
+                sources = Source(Kind.RESPONSE_GAIN, symbol), Source(Kind.RESPONSE_PHASE, symbol)
+                found.append(ChannelError(sources[0], "1", at, float(gain.any()), gain + 0j))
+                found.append(ChannelError(sources[1], "1", at, float(phase.any()), 1j * phase))
         return [error for error in found if error.std > 0]
 
     def covariance(self, amplitudes: ComplexArray, omega: FloatArray) -> FloatArray:

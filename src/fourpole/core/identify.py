@@ -26,6 +26,7 @@ from fourpole.core.routes import (
     transmissibility_route,
     why_no_arm,
 )
+from fourpole.core.sources import Kind, Source
 from fourpole.errors import RigError
 
 __all__ = ["OUTPUTS", "identify", "variance_by_source"]
@@ -209,12 +210,12 @@ def variance_by_source(
     added_mass: ArrayLike = 0.0,
     added_mass_std: ArrayLike = 0.0,
     channels: ChannelUncertainty | None = None,
-) -> dict[str, FloatArray]:
+) -> dict[Source, FloatArray]:
     """Variance of each of `OUTPUTS` by its source, for the same arguments as `identify`.
 
     Returns
     -------
-    dict of str to (N, 6) float array
+    dict of Source to (N, 6) float array
         Sensor noise, frequency, each error of each channel, each of the rig's values, added mass, K1; they add up
         to the squares of the uncertainties that `identify` gives, for its inputs are independent.
     """
@@ -233,12 +234,13 @@ def variance_by_source(
         return by(covariance)
 
     phasor = slice(0, 6)
-    sources = {"sensor noise": alone(phasors.covariance.reshape(count, 6, 6), phasor)}
-    sources["frequency"] = alone(answers.covariance[:, _OMEGA_AT:, _OMEGA_AT:], slice(_OMEGA_AT, None))
+    sources = {Source(Kind.NOISE): alone(phasors.covariance.reshape(count, 6, 6), phasor)}
+    sources[Source(Kind.FREQUENCY)] = alone(answers.covariance[:, _OMEGA_AT:, _OMEGA_AT:], slice(_OMEGA_AT, None))
     for error in channels.errors(phasors.omega.reshape(count)):
-        sources[error.name] = alone(error_covariance(error, amplitudes), phasor)
-    for i, name in enumerate((*PARAMETERS, "added mass", "K1"), start=6):
-        sources[name] = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
+        sources[error.source] = alone(error_covariance(error, amplitudes), phasor)
+    values = [Source(Kind.RIG_VALUE, name) for name in PARAMETERS]
+    for i, source in enumerate((*values, Source(Kind.ADDED_MASS), Source(Kind.K1)), start=6):
+        sources[source] = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
     return sources
 
 

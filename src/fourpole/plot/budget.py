@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import FloatArray
+from fourpole.core.sources import Kind, Source
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import tyre_heading
 from fourpole.plot.rig import value_label
@@ -31,28 +32,28 @@ OTHER = "other"
 _LEAST = 0.005
 #: Colours of sources: families have a hue, and their members are darker and lighter.
 _COLOURS = {
-    "sensor noise": "#56b4e9",
-    "frequency": "#4d4d4d",
-    "gain F1": "#e69f00",
-    "gain V1": "#f3cf80",
-    "gain V2": "#966700",
-    "phase F1": "#f0e442",
-    "phase V1": "#f8f2a1",
-    "phase V2": "#9c942b",
-    "moving_mass": "#009e73",
-    "preload_stiffness": "#66c5ab",
-    "preload_damping": "#005a42",
-    "preload_loss_factor": "#a8dccd",
-    "tyre_mass": "#117733",
-    "frame_stiffness": "#44aa99",
-    "input_mass": "#999933",
-    "K1 branch gap": "#0072b2",
-    "K1 fit": "#003f63",
-    "K1 cycles": "#6a51a3",
-    "K1 gains": "#b3aed6",
-    "K1 stated": "#332288",
-    "added mass": "#cc79a7",
-    "rig misfit": "#d55e00",
+    Source(Kind.NOISE): "#56b4e9",
+    Source(Kind.FREQUENCY): "#4d4d4d",
+    Source(Kind.GAIN, "F1"): "#e69f00",
+    Source(Kind.GAIN, "V1"): "#f3cf80",
+    Source(Kind.GAIN, "V2"): "#966700",
+    Source(Kind.PHASE, "F1"): "#f0e442",
+    Source(Kind.PHASE, "V1"): "#f8f2a1",
+    Source(Kind.PHASE, "V2"): "#9c942b",
+    Source(Kind.RIG_VALUE, "moving_mass"): "#009e73",
+    Source(Kind.RIG_VALUE, "preload_stiffness"): "#66c5ab",
+    Source(Kind.RIG_VALUE, "preload_damping"): "#005a42",
+    Source(Kind.RIG_VALUE, "preload_loss_factor"): "#a8dccd",
+    Source(Kind.RIG_VALUE, "tyre_mass"): "#117733",
+    Source(Kind.RIG_VALUE, "frame_stiffness"): "#44aa99",
+    Source(Kind.RIG_VALUE, "input_mass"): "#999933",
+    Source(Kind.K1_GAP): "#0072b2",
+    Source(Kind.K1_FIT): "#003f63",
+    Source(Kind.K1_CYCLES): "#6a51a3",
+    Source(Kind.K1_GAINS): "#b3aed6",
+    Source(Kind.K1_STATED): "#332288",
+    Source(Kind.ADDED_MASS): "#cc79a7",
+    Source(Kind.RIG_MISFIT): "#d55e00",
 }
 
 
@@ -64,18 +65,15 @@ class _Shares:
     share: FloatArray
 
 
-def source_colour(source: str, style: Style) -> str:
+def source_colour(source: Source, style: Style) -> str:
     """The colour of a source, the same in every figure.
 
     Examples
     --------
-    >>> source_colour("sensor noise", Style()), source_colour("no such source", Style())
+    >>> source_colour(Source(Kind.NOISE), Style()), source_colour(Source(Kind.OTHER, "no such source"), Style())
     ('#56b4e9', '#e3e6e9')
     """
-    for name, colour in _COLOURS.items():
-        if source == name or source.startswith(f"{name} "):
-            return colour
-    return style.look.grid
+    return _COLOURS.get(replace(source, mass=None, rig=""), style.look.grid)
 
 
 def budget(results: Results, style: Style) -> Figure | None:
@@ -110,7 +108,7 @@ def budget(results: Results, style: Style) -> Figure | None:
         if row == 0:
             _heading(ax, sheet, columns[column], style, len(columns))
     _one_abscissa(grid.panels, style)
-    for source in [*named, *([OTHER] if len(some) > len(named) else [])]:
+    for source in map(Source.read, [*named, *([OTHER] if len(some) > len(named) else [])]):
         key.add(Patch(facecolor=source_colour(source, style), edgecolor=style.look.muted, linewidth=0.4),
                 value_label(source))  # fmt: skip
     labels = [f"share of {_QUANTITIES[name]} [%]" for name in quantities]
@@ -179,8 +177,9 @@ def _panel(ax: Axes, found: _Shares, sources: list[str], style: Style) -> None:
     for at, source in enumerate(sources):
         if np.any(found.share[:, at] > 1e-6):
             low, high = np.repeat(tops[:, at], 2), np.repeat(tops[:, at + 1], 2)
-            ax.fill_between(x, low, high, facecolor=source_colour(source, style), edgecolor=style.look.paper,
-                            linewidth=0.5, label=f"_{source}")  # fmt: skip
+            colour = source_colour(Source.read(source), style)
+            ax.fill_between(x, low, high, facecolor=colour, edgecolor=style.look.paper, linewidth=0.5,
+                            label=f"_{source}")  # fmt: skip
     ax.set_xlim(edges[0], edges[-1])
 
 

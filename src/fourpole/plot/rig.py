@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.sources import Role, Source
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, curve, limit, means, rejected_tests, span
 from fourpole.plot.sheet import Sheet, floats, grouped, read_sheet
@@ -47,22 +48,27 @@ _NAMES = {
     "frame_stiffness": "frame stiffness",
     "input_mass": "input mass",
 }
-_GROUPS = ("rig", "channels", "ratios that K* needs", "added masses")
+_GROUPS = {
+    Role.RIG: "rig",
+    Role.CHANNEL: "channels",
+    Role.RATIO: "ratios that K* needs",
+    Role.MASS: "added masses",
+}
 #: Further than this from what is stated, in its uncertainty, a value is shown at the edge with its distance.
 _EDGE = 6.0
 _ROW = 0.17
 _MISFIT = "#D55E00"
 
 
-def value_label(name: str) -> str:
+def value_label(source: Source) -> str:
     """A shared value, or a source of uncertainty, as figures name it.
 
     Examples
     --------
-    >>> value_label("moving_mass"), value_label("gain F1/V1")
+    >>> value_label(Source.read("moving_mass")), value_label(Source.read("gain F1/V1"))
     ('moving mass m', 'gain F1/V1')
     """
-    return _NAMES.get(name, plain_text(name.replace("_", " "), 28))
+    return _NAMES.get(source.of, plain_text(source.text.replace("_", " "), 28))
 
 
 @dataclass(frozen=True)
@@ -267,23 +273,19 @@ def found(results: Results, style: Style) -> Figure | None:
     return figure
 
 
-def _group(name: str) -> int:
-    kind, _, of = name.partition(" ")
-    if kind in ("gain", "phase") and of:
-        return 2 if "/" in of or "-" in of else 1
-    if kind in ("delay", "response"):
-        return 1
-    return 3 if kind == "added" else 0
+def _group(row: Mapping[str, Any]) -> Role:
+    role = Source.read(str(row["value"])).role
+    return role if role in _GROUPS else Role.RIG
 
 
 def _rows_of(table: pl.DataFrame, rig: str) -> list[dict[str, Any]]:
     rows = [row for row in table.rows(named=True) if str(row["rig"] or "") == rig]
-    return sorted(rows, key=lambda row: _group(str(row["value"])))
+    return sorted(rows, key=lambda row: list(_GROUPS).index(_group(row)))
 
 
-def _changes(rows: list[dict[str, Any]]) -> list[tuple[int, int]]:
-    groups = [_group(str(row["value"])) for row in rows]
-    return list(zip(groups, [-1, *groups[:-1]], strict=True))
+def _changes(rows: list[dict[str, Any]]) -> list[tuple[Role, Role | None]]:
+    groups = [_group(row) for row in rows]
+    return list(zip(groups, [None, *groups[:-1]], strict=True))
 
 
 def _found_panel(ax: Axes, rows: list[dict[str, Any]], style: Style) -> set[str]:
@@ -293,7 +295,7 @@ def _found_panel(ax: Axes, rows: list[dict[str, Any]], style: Style) -> set[str]
         if group != before:
             labels.append((at, _GROUPS[group], True))
             at += 1
-        labels.append((at, value_label(str(row["value"])), False))
+        labels.append((at, value_label(Source.read(str(row["value"]))), False))
         reach = max(reach, _dot(ax, at, row, style))
         at += 1
     ax.axvline(0.0, color=style.look.ink, linewidth=0.8, zorder=1.0)

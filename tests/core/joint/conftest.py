@@ -14,6 +14,7 @@ from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Problem
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
+from fourpole.core.sources import Role
 from fourpole.virtual.phasor_rig import CHANNELS, RIG_VALUES, Laboratory, PhasorCampaign, draw, simulate_phasors
 from fourpole.virtual.phasor_rig import Conditions as Run
 
@@ -88,15 +89,13 @@ class Made:
         """The truth in stated uncertainties; a gain by its logarithm, as the model has it."""
         truth = self.campaign.truth
         true = {
-            "rig": lambda quantity: getattr(truth, quantity.name) - quantity.stated,
-            "channel": lambda quantity: (
-                np.log1p(truth.gain[CHANNEL[quantity.name[-2:]]])
-                if quantity.name.startswith("gain")
-                else truth.phase[CHANNEL[quantity.name[-2:]]]
+            Role.RIG: lambda one: getattr(truth, one.source.of) - one.stated,
+            Role.CHANNEL: lambda one: (
+                np.log1p(truth.gain[CHANNEL[one.source.of]]) if one.is_gain else truth.phase[CHANNEL[one.source.of]]
             ),
-            "mass": lambda quantity: truth.added_mass[self.masses[quantity.index]] - quantity.stated,
+            Role.MASS: lambda one: truth.added_mass[self.masses[one.index]] - one.stated,
         }
-        return np.array([true[quantity.kind](quantity) / quantity.std for quantity in shared.quantities])
+        return np.array([true[one.source.role](one) / one.std for one in shared.parameters])
 
     def part(self, rows):
         """Some of the tests, in any order."""

@@ -12,6 +12,7 @@ from fourpole.core.identify import identify
 from fourpole.core.joint import identify_joint
 from fourpole.core.joint.outputs import identification
 from fourpole.core.rig import Rig
+from fourpole.core.sources import Role
 from fourpole.errors import RigError
 from fourpole.virtual.phasor_rig import Laboratory
 
@@ -175,15 +176,15 @@ def test_each_mass_has_the_largest_error_that_is_said_of_it(make):
     std = np.where(made.added_mass == 10.0, 2e-3, 0.0)
     std[np.flatnonzero(std)[0]] = 3e-3
     joint = made.identify(added_mass_std=std)
-    masses = [(quantity.name, quantity.std) for quantity in joint.stated.quantities if quantity.kind == "mass"]
-    assert masses == [("added mass 10 kg", 3e-3)]  # that of the block is exact
+    masses = [(one.source.mass, one.std) for one in joint.stated.parameters if one.source.role is Role.MASS]
+    assert masses == [(10.0, 3e-3)]  # that of the block is exact
 
 
 def test_what_is_found_is_told_in_units(make):
     made = make(WIDE, masses=(0.0, 10.0), frequencies=5, families=3)
     joint = made.identify()
-    found = dict(zip([q.name for q in joint.stated.quantities], joint.found, strict=True))
-    std = dict(zip([q.name for q in joint.stated.quantities], joint.found_std, strict=True))
+    found = dict(zip([one.source.text for one in joint.stated.parameters], joint.found, strict=True))
+    std = dict(zip([one.source.text for one in joint.stated.parameters], joint.found_std, strict=True))
     truth = made.campaign.truth
     assert abs(found["moving_mass"] - truth.moving_mass) < 4 * std["moving_mass"]
     assert abs(found["gain V1"] - 1 - truth.gain[1]) < 4 * std["gain V1"]

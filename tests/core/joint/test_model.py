@@ -11,7 +11,6 @@ from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint import model
 from fourpole.core.joint.model import (
     FLOOR,
-    PARTS,
     Observed,
     inverse_upper,
     linearise,
@@ -19,7 +18,8 @@ from fourpole.core.joint.model import (
     upper_factor,
     whitened,
 )
-from fourpole.core.joint.shared import Quantity, Shared
+from fourpole.core.joint.shared import Shared, SharedParameter
+from fourpole.core.sources import PARTS, Kind, Role, Source
 
 EPS = np.finfo(float).eps
 #: Step in stated uncertainties, which are about 1 % of the values: central differences err by (1 % of) its square.
@@ -52,9 +52,9 @@ def test_the_model_gives_what_the_rig_gives(at_truth):
 
 def test_every_shared_value_of_every_kind_is_there(at_truth):
     _, problem, _, _ = at_truth
-    names = [quantity.name for quantity in problem.shared.quantities]
+    names = [parameter.source.text for parameter in problem.shared.parameters]
     assert len(names) == 7 + 6 + 3  # of the rig, of the channels, and the masses of 5, 6 and 10 kg
-    assert {quantity.kind for quantity in problem.shared.quantities} == {"rig", "channel", "mass"}
+    assert {parameter.source.role for parameter in problem.shared.parameters} == {Role.RIG, Role.CHANNEL, Role.MASS}
 
 
 def test_derivatives_by_delays_and_calibrated_responses(make):
@@ -65,7 +65,7 @@ def test_derivatives_by_delays_and_calibrated_responses(make):
     response = 1e-2 * (rng.random((count, 3)) + 1j * rng.random((count, 3)))
     channels = ChannelUncertainty(delay=np.array([1e-4, 2e-4, 0.0]), response=response)
     errors = channels.errors(made.phasors.omega)
-    assert [error.name for error in errors][:3] == ["delay F1", "response gain F1", "response phase F1"]
+    assert [error.source.text for error in errors][:3] == ["delay F1", "response gain F1", "response phase F1"]
     shared = Shared.stated(made.rig, errors, np.empty(0), np.empty(0))
     observed = Observed.of(made.phasors, np.full(count, -1), made.family < 0, errors)
     z = rng.standard_normal(len(shared))
@@ -73,28 +73,28 @@ def test_derivatives_by_delays_and_calibrated_responses(make):
     seen = linearise(observed, shared, z, stiffness).predicted  # derivatives of the residual are the model's at zero
     observed = Observed.of(replace(made.phasors, amplitudes=seen), np.full(count, -1), made.family < 0, errors)
     here = linearise(observed, shared, z, stiffness)
-    for at, quantity in enumerate(shared.quantities):
+    for at, parameter in enumerate(shared.parameters):
         step = STEP * np.eye(z.size)[at]
         above, below = (linearise(observed, shared, z + side * step, stiffness) for side in (1, -1))
         found = (below.residual - above.residual) / (2 * STEP)
         column = here.by_shared[:, :, at]
-        assert np.abs(found - column).max() < STEP**2 * np.abs(column).max() + scale_of(here), quantity.name
+        assert np.abs(found - column).max() < STEP**2 * np.abs(column).max() + scale_of(here), parameter.source
 
 
 def test_derivatives_by_every_shared_value(at_truth):
     _, problem, z, stiffness = at_truth
     here = linearise(problem.observed, problem.shared, z, stiffness)
-    for at, quantity in enumerate(problem.shared.quantities):
+    for at, parameter in enumerate(problem.shared.parameters):
         step = STEP * np.eye(z.size)[at]
         above, below = (linearise(problem.observed, problem.shared, z + side * step, stiffness) for side in (1, -1))
         found = (below.residual - above.residual) / (2 * STEP)
         column = here.by_shared[:, :, at]
         assert np.abs(column).max() > 0
-        assert np.abs(found - column).max() < STEP**2 * np.abs(column).max() + scale_of(here), quantity.name
+        assert np.abs(found - column).max() < STEP**2 * np.abs(column).max() + scale_of(here), parameter.source
         by_zr = (above.impedance - below.impedance) / (2 * STEP)
         size = np.abs(here.impedance_by_shared[:, at]).max()
         limit = STEP**2 * size + 1e3 * EPS * np.abs(here.impedance).max() / STEP
-        assert np.abs(by_zr - here.impedance_by_shared[:, at]).max() < limit, quantity.name
+        assert np.abs(by_zr - here.impedance_by_shared[:, at]).max() < limit, parameter.source
 
 
 def test_derivatives_by_stiffness(at_truth):
@@ -114,7 +114,7 @@ def test_derivatives_by_impedance_are_those_by_a_mass(at_truth):
     _made, problem, z, stiffness = at_truth
     here = linearise(problem.observed, problem.shared, z, stiffness)
     by_mass = here.by_impedance[:, :, 1] * problem.observed.omega[:, None] * problem.shared.std[0]
-    assert problem.shared.quantities[0].name == "moving_mass"
+    assert problem.shared.parameters[0].source.of == "moving_mass"
     assert np.abs(by_mass - here.by_shared[:, :, 0]).max() < 1e-12 * np.abs(by_mass).max()
 
 
@@ -122,8 +122,8 @@ def test_derivatives_by_impedance_are_those_by_a_mass(at_truth):
 def test_derivatives_by_a_part_that_nobody_stated(at_truth, part):
     _, problem, z, stiffness = at_truth
     size = {"mass": 0.2, "spring": 200.0, "frame": 1e-6, "loss": 0.01, "friction": 0.5}[part]
-    listed = (*problem.shared.quantities, Quantity(f"unstated {part}", PARTS[part], "extra", 0, 0.0, size))
-    shared = replace(problem.shared, quantities=listed)
+    listed = (*problem.shared.parameters, SharedParameter(Source(Kind.UNSTATED, part), PARTS[part], 0, 0.0, size))
+    shared = replace(problem.shared, parameters=listed)
     z = np.append(z, 0.0)
     step = STEP * np.eye(z.size)[-1]
     here, above, below = (linearise(problem.observed, shared, z + side * step, stiffness) for side in (0, 1, -1))
@@ -135,7 +135,7 @@ def test_derivatives_by_a_part_that_nobody_stated(at_truth, part):
 def test_the_tyre_s_mass_is_not_on_a_rigid_block(at_truth):
     made, problem, z, stiffness = at_truth
     here = linearise(problem.observed, problem.shared, z, stiffness)
-    at = [quantity.name for quantity in problem.shared.quantities].index("tyre_mass")
+    at = [parameter.source.text for parameter in problem.shared.parameters].index("tyre_mass")
     assert not here.by_shared[made.family < 0, :, at].any()
     assert here.by_shared[made.family >= 0, :, at].any(axis=1).all()
 

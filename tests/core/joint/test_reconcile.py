@@ -75,11 +75,11 @@ def test_what_is_declared_is_handled(make, name, masses):
 def test_a_statement_that_is_wrong_is_set_aside_and_k_is_right_all_the_same(make, undeclared, blamed):
     made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=8, families=4, within=1.0, seed=3)
     joint = made.identify()
-    names = [joint.stated.quantities[at].name for at in joint.misfit.conflicts]
+    names = [joint.stated.parameters[at].source.text for at in joint.misfit.conflicts]
     assert names == [blamed]
     assert not joint.misfit.fits
     assert np.abs(errors(made, joint)).max() < 4.5  # the uncertainty without the statement, and 128 errors
-    at = [quantity.name for quantity in joint.stated.quantities].index(blamed)
+    at = [parameter.source.text for parameter in joint.stated.parameters].index(blamed)
     true = made.true_z(joint.problem.shared)[at]
     assert abs(joint.solution.z[at] - true) < 4 * np.sqrt(joint.solution.covariance[at, at])
 

@@ -26,14 +26,14 @@ def gains_at(shared, z):
 
 
 def test_only_what_is_uncertain_is_shared():
-    names = [quantity.name for quantity in stated().quantities]
+    names = [parameter.source.text for parameter in stated().parameters]
     assert names == ["moving_mass", "preload_damping", "gain F1", "phase V1", "gain V2", "added mass 5 kg"]
     assert stated().std.tolist() == [0.1, 5.0, 0.01, 0.003, 0.02, 5e-4]
 
 
 def test_a_rigid_frame_is_not_uncertain_though_a_std_is_stated():
     shared = stated(Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"frame_stiffness": 1e4}))
-    assert "frame_stiffness" not in [quantity.name for quantity in shared.quantities]
+    assert "frame_stiffness" not in [parameter.source.text for parameter in shared.parameters]
 
 
 def test_at_zero_all_is_as_stated():
@@ -58,7 +58,7 @@ def test_each_moves_by_its_uncertainty():
 def test_a_gain_that_is_found_is_the_gain_that_the_model_has():
     shared = stated()
     z = np.array([30.0, -2.0, 3.0, 1.0, -4.0, 0.5])  # a value set aside may be many uncertainties off
-    found = dict(zip([quantity.name for quantity in shared.quantities], shared.found(z), strict=True))
+    found = dict(zip([parameter.source.text for parameter in shared.parameters], shared.found(z), strict=True))
     gains = np.abs(gains_at(shared, z))
     assert [found["gain F1"], found["gain V2"]] == pytest.approx(gains[[0, 2]], rel=1e-15)
 

@@ -108,7 +108,7 @@ def test_rigid_blocks_alone_calibrate_the_channels(make, full):
     truth = made.true_z(problem.shared)
     error = (solution.z - truth) @ np.linalg.inv(solution.covariance) @ (solution.z - truth)
     assert error < 40  # chi-square of 16 degrees: once in a thousand
-    names = [quantity.name for quantity in problem.shared.quantities]
+    names = [parameter.source.text for parameter in problem.shared.parameters]
     between = np.zeros(len(names))
     between[[names.index("gain V1"), names.index("gain V2")]] = problem.shared.std[
         [names.index("gain V1"), names.index("gain V2")]
@@ -151,10 +151,10 @@ def test_a_valley_that_bends_is_followed(make):
     )
     for seed in range(3):
         problem, first = solved(make(lab, frequencies=8, families=4, seed=seed))
-        listed, z = list(problem.shared.quantities), first.z.copy()
-        at = [quantity.name for quantity in listed].index("gain V2")
+        listed, z = list(problem.shared.parameters), first.z.copy()
+        at = [parameter.source.text for parameter in listed].index("gain V2")
         listed[at], z[at] = replace(listed[at], std=listed[at].std * 30), z[at] / 30
-        wider = replace(problem, shared=replace(problem.shared, quantities=tuple(listed)))
+        wider = replace(problem, shared=replace(problem.shared, parameters=tuple(listed)))
         solution = solve(wider, first.stiffness, z)
         assert solution.converged
         assert solution.steps < 10  # as from anywhere else

@@ -110,7 +110,7 @@ def solve_joint(
         solution=solution,
         order=order,
         condition=label,
-        stated=replace(stated, quantities=(*stated.quantities, *problem.shared.quantities[len(stated) :])),
+        stated=replace(stated, parameters=(*stated.parameters, *problem.shared.parameters[len(stated) :])),
         residuals=Residuals(*(getattr(left, name)[back] for name in left.__dataclass_fields__)),
         outlier=outlier[back],
         misfit=misfit,

@@ -10,7 +10,6 @@ from scipy import stats
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.joint.model import (
-    PARTS,
     Linear,
     Observed,
     cholesky_qr,
@@ -23,6 +22,7 @@ from fourpole.core.joint.model import (
 from fourpole.core.joint.solve import Problem, Solution, with_columns, without_stiffness
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.rig import Rig
+from fourpole.core.sources import PARTS, Kind, Source
 
 __all__ = ["Candidate", "Residuals", "candidates", "pulls", "residuals"]
 
@@ -140,8 +140,8 @@ class Candidate:
     unit : str
     explains : float [1]
         By how much chi-square would fall.
-    part : str
-        Which of the model's parts it is: one of `model.PARTS`, or what and which channel.
+    source : Source
+        An unstated part of the rig, or an error of a channel.
     size : float
         Its size in the model's terms.
     text : str
@@ -153,14 +153,14 @@ class Candidate:
     std: float
     unit: str
     explains: float
-    part: str
+    source: Source
     size: float
     text: str
 
     @property
     def of_rig(self) -> bool:
         """Whether it is a part of the rig, not a sensor."""
-        return self.part in PARTS
+        return self.source.kind is Kind.UNSTATED
 
 
 def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
@@ -171,13 +171,13 @@ def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
     block, target = triangle[p:-1, p:-1], triangle[p:-1, -1]
     weight, pull = np.sum(block**2, axis=0), block.T @ target
     found = []
-    for at, (part, words) in enumerate(_EXTRAS.items()):
+    for at, (source, words) in enumerate(_EXTRAS.items()):
         if weight[at] > _SEEN * size[at] and (said := words(float(pull[at] / weight[at]))) is not None:
             relative = float(np.sqrt(weight[at]) / abs(pull[at]))
             name, value, unit, text = said
             explains = min(float(pull[at] ** 2 / weight[at]), solution.objective)
             std = abs(value) * relative
-            found.append(Candidate(name, value, std, unit, explains, part, float(pull[at] / weight[at]), text))
+            found.append(Candidate(name, value, std, unit, explains, source, float(pull[at] / weight[at]), text))
     return sorted(found, key=lambda candidate: -candidate.explains)
 
 
@@ -275,14 +275,11 @@ def _delay(symbol: str) -> Callable[[float], _Said]:
 
 
 _SYMBOLS = tuple(SYMBOLS[role] for role in CHANNELS)
+_WORDS = {"mass": _mass, "spring": _spring, "frame": _frame, "loss": _loss, "friction": _friction}
 #: Each extra part with its words, in the order of `_extra_columns`.
-_EXTRAS: dict[str, Callable[[float], _Said]] = {
-    "mass": _mass,
-    "spring": _spring,
-    "frame": _frame,
-    "loss": _loss,
-    "friction": _friction,
-    **{f"gain {symbol}": _gain(symbol) for symbol in _SYMBOLS},
-    **{f"phase {symbol}": _phase(symbol) for symbol in _SYMBOLS},
-    **{f"delay {symbol}": _delay(symbol) for symbol in _SYMBOLS},
+_EXTRAS: dict[Source, Callable[[float], _Said]] = {
+    **{Source(Kind.UNSTATED, part): _WORDS[part] for part in PARTS},
+    **{Source(Kind.GAIN, symbol): _gain(symbol) for symbol in _SYMBOLS},
+    **{Source(Kind.PHASE, symbol): _phase(symbol) for symbol in _SYMBOLS},
+    **{Source(Kind.DELAY, symbol): _delay(symbol) for symbol in _SYMBOLS},
 }

@@ -20,9 +20,9 @@ from fourpole.core.channelerrors import ChannelError
 from fourpole.core.joint.shared import Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
+from fourpole.core.sources import Role
 
 __all__ = [
-    "PARTS",
     "Linear",
     "Observed",
     "cholesky_qr",
@@ -183,12 +183,8 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     )
 
 
-#: Parts that a rig may have and its owner not know of, with the unit of their size.
-PARTS = {"mass": "kg", "spring": "N/m", "frame": "m/N", "loss": "1", "friction": "N"}
-
-
 def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray, rigid: BoolArray) -> dict[str, ComplexArray]:
-    """Derivative of Zr by each of `PARTS`, (N,) each.
+    """Derivative of Zr by each of `core.sources.PARTS`, (N,) each.
 
     Parameters
     ----------
@@ -214,15 +210,16 @@ def _impedance_by_shared(observed: Observed, shared: Shared, rig: Rig, gradient:
     """dZr/dz of each test, (N, p)."""
     shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]), observed.rigid)
     change = np.zeros((observed.omega.size, len(shared)), dtype=complex)
-    for at, quantity in enumerate(shared.quantities):
-        if quantity.kind == "rig":
-            change[:, at] = gradient[:, quantity.index]
-            if quantity.name == "tyre_mass":
+    for at, parameter in enumerate(shared.parameters):
+        role, of = parameter.source.role, parameter.source.of
+        if role is Role.RIG:
+            change[:, at] = gradient[:, parameter.index]
+            if of == "tyre_mass":
                 change[observed.rigid, at] = 0.0
-        elif quantity.kind == "extra":
-            change[:, at] = shapes[quantity.part]
-        elif quantity.kind == "mass":
-            change[:, at] = np.where(observed.mass_at == quantity.index, gradient[:, -1], 0.0)
+        elif role is Role.UNSTATED:
+            change[:, at] = shapes[of]
+        elif role is Role.MASS:
+            change[:, at] = np.where(observed.mass_at == parameter.index, gradient[:, -1], 0.0)
     return np.asarray(change * shared.std)
 
 
@@ -236,11 +233,11 @@ def _by_shared(
 ) -> ComplexArray:
     """Derivatives of the three amplitudes by z, (N, 3, p)."""
     change = by_zr[:, :, None] * zr_by_shared[:, None, :]
-    for at, quantity in enumerate(shared.quantities):
-        if quantity.kind == "channel":
-            change[:, :, at] = observed.turns[:, :, quantity.index] * quantity.std * predicted
-        elif quantity.name == "input_mass":
-            change[:, 0, at] = quantity.std * by_input_mass
+    for at, parameter in enumerate(shared.parameters):
+        if parameter.source.role is Role.CHANNEL:
+            change[:, :, at] = observed.turns[:, :, parameter.index] * parameter.std * predicted
+        elif parameter.source.of == "input_mass":
+            change[:, 0, at] = parameter.std * by_input_mass
     return change
 
 

@@ -13,6 +13,7 @@ from fourpole.core.joint.joint import Joint
 from fourpole.core.joint.reconcile import largest_part
 from fourpole.core.phasor import Phasors
 from fourpole.core.routes import arm_slopes, maxwell_arm, why_no_arm
+from fourpole.core.sources import Kind, Role, Source
 
 __all__ = ["Outputs", "identification", "outputs", "variance_by_source"]
 
@@ -150,7 +151,7 @@ def _frequency_part(joint: Joint) -> FloatArray:
     return moved
 
 
-def variance_by_source(joint: Joint, found: Outputs, k1_std: ArrayLike) -> dict[str, FloatArray]:
+def variance_by_source(joint: Joint, found: Outputs, k1_std: ArrayLike) -> dict[Source, FloatArray]:
     """Variance of each output by its source, (N, 6) each; the sources add up to the whole.
 
     The most probable values are linear in the noise and in what is stated, so each stated value has a share of its
@@ -165,14 +166,14 @@ def variance_by_source(joint: Joint, found: Outputs, k1_std: ArrayLike) -> dict[
     misfit = np.zeros_like(own)
     misfit[:, 5] = found.tr_of_rig**2
     sources = {
-        "sensor noise": np.maximum(own - frequency + by_shared - stated.sum(axis=2), 0.0),
-        "frequency": frequency,
+        Source(Kind.NOISE): np.maximum(own - frequency + by_shared - stated.sum(axis=2), 0.0),
+        Source(Kind.FREQUENCY): frequency,
     }
-    for at, quantity in enumerate(joint.stated.quantities):
-        sources[quantity.name] = stated[:, :, at]
-    sources["rig misfit"] = misfit
+    for at, parameter in enumerate(joint.stated.parameters):
+        sources[parameter.source] = stated[:, :, at]
+    sources[Source(Kind.RIG_MISFIT)] = misfit
     with np.errstate(invalid="ignore"):
-        sources["K1"] = np.where(found.by_k1 == 0, 0.0, found.by_k1 * np.asarray(k1_std)[..., None]) ** 2
+        sources[Source(Kind.K1)] = np.where(found.by_k1 == 0, 0.0, found.by_k1 * np.asarray(k1_std)[..., None]) ** 2
     return sources
 
 
@@ -242,10 +243,10 @@ def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, F
     by[:, 2], by[:, 3] = mobility / phasors.motion_in, 1j * mobility / phasors.motion_in
     by_z = np.zeros((*mobility.shape, len(shared)), dtype=complex)
     turns = joint.problem.observed.turns[np.argsort(joint.order)]
-    for at, quantity in enumerate(shared.quantities):
-        if quantity.kind == "channel":
-            turn = turns[:, 0, quantity.index] - turns[:, 1, quantity.index]
-            by_z[:, at] = mobility * turn * quantity.std
+    for at, parameter in enumerate(shared.parameters):
+        if parameter.source.role is Role.CHANNEL:
+            turn = turns[:, 0, parameter.index] - turns[:, 1, parameter.index]
+            by_z[:, at] = mobility * turn * parameter.std
     noise, rest = _two(by), _two(by_z)
     covariance = noise @ phasors.covariance[:, :4, :4] @ np.swapaxes(noise, 1, 2)
     return mobility, covariance + rest @ joint.solution.covariance @ np.swapaxes(rest, 1, 2)

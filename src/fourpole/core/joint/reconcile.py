@@ -9,9 +9,10 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.joint.misfit import Candidate, Residuals, candidates, is_unlikely, pulls, residuals
-from fourpole.core.joint.model import PARTS, cholesky_qr, part_shapes, projected
-from fourpole.core.joint.shared import Quantity
+from fourpole.core.joint.model import cholesky_qr, part_shapes, projected
+from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, solve, spread
+from fourpole.core.sources import PARTS, Kind
 
 __all__ = ["Misfit", "largest_part", "reconcile"]
 
@@ -63,7 +64,7 @@ class Misfit:
     conflicts : tuple of int
         Shared values that the tests contradict; where chance is out of the question their statement was set aside.
     parts : tuple of str
-        Unstated parts that the rig was granted; their sizes are among the shared values.
+        Unstated parts, of `core.sources.PARTS`, that the rig was granted; their sizes are among the shared values.
     candidates : tuple of Candidate
         Unstated parts that would explain a misfit, the best first; empty where all fits.
     """
@@ -232,7 +233,7 @@ def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
     if named and named[0].of_rig:
         speed = np.abs(problem.observed.amplitudes[:, 2])
         rig = problem.shared.rig_at(solution.z)
-        shape = part_shapes(problem.observed.omega, rig, speed, problem.observed.rigid)[named[0].part]
+        shape = part_shapes(problem.observed.omega, rig, speed, problem.observed.rigid)[named[0].source.of]
         effect = float(np.max(np.abs(named[0].size * shape) / size))
     return _Diagnosis(
         left=left,
@@ -266,7 +267,7 @@ def _mend(state: _State, left: Residuals) -> bool:
         scatter = _level(left.tyre_part, left.tyre_weight, found.tyre_dof, np.ones(left.tyre.size))
         state.scatter = float(np.hypot(state.scatter, scatter))
         state.solve(problem.widened(problem.columns("by_stiffness", solution.z, solution.stiffness) * scatter))
-    elif found.part_missing and found.named[0].part not in state.parts:
+    elif found.part_missing and found.named[0].source.of not in state.parts:
         _name(state, found.named)
         _add_part(state, found.named[0])
     elif found.rig_bad and state.parts and found.level > _TRIFLE and state.rig_error < 1:
@@ -357,7 +358,7 @@ def _drawn(state: _State) -> FloatArray:
     """How far each statement is drawn away, but for those set aside and for what nobody stated."""
     pull = np.abs(np.nan_to_num(pulls(state.solution)))
     pull[state.conflicts] = 0.0
-    pull[[at for at, quantity in enumerate(state.problem.shared.quantities) if quantity.kind == "extra"]] = 0.0
+    pull[[at for at, one in enumerate(state.problem.shared.parameters) if one.source.kind is Kind.UNSTATED]] = 0.0
     return pull
 
 
@@ -365,21 +366,21 @@ def _set_aside(state: _State, at: int, pull: float) -> None:
     """Make a statement so wide that it hardly pulls any more, and count z in the new uncertainty."""
     shared, z = state.problem.shared, state.solution.z.copy()
     wider = 10.0 * max(pull, 1.0)
-    listed = list(shared.quantities)
+    listed = list(shared.parameters)
     listed[at] = replace(listed[at], std=listed[at].std * wider)
     z[at] /= wider
-    state.problem = replace(state.problem, shared=replace(shared, quantities=tuple(listed)))
+    state.problem = replace(state.problem, shared=replace(shared, parameters=tuple(listed)))
     state.solution = replace(state.solution, z=z)
 
 
 def _add_part(state: _State, candidate: Candidate) -> None:
     """Let the rig have a part that nobody stated, as large as the tests want it, and as uncertain."""
     shared = state.problem.shared
-    size = abs(candidate.size)
-    part = Quantity(f"unstated {candidate.part}", PARTS[candidate.part], "extra", len(state.parts), 0.0, size)
-    state.parts.append(candidate.part)
+    source, size = candidate.source, abs(candidate.size)
+    part = SharedParameter(source, PARTS[source.of], len(state.parts), 0.0, size)
+    state.parts.append(source.of)
     state.solution = replace(state.solution, z=np.append(state.solution.z, 1.0))
-    state.solve(replace(state.problem, shared=replace(shared, quantities=(*shared.quantities, part))))
+    state.solve(replace(state.problem, shared=replace(shared, parameters=(*shared.parameters, part))))
 
 
 def largest_part(problem: Problem, solution: Solution) -> FloatArray:

@@ -11,31 +11,30 @@ import numpy as np
 from fourpole.core.arrays import FloatArray
 from fourpole.core.channelerrors import ChannelError
 from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.core.sources import Kind, Role, Source
 
-__all__ = ["Quantity", "Shared"]
+__all__ = ["Shared", "SharedParameter"]
 
 
 @dataclass(frozen=True)
-class Quantity:
-    """One shared value: its name, unit, and what is stated of it.
+class SharedParameter:
+    """One value that all tests of a rig share, and what is stated of it.
 
     Attributes
     ----------
-    name : str
-        As in rig.csv: moving_mass, gain F1, phase V2, added mass 10 kg.
+    source : Source
+        The value that is not exactly known.
     unit : str
         SI.
-    kind : {"rig", "channel", "mass", "extra"}
-        What it is; extra is an unstated part that the tests want.
     index : int
-        Of the rig's values, of `core.channelerrors.ChannelUncertainty.errors`, or of the distinct masses.
+        Its place, by the role of the source: in `core.rig.PARAMETERS`, in the list that
+        `core.channelerrors.ChannelUncertainty.errors` returns, or in the distinct masses.
     stated, std : float
         Most probable value and standard uncertainty before the tests, in the unit.
     """
 
-    name: str
+    source: Source
     unit: str
-    kind: str
     index: int
     stated: float
     std: float
@@ -43,12 +42,7 @@ class Quantity:
     @property
     def is_gain(self) -> bool:
         """Whether it is a factor, 1 where nothing is wrong."""
-        return self.kind == "channel" and self.stated == 1.0
-
-    @property
-    def part(self) -> str:
-        """Of an extra value, which of `model.PARTS` it is."""
-        return self.name.removeprefix("unstated ")
+        return self.source.kind is Kind.GAIN
 
 
 @dataclass(frozen=True)
@@ -59,69 +53,70 @@ class Shared:
     ----------
     rig : Rig
         As stated.
-    quantities : tuple of Quantity
+    parameters : tuple of SharedParameter
         Those with an uncertainty, in the order of z.
     masses : (k,) float array [kg]
-        The distinct masses that `Quantity.index` counts.
+        The distinct masses that `SharedParameter.index` counts.
     """
 
     rig: Rig
-    quantities: tuple[Quantity, ...]
+    parameters: tuple[SharedParameter, ...]
     masses: FloatArray
 
     @classmethod
     def stated(cls, rig: Rig, errors: Sequence[ChannelError], masses: FloatArray, masses_std: FloatArray) -> Shared:
         """What is stated of a rig, the errors of its channels, and the distinct masses."""
         listed = [
-            Quantity(name, unit, "rig", at, getattr(rig, name), float(std))
+            SharedParameter(Source(Kind.RIG_VALUE, name), unit, at, getattr(rig, name), float(std))
             for at, ((name, unit), std) in enumerate(zip(PARAMETERS.items(), rig.uncertainties, strict=True))
             if np.isfinite(getattr(rig, name))
         ]
         for at, error in enumerate(errors):
-            centre = 1.0 if error.name.startswith("gain") else 0.0
-            listed.append(Quantity(error.name, error.unit, "channel", at, centre, error.std))
+            centre = 1.0 if error.source.kind is Kind.GAIN else 0.0
+            listed.append(SharedParameter(error.source, error.unit, at, centre, error.std))
         for at, (mass, std) in enumerate(zip(masses, masses_std, strict=True)):
-            listed.append(Quantity(f"added mass {mass:g} kg", "kg", "mass", at, float(mass), float(std)))
-        return cls(rig, tuple(quantity for quantity in listed if quantity.std > 0), masses)
+            source = Source(Kind.ADDED_MASS, mass=float(mass))
+            listed.append(SharedParameter(source, "kg", at, float(mass), float(std)))
+        return cls(rig, tuple(parameter for parameter in listed if parameter.std > 0), masses)
 
     def __len__(self) -> int:
-        return len(self.quantities)
+        return len(self.parameters)
 
     @cached_property
     def std(self) -> FloatArray:
         """Stated standard uncertainties, each in its unit."""
-        return np.array([quantity.std for quantity in self.quantities])
+        return np.array([parameter.std for parameter in self.parameters])
 
-    def _offsets(self, z: FloatArray, kind: str, count: int) -> FloatArray:
-        """How far the values of a kind are from the stated ones."""
+    def _offsets(self, z: FloatArray, role: Role, count: int) -> FloatArray:
+        """How far the values of a role are from the stated ones."""
         offsets = np.zeros(count)
-        for value, quantity in zip(z * self.std, self.quantities, strict=True):
-            if quantity.kind == kind:
-                offsets[quantity.index] = value
+        for value, parameter in zip(z * self.std, self.parameters, strict=True):
+            if parameter.source.role is role:
+                offsets[parameter.index] = value
         return offsets
 
     def rig_at(self, z: FloatArray) -> Rig:
         """The rig with the values that z stands for."""
         names = list(PARAMETERS)
-        moved = self._offsets(z, "rig", len(names))
+        moved = self._offsets(z, Role.RIG, len(names))
         return self.rig.shifted(**{name: getattr(self.rig, name) + moved[at] for at, name in enumerate(names)})
 
     def channels_at(self, z: FloatArray, count: int) -> FloatArray:
         """The errors of the channels, each in its unit."""
-        return self._offsets(z, "channel", count)
+        return self._offsets(z, Role.CHANNEL, count)
 
     def masses_at(self, z: FloatArray) -> FloatArray:
         """The distinct masses [kg]."""
-        return self.masses + self._offsets(z, "mass", self.masses.size)
+        return self.masses + self._offsets(z, Role.MASS, self.masses.size)
 
     def extra_at(self, z: FloatArray) -> dict[str, float]:
         """Sizes of the unstated parts, by name."""
-        sizes = zip(z * self.std, self.quantities, strict=True)
-        return {quantity.part: float(v) for v, quantity in sizes if quantity.kind == "extra"}
+        sizes = zip(z * self.std, self.parameters, strict=True)
+        return {one.source.of: float(value) for value, one in sizes if one.source.kind is Kind.UNSTATED}
 
     def found(self, z: FloatArray) -> FloatArray:
         """Values at z, each in its unit."""
         moved = z * self.std
-        gain = np.array([quantity.is_gain for quantity in self.quantities], dtype=bool)
-        stated = np.array([quantity.stated for quantity in self.quantities])
+        gain = np.array([parameter.is_gain for parameter in self.parameters], dtype=bool)
+        stated = np.array([parameter.stated for parameter in self.parameters])
         return np.where(gain, np.exp(np.where(gain, moved, 0.0)), stated + moved)

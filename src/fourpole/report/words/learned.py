@@ -9,11 +9,13 @@ from typing import Any
 import polars as pl
 
 from fourpole.campaign.results import Results
+from fourpole.core.sources import Kind, Role
 from fourpole.report.digits import known, number
 from fourpole.report.stated import mapping, texts
 from fourpole.report.words.facts import natural
 from fourpole.report.words.phrases import counted, joined, percent
 from fourpole.report.words.shared import DECLARED, Value, shared_values
+from fourpole.report.words.sources import source_in_words
 
 __all__ = ["Learned", "Outlier", "learned"]
 
@@ -22,6 +24,8 @@ _LATE = {"%": 5.0, "°": 3.0}
 #: A candidate that explains this much of what the best explains cannot be told from it.
 _AS_WELL = 0.9
 _MOST_CANDIDATES = 4
+#: Two gains whose errors F1/V2 alone cannot tell apart.
+_BLIND = {(Kind.GAIN, "F1"), (Kind.GAIN, "V2")}
 _MASS = "a repeat with a weighed mass"
 #: Notes of the analysis that the sentences here say already.
 _SAID = ("do not fit their tests", "not go with the others", "did not converge", "beyond the noise")
@@ -129,7 +133,7 @@ def _fit(joint: Mapping[str, Any]) -> str:
 
 
 def _summary(values: Sequence[Value], *, fits: bool) -> str:
-    own = [value for value in values if value.group != "ratio"]
+    own = [value for value in values if value.group is not Role.RATIO]
     if not own:
         return "All values were stated as exact: there was nothing to find."
     count = {finding: sum(value.finding == finding for value in own) for finding in ("found", "not determined")}
@@ -234,7 +238,7 @@ def _gain(joint: Mapping[str, Any]) -> str:
 
 def _massed(residuals: pl.DataFrame, rig: str, values: Sequence[Value]) -> bool:
     """Whether tests with an added mass are among those of a rig."""
-    if any(value.group == "mass" for value in values):
+    if any(value.group is Role.MASS for value in values):
         return True
     if "added mass [kg]" not in residuals.columns:
         return False
@@ -244,9 +248,11 @@ def _massed(residuals: pl.DataFrame, rig: str, values: Sequence[Value]) -> bool:
 
 def _unseen(values: Sequence[Value], *, fits: bool, massed: bool) -> Iterable[str]:
     """Which undeclared errors these data cannot show, and what would show them."""
-    groups = ("rig", "channel") if fits else ("channel",)  # where the rig does not fit, an error of it did show
+    groups = (
+        (Role.RIG, Role.CHANNEL) if fits else (Role.CHANNEL,)
+    )  # where the rig does not fit, an error of it did show
     hidden = [value for value in values if value.hidden and value.group in groups and value.finding != "contradicted"]
-    common = [value for value in hidden if massed and value.group == "channel" and _ratios_seen(value, values)]
+    common = [value for value in hidden if massed and value.group is Role.CHANNEL and _ratios_seen(value, values)]
     if common:
         yield (
             f"An error of {_possessives(common)} that all channels have in common would not show in these data, and "
@@ -260,17 +266,19 @@ def _unseen(values: Sequence[Value], *, fits: bool, massed: bool) -> Iterable[st
             f"{'their statements' if many else 'its statement'} would not show in these data; "
             f"{_what_would(hidden, massed=massed)} would show {'them' if many else 'it'}."
         )
-    if not massed and {"gain F1", "gain V2"} <= {value.key for value in values}:
+    if not massed and _BLIND.issubset(
+        (value.source.kind, value.source.of) for value in values if not value.source.under
+    ):
         yield (
             "These data hold F1/V2 against the rig: they cannot tell an error of F1's gain from one of V2's, nor from "
             "the moving mass and the preload spring off together."
         )
     yield from _trusted_masses(values)
-    told = any(value.group == "channel" for value in hidden)
+    told = any(value.group is Role.CHANNEL for value in hidden)
     late = [
         value
         for value in values
-        if _late(value) and (value.group in groups or (value.group == "ratio" and not told)) and value not in common
+        if _late(value) and (value.group in groups or (value.group is Role.RATIO and not told)) and value not in common
     ]
     if late:
         sizes = joined(f"{value.seen_words} for {_possessive(value)}" for value in late)
@@ -280,7 +288,7 @@ def _unseen(values: Sequence[Value], *, fits: bool, massed: bool) -> Iterable[st
 def _trusted_masses(values: Sequence[Value]) -> Iterable[str]:
     """That the scale of all results is the weight of a mass, and from which size an error of it would show."""
     for value in values:
-        if value.group == "mass" and value.finding == "not determined":
+        if value.group is Role.MASS and value.finding == "not determined":
             below = "" if value.seen is None or value.hidden else f" below {value.seen_words}"
             yield (
                 f"The scale of the sensors, and so of K*, rests on the weight of the {value.name}: an undeclared error "
@@ -291,14 +299,13 @@ def _trusted_masses(values: Sequence[Value]) -> Iterable[str]:
 
 def _ratios_seen(value: Value, values: Sequence[Value]) -> bool:
     """Whether all ratios of this kind of value would show an error."""
-    kind = value.key.partition(" ")[0]
-    ratios = [other for other in values if other.group == "ratio" and other.key.startswith(kind)]
+    ratios = [other for other in values if other.group is Role.RATIO and other.source.kind is value.source.kind]
     return bool(ratios) and not any(other.hidden or _late(other) for other in ratios)
 
 
 def _late(value: Value) -> bool:
     """Whether only a large undeclared error would show, much larger than the statement allows for."""
-    if value.seen is None or value.hidden or value.group == "mass":
+    if value.seen is None or value.hidden or value.group is Role.MASS:
         return False
     if value.seen < DECLARED * (value.stated_std or 0.0):
         return False
@@ -309,8 +316,7 @@ def _late(value: Value) -> bool:
 
 def _possessive(value: Value) -> str:
     """V1's gain, the moving mass m."""
-    kind, _, of = value.key.partition(" ")
-    return f"{of}'s {kind}" if value.group == "channel" else f"the {value.name}"
+    return source_in_words(value.source) if value.group is Role.CHANNEL else f"the {value.name}"
 
 
 def _possessives(values: Sequence[Value]) -> str:
@@ -321,4 +327,4 @@ def _what_would(hidden: Sequence[Value], *, massed: bool) -> str:
     """The cheapest thing that would show errors of these values."""
     if not massed:
         return _MASS
-    return "a calibration" if all(value.group == "channel" for value in hidden) else "a measurement of its own"
+    return "a calibration" if all(value.group is Role.CHANNEL for value in hidden) else "a measurement of its own"

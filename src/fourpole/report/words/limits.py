@@ -10,11 +10,13 @@ import numpy as np
 import polars as pl
 
 from fourpole.campaign.results import Results
+from fourpole.core.sources import Source
 from fourpole.report.digits import known
-from fourpole.report.stated import RIG_VALUES, mapping
+from fourpole.report.stated import mapping
 from fourpole.report.words.phrases import counted, percent
+from fourpole.report.words.sources import About, remedy, source_in_words
 
-__all__ = ["Limit", "limit_rows", "limits", "source_in_words"]
+__all__ = ["Limit", "limit_rows", "limits"]
 
 _BUDGET = ("test", "quantity", "source", "share [1]")
 #: Quantity of budget.csv: its value and uncertainty in dynamic.csv.
@@ -28,22 +30,6 @@ _SYMBOLS = {"Re K*": "K′", "Im K*": "K″"}
 #: A second source is named from this share on.
 _WORTH_NAMING = 0.1
 _MOST_OF_IT = 0.5
-_SOURCES = {
-    "sensor noise": "the noise of the sensors",
-    "frequency": "the uncertainty of the frequency",
-    "K1 fit": "the fit of K1",
-    "K1 branch gap": "the gap between the branches of K1",
-    "K1 cycles": "the change of K1 from cycle to cycle",
-    "K1 stated": "K1 as stated",
-    "rig misfit": "the misfit of the rig",
-}
-_K1_REMEDIES = {
-    "K1 fit": "repeat the static test with finer steps of load round the preload",
-    "K1 branch gap": "use K' and K'', which need no K1; or state the K1 that you mean, with its uncertainty, in "
-    "tests.csv (the gap is the rubber's own hysteresis, which no test closes)",
-    "K1 cycles": "repeat the static test with more cycles, until two follow each other closely",
-    "K1 stated": "state K1 with a smaller uncertainty, or add a static test",
-}
 
 
 @dataclass(frozen=True)
@@ -52,8 +38,10 @@ class Limit:
 
     Attributes
     ----------
-    rig, quantity, source : str
+    rig, quantity : str
         As in the tables.
+    source : Source
+        The largest source of its uncertainty.
     share : float [1]
         Median share of the variance over the tests.
     relative : float or None [1]
@@ -65,24 +53,12 @@ class Limit:
 
     rig: str
     quantity: str
-    source: str
+    source: Source
     share: float
     relative: float | None
     tests: int
     remedy: str
     text: str
-
-
-@dataclass(frozen=True)
-class _About:
-    """What a remedy depends on."""
-
-    joint: bool
-    massed: bool
-    with_v2: bool
-    fits: bool
-    scatter: bool
-    candidate: str
 
 
 def limits(results: Results) -> list[Limit]:
@@ -133,12 +109,12 @@ def _median_shares(rows: pl.DataFrame) -> list[tuple[str, float]]:
     return [(source, middle) for source, middle, _ in shares]
 
 
-def _about(results: Results, tests: pl.DataFrame, rig: str) -> _About:
+def _about(results: Results, tests: pl.DataFrame, rig: str) -> About:
     here = tests.filter(pl.col("rig").fill_null("") == rig)
     joint = mapping(results.record, "joint", rig)
     named = joint.get("candidates")
     first = named[0] if isinstance(named, list) and named else {}
-    return _About(
+    return About(
         joint="joint" in here["route"].to_list(),
         massed=any((known(mass) or 0.0) > 0 for mass in here["added mass [kg]"].to_list()),
         with_v2=any(known(v2) for v2 in here["V2 [m/s]"].to_list()),
@@ -148,13 +124,12 @@ def _about(results: Results, tests: pl.DataFrame, rig: str) -> _About:
     )
 
 
-def _limit(rig: str, quantity: str, rows: pl.DataFrame, tests: pl.DataFrame, about: _About) -> Limit:
+def _limit(rig: str, quantity: str, rows: pl.DataFrame, tests: pl.DataFrame, about: About) -> Limit:
     shares, names = _median_shares(rows), rows["test"].unique()
-    source, share = shares[0]
-    of_source = rows.filter(pl.col("source") == source).group_by("test").agg(pl.col("share [1]").sum())
+    (source, share), *others = ((Source.read(text, rig), share) for text, share in shares)
+    of_source = rows.filter(pl.col("source") == source.text).group_by("test").agg(pl.col("share [1]").sum())
     here = tests.filter(pl.col("test").is_in(names.to_list())).join(of_source, on="test", how="left")
     relative, left = _relative(here, quantity), _relative(here, quantity, without=True)
-    remedy = _remedy(source, about)
     symbol = _SYMBOLS.get(quantity, quantity)
     opening = (
         f"{symbol} is known to {percent(relative)} (median of {counted(len(names), 'test')}). " if relative else ""
@@ -165,9 +140,10 @@ def _limit(rig: str, quantity: str, rows: pl.DataFrame, tests: pl.DataFrame, abo
     text = f"{opening}{_capital(source_in_words(source))} {much}, with {percent(share)} of the variance"
     if relative and left:
         text += f"; without it about {percent(left)} would be left"
-    if len(shares) > 1 and shares[1][1] >= _WORTH_NAMING:
-        text += f". Next is {source_in_words(shares[1][0])} with {percent(shares[1][1])}"
-    return Limit(rig, quantity, source, share, relative, len(names), remedy, f"{text}. Cheapest remedy: {remedy}.")
+    if others and others[0][1] >= _WORTH_NAMING:
+        text += f". Next is {source_in_words(others[0][0])} with {percent(others[0][1])}"
+    what = remedy(source, about)
+    return Limit(rig, quantity, source, share, relative, len(names), what, f"{text}. Cheapest remedy: {what}.")
 
 
 def _relative(tests: pl.DataFrame, quantity: str, *, without: bool = False) -> float | None:
@@ -181,86 +157,8 @@ def _relative(tests: pl.DataFrame, quantity: str, *, without: bool = False) -> f
     return float(np.median(found)) if found else None
 
 
-def source_in_words(source: str) -> str:
-    """A source of budget.csv inside a sentence.
-
-    Examples
-    --------
-    >>> source_in_words("gain F1"), source_in_words("moving_mass"), source_in_words("sensor noise")
-    ("F1's gain", 'the moving mass m', 'the noise of the sensors')
-    """
-    kind, _, of = source.partition(" ")
-    if source in RIG_VALUES:
-        return f"the {RIG_VALUES[source][0]}"
-    if kind in ("gain", "phase", "delay") and of:
-        return f"{of}'s {kind}"
-    if kind == "response":
-        what, _, symbol = of.partition(" ")
-        return f"the {what} of {symbol}'s calibrated response"
-    if kind == "added":
-        return f"the weight of the {source}"
-    if source.startswith("K1 gains"):
-        return "the calibration of load and deflection in K1"
-    return _SOURCES.get(source, source)
-
-
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def _remedy(source: str, about: _About) -> str:
-    """The cheapest thing to do about a source."""
-    kind, _, of = source.partition(" ")
-    if source in RIG_VALUES:
-        return _rig_remedy(source, about)
-    if kind in ("gain", "phase") and of:
-        return _channel_remedy(kind, of, about)
-    if source.startswith("K1 gains"):
-        return "calibrate the load and deflection channels of the static rig"
-    if kind == "added":
-        return "weigh the added mass on a better balance"
-    return {
-        "sensor noise": _noise_remedy(about),
-        "frequency": "record longer at a steady speed",
-        "rig misfit": _misfit_remedy(about),
-        **_K1_REMEDIES,
-    }.get(source, f"state {source} with a smaller uncertainty")
-
-
-def _channel_remedy(kind: str, symbol: str, about: _About) -> str:
-    if about.massed and about.joint:
-        return "repeat the tests with the weighed mass, or record them longer: the mass calibrates the channels"
-    if about.massed:
-        return "use the joint route: with the weighed mass it needs no calibrated sensor"
-    return (
-        "repeat one condition with a weighed mass added and use the joint route, which makes calibrated sensors "
-        f"unnecessary, or calibrate the {kind} of {symbol}"
-    )
-
-
-def _noise_remedy(about: _About) -> str:
-    if not about.fits:
-        return _misfit_remedy(about)
-    if about.scatter:
-        return "steady temperature, conditioning and amplitude, then repeat: the scatter of repeats counts as noise"
-    return "record longer or over more cycles: four times as many halve it"
-
-
-def _rig_remedy(source: str, about: _About) -> str:
-    stated = "weigh it" if RIG_VALUES[source][1] == "kg" else "measure it by itself"
-    text = f"{stated} and state it with a smaller uncertainty"
-    if about.joint:
-        return text if about.massed else f"{text}, or repeat one condition with a weighed mass added"
-    if about.with_v2:
-        return f"use the joint route, which finds it from V2, or {text}"
-    return f"{text}, or measure V2 too and use the joint route"
-
-
-def _misfit_remedy(about: _About) -> str:
-    """Name the part that would explain the misfit."""
-    if about.candidate:
-        return f"settle the misfit first; what would explain it best is {about.candidate}"
-    return "settle the misfit first: look for a part of the rig that is not stated"
 
 
 def limit_rows(found: list[Limit]) -> list[dict[str, Any]]:
@@ -269,7 +167,7 @@ def limit_rows(found: list[Limit]) -> list[dict[str, Any]]:
         {
             "rig": limit.rig,
             "quantity": limit.quantity,
-            "source": limit.source,
+            "source": limit.source.text,
             "share [1]": limit.share,
             "relative uncertainty [1]": limit.relative,
             "tests": limit.tests,

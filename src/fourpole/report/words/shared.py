@@ -9,6 +9,7 @@ from typing import Any
 
 import polars as pl
 
+from fourpole.core.sources import Kind, Role, Source
 from fourpole.report.digits import known, number, with_std
 from fourpole.report.stated import RIG_VALUES
 
@@ -25,10 +26,10 @@ FINDINGS = {
 }
 #: Groups of values with their headings.
 GROUPS = {
-    "rig": "Rig",
-    "channel": "Channels, measured over true",
-    "ratio": "What K* needs of the channels",
-    "mass": "Added masses",
+    Role.RIG: "Rig",
+    Role.CHANNEL: "Channels, measured over true",
+    Role.RATIO: "What K* needs of the channels",
+    Role.MASS: "Added masses",
 }
 #: Up to this many stated standard uncertainties an error is declared, or nearly so: none is unseen.
 DECLARED = 6.0
@@ -43,8 +44,10 @@ class Value:
 
     Attributes
     ----------
-    key, group, name, unit : str
-        As in rig.csv; one of `GROUPS`; in words; as shown.
+    source : Source
+        The value itself.
+    name, unit : str
+        In words; as shown.
     stated, stated_std, found, found_std : float or None
     ratio : float or None [1]
         Posterior over prior uncertainty.
@@ -56,8 +59,7 @@ class Value:
         As in rig.csv.
     """
 
-    key: str
-    group: str
+    source: Source
     name: str
     unit: str
     stated: float | None
@@ -71,9 +73,14 @@ class Value:
     remarks: str
 
     @property
+    def group(self) -> Role:
+        """One of `GROUPS`; an unstated part, and what is not known here, stand with the rig's values."""
+        return self.source.role if self.source.role in GROUPS else Role.RIG
+
+    @property
     def signed(self) -> bool:
         """Whether it is a departure, which is shown with its sign."""
-        return self.group in ("channel", "ratio")
+        return self.group in (Role.CHANNEL, Role.RATIO)
 
     def _pair(self, value: float | None, std: float | None) -> tuple[str, str]:
         text, about = with_std(value, std, 5)
@@ -145,16 +152,15 @@ def shared_values(rows: pl.DataFrame, rig: str) -> tuple[Value, ...]:
 
 
 def _value(row: Mapping[str, Any]) -> Value:
-    key = str(row.get("value") or "")
-    group, name, unit, scale, zero = in_words(key, str(row.get("unit") or ""))
+    source = Source.read(str(row.get("value") or ""), str(row.get("rig") or ""))
+    name, unit, scale, zero = in_words(source, str(row.get("unit") or ""))
 
     def shown(column: str, origin: float = 0.0) -> float | None:
         found = known(row.get(column))
         return None if found is None else (found - origin) / scale
 
     return Value(
-        key=key,
-        group=group,
+        source=source,
         name=name,
         unit=unit,
         stated=shown("stated", zero),
@@ -169,28 +175,27 @@ def _value(row: Mapping[str, Any]) -> Value:
     )
 
 
-def in_words(key: str, unit: str = "") -> tuple[str, str, str, float, float]:
-    """Group, name, unit shown, SI value of that unit, and what is subtracted first.
+def in_words(source: Source, unit: str = "") -> tuple[str, str, float, float]:
+    """Name, unit shown, SI value of that unit, and what is subtracted first.
 
     Examples
     --------
-    >>> in_words("preload_stiffness", "N/m")
-    ('rig', 'preload spring K3', 'kN/m', 1000.0, 0.0)
-    >>> in_words("gain V1", "1"), in_words("gain F1/V1", "1")[:2]
-    (('channel', 'gain of V1', '%', 0.01, 1.0), ('ratio', 'gain of F1 over V1'))
+    >>> in_words(Source(Kind.RIG_VALUE, "preload_stiffness"), "N/m")
+    ('preload spring K3', 'kN/m', 1000.0, 0.0)
+    >>> in_words(Source(Kind.GAIN, "V1"), "1"), in_words(Source(Kind.GAIN, "F1", "V1"), "1")[0]
+    (('gain of V1', '%', 0.01, 1.0), 'gain of F1 over V1')
     """
-    if key in RIG_VALUES:
-        return ("rig", *RIG_VALUES[key], 0.0)
-    kind, _, of = key.partition(" ")
-    if kind == "gain" and of:
-        ratio = "/" in of
-        return "ratio" if ratio else "channel", f"gain of {of.replace('/', ' over ')}", "%", 0.01, 1.0
-    if kind == "phase" and of:
-        ratio = "-" in of
-        return "ratio" if ratio else "channel", f"phase of {of.replace('-', ' less ')}", "°", pi / 180, 0.0
-    if kind == "delay":
-        return "channel", f"delay of {of}", "ms", 1e-3, 0.0
-    if kind == "response":
-        what, _, symbol = of.partition(" ")
-        return "channel", f"calibrated response of {symbol}, {what}, in its u", "", 1.0, 0.0
-    return "mass" if kind == "added" else "rig", key.replace("_", " "), "" if unit == "1" else unit, 1.0, 0.0
+    of, under = source.of, source.under
+    match source.kind:
+        case Kind.RIG_VALUE:
+            return *RIG_VALUES[of], 0.0
+        case Kind.GAIN:
+            return f"gain of {of} over {under}" if under else f"gain of {of}", "%", 0.01, 1.0
+        case Kind.PHASE:
+            return f"phase of {of} less {under}" if under else f"phase of {of}", "°", pi / 180, 0.0
+        case Kind.DELAY:
+            return f"delay of {of}", "ms", 1e-3, 0.0
+        case Kind.RESPONSE_GAIN | Kind.RESPONSE_PHASE:
+            what = "gain" if source.kind is Kind.RESPONSE_GAIN else "phase"
+            return f"calibrated response of {of}, {what}, in its u", "", 1.0, 0.0
+    return source.text.replace("_", " "), "" if unit == "1" else unit, 1.0, 0.0

@@ -1,0 +1,131 @@
+"""`Source`: what an uncertainty, or a misfit, comes from; its text on disk is made and read here alone."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from fourpole.core.phasor import SYMBOLS
+from fourpole.core.rig import PARAMETERS
+
+__all__ = ["PARTS", "RATIOS", "Kind", "Role", "Source"]
+
+#: Parts that a rig may have and its owner not know of, with the SI unit of their size.
+PARTS = {"mass": "kg", "spring": "N/m", "frame": "m/N", "loss": "1", "friction": "N"}
+#: Pairs of channels whose ratio of gains, and difference of phases, K* rests on: over, under.
+RATIOS = (("F1", "V1"), ("V2", "V1"))
+
+
+class Role(Enum):
+    """What a source is an error of."""
+
+    TEST = "one test"
+    RIG = "the rig as stated"
+    UNSTATED = "a part of the rig that nobody stated"
+    CHANNEL = "a channel, in all tests"
+    RATIO = "one channel against another"
+    MASS = "a weighed mass"
+    STATIC = "K1"
+    OTHER = "unknown"
+
+
+class Kind(Enum):
+    """Each kind of source: its text on disk, what that text ends with, and its role."""
+
+    NOISE = ("sensor noise", (), Role.TEST)
+    FREQUENCY = ("frequency", (), Role.TEST)
+    RIG_MISFIT = ("rig misfit", (), Role.TEST)
+    GAIN = ("gain ", (*SYMBOLS.values(),), Role.CHANNEL)
+    PHASE = ("phase ", (*SYMBOLS.values(),), Role.CHANNEL)
+    DELAY = ("delay ", (*SYMBOLS.values(),), Role.CHANNEL)
+    RESPONSE_GAIN = ("response gain ", (*SYMBOLS.values(),), Role.CHANNEL)
+    RESPONSE_PHASE = ("response phase ", (*SYMBOLS.values(),), Role.CHANNEL)
+    RIG_VALUE = ("", (*PARAMETERS,), Role.RIG)
+    UNSTATED = ("unstated ", (*PARTS,), Role.UNSTATED)
+    ADDED_MASS = ("added mass", (), Role.MASS)
+    K1 = ("K1", (), Role.STATIC)
+    K1_FIT = ("K1 fit", (), Role.STATIC)
+    K1_GAP = ("K1 branch gap", (), Role.STATIC)
+    K1_CYCLES = ("K1 cycles", (), Role.STATIC)
+    K1_GAINS = ("K1 gains", (), Role.STATIC)
+    K1_REPEATS = ("K1 repeats", (), Role.STATIC)
+    K1_STATED = ("K1 stated", (), Role.STATIC)
+    OTHER = ("", (), Role.OTHER)
+
+    def __init__(self, text: str, of: tuple[str, ...], role: Role) -> None:
+        self.text = text
+        self.of = of
+        self.role = role
+
+
+#: What stands between the two channels of a ratio.
+_BETWEEN = {Kind.GAIN: "/", Kind.PHASE: "-"}
+_MASS = re.compile(r"added mass (\S+) kg")
+
+
+@dataclass(frozen=True)
+class Source:
+    """One source of error.
+
+    Attributes
+    ----------
+    kind : Kind
+    of : str
+        The channel (F1, V1, V2), the rig's value (of `core.rig.PARAMETERS`) or the unstated part (of `PARTS`); of a
+        source of kind OTHER its whole text.
+    under : str
+        The second channel of a ratio or a difference.
+    mass : float, optional [kg]
+        The added mass; None for any.
+    rig : str
+        Name of the rig; empty where there is one without a name.
+
+    Examples
+    --------
+    >>> Source(Kind.GAIN, "F1").text, Source(Kind.GAIN, "F1", "V1").text, Source(Kind.ADDED_MASS, mass=10.0).text
+    ('gain F1', 'gain F1/V1', 'added mass 10 kg')
+    >>> Source.read("phase F1-V1") == Source(Kind.PHASE, "F1", "V1")
+    True
+    """
+
+    kind: Kind
+    of: str = ""
+    under: str = ""
+    mass: float | None = None
+    rig: str = ""
+
+    @property
+    def role(self) -> Role:
+        """What it is an error of."""
+        return Role.RATIO if self.under else self.kind.role
+
+    @property
+    def text(self) -> str:
+        """As it stands in budget.csv and rig.csv, without the rig."""
+        if self.mass is not None:
+            return f"{self.kind.text} {self.mass:g} kg"
+        return f"{self.kind.text}{self.of}{_BETWEEN[self.kind] if self.under else ''}{self.under}"
+
+    @classmethod
+    def read(cls, text: str, rig: str = "") -> Source:
+        """The source that a text on disk stands for; of kind OTHER where the text is not one of ours."""
+        kind, of, under = _KNOWN.get(text, (Kind.OTHER, text, ""))
+        if kind is Kind.OTHER and (weighed := _MASS.fullmatch(text)):
+            try:
+                found = cls(Kind.ADDED_MASS, mass=float(weighed[1]), rig=rig)
+            except ValueError:
+                return cls(kind, of, rig=rig)
+            return found if found.text == text else cls(kind, of, rig=rig)
+        return cls(kind, of, under, rig=rig)
+
+
+def _known() -> dict[str, tuple[Kind, str, str]]:
+    """Kind, `of` and `under` by the text; all but the added masses, whose number has no end."""
+    single = [(kind, of, "") for kind in Kind if kind is not Kind.OTHER for of in kind.of or ("",)]
+    paired = [(kind, over, under) for kind in _BETWEEN for over, under in RATIOS]
+    return {Source(*one).text: one for one in (*single, *paired)}
+
+
+_KNOWN: Final = _known()

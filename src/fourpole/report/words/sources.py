@@ -1,0 +1,138 @@
+"""Sources of error in words: what each is called inside a sentence, and the cheapest thing to do about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fourpole.core.sources import Kind, Role, Source
+from fourpole.report.stated import RIG_VALUES
+
+__all__ = ["About", "remedy", "source_in_words"]
+
+_UNSTATED = {
+    "mass": "a moving mass that is not stated",
+    "spring": "a spring that is not stated",
+    "frame": "a compliant frame that is not stated",
+    "loss": "a loss factor of the preload spring that is not stated",
+    "friction": "dry friction that is not stated",
+}
+
+
+@dataclass(frozen=True)
+class About:
+    """What a remedy depends on, for one rig.
+
+    Attributes
+    ----------
+    joint, massed, with_v2 : bool
+        Whether the joint route was used, an added mass was, V2 was measured.
+    fits, scatter : bool
+        Whether rig and channels as stated fit their tests; whether K* of repeated tests scatters beyond the noise.
+    candidate : str
+        The unstated part that would explain a misfit best, in words; empty where there is none.
+    """
+
+    joint: bool
+    massed: bool
+    with_v2: bool
+    fits: bool
+    scatter: bool
+    candidate: str
+
+
+#: {channel} is the channel, or one against another, {name} the rig's value, unstated part or text.
+_WORDS = {
+    Kind.NOISE: "the noise of the sensors",
+    Kind.FREQUENCY: "the uncertainty of the frequency",
+    Kind.RIG_MISFIT: "the misfit of the rig",
+    Kind.GAIN: "{channel}'s gain",
+    Kind.PHASE: "{channel}'s phase",
+    Kind.DELAY: "{channel}'s delay",
+    Kind.RESPONSE_GAIN: "the gain of {channel}'s calibrated response",
+    Kind.RESPONSE_PHASE: "the phase of {channel}'s calibrated response",
+    Kind.RIG_VALUE: "the {name}",
+    Kind.UNSTATED: "{name}",
+    Kind.ADDED_MASS: "the weight of the {name}",
+    Kind.K1: "K1",
+    Kind.K1_FIT: "the fit of K1",
+    Kind.K1_GAP: "the gap between the branches of K1",
+    Kind.K1_CYCLES: "the change of K1 from cycle to cycle",
+    Kind.K1_GAINS: "the calibration of load and deflection in K1",
+    Kind.K1_REPEATS: "the scatter of K1 between repeated static tests",
+    Kind.K1_STATED: "K1 as stated",
+    Kind.OTHER: "{name}",
+}
+_BY_MASS = (
+    "repeat one condition with a weighed mass added and use the joint route, which makes calibrated sensors "
+    "unnecessary, or "
+)
+_STATE_K1 = "state K1 with a smaller uncertainty, or add a static test"
+#: What to do where nothing else is known of rig and tests.
+_REMEDIES = {
+    Kind.NOISE: "record longer or over more cycles: four times as many halve it",
+    Kind.FREQUENCY: "record longer at a steady speed",
+    Kind.RIG_MISFIT: "settle the misfit first: look for a part of the rig that is not stated",
+    Kind.GAIN: f"{_BY_MASS}calibrate the gain of {{channel}}",
+    Kind.PHASE: f"{_BY_MASS}calibrate the phase of {{channel}}",
+    Kind.DELAY: f"{_BY_MASS}measure the delay of {{channel}} and state it with a smaller uncertainty",
+    Kind.RESPONSE_GAIN: f"{_BY_MASS}calibrate the response of {{channel}} with a smaller uncertainty",
+    Kind.RESPONSE_PHASE: f"{_BY_MASS}calibrate the response of {{channel}} with a smaller uncertainty",
+    Kind.RIG_VALUE: "{measure} and state it with a smaller uncertainty",
+    Kind.UNSTATED: "look for this part of the rig; remove it, or measure it and state it in campaign.toml",
+    Kind.ADDED_MASS: "weigh the added mass on a better balance",
+    Kind.K1: _STATE_K1,
+    Kind.K1_FIT: "repeat the static test with finer steps of load round the preload",
+    Kind.K1_GAP: "use K' and K'', which need no K1; or state the K1 that you mean, with its uncertainty, in tests.csv "
+    "(the gap is the rubber's own hysteresis, which no test closes)",
+    Kind.K1_CYCLES: "repeat the static test with more cycles, until two follow each other closely",
+    Kind.K1_GAINS: "calibrate the load and deflection channels of the static rig",
+    Kind.K1_REPEATS: "look for what differs between the static tests (temperature, conditioning, seating, speed of "
+    "loading), or repeat them more often: four times as many halve the uncertainty of their mean",
+    Kind.K1_STATED: _STATE_K1,
+    Kind.OTHER: "state {name} with a smaller uncertainty",
+}
+
+
+def source_in_words(source: Source) -> str:
+    """A source inside a sentence.
+
+    Examples
+    --------
+    >>> source_in_words(Source(Kind.GAIN, "F1")), source_in_words(Source(Kind.RIG_VALUE, "moving_mass"))
+    ("F1's gain", 'the moving mass m')
+    """
+    return _filled(_WORDS[source.kind], source)
+
+
+def _filled(template: str, source: Source) -> str:
+    name, unit = RIG_VALUES[source.of][:2] if source.kind is Kind.RIG_VALUE else (source.text, "")
+    return template.format(
+        channel=f"{source.of} against {source.under}" if source.under else source.of,
+        name=_UNSTATED[source.of] if source.kind is Kind.UNSTATED else name,
+        measure="weigh it" if unit == "kg" else "measure it by itself",
+    )
+
+
+def remedy(source: Source, about: About) -> str:
+    """The cheapest thing to do about a source."""
+    text = _filled(_REMEDIES[source.kind], source)
+    if source.kind is Kind.RIG_MISFIT or (source.kind is Kind.NOISE and not about.fits):
+        best = f"settle the misfit first; what would explain it best is {about.candidate}"
+        return best if about.candidate else _REMEDIES[Kind.RIG_MISFIT]
+    if source.kind is Kind.NOISE and about.scatter:
+        return "steady temperature, conditioning and amplitude, then repeat: the scatter of repeats counts as noise"
+    if source.role is Role.RIG:
+        return _rig_remedy(text, about)
+    if source.role is Role.CHANNEL and about.massed:
+        if about.joint:
+            return "repeat the tests with the weighed mass, or record them longer: the mass calibrates the channels"
+        return "use the joint route: with the weighed mass it needs no calibrated sensor"
+    return text
+
+
+def _rig_remedy(text: str, about: About) -> str:
+    if about.joint:
+        return text if about.massed else f"{text}, or repeat one condition with a weighed mass added"
+    if about.with_v2:
+        return f"use the joint route, which finds it from V2, or {text}"
+    return f"{text}, or measure V2 too and use the joint route"

@@ -1,0 +1,49 @@
+"""Sources of error in words: every kind has a name inside a sentence, and a remedy that can be followed."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from fourpole.core.sources import RATIOS, Kind, Role, Source
+from fourpole.report.words.sources import About, remedy, source_in_words
+
+PLAIN = About(joint=True, massed=False, with_v2=True, fits=True, scatter=False, candidate="")
+SITUATIONS = [
+    PLAIN,
+    replace(PLAIN, joint=False),
+    replace(PLAIN, joint=False, with_v2=False),
+    replace(PLAIN, massed=True),
+    replace(PLAIN, massed=True, joint=False),
+    replace(PLAIN, fits=False, candidate="a frame of 1e+06 N/m"),
+    replace(PLAIN, scatter=True),
+]
+SOURCES = [
+    *(Source(kind, of) for kind in Kind for of in kind.of or ("something new" if kind is Kind.OTHER else "",)),
+    *(Source(Kind.GAIN, *pair) for pair in RATIOS),
+    Source(Kind.ADDED_MASS, mass=10.0),
+]
+
+
+def test_all_kinds_are_looked_at():
+    assert {source.kind for source in SOURCES} == set(Kind)
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.text)
+def test_every_source_has_words_and_a_remedy_in_every_situation(source):
+    said = source_in_words(source)
+    assert said
+    assert not re.search(r"[{}_]", said)
+    for about in SITUATIONS:
+        text = remedy(source, about)
+        assert re.match(r"[a-z]", text)
+        assert not re.search(r"[{}_]", text)
+
+
+def test_what_nobody_states_is_not_asked_to_be_stated():
+    """A scatter, a fit or a gap is no statement: to state it with a smaller uncertainty is no remedy."""
+    stated = {Role.RIG, Role.CHANNEL, Role.RATIO, Role.OTHER}
+    for source in SOURCES:
+        if source.role not in stated and source.kind not in (Kind.K1, Kind.K1_STATED, Kind.UNSTATED):
+            assert not remedy(source, PLAIN).startswith("state "), source
+    assert "repeat them more often" in remedy(Source(Kind.K1_REPEATS), PLAIN)
