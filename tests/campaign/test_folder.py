@@ -6,6 +6,8 @@ import io
 import pytest
 
 from fourpole.campaign import read_campaign
+from fourpole.campaign.conditions import axes_record, condition_of, rule_in
+from fourpole.core.condition import Axis, Sameness
 from fourpole.errors import CampaignError
 
 TOML = """
@@ -167,3 +169,63 @@ def test_the_folder_may_be_a_link_and_the_file_below_it_too(noisy):
     noisy.recording("D2").rename(real / "kept.csv")
     noisy.recording("D2").symlink_to(real / "kept.csv")
     assert noisy.analyse().counts == {"ok": 5, "warning": 0, "rejected": 0}
+
+
+def with_axes(folder, axes, cells=("", "0.5", "0.51"), column="amplitude [mm]"):
+    rows = [[*row, cell] for row, cell in zip([HEADER, *ROWS], (column, *cells), strict=True)]
+    return read(folder, table(rows), f"{TOML}[conditions]\naxes = {axes}\n")
+
+
+@pytest.mark.parametrize(
+    ("axes", "expected"),
+    [
+        ('["amplitude [mm]"]', Axis("amplitude [mm]", relative=0.01)),
+        ('["note"]', Axis("note", text=True)),
+        ('[{ column = "amplitude [mm]", relative = 0.05 }]', Axis("amplitude [mm]", relative=0.05)),
+        ('[{ column = "amplitude [mm]", relative = "5 %" }]', Axis("amplitude [mm]", relative=0.05)),
+        ('[{ column = "amplitude [mm]", absolute = 0.1 }]', Axis("amplitude [mm]", absolute=0.1)),
+        ("[]", None),
+    ],
+)
+def test_a_campaign_names_axes_of_its_own(tmp_path, axes, expected):
+    campaign = with_axes(tmp_path, axes)
+    rule = campaign.stated.sameness
+    assert rule.further == (() if expected is None else (expected,))
+    first, second = (condition_of(test, rule) for test in campaign.tests[1:])
+    if expected is not None and not expected.text:
+        assert (first.values[3], second.values[3]) == (0.5, 0.51)
+    assert rule_in({"conditions": {"axes": axes_record(rule)}}) == rule
+    assert rule_in({}) == Sameness()
+
+
+@pytest.mark.parametrize(
+    ("axes", "problem"),
+    [
+        ('["amplitud [mm]"]', r"'amplitud \[mm\]' is no further column of tests.csv; did you mean 'amplitude \[mm\]'"),
+        ('["pressure [bar]"]', "pressure is an axis of every campaign: leave it out"),
+        ('["preload"]', "preload is an axis of every campaign"),
+        ('["note", "note"]', "'note' stands twice"),
+        ('"note"', "must be a list"),
+        ("[3]", "name a column of tests.csv"),
+        ('[{ colum = "note" }]', "name a column of tests.csv"),
+        ('[{ column = "note", relativ = 0.1 }]', "unknown key 'relativ'; did you mean 'relative'"),
+        ('[{ column = "amplitude [mm]", relative = -0.1 }]', "a tolerance is negative"),
+        ('[{ column = "amplitude [mm]", relative = "2 mm" }]', "amplitude"),
+    ],
+)
+def test_axes_that_cannot_be_used(tmp_path, axes, problem):
+    with pytest.raises(CampaignError, match=problem):
+        with_axes(tmp_path, axes)
+
+
+def test_unknown_keys_of_conditions_name_the_nearest(tmp_path):
+    with pytest.raises(CampaignError, match=r"\[conditions\] axis: unknown key; did you mean 'axes'"):
+        read(tmp_path, table([HEADER, *ROWS]), TOML + '[conditions]\naxis = ["note"]\n')
+
+
+def test_a_cell_on_a_numeric_axis_must_be_a_number(tmp_path):
+    campaign = with_axes(tmp_path, '["amplitude [mm]"]', ("", "small", "0,51"))
+    assert "tests.csv row 3: amplitude [mm]: 'small' is no number" in campaign.tests[1].problem
+    assert campaign.tests[2].problem == ""
+    assert campaign.tests[2].value("amplitude [mm]") == 0.51
+    assert campaign.tests[2].extra["amplitude [mm]"] == "0.51"

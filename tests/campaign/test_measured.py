@@ -4,7 +4,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from fourpole.campaign.families import families
 from fourpole.campaign.measured import measured_of, read_measured, table_of
 from fourpole.campaign.study import Study, analyse
 from fourpole.campaign.tables import COVARIANCE_COLUMNS
@@ -152,15 +151,6 @@ def test_the_covariance_on_disk_is_that_of_the_table(noisy_campaign, tmp_path, r
         own = np.linalg.eigvalsh(one.own.covariance)
         assert np.all(own >= -1e-9 * own.max())
     assert study.measured.conditions[0].tests == found.conditions[0].tests
-
-
-def test_families_do_not_depend_on_the_order():
-    states = [("a", (1.7e5, 20.0)), ("a", (1.72e5, 22.0)), ("b", (1.7e5, None)), ("a", (1.7e5, 40.0))]
-    names = ["pressure", "temperature"]
-    forward = families(names, states)
-    backward = families(names, states[::-1])[::-1]
-    assert forward.tolist() == backward.tolist()
-    assert forward[0] == forward[1] != forward[3]
 
 
 def test_round_off_beside_a_large_variance_is_no_asymmetry():

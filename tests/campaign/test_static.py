@@ -78,12 +78,14 @@ def test_pressures_within_two_percent_are_the_same(bench, pressure, same):
         assert "add one, or state K1 [N/m] in tests.csv" in study.dynamic["remarks"][0]
 
 
-def test_the_static_test_of_the_nearest_pressure_counts(bench):
+def test_all_static_tests_within_the_tolerance_are_repeats_whatever_their_order(bench):
     bench.static("S1", "1.70,", a=100e3)
     bench.static("S2", "1.72,", a=104e3)
     bench.dynamic("D1", "1.707,1000")
-    bench.dynamic("D2", "1.713,1000")
-    assert k1_of(bench.analyse()) == pytest.approx([tangent(1000.0), tangent(1000.0, a=104e3)])
+    mean = tangent(1000.0, a=np.array([100e3, 104e3])).mean()
+    assert k1_of(bench.analyse()) == pytest.approx([mean])
+    bench.rows.reverse()
+    assert k1_of(bench.analyse()) == pytest.approx([mean])
 
 
 def test_repeats_are_averaged_and_their_spread_is_an_uncertainty(bench):
@@ -322,3 +324,95 @@ def test_a_trigger_signal_in_place_of_a_curve_does_not_stop_the_others(bench):
     study = bench.analyse()
     assert study.static["verdict"].to_list() == ["rejected", "ok"]
     assert k1_of(study) == [None, pytest.approx(tangent(1000.0, a=120e3))]
+
+
+@pytest.fixture
+def warm(bench):
+    bench.columns = (*bench.columns, "temperature [degC]")
+    return bench
+
+
+def test_each_test_takes_k1_at_its_own_temperature(warm):
+    for name, cells, a in (("S1", "1.7,,20", 104e3), ("S2", "1.7,,21", 105e3), ("S3", "1.7,,60", 100e3)):
+        warm.static(name, cells, a=a)
+    for name, degrees in (("D1", 20), ("D2", 60), ("D3", 62)):
+        warm.dynamic(name, f"1.7,1000,{degrees}")
+    study = warm.analyse()
+    cold, hot = tangent(1000.0, a=np.array([104e3, 105e3])).mean(), tangent(1000.0, a=100e3)
+    assert k1_of(study) == pytest.approx([cold, hot, hot])
+    assert not any("K1" in remark for remark in study.dynamic["remarks"])
+    assert study.static["temperature [degC]"].to_list() == [20.0, 21.0, 60.0]
+
+
+@pytest.mark.parametrize(("degrees", "same"), [(24.99, True), (25.01, False), (15.01, True), (14.99, False)])
+def test_beyond_five_kelvin_the_nearest_k1_is_taken_with_a_warning(warm, degrees, same):
+    warm.static("S1", "1.7,,20", a=104e3)
+    warm.static("S2", "1.7,,-20", a=96e3)
+    warm.dynamic("D1", f"1.7,1000,{degrees}")
+    (row,) = warm.analyse().dynamic.rows(named=True)
+    assert row["K1 [N/m]"] == pytest.approx(tangent(1000.0, a=104e3))
+    if same:
+        assert "K1" not in row["remarks"]
+    else:
+        side = "below" if degrees > 20 else "above"
+        assert row["verdict"] == "warning"
+        assert f"K1 is that of S1 at 20 °C, 5.01 K {side} this test: add a static test at" in row["remarks"]
+
+
+def test_repeats_nearest_in_temperature_are_all_averaged(warm):
+    warm.static("S1", "1.7,,20", a=104e3)
+    warm.static("S2", "1.7,,22", a=105e3)
+    warm.dynamic("D1", "1.7,1000,61")
+    (row,) = warm.analyse().dynamic.rows(named=True)
+    assert row["K1 [N/m]"] == pytest.approx(tangent(1000.0, a=np.array([104e3, 105e3])).mean())
+    assert "K1 is that of S1, S2 at 21 °C, 40 K below this test" in row["remarks"]
+
+
+@pytest.mark.parametrize(("static", "dynamic", "side"), [("", "20", "this test"), ("20", "", "the static test")])
+def test_a_temperature_that_one_side_states_is_the_same_with_a_remark(warm, static, dynamic, side):
+    warm.static("S1", f"1.7,,{static}")
+    warm.dynamic("D1", f"1.7,1000,{dynamic}")
+    (row,) = warm.analyse().dynamic.rows(named=True)
+    assert row["K1 [N/m]"] == pytest.approx(tangent(1000.0))
+    assert f"K1 from S1: the temperature is stated of {side} only and taken as the same" in row["remarks"]
+
+
+def test_a_blank_pressure_is_the_same_for_k1_with_a_remark(bench):
+    bench.static("S1", ",")
+    bench.dynamic("D1", "1.7,1000")
+    (row,) = bench.analyse().dynamic.rows(named=True)
+    assert row["K1 [N/m]"] == pytest.approx(tangent(1000.0))
+    assert "the pressure is stated of this test only" in row["remarks"]
+
+
+def test_who_states_the_temperature_comes_before_who_does_not(warm):
+    warm.static("S1", "1.7,,", a=100e3)
+    warm.static("S2", "1.7,,20", a=104e3)
+    warm.dynamic("D1", "1.7,1000,20")
+    warm.dynamic("D2", "1.7,1000,60")
+    study = warm.analyse()
+    assert k1_of(study) == pytest.approx([tangent(1000.0, a=104e3), tangent(1000.0, a=100e3)])
+
+
+def test_a_blank_temperature_between_two_that_differ_is_a_warning(warm):
+    warm.static("S1", "1.7,,20", a=104e3)
+    warm.static("S2", "1.7,,60", a=100e3)
+    warm.dynamic("D1", "1.7,1000,")
+    (row,) = warm.analyse().dynamic.rows(named=True)
+    assert row["verdict"] == "warning"
+    assert "K1 is the mean of static tests that differ in temperature: state that of this test" in row["remarks"]
+
+
+def test_k1_is_that_of_the_same_batch_and_an_axis_of_dynamic_tests_alone_does_not_matter(bench):
+    bench.columns = (*bench.columns, "batch", "amplitude [mm]")
+    bench.specimens += '[conditions]\naxes = ["batch", { column = "amplitude [mm]", relative = "5 %" }]\n'
+    bench.static("S1", "1.7,,A,", a=100e3)
+    bench.static("S2", "1.7,,B,", a=120e3)
+    for name, batch in (("D1", "A"), ("D2", "B"), ("D3", "C")):
+        bench.dynamic(name, f"1.7,1000,{batch},0.5")
+    study = bench.analyse()
+    assert k1_of(study) == [pytest.approx(tangent(1000.0)), pytest.approx(tangent(1000.0, a=120e3)), None]
+    assert not any("amplitude" in remark for remark in study.dynamic["remarks"][:2])
+    is_without_k1(study.dynamic.row(2, named=True), "no static test of tyre 'bush' at this pressure, batch")
+    assert study.static["batch"].to_list() == ["A", "B"]
+    assert "amplitude [mm]" not in study.static.columns

@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from fourpole.campaign.families import alike
-from fourpole.campaign.measured import AXES
 from fourpole.campaign.modelfile import ModelEntry, ModelFile, column_of, map_of, model_of, rig_in
 from fourpole.core.arrays import FloatArray
+from fourpole.core.condition import AXES, axis_of
 from fourpole.core.rig import Rig
 from fourpole.errors import ModelError
 from fourpole.models.operating import Answer, LeftOut, OperatingMap
@@ -24,6 +23,9 @@ from fourpole.models.together import Scatter, link, unlink
 from fourpole.units import shown
 
 __all__ = ["Query", "ask", "maps_of", "place_of"]
+
+#: Option of the command that states an axis, by its column.
+_OPTIONS = {axis.column: axis.name for axis in AXES}
 
 
 @dataclass(frozen=True)
@@ -132,10 +134,7 @@ def _condition(entry: ModelEntry, state: Mapping[str, float]) -> OperatingMap:
 
 def _same(own: Mapping[str, float], state: Mapping[str, float]) -> bool:
     """Whether a condition is what is asked, as far as that is stated."""
-    unknown = [column for column in state if column not in own]
-    if unknown:
-        return False
-    return alike([AXES.get(column, column) for column in state], list(state.values()), [own[one] for one in state])
+    return all(column in own and axis_of(column).same(value, own[column]) for column, value in state.items())
 
 
 def place_of(
@@ -150,7 +149,7 @@ def place_of(
         over = ", ".join(_name(one) for one in axes.names) or "no axis"
         if known is None:
             raise ModelError(f"the tests do not state {_name(column)}: the map answers over {over} and frequency")
-        if not alike([AXES.get(column, column)], [value], [known]):
+        if not axis_of(column).same(value, known):
             raise ModelError(
                 f"the tests had one {_name(column)} only, {_value(column, known)}: the map cannot answer at "
                 f"{_value(column, value)}; it answers over {over} and frequency"
@@ -159,7 +158,7 @@ def place_of(
     if lacking:
         at = axes.names.index(lacking[0])
         low, high = float(axes.points[:, at].min()), float(axes.points[:, at].max())
-        option = AXES.get(lacking[0])
+        option = _OPTIONS.get(lacking[0])
         how = f"--{option}" if option else f'--at "{lacking[0]} = ..."'
         raise ModelError(
             f"state {how}: the map goes over {_name(lacking[0])} from {_value(lacking[0], low)} to "
@@ -220,7 +219,7 @@ def _finite(value: Any) -> Any:
 
 
 def _name(column: str) -> str:
-    return AXES.get(column) or shown(column)
+    return _OPTIONS.get(column) or shown(column)
 
 
 def _value(column: str, value: float) -> str:
@@ -229,7 +228,7 @@ def _value(column: str, value: float) -> str:
         return f"{value / 1e5:.4g} bar"
     name, _, unit = column.removesuffix("]").partition(" [")
     text = f"{value:.5g} {unit}".rstrip()
-    return text if column in AXES else f"{shown(name)} {text}"
+    return text if column in _OPTIONS else f"{shown(name)} {text}"
 
 
 def _words(state: Mapping[str, float]) -> str:

@@ -32,6 +32,7 @@ def dynamic_cells(
         cells.update(amplitude_cells(point.phasors))
     if found is not None:
         rows += _calibration_checks(test) if test.kind == "calibration" else _arm_checks(found, stiffness)
+        rows += [remarked("K1", "warning", stiffness.warning)] if stiffness.warning else []
         rows += [remarked("K1", "ok", stiffness.doubt)] if stiffness.doubt else []
         rows += [*_outlier_checks(found), *_convergence_checks(found)]
         cells.update(_identified_cells(found.result, found.at))

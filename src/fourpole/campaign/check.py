@@ -346,9 +346,11 @@ class _Look:
                 continue
             preload = test.value("preload")
             rows = [StaticRow(static, float("nan") if preload is None else preload) for static in statics]
-            reason = stiffness_for(test, rows).reason
-            if reason:
-                self._say(test, "K1", "warning", f"K2 and C would be left blank: {reason}")
+            found = stiffness_for(test, rows, self.campaign.stated.sameness)
+            if found.reason:
+                self._say(test, "K1", "warning", f"K2 and C would be left blank: {found.reason}")
+            elif found.warning:
+                self._say(test, "K1", "warning", found.warning)
 
 
 def _found(info: FileInfo, column: str, group: str, label: str) -> SignalInfo:

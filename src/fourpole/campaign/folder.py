@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fourpole import units
+from fourpole.campaign.channels import did_you_mean
 from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
 from fourpole.io.recordings import survey
@@ -124,6 +125,12 @@ def read_campaign(folder: str | Path) -> Campaign:
     _check_channels(stated, tests)
     _check_files(folder, stated, tests)
     extra = tuple(column.label for column in columns if column.role == "extra" and column.label)
+    for axis in stated.conditions.axes:
+        if axis.name not in extra:
+            raise CampaignError(
+                f"campaign.toml: [conditions] axes: {units.shown(axis.name)} is no further column of tests.csv"
+                + (did_you_mean(axis.name, extra) if extra else "; it has none")
+            )
     return Campaign(folder, stated, tuple(tests), extra)
 
 
@@ -249,6 +256,7 @@ def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFi
     values: dict[str, float] = {}
     extra: dict[str, str] = {}
     window = None
+    measured = {axis.name for axis in stated.conditions.axes if not axis.text}
     for column, whole in zip(columns, cells, strict=False):
         cell = whole[:_MOST_TEXT]
         if cell != whole:
@@ -260,6 +268,9 @@ def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFi
                 texts[column.name] = cell
             elif column.role == "extra":
                 extra[column.label] = cell
+                if cell and column.label in measured:
+                    values[column.label] = _plain_number(cell)
+                    extra[column.label] = f"{values[column.label]:.15g}"
             elif cell and column.role == "window":
                 window = _window(cell, column.unit)
             elif cell:
@@ -294,6 +305,14 @@ def _number(cell: str, column: _Column) -> float:
     if (wanted == "positive" and value <= 0) or (wanted == "zero or positive" and value < 0):
         raise UnitError(f"{units.shown(cell)} must be {wanted}")
     return value
+
+
+def _plain_number(cell: str) -> float:
+    """A value on an axis that the campaign names, in the unit of its column."""
+    try:
+        return units.quantity(cell, "ratio", default_unit="1")
+    except UnitError:
+        raise ValueError(f"{units.shown(cell)} is no number, which [conditions] axes needs in this column") from None
 
 
 def _window(cell: str, unit: str) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fourpole.campaign.families import LIMITS, families
+from fourpole.campaign.conditions import condition_of
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.learned import Learned, learn
 from fourpole.campaign.outcome import Point
@@ -214,15 +214,17 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         k1_std=np.array([k1.std for k1 in stiffness]),
         added=added,
         added_std=np.array([ADDED_MASS_STD * m if s is None else s for m, s in zip(added, added_std, strict=True)]),
-        family=_families(tests),
+        family=_families(campaign, tests),
         nominal=np.array([test.value("frequency") or np.nan for test in tests]),
     )
 
 
-def _families(tests: Sequence[Test]) -> np.ndarray:
-    """Number of the tyre, pressure, preload and temperature of each test; negative for a rigid block."""
-    states = [(test.tyre, tuple(test.value(name) for name in LIMITS)) for test in tests]
-    return np.where([test.kind == "calibration" for test in tests], -1, families(tuple(LIMITS), states))
+def _families(campaign: Campaign, tests: Sequence[Test]) -> np.ndarray:
+    """Number of the condition of each test among all tests of the campaign; negative for a rigid block."""
+    rule, every = campaign.stated.sameness, campaign.of_kind("dynamic")
+    groups = rule.groups([condition_of(test, rule) for test in every]).tolist()
+    number = {test.name: at for test, at in zip(every, groups, strict=True)}
+    return np.array([-1 if test.kind == "calibration" else number[test.name] for test in tests])
 
 
 def _identified(

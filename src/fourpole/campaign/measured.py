@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,15 +16,16 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from fourpole.campaign.families import families
+from fourpole.campaign.conditions import conditions_in, names_apart, rule_in
 from fourpole.campaign.tables import COVARIANCE_COLUMNS
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.errors import ModelError, TableError
+from fourpole.core.condition import AXES, Sameness
+from fourpole.errors import FileError, ModelError, TableError
 from fourpole.io.source import read_bytes
 from fourpole.models.data import StiffnessData
 from fourpole.units import shown
 
-__all__ = ["AXES", "Measured", "MeasuredSet", "measured_of", "read_measured", "table_of"]
+__all__ = ["Measured", "MeasuredSet", "measured_of", "read_measured", "table_of"]
 
 _MOST_BYTES = 2_000_000_000
 FREQUENCY, RE, IM = "frequency [Hz]", "Re K* [N/m]", "Im K* [N/m]"
@@ -31,8 +33,8 @@ _STD = ("u(Re K*) [N/m]", "u(Im K*) [N/m]", "corr(Re,Im K*) [1]")
 _K1 = ("K1 [N/m]", "u(K1) [N/m]")
 #: No frequency, and no stiffness in SI, is larger.
 _LARGEST = 1e25
-#: What tells conditions apart, where the table has it.
-AXES = {"pressure [Pa]": "pressure", "preload [N]": "preload", "temperature [degC]": "temperature"}
+_RULE = Sameness()
+_USUAL = {axis.column for axis in AXES}
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ class Measured:
             name, _, unit = column.removesuffix("]").partition(" [")
             if column == "pressure [Pa]":
                 parts.append(f"{value / 1e5:.4g} bar")
-            elif column in AXES:
+            elif column in _USUAL:
                 parts.append(f"{value:.5g} {'°C' if unit == 'degC' else unit}")
             else:
                 parts.append(f"{name} {value:.5g} {unit}".rstrip())
@@ -188,8 +190,18 @@ def read_measured(
     covariance = None
     if table.name in ("dynamic.csv", "dynamic.parquet") and beside.is_file() and std is None:
         covariance = _covariance(beside)
-    found = measured_of(frame, covariance, over=over, std=std, k1=k1, name=table.name)
+    rule = _rule_beside(table) if table.name in ("dynamic.csv", "dynamic.parquet") else _RULE
+    found = measured_of(frame, covariance, over=over, std=std, k1=k1, name=table.name, rule=rule)
     return replace(found, sha256=hashlib.sha256(content).hexdigest())
+
+
+def _rule_beside(table: Path) -> Sameness:
+    """The rule of the study whose table this is."""
+    try:
+        record = json.loads(read_bytes(table.parent / "study.json", max_bytes=_MOST_BYTES))
+    except (FileError, ValueError):
+        return _RULE
+    return rule_in(record) if isinstance(record, dict) else _RULE
 
 
 def table_of(measured: MeasuredSet) -> pl.DataFrame:
@@ -221,14 +233,16 @@ def measured_of(
     std: float | None = None,
     k1: tuple[float, float] | None = None,
     name: str = "dynamic",
+    rule: Sameness = _RULE,
 ) -> MeasuredSet:
-    """K* of all conditions from a table in memory; see `read_measured`."""
+    """K* of all conditions, by a rule, from a table in memory; see `read_measured`."""
+    rule = rule.over(over)
     for column in (FREQUENCY, RE, IM, *over):
         if column not in frame.columns:
             raise ModelError(
                 f"{name}: has no column {shown(column)}: it has {', '.join(map(shown, frame.columns[:40]))}"
             )
-    numbers = {column: _numbers(frame, column, name) for column in frame.columns if column in _known(over)}
+    numbers = {column: _numbers(frame, column, name) for column in frame.columns if column in _known(rule)}
     good = np.isfinite(numbers[FREQUENCY]) & np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
     good &= (numbers[FREQUENCY] > 0) & (np.abs(numbers[FREQUENCY]) < _LARGEST)
     notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
@@ -245,11 +259,13 @@ def measured_of(
         raise ModelError(f"{name}: no row has a frequency and K*: nothing can be fitted")
     rows = _Rows.of(frame.filter(good), {column: values[good] for column, values in numbers.items()}, covariance, std)
     notes += rows.notes(covariance is not None)
-    axes = [column for column in (*AXES, *over) if column in numbers]
-    names = [AXES.get(column, column) for column in axes]
+    stated = conditions_in(frame.filter(good), rule)
+    worded = Sameness(tuple(axis for axis in rule.axes if axis.text))
+    (named,) = names_apart([conditions_in(frame.filter(good), worded)], worded)
+    rows = replace(rows, tyres=named)
+    axes = [axis.column for axis in rule.axes if axis.column in numbers]
     cells = np.stack([rows.numbers[column] for column in axes], axis=1) if axes else np.zeros((rows.count, 0))
-    states = [(tyre, tuple(_or_none(row))) for tyre, row in zip(rows.tyres, cells, strict=True)]
-    label = families(names, states)
+    label = rule.groups(stated)
     conditions = [_measured(rows, np.flatnonzero(label == one), axes, cells, k1) for one in np.unique(label)]
     return MeasuredSet(tuple(conditions), tuple(notes), rows.known, name)
 
@@ -315,8 +331,8 @@ class _Rows:
         return []
 
 
-def _known(over: Sequence[str]) -> set[str]:
-    return {FREQUENCY, RE, IM, *_STD, *_K1, *AXES, *over}
+def _known(rule: Sameness) -> set[str]:
+    return {FREQUENCY, RE, IM, *_STD, *_K1, *(axis.column for axis in rule.axes if not axis.text)}
 
 
 def _measured(
@@ -427,7 +443,3 @@ def _texts(frame: pl.DataFrame, column: str) -> list[str]:
     if column not in frame.columns:
         return [""] * frame.height
     return [str(one) for one in frame[column].cast(pl.String).fill_null("").to_list()]
-
-
-def _or_none(row: FloatArray) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in row]

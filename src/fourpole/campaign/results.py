@@ -14,7 +14,7 @@ from fourpole.campaign.modelfile import ModelFile, read_model_file
 from fourpole.campaign.tables import DYNAMIC, TABLES, Tables, TableSpec
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.source import read_bytes, sha256_of
-from fourpole.quantities import POINT
+from fourpole.quantities import POINT, TEMPERATURE
 
 __all__ = ["Results", "read_results"]
 
@@ -137,7 +137,7 @@ def _table(folder: Path, spec: TableSpec) -> pl.DataFrame:
             return pl.read_parquet(path)
         content = read_bytes(path, max_bytes=_MOST_BYTES)
         names = pl.read_csv(content, n_rows=0, infer_schema=False).columns
-        known = {**spec.columns, POINT.head: pl.Int64}
+        known = {POINT.head: pl.Int64, TEMPERATURE.head: pl.Float64, **spec.columns}
         frame = pl.read_csv(content, schema={name: known.get(name, pl.String) for name in names})
     except (FileError, TableError) as error:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None

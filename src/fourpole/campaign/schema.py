@@ -6,7 +6,7 @@ import tomllib
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 from pydantic.functional_validators import ModelWrapValidatorHandler
 
 from fourpole import units
@@ -20,6 +20,7 @@ from fourpole.campaign.channels import (
     did_you_mean,
     known_keys,
 )
+from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import CampaignError
 
@@ -134,6 +135,49 @@ class SpecimenFile(BaseModel):
     construction: str = ""
 
 
+def _axis(raw: Any) -> Axis:
+    """An axis of [conditions]: "amplitude [mm]", or a table of column, relative, absolute."""
+    if isinstance(raw, str):
+        raw = {"column": raw}
+    if not isinstance(raw, dict) or not isinstance(raw.get("column"), str) or not raw["column"].strip():
+        raise ValueError(
+            'name a column of tests.csv: axes = ["batch", { column = "amplitude [mm]", relative = "2 %" }]'
+        )
+    known_keys(raw, ("column", "relative", "absolute"))
+    column = raw["column"].strip()
+    name, unit = units.column_unit(column)
+    if name.casefold() in {axis.name for axis in AXES}:
+        raise ValueError(f"{name} is an axis of every campaign: leave it out")
+    try:
+        relative = units.quantity(raw.get("relative", 0.0), "ratio", default_unit="1")
+        absolute = units.quantity(raw.get("absolute", 0.0), "ratio", default_unit="1")
+    except ValueError as error:
+        raise ValueError(f"{units.shown(column)}: {error}") from None
+    if relative < 0 or absolute < 0:
+        raise ValueError(f"{units.shown(column)}: a tolerance is negative: state zero or more")
+    if "relative" in raw or "absolute" in raw:
+        return Axis(column, relative=relative, absolute=absolute)
+    return Axis(column, text=True) if unit is None else axis_of(column)
+
+
+class ConditionsFile(File):
+    """[conditions]: the columns of tests.csv that tell conditions apart, besides those of every campaign."""
+
+    axes: tuple[Axis, ...] = ()
+
+    @field_validator("axes", mode="before")
+    @classmethod
+    def _read(cls, raw: Any) -> Any:
+        if not isinstance(raw, list):
+            raise ValueError('must be a list: axes = ["batch", "amplitude [mm]"]')
+        found = tuple(_axis(one) for one in raw)
+        names = [axis.name for axis in found]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"{units.shown(name)} stands twice: keep one of them")
+        return found
+
+
 class CampaignFile(File):
     """campaign.toml."""
 
@@ -143,6 +187,7 @@ class CampaignFile(File):
     channels: ChannelsFile
     tyres: dict[str, SpecimenFile] = Field(default_factory=dict)
     specimens: dict[str, SpecimenFile] = Field(default_factory=dict)
+    conditions: ConditionsFile = ConditionsFile()
 
     @model_validator(mode="wrap")
     @classmethod
@@ -152,6 +197,11 @@ class CampaignFile(File):
         if twice:
             raise ValueError(f"{units.shown(twice[0])} is both under [tyres] and [specimens]: keep one of them")
         return found
+
+    @property
+    def sameness(self) -> Sameness:
+        """The rule by which two tests are of one condition."""
+        return Sameness((*AXES, *self.conditions.axes))
 
     @property
     def all_specimens(self) -> dict[str, SpecimenFile]:
@@ -253,13 +303,21 @@ def _explain(error: ValidationError, name: str) -> str:
     return "\n".join(lines)
 
 
+_TABLES: dict[str, Any] = {
+    "channels": ChannelsFile,
+    "time": TimeFile,
+    "reference": ReferenceFile,
+    "conditions": ConditionsFile,
+}
+
+
 def _fault(fault: Any, name: str) -> str:
     path = [str(part) for part in fault["loc"]]
     kind = fault["type"]
     if kind == "extra_forbidden":
         owner: Any = CampaignFile
         for part in path[:-1]:
-            owner = {"channels": ChannelsFile, "time": TimeFile, "reference": ReferenceFile}.get(part, ChannelFile)
+            owner = _TABLES.get(part, ChannelFile)
         problem = f"unknown key{did_you_mean(path[-1], tuple(owner.model_fields))}"
     elif kind == "missing":
         problem = "is missing"

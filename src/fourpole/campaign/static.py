@@ -7,8 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fourpole.campaign.conditions import condition_of
 from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.campaign.load import MOST_BYTES, load_curve
+from fourpole.core.condition import Sameness
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.sources import Kind, Source
 from fourpole.errors import FourpoleError, LoadCurveError
@@ -16,11 +18,9 @@ from fourpole.io.source import sha256_of
 
 __all__ = ["StaticRow", "StaticStiffness", "StaticTest", "evaluate_statics", "stiffness_for"]
 
-#: Pressures, and preloads, are the same condition within these.
-SAME_PRESSURE = 0.02
-_SAME_PRELOAD = 1e-6
 #: Standard uncertainty of a K1 that tests.csv states without one.
 _UNSTATED_K1_STD = 0.02
+_RULE = Sameness()
 
 
 @dataclass(frozen=True)
@@ -41,12 +41,16 @@ class StaticRow:
 
 @dataclass(frozen=True)
 class StaticStiffness:
-    """K1 for a dynamic test with the parts of its uncertainty and what is doubtful of it, or why there is none."""
+    """K1 for a dynamic test with the parts of its uncertainty, or why there is none.
+
+    `doubt` is a remark that leaves the verdict as it is; `warning` makes it a warning.
+    """
 
     value: float = float("nan")
     std: float = float("nan")
     reason: str = ""
     doubt: str = ""
+    warning: str = ""
     parts: Mapping[Source, float] = field(default_factory=dict)
 
 
@@ -61,30 +65,72 @@ class StaticTest:
 
 
 def evaluate_statics(campaign: Campaign) -> list[StaticTest]:
-    """Evaluate every static test at every preload that a dynamic test of its tyre and pressure uses."""
-    dynamic = campaign.of_kind("dynamic")
-    return [_evaluated(campaign, test, _preloads(test, dynamic)) for test in campaign.of_kind("static")]
+    """Evaluate every static test at its own preload and at that of every dynamic test that takes its K1."""
+    statics, rule = campaign.of_kind("static"), campaign.stated.sameness
+    loads = {test.name: {load} if (load := test.value("preload")) is not None else set() for test in statics}
+    for test in campaign.of_kind("dynamic"):
+        if (load := test.value("preload")) is not None:
+            for name in _choice(test, statics, rule).names:
+                loads[name].add(load)
+    return [_evaluated(campaign, test, sorted(loads[test.name])) for test in statics]
 
 
-def _preloads(test: Test, dynamic: Sequence[Test]) -> list[float]:
-    """Preloads in use with a static test, its own included, in rising order."""
-    used = [other.values["preload"] for other in dynamic if _same_condition(test, other) and "preload" in other.values]
-    if "preload" in test.values:
-        used.append(test.values["preload"])
-    distinct: list[float] = []
-    for load in sorted(used):
-        if not distinct or load - distinct[-1] > _SAME_PRELOAD * load:
-            distinct.append(load)
-    return distinct
+@dataclass(frozen=True)
+class _Choice:
+    """The static tests whose K1 a dynamic test takes, with what there is to say of them."""
+
+    names: tuple[str, ...] = ()
+    remark: str = ""
+    warning: str = ""
 
 
-def _same_condition(static: Test, other: Test) -> bool:
-    if static.tyre != other.tyre:
-        return False
-    mine, theirs = static.value("pressure"), other.value("pressure")
-    if mine is None or theirs is None:
-        return mine is None and theirs is None
-    return abs(mine - theirs) <= SAME_PRESSURE * max(mine, theirs)
+def _choice(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
+    """All static tests of the same condition at any preload; where there is none, those nearest in temperature.
+
+    A value that only one side states counts as the same; tests that state it come first.
+    """
+    anywhere = rule.without("preload")
+    mine = condition_of(test, anywhere)
+    others = [(static, condition_of(static, anywhere)) for static in statics if static.tyre == test.tyre]
+    same = [pair for pair in others if anywhere.same(pair[1], mine, blank=True)]
+    if not same:
+        return _nearest(test, statics, rule)
+    lacking = [sum((a is None) != (b is None) for a, b in zip(one.values, mine.values, strict=True)) for _, one in same]
+    used = [pair for pair, number in zip(same, lacking, strict=True) if number == min(lacking)]
+    remarks, mixed = [], []
+    for at, axis in enumerate(anywhere.axes):
+        stated = [one.values[at] for _, one in used if one.values[at] is not None]
+        # An axis of the campaign's own that no static test states does not concern static tests.
+        foreign = axis in rule.further and all(one.values[at] is None for _, one in others)
+        if (mine.values[at] is None) == bool(stated) and not foreign:
+            side = "the static test" if stated else "this test"
+            remarks.append(f"the {axis.name} is stated of {side} only and taken as the same")
+        if mine.values[at] is None and len(set(axis.groups(stated).tolist())) > 1:
+            mixed.append(axis.name)
+    names = tuple(static.name for static, _ in used)
+    remark = f"K1 from {', '.join(names)}: {'; '.join(remarks)}" if remarks else ""
+    warning = f"K1 is the mean of static tests that differ in {' and '.join(mixed)}: state that of this test"
+    return _Choice(names, remark, warning if mixed else "")
+
+
+def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
+    """The static tests nearest in temperature, of a condition that is the same otherwise."""
+    otherwise, own = rule.without("preload", "temperature"), test.value("temperature")
+    mine = condition_of(test, otherwise)
+    near = [one for one in statics if otherwise.same(condition_of(one, otherwise), mine, blank=True)]
+    if own is None or not near:
+        return _Choice()
+    there = {one.name: one.values["temperature"] for one in near}  # stated of all: a blank would be the same
+    at = min(there.values(), key=lambda value: (abs(value - own), value))
+    axis = next(axis for axis in rule.axes if axis.name == "temperature")
+    names = tuple(name for name, value in there.items() if axis.same(value, at))
+    mean = float(np.mean([there[name] for name in names]))
+    side = "below" if mean < own else "above"
+    warning = (
+        f"K1 is that of {', '.join(names)} at {mean:.4g} °C, {abs(own - mean):.3g} K {side} this test: "
+        f"add a static test at {own:.4g} °C"
+    )
+    return _Choice(names, warning=warning)
 
 
 def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticTest:
@@ -112,7 +158,7 @@ def _read(
 ) -> StaticTest:
     """A static test whose curve could be read, at each preload in use."""
     if not preloads:
-        remark = "no dynamic test of this tyre and pressure states a preload: state one in this row to get K1"
+        remark = "no dynamic test that takes this K1 states a preload: state one in this row to get K1"
         return StaticTest(test, curve, (replace(whole, remarks=(remark,)),), sha256)
     return StaticTest(test, curve, tuple(_at(campaign, test, curve, whole, load) for load in preloads), sha256)
 
@@ -151,51 +197,43 @@ def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load
     )
 
 
-def stiffness_for(test: Test, statics: Sequence[StaticRow]) -> StaticStiffness:
-    """K1 of a dynamic test: from its own column, else from the static tests of its tyre, pressure and preload."""
+def stiffness_for(test: Test, statics: Sequence[StaticRow], rule: Sameness = _RULE) -> StaticStiffness:
+    """K1 of a dynamic test: from its own column, else from the static tests of its condition at its own preload."""
     stated = test.value("K1")
     if stated is not None:
         std = test.value("u(K1)")
         std = _UNSTATED_K1_STD * stated if std is None else std
         return StaticStiffness(stated, std, parts={Source(Kind.K1_STATED): std})
-    tyre = f"tyre {test.tyre!r}"
-    alike = [row for row in statics if _same_condition(row.test, test)]
-    if not alike:
-        others = sorted(
-            {p for row in statics if row.test.tyre == test.tyre and (p := row.test.value("pressure")) is not None}
-        )
-        at = ", ".join(f"{p / 1e5:.3g} bar" for p in others)
-        found = f"; static tests of it are at {at}" if at else ""
-        return StaticStiffness(
-            reason=f"no static test of {tyre} at this pressure{found}: add one, or state K1 [N/m] in tests.csv"
-        )
+    choice = _choice(test, list({row.test.name: row.test for row in statics}.values()), rule)
+    if not choice.names:
+        return StaticStiffness(reason=_no_static_test(test, statics, rule))
     preload = test.value("preload")
     if preload is None:
         return StaticStiffness(
             reason="no preload is stated, so K1 cannot be read off the static curve: fill in preload [N]"
         )
-    at_load = [row for row in alike if abs(row.preload - preload) <= _SAME_PRELOAD * preload]
+    at_load = [row for row in statics if row.test.name in choice.names and row.preload == preload]
     good = [row for row in at_load if row.verdict != "rejected"]
     if not good:
         why = "; ".join(dict.fromkeys(remark for row in at_load for remark in row.remarks))
         return StaticStiffness(
             reason=f"no K1 at {preload:.6g} N: static test {at_load[0].test.name!r} was rejected: {why}"
         )
-    nearest = _nearest_pressure(test, good)
-    values = np.array([row.stiffness for row in nearest])
+    values = np.array([row.stiffness for row in good])
     spread = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
-    parts = {part: float(np.mean([row.parts[part] for row in nearest])) for part in nearest[0].parts}
+    parts = {name: float(np.mean([row.parts[name] for row in good])) for name in good[0].parts}
     if spread > 0:
         parts[Source(Kind.K1_REPEATS)] = float(spread)
-    std = float(np.hypot(np.mean([row.std for row in nearest]), spread))
-    doubts = [f"K1 from {row.test.name}: {'; '.join(row.remarks)}" for row in nearest if row.verdict == "warning"]
-    return StaticStiffness(float(values.mean()), std, doubt="; ".join(doubts), parts=parts)
+    std = float(np.hypot(np.mean([row.std for row in good]), spread))
+    doubts = [f"K1 from {row.test.name}: {'; '.join(row.remarks)}" for row in good if row.verdict == "warning"]
+    said = "; ".join([*([choice.remark] if choice.remark else []), *doubts])
+    return StaticStiffness(float(values.mean()), std, doubt=said, warning=choice.warning, parts=parts)
 
 
-def _nearest_pressure(test: Test, rows: list[StaticRow]) -> list[StaticRow]:
-    """Of the static tests within the tolerance, those whose pressure is nearest; repeats all count."""
-    pressure = test.value("pressure")
-    if pressure is None:
-        return rows
-    off = [abs((row.test.value("pressure") or 0.0) - pressure) for row in rows]
-    return [row for row, distance in zip(rows, off, strict=True) if distance <= min(off) + 1e-9 * pressure]
+def _no_static_test(test: Test, statics: Sequence[StaticRow], rule: Sameness) -> str:
+    """Why no static test serves a dynamic one, and where there are static tests of its specimen."""
+    pressures = {p for row in statics if row.test.tyre == test.tyre and (p := row.test.value("pressure")) is not None}
+    at = ", ".join(f"{p / 1e5:.3g} bar" for p in sorted(pressures))
+    found = f"; static tests of it are at {at}" if at else ""
+    state = ", ".join(["this pressure", *(axis.name for axis in rule.further)])
+    return f"no static test of tyre {test.tyre!r} at {state}{found}: add one, or state K1 [N/m] in tests.csv"

@@ -15,6 +15,7 @@ import polars as pl
 from numpy.typing import ArrayLike
 
 from fourpole.campaign.cells import dynamic_cells
+from fourpole.campaign.conditions import axes_record
 from fourpole.campaign.folder import Campaign, Test, read_campaign
 from fourpole.campaign.identified import identify_tests, possible_route
 from fourpole.campaign.load import MOST_BYTES
@@ -27,6 +28,7 @@ from fourpole.campaign.results import Results
 from fourpole.campaign.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
 from fourpole.campaign.tables import TABLES, Analysed, Tables
 from fourpole.core.checks import worst_verdict
+from fourpole.core.condition import Sameness
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
 from fourpole.io.source import sha256_of
@@ -99,7 +101,7 @@ class Study(Tables):
     @property
     def measured(self) -> MeasuredSet:
         """K* condition by condition, with its covariance: what models are fitted to."""
-        return measured_of(self.dynamic, self.covariance, name="the study")
+        return measured_of(self.dynamic, self.covariance, name="the study", rule=self.campaign.stated.sameness)
 
     def fit(self, model: str = "auto") -> list[TyreFit]:
         """A model for each tyre, in every condition by itself; `auto` chooses one and says why.
@@ -190,6 +192,7 @@ class Study(Tables):
         return {
             "title": self.campaign.stated.title,
             "settings": {"route": self.route, "monte_carlo": self.monte_carlo, "seed": _SEED},
+            "conditions": {"axes": axes_record(self.campaign.stated.sameness)},
             "stated": self.campaign.stated.summary(),
             "versions": {"python": platform.python_version(), **{name: version(name) for name in packages}},
             "verdicts": self.counts,
@@ -275,7 +278,8 @@ def analyse(
     hashes = _hashes(campaign, statics, dynamic, reduced)
     dynamic = [test for test, item in zip(dynamic, reduced, strict=True) for _ in item.points]
     points = [point for item in reduced for point in item.points]
-    stiffness = [_stiffness(test, static_rows) for test in dynamic]
+    rule = campaign.stated.sameness
+    stiffness = [_stiffness(test, static_rows, rule) for test in dynamic]
     found, remarks = identify_tests(campaign, dynamic, points, stiffness, route, monte_carlo, _SEED)
     cells = [dynamic_cells(dynamic[i], points[i], stiffness[i], found.get(i), route) for i in range(len(dynamic))]
     analysed = Analysed(campaign, statics, dynamic, points, cells, found)
@@ -304,9 +308,9 @@ def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
         )
 
 
-def _stiffness(test: Test, rows: Sequence[StaticRow]) -> StaticStiffness:
+def _stiffness(test: Test, rows: Sequence[StaticRow], rule: Sameness) -> StaticStiffness:
     """K1 of a test; a rigid block has none."""
-    return StaticStiffness() if test.kind == "calibration" else stiffness_for(test, rows)
+    return StaticStiffness() if test.kind == "calibration" else stiffness_for(test, rows, rule)
 
 
 def _assumed(tests: Sequence[Test]) -> list[str]:

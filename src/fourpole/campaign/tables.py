@@ -202,6 +202,11 @@ def _plain(value: Any) -> Any:
 
 
 def _static_table(analysed: Analysed) -> pl.DataFrame:
+    """With the temperature, and the campaign's own axes of a condition, where a static test states them."""
+    tests = [one.test for one in analysed.statics]
+    own = [axis.name for axis in analysed.campaign.stated.conditions.axes]
+    axes = [name for name in own if any(test.extra.get(name) for test in tests)]
+    warm = (q.TEMPERATURE,) if any(test.value("temperature") is not None for test in tests) else ()
     rows = [row for one in analysed.statics for row in one.rows]
     return _frame(
         (
@@ -218,10 +223,13 @@ def _static_table(analysed: Analysed) -> pl.DataFrame:
                 q.NONLINEARITY.head: row.nonlinearity,
                 q.VERDICT.head: row.verdict,
                 q.REMARKS.head: "; ".join(row.remarks),
+                q.TEMPERATURE.head: row.test.value("temperature"),
+                **{name: row.test.extra.get(name) for name in axes},
             }
             for row in rows
         ),
-        STATIC.columns,
+        {**STATIC.columns, **_columns(*warm)},
+        axes,
     )
 
 

@@ -1,0 +1,152 @@
+"""Conditions: the state in which a specimen is tested, and the one rule that says when two tests share it.
+
+A condition is a specimen with a value on each axis: pressure, preload, temperature, and the columns of tests.csv that a
+campaign names. The amplitude of the deflection and an added mass are not axes: a test with an added mass has another
+amplitude, and still sees the same specimen in the same state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fourpole.quantities import PRELOAD, PRESSURE, TEMPERATURE
+
+__all__ = ["AXES", "Axis", "Condition", "Sameness", "Value", "axis_of"]
+
+#: A number in the unit of its column, a text, or None where nothing is stated.
+Value = float | str | None
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of a condition, with the difference within which two of its values are the same.
+
+    Attributes
+    ----------
+    name : str
+    head : str
+        Of its column in the result tables, where that is not the name.
+    relative : float [1]
+        Tolerance as a fraction of the larger value.
+    absolute : float, in the unit of the column
+        Tolerance that is added to the relative one.
+    text : bool
+        Values are texts, the same only if they read the same.
+    """
+
+    name: str
+    head: str = ""
+    relative: float = 0.0
+    absolute: float = 0.0
+    text: bool = False
+
+    @property
+    def column(self) -> str:
+        """The head of its column in the result tables."""
+        return self.head or self.name
+
+    def same(self, one: Value, other: Value, *, blank: bool = False) -> bool:
+        """Whether two values are the same; `blank`: a value that is not stated equals every other value.
+
+        >>> pressure = AXES[0]
+        >>> pressure.same(1.70e5, 1.73e5), pressure.same(1.70e5, 1.74e5), pressure.same(1.70e5, None)
+        (True, False, False)
+        """
+        if one is None or other is None:
+            return blank or one is other
+        if isinstance(one, str) or isinstance(other, str):
+            return one == other
+        return abs(one - other) <= self.relative * max(abs(one), abs(other)) + self.absolute
+
+    def groups(self, values: Iterable[Value]) -> np.ndarray:
+        """Number of the group of each value; groups count from 0 in rising order, values not stated come last."""
+        return Sameness((self,)).groups([Condition("", (value,)) for value in values])
+
+
+#: The axes that every campaign has.
+AXES = (
+    Axis("pressure", PRESSURE.head, relative=0.02),
+    Axis("preload", PRELOAD.head, relative=0.01),
+    Axis("temperature", TEMPERATURE.head, absolute=5.0),
+)
+#: Relative tolerance of a numeric axis for which none is stated.
+_OWN = 0.01
+
+
+def axis_of(column: str) -> Axis:
+    """The axis of a column of the result tables; one that not every campaign has gets a tolerance of 1 %."""
+    return next((axis for axis in AXES if axis.column == column), Axis(column, relative=_OWN))
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A specimen and its value on each axis of a `Sameness`."""
+
+    specimen: str
+    values: tuple[Value, ...]
+
+
+@dataclass(frozen=True)
+class Sameness:
+    """The rule of one condition: the specimens are the same, and so are the values on each of these axes."""
+
+    axes: tuple[Axis, ...] = AXES
+
+    @property
+    def further(self) -> tuple[Axis, ...]:
+        """The axes that the campaign itself names."""
+        return tuple(axis for axis in self.axes if axis not in AXES)
+
+    def without(self, *names: str) -> Sameness:
+        """The same rule on fewer axes."""
+        return Sameness(tuple(axis for axis in self.axes if axis.name not in names))
+
+    def over(self, columns: Iterable[str]) -> Sameness:
+        """The same rule with the axes of further columns."""
+        known = {axis.column for axis in self.axes}
+        return Sameness((*self.axes, *(axis_of(column) for column in dict.fromkeys(columns) if column not in known)))
+
+    def same(self, one: Condition, other: Condition, *, blank: bool = False) -> bool:
+        """Whether two conditions are one; `blank`: a value that is not stated equals every other value."""
+        pairs = zip(self.axes, one.values, other.values, strict=True)
+        return one.specimen == other.specimen and all(axis.same(a, b, blank=blank) for axis, a, b in pairs)
+
+    def groups(self, conditions: Sequence[Condition]) -> np.ndarray:
+        """Number of the group of each condition, from 0.
+
+        All conditions of a group are the same, each as each. Conditions are taken in rising order and each joins the
+        first group that it fits, so that the order of `conditions` has no influence.
+
+        >>> bar = [Condition("a", (p, None, None)) for p in (2.0e5, 1.7e5, 1.702e5)]
+        >>> Sameness().groups([*bar, Condition("b", (1.7e5, None, None))]).tolist()
+        [1, 0, 0, 2]
+        """
+        number: dict[Condition, int] = {}
+        # Lowest and highest value on each axis of each group: who is like both is like all between.
+        ends: list[tuple[Condition, Condition]] = []
+        first = 0
+        for one in sorted(set(conditions), key=_place):
+            if ends and ends[first][0].specimen != one.specimen:
+                first = len(ends)
+            fits = (at for at in range(first, len(ends)) if all(self.same(one, end) for end in ends[at]))
+            at = next(fits, len(ends))
+            if at == len(ends):
+                ends.append((one, one))
+            else:
+                ends[at] = (_end(ends[at][0], one, lowest=True), _end(ends[at][1], one, lowest=False))
+            number[one] = at
+        return np.array([number[one] for one in conditions], dtype=np.int64)
+
+
+def _place(one: Condition) -> tuple[str, list[tuple[bool, float | str]]]:
+    """Where a condition stands in rising order; what is not stated comes last."""
+    return one.specimen, [(value is None, 0.0 if value is None else value) for value in one.values]
+
+
+def _end(end: Condition, one: Condition, *, lowest: bool) -> Condition:
+    """The lower or the higher value on each axis of two conditions that are the same."""
+    pairs = zip(end.values, one.values, strict=True)
+    return Condition(end.specimen, tuple(a if a is None or b is None or (a < b) == lowest else b for a, b in pairs))  # type: ignore[operator]
