@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+import types
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 from tests.export.conftest import rejected
 from tests.export.grid import read_grid
 
+from fourpole.campaign.measured import measured_of
+from fourpole.campaign.modelling import fit_tyres, model_file
 from fourpole.errors import CampaignError, FileError, TableError
 from fourpole.export import KINDS, export_results
+from fourpole.export.kinds import ABOUT, Kind, Takes
 from fourpole.export.source import field_names, typed
 
 NAMES = {"xlsx": "results.xlsx", "mat": "results.mat", "tydex": "tydex", "uff": "results.uff", "netcdf": "results.nc"}
@@ -88,6 +94,43 @@ def test_a_missing_package_is_named_with_what_installs_it(results, kind, package
     with pytest.raises(FileError, match=rf'{package}, which is not installed: pip install "fourpole\[{extra}\]"'):
         export_results(results, kind)
     assert not (results / NAMES[kind]).exists()
+    assert KINDS[kind].extra == extra
+
+
+def test_a_kind_that_takes_something_else_says_what(results, tmp_path, monkeypatch):
+    """A kind is one module and one entry; what it takes is read for it, and anything else is refused by name."""
+    k = 1.8e5 + 120.0 * 1j * np.arange(10.0, 20.0)
+    spread = np.full(10, 100.0)
+    measured = measured_of(
+        pl.DataFrame(
+            {"tyre": ["radial"] * 10, "frequency [Hz]": np.arange(10.0, 20.0), "Re K* [N/m]": k.real}
+            | {"Im K* [N/m]": k.imag, "u(Re K*) [N/m]": spread, "u(Im K*) [N/m]": spread}
+        )
+    )
+    model = tmp_path / "model.json"
+    model_file(measured, fit_tyres(measured, "kelvin")).write(model)
+    with pytest.raises(CampaignError, match=r"mat takes a results folder.*; model\.json is a model file"):
+        export_results(model, "mat")
+    (tmp_path / "campaign.toml").touch()
+    with pytest.raises(CampaignError, match=r"mat takes a results folder.* is a campaign folder"):
+        export_results(tmp_path, "mat")
+    monkeypatch.setitem(KINDS, "names", Kind("names.txt", "names", "names of tyres", Takes.MODEL))
+    module = types.ModuleType("fourpole.export.names")
+    module.write = lambda source, path: tuple(source.tyres)
+    monkeypatch.setitem(sys.modules, "fourpole.export.names", module)
+    exported = export_results(model, "names")
+    assert exported.path == tmp_path / "names.txt"
+    assert exported.notes == ("radial",)
+    with pytest.raises(CampaignError, match=r"names takes a model file.* is a results folder"):
+        export_results(results, "names")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_help_and_the_docs_name_every_kind(kind):
+    assert f"{kind}: {KINDS[kind].about}" in ABOUT
+    needs = rf'`pip install "fourpole\[{KINDS[kind].extra}\]"` ' if KINDS[kind].extra else ""
+    docs = (Path(__file__).parents[2] / "docs" / "export.md").read_text(encoding="utf-8")
+    assert re.search(rf"^\| `{kind}` \|.*\| {needs}\|$", docs, re.MULTILINE)
 
 
 @pytest.mark.parametrize("kind", ["tydex", "uff", "netcdf"])

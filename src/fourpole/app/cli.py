@@ -11,6 +11,7 @@ import typer
 from fourpole.app import model_commands
 from fourpole.app.console import ends_well, option, out, progress, say
 from fourpole.app.options import JsonFlag, OutFile, rig_of_options
+from fourpole.export.kinds import ABOUT
 
 __all__ = ["app", "main"]
 
@@ -338,11 +339,11 @@ def report(
 @app.command()
 @ends_well
 def export(
-    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote.")],
-    kind: Annotated[str, typer.Option("--to", metavar="KIND", help="xlsx, mat, tydex, uff or netcdf.")],
+    folder: Annotated[Path, typer.Argument(metavar="SOURCE", help="Results folder that analyse wrote.")],
+    kind: Annotated[str, typer.Option("--to", metavar="KIND", help=f"{ABOUT}.")],
     file: Annotated[
         Path | None,
-        typer.Option("--out", help="File to write, of tydex a folder; by default in RESULTS."),
+        typer.Option("--out", help="File to write, of tydex a folder; by default in SOURCE."),
     ] = None,
 ) -> None:
     """Write the results for another tool: a workbook with charts, MATLAB, TYDEX 1.3, UFF 58 or NetCDF."""

@@ -1,44 +1,69 @@
-"""Kinds: which kinds of file the results are exported to, and the one verb that does it."""
+"""The exports, one entry each: its name, its file, what it takes, and the module whose `write` makes it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from enum import Enum
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from fourpole.errors import CampaignError
-from fourpole.export.source import Source, read_source
-from fourpole.units import shown
 
-__all__ = ["KINDS", "Exported", "Kind", "export_results"]
+__all__ = ["ABOUT", "KINDS", "Exported", "Kind", "Takes", "export_results"]
 
-Writer = Callable[[Source, Path], tuple[str, ...]]
+
+class Takes(Enum):
+    """What an export is made from; the value says it in messages."""
+
+    RESULTS = "a results folder, as fourpole analyse writes it"
+    MODEL = "a model file, as fourpole fit writes it"
+    MAP = "a map file, as fourpole map writes it"
+    CAMPAIGN = "a campaign folder, with campaign.toml and tests.csv"
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file: its name in the results' folder, and the module whose `write` makes it."""
+    """A kind of export.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file, or folder, that is written by default.
+    module : str
+        Of this room; its `write(source, path)` writes and returns notes on what is left out. The source is a
+        `source.Source` of results, a `ModelFile` of a model or map, or a `Campaign`.
+    about : str
+        What is written, for the help.
+    takes : Takes
+    extra : str
+        Extra of the package that it needs, or empty.
+    """
 
     file: str
     module: str
     about: str
+    takes: Takes = Takes.RESULTS
+    extra: str = ""
 
     @property
-    def write(self) -> Writer:
-        """What writes it; it gives back what is left out."""
-        writer: Writer = import_module(f"fourpole.export.{self.module}").write
+    def write(self) -> Callable[[Any, Path], tuple[str, ...]]:
+        """The function that writes the file and returns notes on what is left out."""
+        writer: Callable[[Any, Path], tuple[str, ...]] = import_module(f"fourpole.export.{self.module}").write
         return writer
 
 
 KINDS = {
-    "xlsx": Kind("results.xlsx", "workbook", "workbook with all tables and charts"),
+    "xlsx": Kind("results.xlsx", "workbook", "workbook with all tables and charts", extra="export"),
     "mat": Kind("results.mat", "matlab", "MATLAB file, level 5, a struct per table"),
     "tydex": Kind("tydex", "tydex", "folder of TYDEX 1.3 files, one per condition"),
-    "uff": Kind("results.uff", "uff", "UFF 58: V1/F1 and K* of each condition"),
-    "netcdf": Kind("results.nc", "netcdf", "NetCDF: the grid of conditions and frequencies"),
+    "uff": Kind("results.uff", "uff", "UFF 58: V1/F1 and K* of each condition", extra="formats"),
+    "netcdf": Kind("results.nc", "netcdf", "NetCDF: the grid of conditions and frequencies", extra="maps"),
 }
+#: All kinds and what each writes, for the help.
+ABOUT = "; ".join(f"{name}: {kind.about}" for name, kind in KINDS.items())
 
 
 @dataclass(frozen=True)
@@ -63,11 +88,12 @@ def export_results(folder: str | Path, kind: str, file: str | Path | None = None
     Parameters
     ----------
     folder : path
-        A results folder, as `fourpole analyse` wrote it.
-    kind : {"xlsx", "mat", "tydex", "uff", "netcdf"}
+        What the kind takes: all kinds so far take a results folder, as `fourpole analyse` wrote it.
+    kind : str
+        One of `KINDS`.
     file : path, optional
-        The file, of TYDEX the folder, to write; by default in `folder`: results.xlsx, results.mat, tydex,
-        results.uff, results.nc. It is replaced if it exists.
+        The file to write, for TYDEX the folder; by default the kind's own name in `folder`, or beside a model file.
+        An existing one is replaced.
 
     Returns
     -------
@@ -76,7 +102,7 @@ def export_results(folder: str | Path, kind: str, file: str | Path | None = None
     Raises
     ------
     CampaignError
-        If there is no such kind, or the folder holds no results.
+        If there is no such kind, it takes something else, or the folder holds no results.
     FileError
         If a package is missing (the message names the `pip install`), or the file cannot be written.
     TableError
@@ -94,10 +120,40 @@ def export_results(folder: str | Path, kind: str, file: str | Path | None = None
     'results.mat'
     """
     if kind not in KINDS:
+        from fourpole.units import shown
+
         near = get_close_matches(kind[:60].lower(), KINDS, n=1)
         hint = f"did you mean {near[0]}? It" if near else "it"
         raise CampaignError(f"no kind of file {shown(kind)}: {hint} is one of {', '.join(KINDS)}")
-    chosen = KINDS[kind]
-    source = read_source(folder)
-    path = Path(folder) / chosen.file if file is None else Path(file)
-    return Exported(path, chosen.write(source, path))
+    chosen, place = KINDS[kind], Path(folder)
+    given = _given(place)
+    if given is not chosen.takes:
+        raise CampaignError(f"{kind} takes {chosen.takes.value}; {place.name} is {given.value}: give it the former")
+    path = (place if place.is_dir() else place.parent) / chosen.file if file is None else Path(file)
+    return Exported(path, chosen.write(_read(place, given), path))
+
+
+def _given(path: Path) -> Takes:
+    """What a path holds; a folder without campaign.toml, and a path that is not there, are taken for results."""
+    if path.is_dir():
+        return Takes.CAMPAIGN if (path / "campaign.toml").is_file() else Takes.RESULTS
+    if not path.is_file():
+        return Takes.RESULTS
+    from fourpole.campaign.modelfile import read_model_file
+
+    return Takes.MAP if read_model_file(path).kind == "map" else Takes.MODEL
+
+
+def _read(path: Path, takes: Takes) -> Any:
+    """The source of an export."""
+    if takes is Takes.RESULTS:
+        from fourpole.export.source import read_source
+
+        return read_source(path)
+    if takes is Takes.CAMPAIGN:
+        from fourpole.campaign.folder import read_campaign
+
+        return read_campaign(path)
+    from fourpole.campaign.modelfile import read_model_file
+
+    return read_model_file(path)
