@@ -13,7 +13,7 @@ from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.learned import Learned, learn
 from fourpole.campaign.outcome import Point
 from fourpole.campaign.static import StaticStiffness
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import worst_verdict
 from fourpole.core.identification import Identification
@@ -36,8 +36,8 @@ _SKEW = 0.1
 _LOST = 3.0
 
 
-@dataclass(frozen=True)
-class Setup:
+@dataclass(frozen=True, eq=False)
+class Setup(ByValue):
     """What identification needs of the tests of one rig, besides their phasors."""
 
     rig_name: str
@@ -64,8 +64,8 @@ class Identified:
         return self.group.result
 
 
-@dataclass(frozen=True)
-class Group:
+@dataclass(frozen=True, eq=False)
+class Group(ByValue):
     """The tests of one rig that were identified together.
 
     Attributes

@@ -27,7 +27,7 @@ from fourpole.campaign.modelfile import (
     provenance,
     split_column,
 )
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.rig import PARAMETERS
 from fourpole.errors import ModelError
 from fourpole.models.causality import Possible, check_possible
@@ -51,8 +51,8 @@ _ALIKE = 1.1
 _EVEN = 0.01
 
 
-@dataclass(frozen=True)
-class TyreFit:
+@dataclass(frozen=True, eq=False)
+class TyreFit(ByValue):
     """Models on all conditions of one tyre.
 
     Attributes

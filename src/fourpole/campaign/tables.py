@@ -21,6 +21,7 @@ from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.identified import Group, Identified, budget_columns
 from fourpole.campaign.outcome import Point
 from fourpole.campaign.static import StaticTest
+from fourpole.core.arrays import ByValue
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.identification import Identification
 from fourpole.core.identify import OUTPUTS
@@ -171,7 +172,7 @@ class _Held:
         return holder.tables.get(self._name, pl.DataFrame()) if holder is not None else self  # type: ignore[return-value]
 
 
-class Tables:
+class Tables(ByValue):
     """Who holds result tables, by name; those of the registry are attributes too."""
 
     tables: Mapping[str, pl.DataFrame]

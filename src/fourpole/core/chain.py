@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import RecordingError
 
 __all__ = ["Calibrated", "Delay", "Geophone", "HighPass", "Link", "LowPass"]
@@ -146,8 +146,8 @@ class Geophone:
         return np.asarray(-(r**2) / (1 - r**2 + 2j * self.damping * r))
 
 
-@dataclass(frozen=True)
-class Calibrated:
+@dataclass(frozen=True, eq=False)
+class Calibrated(ByValue):
     """A response as a calibration laboratory states it, between whose frequencies gain and phase run straight.
 
     Parameters

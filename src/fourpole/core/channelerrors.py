@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.sources import Kind, Source
 
 __all__ = ["ChannelError", "ChannelUncertainty", "error_covariance", "parts"]
 
 
-@dataclass(frozen=True)
-class ChannelError:
+@dataclass(frozen=True, eq=False)
+class ChannelError(ByValue):
     """One error that a channel has in all tests.
 
     Attributes
@@ -39,8 +39,8 @@ class ChannelError:
     turn: ComplexArray
 
 
-@dataclass(frozen=True)
-class ChannelUncertainty:
+@dataclass(frozen=True, eq=False)
+class ChannelUncertainty(ByValue):
     """What is not known of the channels F1, V1, V2.
 
     Attributes

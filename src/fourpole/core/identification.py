@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 
 if TYPE_CHECKING:
     from fourpole.core.joint.joint import Joint
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 __all__ = ["Identification"]
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, eq=False)
+class Identification(ByValue):
     """What the phasors of N tests say of the tyre; every array has N rows, not-a-number where a value does not exist.
 
     Attributes

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from scipy import optimize
 
-from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.branches import Branches, in_contact, split_branches
 from fourpole.core.meancurve import MeanCurve, fit_mean_curve
 from fourpole.errors import LoadCurveError
@@ -87,8 +87,8 @@ class Secant:
     reason: str = ""
 
 
-@dataclass(frozen=True)
-class LoadCurve:
+@dataclass(frozen=True, eq=False)
+class LoadCurve(ByValue):
     """Load against deflection, positive in compression, in the order in which it was recorded.
 
     Parameters

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 
 __all__ = ["MeanCurve", "fit_mean_curve"]
 
@@ -21,8 +21,8 @@ _FEWEST_INDEPENDENT = 20
 _ROUND_OFF = 1e-13
 
 
-@dataclass(frozen=True)
-class MeanCurve:
+@dataclass(frozen=True, eq=False)
+class MeanCurve(ByValue):
     """A fitted mean curve P(x), with half the gap of the branches H(x).
 
     Attributes

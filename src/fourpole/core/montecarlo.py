@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
@@ -18,8 +18,8 @@ __all__ = ["LEVELS", "Interval", "arm_intervals", "draw_around", "draw_route"]
 LEVELS = (0.025, 0.5, 0.975)
 
 
-@dataclass(frozen=True)
-class Interval:
+@dataclass(frozen=True, eq=False)
+class Interval(ByValue):
     """Quantiles of K2 or C at `LEVELS`; infinite where no upper limit is known.
 
     Attributes

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 
 __all__ = ["CHANNELS", "SYMBOLS", "Phasors"]
 
@@ -21,8 +21,8 @@ CHANNELS = ("force_in", "motion_in", "motion_out")
 SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
 
 
-@dataclass(frozen=True)
-class Phasors:
+@dataclass(frozen=True, eq=False)
+class Phasors(ByValue):
     r"""Complex amplitudes of F1, V1, V2 at one frequency per test; x(t) = Re(X e^{jwt}), 0-to-peak.
 
     Parameters

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.chain import Link
 from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
@@ -39,8 +39,8 @@ class CrossTalk:
     coefficient: float
 
 
-@dataclass(frozen=True)
-class Channel:
+@dataclass(frozen=True, eq=False)
+class Channel(ByValue):
     """Samples of one sensor in SI units, gain, offset and inversion already applied.
 
     Parameters

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.rig import Rig
 from fourpole.core.routes import maxwell_arm, mobility_route, paper_d, why_no_arm
 from fourpole.core.tyre import loss_factor, zener_stiffness
@@ -15,8 +15,8 @@ from fourpole.core.tyre import loss_factor, zener_stiffness
 __all__ = ["ReducedResult", "identify_mobility", "identify_stiffness", "predict"]
 
 
-@dataclass(frozen=True)
-class ReducedResult:
+@dataclass(frozen=True, eq=False)
+class ReducedResult(ByValue):
     """Tyre properties row by row; not-a-number where a value does not exist.
 
     Attributes

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy import fft, interpolate
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import RecordingError
 
 __all__ = ["PulseTrain", "Reference"]
@@ -27,8 +27,8 @@ _TICKS = 16  # angles of an encoder's revolution
 _LONG, _SHORT = 1.5, 0.5  # of the usual gap: a pulse is missing, or one too many
 
 
-@dataclass(frozen=True)
-class Reference:
+@dataclass(frozen=True, eq=False)
+class Reference(ByValue):
     """The phase of the excitation over time.
 
     Parameters

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import polars as pl
 
 from fourpole.campaign.results import Results, read_results
+from fourpole.core.arrays import ByValue
 from fourpole.errors import CampaignError, FileError
 from fourpole.io.write import write_bytes
 from fourpole.plot.sheet import Sheet, read_sheet
@@ -53,8 +54,8 @@ class Condition(NamedTuple):
     rows: tuple[int, ...]
 
 
-@dataclass(frozen=True)
-class Source:
+@dataclass(frozen=True, eq=False)
+class Source(ByValue):
     """The results of an analysis.
 
     Attributes

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.core.arrays import ByValue
 from fourpole.errors import TableError
 from fourpole.io.clock import is_moment, seconds
 from fourpole.io.layout import (
@@ -57,8 +58,8 @@ _UNDATED = re.compile(r"\s*[0-9]{1,2}:")
 _NAN_WORDS = ["NaN", "nan", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "-"]
 
 
-@dataclass(frozen=True)
-class Columns:
+@dataclass(frozen=True, eq=False)
+class Columns(ByValue):
     """Columns of numbers from a recording.
 
     Attributes

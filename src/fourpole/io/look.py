@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.core.arrays import ByValue
 from fourpole.errors import FileError, TableError
 from fourpole.io.signals import FileInfo, Signal
 from fourpole.io.stream import surveyed_stream
@@ -25,8 +26,8 @@ _SPECTRUM, _CLEAR = 1 << 16, 0.5
 _JUMP = 1.5
 
 
-@dataclass(frozen=True)
-class Look:
+@dataclass(frozen=True, eq=False)
+class Look(ByValue):
     """What the samples of a channel show, in its own unit.
 
     Attributes

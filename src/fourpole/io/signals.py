@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.core.arrays import ByValue
+
 __all__ = ["MAX_FILE_BYTES", "FileInfo", "Format", "Request", "Signal", "SignalInfo"]
 
 MAX_FILE_BYTES = 64_000_000_000
 """The largest file that is looked at, where what is read of it is a small part at a time."""
 
 
-@dataclass(frozen=True)
-class Signal:
+@dataclass(frozen=True, eq=False)
+class Signal(ByValue):
     """One channel of a recording.
 
     Attributes

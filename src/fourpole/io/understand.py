@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole import units
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.phasor import Phasors
 from fourpole.errors import TableError, UnitError
 from fourpole.io.text import TextTable, read_table
@@ -78,8 +78,8 @@ class _Column:
         return f"{_ROLES[self.role].says}: column {units.shown(self.name)} [{self.unit}]{taken}"
 
 
-@dataclass(frozen=True)
-class ReducedTable:
+@dataclass(frozen=True, eq=False)
+class ReducedTable(ByValue):
     """A reduced dynamic table; either `mobility` or `stiffness` is there.
 
     Attributes
@@ -105,8 +105,8 @@ class ReducedTable:
     warnings: list[str]
 
 
-@dataclass(frozen=True)
-class CurveTable:
+@dataclass(frozen=True, eq=False)
+class CurveTable(ByValue):
     """A load-deflection table: deflection [m] and load [N] row by row, how it was read, and what was left out."""
 
     deflection: FloatArray

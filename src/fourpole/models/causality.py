@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import optimize, stats
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import CHANCE, StiffnessData
 
@@ -35,8 +35,8 @@ _MOST_NAMED = 3
 _FAR = 3.0
 
 
-@dataclass(frozen=True)
-class Possible:
+@dataclass(frozen=True, eq=False)
+class Possible(ByValue):
     """The verdict on K* over a band.
 
     Attributes

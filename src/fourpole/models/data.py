@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 
 __all__ = ["CHANCE", "NORMAL_95", "SPACES", "StiffnessData", "stacked", "turning"]
@@ -25,8 +25,8 @@ _FLOOR = 1e-7
 _LARGEST = 1e60
 
 
-@dataclass(frozen=True)
-class StiffnessData:
+@dataclass(frozen=True, eq=False)
+class StiffnessData(ByValue):
     """K* of one or many conditions at as many frequencies.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
 from fourpole.models.problem import Problem, problem_of
@@ -33,8 +33,8 @@ _UNSEEN = 1e-4
 _SAME_OPTIMUM = 1e-3
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, eq=False)
+class Fit(ByValue):
     """A model fitted to conditions (...,), each by itself.
 
     Attributes

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 
@@ -43,8 +43,8 @@ class Parameter:
     log: bool = False
 
 
-@dataclass(frozen=True)
-class StateSpace:
+@dataclass(frozen=True, eq=False)
+class StateSpace(ByValue):
     r"""Force F from deflection x and its rate v: :math:`\dot z = A z + B (x, v)`, :math:`F = C z + D (x, v)`.
 
     Attributes

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.rig import Rig
 from fourpole.core.routes import arm_slopes, maxwell_arm
 from fourpole.errors import ModelError
@@ -52,8 +52,8 @@ class LeftOut:
     conditions: float
 
 
-@dataclass(frozen=True)
-class Answer:
+@dataclass(frozen=True, eq=False)
+class Answer(ByValue):
     """What the map says at Q points.
 
     Attributes
@@ -104,8 +104,8 @@ class Answer:
         return size, size * np.sqrt(variance)
 
 
-@dataclass(frozen=True)
-class OperatingMap:
+@dataclass(frozen=True, eq=False)
+class OperatingMap(ByValue):
     """A model over its operating points.
 
     Attributes

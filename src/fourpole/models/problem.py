@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import SPACES, StiffnessData, turning
 from fourpole.models.interface import Model
@@ -25,8 +25,8 @@ _FARTHEST = 30.0
 _AT_BOUND = 1e-9
 
 
-@dataclass(frozen=True)
-class Problem:
+@dataclass(frozen=True, eq=False)
+class Problem(ByValue):
     """Data of B conditions, a model with P parameters, and the F of them that are free.
 
     Attributes

@@ -31,7 +31,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 
 __all__ = ["Cylinder", "enough_terms", "flexibility", "mode_shape", "natural_frequencies", "ring_frequencies"]
@@ -39,8 +39,8 @@ __all__ = ["Cylinder", "enough_terms", "flexibility", "mode_shape", "natural_fre
 _MOST_TERMS = 1024
 
 
-@dataclass(frozen=True)
-class Cylinder:
+@dataclass(frozen=True, eq=False)
+class Cylinder(ByValue):
     """The cylinder; every number may be an array (...,).
 
     Attributes

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 
 __all__ = ["Axes", "Terms", "ValueSurface", "bends", "design", "term_sets", "value_surface"]
@@ -31,8 +31,8 @@ _BEND = 1.0 / 24.0
 _BETTER, _ALL_LEVERAGE = 0.98, 1e-6
 
 
-@dataclass(frozen=True)
-class Axes:
+@dataclass(frozen=True, eq=False)
+class Axes(ByValue):
     """What conditions are told apart by, and where they were measured.
 
     Attributes
@@ -117,8 +117,8 @@ class Axes:
         return float(np.round(distance, 6)), np.asarray(np.round(nearest, 6) * self.half + self.middle)
 
 
-@dataclass(frozen=True)
-class ValueSurface:
+@dataclass(frozen=True, eq=False)
+class ValueSurface(ByValue):
     """The logarithm of a positive value that each condition has, as a polynomial of the scaled axes.
 
     Attributes

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData, stacked
 from fourpole.models.fit import Fit
@@ -75,8 +75,8 @@ class Scatter:
     frequency: tuple[float, float] = (0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class Together:
+@dataclass(frozen=True, eq=False)
+class Together(ByValue):
     """A model fitted to B conditions whose parameters follow laws.
 
     Attributes

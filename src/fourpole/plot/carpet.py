@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from fourpole.campaign.results import Results
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.panels import tyre_heading
 from fourpole.plot.sheet import Sheet, read_sheet
@@ -24,8 +24,8 @@ __all__ = ["LoadLine", "carpet", "load_deflection", "load_lines"]
 _MM, _KN = 1e3, 1e-3
 
 
-@dataclass(frozen=True)
-class LoadLine:
+@dataclass(frozen=True, eq=False)
+class LoadLine(ByValue):
     """Mean load-deflection curve of one static test."""
 
     test: str

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.plot.style import Dashes, Marker, Style, plain_text
 
 __all__ = ["Extent", "Marks", "bars", "curve", "means", "rejected_tests", "span", "tyre_heading"]
@@ -29,8 +29,8 @@ class Marks:
     joined: bool = True
 
 
-@dataclass
-class Extent:
+@dataclass(eq=False)
+class Extent(ByValue):
     """Values that panels show, to choose axes that hold them, and what does not fit.
 
     Of a `positive` quantity, values smaller than their uncertainty are known to nothing and set no axis.

@@ -12,7 +12,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from fourpole.campaign.results import Results
-from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.plot.style import short_names
 
 __all__ = ["Groups", "Quantity", "Sheet", "floats", "grouped", "read_sheet"]
@@ -73,8 +73,8 @@ class Groups:
         return off.index(min(off))
 
 
-@dataclass(frozen=True)
-class Sheet:
+@dataclass(frozen=True, eq=False)
+class Sheet(ByValue):
     """Tests of a campaign; arrays have one entry per row of dynamic.csv.
 
     Attributes

@@ -8,6 +8,7 @@ from math import ceil, inf, isfinite, isinf
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.core.arrays import ByValue
 from fourpole.models.interface import StateSpace
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.march import held_force, recur, respond
@@ -111,8 +112,8 @@ class Bench:
             raise ValueError("frame_stiffness must be > 0; infinite where the frame is rigid")
 
 
-@dataclass(frozen=True)
-class Motion:
+@dataclass(frozen=True, eq=False)
+class Motion(ByValue):
     """The settled motion of the rig on a uniform, fine time base.
 
     Parameters

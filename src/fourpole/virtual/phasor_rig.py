@@ -17,7 +17,7 @@ from math import inf
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.phasor import Phasors
 
 __all__ = [
@@ -104,8 +104,8 @@ class Laboratory:
             raise ValueError(f"noise is {self.noise:g}: it must be zero or positive")
 
 
-@dataclass(frozen=True)
-class DrawnLaboratory:
+@dataclass(frozen=True, eq=False)
+class DrawnLaboratory(ByValue):
     """The truth of one laboratory: what all its tests share.
 
     Parameters
@@ -138,8 +138,8 @@ class DrawnLaboratory:
     added_mass: Mapping[float, float]
 
 
-@dataclass(frozen=True)
-class Conditions:
+@dataclass(frozen=True, eq=False)
+class Conditions(ByValue):
     """What is run: one value per test, or one for all.
 
     Parameters
@@ -220,8 +220,8 @@ class _Tests:
         return _Tests(*(getattr(self, each.name)[chosen] for each in fields(self)))
 
 
-@dataclass(frozen=True)
-class PhasorCampaign:
+@dataclass(frozen=True, eq=False)
+class PhasorCampaign(ByValue):
     """N tests as measured, and their truth.
 
     Parameters

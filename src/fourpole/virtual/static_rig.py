@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.core.arrays import ByValue
 from fourpole.virtual.tyres import Tyre
 
 __all__ = ["StaticCycles", "load_cycles"]
@@ -17,8 +18,8 @@ FloatArray = NDArray[np.float64]
 _CONDITIONING_LEFT = (1.0, 0.15)
 
 
-@dataclass(frozen=True)
-class StaticCycles:
+@dataclass(frozen=True, eq=False)
+class StaticCycles(ByValue):
     """Load cycles of a static test, without sensors.
 
     Parameters

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.io.signals import Signal
 from fourpole.io.stream import Source, stream
 
@@ -22,8 +22,8 @@ _STEADY = 0.4  # share of the variance that a sinusoid has
 _SUSTAINED = 0.3  # least over largest amplitude of its quarters
 
 
-@dataclass(frozen=True)
-class Look:
+@dataclass(frozen=True, eq=False)
+class Look(ByValue):
     """What a recording shows.
 
     Attributes

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, response_std, without_crosstalk
 from fourpole.core.demodulation.preview import Preview, preview
 from fourpole.core.demodulation.sinefit import SineFit, fit_sines, refine
@@ -36,8 +36,8 @@ _NEAR = 0.05
 _SIDE = 0.35  # of the frequency: a drive's speed does not wander faster
 
 
-@dataclass(frozen=True)
-class Demodulation:
+@dataclass(frozen=True, eq=False)
+class Demodulation(ByValue):
     """Amplitudes of one recording, and how good they are.
 
     Attributes

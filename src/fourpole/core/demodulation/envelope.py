@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.tracks import Track
 
 __all__ = ["Envelope", "envelope"]
@@ -18,8 +18,8 @@ _LENGTH, _HOP = 4.0, 2.0
 _ENOUGH = 0.97
 
 
-@dataclass(frozen=True)
-class Envelope:
+@dataclass(frozen=True, eq=False)
+class Envelope(ByValue):
     """Amplitudes of channels over time.
 
     Attributes

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.demodulation.sinefit import SineFit
 
 __all__ = ["Preview", "preview"]
@@ -17,8 +17,8 @@ _POINTS = 96
 _BLOCKS = 60
 
 
-@dataclass(frozen=True)
-class Preview:
+@dataclass(frozen=True, eq=False)
+class Preview(ByValue):
     """What a person wants to see of a demodulated recording.
 
     Attributes

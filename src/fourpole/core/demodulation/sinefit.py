@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 
 __all__ = ["Course", "SineFit", "fit_sines", "refine"]
 
@@ -23,8 +23,8 @@ _DRIFT_ORDER = 3  # mean, slope, parabola, cubic
 _ITERATIONS = 12
 
 
-@dataclass(frozen=True)
-class Course:
+@dataclass(frozen=True, eq=False)
+class Course(ByValue):
     """How the excitation really ran.
 
     Attributes
@@ -39,8 +39,8 @@ class Course:
     follow: ComplexArray
 
 
-@dataclass(frozen=True)
-class SineFit:
+@dataclass(frozen=True, eq=False)
+class SineFit(ByValue):
     """A fit at given frequencies; T is the record's length and time is counted from its middle.
 
     Attributes

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 
 __all__ = ["Left", "Noise", "find_lines", "noise_beside", "off_multiples", "strongest_line"]
 
@@ -26,8 +26,8 @@ _FEWEST_BINS = 4
 _MANY = 1 << 18
 
 
-@dataclass(frozen=True)
-class Noise:
+@dataclass(frozen=True, eq=False)
+class Noise(ByValue):
     """Noise of the channels' complex amplitudes at one frequency.
 
     Attributes
@@ -108,8 +108,8 @@ def _floor(power: FloatArray, block: int = _BLOCK) -> FloatArray:
     return level[:, np.minimum(np.arange(bins) // size, level.shape[1] - 1)]
 
 
-@dataclass(frozen=True)
-class Left:
+@dataclass(frozen=True, eq=False)
+class Left(ByValue):
     """What a fit leaves of channels that share their times.
 
     Attributes

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.sinefit import Course
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.recording import Recording
@@ -27,8 +27,8 @@ _CURVED = 3e-3
 _ALIKE = 0.3
 
 
-@dataclass(frozen=True)
-class Track:
+@dataclass(frozen=True, eq=False)
+class Track(ByValue):
     """Channels that share their times.
 
     Attributes

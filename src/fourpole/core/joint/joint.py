@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint.conditions import Conditions, group_conditions
 from fourpole.core.joint.misfit import Residuals, residuals
@@ -23,8 +23,8 @@ from fourpole.errors import RigError
 __all__ = ["Joint", "solve_joint"]
 
 
-@dataclass(frozen=True)
-class Joint:
+@dataclass(frozen=True, eq=False)
+class Joint(ByValue):
     """Result of the joint route, test by test in the order given.
 
     Attributes

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.joint.model import (
     Linear,
     Observed,
@@ -32,8 +32,8 @@ UNLIKELY = 1e-3
 _SEEN = 1e-20
 
 
-@dataclass(frozen=True)
-class Residuals:
+@dataclass(frozen=True, eq=False)
+class Residuals(ByValue):
     """What the fit leaves, test by test, in the order of the problem.
 
     Attributes

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError
 from fourpole.core.joint.shared import Shared
 from fourpole.core.phasor import Phasors
@@ -38,8 +38,8 @@ __all__ = [
 FLOOR = 1e-7
 
 
-@dataclass(frozen=True)
-class Observed:
+@dataclass(frozen=True, eq=False)
+class Observed(ByValue):
     """The tests' phasors, ready to be compared with a model; every array has one row per test.
 
     Attributes
@@ -102,8 +102,8 @@ def whitening(covariance: FloatArray, amplitudes: ComplexArray, present: BoolArr
     return np.where(both[:, :, None], inverse, 0.0)
 
 
-@dataclass(frozen=True)
-class Linear:
+@dataclass(frozen=True, eq=False)
+class Linear(ByValue):
     """Whitened residual and derivatives of some tests, the drive fitted out of all.
 
     Attributes

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.identification import Identification
 from fourpole.core.joint.joint import Joint
 from fourpole.core.joint.reconcile import largest_part
@@ -18,8 +18,8 @@ from fourpole.core.sources import Kind, Role, Source
 __all__ = ["Outputs", "identification", "outputs", "variance_by_source"]
 
 
-@dataclass(frozen=True)
-class Outputs:
+@dataclass(frozen=True, eq=False)
+class Outputs(ByValue):
     """The six outputs of N tests and what they depend on, in the order the tests were given.
 
     The error of an output is by_own · e - (by_own · slope - by_shared) · dz + by_k1 · dK1; rigid blocks have none.

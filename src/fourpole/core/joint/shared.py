@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.channelerrors import ChannelError
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.sources import Kind, Role, Source
@@ -45,8 +45,8 @@ class SharedParameter:
         return self.source.kind is Kind.GAIN
 
 
-@dataclass(frozen=True)
-class Shared:
+@dataclass(frozen=True, eq=False)
+class Shared(ByValue):
     """The shared values that are not exactly known; a vector z counts them in their stated uncertainties.
 
     Parameters

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.joint.conditions import Conditions
 from fourpole.core.joint.model import Linear, Observed, inverse_upper, linearise, upper_factor
 from fourpole.core.joint.shared import Shared
@@ -80,8 +80,8 @@ class Problem:
         return (above - below) / (2 * step)
 
 
-@dataclass(frozen=True)
-class Solution:
+@dataclass(frozen=True, eq=False)
+class Solution(ByValue):
     r"""The most probable values, and their joint Gaussian around them.
 
     The error of log K* of condition c is :math:`\epsilon_c - B_c\,\delta z` with :math:`\epsilon_c` of covariance

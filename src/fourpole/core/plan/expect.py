@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.identification import Identification
 from fourpole.core.identify import identify
@@ -41,8 +41,8 @@ _NEEDS = {"mobility": (0, 1), "relative": (0, 1, 2), "transmissibility": (1, 2)}
 _ALL = (True, True, True)
 
 
-@dataclass(frozen=True)
-class PlannedTests:
+@dataclass(frozen=True, eq=False)
+class PlannedTests(ByValue):
     """N planned dynamic tests of a rig, with the tyre as guessed; make it with `of`.
 
     Attributes

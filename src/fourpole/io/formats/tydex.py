@@ -26,6 +26,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.core.arrays import ByValue
 from fourpole.errors import TableError
 from fourpole.io.formats.guard import afford, seconds, tidy
 from fourpole.io.layout import find_column, is_missing, number
@@ -132,8 +133,8 @@ class TydexChannel:
     stored_offset: float = 0.0
 
 
-@dataclass(frozen=True)
-class TydexFile:
+@dataclass(frozen=True, eq=False)
+class TydexFile(ByValue):
     """What a TYDEX file holds.
 
     Attributes

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.core.arrays import ByValue
 from fourpole.errors import FileError
 from fourpole.units import column_unit
 
@@ -73,8 +74,8 @@ class Group:
         return f"{f'{self.name}: ' if self.name else ''}{self.count} samples {when} ({names})"
 
 
-@dataclass(frozen=True)
-class Block:
+@dataclass(frozen=True, eq=False)
+class Block(ByValue):
     """The next samples of a group: those from number `first` on."""
 
     first: int
