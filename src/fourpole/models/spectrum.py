@@ -9,7 +9,7 @@ from itertools import islice
 import numpy as np
 from scipy import optimize
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.models.data import StiffnessData
 
 __all__ = ["WhitenedCondition", "arms_at", "two_springs", "whitened_conditions"]
@@ -28,8 +28,8 @@ _IDLE = 0.03
 _LOOKED_AT = 3
 
 
-@dataclass(frozen=True)
-class WhitenedCondition:
+@dataclass(frozen=True, eq=False)
+class WhitenedCondition(ByValue):
     """K* of one condition, and what brings it to standard units."""
 
     omega: FloatArray
