@@ -18,7 +18,7 @@ import polars as pl
 
 from fourpole.campaign.conditions import conditions_in, names_apart, rule_in
 from fourpole.campaign.tables import COVARIANCE_COLUMNS
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.condition import AXES, Sameness
 from fourpole.errors import FileError, ModelError, TableError
 from fourpole.io.source import read_bytes
@@ -37,8 +37,8 @@ _RULE = Sameness()
 _USUAL = {axis.column for axis in AXES}
 
 
-@dataclass(frozen=True)
-class Measured:
+@dataclass(frozen=True, eq=False)
+class Measured(ByValue):
     """One condition: a tyre at one pressure, preload and temperature, over frequency.
 
     Attributes
