@@ -146,8 +146,8 @@ def test_the_curves_show_the_table(book, analysed):
         mine = mine.sort("frequency [Hz]")
         assert mine.height == 3
         assert cells(book, curve.xVal.numRef.f) == mine["frequency [Hz]"].to_list()
-        assert cells(book, curve.yVal.numRef.f) == (mine["K2 [N/m]"] * 1e-3).to_list()
-        assert cells(book, curve.errBars.plus.numRef.f) == (mine["u(K2) [N/m]"] * 1e-3).to_list()
+        assert cells(book, curve.yVal.numRef.f) == (mine["K2 [N/m]"].to_numpy() / 1e3).tolist()
+        assert cells(book, curve.errBars.plus.numRef.f) == (mine["u(K2) [N/m]"].to_numpy() / 1e3).tolist()
         assert f"#{curve.graphicalProperties.line.solidFill.srgbClr}" == Style().colour(0)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from rich import box
 from rich.table import Table
 
+from fourpole import quantities as q
 from fourpole.app.console import harmless, out, say, table_console, warn
 from fourpole.campaign.modelfile import ConditionFile, ModelEntry, column_of
 from fourpole.campaign.modelling import TyreMap
@@ -96,7 +97,7 @@ def _show_parameters(entry: ModelEntry) -> None:
 def _words(one: ConditionFile) -> str:
     parts = []
     for item in one.state:
-        if column_of(item.name, item.unit) == "pressure [Pa]":
+        if column_of(item.name, item.unit) == q.PRESSURE.head:
             parts.append(f"{item.value / 1e5:.4g} bar")
         else:
             named = "" if item.name in ("preload", "temperature") else f"{item.name} "
@@ -151,14 +152,14 @@ def show_rows(rows: Sequence[Mapping[str, Any]]) -> None:
         return
     row = rows[0]
     for name, value in row.items():
-        if name in ("remarks", "outside [half spans]") or name.startswith(("u(", "corr(")) or value in (None, ""):
+        if name in ("remarks", q.OUTSIDE.head) or name.startswith(("u(", "corr(")) or value in (None, ""):
             continue
         quantity, _, unit = name.removesuffix("]").partition(" [")
         std = row.get(f"u({quantity}) [{unit}]")
         text = value if isinstance(value, str) else f"{value:.6g}"
         sure = f" ± {std:.2g}" if isinstance(std, float) else ""
         out(f"{quantity:<12} {text}{sure} {unit if unit != '1' else ''}".rstrip())
-    if row["K2 [N/m]"] is None:
+    if row[q.K2.head] is None:
         say("K2 and C: none, for no passive arm beside K1 has this K*")
-    if row["TR [1]"] is None:
+    if row[q.TR.head] is None:
         say("TR: state the rig, --mass and --preload-stiffness")

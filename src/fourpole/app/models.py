@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from fourpole import quantities as q
 from fourpole import units
 from fourpole.app.console import OK, option, out, print_json, progress, say, warn
 from fourpole.app.model_words import show_fit, show_map, show_rows
@@ -224,9 +225,9 @@ def state_of(
     """The operating point of the options, by column."""
     state: dict[str, float] = {}
     for text, kind, column in (
-        (pressure, "pressure", "pressure [Pa]"),
-        (preload, "force", "preload [N]"),
-        (temperature, "temperature", "temperature [degC]"),
+        (pressure, "pressure", q.PRESSURE.head),
+        (preload, "force", q.PRELOAD.head),
+        (temperature, "temperature", q.TEMPERATURE.head),
     ):
         if text is not None:
             state[column] = option(text, kind, f"--{column.split(' ', maxsplit=1)[0]}")

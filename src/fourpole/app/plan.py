@@ -9,6 +9,7 @@ from typing import Any
 
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole import units
 from fourpole.app.console import option, out, print_json, say
 from fourpole.campaign import read_campaign
@@ -202,7 +203,7 @@ def _tables(frame: pl.DataFrame) -> Iterator[str]:
         for plan in frame.filter(~stated)["plan"].unique(maintain_order=True).to_list():
             mass = plan.removeprefix(with_kg(0).split("0")[0])
             columns.append((f"joint+{mass}", (pl.col("plan") == plan) & (pl.col("route") == "joint")))
-    frequencies = sorted(frame["frequency [Hz]"].unique().to_list())
+    frequencies = sorted(frame[q.FREQUENCY.head].unique().to_list())
     kept = frequencies
     if len(kept) > _MOST_FREQUENCIES:
         last = len(kept) - 1
@@ -215,7 +216,7 @@ def _tables(frame: pl.DataFrame) -> Iterator[str]:
         chosen = [
             dict(
                 frame.filter(mask)
-                .group_by("frequency [Hz]")
+                .group_by(q.FREQUENCY.head)
                 .agg(pl.col(f"u({quantity})/{quantity} [1]").median())
                 .iter_rows()
             )
@@ -226,7 +227,7 @@ def _tables(frame: pl.DataFrame) -> Iterator[str]:
             yield f"{frequency:>7.4g} Hz  " + "  ".join(f"{cell:>11}" for cell in cells)
     if len(kept) < len(frequencies):
         yield f"({len(kept)} of {len(frequencies)} frequencies shown; plan.csv has all)"
-    high = frame.filter(stated)["u(K2)/K2 [1]"].max()
+    high = frame.filter(stated)[q.K2.relative_head].max()
     if isinstance(high, float) and high > 0.3:
         yield "(above some 30 % the true scatter has tails that no standard uncertainty describes)"
 
@@ -281,8 +282,8 @@ def _document(
         return {
             "remedies": [remedy.text for remedy in outcome.remedies],
             "effort [min]": outcome.minutes,
-            "u(K2)/K2 [1]": outcome.k2,
-            "u(C)/C [1]": outcome.c,
+            q.K2.relative_head: outcome.k2,
+            q.C.relative_head: outcome.c,
         }
 
     return {

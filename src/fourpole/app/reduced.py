@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole import units
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, say, warn
 from fourpole.core.checks import check_resonance
@@ -63,16 +64,16 @@ def _fault(table: ReducedTable, found: ReducedResult, row: int, rig: Rig | None)
 def _frame(found: ReducedResult, faults: list[str]) -> pl.DataFrame:
     kept = np.array([not fault for fault in faults], dtype=bool)
     columns: dict[str, Any] = {
-        "frequency [Hz]": found.frequency,
-        "R [m/(N s)]": found.mobility.real,
-        "I [m/(N s)]": found.mobility.imag,
+        q.FREQUENCY.head: found.frequency,
+        q.R.head: found.mobility.real,
+        q.I.head: found.mobility.imag,
         "d [1]": found.d,
-        "Re K* [N/m]": found.stiffness.real,
-        "Im K* [N/m]": found.stiffness.imag,
-        "loss factor [1]": found.loss_factor,
-        "K2 [N/m]": np.where(kept, found.k2, np.nan),
-        "C [N s/m]": np.where(kept, found.c, np.nan),
-        "TR [1]": found.tr,
+        q.STORAGE.head: found.stiffness.real,
+        q.LOSS.head: found.stiffness.imag,
+        q.LOSS_FACTOR.head: found.loss_factor,
+        q.K2.head: np.where(kept, found.k2, np.nan),
+        q.C.head: np.where(kept, found.c, np.nan),
+        q.TR.head: found.tr,
         "verdict": ["ok" if good else "rejected" for good in kept],
         "remarks": faults,
     }
@@ -95,15 +96,15 @@ def run_static(
     if as_json:
         print_json(
             {
-                "load [N]": load,
-                "K1 [N/m]": tangent.stiffness,
-                "u(K1) [N/m]": tangent.std,
+                q.LOAD.head: load,
+                q.K1.head: tangent.stiffness,
+                q.K1.u_head: tangent.std,
                 "u(K1) from fit [N/m]": tangent.fit,
                 "u(K1) from branches [N/m]": tangent.branches,
                 "u(K1) from cycles [N/m]": tangent.cycles,
-                "secant [N/m]": secant.stiffness,
-                "hysteresis loss [J]": curve.hysteresis_loss,
-                "nonlinearity [1]": curve.nonlinearity,
+                q.SECANT.head: secant.stiffness,
+                q.CYCLE_LOSS.head: curve.hysteresis_loss,
+                q.NONLINEARITY.head: curve.nonlinearity,
                 "order [1]": curve.order,
                 "cycles [1]": curve.cycles,
                 "understood": table.understood,
@@ -150,13 +151,13 @@ def run_predict(
     found = predict(grid, *arm, rig)
     frame = pl.DataFrame(
         {
-            "frequency [Hz]": found.frequency,
-            "Re K* [N/m]": found.stiffness.real,
-            "Im K* [N/m]": found.stiffness.imag,
-            "loss factor [1]": found.loss_factor,
-            "R [m/(N s)]": found.mobility.real,
-            "I [m/(N s)]": found.mobility.imag,
-            "TR [1]": found.tr,
+            q.FREQUENCY.head: found.frequency,
+            q.STORAGE.head: found.stiffness.real,
+            q.LOSS.head: found.stiffness.imag,
+            q.LOSS_FACTOR.head: found.loss_factor,
+            q.R.head: found.mobility.real,
+            q.I.head: found.mobility.imag,
+            q.TR.head: found.tr,
         }
     )
     _deliver(frame, file, as_json=as_json)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.campaign.modelfile import ModelEntry, ModelFile, column_of, map_of, model_of, rig_in
 from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import AXES, axis_of
@@ -74,11 +75,11 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     for at in range(frequency.size):
         said = [*remarks, *([f"{far[at]:.3g} octaves outside the measured band"] if far[at] else [])]
         row = {"tyre": tyre, **found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
-        row |= {"frequency [Hz]": float(frequency[at]), **_cells(answer, loss, at)}
-        row |= {"TR [1]": None, "u(TR) [1]": None}
+        row |= {q.FREQUENCY.head: float(frequency[at]), **_cells(answer, loss, at)}
+        row |= {q.TR.head: None, q.TR.u_head: None}
         if tr is not None:
-            row |= {"TR [1]": float(tr[0][at]), "u(TR) [1]": float(tr[1][at])}
-        row |= {"outside [half spans]": outside, "remarks": "; ".join(said)}
+            row |= {q.TR.head: float(tr[0][at]), q.TR.u_head: float(tr[1][at])}
+        row |= {q.OUTSIDE.head: outside, "remarks": "; ".join(said)}
         rows.append({name: _finite(value) for name, value in row.items()})
     return rows
 
@@ -197,20 +198,20 @@ def _cells(answer: Answer, loss: tuple[FloatArray, FloatArray], at: int) -> dict
     arm = answer.arm_covariance[at]
     u_k2, u_c = (float(one) for one in np.sqrt(np.diag(arm)))
     return {
-        "Re K* [N/m]": stiffness.real,
-        "Im K* [N/m]": stiffness.imag,
-        "u(Re K*) [N/m]": u_re,
-        "u(Im K*) [N/m]": u_im,
-        "corr(Re,Im K*) [1]": float(covariance[0, 1] / (u_re * u_im)) if u_re and u_im else 0.0,
-        "loss factor [1]": float(loss[0][at]),
-        "u(loss factor) [1]": float(loss[1][at]),
-        "K1 [N/m]": float(answer.k1[at]),
-        "u(K1) [N/m]": u_k1,
-        "K2 [N/m]": float(answer.k2[at]),
-        "C [N s/m]": float(answer.c[at]),
-        "u(K2) [N/m]": u_k2,
-        "u(C) [N s/m]": u_c,
-        "corr(K2,C) [1]": float(arm[0, 1] / (u_k2 * u_c)) if u_k2 and u_c else 0.0,
+        q.STORAGE.head: stiffness.real,
+        q.LOSS.head: stiffness.imag,
+        q.STORAGE.u_head: u_re,
+        q.LOSS.u_head: u_im,
+        q.CORR_K.head: float(covariance[0, 1] / (u_re * u_im)) if u_re and u_im else 0.0,
+        q.LOSS_FACTOR.head: float(loss[0][at]),
+        q.LOSS_FACTOR.u_head: float(loss[1][at]),
+        q.K1.head: float(answer.k1[at]),
+        q.K1.u_head: u_k1,
+        q.K2.head: float(answer.k2[at]),
+        q.C.head: float(answer.c[at]),
+        q.K2.u_head: u_k2,
+        q.C.u_head: u_c,
+        q.CORR_K2_C.head: float(arm[0, 1] / (u_k2 * u_c)) if u_k2 and u_c else 0.0,
     }
 
 
@@ -224,7 +225,7 @@ def _name(column: str) -> str:
 
 def _value(column: str, value: float) -> str:
     """A value as people write it."""
-    if column == "pressure [Pa]":
+    if column == q.PRESSURE.head:
         return f"{value / 1e5:.4g} bar"
     name, _, unit = column.removesuffix("]").partition(" [")
     text = f"{value:.5g} {unit}".rstrip()

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.campaign.folder import Test
 from fourpole.campaign.identified import Identified
 from fourpole.campaign.outcome import Point
@@ -116,15 +117,15 @@ def _interval(found: Identified, which: int) -> str:
 def _identified_cells(result: Identification, at: int) -> dict[str, float]:
     u_r, u_i, corr_ri = covariance_cells(result.mobility_covariance[at])
     return {
-        "R [m/(N s)]": float(result.mobility[at].real),
-        "I [m/(N s)]": float(result.mobility[at].imag),
-        "u(R) [m/(N s)]": u_r,
-        "u(I) [m/(N s)]": u_i,
-        "corr(R,I) [1]": corr_ri,
-        "loss factor [1]": float(result.loss_factor[at]),
-        "u(loss factor) [1]": float(result.loss_factor_std[at]),
+        q.R.head: float(result.mobility[at].real),
+        q.I.head: float(result.mobility[at].imag),
+        q.R.u_head: u_r,
+        q.I.u_head: u_i,
+        q.CORR_R_I.head: corr_ri,
+        q.LOSS_FACTOR.head: float(result.loss_factor[at]),
+        q.LOSS_FACTOR.u_head: float(result.loss_factor_std[at]),
         **tyre_cells(result, at),
-        "TR measured [1]": float(result.tr_measured[at]),
-        "TR predicted [1]": float(result.tr_predicted[at]),
-        "u(TR) [1]": float(result.tr_std[at]),
+        q.TR_MEASURED.head: float(result.tr_measured[at]),
+        q.TR_PREDICTED.head: float(result.tr_predicted[at]),
+        q.TR.u_head: float(result.tr_std[at]),
     }

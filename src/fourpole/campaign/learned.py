@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.identification import Identification
@@ -28,7 +29,7 @@ _HALF = 0.5
 _NOTHING = 1e-8
 #: Roles of values in the order of rig.csv, and what a part that nobody stated does not have.
 _ORDER = (Role.RIG, Role.UNSTATED, Role.CHANNEL, Role.MASS)
-_STATEMENT = ("stated", "u(stated)", "posterior over prior [1]", "pull [1]", "seen from")
+_STATEMENT = ("stated", q.STATED.u_head, q.POSTERIOR.head, q.PULL.head, q.DETECTION_LIMIT.head)
 #: What cannot be told from a value: it moves, or gives way, with it.
 _MASS, _SPRING = Source(Kind.RIG_VALUE, "moving_mass"), Source(Kind.RIG_VALUE, "preload_stiffness")
 _HIDDEN = {_MASS: Source(Kind.RIG_VALUE, "tyre_mass"), _SPRING: Source(Kind.RIG_VALUE, "frame_stiffness")}
@@ -128,15 +129,15 @@ def _values(joint: Joint) -> list[dict[str, Any]]:
             "value": parameter.source.text,
             "unit": parameter.unit,
             "stated": parameter.stated,
-            "u(stated)": stated[at],
+            q.STATED.u_head: stated[at],
             "found": found[at],
-            "u(found)": std[at],
-            "posterior over prior [1]": std[at] / stated[at],
-            "pull [1]": _first_pull(joint, at, pull),
-            "seen from": _seen_from(joint, at),
+            q.FOUND.u_head: std[at],
+            q.POSTERIOR.head: std[at] / stated[at],
+            q.PULL.head: _first_pull(joint, at, pull),
+            q.DETECTION_LIMIT.head: _seen_from(joint, at),
         }
         if parameter.source.role is Role.UNSTATED:
-            row |= dict.fromkeys(_STATEMENT, float("nan")) | {"u(found)": joint.found_std[at]}
+            row |= dict.fromkeys(_STATEMENT, float("nan")) | {q.FOUND.u_head: joint.found_std[at]}
         group = _ORDER.index(parameter.source.role)
         rows.append((group, at, row | _finding(joint, at, std[at] / stated[at])))
     return [row for _, _, row in sorted(rows, key=lambda item: item[:2])]
@@ -219,16 +220,17 @@ def _combined(joint: Joint, source: Source, unit: str, centre: float, weights: F
     ratio = std / stated
     off = float(scaled @ joint.solution.z)
     touched = [i for i in joint.misfit.conflicts if weights[i]]
+    blind = float("nan")
     row = {
         "value": source.text,
         "unit": unit,
         "stated": centre,
-        "u(stated)": stated,
+        q.STATED.u_head: stated,
         "found": float(np.exp(off)) if centre else off,
-        "u(found)": std,
-        "posterior over prior [1]": ratio,
-        "pull [1]": off / np.sqrt(max(stated**2 - std**2, 1e-12 * stated**2)) if ratio < 1 else float("nan"),
-        "seen from": float("nan") if ratio > 1 - _NOTHING else 3.0 * stated / np.sqrt(max(1 - ratio**2, _NOTHING)),
+        q.FOUND.u_head: std,
+        q.POSTERIOR.head: ratio,
+        q.PULL.head: off / np.sqrt(max(stated**2 - std**2, 1e-12 * stated**2)) if ratio < 1 else blind,
+        q.DETECTION_LIMIT.head: blind if ratio > 1 - _NOTHING else 3.0 * stated / np.sqrt(max(1 - ratio**2, _NOTHING)),
     }
     return row | _finding(joint, touched[0] if touched else -1, ratio)
 
@@ -243,17 +245,17 @@ def _residuals(joint: Joint, names: Sequence[str], phasors: Phasors) -> list[dic
     return [
         {
             "test": name,
-            "added mass [kg]": float(added[i]),
-            "frequency [Hz]": float(phasors.frequency[i]),
-            "Re residual [N s/m]": float(left.impedance[i].real),
-            "Im residual [N s/m]": float(left.impedance[i].imag),
-            "u(Re) [N s/m]": float(std[i, 0]),
-            "u(Im) [N s/m]": float(std[i, 1]),
-            "Re Zr [N s/m]": float(impedance[i].real),
-            "Im Zr [N s/m]": float(impedance[i].imag),
-            "chi2 [1]": float(left.rig[i]),
-            "dof [1]": float(left.rig_dof[i]),
-            "outlier [1]": float(joint.outlier[i]),
+            q.ADDED_MASS.head: float(added[i]),
+            q.FREQUENCY.head: float(phasors.frequency[i]),
+            q.RESIDUAL_RE.head: float(left.impedance[i].real),
+            q.RESIDUAL_IM.head: float(left.impedance[i].imag),
+            q.RESIDUAL_RE.u_head: float(std[i, 0]),
+            q.RESIDUAL_IM.u_head: float(std[i, 1]),
+            q.ZR.parts[0]: float(impedance[i].real),
+            q.ZR.parts[1]: float(impedance[i].imag),
+            q.CHI2.head: float(left.rig[i]),
+            q.DOF.head: float(left.rig_dof[i]),
+            q.OUTLIER.head: float(joint.outlier[i]),
         }
         for i, name in enumerate(names)
     ]

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole.campaign.conditions import conditions_in, names_apart, rule_in
 from fourpole.campaign.tables import COVARIANCE_COLUMNS
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
@@ -28,9 +29,9 @@ from fourpole.units import shown
 __all__ = ["Measured", "MeasuredSet", "measured_of", "read_measured", "table_of"]
 
 _MOST_BYTES = 2_000_000_000
-FREQUENCY, RE, IM = "frequency [Hz]", "Re K* [N/m]", "Im K* [N/m]"
-_STD = ("u(Re K*) [N/m]", "u(Im K*) [N/m]", "corr(Re,Im K*) [1]")
-_K1 = ("K1 [N/m]", "u(K1) [N/m]")
+FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
+_STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)
+_K1 = (q.K1.head, q.K1.u_head)
 #: No frequency, and no stiffness in SI, is larger.
 _LARGEST = 1e25
 _RULE = Sameness()
@@ -86,7 +87,7 @@ class Measured(ByValue):
         parts = []
         for column, value in self.state.items():
             name, _, unit = column.removesuffix("]").partition(" [")
-            if column == "pressure [Pa]":
+            if column == q.PRESSURE.head:
                 parts.append(f"{value / 1e5:.4g} bar")
             elif column in _USUAL:
                 parts.append(f"{value:.5g} {'°C' if unit == 'degC' else unit}")

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 from scipy import stats
 
+from fourpole import quantities as q
 from fourpole.campaign.measured import Measured, MeasuredSet
 from fourpole.campaign.modelfile import (
     CandidateFile,
@@ -232,7 +233,7 @@ def _common(measured: Sequence[Measured]) -> list[FloatArray]:
 
 def _held(measured: Measured, given: Mapping[str, float]) -> dict[str, float]:
     """What is known of a model's parameters: what is given, and the inflation pressure."""
-    pressure = measured.state.get("pressure [Pa]")
+    pressure = measured.state.get(q.PRESSURE.head)
     return {**({"p": pressure} if pressure is not None else {}), **given}
 
 
@@ -445,7 +446,7 @@ def rig_file(record: Mapping[str, Any], found: pl.DataFrame) -> RigFile | None:
         return None
     name, stated = next(iter(rigs.items()))
     rows = found.filter(found["rig"] == name).to_dicts() if found.height else []
-    better = {row["value"]: (row["found"], row["u(found)"]) for row in rows}
+    better = {row["value"]: (row["found"], row[q.FOUND.u_head]) for row in rows}
     values = {}
     for symbol, unit in PARAMETERS.items():
         one = stated.get(symbol)

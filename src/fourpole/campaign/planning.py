@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole.campaign.channels import DEFAULT_GAIN_STD, DEFAULT_PHASE_STD
 from fourpole.campaign.folder import Campaign, Test, read_campaign
 from fourpole.campaign.identified import ADDED_MASS_STD, setup_of
@@ -352,7 +353,7 @@ class _Earlier:
         """From a results folder, if there is one."""
         if not (folder / "dynamic.csv").is_file():
             return None
-        wanted = ("K1 [N/m]", "u(K1) [N/m]", "K2 [N/m]", "C [N s/m]")
+        wanted = (q.K1.head, q.K1.u_head, q.K2.head, q.C.head)
         frame = read_results(folder).dynamic.drop_nulls(wanted)
         frame = frame.filter(pl.all_horizontal(pl.col(name) > 0 for name in wanted if not name.startswith("u(")))
         return cls(frame.to_dicts())
@@ -365,10 +366,10 @@ class _Earlier:
 
         def apart(row: dict[str, Any]) -> tuple[float, float]:
             state = sum(_off(row[f"{name} [{unit}]"], test.value(name)) for name, unit in _STATE)
-            return round(state, 3), _off(row["frequency [Hz]"], test.value("frequency"))
+            return round(state, 3), _off(row[q.FREQUENCY.head], test.value("frequency"))
 
         row = min(rows, key=apart)
-        return row["K1 [N/m]"], row["u(K1) [N/m]"], row["K2 [N/m]"], row["C [N s/m]"]
+        return row[q.K1.head], row[q.K1.u_head], row[q.K2.head], row[q.C.head]
 
 
 _STATE = (("pressure", "Pa"), ("preload", "N"))
@@ -449,19 +450,19 @@ def _rows(
                 "rig": item.name,
                 "test": test.name,
                 "tyre": test.tyre,
-                "pressure [Pa]": _float(test.value("pressure")),
-                "preload [N]": _float(test.value("preload")),
-                "added mass [kg]": float(plan.tests.added_mass[at]),
-                "frequency [Hz]": float(plan.tests.frequency[at]),
+                q.PRESSURE.head: _float(test.value("pressure")),
+                q.PRELOAD.head: _float(test.value("preload")),
+                q.ADDED_MASS.head: float(plan.tests.added_mass[at]),
+                q.FREQUENCY.head: float(plan.tests.frequency[at]),
                 "route": route,
                 **tyre_cells(found, at),
-                "u(K2) from K1 [N/m]": float(of_k1[at, 0]),
-                "u(C) from K1 [N s/m]": float(of_k1[at, 1]),
-                "TR predicted [1]": float(found.tr_predicted[at]),
-                "u(TR) [1]": float(found.tr_std[at]),
-                "u(K*)/K* [1]": float(relative[at, 0]),
-                "u(K2)/K2 [1]": float(relative[at, 1]),
-                "u(C)/C [1]": float(relative[at, 2]),
+                q.K2.u_head_from(q.K1): float(of_k1[at, 0]),
+                q.C.u_head_from(q.K1): float(of_k1[at, 1]),
+                q.TR_PREDICTED.head: float(found.tr_predicted[at]),
+                q.TR.u_head: float(found.tr_std[at]),
+                q.K_STAR.relative_head: float(relative[at, 0]),
+                q.K2.relative_head: float(relative[at, 1]),
+                q.C.relative_head: float(relative[at, 2]),
             }
         )
     return rows

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole.campaign.folder import Test
 from fourpole.campaign.planning import CampaignPlan
 
@@ -205,8 +206,8 @@ def _frame(rows: Sequence[_Row], extra: Sequence[str]) -> pl.DataFrame:
         "kind": [test.kind for test in tests],
         "tyre": [test.tyre for test in tests],
         "pressure [bar]": [None if p is None else round(p, 10) for p in numbers("pressure", 1e5)],
-        "preload [N]": numbers("preload"),
-        "frequency [Hz]": numbers("frequency"),
+        q.PRELOAD.head: numbers("preload"),
+        q.FREQUENCY.head: numbers("frequency"),
         "added_mass [kg]": [None if test.kind == "static" else test.value("added_mass") or 0.0 for test in tests],
     }
     for name, unit in _OPTIONAL.items():
@@ -215,7 +216,7 @@ def _frame(rows: Sequence[_Row], extra: Sequence[str]) -> pl.DataFrame:
     if any(test.rig for test in tests):
         columns["rig"] = [test.rig for test in tests]
     if any(test.window is not None for test in tests):
-        columns["window [s]"] = ["" if (w := test.window) is None else f"{w[0]:g}..{w[1]:g}" for test in tests]
+        columns[q.WINDOW.head] = ["" if (w := test.window) is None else f"{w[0]:g}..{w[1]:g}" for test in tests]
     for name in extra:
         if name not in ("repeat", INSTRUCTION):
             columns[name] = [test.extra.get(name, "") for test in tests]

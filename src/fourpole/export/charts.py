@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.export.source import Source
-from fourpole.plot.sheet import K2, LOSS, REAL, TR, C, Quantity, floats, spread
+from fourpole.plot.sheet import floats, spread
 from fourpole.plot.style import Style
+from fourpole.quantities import Quantity
 
 __all__ = ["add_charts"]
 
 _DATA, _STATIC = "chart data", "chart data K1"
-_QUANTITIES = (K2, C, REAL, LOSS, TR)
-_FREQUENCY, _PRESSURE, _K1, _U_K1 = "frequency [Hz]", "pressure [bar]", "K1 [kN/m]", "u(K1) [kN/m]"
+_QUANTITIES = (q.K2, q.C, q.STORAGE, q.LOSS_FACTOR, q.TR_MEASURED)
 _MARKERS = ("circle", "square", "triangle", "diamond", "star", "plus")
 _DASHES = ("solid", "dash", "round_dot", "dash_dot", "long_dash", "long_dash_dot")
 #: A chart with more curves than that shows none of them.
@@ -61,14 +62,14 @@ def add_charts(
             shown, said = _fewer(curves[load])
             notes += [f"{quantity.name}, {source.sheet.name_of_load(load)}: {said}"] if said else []
             title = ", ".join(part for part in (quantity.name, source.sheet.name_of_load(load)) if part)
-            chart = _chart(book, title, _FREQUENCY, quantity.label, floats(table, _FREQUENCY))
-            _add_curves(chart, _DATA, table, shown, (_FREQUENCY, quantity.label, f"u({quantity.name})"))
+            chart = _chart(book, title, table, (q.FREQUENCY, quantity))
+            _add_curves(chart, _DATA, table, shown, (q.FREQUENCY, quantity))
             sheet.insert_chart(down * _ROWS, across * _COLUMNS, chart)
     if static_curves:
         shown, said = _fewer(static_curves)
         notes += [f"K1: {said}"] if said else []
-        chart = _chart(book, "Static stiffness K1", _PRESSURE, _K1, floats(static, _PRESSURE))
-        _add_curves(chart, _STATIC, static, shown, (_PRESSURE, _K1, "u(K1)"))
+        chart = _chart(book, "Static stiffness K1", static, (q.PRESSURE, q.K1))
+        _add_curves(chart, _STATIC, static, shown, (q.PRESSURE, q.K1))
         sheet.insert_chart(len(_QUANTITIES) * _ROWS, 0, chart)
     return tuple(dict.fromkeys(notes))
 
@@ -95,13 +96,13 @@ def _dynamic_data(source: Source) -> tuple[pl.DataFrame, dict[int, list[_Curve]]
         marker = _MARKERS[condition.pressure % len(_MARKERS)]
         dash = _DASHES[(condition.setting + condition.repeat) % len(_DASHES)]
         curves.setdefault(condition.load, []).append(_Curve(first, len(rows), *look, marker, dash))
-    frame = sheet.table[rows].select("test", "tyre", "preload [N]", "verdict")
-    columns = {"curve": names, _FREQUENCY: sheet.values(_FREQUENCY)[rows]}
+    frame = sheet.table[rows].select("test", "tyre", q.PRELOAD.head, "verdict")
+    columns = {"curve": names, q.FREQUENCY.label: sheet.shown(q.FREQUENCY)[0][rows]}
     for quantity in _QUANTITIES:
         value, std = sheet.shown(quantity)
-        columns |= {quantity.label: value[rows], _uncertain(quantity): std[rows]}
+        columns |= {quantity.label: value[rows], quantity.u_label: std[rows]}
     return frame.with_columns(_series(columns)).select(
-        "curve", "test", "tyre", "preload [N]", *list(columns)[1:], "verdict"
+        "curve", "test", "tyre", q.PRELOAD.head, *list(columns)[1:], "verdict"
     ), curves
 
 
@@ -110,15 +111,11 @@ def _series(columns: dict[str, Any]) -> Iterator[pl.Series]:
         yield pl.Series(name, values, dtype=pl.String if isinstance(values, list) else pl.Float64)
 
 
-def _uncertain(quantity: Quantity) -> str:
-    return f"u({quantity.name}) [{quantity.unit}]"
-
-
 def _static_data(source: Source) -> tuple[pl.DataFrame, list[_Curve]]:
     """K1 by tyre and load over pressure."""
     sheet, style, static = source.sheet, Style(), source.results.static
-    pressure, k1, std = (floats(static, name) for name in ("pressure [Pa]", "K1 [N/m]", "u(K1) [N/m]"))
-    load, verdicts = floats(static, "preload [N]"), static["verdict"].to_list()
+    pressure, k1, std = (floats(static, name) for name in (q.PRESSURE.head, q.K1.head, q.K1.u_head))
+    load, verdicts = floats(static, q.PRELOAD.head), static["verdict"].to_list()
     tyres = [text or "" for text in static["tyre"].to_list()]
     used = [
         row
@@ -138,8 +135,9 @@ def _static_data(source: Source) -> tuple[pl.DataFrame, list[_Curve]]:
         colour = style.colour(tyre)
         names += [named] * len(mine)
         curves.append(_Curve(first, len(order), colour, colour, _MARKERS[at % 6], _DASHES[at % len(_DASHES)]))
-    frame = static[order].select("test", "tyre", "preload [N]")
-    columns = {"curve": names, _PRESSURE: pressure[order] * 1e-5, _K1: k1[order] * 1e-3, _U_K1: std[order] * 1e-3}
+    frame = static[order].select("test", "tyre", q.PRELOAD.head)
+    shown = {q.PRESSURE.label: pressure / q.PRESSURE.scale, q.K1.label: k1 / q.K1.scale, q.K1.u_label: std / q.K1.scale}
+    columns = {"curve": names, **{name: values[order] for name, values in shown.items()}}
     return frame.with_columns(_series(columns)).select("curve", *frame.columns, *list(columns)[1:]), curves
 
 
@@ -148,10 +146,11 @@ def _group(source: Source, load: float) -> int:
     return source.sheet.loads.nearest(load) if np.isfinite(load) and len(source.sheet.loads) else -1
 
 
-def _chart(book: Any, title: str, x: str, y: str, values: FloatArray) -> Any:
+def _chart(book: Any, title: str, table: pl.DataFrame, axes: tuple[Quantity, Quantity]) -> Any:
     chart = book.add_chart({"type": "scatter", "subtype": "straight_with_markers"})
     font, grid = {"size": 9}, {"visible": True, "line": {"color": "#E3E6E9", "width": 0.75}}
-    low, high, step = _ends(values)
+    x, y = (quantity.label for quantity in axes)
+    low, high, step = _ends(floats(table, x))
     shared = {"name_font": {"size": 9, "bold": False}, "num_font": font, "major_gridlines": grid}
     chart.set_title({"name": title, "name_font": {"size": 11, "bold": True}, "overlay": False})
     chart.set_x_axis({"name": x, "min": low, "max": high, "major_unit": step, "label_position": "low", **shared})
@@ -173,12 +172,11 @@ def _ends(values: FloatArray) -> tuple[float, float, float]:
 
 
 def _add_curves(
-    chart: Any, sheet: str, table: pl.DataFrame, curves: Sequence[_Curve], columns: tuple[str, str, str]
+    chart: Any, sheet: str, table: pl.DataFrame, curves: Sequence[_Curve], axes: tuple[Quantity, Quantity]
 ) -> None:
     """Curves with error bars of one standard uncertainty."""
-    x, y, std = columns
-    std_at = next(at for at, name in enumerate(table.columns) if name.startswith(f"{std} ["))
-    x_at, y_at = table.columns.index(x), table.columns.index(y)
+    x, y = axes
+    x_at, y_at, std_at = (table.columns.index(name) for name in (x.label, y.label, y.u_label))
     for curve in curves:
         bars = _range(sheet, curve, std_at)
         line = {"color": curve.colour, "width": 1.25, "dash_type": curve.dash}

@@ -11,27 +11,20 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.export.source import SIGNS, Source, field_names, unit_of
 from fourpole.io.write import write_bytes
 from fourpole.plot.sheet import floats
+from fourpole.quantities import Quantity
 
 __all__ = ["write"]
 
 _HEAD = 116
-#: Complex values of the dynamic tests: field, unit, columns of parts, of their uncertainties and of the correlation.
-_COMPLEX = {
-    "K": ("N/m", ("Re K* [N/m]", "Im K* [N/m]"), ("u(Re K*) [N/m]", "u(Im K*) [N/m]"), "corr(Re,Im K*) [1]"),
-    "mobility": (
-        "m/(N s)",
-        ("R [m/(N s)]", "I [m/(N s)]"),
-        ("u(R) [m/(N s)]", "u(I) [m/(N s)]"),
-        "corr(R,I) [1]",
-    ),
-}
-_ARM = (("K2 [N/m]", "C [N s/m]"), ("u(K2) [N/m]", "u(C) [N s/m]"), "corr(K2,C) [1]")
+#: Complex values of the dynamic tests, by field: the correlation of their parts.
+_COMPLEX = {"K": q.CORR_K, "mobility": q.CORR_R_I}
 _OWN = ("units", "names", "K", "K_covariance", "mobility", "mobility_covariance", "K2_C_covariance")
-_COVARIANCE = "covariance Re F1, Im F1, Re V1, Im V1, Re V2, Im V2"
+_COVARIANCE = q.PHASOR_COVARIANCE.head
 
 
 def write(source: Source, path: Path) -> tuple[str, ...]:
@@ -85,10 +78,10 @@ def _cell(texts: list[Any]) -> NDArray[np.object_]:
     return cell
 
 
-def _covariance(table: pl.DataFrame, stds: tuple[str, str], correlation: str) -> FloatArray:
+def _covariance(table: pl.DataFrame, correlation: Quantity) -> FloatArray:
     """(2, 2, n) covariance."""
-    first, second = (floats(table, name) for name in stds)
-    cross = floats(table, correlation) * first * second
+    first, second = (floats(table, one.u_head) for one in correlation.pair)
+    cross = floats(table, correlation.head) * first * second
     return np.array([[first**2, cross], [cross, second**2]])
 
 
@@ -104,12 +97,13 @@ def _complex_fields(table: pl.DataFrame) -> dict[str, Any]:
     base = _struct(table)
     fields: dict[str, Any] = {}
     units, names = base["units"], base["names"]
-    for field, (unit, parts, stds, correlation) in _COMPLEX.items():
+    for field, correlation in _COMPLEX.items():
+        parts, unit = [one.head for one in correlation.pair], correlation.pair[0].unit
         fields[field] = _complex(*(floats(table, part) for part in parts))
-        fields[f"{field}_covariance"] = _covariance(table, stds, correlation)
+        fields[f"{field}_covariance"] = _covariance(table, correlation)
         units |= {field: unit, f"{field}_covariance": f"({unit})^2"}
         names |= {field: f"{parts[0]} + j {parts[1]}", f"{field}_covariance": "of (Re, Im), 2 x 2 x test"}
-    fields["K2_C_covariance"] = _covariance(table, *_ARM[1:])
+    fields["K2_C_covariance"] = _covariance(table, q.CORR_K2_C)
     units["K2_C_covariance"] = "(N/m)^2, (N/m)(N s/m), (N s/m)^2"
     names["K2_C_covariance"] = "of (K2, C), 2 x 2 x test"
     return {**fields, "units": units, "names": names}
@@ -119,9 +113,10 @@ def _phasors(table: pl.DataFrame) -> dict[str, Any]:
     """Complex amplitudes with the covariance of all six parts, (6, 6, n)."""
     plain = table.select(name for name in table.columns if name != _COVARIANCE and name[:3] not in ("Re ", "Im "))
     struct = _struct(plain)
-    for name, unit in (("F1", "N"), ("V1", "m/s"), ("V2", "m/s")):
-        struct[name] = _complex(floats(table, f"Re {name} [{unit}]"), floats(table, f"Im {name} [{unit}]"))
-        struct["units"][name], struct["names"][name] = unit, f"Re {name} [{unit}] + j Im {name} [{unit}]"
+    for one in (q.F1, q.V1, q.V2):
+        name, (real, imag) = one.name, one.parts
+        struct[name] = _complex(floats(table, real), floats(table, imag))
+        struct["units"][name], struct["names"][name] = one.unit, f"{real} + j {imag}"
     listed = table[_COVARIANCE].to_numpy().astype(float).reshape(-1, 6, 6)
     struct["covariance"] = np.moveaxis(listed, 0, -1)
     struct["units"]["covariance"] = "of the products of N, N, m/s, m/s, m/s, m/s"

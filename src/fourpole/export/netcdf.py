@@ -15,10 +15,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.errors import TableError
 from fourpole.export.source import SIGNS, Source, counted, field_names, need, some, through_file, typed, unit_of
 from fourpole.plot.sheet import Groups, floats
+from fourpole.quantities import QUANTITIES, meaning_of
 
 __all__ = ["write"]
 
@@ -26,40 +28,7 @@ _DIMENSIONS = ("tyre", "pressure", "preload", "frequency", "setting", "repeat")
 #: More cells than this are no grid but a list of tests.
 _MOST_CELLS = 2_000_000
 _VERDICTS = ("ok", "warning")
-#: What the columns of the tables are called in full.
-_LONG = {
-    "F1 [N]": "amplitude of the force at the contact",
-    "V1 [m/s]": "amplitude of the velocity at the contact",
-    "V2 [m/s]": "amplitude of the velocity of the moving mass",
-    "phase F1-V1 [rad]": "phase of F1 ahead of V1",
-    "phase V2-V1 [rad]": "phase of V2 ahead of V1",
-    "R [m/(N s)]": "real part of the mobility V1/F1",
-    "I [m/(N s)]": "imaginary part of the mobility V1/F1",
-    "Re K* [N/m]": "real part of the dynamic stiffness",
-    "Im K* [N/m]": "imaginary part of the dynamic stiffness",
-    "loss factor [1]": "loss factor Im K* / Re K*",
-    "K1 [N/m]": "static stiffness at the preload",
-    "K2 [N/m]": "stiffness of the spring in series with C",
-    "C [N s/m]": "damping of the damper in series with K2",
-    "TR measured [1]": "modulus of V2/V1, measured",
-    "TR predicted [1]": "modulus of V2/V1 that K* and the rig give",
-    "corr(R,I) [1]": "correlation of R and I",
-    "corr(Re,Im K*) [1]": "correlation of Re K* and Im K*",
-    "corr(K2,C) [1]": "correlation of K2 and C",
-    "temperature [degC]": "temperature of the test",
-    "added mass [kg]": "mass added to the moving mass",
-    "frequency [Hz]": "frequency found in the recording",
-    "secant [N/m]": "secant static stiffness",
-    "hysteresis loss [J]": "energy lost in a cycle of the static curve",
-    "nonlinearity [1]": "departure of the static curve from a line, over the load span",
-}
-_STD = {"TR measured [1]": ("u(TR) [1]",), "TR predicted [1]": ("u(TR) [1]",)}
-_CORRELATED = {
-    "corr(R,I) [1]": ("R [m/(N s)]", "I [m/(N s)]"),
-    "corr(Re,Im K*) [1]": ("Re K* [N/m]", "Im K* [N/m]"),
-    "corr(K2,C) [1]": ("K2 [N/m]", "C [N s/m]"),
-}
-_PLACED = {"tyre", "pressure [Pa]", "preload [N]", "construction", "verdict"}
+_PLACED = {"tyre", q.PRESSURE.head, q.PRELOAD.head, "construction", "verdict"}
 #: Names of coordinates and of what is added to the tables' columns.
 _TAKEN = {*_DIMENSIONS, "verdict", "study_json", "construction", "static_test", "frequency_found"}
 
@@ -125,7 +94,7 @@ def _static_grid(source: Source) -> tuple[_Grid, tuple[str, ...]]:
     """The static tests; several of one tyre, pressure and load stand beside each other in `static_test`."""
     sheet, static = source.sheet, source.results.static
     names, verdicts = static["test"].to_list(), static["verdict"].to_list()
-    pressure, load = floats(static, "pressure [Pa]"), floats(static, "preload [N]")
+    pressure, load = floats(static, q.PRESSURE.head), floats(static, q.PRELOAD.head)
     found: list[tuple[int, ...]] = []
     rows: list[int] = []
     out: list[str] = []
@@ -177,40 +146,28 @@ def _dynamic(source: Source, grid: _Grid) -> dict[str, Variable]:
 
 def _fields(columns: Sequence[str]) -> dict[str, str]:
     """Names of variables; the frequency that was found is another one than the grid's."""
-    return {**field_names(columns, taken=_TAKEN), "frequency [Hz]": "frequency_found"}
+    return {**field_names(columns, taken=_TAKEN), q.FREQUENCY.head: "frequency_found"}
 
 
 def _ancillary(columns: Sequence[str], fields: Mapping[str, str]) -> dict[str, str]:
     """Which variables say how sure a value is, as CF links them."""
     held: dict[str, list[str]] = {}
-    for column in columns:
-        name, unit = column.rpartition(" [")[0], unit_of(column)
-        stds = _STD.get(column, (f"u({name}) [{unit}]",))
-        held[column] = [fields[std] for std in stds if std in fields]
-    for correlation, pair in _CORRELATED.items():
-        for column in pair:
-            if column in held and correlation in fields:
-                held[column].append(fields[correlation])
-    return {column: " ".join([*names, "verdict"]) for column, names in held.items() if names}
+    for one in QUANTITIES:
+        held.setdefault(one.head, []).extend(fields[head] for head in (one.u_head,) if head in fields)
+        for other in one.pair if one.head in fields else ():
+            held.setdefault(other.head, []).append(fields[one.head])
+    return {column: " ".join([*held[column], "verdict"]) for column in columns if held.get(column)}
 
 
 def _variable(table: pl.DataFrame, column: str, grid: _Grid, ancillary: str = "") -> Variable:
     """A column on the grid, with its unit and what it is."""
-    attributes: dict[str, Any] = {"long_name": _long_name(column)}
+    attributes: dict[str, Any] = {"long_name": meaning_of(column)}
     if table.schema[column] == pl.String:
         return grid.dimensions, grid.texts([text or "" for text in table[column].to_list()]), attributes
     attributes["units"] = unit_of(column) or "1"
     if ancillary:
         attributes["ancillary_variables"] = ancillary
     return grid.dimensions, grid.numbers(floats(table, column)), attributes
-
-
-def _long_name(column: str) -> str:
-    """What a column is, in words."""
-    if column in _LONG:
-        return _LONG[column]
-    name = column.rpartition(" [")[0] or column
-    return f"standard uncertainty of {name[2:-1]}" if name.startswith("u(") and name.endswith(")") else name
 
 
 def _static(source: Source, grid: _Grid) -> dict[str, Variable]:
@@ -221,7 +178,7 @@ def _static(source: Source, grid: _Grid) -> dict[str, Variable]:
     columns = [name for name in table.columns if name not in _PLACED]
     fields = {column: f"static_{field}" for column, field in field_names(columns).items()}
     fields["test"] = "static_test_name"
-    held = {column: f"static_{field}" for column, field in (("K1 [N/m]", "u_K1"),)}
+    held = {column: f"static_{field}" for column, field in ((q.K1.head, "u_K1"),)}
     return {field: _variable(table, column, grid, held.get(column, "")) for column, field in fields.items()}
 
 

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results, read_results
 from fourpole.core.arrays import ByValue
 from fourpole.errors import CampaignError, FileError
@@ -153,7 +154,7 @@ class Source(ByValue):
         for row, repeat in enumerate(self.repeats):
             if repeat >= 0:
                 rows.setdefault((*self.place(row), repeat), []).append(row)
-        frequency = self.sheet.values("frequency [Hz]")
+        frequency = self.sheet.values(q.FREQUENCY.head)
         return tuple(Condition(*key, tuple(sorted(rows[key], key=lambda row: frequency[row]))) for key in sorted(rows))
 
     def name_of(self, condition: Condition, *, load: bool = True) -> str:

@@ -16,44 +16,47 @@ from pathlib import Path
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.errors import FileError, TableError
 from fourpole.export.source import SIGNS, Condition, Source
 from fourpole.io.formats.tydex import TydexChannel, TydexEntry, TydexFile, write_tydex
 from fourpole.plot.sheet import floats
+from fourpole.quantities import DERIVED
 
 __all__ = ["write"]
 
 #: Column, name and description of each channel; units are those of the columns.
 _CHANNELS = (
-    ("frequency [Hz]", "FREQUENC", "Excitation frequency"),
-    ("Re K* [N/m]", "KDYN_RE", "Dynamic stiffness, real part"),
-    ("Im K* [N/m]", "KDYN_IM", "Dynamic stiffness, imag part"),
-    ("u(Re K*) [N/m]", "U_KDYNRE", "Std uncertainty of KDYN_RE"),
-    ("u(Im K*) [N/m]", "U_KDYNIM", "Std uncertainty of KDYN_IM"),
-    ("corr(Re,Im K*) [1]", "RHO_KDYN", "Correlation KDYN_RE, KDYN_IM"),
-    ("loss factor [1]", "LOSSFACT", "Loss factor KDYN_IM/KDYN_RE"),
-    ("u(loss factor) [1]", "U_LOSSF", "Std uncertainty of LOSSFACT"),
-    ("K1 [N/m]", "K1", "Static stiffness at the load"),
-    ("u(K1) [N/m]", "U_K1", "Std uncertainty of K1"),
-    ("K2 [N/m]", "K2", "Spring in series with C"),
-    ("C [N s/m]", "C", "Damper in series with K2"),
-    ("u(K2) [N/m]", "U_K2", "Std uncertainty of K2"),
-    ("u(C) [N s/m]", "U_C", "Std uncertainty of C"),
-    ("corr(K2,C) [1]", "RHO_K2C", "Correlation of K2 and C"),
-    ("TR measured [1]", "TR_MEAS", "Transmissibility, measured"),
-    ("TR predicted [1]", "TR_PRED", "Transmissibility, predicted"),
-    ("u(TR) [1]", "U_TR", "Std uncertainty of TR_PRED"),
-    ("R [m/(N s)]", "MOB_RE", "Mobility V1/F1, real part"),
-    ("I [m/(N s)]", "MOB_IM", "Mobility V1/F1, imag part"),
-    ("u(R) [m/(N s)]", "U_MOBRE", "Std uncertainty of MOB_RE"),
-    ("u(I) [m/(N s)]", "U_MOBIM", "Std uncertainty of MOB_IM"),
-    ("corr(R,I) [1]", "RHO_MOB", "Correlation MOB_RE, MOB_IM"),
-    ("F1 [N]", "F1AMPL", "Force at contact, 0-peak"),
-    ("V1 [m/s]", "V1AMPL", "Velocity at contact, 0-peak"),
-    ("V2 [m/s]", "V2AMPL", "Velocity of mass, 0-peak"),
-    ("phase F1-V1 [rad]", "PHASEFV1", "Phase of F1 ahead of V1"),
-    ("phase V2-V1 [rad]", "PHASEV21", "Phase of V2 ahead of V1"),
-    ("temperature [degC]", "TESTTEMP", "Temperature of the test"),
+    (q.FREQUENCY.head, "FREQUENC", "Excitation frequency"),
+    (q.STORAGE.head, "KDYN_RE", "Dynamic stiffness, real part"),
+    (q.LOSS.head, "KDYN_IM", "Dynamic stiffness, imag part"),
+    (q.STORAGE.u_head, "U_KDYNRE", "Std uncertainty of KDYN_RE"),
+    (q.LOSS.u_head, "U_KDYNIM", "Std uncertainty of KDYN_IM"),
+    (q.CORR_K.head, "RHO_KDYN", "Correlation KDYN_RE, KDYN_IM"),
+    (q.LOSS_FACTOR.head, "LOSSFACT", "Loss factor KDYN_IM/KDYN_RE"),
+    (q.LOSS_FACTOR.u_head, "U_LOSSF", "Std uncertainty of LOSSFACT"),
+    (q.K1.head, "K1", "Static stiffness at the load"),
+    (q.K1.u_head, "U_K1", "Std uncertainty of K1"),
+    (q.K2.head, "K2", "Spring in series with C"),
+    (q.C.head, "C", "Damper in series with K2"),
+    (q.K2.u_head, "U_K2", "Std uncertainty of K2"),
+    (q.C.u_head, "U_C", "Std uncertainty of C"),
+    (q.CORR_K2_C.head, "RHO_K2C", "Correlation of K2 and C"),
+    (q.TR_MEASURED.head, "TR_MEAS", "Transmissibility, measured"),
+    (q.TR_PREDICTED.head, "TR_PRED", "Transmissibility, predicted"),
+    (q.TR.u_head, "U_TR", "Std uncertainty of TR_PRED"),
+    (q.R.head, "MOB_RE", "Mobility V1/F1, real part"),
+    (q.I.head, "MOB_IM", "Mobility V1/F1, imag part"),
+    (q.R.u_head, "U_MOBRE", "Std uncertainty of MOB_RE"),
+    (q.I.u_head, "U_MOBIM", "Std uncertainty of MOB_IM"),
+    (q.CORR_R_I.head, "RHO_MOB", "Correlation MOB_RE, MOB_IM"),
+    (q.F1.head, "F1AMPL", "Force at contact, 0-peak"),
+    (q.V1.head, "V1AMPL", "Velocity at contact, 0-peak"),
+    (q.V2.head, "V2AMPL", "Velocity of mass, 0-peak"),
+    (q.PHASE_F1.head, "PHASEFV1", "Phase of F1 ahead of V1"),
+    (q.PHASE_V2.head, "PHASEV21", "Phase of V2 ahead of V1"),
+    (q.TEMPERATURE.head, "TESTTEMP", "Temperature of the test"),
+    *((one.head, one.key.upper()[:8], one.meaning[:30]) for one in DERIVED),
 )
 _UNITS = {"1": "-", "degC": "deg C"}
 _SUPPLIER = TydexEntry("SUPPLIER", "fourpole", "", "Data supplier")
@@ -170,9 +173,9 @@ def _constants(source: Source, condition: Condition) -> Iterator[TydexEntry]:
     if np.isfinite(load):
         yield TydexEntry("FZW", f"{load:.12g}", "N", "Static load on the tyre")
     for column, name, unit, words in (
-        ("added mass [kg]", "ADDMASS", "kg", "Mass added to moving mass"),
-        ("K1 [N/m]", "K1STAT", "N/m", "Static stiffness at the load"),
-        ("u(K1) [N/m]", "U_K1STAT", "N/m", "Std uncertainty of K1STAT"),
+        (q.ADDED_MASS.head, "ADDMASS", "kg", "Mass added to moving mass"),
+        (q.K1.head, "K1STAT", "N/m", "Static stiffness at the load"),
+        (q.K1.u_head, "U_K1STAT", "N/m", "Std uncertainty of K1STAT"),
     ):
         values = floats(source.dynamic, column)[list(condition.rows)]
         if np.all(values == values[0]):  # blank is not equal to itself

@@ -11,10 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fourpole.core.arrays import FloatArray
+from fourpole import quantities as q
+from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import TableError
 from fourpole.export.source import Condition, Source, counted, need, some, through_file
 from fourpole.plot.sheet import floats
+from fourpole.quantities import Quantity
 
 __all__ = ["write"]
 
@@ -26,30 +28,29 @@ _CONTACT = 1
 
 
 class _Kind(NamedTuple):
-    """A function: its name, its columns, and what stands above and below in data type, label and unit."""
+    """A function: its name, its parts, and what stands above and below in data type, label and unit."""
 
     name: str
-    columns: tuple[str, str]
-    stds: tuple[str, str]
-    unit: str
+    parts: tuple[Quantity, ...]
     above: tuple[int, str, str]
     below: tuple[int, str, str]
+
+    def values(self, source: Source) -> ComplexArray:
+        """The complex values of all tests."""
+        real, imag = (floats(source.dynamic, one.head) for one in self.parts)
+        return real + 1j * imag
 
 
 _KINDS = (
     _Kind(
         "Mobility V1/F1 at the contact",
-        ("R [m/(N s)]", "I [m/(N s)]"),
-        ("u(R) [m/(N s)]", "u(I) [m/(N s)]"),
-        "m/(N s)",
+        q.CORR_R_I.pair,
         (_VELOCITY, "V1", "m/s"),
         (_FORCE, "F1", "N"),
     ),
     _Kind(
         "Dynamic stiffness K*, force over deflection",
-        ("Re K* [N/m]", "Im K* [N/m]"),
-        ("u(Re K*) [N/m]", "u(Im K*) [N/m]"),
-        "N/m",
+        q.CORR_K.pair,
         (_FORCE, "Force on the tyre", "N"),
         (_DISPLACEMENT, "Deflection", "m"),
     ),
@@ -86,8 +87,8 @@ def _without(source: Source) -> Iterator[str]:
 
 def _known(source: Source, rows: Sequence[int], kind: _Kind) -> list[int]:
     """Those rows that have the value: the format knows no missing ones."""
-    real, imag = (floats(source.dynamic, column) for column in kind.columns)
-    return [row for row in rows if np.isfinite(real[row]) and np.isfinite(imag[row])]
+    values = kind.values(source)
+    return [row for row in rows if np.isfinite(values[row])]
 
 
 def _heads(source: Source, name: str) -> list[dict[str, Any]]:
@@ -120,12 +121,12 @@ def _ascii(text: str) -> str:
 
 def _functions(source: Source, kind: _Kind) -> Iterator[dict[str, Any]]:
     table = source.dynamic
-    frequency = floats(table, "frequency [Hz]")
-    real, imag = (floats(table, column) for column in kind.columns)
+    frequency = floats(table, q.FREQUENCY.head)
+    values = kind.values(source)
     for condition in source.conditions:
         rows = _known(source, condition.rows, kind)
         if rows:
-            yield _function(source, kind, condition, rows, frequency[rows], (real + 1j * imag)[rows])
+            yield _function(source, kind, condition, rows, frequency[rows], values[rows])
 
 
 def _function(
@@ -163,7 +164,7 @@ def _axis(which: str, data_type: int, label: str, unit: str) -> dict[str, Any]:
 def _uncertainty(source: Source, kind: _Kind, rows: Sequence[int]) -> str:
     """The format has no place for uncertainties: their largest in a line of text."""
     largest = []
-    for column in kind.stds:
-        values = floats(source.dynamic, column)[rows]
+    for one in kind.parts:
+        values = floats(source.dynamic, one.u_head)[rows]
         largest.append(f"{np.nanmax(values):.3g}" if np.isfinite(values).any() else "unknown")
-    return f"e^(+jwt); standard uncertainty up to {largest[0]} (Re), {largest[1]} (Im) {kind.unit}"
+    return f"e^(+jwt); standard uncertainty up to {largest[0]} (Re), {largest[1]} (Im) {kind.parts[0].unit}"

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import FloatArray
 from fourpole.core.sources import Kind, Source
@@ -78,7 +79,7 @@ def source_colour(source: Source, style: Style) -> str:
 
 def budget(results: Results, style: Style) -> Figure | None:
     """Stacked shares of the variance of K2, C and K* over frequency, a row per quantity, a column per tyre."""
-    if "share [1]" not in results.budget.columns or "test" not in results.dynamic.columns:
+    if q.SHARE.head not in results.budget.columns or "test" not in results.dynamic.columns:
         return None
     sheet = read_sheet(results)
     rows = _rows(results.budget, sheet)
@@ -112,7 +113,7 @@ def budget(results: Results, style: Style) -> Figure | None:
         key.add(Patch(facecolor=source_colour(source, style), edgecolor=style.look.muted, linewidth=0.4),
                 value_label(source))  # fmt: skip
     labels = [f"share of {_QUANTITIES[name]} [%]" for name in quantities]
-    return grid.finish(key=key, notes=notes, x_label="frequency [Hz]", y_labels=labels, headings="top")
+    return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=labels, headings="top")
 
 
 def _rows(table: pl.DataFrame, sheet: Sheet) -> pl.DataFrame:
@@ -122,12 +123,12 @@ def _rows(table: pl.DataFrame, sheet: Sheet) -> pl.DataFrame:
             "test": sheet.table["test"],
             "tyre": sheet.tyre,
             "frequency": sheet.frequency,
-            "hertz": sheet.values("frequency [Hz]"),
+            "hertz": sheet.values(q.FREQUENCY.head),
             "rejected": sheet.rejected,
         }
     ).unique("test", maintain_order=True)
     kept = tests.filter(~pl.col("rejected") & (pl.col("frequency") >= 0)).drop("rejected")
-    share = pl.col("share [1]").cast(pl.Float64, strict=False).fill_nan(None).clip(lower_bound=0.0).alias("share")
+    share = pl.col(q.SHARE.head).cast(pl.Float64, strict=False).fill_nan(None).clip(lower_bound=0.0).alias("share")
     return (
         table.select("test", "quantity", "source", share)
         .drop_nulls()

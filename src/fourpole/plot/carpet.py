@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
@@ -39,19 +40,19 @@ class LoadLine(ByValue):
 def load_lines(results: Results, sheet: Sheet) -> list[LoadLine]:
     """The static tests that have a curve, in mm and kN."""
     previews = results.previews
-    if "mean load [N]" not in previews.columns or not results.static.height:
+    if q.MEAN_LOAD.head not in previews.columns or not results.static.height:
         return []
-    curves = previews.filter(pl.col("mean load [N]").list.len() > 1)
-    by_test = {row["test"]: row for row in curves.select("test", "mean deflection [m]", "mean load [N]").to_dicts()}
+    curves = previews.filter(pl.col(q.MEAN_LOAD.head).list.len() > 1)
+    by_test = {row["test"]: row for row in curves.select("test", q.MEAN_DEFLECTION.head, q.MEAN_LOAD.head).to_dicts()}
     lines = []
     for (test,), rows in results.static.group_by("test", maintain_order=True):
         if test not in by_test:
             continue
-        x = np.array(by_test[test]["mean deflection [m]"], dtype=float) * _MM
-        load = np.array(by_test[test]["mean load [N]"], dtype=float) * _KN
+        x = np.array(by_test[test][q.MEAN_DEFLECTION.head], dtype=float) * _MM
+        load = np.array(by_test[test][q.MEAN_LOAD.head], dtype=float) * _KN
         order = np.argsort(x, kind="stable")
         x, load = x[order], load[order]
-        pressure = rows["pressure [Pa]"][0]
+        pressure = rows[q.PRESSURE.head][0]
         lines.append(
             LoadLine(
                 test=str(test),

@@ -14,12 +14,14 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.campaign.study import make_folder
 from fourpole.errors import CampaignError
 from fourpole.io.write import write_bytes
-from fourpole.plot import budget, carpet, choice, models, motion, operating, properties, rig, schemes, sheet, stiffness
+from fourpole.plot import budget, carpet, choice, models, motion, operating, properties, rig, schemes, stiffness
 from fourpole.plot.style import Style, drawing
+from fourpole.quantities import DERIVED
 
 __all__ = ["FIGURES", "FORMATS", "FigureSpec", "draw", "render", "save_figures", "write_figure"]
 
@@ -72,7 +74,7 @@ def _specs() -> Iterable[FigureSpec]:
         "Lattice of mean load-deflection curves: each curve is one pressure, each cross-line one deflection.",
         carpet.load_deflection,
     )
-    shown = ((6, sheet.C, "damping coefficient C"), (10, sheet.K2, "dynamic stiffness K2"))
+    shown = ((6, q.C, "damping coefficient C"), (10, q.K2, "dynamic stiffness K2"))
     for first, quantity, words in shown:
         for at, (against, curves, make) in enumerate(
             (
@@ -108,6 +110,13 @@ def _specs() -> Iterable[FigureSpec]:
         "Storage stiffness K', loss stiffness K'' and loss factor K''/K' of each tyre, with standard uncertainties.",
         stiffness.stiffness,
     )
+    for one in DERIVED:
+        yield FigureSpec(
+            one.key.replace("_", "-"),
+            f"{one.name[:1].upper()}{one.name[1:]} against frequency",
+            f"The {one.meaning}, at the lowest preload, with standard uncertainties.",
+            partial(properties.against_frequency, quantity=one, high=False),
+        )
     yield FigureSpec(
         "nyquist",
         "Nyquist plot of the dynamic stiffness",

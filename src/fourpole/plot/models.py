@@ -13,13 +13,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from fourpole import quantities as q
 from fourpole.campaign.modelfile import ConditionFile, ModelEntry, column_of, response
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.models.data import NORMAL_95
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, curve, limit, span, tyre_heading
-from fourpole.plot.sheet import FREQUENCY, IMAG, REAL, Sheet, read_sheet, spread
+from fourpole.plot.sheet import Sheet, read_sheet, spread
 from fourpole.plot.style import Style, load_dashes, mixed, plain_text, pressure_marker
 
 __all__ = ["band", "heading", "key_of_band", "models", "numbered", "share", "steep", "steep_limits"]
@@ -36,8 +37,8 @@ _GRID_WIDE, _GRID = 121, 51
 _LEAST_INK = 0.5
 #: Residuals that most lie within, and the least that their axis shows.
 _USUAL, _LEAST_SHOWN = 2.0, 3.0
-_CORRELATION = "corr(Re,Im K*) [1]"
-_STATED = ("pressure [Pa]", "preload [N]")
+_CORRELATION = q.CORR_K.head
+_STATED = (q.PRESSURE.head, q.PRELOAD.head)
 
 
 @dataclass(frozen=True)
@@ -119,8 +120,8 @@ def models(results: Results, style: Style) -> Figure | None:
     _series_keys(key, found, shown, sheet, style)
     key_of_band(key, style)
     _say(notes, found, curves)
-    labels = [REAL.label, IMAG.label, "residual K' [1]", "residual K'' [1]"]
-    return grid.finish(key=key, notes=notes, x_label=FREQUENCY.label, y_labels=labels, headings="top")
+    labels = [q.STORAGE.label, q.LOSS.label, "residual K' [1]", "residual K'' [1]"]
+    return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=labels, headings="top")
 
 
 def _conditions(entry: ModelEntry, sheet: Sheet) -> list[_Drawn]:
@@ -144,7 +145,7 @@ def _rows(one: ConditionFile, state: dict[str, float], sheet: Sheet) -> BoolArra
     """The tests of a condition by name; where they have none, by where they stand."""
     if one.tests:
         return np.isin(np.array(sheet.table["test"].to_list(), dtype=object).astype(str), one.tests)
-    frequency = sheet.values(FREQUENCY.column)
+    frequency = sheet.values(q.FREQUENCY.head)
     mask = (frequency >= one.band[0] * (1 - 1e-9)) & (frequency <= one.band[1] * (1 + 1e-9))
     for column, value in state.items():
         mask &= np.isclose(sheet.values(column), value, rtol=_SAME, atol=1e-9)
@@ -152,10 +153,10 @@ def _rows(one: ConditionFile, state: dict[str, float], sheet: Sheet) -> BoolArra
 
 
 def _curves(one: _Drawn, sheet: Sheet) -> _Curves:
-    frequency = sheet.values(FREQUENCY.column)[one.rows]
+    frequency = sheet.values(q.FREQUENCY.head)[one.rows]
     order = np.argsort(frequency, kind="stable")
     frequency = frequency[order]
-    shown = [sheet.shown(quantity) for quantity in (REAL, IMAG)]
+    shown = [sheet.shown(quantity) for quantity in (q.STORAGE, q.LOSS)]
     real, imag = (value[one.rows][order] for value, _ in shown)
     stds = tuple(std[one.rows][order] for _, std in shown)
     low, high = one.band
@@ -163,17 +164,17 @@ def _curves(one: _Drawn, sheet: Sheet) -> _Curves:
     line, spread_of_line = response(one.entry, one.at, grid)
     foretold, doubt = response(one.entry, one.at, frequency)
     correlation = np.nan_to_num(sheet.values(_CORRELATION)[one.rows][order])
-    off = np.stack([real, imag], axis=1) - REAL.scale * np.stack([foretold.real, foretold.imag], axis=1)
-    whole = doubt * REAL.scale**2 + _data_covariance(stds[0], stds[1], correlation)
+    off = np.stack([real, imag], axis=1) - np.stack([foretold.real, foretold.imag], axis=1) / q.STORAGE.scale
+    whole = doubt / q.STORAGE.scale**2 + _data_covariance(stds[0], stds[1], correlation)
     left = whitened(off, whole)
-    half = NORMAL_95 * REAL.scale * np.sqrt(np.diagonal(spread_of_line, axis1=1, axis2=2))
+    half = NORMAL_95 / q.STORAGE.scale * np.sqrt(np.diagonal(spread_of_line, axis1=1, axis2=2))
     return _Curves(
         frequency,
         (real, imag),
         (stds[0], stds[1]),
         (left[:, 0], left[:, 1]),
         grid,
-        (line.real * REAL.scale, line.imag * REAL.scale),
+        (line.real / q.STORAGE.scale, line.imag / q.STORAGE.scale),
         (half[:, 0], half[:, 1]),
     )
 

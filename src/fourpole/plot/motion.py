@@ -8,12 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.plot.layout import MOST_NAMED, Grid, Key, Notes
 from fourpole.plot.panels import Extent, curve, limit, means, rejected_tests, span
 from fourpole.plot.properties import tyre_marks
-from fourpole.plot.sheet import FREQUENCY, TR, TR_PREDICTED, Sheet, present, read_sheet, spread
+from fourpole.plot.sheet import Sheet, present, read_sheet, spread
 from fourpole.plot.style import Style
 
 __all__ = ["crossings", "mark_crossings", "measured_against_predicted", "transmissibility"]
@@ -67,13 +68,13 @@ def transmissibility(results: Results, style: Style) -> Figure | None:
     """TR against frequency at the pressures nearest 1.00 and 1.68 bar, a panel per preload."""
     sheet = read_sheet(results)
     notes, key = Notes(), Key()
-    quantity = TR
+    quantity = q.TR_MEASURED
     y, std = sheet.shown(quantity)
     if not np.any(np.isfinite(y)):
-        quantity = TR_PREDICTED
+        quantity = q.TR_PREDICTED
         y, std = sheet.shown(quantity)
         notes.say("predicted from K* and the rig: V2 was not measured")
-    x, _ = sheet.shown(FREQUENCY)
+    x, _ = sheet.shown(q.FREQUENCY)
     bare, said = sheet.bare("TR")
     visible = np.isfinite(x) & np.isfinite(y) & bare
     if not np.any(visible):
@@ -116,7 +117,7 @@ def transmissibility(results: Results, style: Style) -> Figure | None:
     notes.tests(sheet.rejected[concerned], visible[concerned], "TR")
     notes.beyond(y[visible & sheet.rejected], style.ylim or limits, "TR")
     notes.cut(extent, limits, style)
-    return grid.finish(key=key, notes=notes, x_label=FREQUENCY.label, y_labels=[quantity.label])
+    return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=[quantity.label])
 
 
 def _pressures(sheet: Sheet, visible: BoolArray) -> list[int]:
@@ -154,9 +155,9 @@ def _heading(ax: Axes, sheet: Sheet, load: int, setting: int) -> None:
 def measured_against_predicted(results: Results, style: Style) -> Figure | None:
     """TR measured over TR predicted from K* and the rig, and their difference against frequency."""
     sheet = read_sheet(results)
-    measured, _ = sheet.shown(TR)
-    predicted, std = sheet.shown(TR_PREDICTED)
-    frequency, _ = sheet.shown(FREQUENCY)
+    measured, _ = sheet.shown(q.TR_MEASURED)
+    predicted, std = sheet.shown(q.TR_PREDICTED)
+    frequency, _ = sheet.shown(q.FREQUENCY)
     visible = np.isfinite(measured) & np.isfinite(predicted) & (predicted > 0)
     if not np.any(visible):
         return None
@@ -196,8 +197,8 @@ def measured_against_predicted(results: Results, style: Style) -> Figure | None:
     if len(pressures) > len(spread(len(pressures), MOST_NAMED)):
         notes.say("the key names some of the pressures")
     figure = grid.finish(
-        key=key, notes=notes, x_label=TR_PREDICTED.label, y_labels=[TR.label], share_x=False, share_y=False
+        key=key, notes=notes, x_label=q.TR_PREDICTED.label, y_labels=[q.TR_MEASURED.label], share_x=False, share_y=False
     )
-    right.set_xlabel(FREQUENCY.label)
+    right.set_xlabel(q.FREQUENCY.label)
     right.set_ylabel("TR measured less predicted [% of predicted]")
     return figure

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fourpole import quantities as q
 from fourpole.campaign.modelfile import MapEntry, map_of
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
@@ -19,8 +20,9 @@ from fourpole.models.operating import Answer, OperatingMap
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.models import band, heading, key_of_band, share, steep, steep_limits
 from fourpole.plot.panels import Extent, Marks, curve, limit, span
-from fourpole.plot.sheet import FREQUENCY, IMAG, K2, REAL, C, Quantity, Sheet, read_sheet, spread
+from fourpole.plot.sheet import Sheet, read_sheet, spread
 from fourpole.plot.style import Style, load_dashes, load_marker, plain_text
+from fourpole.quantities import Quantity
 
 __all__ = ["operating"]
 
@@ -29,9 +31,9 @@ _FREQUENCIES = 3
 _GRID = 41
 #: Conditions are the same within this share of an axis' span, or of themselves.
 _SAME = 0.02
-_PRESSURE, _PRELOAD = "pressure [Pa]", "preload [N]"
+_PRESSURE, _PRELOAD = q.PRESSURE.head, q.PRELOAD.head
 #: How an axis is shown: its name, unit and scale.
-_SHOWN = {_PRESSURE: ("bar", 1e-5), "temperature [degC]": ("°C", 1.0)}
+_SHOWN = {_PRESSURE: ("bar", 1e-5), q.TEMPERATURE.head: ("°C", 1.0)}
 _Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 
@@ -99,7 +101,7 @@ def operating(results: Results, style: Style) -> Figure | None:
     columns = min(_MOST_COLUMNS, len(panels))
     notes.chosen(columns, len(panels), "pairs of tyre and condition")
     panels = panels[:columns]
-    pair = (K2, C) if _has_arm(sheet, panels) else (REAL, IMAG)
+    pair = (q.K2, q.C) if _has_arm(sheet, panels) else (q.STORAGE, q.LOSS)
     groups = _frequencies(sheet, panels, notes)
     series = [one for at, panel in enumerate(panels) for one in _series(at, panel, sheet, groups, pair, style)]
     grid = Grid.of(2 * columns, columns, panel_height=2.2, style=style)
@@ -180,7 +182,7 @@ def _commonest(values: FloatArray) -> float:
 
 def _has_arm(sheet: Sheet, panels: Sequence[_Panel]) -> bool:
     """Whether tests and maps both have K2."""
-    if not np.any(np.isfinite(sheet.values(K2.column))):
+    if not np.any(np.isfinite(sheet.values(q.K2.head))):
         return False
     middle = [panel.found.ask(panel.found.axes.points, _middle(panel)) for panel in panels]
     return all(np.mean(np.isfinite(one.k2)) > 0.5 for one in middle)
@@ -213,7 +215,7 @@ def _series(
 ) -> list[_Series]:
     scale = _SHOWN.get(panel.column, ("", 1.0))[1]
     points, tests = panel.points(), panel.tests(sheet) & ~sheet.rejected & ~sheet.massed
-    frequency = sheet.values(FREQUENCY.column)
+    frequency = sheet.values(q.FREQUENCY.head)
     low, high = panel.found.band
     made = []
     for group, colour in zip(groups, _colours(groups, style), strict=True):
@@ -240,11 +242,11 @@ def _series(
 
 def _shown(answer: Answer, pair: tuple[Quantity, Quantity]) -> tuple[_Pair, _Pair]:
     """Values and standard uncertainties of both quantities in the units of the axes."""
-    arm = pair[0] is K2
+    arm = pair[0] is q.K2
     values = (answer.k2, answer.c) if arm else (answer.stiffness.real, answer.stiffness.imag)
     covariance = answer.arm_covariance if arm else answer.covariance
-    first, second = (np.sqrt(covariance[:, at, at]) * pair[at].scale for at in range(2))
-    return (values[0] * pair[0].scale, values[1] * pair[1].scale), (first, second)
+    first, second = (np.sqrt(covariance[:, at, at]) / pair[at].scale for at in range(2))
+    return (values[0] / pair[0].scale, values[1] / pair[1].scale), (first, second)
 
 
 def _draw(ax: Axes, one: _Series, row: int, marks: Marks) -> None:
@@ -294,6 +296,6 @@ def _say(notes: Notes, panels: Sequence[_Panel], pair: tuple[Quantity, Quantity]
     told = [share(error) + (f" ({plain_text(tyre)})" if tyre else "") for tyre, error in errors.items() if error]
     if told:
         notes.say(f"K* of conditions left out of the map is told within {', '.join(told)}")
-    if pair[0] is not K2:
+    if pair[0] is not q.K2:
         notes.say("no K2 and C: K1 is not known, or no passive arm has this K*")
     notes.say("curves end where the tests do")

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from fourpole import quantities as q
 from fourpole.core.plan import PLAN_ROUTES
 from fourpole.errors import CampaignError
 from fourpole.io.write import write_bytes
@@ -25,9 +26,9 @@ __all__ = ["draw_plan", "write_plan_figure"]
 
 _KEY = "plan"
 _TITLE = "Uncertainty to expect of K*, K2 and C"
-_COLUMNS = (("u(K*)/K* [1]", "K*"), ("u(K2)/K2 [1]", "K2"), ("u(C)/C [1]", "C"))
+_COLUMNS = ((q.K_STAR.relative_head, "K*"), (q.K2.relative_head, "K2"), (q.C.relative_head, "C"))
 #: What K1 leaves, and what it is to be divided by.
-_OF_K1 = {"K2": ("u(K2) from K1 [N/m]", "K2 [N/m]"), "C": ("u(C) from K1 [N s/m]", "C [N s/m]")}
+_OF_K1 = {"K2": (q.K2.u_head_from(q.K1), q.K2.head), "C": (q.C.u_head_from(q.K1), q.C.head)}
 _K1_LINE: Dashes = (0.0, (6.0, 1.5, 1.5, 1.5))
 #: Colour of the palette, marker and dashes of each route as stated.
 _LOOKS: dict[str, tuple[int, str, Dashes]] = {
@@ -72,9 +73,9 @@ def draw_plan(frame: pl.DataFrame, *, wanted: float | None = None, style: Style 
         key, notes = Key(), Notes()
         curves = list(_curves(frame, style))
         several = bool(
-            (frame.group_by("plan", "rig", "route", "frequency [Hz]", "added mass [kg]").len()["len"] > 1).any()
+            (frame.group_by("plan", "rig", "route", q.FREQUENCY.head, q.ADDED_MASS.head).len()["len"] > 1).any()
         )
-        left_by_k1 = bool(frame["u(K1) [N/m]"].max())
+        left_by_k1 = bool(frame[q.K1.u_head].max())
         for ax, (column, name) in zip(grid.panels, _COLUMNS, strict=True):
             for curve in curves:
                 _draw(ax, curve, column, several=several, style=style)
@@ -125,15 +126,15 @@ def _curves(frame: pl.DataFrame, style: Style) -> Iterator[_Curve]:
 def _draw(ax: Axes, curve: _Curve, column: str, *, several: bool, style: Style) -> None:
     by = (
         curve.frame.drop_nulls(column)
-        .group_by("frequency [Hz]")
+        .group_by(q.FREQUENCY.head)
         .agg(
             pl.col(column).median().alias("middle"),
             pl.col(column).min().alias("low"),
             pl.col(column).max().alias("high"),
         )
-        .sort("frequency [Hz]")
+        .sort(q.FREQUENCY.head)
     )
-    x, middle, low, high = (by[name].to_numpy() for name in ("frequency [Hz]", "middle", "low", "high"))
+    x, middle, low, high = (by[name].to_numpy() for name in (q.FREQUENCY.head, "middle", "low", "high"))
     ax.plot(
         x, 100 * middle, color=curve.colour, marker=curve.marker, linestyle=curve.dashes,
         markerfacecolor=style.look.paper, label="_curve",
@@ -145,9 +146,9 @@ def _draw(ax: Axes, curve: _Curve, column: str, *, several: bool, style: Style) 
 def _draw_k1(ax: Axes, frame: pl.DataFrame, name: str, style: Style) -> None:
     over, under = _OF_K1[name]
     stated = frame.filter(pl.col("plan") == frame["plan"][0])
-    by = stated.group_by("frequency [Hz]").agg((pl.col(over) / pl.col(under)).median()).sort("frequency [Hz]")
+    by = stated.group_by(q.FREQUENCY.head).agg((pl.col(over) / pl.col(under)).median()).sort(q.FREQUENCY.head)
     ax.plot(
-        by["frequency [Hz]"].to_numpy(), 100 * by[over].to_numpy(), color=style.look.muted, linewidth=1.0,
+        by[q.FREQUENCY.head].to_numpy(), 100 * by[over].to_numpy(), color=style.look.muted, linewidth=1.0,
         linestyle=_K1_LINE, label="_k1", zorder=1.8,
     )  # fmt: skip
 

@@ -8,12 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, curve, limit, rejected_tests, span, tyre_heading
-from fourpole.plot.sheet import FREQUENCY, PRESSURE, Quantity, Sheet, present, read_sheet, spread
+from fourpole.plot.sheet import Sheet, present, read_sheet, spread
 from fourpole.plot.style import Style, load_dashes, load_marker, pressure_marker
+from fourpole.quantities import Quantity
 
 __all__ = ["against_frequency", "against_pressure"]
 
@@ -25,13 +27,13 @@ _MOST_PRESSURES = 8
 def against_pressure(results: Results, style: Style, *, quantity: Quantity, high: bool) -> Figure | None:
     """C or K2 against pressure, a curve per frequency, a panel per tyre; of the low preload, or of all others."""
     sheet = read_sheet(results)
-    return _figure(sheet, style, quantity, PRESSURE, high)
+    return _figure(sheet, style, quantity, q.PRESSURE, high)
 
 
 def against_frequency(results: Results, style: Style, *, quantity: Quantity, high: bool) -> Figure | None:
     """C or K2 against frequency, a curve per pressure, a panel per tyre; of the low preload, or of all others."""
     sheet = read_sheet(results)
-    return _figure(sheet, style, quantity, FREQUENCY, high)
+    return _figure(sheet, style, quantity, q.FREQUENCY, high)
 
 
 def _figure(sheet: Sheet, style: Style, quantity: Quantity, against: Quantity, high: bool) -> Figure | None:
@@ -58,14 +60,14 @@ def _figure(sheet: Sheet, style: Style, quantity: Quantity, against: Quantity, h
     if extent.empty:
         extent.add(y[visible])
     x_limits, y_limits = span([x[visible]]), extent.limits()
-    draw = _by_frequency if against is PRESSURE else _by_pressure
+    draw = _by_frequency if against is q.PRESSURE else _by_pressure
     drawn = draw(sheet, used, style, key, notes)
     for ax, (load, tyre) in zip(grid.panels, places, strict=True):
         here = (sheet.load == load) & (sheet.tyre == tyre)
         for group, marks in drawn(load, tyre):
             mask = here & used & group
             if np.any(mask):
-                keys = sheet.pressure[mask] if against is PRESSURE else sheet.frequency[mask]
+                keys = sheet.pressure[mask] if against is q.PRESSURE else sheet.frequency[mask]
                 curve(ax, x[mask], y[mask], marks=marks, std=std[mask], keys=keys.tolist())
         lost = here & visible & sheet.rejected
         rejected_tests(ax, x[lost], y[lost], style=style)

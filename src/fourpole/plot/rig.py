@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.sources import Role, Source
@@ -89,7 +90,7 @@ class _Tests:
 
 def residual(results: Results, style: Style) -> Figure | None:
     """F1/V2 - Zr against frequency, real and imaginary part, a row per rig, a marker per added mass."""
-    if "Re residual [N s/m]" not in results.residuals.columns:
+    if q.RESIDUAL_RE.head not in results.residuals.columns:
         return None
     sheet = read_sheet(results)
     tests = _tests(results, sheet)
@@ -117,7 +118,7 @@ def residual(results: Results, style: Style) -> Figure | None:
     lacking = int(np.sum(~known))
     if lacking:
         notes.say(f"{lacking} {'test has' if lacking == 1 else 'tests have'} no F1 or no V2")
-    figure = grid.finish(key=key, notes=notes, x_label="frequency [Hz]", y_labels=[""], share_y=False)
+    figure = grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=[""], share_y=False)
     for at, ax in enumerate(grid.panels):
         ax.set_ylabel(f"{('Re', 'Im')[at % 2]} (F1/V2 − Zr) [N s/m]")
     return figure
@@ -128,17 +129,17 @@ def _tests(results: Results, sheet: Sheet) -> _Tests:
     names = [str(name or "") for name in rows["rig"].to_list()]
     rigs = tuple(dict.fromkeys(names))
     tyre_of = dict(zip(sheet.table["test"].to_list() if "test" in sheet.table.columns else [], sheet.tyre, strict=True))
-    masses, mass = grouped(np.nan_to_num(floats(rows, "added mass [kg]")), 1e-3, lambda value, n: f"{value:.{n}g} kg")
+    masses, mass = grouped(np.nan_to_num(floats(rows, q.ADDED_MASS.head)), 1e-3, lambda value, n: f"{value:.{n}g} kg")
     return _Tests(
         rigs=rigs,
         rig=np.array([rigs.index(name) for name in names], dtype=np.int64),
         tyre=np.array([tyre_of.get(test, -1) for test in rows["test"].to_list()], dtype=np.int64),
         mass=mass,
         masses=masses.labels,
-        frequency=floats(rows, "frequency [Hz]"),
-        parts=(floats(rows, "Re residual [N s/m]"), floats(rows, "Im residual [N s/m]")),
-        stds=(floats(rows, "u(Re) [N s/m]"), floats(rows, "u(Im) [N s/m]")),
-        outlier=floats(rows, "outlier [1]") > 1,
+        frequency=floats(rows, q.FREQUENCY.head),
+        parts=(floats(rows, q.RESIDUAL_RE.head), floats(rows, q.RESIDUAL_IM.head)),
+        stds=(floats(rows, q.RESIDUAL_RE.u_head), floats(rows, q.RESIDUAL_IM.u_head)),
+        outlier=floats(rows, q.OUTLIER.head) > 1,
         as_stated=_as_stated(results, sheet),
     )
 
@@ -146,11 +147,11 @@ def _tests(results: Results, sheet: Sheet) -> _Tests:
 def _as_stated(results: Results, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
     """F1/V2 - Zr of each row of residuals.csv with rig and sensors as stated; not-a-number where they are unknown."""
     stated = (results.record.get("stated") or {}).get("rigs") or {}
-    omega = 2 * np.pi * sheet.values("frequency [Hz]")
-    v1 = sheet.values("V1 [m/s]").astype(complex)
-    f1 = sheet.values("F1 [N]") * np.exp(1j * sheet.values("phase F1-V1 [rad]"))
-    v2 = sheet.values("V2 [m/s]") * np.exp(1j * sheet.values("phase V2-V1 [rad]"))
-    added = np.nan_to_num(sheet.values("added mass [kg]"))
+    omega = 2 * np.pi * sheet.values(q.FREQUENCY.head)
+    v1 = sheet.values(q.V1.head).astype(complex)
+    f1 = sheet.values(q.F1.head) * np.exp(1j * sheet.values(q.PHASE_F1.head))
+    v2 = sheet.values(q.V2.head) * np.exp(1j * sheet.values(q.PHASE_V2.head))
+    added = np.nan_to_num(sheet.values(q.ADDED_MASS.head))
     left = np.full(omega.size, np.nan, dtype=complex)
     names = np.array([name or "" for name in sheet.table["rig"].to_list()], dtype=object)
     for name in set(names.tolist()):
@@ -315,7 +316,7 @@ def _found_panel(ax: Axes, rows: list[dict[str, Any]], style: Style) -> set[str]
 
 def _dot(ax: Axes, at: int, row: dict[str, Any], style: Style) -> float:
     """One value; how far it reaches."""
-    numbers = (row["stated"], row["found"], row["u(stated)"], row["u(found)"], row["posterior over prior [1]"])
+    numbers = (row["stated"], row["found"], row[q.STATED.u_head], row[q.FOUND.u_head], row[q.POSTERIOR.head])
     stated, value, prior, std, ratio = (np.nan if x is None else float(x) for x in numbers)
     if np.isfinite(ratio):
         ax.text(1.015, at, f"{ratio:.2g}", transform=ax.get_yaxis_transform(), va="center", fontsize=7.0,

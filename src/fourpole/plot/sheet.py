@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.plot.style import short_names
+from fourpole.quantities import Quantity
 
-__all__ = ["Groups", "Quantity", "Sheet", "floats", "grouped", "read_sheet"]
+__all__ = ["Groups", "Sheet", "floats", "grouped", "read_sheet"]
 
 IntArray = NDArray[np.int64]
 
@@ -23,34 +24,6 @@ IntArray = NDArray[np.int64]
 _SAME_PRESSURE = 0.02
 _SAME_LOAD = 0.01
 _SAME_FREQUENCY = 0.02
-
-
-class Quantity(NamedTuple):
-    """A column with its uncertainty, and how an axis shows it."""
-
-    name: str
-    unit: str
-    scale: float
-    column: str
-    uncertainty: str = ""
-
-    @property
-    def label(self) -> str:
-        """Text of the axis."""
-        return f"{self.name} [{self.unit}]"
-
-
-K2 = Quantity("K2", "kN/m", 1e-3, "K2 [N/m]", "u(K2) [N/m]")
-C = Quantity("C", "N s/m", 1.0, "C [N s/m]", "u(C) [N s/m]")
-REAL = Quantity("K'", "kN/m", 1e-3, "Re K* [N/m]", "u(Re K*) [N/m]")
-IMAG = Quantity("K''", "kN/m", 1e-3, "Im K* [N/m]", "u(Im K*) [N/m]")
-LOSS = Quantity("loss factor", "1", 1.0, "loss factor [1]", "u(loss factor) [1]")
-R = Quantity("R", "mm/(N s)", 1e3, "R [m/(N s)]", "u(R) [m/(N s)]")
-I = Quantity("I", "mm/(N s)", 1e3, "I [m/(N s)]", "u(I) [m/(N s)]")  # noqa: E741  the paper's symbol
-TR = Quantity("TR measured", "1", 1.0, "TR measured [1]", "u(TR) [1]")
-TR_PREDICTED = Quantity("TR predicted", "1", 1.0, "TR predicted [1]", "u(TR) [1]")
-FREQUENCY = Quantity("frequency", "Hz", 1.0, "frequency [Hz]")
-PRESSURE = Quantity("pressure", "bar", 1e-5, "pressure [Pa]")
 
 
 @dataclass(frozen=True)
@@ -113,16 +86,12 @@ class Sheet(ByValue):
 
     def shown(self, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
         """Values and uncertainties in the unit of the axis."""
-        value = self.values(quantity.column) * quantity.scale
-        std = (
-            self.values(quantity.uncertainty) * quantity.scale if quantity.uncertainty else np.full(value.size, np.nan)
-        )
-        return value, std
+        return self.values(quantity.head) / quantity.scale, self.values(quantity.u_head) / quantity.scale
 
     @property
     def massed(self) -> BoolArray:
         """Tests with an added mass whose condition was tested with less: they show the rig, not another tyre."""
-        added = np.nan_to_num(self.values("added mass [kg]"))
+        added = np.nan_to_num(self.values(q.ADDED_MASS.head))
         places = list(zip(self.tyre, self.pressure, self.load, _texts(self.table, "rig"), strict=True))
         least: dict[object, float] = {}
         for place, mass in zip(places, added, strict=True):
@@ -145,10 +114,10 @@ def read_sheet(results: Results) -> Sheet:
     names = tuple(dict.fromkeys([*_texts(static, "tyre"), *_texts(dynamic, "tyre")]))
     index = {name: at for at, name in enumerate(names)}
     count = dynamic.height
-    both = np.concatenate([floats(dynamic, PRESSURE.column), floats(static, PRESSURE.column)])
+    both = np.concatenate([floats(dynamic, q.PRESSURE.head), floats(static, q.PRESSURE.head)])
     pressures, pressure = grouped(both, _SAME_PRESSURE, _bar)
-    loads, load = grouped(floats(dynamic, "preload [N]"), _SAME_LOAD, _newton)
-    frequencies, frequency = grouped(floats(dynamic, FREQUENCY.column), _SAME_FREQUENCY, _hertz)
+    loads, load = grouped(floats(dynamic, q.PRELOAD.head), _SAME_LOAD, _newton)
+    frequencies, frequency = grouped(floats(dynamic, q.FREQUENCY.head), _SAME_FREQUENCY, _hertz)
     stated = frequencies.stated()
     setting, settings = _settings(dynamic)
     return Sheet(
@@ -217,7 +186,7 @@ def _hertz(value: float, digits: int) -> str:
 def _settings(table: pl.DataFrame) -> tuple[IntArray, tuple[str, ...]]:
     """Rigs and added masses: they change TR and the mobility, but not the tyre."""
     rigs = _texts(table, "rig")
-    added = np.nan_to_num(floats(table, "added mass [kg]"))
+    added = np.nan_to_num(floats(table, q.ADDED_MASS.head))
     found = list(zip(rigs, [float(f"{mass:.4g}") for mass in added], strict=True))
     distinct = list(dict.fromkeys(found))
     if len(distinct) < 2:

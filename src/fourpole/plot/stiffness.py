@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.rig import PARAMETERS, Rig
@@ -20,8 +21,9 @@ from fourpole.errors import RigError
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, bars, curve, limit, means, rejected_tests, span, tyre_heading
 from fourpole.plot.properties import tyre_marks
-from fourpole.plot.sheet import FREQUENCY, IMAG, LOSS, REAL, I, Quantity, R, Sheet, present, read_sheet, spread
+from fourpole.plot.sheet import Sheet, present, read_sheet, spread
 from fourpole.plot.style import Dashes, Style, mixed
+from fourpole.quantities import Quantity
 
 __all__ = ["mobility", "nyquist", "rig_stated", "route_stiffness", "routes", "stiffness"]
 
@@ -71,20 +73,20 @@ def _choose(sheet: Sheet, visible: BoolArray, notes: Notes) -> _Choice:
 def stiffness(results: Results, style: Style) -> Figure | None:
     """K', K'' and the loss factor against frequency, a column per tyre."""
     sheet = read_sheet(results)
-    shown = [sheet.shown(quantity) for quantity in (REAL, IMAG, LOSS)]
-    return _rows(sheet, style, (REAL, IMAG, LOSS), shown, what="K*")
+    shown = [sheet.shown(quantity) for quantity in (q.STORAGE, q.LOSS, q.LOSS_FACTOR)]
+    return _rows(sheet, style, (q.STORAGE, q.LOSS, q.LOSS_FACTOR), shown, what="K*")
 
 
 def mobility(results: Results, style: Style) -> Figure | None:
     """R and I as measured, with the curve of the model through K2 and C on the rig as stated."""
     sheet = read_sheet(results)
-    shown = [sheet.shown(quantity) for quantity in (R, I)]
+    shown = [sheet.shown(quantity) for quantity in (q.R, q.I)]
     rigs = _rigs(results, sheet)
 
     def model(mask: BoolArray) -> tuple[FloatArray, list[FloatArray]] | None:
         return _model_curve(sheet, mask, rigs)
 
-    return _rows(sheet, style, (R, I), shown, what="R and I", model=model)
+    return _rows(sheet, style, (q.R, q.I), shown, what="R and I", model=model)
 
 
 _Model = Callable[[BoolArray], tuple[FloatArray, list[FloatArray]] | None]
@@ -100,7 +102,7 @@ def _rows(
     model: _Model | None = None,
 ) -> Figure | None:
     """A row per quantity and a column per tyre, against frequency; with a model, its curve in place of the line."""
-    frequency, _ = sheet.shown(FREQUENCY)
+    frequency, _ = sheet.shown(q.FREQUENCY)
     bare, said = sheet.bare("mobility") if model else (np.ones(frequency.size, dtype=bool), "")
     visible = np.isfinite(frequency) & np.isfinite(shown[0][0]) & bare
     if not np.any(visible):
@@ -116,7 +118,7 @@ def _rows(
     grid = Grid.of(len(quantities) * columns, columns, panel_height=1.95, style=style)
     settings = list(present(sheet.setting, chosen)) if model else [-1]
     for row, (values, stds) in enumerate(shown):
-        extent = Extent(positive=quantities[row] is not I)
+        extent = Extent(positive=quantities[row] is not q.I)
         extent.add(values[used] if np.any(used) else values[chosen], stds[used] if np.any(used) else None)
         limits = extent.limits()
         for column, tyre in enumerate(tyres):
@@ -144,7 +146,7 @@ def _rows(
         key.rejected(style)
     notes.tests(sheet.rejected[bare], visible[bare], what)
     labels = [quantity.label for quantity in quantities]
-    return grid.finish(key=key, notes=notes, x_label=FREQUENCY.label, y_labels=labels, headings="top")
+    return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=labels, headings="top")
 
 
 def _model_curve(
@@ -156,17 +158,17 @@ def _model_curve(
     rig = rigs.get(names[at[0]] or "") if at.size else None
     if rig is None:
         return None
-    frequency = sheet.values("frequency [Hz]")[mask]
+    frequency = sheet.values(q.FREQUENCY.head)[mask]
     keys = sheet.frequency[mask].tolist()
-    x, k1 = means(frequency, sheet.values("K1 [N/m]")[mask], keys)
-    x2, k2 = means(frequency, sheet.values("K2 [N/m]")[mask], keys)
-    _, c = means(frequency, sheet.values("C [N s/m]")[mask], keys)
+    x, k1 = means(frequency, sheet.values(q.K1.head)[mask], keys)
+    x2, k2 = means(frequency, sheet.values(q.K2.head)[mask], keys)
+    _, c = means(frequency, sheet.values(q.C.head)[mask], keys)
     if x2.size < 2 or x.size != x2.size:
         return None
     grid = np.linspace(x2[0], x2[-1], 61)
     omega = 2 * np.pi * grid
     tyre = zener_stiffness(np.interp(grid, x, k1), np.interp(grid, x2, k2), np.interp(grid, x2, c), omega)
-    added = float(np.nan_to_num(sheet.values("added mass [kg]"))[at[0]])
+    added = float(np.nan_to_num(sheet.values(q.ADDED_MASS.head))[at[0]])
     # The force cell also drives the mass between it and the contact.
     inner = 1j * omega / tyre + rig.mobility(omega, added)
     whole = 1.0 / (1.0 / inner + 1j * omega * rig.input_mass) * 1e3
@@ -176,8 +178,8 @@ def _model_curve(
 def nyquist(results: Results, style: Style) -> Figure | None:
     """K'' against K' along frequency, a panel per tyre."""
     sheet = read_sheet(results)
-    real, real_std = sheet.shown(REAL)
-    imag, std = sheet.shown(IMAG)
+    real, real_std = sheet.shown(q.STORAGE)
+    imag, std = sheet.shown(q.LOSS)
     visible = np.isfinite(real) & np.isfinite(imag)
     if not np.any(visible):
         return None
@@ -210,15 +212,15 @@ def nyquist(results: Results, style: Style) -> Figure | None:
     if np.any(chosen & sheet.rejected):
         key.rejected(style)
     notes.tests(sheet.rejected, visible, "K*")
-    notes.beyond(imag[chosen & sheet.rejected], style.ylim or along.limits(), IMAG.name)
+    notes.beyond(imag[chosen & sheet.rejected], style.ylim or along.limits(), q.LOSS.name)
     notes.cut(along, along.limits(), style)
-    return grid.finish(key=key, notes=notes, x_label=REAL.label, y_labels=[IMAG.label])
+    return grid.finish(key=key, notes=notes, x_label=q.STORAGE.label, y_labels=[q.LOSS.label])
 
 
 def _along_frequency(
     sheet: Sheet, real: FloatArray, imag: FloatArray, mask: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    frequency = sheet.values("frequency [Hz]")[mask]
+    frequency = sheet.values(q.FREQUENCY.head)[mask]
     keys = sheet.frequency[mask].tolist()
     return means(frequency, real[mask], keys)[1], means(frequency, imag[mask], keys)[1]
 
@@ -248,11 +250,11 @@ def _rigs(results: Results, sheet: Sheet) -> dict[str, Rig | None]:
 
 def route_stiffness(results: Results, sheet: Sheet) -> dict[str, ComplexArray]:
     """K* [N/m] of every test by each route that its phasors and rig allow; not-a-number where they do not."""
-    omega = 2 * np.pi * sheet.values("frequency [Hz]")
-    cell = sheet.values("F1 [N]") * np.exp(1j * sheet.values("phase F1-V1 [rad]"))
-    v1 = sheet.values("V1 [m/s]")
-    v2 = sheet.values("V2 [m/s]") * np.exp(1j * sheet.values("phase V2-V1 [rad]"))
-    added = np.nan_to_num(sheet.values("added mass [kg]"))
+    omega = 2 * np.pi * sheet.values(q.FREQUENCY.head)
+    cell = sheet.values(q.F1.head) * np.exp(1j * sheet.values(q.PHASE_F1.head))
+    v1 = sheet.values(q.V1.head)
+    v2 = sheet.values(q.V2.head) * np.exp(1j * sheet.values(q.PHASE_V2.head))
+    added = np.nan_to_num(sheet.values(q.ADDED_MASS.head))
     names = np.array([name or "" for name in sheet.table["rig"].to_list()], dtype=object)
     found = {route: np.full(omega.size, np.nan, dtype=complex) for route in _ROUTE_MARKS}
     with np.errstate(all="ignore"):
@@ -272,8 +274,8 @@ def route_stiffness(results: Results, sheet: Sheet) -> dict[str, ComplexArray]:
 def routes(results: Results, style: Style) -> Figure | None:
     """K' by each route at one condition, and how far K' and K'' of each route lie from the K* in use."""
     sheet = read_sheet(results)
-    frequency, _ = sheet.shown(FREQUENCY)
-    reference = sheet.values(REAL.column) + 1j * sheet.values(IMAG.column)
+    frequency, _ = sheet.shown(q.FREQUENCY)
+    reference = sheet.values(q.STORAGE.head) + 1j * sheet.values(q.LOSS.head)
     visible = np.isfinite(frequency) & np.isfinite(reference)
     found = route_stiffness(results, sheet)
     used = visible & ~sheet.rejected
@@ -296,7 +298,7 @@ def routes(results: Results, style: Style) -> Figure | None:
             face = mixed(style.look.paper, style.colour(tyre), pale[route])
             marks = Marks(style.colour(tyre), marker, face, dashes)
             off = 100 * (value - reference)
-            y = value.real * REAL.scale
+            y = value.real / q.STORAGE.scale
             curve(grid.panels[column], frequency[condition], y[condition], marks=marks)
             extents[0].add(y[condition])
             for row, y in enumerate((off.real / reference.real, off.imag / reference.imag), start=1):
@@ -328,8 +330,8 @@ def routes(results: Results, style: Style) -> Figure | None:
         in_use = np.mean([text == route for text in sheet.table["route"].to_list()]) > 0.5
         key.add(handle, f"{route} route" + (" (in use)" if in_use else ""))
     notes.tests(sheet.rejected, visible & ~sheet.rejected, "K*")
-    labels = [REAL.label, "difference of K' [%]", "difference of K'' [%]"]
-    return grid.finish(key=key, notes=notes, x_label=FREQUENCY.label, y_labels=labels, headings="all")
+    labels = [q.STORAGE.label, "difference of K' [%]", "difference of K'' [%]"]
+    return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=labels, headings="all")
 
 
 def middle_and_range(
@@ -337,7 +339,7 @@ def middle_and_range(
 ) -> tuple[FloatArray, FloatArray]:
     """Median of many tests at each frequency, with a bar from the least to the largest; what was drawn."""
     groups = list(present(sheet.frequency, mask))
-    frequency = sheet.values(FREQUENCY.column)
+    frequency = sheet.values(q.FREQUENCY.head)
     x = np.array([frequency[mask & (sheet.frequency == group)].mean() for group in groups])
     parts = [y[mask & (sheet.frequency == group)] for group in groups]
     median = np.array([np.median(part) for part in parts])

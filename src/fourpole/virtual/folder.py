@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole import quantities as q
 from fourpole.errors import FileError
 from fourpole.virtual.plan import Test
 from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
@@ -109,10 +110,10 @@ def finish(
             "kind": [test.kind for test in tests],
             "tyre": [test.tyre and test.tyre.name for test in tests],
             "pressure [bar]": [_cell(test.pressure / 1e5) for test in tests],
-            "preload [N]": [_cell(test.preload) for test in tests],
-            "frequency [Hz]": [_cell(test.frequency) for test in tests],
+            q.PRELOAD.head: [_cell(test.preload) for test in tests],
+            q.FREQUENCY.head: [_cell(test.frequency) for test in tests],
         },
-        schema_overrides=dict.fromkeys(("tyre", "pressure [bar]", "preload [N]", "frequency [Hz]"), pl.String),
+        schema_overrides=dict.fromkeys(("tyre", "pressure [bar]", q.PRELOAD.head, q.FREQUENCY.head), pl.String),
     )
     if any(test.added_mass for test in tests):
         added = [None if test.kind == "static" else _short(test.added_mass) for test in tests]

@@ -8,6 +8,7 @@ from math import inf
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.models.interface import StateSpace
 from fourpole.virtual.dynamic_rig import Bench, Zener, amplification
 from fourpole.virtual.phasor_rig import Conditions, Laboratory, simulate_phasors
@@ -29,16 +30,16 @@ __all__ = [
 TRUTH_COLUMNS = (
     "test",
     "tyre",
-    "pressure [Pa]",
-    "preload [N]",
-    "added mass [kg]",
-    "frequency [Hz]",
-    "K1 [N/m]",
-    "K2 [N/m]",
-    "C [N s/m]",
-    "Re K* [N/m]",
-    "Im K* [N/m]",
-    "TR [1]",
+    q.PRESSURE.head,
+    q.PRELOAD.head,
+    q.ADDED_MASS.head,
+    q.FREQUENCY.head,
+    q.K1.head,
+    q.K2.head,
+    q.C.head,
+    q.STORAGE.head,
+    q.LOSS.head,
+    q.TR.head,
     "moving mass [kg]",
     "preload stiffness [N/m]",
     "preload damping [N s/m]",

@@ -9,6 +9,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from fourpole import quantities as q
 from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.guess.channels import Role
 
@@ -20,10 +21,10 @@ __all__ = ["campaign_toml", "tests_csv"]
 #: Columns of tests.csv: label, condition, SI value of one. The first three are there even where nothing is known.
 _COLUMNS = (
     ("pressure [bar]", "pressure", 1e5),
-    ("preload [N]", "preload", 1.0),
-    ("frequency [Hz]", "frequency", 1.0),
+    (q.PRELOAD.head, "preload", 1.0),
+    (q.FREQUENCY.head, "frequency", 1.0),
     ("added_mass [kg]", "added_mass", 1.0),
-    ("temperature [degC]", "temperature", 1.0),
+    (q.TEMPERATURE.head, "temperature", 1.0),
     ("amplitude [mm]", "amplitude", 1e-3),
 )
 _ALWAYS = 3
