@@ -1,11 +1,13 @@
 """What a fit leaves, how far statements are drawn, and which unstated part would explain it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from fourpole.core.joint import misfit
 from fourpole.core.joint.misfit import candidates, is_unlikely, pulls, residuals
 from fourpole.core.joint.solve import Solution, solve
 from fourpole.core.joint.start import closed_form_start
@@ -156,3 +158,21 @@ def test_a_clean_fit_has_no_candidate_that_explains_much(clean):
     _, problem, solution = clean
     # the best of 14 chi-squares of one degree: once in a thousand above 16
     assert candidates(problem, solution)[0].explains < 16
+
+
+@pytest.mark.parametrize(("gained", "said"), [(0.99e-3, False), (1.01e-3, True)])
+def test_a_pull_needs_a_thousandth_of_what_is_stated(gained, said):
+    """A value of which the tests say less than that is not drawn at all."""
+    solution = solution_with([0.01], [1.0 - gained])
+    assert np.isfinite(pulls(solution)[0]) == said
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.99e-20, 0), (1.01e-20, 1)])
+def test_a_part_is_identifiable_by_what_the_free_parameters_leave_of_its_column(monkeypatch, share, found):
+    """Of the squared norm of the column of a moving mass, with nothing else that the tests could say."""
+    count = len(misfit._EXTRAS)
+    triangle = np.zeros((count + 1, count + 1))
+    triangle[0, 0], triangle[0, -1] = np.sqrt(share), 1e-10
+    monkeypatch.setattr(misfit, "_with_extras", lambda *given: (triangle, np.ones(count), None))
+    problem = SimpleNamespace(shared=(), conditions=SimpleNamespace(count=1))
+    assert len(candidates(problem, SimpleNamespace(objective=100.0))) == found

@@ -171,3 +171,27 @@ def test_the_uncertainty_of_the_frequency_has_its_share(make, full):
     assert np.abs(noise).max() < (100 * 1e-5) ** 2  # and the noise has the rest
     sharp = made.identify()
     assert not outputs(sharp, made.phasors, made.k1).frequency.any()
+
+
+def test_the_error_of_the_rig_is_in_the_transmissibility(solved):
+    """Once TR = |K*/(K* + jw Zr)| at Zr moved either way along where it moves most, by that share of its largest part."""
+    made, joint, found = solved
+    share = 1e-4
+    doubted = replace(joint, misfit=replace(joint.misfit, rig_error=share))
+    stated, doubted = (identification(each, made.phasors, made.k1, 0.0) for each in (joint, doubted))
+    tyre = joint.condition >= 0
+    added = np.where(made.added_mass > 0, made.added_mass, 0.0)[tyre]
+    omega, stiffness = made.phasors.omega[tyre], stated.stiffness[tyre]
+    rig = joint.problem.shared.rig_at(joint.solution.z)
+    impedance = rig.impedance(omega, added)
+    spring = rig.preload_stiffness / omega
+    largest = np.maximum(np.abs(impedance + 1j * spring), spring)
+
+    turn = np.exp(1j * np.linspace(0, 2 * np.pi, 721))[:, None]
+    tr = np.abs(stiffness / (stiffness + 1j * omega * (impedance + share * largest * turn)))
+    moved = np.max(np.abs(tr - np.abs(stiffness / (stiffness + 1j * omega * impedance))), axis=0)
+    added_variance = doubted.tr_std[tyre] ** 2 - stated.tr_std[tyre] ** 2
+    assert np.sqrt(added_variance) == pytest.approx(
+        moved, rel=2e-3
+    )  # the square of the step, and of the masses' errors
+    assert doubted.stiffness_covariance[tyre] == pytest.approx(stated.stiffness_covariance[tyre])

@@ -99,6 +99,12 @@ class _State:
     trifle: bool = True
     finished: bool = True
 
+    @property
+    def fits(self) -> bool:
+        """Whether rig and channels as stated go together with the tests."""
+        as_stated = not (self.conflicts or self.parts or self.rig_error)
+        return self.finished and as_stated and (self.trifle or self.inflation <= _NOISE_IN_DOUBT)
+
     def solve(self, problem: Problem) -> None:
         self.problem = problem
         self.solution = solve(problem, self.solution.stiffness, self.solution.z)
@@ -145,9 +151,7 @@ def reconcile(problem: Problem, solution: Solution) -> tuple[Problem, Solution, 
             unsteady=state.unsteady,
             conflicts=tuple(state.conflicts),
             parts=tuple(state.parts),
-            fits=state.finished
-            and not (state.conflicts or state.parts or state.rig_error)
-            and (state.trifle or state.inflation <= _NOISE_IN_DOUBT),
+            fits=state.fits,
         ),
     )
 
