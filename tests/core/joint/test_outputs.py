@@ -174,8 +174,8 @@ def test_the_uncertainty_of_the_frequency_has_its_share(make, full):
 
 
 def test_the_error_of_the_rig_is_in_the_transmissibility(solved):
-    """Once TR = |K*/(K* + jw Zr)| at Zr moved either way along where it moves most, by that share of its largest part."""
-    made, joint, found = solved
+    """Twice TR = |K*/(K* + jw Zr)|: as stated, and at Zr moved by a share of its largest part the worst way."""
+    made, joint, _ = solved
     share = 1e-4
     doubted = replace(joint, misfit=replace(joint.misfit, rig_error=share))
     stated, doubted = (identification(each, made.phasors, made.k1, 0.0) for each in (joint, doubted))

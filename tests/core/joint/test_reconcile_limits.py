@@ -9,14 +9,13 @@ from scipy import stats
 from fourpole.core.joint import reconcile
 from fourpole.core.joint.misfit import Candidate
 from fourpole.core.joint.reconcile import Misfit, _Diagnosis, _State
+from fourpole.core.sources import Kind, Source
 
 BELOW, ABOVE = 0.99, 1.01
 
 
-def candidate(explains=100.0, part="mass", size=1.0):
-    return Candidate(
-        name="tyre mass", value=size, std=0.1, unit="kg", explains=explains, part=part, size=size, text=part
-    )
+def candidate(explains=100.0, source=Source(Kind.UNSTATED, "mass")):
+    return Candidate("tyre mass", 1.0, 0.1, "kg", explains=explains, source=source, size=1.0, text=source.text)
 
 
 def diagnosis(level=0.01, **changes):
@@ -58,7 +57,7 @@ def mended(monkeypatch):
     noted = SimpleNamespace(aside=[], parts=[])
     monkeypatch.setattr(_State, "solve", lambda self, problem: None)
     monkeypatch.setattr(reconcile, "_set_aside", lambda state, at, pull: noted.aside.append(at))
-    monkeypatch.setattr(reconcile, "_add_part", lambda state, candidate: noted.parts.append(candidate.part))
+    monkeypatch.setattr(reconcile, "_add_part", lambda state, candidate: noted.parts.append(candidate.source.of))
     monkeypatch.setattr(reconcile, "_unsteady_drive", lambda *arguments: None)
 
     def mending(found, **changes):
@@ -195,7 +194,7 @@ def test_a_part_smaller_than_a_ten_thousandth_of_zr_is_none(effect, missing):
 
 
 def test_only_the_rig_has_missing_parts():
-    assert not diagnosis(named=[candidate(part="gain F1")]).part_missing
+    assert not diagnosis(named=[candidate(source=Source(Kind.GAIN, "F1"))]).part_missing
 
 
 @pytest.mark.parametrize(("level", "rig_error"), [(BELOW * 1e-4, 0.0), (ABOVE * 1e-4, ABOVE * 1e-4)])
@@ -212,7 +211,7 @@ def test_noise_that_is_less_than_a_ten_thousandth_of_zr_is_a_trifle(mended, leve
 
 @pytest.mark.parametrize(("share", "named"), [(0.29, False), (0.31, True)])
 def test_a_cause_is_named_that_explains_three_tenths_of_what_is_taken_for_noise(mended, share, named):
-    found = diagnosis(rig_chi2=300.0, named=[candidate(explains=share * 200.0, part="gain F1")])
+    found = diagnosis(rig_chi2=300.0, named=[candidate(explains=share * 200.0, source=Source(Kind.GAIN, "F1"))])
     assert bool(mended(found)[0].misfit.candidates) == named
 
 
