@@ -15,10 +15,10 @@ export OPENBLAS_NUM_THREADS ?= 1
 PIP_FLAGS := --quiet --disable-pip-version-check
 
 .NOTPARALLEL:
-.PHONY: help demo test check format chromium pytest lowest bench validate lock clean
+.PHONY: help demo test check format chromium pytest lowest bench bench-install validate lock clean
 
 help:  ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
 
 # The locks hold the versions and hashes of everything, the build tool too: so no build isolation.
 # $(call install,ENVIRONMENT,LOCK): make or refresh it, and put the package in it, editable.
@@ -44,15 +44,19 @@ $(READY_LOWEST): requirements-lowest.lock pyproject.toml
 	$(call install,.venv-lowest,requirements-lowest.lock)
 	@touch $@
 
+# The peers stand in no lock, and some need build tools that no lock has: so they are built in isolation. A library that
+# they share with Fourpole has its locked version.
 $(READY_BENCH): requirements.lock pyproject.toml
-	$(call install,.venv-bench,requirements.lock)
-	@.venv-bench/bin/python -m pip install $(PIP_FLAGS) --no-build-isolation --editable '.[bench]'
+	@echo "Installing the peers of bench/ into .venv-bench (once; a minute or two)"
+	@$(PYTHON) -m venv .venv-bench
+	@sed -n 's/^\([a-z0-9][^\\]*\) \\$$/\1/p' requirements.lock > .venv-bench/constraints.txt
+	@.venv-bench/bin/python -m pip install $(PIP_FLAGS) --constraint .venv-bench/constraints.txt --editable '.[bench]'
 	@touch $@
 
 demo: $(READY)  ## make the demonstration campaign in ./fourpole-demo and analyse it
 	@$(BIN)/fourpole demo
 
-test: check lowest pytest  ## everything: check, the tests on the lowest versions, the tests
+test: check bench-install lowest pytest  ## everything: check, the peers, the tests on the lowest versions, the tests
 
 chromium:  ## the browser that the tests of the report need; installed here where that may be done
 	@for b in chromium chromium-browser google-chrome google-chrome-stable; do \
@@ -92,6 +96,9 @@ lowest:  ## the tests of the library on the lowest versions allowed (Python 3.11
 	else \
 		echo "lowest: skipped, the lowest versions allowed have no wheels for $$($(PYTHON) --version)"; \
 	fi
+
+bench-install: $(READY_BENCH)  ## install the peers, and see that each script in bench/ finds them
+	@cd bench && for script in *.py; do ../.venv-bench/bin/python -c "import $${script%.py}" || exit 1; done
 
 bench: $(READY_BENCH)  ## compare with the peers: runs each script in bench/, in an environment of its own
 	@for script in bench/*.py; do .venv-bench/bin/python "$$script" || exit 1; done
