@@ -14,7 +14,10 @@ from fourpole.core.sources import Kind, Source
 BELOW, ABOVE = 0.99, 1.01
 
 
-def candidate(explains=100.0, source=Source(Kind.UNSTATED, "mass")):
+MASS = Source(Kind.UNSTATED, "mass")
+
+
+def candidate(explains=100.0, source=MASS):
     return Candidate("tyre mass", 1.0, 0.1, "kg", explains=explains, source=source, size=1.0, text=source.text)
 
 
