@@ -10,7 +10,18 @@ import pytest
 
 from fourpole.campaign.results import Results
 from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
-from fourpole.report.words import Finding, findings, headline
+from fourpole.findings import findings as found_in
+from fourpole.report.words import Sentence, sentences
+from fourpole.report.words import headline as headline_of
+
+
+def findings(results):
+    return sentences(found_in(results))
+
+
+def headline(results):
+    return headline_of(found_in(results))
+
 
 PRESSURES, LOADS, FREQUENCIES = (100e3, 150e3, 200e3, 250e3), (1000.0, 2000.0), (10.0, 13.0, 16.0, 19.0, 22.0)
 TOPICS = [
@@ -118,7 +129,7 @@ def _frame(rows, columns):
 def test_a_sentence_is_plain_and_belongs_to_a_topic():
     tyres = {"A": Tyre(tr=rig_curve(15.0)), "B": Tyre(k1=120e3, tr=rig_curve(17.0))}
     found = findings(Tables(tyres).results())
-    assert {type(each) for each in found} == {Finding}
+    assert {type(each) for each in found} == {Sentence}
     order = [TOPICS.index(each.topic) for each in found]
     assert order == sorted(order)
     for each in found:

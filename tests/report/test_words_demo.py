@@ -12,8 +12,19 @@ import pytest
 from fourpole import Study, analyse
 from fourpole.campaign.results import Results
 from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
-from fourpole.report.words import findings, headline
+from fourpole.findings import findings as found_in
+from fourpole.report.words import headline as headline_of
+from fourpole.report.words import sentences
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
+
+
+def findings(results):
+    return sentences(found_in(results))
+
+
+def headline(results):
+    return headline_of(found_in(results))
+
 
 PRESSURES, FREQUENCIES = [100e3, 170e3, 240e3], [14.0, 16.5, 18.0, 20.0, 23.0]
 KEY = ["tyre", "pressure [Pa]", "preload [N]"]

@@ -11,6 +11,7 @@ import polars as pl
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, progress, say
 from fourpole.campaign import DRAWS, Study, analyse, read_campaign
 from fourpole.errors import CampaignError
+from fourpole.findings import findings
 from fourpole.report.words import headline
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
@@ -49,10 +50,10 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     study, results = _analysed(folder, None)
     page = _drawn(study, results)
     if as_json:
-        print_json({**_summary(study, results), "report": str(page), "found": headline(study.results)})
+        print_json({**_summary(study, results), "report": str(page), "found": headline(findings(study.results))})
     else:
         out(f"Virtual campaign in {folder} (seed {seed}): {_counted(study)}.")
-        for line in headline(study.results)[1:]:  # the first is the count of tests
+        for line in headline(findings(study.results))[1:]:  # the first is the count of tests
             out(line)
         out("The virtual tyres are designed so that the paper's conclusions hold; they are not its data.")
         out(f"results: {results}; report: {page}")

@@ -7,9 +7,10 @@ from pathlib import Path
 from fourpole.app.console import out, progress, warn
 from fourpole.campaign.results import Results, read_results
 from fourpole.errors import CampaignError
+from fourpole.findings import findings
 from fourpole.plot import FIGURES, Style, draw, save_figures, write_figure
 from fourpole.report.page import ReportFigure, write_report
-from fourpole.report.words import findings
+from fourpole.report.words import sentences
 
 __all__ = ["make_report", "run_plot", "run_report"]
 
@@ -23,7 +24,7 @@ def make_report(results: Results, folder: Path, style: Style | None = None) -> P
         for key, path in files.items()
     }
     page = folder / "report.html"
-    write_report(results, page, findings=findings(results), figures=figures)
+    write_report(results, page, findings=sentences(findings(results)), figures=figures)
     return page
 
 

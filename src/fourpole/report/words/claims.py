@@ -1,110 +1,210 @@
-"""The twelve conclusions of the 1982 paper, read on a campaign of a cross-ply and a radial-ply tyre."""
+"""Sentences on the twelve claims of the 1982 paper."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
-from fourpole.report.words import readings
-from fourpole.report.words.facts import Facts, Finding
-from fourpole.report.words.readings import Found, NeededError, Tyre
-from fourpole.report.words.trends import K1, C
+from fourpole.findings.claims import CROSS, RADIAL, Claim, Lack
+from fourpole.findings.evidence import Effect
+from fourpole.findings.finding import Finding, Holds
+from fourpole.findings.readings import (
+    Above,
+    ApartAt,
+    Isolation,
+    Likewise,
+    LoadsApart,
+    Need,
+    Nonlinear,
+    Optimum,
+    OptimumAt,
+    Order,
+    Rising,
+    Turning,
+)
+from fourpole.report.words.phrases import (
+    bar,
+    combinations,
+    condition,
+    counted,
+    joined,
+    newton,
+    percent,
+    percents,
+    ranged,
+)
+from fourpole.report.words.trend import over, span
 
-__all__ = ["Claim", "claim_findings", "pair_of_the_paper", "paper_claims"]
+__all__ = ["claim", "claims_summary"]
 
-_WORDS = (re.compile(r"cross[- ]?ply|bias[- ]?ply|diagonal", re.I), re.compile(r"radial", re.I))
-
-
-@dataclass(frozen=True)
-class Claim:
-    """One conclusion and what a campaign shows of it.
-
-    Attributes
-    ----------
-    number : int
-    statement : str
-    holds : bool or None
-        None where it cannot be told.
-    sure : bool
-        Whether what was found is beyond the uncertainty.
-    figures : str
-        What was found, or what is needed.
-    """
-
-    number: int
-    statement: str
-    holds: bool | None
-    sure: bool
-    figures: str
-
-    @property
-    def text(self) -> str:
-        """The sentence."""
-        head = f"Claim {self.number} of the paper ({self.statement})"
-        if self.holds is None:
-            return f"{head} cannot be told here: it needs {self.figures}."
-        if not self.holds:
-            return f"{head} does not hold here: {self.figures}."
-        return f"{head} holds here{'' if self.sure else ', though not beyond the uncertainty'}: {self.figures}."
+#: What the paper concludes; a and b stand for its cross-ply and its radial-ply.
+_STATEMENTS = {
+    1: "K1 of {a} is above that of {b}",
+    2: "{a} is markedly non-linear under static load, {b} nearly linear",
+    3: "C of {a} has its maximum near 1.68 bar",
+    4: "C of {b} rises with pressure",
+    5: "at high pressure C is higher under the low load, at low pressure the loads hardly differ",
+    6: "C of {b} rises with frequency from 10 to 24 Hz",
+    7: "C of {a} is above that of {b}",
+    8: "K2 of {b} falls with pressure up to 16 Hz, hardly varies round 17.5 Hz and rises above 19 Hz",
+    9: "K2 of {b} rises with frequency",
+    10: "K2 of {a} behaves like that of {b}, at a higher level",
+    11: "TR of {a} is the lower below 18 Hz, that of {b} above",
+    12: "the resonance of {b} lies below that of {a}",
+}
+_NEEDS = {
+    Need.BOTH: "{of} of both tyres at a condition in common",
+    Need.CURVES: "load-deflection curves of both tyres at a pressure in common",
+    Need.THREE_PRESSURES: "{of} at three pressures or more",
+    Need.THREE_FREQUENCIES: "{of} at three frequencies or more",
+    Need.OPTIMUM: "{of} at three pressures or more, from below 1.56 bar to above 1.80 bar",
+    Need.LOADS: "{of} of both tyres at two loads and at two pressures or more",
+    Need.CORNERS: "{of} of both tyres under the lowest and the highest load at the lowest and highest pressure",
+    Need.BANDS: "{of} at frequencies up to 16 Hz, between 16.5 and 18.5 Hz, and above 19 Hz",
+    Need.SIDES: "TR of both tyres at frequencies below 16.8 Hz and above 19.2 Hz in common",
+    Need.PEAKS: "TR of both tyres at three frequencies or more at a condition in common",
+}
+Labels = Mapping[str, str]
 
 
-def pair_of_the_paper(facts: Facts) -> tuple[str, str] | None:
-    """The cross-ply and the radial-ply, where the campaign has one of each and no other tyre."""
-    if len(facts.tyres) != 2:
-        return None
-    kinds = [[bool(word.search(facts.constructions.get(tyre, ""))) for word in _WORDS] for tyre in facts.tyres]
-    for cross, radial in ((0, 1), (1, 0)):
-        if kinds[cross] == [True, False] and kinds[radial] == [False, True]:
-            return facts.tyres[cross], facts.tyres[radial]
-    return None
+def claim(finding: Finding, found: Claim) -> str:
+    """One claim, whether it holds, and by which figures."""
+    labels = {role: _label(role, name) for role, name in zip((CROSS, RADIAL), found.names, strict=True)}
+    statement = _STATEMENTS[found.number].format(a=labels[CROSS], b=labels[RADIAL])
+    head = f"Claim {found.number} of the paper ({statement})"
+    if isinstance(found.found, Lack):
+        return f"{head} cannot be told here: it needs {_lack(found.found, labels)}."
+    figures = _EVIDENCE[type(found.found)](found.found, labels)
+    if finding.holds is Holds.FALSE:
+        return f"{head} does not hold here: {figures}."
+    unsure = ", though not beyond the uncertainty" if finding.holds is Holds.TRUE_UNSURE else ""
+    return f"{head} holds here{unsure}: {figures}."
 
 
-def paper_claims(facts: Facts) -> list[Claim]:
-    """All twelve, in the paper's order; none where the campaign is not one of the paper's two tyres."""
-    names = pair_of_the_paper(facts)
-    if names is None or not (facts.used_static or facts.used_dynamic):
-        return []
-    cross, radial = (
-        Tyre(_label(kind, name), name, facts) for kind, name in zip(("cross-ply", "radial-ply"), names, strict=True)
+def claims_summary(findings: Sequence[Finding]) -> str:
+    """How many of the paper's claims hold; blank where there are none."""
+    numbers: dict[Holds, list[str]] = {}
+    for finding in findings:
+        if isinstance(finding.detail, Claim):
+            numbers.setdefault(finding.holds, []).append(str(finding.detail.number))
+    if not numbers:
+        return ""
+    false, untold, unsure = (numbers.get(holds, []) for holds in (Holds.FALSE, Holds.UNTOLD, Holds.TRUE_UNSURE))
+    held = len(numbers.get(Holds.TRUE, [])) + len(unsure)
+    text = "All twelve claims of the 1982 paper hold here"
+    if false or untold:
+        text = f"Of the twelve claims of the 1982 paper {held or 'none'} {'holds' if held == 1 else 'hold'} here"
+    if unsure:
+        text += f" ({'claim' if len(unsure) == 1 else 'claims'} {joined(unsure)} not beyond the uncertainty)"
+    if false:
+        text += f", {joined(false)} {'does' if len(false) == 1 else 'do'} not"
+    if untold:
+        text += f"; {joined(untold)} cannot be told"
+    return text + "."
+
+
+def _label(role: str, name: str) -> str:
+    return f"the {role}" if role.replace("-", "") in re.sub(r"[^a-z]", "", name.lower()) else f"the {role} ({name})"
+
+
+def _lack(lack: Lack, labels: Labels) -> str:
+    return _NEEDS[lack.need].format(of=f"{lack.symbol} of {labels[lack.tyre]}" if lack.tyre else lack.symbol)
+
+
+def _changes(effects: Sequence[Effect]) -> str:
+    return percents([effect.value for effect in effects])
+
+
+def _above(found: Above, _: Labels) -> str:
+    effects, against = found.effects, found.against
+    where = combinations(found.axes, list(effects))
+    text = f"the difference is {_changes(list(effects.values()))} at {where} in common"
+    if against and len(against) < len(effects):
+        text += f", and the other way round at {len(against)} of them, such as {condition(found.axes, against[0])}"
+    return text
+
+
+def _nonlinear(found: Nonlinear, labels: Labels) -> str:
+    return (
+        f"the curve departs from a straight line by {percents(found.cross)} of the load span for {labels[CROSS]} and "
+        f"by {percents(found.radial)} for {labels[RADIAL]}, {ranged(found.ratios)} times as much, where more than 3 "
+        "times is asked for"
     )
-    a, b = cross.label, radial.label
-    told: tuple[tuple[str, Callable[[], Found]], ...] = (
-        (f"K1 of {a} is above that of {b}", lambda: readings.above("K1", K1, cross.k1, radial.k1)),
-        (f"{a} is markedly non-linear under static load, {b} nearly linear", lambda: readings.nonlinear(cross, radial)),
-        (f"C of {a} has its maximum near 1.68 bar", lambda: readings.optimum(cross)),
-        (f"C of {b} rises with pressure", lambda: readings.rising("C", radial.c, "pressure")),
-        (
-            "at high pressure C is higher under the low load, at low pressure the loads hardly differ",
-            lambda: readings.loads_apart(cross, radial),
-        ),
-        (
-            f"C of {b} rises with frequency from 10 to 24 Hz",
-            lambda: readings.rising("C", readings.in_band(radial.c), "frequency"),
-        ),
-        (f"C of {a} is above that of {b}", lambda: readings.above("C", C, cross.c, radial.c)),
-        (
-            f"K2 of {b} falls with pressure up to 16 Hz, hardly varies round 17.5 Hz and rises above 19 Hz",
-            lambda: readings.turning(radial),
-        ),
-        (f"K2 of {b} rises with frequency", lambda: readings.rising("K2", radial.k2, "frequency")),
-        (f"K2 of {a} behaves like that of {b}, at a higher level", lambda: readings.likewise(cross, radial)),
-        (f"TR of {a} is the lower below 18 Hz, that of {b} above", lambda: readings.isolation(cross, radial)),
-        (f"the resonance of {b} lies below that of {a}", lambda: readings.resonance(cross, radial)),
+
+
+def _rising(found: Rising, _: Labels) -> str:
+    trend = found.trend
+    text = f"from {span(trend)} it changes by {_changes(list(trend.effects.values()))} at {over(trend)}"
+    return f"{text} and falls at {found.falling} of them" if found.falling else text
+
+
+def _optimum(found: Optimum, _: Labels) -> str:
+    return f"averaged over frequency, {'; '.join(map(_optimum_at, found.loads))}"
+
+
+def _optimum_at(at: OptimumAt) -> str:
+    ends = joined(f"{percent(drop)} below it at {bar(p)}" for p, drop in at.drops.items())
+    return f"at {newton(at.load)} it is largest at {bar(at.pressure)} and {ends}"
+
+
+def _loads_apart(found: LoadsApart, labels: Labels) -> str:
+    return "; ".join(_apart(at, labels) for at in found.tyres)
+
+
+def _apart(at: ApartAt, labels: Labels) -> str:
+    low, high = (bar(p) for p in at.pressures)
+    return (
+        f"C of {labels[at.tyre]} at {newton(at.load)} exceeds that at {newton(at.against_load)} by "
+        f"{percent(at.high.value)} at {high} (standard uncertainty {percent(at.high.std)}) and by "
+        f"{percent(at.low.value)} at {low}"
     )
-    claims = []
-    for at, (statement, read) in enumerate(told, start=1):
-        try:
-            claims.append(Claim(at, statement, *read()))
-        except NeededError as lack:
-            claims.append(Claim(at, statement, None, False, str(lack)))
-    return claims
 
 
-def claim_findings(claims: list[Claim]) -> list[Finding]:
-    """The claims as sentences."""
-    return [Finding("claims", claim.text) for claim in claims]
+def _turning(found: Turning, _: Labels) -> str:
+    low, high = (bar(end) for end in found.ends)
+    said = []
+    for at in found.loads:
+        changes = [_changes(band) for band in at.bands]
+        said.append(
+            f"at {newton(at.load)} it changes by {changes[0]} up to 16 Hz, by {changes[1]} between 16.5 and 18.5 Hz, "
+            f"and by {changes[2]} above 19 Hz"
+        )
+    return f"from {low.rpartition(' ')[0]} to {high}, {'; '.join(said)}"
 
 
-def _label(kind: str, name: str) -> str:
-    return f"the {kind}" if kind.replace("-", "") in re.sub(r"[^a-z]", "", name.lower()) else f"the {kind} ({name})"
+def _likewise(found: Likewise, labels: Labels) -> str:
+    return (
+        f"its change with pressure {'turns' if found.turns else 'does not turn'} from fall to rise between 16 and "
+        f"19 Hz; with frequency, {_rising(found.rising, labels)}; against {labels[RADIAL]}, "
+        f"{_above(found.above, labels)}"
+    )
+
+
+def _isolation(found: Isolation, labels: Labels) -> str:
+    return (
+        f"at {joined(bar(p) for p in found.pressures)}, TR of {labels[RADIAL]} is {_changes(found.below)} higher than "
+        f"that of {labels[CROSS]} below 16.8 Hz, and that of {labels[CROSS]} {_changes(found.beyond)} higher above "
+        "19.2 Hz"
+    )
+
+
+def _order(found: Order, labels: Labels) -> str:
+    return (
+        f"the largest measured TR of {labels[RADIAL]} stands at {ranged(found.radial, 'Hz')} and that of "
+        f"{labels[CROSS]} at {ranged(found.cross, 'Hz')}, {ranged(found.gaps, 'Hz', 2)} higher, at "
+        f"{counted(len(found.gaps), 'condition')} in common"
+    )
+
+
+_EVIDENCE: dict[type, Callable[[Any, Labels], str]] = {
+    Above: _above,
+    Nonlinear: _nonlinear,
+    Rising: _rising,
+    Optimum: _optimum,
+    LoadsApart: _loads_apart,
+    Turning: _turning,
+    Likewise: _likewise,
+    Isolation: _isolation,
+    Order: _order,
+}

@@ -10,9 +10,9 @@ import polars as pl
 
 from fourpole.campaign.results import Results
 from fourpole.core.sources import Kind, Role
+from fourpole.findings.facts import natural
 from fourpole.report.digits import known, number
 from fourpole.report.stated import mapping, texts
-from fourpole.report.words.facts import natural
 from fourpole.report.words.phrases import counted, joined, percent
 from fourpole.report.words.shared import DECLARED, Value, shared_values
 from fourpole.report.words.sources import source_in_words

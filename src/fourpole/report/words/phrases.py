@@ -3,41 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from math import floor, isfinite, log10
 
-__all__ = ["UNSTATED", "Quantity", "condition", "counted", "joined", "number", "percent", "ranged", "shown", "some"]
+from fourpole.findings.finding import UNSTATED, Key
 
-#: A pressure or load that nobody stated.
-UNSTATED = -1.0
-Key = tuple[float, ...]
+__all__ = [
+    "bar",
+    "combinations",
+    "condition",
+    "counted",
+    "each_of",
+    "hertz",
+    "joined",
+    "newton",
+    "number",
+    "percent",
+    "percents",
+    "ranged",
+    "setting",
+    "shown",
+    "some",
+    "stretches",
+]
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A column of the tables and how it is spoken of."""
-
-    symbol: str
-    column: str
-    std_column: str
-    topic: str
-    axes: tuple[str, ...]
-    scale: float = 1.0
-    unit: str = ""
-    more: str = ""  # what a tyre is that has more of it
-    start: str = ""  # how it opens a sentence, where that is not its symbol
-
-    def of(self, tyre: str) -> str:
-        """The quantity of a tyre, at the start of a sentence."""
-        return f"{self.start or self.symbol} of {tyre}"
-
-    def shown(self, value: float) -> str:
-        """A value with its unit."""
-        return shown(value / self.scale, self.unit)
-
-    def span(self, values: Iterable[float]) -> str:
-        """Smallest and largest value with the unit."""
-        return ranged([value / self.scale for value in values], self.unit)
+_PLURAL = {"pressure": "pressures", "load": "loads", "frequency": "frequencies"}
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -161,3 +151,16 @@ def _stretch(axis: str, run: Sequence[float]) -> str:
     if len(run) == 1:
         return first
     return f"{first.rpartition(' ')[0]} to {last}"
+
+
+def combinations(axes: Sequence[str], keys: Sequence[Key]) -> str:
+    """'5 pressures', '20 combinations of load and frequency'."""
+    varied = [axis for i, axis in enumerate(axes) if len({key[i] for key in keys}) > 1]
+    if len(varied) == 1:
+        return counted(len(keys), varied[0], _PLURAL[varied[0]])
+    return f"{counted(len(keys), 'combination')} of {joined(varied)}" if varied else counted(len(keys), "condition")
+
+
+def each_of(count: int) -> str:
+    """'the only condition', 'each of 10 conditions'."""
+    return "the only condition" if count == 1 else f"each of {counted(count, 'condition')}"

@@ -1,4 +1,4 @@
-"""The tables of results by tyre and nominal condition: what the sentences are made from."""
+"""The tables of results by specimen and nominal condition: the numbers that findings are computed from."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ import numpy as np
 import polars as pl
 
 from fourpole.campaign.results import Results
-from fourpole.report.words.phrases import UNSTATED, Key, Quantity
+from fourpole.findings.finding import UNSTATED, Key, Setup, Subject
 
-__all__ = ["Curve", "Facts", "Finding", "Measured", "common"]
+__all__ = ["Curve", "Facts", "Measured", "common", "natural", "tests_of"]
 
 _TOLERANCE = {"pressure": 0.02, "load": 0.01, "frequency": 0.02}
 _COLUMNS = {"pressure": "pressure [Pa]", "load": "preload [N]", "frequency": "frequency [Hz]"}
@@ -24,35 +24,16 @@ _UNSTATED_STD = 0.02
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One sentence of what a campaign shows.
-
-    Attributes
-    ----------
-    topic : str
-        What it is about: "trust", "static stiffness", "nonlinearity", "dynamic stiffness", "damping", "loss",
-        "resonance", "transmissibility" or "claims".
-    text : str
-        Plain text with figures and units; names of tyres and tests stand in it as the campaign has them.
-    tests : tuple of str
-        The tests it rests on, where they are few enough to be named.
-    """
-
-    topic: str
-    text: str
-    tests: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class Measured:
     """A value with its standard uncertainty; repeats are averaged, at no gain in certainty."""
 
     value: float
     std: float
+    tests: tuple[str, ...] = ()
 
     @property
     def pair(self) -> tuple[float, float]:
-        """Both."""
+        """Value and standard uncertainty."""
         return self.value, self.std
 
 
@@ -63,6 +44,7 @@ class Curve:
     frequency: tuple[float, ...]
     tr: tuple[float, ...]
     std: tuple[float, ...]
+    tests: tuple[str, ...] = ()
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -133,35 +115,45 @@ class Facts:
         """Nominal condition of a row."""
         return tuple(self.nominal[axis].get(_number(row.get(_COLUMNS[axis])), UNSTATED) for axis in axes)
 
-    def values(self, quantity: Quantity, tyre: str) -> dict[Key, Measured]:
+    def values(self, quantity: Subject, tyre: str) -> dict[Key, Measured]:
         """A quantity of a tyre by nominal condition; blanks, and what is not positive, are left out."""
         static = quantity.axes[-1] != "frequency"
-        groups: dict[Key, list[tuple[float, float]]] = {}
+        groups: dict[Key, list[tuple[float, float, str]]] = {}
         for row in self.used_static if static else self.used_dynamic:
             value = _number(row.get(quantity.column))
             if row["tyre"] == tyre and value > 0.0:
                 std = _number(row.get(quantity.std_column))
-                pair = value, std if std >= 0.0 else _UNSTATED_STD * value
-                groups.setdefault(self.key(row, quantity.axes), []).append(pair)
+                known = value, std if std >= 0.0 else _UNSTATED_STD * value, row["test"]
+                groups.setdefault(self.key(row, quantity.axes), []).append(known)
         return {key: _averaged(groups[key]) for key in sorted(groups)}
 
     @cached_property
-    def curves(self) -> dict[tuple[str, str], dict[Key, Curve]]:
-        """Measured transmissibility by (tyre, set-up) and (pressure, load); the set-up is rig and added mass."""
-        points: dict[tuple[str, str], dict[Key, dict[float, list[tuple[float, float, float]]]]] = {}
+    def curves(self) -> dict[tuple[str, Setup], dict[Key, Curve]]:
+        """Measured transmissibility by (tyre, set-up) and (pressure, load)."""
+        points: dict[tuple[str, Setup], dict[Key, dict[float, list[tuple[float, float, float]]]]] = {}
+        tests: dict[tuple[str, Setup, Key], list[str]] = {}
         for row in self.used_dynamic:
             tr, std, frequency = (_number(row.get(name)) for name in ("TR measured [1]", "u(TR) [1]", "frequency [Hz]"))
             if tr > 0.0 and frequency > 0.0:
-                lines = points.setdefault((row["tyre"], _setup(row)), {})
-                line = lines.setdefault(self.key(row, ("pressure", "load")), {})
+                who, key = (row["tyre"], _setup(row)), self.key(row, ("pressure", "load"))
+                line = points.setdefault(who, {}).setdefault(key, {})
+                tests.setdefault((*who, key), []).append(row["test"])
                 point = frequency, tr, std if std >= 0.0 else _UNSTATED_STD * tr
                 line.setdefault(self.nominal["frequency"][frequency], []).append(point)
-        return {who: {key: _curve(lines[key]) for key in sorted(lines)} for who, lines in sorted(points.items())}
+        return {
+            who: {key: _curve(lines[key], tests[*who, key]) for key in sorted(lines)}
+            for who, lines in sorted(points.items())
+        }
 
 
 def common(first: Mapping[Key, Any], second: Mapping[Key, Any]) -> list[Key]:
     """Conditions that both have, in order."""
     return sorted(set(first) & set(second))
+
+
+def tests_of(*values: Iterable[Measured | Curve]) -> tuple[str, ...]:
+    """All tests that some values rest on, each once, sorted."""
+    return tuple(sorted({test for some in values for each in some for test in each.tests}, key=natural))
 
 
 def natural(name: str) -> tuple[Any, ...]:
@@ -172,24 +164,23 @@ def natural(name: str) -> tuple[Any, ...]:
     ), name
 
 
-def _curve(line: Mapping[float, Sequence[tuple[float, float, float]]]) -> Curve:
+def _curve(line: Mapping[float, Sequence[tuple[float, float, float]]], tests: Sequence[str]) -> Curve:
     points = sorted(tuple(np.mean(repeats, axis=0).tolist()) for repeats in line.values())
     frequency, tr, std = zip(*points, strict=True)
-    return Curve(frequency, tr, std)
+    return Curve(frequency, tr, std, tuple(tests))
 
 
-def _setup(row: Mapping[str, Any]) -> str:
+def _setup(row: Mapping[str, Any]) -> Setup:
     mass = _number(row.get("added mass [kg]"))
-    parts = [f"rig {row['rig']}"] if row.get("rig") else []
-    return " and ".join([*parts, *([f"{mass:g} kg added"] if mass > 0.0 else [])])
+    return Setup(row.get("rig") or "", mass if mass > 0.0 else 0.0)
 
 
-def _averaged(pairs: Sequence[tuple[float, float]]) -> Measured:
+def _averaged(repeats: Sequence[tuple[float, float, str]]) -> Measured:
     """Mean of repeats: their scatter, or the stated uncertainty, whichever is larger."""
-    values = np.array([value for value, _ in pairs])
-    stated = float(np.mean([std for _, std in pairs]))
+    values = np.array([value for value, _, _ in repeats])
+    stated = float(np.mean([std for _, std, _ in repeats]))
     scatter = float(values.std(ddof=1)) / sqrt(values.size) if values.size > 1 else 0.0
-    return Measured(float(values.mean()), max(stated, scatter))
+    return Measured(float(values.mean()), max(stated, scatter), tuple(test for _, _, test in repeats))
 
 
 def _column(table: pl.DataFrame, name: str) -> list[float]:

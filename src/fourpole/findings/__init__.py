@@ -1,0 +1,7 @@
+"""What a campaign shows, as data: each finding with its effect, its uncertainty, what holds, and its tests."""
+
+from fourpole.findings.finding import Conditions, Finding, Holds, Setup, Topic
+from fourpole.findings.list import findings
+from fourpole.findings.table import findings_table
+
+__all__ = ["Conditions", "Finding", "Holds", "Setup", "Topic", "findings", "findings_table"]

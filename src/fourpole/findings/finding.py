@@ -1,0 +1,156 @@
+"""One finding as data: what it is about, under which conditions, how large, how sure, and what holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import ClassVar, Protocol
+
+__all__ = ["UNSTATED", "Conditions", "Detail", "Finding", "Holds", "Key", "Setup", "Subject", "Topic", "conditions"]
+
+#: A pressure or load that nobody stated.
+UNSTATED = -1.0
+Key = tuple[float, ...]
+
+
+class Topic(StrEnum):
+    """What findings are grouped by, in the order of the report."""
+
+    TRUST = "trust"
+    STATIC = "static stiffness"
+    NONLINEARITY = "nonlinearity"
+    DYNAMIC = "dynamic stiffness"
+    DAMPING = "damping"
+    LOSS = "loss"
+    RESONANCE = "resonance"
+    TRANSMISSIBILITY = "transmissibility"
+    CLAIMS = "claims"
+
+
+class Holds(StrEnum):
+    """What is found to hold, as findings.csv says it."""
+
+    ALL_USED = "all used"
+    SOME_USED = "some used"
+    NONE_USED = "none used"
+    NO_TESTS = "no tests"
+    REJECTED = "rejected"
+    WARNING = "warning"
+    MEASURED = "measured"
+    NEARLY_LINEAR = "nearly linear"
+    NON_LINEAR = "non-linear"
+    MARKEDLY_NON_LINEAR = "markedly non-linear"
+    ABOVE = "first above second"
+    BELOW = "first below second"
+    NO_DIFFERENCE = "no difference"
+    MIXED = "depends on the condition"
+    RISES = "rises"
+    FALLS = "falls"
+    NO_CHANGE = "no change"
+    MAXIMUM = "maximum"
+    MINIMUM = "minimum"
+    INSIDE = "inside the tested frequencies"
+    AT_LOWEST = "at the lowest tested frequency"
+    AT_HIGHEST = "at the highest tested frequency"
+    NO_CROSSING = "no crossing"
+    ONE_CROSSING = "one crossing"
+    SEVERAL_CROSSINGS = "several crossings"
+    WITHIN = "within the uncertainty"
+    BEYOND = "beyond the uncertainty"
+    TRUE = "holds"
+    TRUE_UNSURE = "holds, not beyond the uncertainty"
+    FALSE = "does not hold"
+    UNTOLD = "cannot be told"
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A quantity that findings are made of: its column, the column of its uncertainty, its topic and its axes."""
+
+    symbol: str
+    column: str
+    std_column: str
+    topic: Topic
+    axes: tuple[str, ...]
+
+    @property
+    def unit(self) -> str:
+        """SI unit, as the head of the column states it."""
+        return self.column.rpartition("[")[2].removesuffix("]")
+
+
+@dataclass(frozen=True, order=True)
+class Setup:
+    """What a transmissibility curve depends on besides the specimen: the rig and the added mass [kg]."""
+
+    rig: str = ""
+    added_mass: float = 0.0
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Nominal conditions: for each key its pressure [Pa], load [N] and frequency [Hz], as far as `axes` names them."""
+
+    axes: tuple[str, ...] = ()
+    keys: tuple[Key, ...] = ()
+    setup: Setup = Setup()
+
+    def values(self, axis: str) -> list[float]:
+        """Distinct stated values of one axis, rising."""
+        at = self.axes.index(axis)
+        return sorted({key[at] for key in self.keys if key[at] != UNSTATED})
+
+
+class Detail(Protocol):
+    """What one kind of finding has besides; frozen and free of arrays, so that findings compare."""
+
+    #: Name of the kind in findings.csv.
+    kind: ClassVar[str]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a campaign shows.
+
+    Attributes
+    ----------
+    topic : Topic
+    quantity : str
+        Symbol of the quantity; blank where the finding is about tests.
+    specimens : tuple of str
+        Names as in the campaign.
+    holds : Holds
+        What is found.
+    detail : Detail
+        The numbers of this kind of finding; `detail.kind` names the kind.
+    conditions : Conditions
+        Where it was looked at.
+    effect, std : float or None
+        Size of the effect and its standard uncertainty, in `unit`.
+    unit : str
+        SI; 1 for a relative effect.
+    tests : tuple of str
+        The tests it rests on, sorted.
+    """
+
+    topic: Topic
+    quantity: str
+    specimens: tuple[str, ...]
+    holds: Holds
+    detail: Detail
+    conditions: Conditions = field(default_factory=Conditions)
+    effect: float | None = None
+    std: float | None = None
+    unit: str = ""
+    tests: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """Name of its kind: comparison, trend, claim ..."""
+        return self.detail.kind
+
+
+def conditions(axes: Iterable[str], keys: Iterable[Key], setup: Setup = Setup()) -> Conditions:
+    """Conditions in order."""
+    return Conditions(tuple(axes), tuple(sorted(keys)), setup)

@@ -1,0 +1,220 @@
+"""How a quantity goes with pressure, load and frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby, pairwise
+from typing import ClassVar
+
+import numpy as np
+
+from fourpole.findings.evidence import Effect, FloatArray, along, between, mean_effect, residual_squares
+from fourpole.findings.facts import Measured, tests_of
+from fourpole.findings.finding import Finding, Holds, Key, Subject, conditions
+
+__all__ = ["Extremum", "Lines", "Trend", "lines_along", "trend_of"]
+
+#: The other axes, in the order in which a trend is looked at value by value along them.
+_SPLIT_BY = {"pressure": ("frequency", "load"), "load": ("pressure", "frequency"), "frequency": ("pressure", "load")}
+#: An extremum needs at least this many points on a line.
+_FEWEST_POINTS = 4
+Line = tuple[FloatArray, FloatArray, FloatArray]
+
+
+@dataclass(frozen=True)
+class Extremum:
+    """A maximum or minimum of the mean curve between its ends.
+
+    Attributes
+    ----------
+    holds : Holds
+        MAXIMUM or MINIMUM.
+    at : float
+        Where on the axis, in SI.
+    first, last : Effect
+        The values at the two ends relative to the extremum, less 1.
+    """
+
+    holds: Holds
+    at: float
+    first: Effect
+    last: Effect
+
+
+@dataclass(frozen=True)
+class Trend:
+    """The change of a quantity of one specimen along one axis, at fixed values of the others.
+
+    Attributes
+    ----------
+    axis : str
+    rest : tuple of str
+        The other axes.
+    ends : (float, float)
+        Lowest and highest value on the axis, in SI.
+    is_line : bool
+        Whether each line has three points or more; two points make a difference, not a trend.
+    effects : mapping
+        Relative change from the first to the last point, by the values of the other axes.
+    split_by : str or None
+        The other axis along which the change is looked at value by value.
+    extremum : Extremum or None
+    """
+
+    kind: ClassVar[str] = "trend"
+    axis: str
+    rest: tuple[str, ...]
+    ends: tuple[float, float]
+    is_line: bool
+    effects: Mapping[Key, Effect]
+    split_by: str | None = None
+    extremum: Extremum | None = None
+
+    @property
+    def mean(self) -> Effect:
+        """Mean change over all lines."""
+        return mean_effect(list(self.effects.values()))
+
+    @cached_property
+    def parts(self) -> dict[float, Effect]:
+        """Mean change at each value of the axis `split_by`; of all lines where there is no such axis."""
+        if self.split_by is None:
+            return {0.0: self.mean}
+        at = self.rest.index(self.split_by)
+        order = sorted(self.effects.items(), key=lambda item: item[0][at])
+        return {v: mean_effect([e for _, e in group]) for v, group in groupby(order, key=lambda item: item[0][at])}
+
+    @property
+    def holds(self) -> Holds:
+        """RISES or FALLS, MIXED where the direction depends on the other axis, an extremum, or NO_CHANGE."""
+        if self.extremum is not None:
+            return self.extremum.holds
+        standing = any(effect.claimed(len(self.parts)) for effect in self.parts.values())
+        if not standing and not self.mean.claimed():
+            return Holds.NO_CHANGE
+        if {1, -1} <= {effect.sign for effect in self.parts.values()} or (standing and not self.mean.claimed()):
+            return Holds.MIXED
+        return Holds.RISES if self.mean.value > 0 else Holds.FALLS
+
+    @property
+    def zero(self) -> float | None:
+        """Where the change passes zero between values at which it is claimed either way; None if not exactly once."""
+        order, parts = sorted(self.parts), self.parts
+        turns = [(a, b) for a, b in pairwise(order) if parts[a].value * parts[b].value < 0.0]
+        claimed = {parts[value].sign for value in order if parts[value].sign}
+        if len(turns) != 1 or len(claimed) != 2:
+            return None
+        ((a, b),) = turns
+        return a - parts[a].value * (b - a) / (parts[b].value - parts[a].value)
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines of a quantity along one axis, each at fixed values of the others.
+
+    Attributes
+    ----------
+    axis : str
+    rest : tuple of str
+        The other axes.
+    lines : mapping
+        x, y and u(y) by the values of the other axes; three points or more, or two each.
+    """
+
+    axis: str
+    rest: tuple[str, ...]
+    lines: Mapping[Key, Line]
+
+    @property
+    def is_line(self) -> bool:
+        """Whether the lines have three points or more."""
+        return next(iter(self.lines.values()))[0].size > 2
+
+    def effects(self) -> dict[Key, Effect]:
+        """Relative change from the first to the last point of each line."""
+        if not self.is_line:
+            return {k: between((y[0], u[0]), (y[1], u[1])) for k, (_, y, u) in self.lines.items()}
+        variance, dof = self.scatter(1)
+        return {key: along(*line, variance, dof) for key, line in self.lines.items()}
+
+    def scatter(self, order: int) -> tuple[float, float]:
+        """Relative variance about polynomials, and its degrees of freedom: lines at several frequencies share a K1."""
+        free = {key: max(line[0].size - order - 1, 0) for key, line in self.lines.items()}
+        squares = sum(residual_squares(line[0], line[1], order) for key, line in self.lines.items() if free[key])
+        own: dict[Key, int] = {}
+        for key, count in free.items():
+            group = tuple(v for v, axis in zip(key, self.rest, strict=True) if axis != "frequency")
+            own[group] = max(own.get(group, 0), count)
+        return squares / max(sum(free.values()), 1), float(max(sum(own.values()), 1))
+
+    def trend(self) -> Trend:
+        """The change along the axis as data."""
+        ends = min(float(x[0]) for x, _, _ in self.lines.values()), max(float(x[-1]) for x, _, _ in self.lines.values())
+        return Trend(self.axis, self.rest, ends, self.is_line, self.effects(), self._split_by(), self.extremum())
+
+    def _split_by(self) -> str | None:
+        for axis in _SPLIT_BY[self.axis]:
+            if axis in self.rest and len({key[self.rest.index(axis)] for key in self.lines}) > 1:
+                return axis
+        return None
+
+    def extremum(self) -> Extremum | None:
+        """Maximum or minimum between the ends of the mean curve, where both ends are off it beyond the scatter."""
+        full = max(x.size for x, _, _ in self.lines.values())
+        grid = next(x for x, _, _ in self.lines.values() if x.size == full)
+        lines = [line for line in self.lines.values() if np.array_equal(line[0], grid)]
+        if full < _FEWEST_POINTS:
+            return None
+        curve = np.mean([y / y.mean() for _, y, _ in lines], axis=0)
+        std = np.mean([u / y.mean() for _, y, u in lines], axis=0)
+        variance, dof = self.scatter(2)
+        for holds, sign in ((Holds.MAXIMUM, 1.0), (Holds.MINIMUM, -1.0)):
+            top = int(np.argmax(sign * curve))
+            first, last = (
+                Effect(
+                    float(curve[end] / curve[top] - 1.0), (2 * variance) ** 0.5, float(abs(std[end] - std[top])), dof
+                )
+                for end in (0, -1)
+            )
+            off = all(drop.claimed(full) and drop.value * sign < 0 for drop in (first, last))
+            if 0 < top < full - 1 and off:
+                return Extremum(holds, float(grid[top]), first, last)
+        return None
+
+
+def lines_along(values: Mapping[Key, Measured], axes: Sequence[str], axis: str) -> Lines | None:
+    """Lines of three points or more along an axis; where there are none, those of two; else None."""
+    at = list(axes).index(axis)
+    points: dict[Key, list[tuple[float, float, float]]] = {}
+    for key, found in sorted(values.items(), key=lambda item: item[0]):
+        if key[at] > 0:
+            points.setdefault((*key[:at], *key[at + 1 :]), []).append((key[at], *found.pair))
+    most = max((len(line) for line in points.values()), default=0)
+    if most < 2:
+        return None
+    kept = {key: line for key, line in points.items() if len(line) >= min(most, 3)}
+    rest = tuple(name for name in axes if name != axis)
+    return Lines(axis, rest, {key: tuple(np.array(line).T) for key, line in kept.items()})  # type: ignore[misc]
+
+
+def trend_of(subject: Subject, tyre: str, values: Mapping[Key, Measured], axis: str) -> Finding | None:
+    """The trend of a quantity of one specimen along one axis; None where it was not varied."""
+    lines = lines_along(values, subject.axes, axis)
+    if lines is None:
+        return None
+    found = lines.trend()
+    mean = found.mean
+    return Finding(
+        subject.topic,
+        subject.symbol,
+        (tyre,),
+        found.holds,
+        found,
+        conditions(subject.axes, values),
+        mean.value,
+        mean.std,
+        "1",
+        tests_of(values.values()),
+    )
