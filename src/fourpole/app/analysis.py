@@ -11,7 +11,8 @@ import polars as pl
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, progress, say
 from fourpole.campaign import DRAWS, Study, analyse, read_campaign
 from fourpole.errors import CampaignError
-from fourpole.findings import findings
+from fourpole.findings import findings, findings_table
+from fourpole.io.write import write_table
 from fourpole.report.words import headline
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
@@ -70,6 +71,7 @@ def _analysed(
     with progress("analysing") as advance:
         study = analyse(stated, route=route, monte_carlo=monte_carlo, cache=results / "cache", progress=advance)
     study.write(results)
+    write_table(results / "findings.csv", findings_table(findings(study.results)))
     return study, results
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from fourpole.findings import readings
 from fourpole.findings.facts import Facts
-from fourpole.findings.finding import Finding, Holds, Topic
-from fourpole.findings.readings import Evidence, LackError, Need, Reading, Tyre
+from fourpole.findings.finding import Conditions, Finding, Holds, Topic
+from fourpole.findings.readings import LackError, Need, Reading, Tyre
 from fourpole.findings.subjects import K1, K2, C
 
 __all__ = ["CROSS", "RADIAL", "Claim", "Lack", "claims", "pair_of_the_paper"]
@@ -39,14 +39,14 @@ class Claim:
         1 to 12, in the paper's order.
     names : (str, str)
         What the campaign calls the cross-ply and the radial-ply.
-    found : Evidence or Lack
-        The numbers, or what is needed to tell.
+    found : object or Lack
+        The numbers, as the function in `readings` that reads this claim says; or what is needed to tell.
     """
 
     kind: ClassVar[str] = "claim"
     number: int
     names: tuple[str, str]
-    found: Evidence | Lack
+    found: Any
 
 
 def pair_of_the_paper(facts: Facts) -> tuple[str, str] | None:
@@ -103,6 +103,5 @@ def _claim(
         detail = Claim(number, names, Lack(lack.need, lack.symbol, lack.tyre))
         return Finding(Topic.CLAIMS, symbol, about, Holds.UNTOLD, detail, tests=tests)
     holds = Holds.FALSE if not found.holds else Holds.TRUE if found.sure else Holds.TRUE_UNSURE
-    effect, std, unit = found.evidence.size
-    detail = Claim(number, names, found.evidence)
-    return Finding(Topic.CLAIMS, symbol, about, holds, detail, effect=effect, std=std, unit=unit, tests=tests)
+    detail, size = Claim(number, names, found.evidence), (found.effect, found.std, found.unit)
+    return Finding(Topic.CLAIMS, symbol, about, holds, detail, Conditions(), *size, tests)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -18,35 +18,7 @@ from fourpole.findings.resonances import peak
 from fourpole.findings.subjects import K1, K2, NONLINEARITY, C
 from fourpole.findings.trends import Lines, Trend, lines_along
 
-__all__ = [
-    "Above",
-    "ApartAt",
-    "Evidence",
-    "Isolation",
-    "LackError",
-    "Likewise",
-    "LoadsApart",
-    "Need",
-    "Nonlinear",
-    "Optimum",
-    "OptimumAt",
-    "Order",
-    "Reading",
-    "Rising",
-    "Turning",
-    "TurningAt",
-    "Tyre",
-    "above",
-    "in_band",
-    "isolation",
-    "likewise",
-    "loads_apart",
-    "nonlinear",
-    "optimum",
-    "resonance",
-    "rising",
-    "turning",
-]
+__all__ = ["LackError", "Need", "Reading", "Tyre"]
 
 #: Relative tolerance of a frequency at the edge of a band of claim 8.
 _EDGE = 1e-6
@@ -144,24 +116,30 @@ class Tyre:
 
 @dataclass(frozen=True)
 class Reading:
-    """What a campaign shows of one claim: whether it holds, whether beyond the uncertainty, by which numbers."""
+    """What a campaign shows of one claim.
+
+    Attributes
+    ----------
+    holds, sure : bool
+        Whether the claim holds; whether what decides it is beyond the uncertainty.
+    evidence : object
+        The numbers, frozen: what the function that reads the claim says.
+    effect, std : float, float or None
+        Size of the effect and its standard uncertainty, as in findings.csv.
+    unit : str
+    """
 
     holds: bool
     sure: bool
-    evidence: Evidence
+    evidence: Any
+    effect: float
+    std: float | None = None
+    unit: str = "1"
 
 
-class Evidence(Protocol):
-    """The numbers of one claim."""
-
-    @property
-    def size(self) -> tuple[float, float | None, str]:
-        """The effect, its standard uncertainty and its unit, as findings.csv has them."""
-
-
-def _relative(effects: Iterable[Effect]) -> tuple[float, float | None, str]:
+def _mean(effects: Iterable[Effect]) -> tuple[float, float]:
     mean = mean_effect(list(effects))
-    return mean.value, mean.std, "1"
+    return mean.value, mean.std
 
 
 @dataclass(frozen=True)
@@ -176,19 +154,18 @@ class Above:
         """Conditions at which it is not above."""
         return [key for key, effect in self.effects.items() if effect.value <= 0.0]
 
-    @property
-    def size(self) -> tuple[float, float | None, str]:
-        """Mean difference."""
-        return _relative(self.effects.values())
-
 
 def above(subject: Subject, upper: Values, lower: Values) -> Reading:
-    """Whether the upper is above the lower at every condition in common."""
+    """Whether the upper is above the lower at every condition in common: `Above`."""
     effects = differences(lower, upper)
     if not effects:
         raise LackError(Need.BOTH, subject.symbol)
     found = Above(subject.axes, effects)
-    return Reading(not found.against, all(effect.claimed() for effect in effects.values()), found)
+    return Reading(not found.against, _all_claimed(effects.values()), found, *_mean(effects.values()))
+
+
+def _all_claimed(effects: Iterable[Effect]) -> bool:
+    return all(effect.claimed() for effect in effects)
 
 
 @dataclass(frozen=True)
@@ -203,36 +180,14 @@ class Nonlinear:
         """Cross-ply over radial-ply."""
         return [a / b for a, b in zip(self.cross, self.radial, strict=True)]
 
-    @property
-    def size(self) -> tuple[float, float | None, str]:
-        """Smallest ratio."""
-        return min(self.ratios), None, "1"
-
 
 def nonlinear(cross: Tyre, radial: Tyre) -> Reading:
-    """Departure of the load-deflection curves from a straight line."""
+    """Whether the cross-ply departs from a straight line several times as much as the radial-ply: `Nonlinear`."""
     keys = common(cross.nonlinearity, radial.nonlinearity)
     if not keys:
         raise LackError(Need.CURVES)
     found = Nonlinear(*(tuple(tyre.nonlinearity[key].value for key in keys) for tyre in (cross, radial)))
-    return Reading(min(found.ratios) > _TIMES, True, found)
-
-
-@dataclass(frozen=True)
-class Rising:
-    """The trend of a quantity on every line along an axis."""
-
-    trend: Trend
-
-    @property
-    def falling(self) -> int:
-        """Number of lines on which the quantity does not rise."""
-        return sum(effect.value <= 0.0 for effect in self.trend.effects.values())
-
-    @property
-    def size(self) -> tuple[float, float | None, str]:
-        """Mean change from end to end."""
-        return _relative(self.trend.effects.values())
+    return Reading(min(found.ratios) > _TIMES, True, found, min(found.ratios))
 
 
 def _lines(subject: Subject, tyre: str, values: Values, axis: str) -> Lines:
@@ -244,9 +199,10 @@ def _lines(subject: Subject, tyre: str, values: Values, axis: str) -> Lines:
 
 
 def rising(subject: Subject, values: Values, axis: str, tyre: str = "") -> Reading:
-    """Whether a quantity rises along an axis on every line."""
-    found = Rising(_lines(subject, tyre, values, axis).trend())
-    return Reading(not found.falling, all(effect.claimed() for effect in found.trend.effects.values()), found)
+    """Whether a quantity rises along an axis on every line: `Trend`."""
+    found = _lines(subject, tyre, values, axis).trend()
+    effects = found.effects.values()
+    return Reading(all(effect.value > 0.0 for effect in effects), _all_claimed(effects), found, *_mean(effects))
 
 
 def in_band(values: Values) -> Values:
@@ -279,30 +235,19 @@ class OptimumAt:
     drops: Mapping[float, float]
 
 
-@dataclass(frozen=True)
-class Optimum:
-    """Where C, averaged over frequency, is largest, load by load."""
-
-    loads: tuple[OptimumAt, ...]
-
-    @property
-    def size(self) -> tuple[float, float | None, str]:
-        """Mean pressure of the maximum."""
-        return float(np.mean([at.pressure for at in self.loads])), None, "Pa"
-
-
 def optimum(cross: Tyre) -> Reading:
-    """Whether C of the cross-ply, averaged over frequency, has its maximum near the stated pressure."""
+    """Whether C of the cross-ply, averaged over frequency, has its maximum near 1.68 bar: `OptimumAt` by load."""
     means = _means(cross.c)
     pressures = sorted({p for p, _ in means})
     if len(pressures) < 3 or pressures[0] > _OPTIMUM - _NEAR or pressures[-1] < _OPTIMUM + _NEAR:
         raise LackError(Need.OPTIMUM, C.symbol, cross.role)
     loads = sorted({load for _, load in means})
     lines = [{p: means[p, load].value for p in pressures if (p, load) in means} for load in loads]
-    tops = [_largest(load, line) for load, line in zip(loads, lines, strict=True)]
+    tops = tuple(_largest(load, line) for load, line in zip(loads, lines, strict=True))
     inside = (min(line) < at.pressure < max(line) for at, line in zip(tops, lines, strict=True))
     near = all(abs(at.pressure - _OPTIMUM) <= _NEAR for at in tops)
-    return Reading(all(inside) and near, all(_has_maximum(cross.c, load) for load in loads), Optimum(tuple(tops)))
+    sure = all(_has_maximum(cross.c, load) for load in loads)
+    return Reading(all(inside) and near, sure, tops, float(np.mean([at.pressure for at in tops])), unit="Pa")
 
 
 def _largest(load: float, line: Mapping[float, float]) -> OptimumAt:
@@ -329,23 +274,12 @@ class ApartAt:
     high: Effect
 
 
-@dataclass(frozen=True)
-class LoadsApart:
-    """How far the loads are apart in C, tyre by tyre."""
-
-    tyres: tuple[ApartAt, ...]
-
-    @property
-    def size(self) -> tuple[float, float | None, str]:
-        """Mean difference at the highest pressure."""
-        return _relative(at.high for at in self.tyres)
-
-
 def loads_apart(cross: Tyre, radial: Tyre) -> Reading:
-    """How far C under the lowest load exceeds that under the highest, at the ends of the pressures."""
+    """How far C at the lowest load exceeds that at the highest, at the ends of the pressures: `ApartAt` by tyre."""
     parts = tuple(_apart(tyre) for tyre in (cross, radial))
     holds = all(at.high.value > _SPREAD and abs(at.low.value) < _NEGLIGIBLE * at.high.value for at in parts)
-    return Reading(holds, all(at.high.claimed() for at in parts), LoadsApart(parts))
+    high = [at.high for at in parts]
+    return Reading(holds, _all_claimed(high), parts, *_mean(high))
 
 
 def _apart(tyre: Tyre) -> ApartAt:
@@ -389,18 +323,14 @@ class Turning:
     ends: tuple[float, float]
     loads: tuple[TurningAt, ...]
 
-    @property
-    def size(self) -> tuple[float, float | None, str]:
-        """Mean change in the high band."""
-        return _relative(effect for at in self.loads for effect in at.bands[2])
-
 
 def turning(tyre: Tyre) -> Reading:
-    """Whether the change of K2 with pressure turns from fall to rise between 16 and 19 Hz."""
+    """Whether the change of K2 with pressure turns from fall to rise between 16 and 19 Hz: `Turning`."""
     lines = _lines(K2, tyre.role, tyre.k2, "pressure")
     trend = lines.trend()
     loads = tuple(_turning_at(tyre, lines, trend, load) for load in sorted({key[0] for key in trend.effects}))
-    return Reading(all(at.turns for at in loads), all(at.sure for at in loads), Turning(trend.ends, loads))
+    rises = _mean(effect for at in loads for effect in at.bands[2])
+    return Reading(all(at.turns for at in loads), all(at.sure for at in loads), Turning(trend.ends, loads), *rises)
 
 
 def _turning_at(tyre: Tyre, lines: Lines, trend: Trend, load: float) -> TurningAt:
@@ -419,24 +349,18 @@ class Likewise:
     """The cross-ply's K2: whether it turns, how it rises with frequency, how far it is above the radial-ply's."""
 
     turns: bool
-    rising: Rising
+    rising: Trend
     above: Above
-
-    @property
-    def size(self) -> tuple[float, float | None, str]:
-        """Mean difference of the levels."""
-        return self.above.size
 
 
 def likewise(cross: Tyre, radial: Tyre) -> Reading:
-    """Whether the cross-ply's K2 does what the radial-ply's is said to do, at a higher level."""
+    """Whether the cross-ply's K2 does what the radial-ply's is said to do, at a higher level: `Likewise`."""
     turns, rises = turning(cross), rising(K2, cross.k2, "frequency", cross.role)
     higher = above(K2, cross.k2, radial.k2)
-    assert isinstance(rises.evidence, Rising)
-    assert isinstance(higher.evidence, Above)
     found = Likewise(turns.holds, rises.evidence, higher.evidence)
     parts = (turns, rises, higher)
-    return Reading(all(part.holds for part in parts), all(part.sure for part in parts), found)
+    holds, sure = all(part.holds for part in parts), all(part.sure for part in parts)
+    return Reading(holds, sure, found, higher.effect, higher.std)
 
 
 @dataclass(frozen=True)
@@ -447,14 +371,9 @@ class Isolation:
     below: tuple[Effect, ...]
     beyond: tuple[Effect, ...]
 
-    @property
-    def size(self) -> tuple[float, float | None, str]:
-        """Mean over both sides."""
-        return _relative((*self.below, *self.beyond))
-
 
 def isolation(cross: Tyre, radial: Tyre) -> Reading:
-    """Whose TR is the lower on either side of the stated crossing."""
+    """Whose TR is the lower on either side of the stated crossing: `Isolation`."""
     tested = sorted({key[0] for key in cross.tr})
     near = {min(tested, key=lambda p: abs(p - wanted)) for wanted in _TR_PRESSURES} if tested else set()
     keys = [key for key in common(cross.tr, radial.tr) if key[0] in near]
@@ -467,7 +386,7 @@ def isolation(cross: Tyre, radial: Tyre) -> Reading:
     if not (found.below and found.beyond):
         raise LackError(Need.SIDES)
     effects = (*found.below, *found.beyond)
-    return Reading(all(e.value > 0.0 for e in effects), all(e.claimed() for e in effects), found)
+    return Reading(all(effect.value > 0.0 for effect in effects), _all_claimed(effects), found, *_mean(effects))
 
 
 @dataclass(frozen=True)
@@ -478,14 +397,9 @@ class Order:
     radial: tuple[float, ...]
     gaps: tuple[float, ...]
 
-    @property
-    def size(self) -> tuple[float, float | None, str]:
-        """Mean gap."""
-        return float(np.mean(self.gaps)), None, "Hz"
-
 
 def resonance(cross: Tyre, radial: Tyre) -> Reading:
-    """Whose largest measured TR stands at the lower frequency."""
+    """Whose largest measured TR stands at the lower frequency: `Order`."""
     pairs = [(peak(cross.curves[key]), peak(radial.curves[key])) for key in common(cross.curves, radial.curves)]
     peaks = [(a, b) for a, b in pairs if a is not None and b is not None]
     if not peaks:
@@ -494,4 +408,4 @@ def resonance(cross: Tyre, radial: Tyre) -> Reading:
     at = [tuple(found.frequency for found in side) for side in zip(*peaks, strict=True)]
     gaps = tuple(nominal.get(a, a) - nominal.get(b, b) for a, b in zip(*at, strict=True))
     sure = all(not a.side and not b.side and a.best - b.best > a.doubt + b.doubt for a, b in peaks)
-    return Reading(min(gaps) > 0.0, sure, Order(at[0], at[1], gaps))
+    return Reading(min(gaps) > 0.0, sure, Order(at[0], at[1], gaps), float(np.mean(gaps)), unit="Hz")

@@ -9,20 +9,8 @@ from typing import Any
 from fourpole.findings.claims import CROSS, RADIAL, Claim, Lack
 from fourpole.findings.evidence import Effect
 from fourpole.findings.finding import Finding, Holds
-from fourpole.findings.readings import (
-    Above,
-    ApartAt,
-    Isolation,
-    Likewise,
-    LoadsApart,
-    Need,
-    Nonlinear,
-    Optimum,
-    OptimumAt,
-    Order,
-    Rising,
-    Turning,
-)
+from fourpole.findings.readings import Above, ApartAt, Isolation, Likewise, Need, Nonlinear, OptimumAt, Order, Turning
+from fourpole.findings.trends import Trend
 from fourpole.report.words.phrases import (
     bar,
     combinations,
@@ -38,21 +26,6 @@ from fourpole.report.words.trend import over, span
 
 __all__ = ["claim", "claims_summary"]
 
-#: What the paper concludes; a and b stand for its cross-ply and its radial-ply.
-_STATEMENTS = {
-    1: "K1 of {a} is above that of {b}",
-    2: "{a} is markedly non-linear under static load, {b} nearly linear",
-    3: "C of {a} has its maximum near 1.68 bar",
-    4: "C of {b} rises with pressure",
-    5: "at high pressure C is higher under the low load, at low pressure the loads hardly differ",
-    6: "C of {b} rises with frequency from 10 to 24 Hz",
-    7: "C of {a} is above that of {b}",
-    8: "K2 of {b} falls with pressure up to 16 Hz, hardly varies round 17.5 Hz and rises above 19 Hz",
-    9: "K2 of {b} rises with frequency",
-    10: "K2 of {a} behaves like that of {b}, at a higher level",
-    11: "TR of {a} is the lower below 18 Hz, that of {b} above",
-    12: "the resonance of {b} lies below that of {a}",
-}
 _NEEDS = {
     Need.BOTH: "{of} of both tyres at a condition in common",
     Need.CURVES: "load-deflection curves of both tyres at a pressure in common",
@@ -71,11 +44,12 @@ Labels = Mapping[str, str]
 def claim(finding: Finding, found: Claim) -> str:
     """One claim, whether it holds, and by which figures."""
     labels = {role: _label(role, name) for role, name in zip((CROSS, RADIAL), found.names, strict=True)}
-    statement = _STATEMENTS[found.number].format(a=labels[CROSS], b=labels[RADIAL])
+    statement, figures_of = _CLAIMS[found.number]
+    statement = statement.format(a=labels[CROSS], b=labels[RADIAL])
     head = f"Claim {found.number} of the paper ({statement})"
     if isinstance(found.found, Lack):
         return f"{head} cannot be told here: it needs {_lack(found.found, labels)}."
-    figures = _EVIDENCE[type(found.found)](found.found, labels)
+    figures = figures_of(found.found, labels)
     if finding.holds is Holds.FALSE:
         return f"{head} does not hold here: {figures}."
     unsure = ", though not beyond the uncertainty" if finding.holds is Holds.TRUE_UNSURE else ""
@@ -133,14 +107,15 @@ def _nonlinear(found: Nonlinear, labels: Labels) -> str:
     )
 
 
-def _rising(found: Rising, _: Labels) -> str:
-    trend = found.trend
-    text = f"from {span(trend)} it changes by {_changes(list(trend.effects.values()))} at {over(trend)}"
-    return f"{text} and falls at {found.falling} of them" if found.falling else text
+def _rising(found: Trend, _: Labels) -> str:
+    effects = list(found.effects.values())
+    text = f"from {span(found)} it changes by {_changes(effects)} at {over(found)}"
+    falling = sum(effect.value <= 0.0 for effect in effects)
+    return f"{text} and falls at {falling} of them" if falling else text
 
 
-def _optimum(found: Optimum, _: Labels) -> str:
-    return f"averaged over frequency, {'; '.join(map(_optimum_at, found.loads))}"
+def _optimum(found: Sequence[OptimumAt], _: Labels) -> str:
+    return f"averaged over frequency, {'; '.join(map(_optimum_at, found))}"
 
 
 def _optimum_at(at: OptimumAt) -> str:
@@ -148,8 +123,8 @@ def _optimum_at(at: OptimumAt) -> str:
     return f"at {newton(at.load)} it is largest at {bar(at.pressure)} and {ends}"
 
 
-def _loads_apart(found: LoadsApart, labels: Labels) -> str:
-    return "; ".join(_apart(at, labels) for at in found.tyres)
+def _loads_apart(found: Sequence[ApartAt], labels: Labels) -> str:
+    return "; ".join(_apart(at, labels) for at in found)
 
 
 def _apart(at: ApartAt, labels: Labels) -> str:
@@ -197,14 +172,18 @@ def _order(found: Order, labels: Labels) -> str:
     )
 
 
-_EVIDENCE: dict[type, Callable[[Any, Labels], str]] = {
-    Above: _above,
-    Nonlinear: _nonlinear,
-    Rising: _rising,
-    Optimum: _optimum,
-    LoadsApart: _loads_apart,
-    Turning: _turning,
-    Likewise: _likewise,
-    Isolation: _isolation,
-    Order: _order,
+#: Per claim: what the paper concludes, a and b being its cross-ply and radial-ply; the template of the figures.
+_CLAIMS: dict[int, tuple[str, Callable[[Any, Labels], str]]] = {
+    1: ("K1 of {a} is above that of {b}", _above),
+    2: ("{a} is markedly non-linear under static load, {b} nearly linear", _nonlinear),
+    3: ("C of {a} has its maximum near 1.68 bar", _optimum),
+    4: ("C of {b} rises with pressure", _rising),
+    5: ("at high pressure C is higher under the low load, at low pressure the loads hardly differ", _loads_apart),
+    6: ("C of {b} rises with frequency from 10 to 24 Hz", _rising),
+    7: ("C of {a} is above that of {b}", _above),
+    8: ("K2 of {b} falls with pressure up to 16 Hz, hardly varies round 17.5 Hz and rises above 19 Hz", _turning),
+    9: ("K2 of {b} rises with frequency", _rising),
+    10: ("K2 of {a} behaves like that of {b}, at a higher level", _likewise),
+    11: ("TR of {a} is the lower below 18 Hz, that of {b} above", _isolation),
+    12: ("the resonance of {b} lies below that of {a}", _order),
 }
