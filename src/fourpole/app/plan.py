@@ -100,7 +100,14 @@ def run_plan(
         files.append(path)
     if as_json:
         print_json(_document(planned, frame, advice, files, options.seed))
-        return
+    else:
+        _show(planned, frame, advice, files, None if sheet is None else options.seed)
+
+
+def _show(
+    planned: CampaignPlan, frame: pl.DataFrame, advice: Sequence[Advice], files: Sequence[Path], seed: int | None
+) -> None:
+    """Print notes, tables, advice and the files written; the last file is the run sheet if a seed is given."""
     for note in planned.notes:
         say(f"note: {note}")
     for line in _tables(frame):
@@ -109,9 +116,9 @@ def run_plan(
         for line in _advice(item, found, several=len(planned.rigs) > 1):
             out(line)
     for path in files:
-        out(f"{'run sheet' if path == files[-1] and sheet is not None else 'written'}: {path}")
-    if sheet is not None:
-        say(f"order drawn with seed {options.seed}; keep it as tests.csv of the campaign")
+        out(f"{'run sheet' if path == files[-1] and seed is not None else 'written'}: {path}")
+    if seed is not None:
+        say(f"order drawn with seed {seed}; keep it as tests.csv of the campaign")
 
 
 def _positive(text: str | None, kind: str, name: str) -> float | None:

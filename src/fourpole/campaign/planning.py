@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import polars as pl
@@ -43,6 +43,8 @@ __all__ = [
 AS_STATED = "as stated"
 _K1_STD = 0.02
 _CYCLES = 40.0
+#: K1, its standard uncertainty, K2 [N/m], C [N s/m].
+_Tyre: TypeAlias = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -198,6 +200,22 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
     RigError
         If a rig is not stated.
     """
+    planned = _to_plan(campaign)
+    earlier = _Earlier.of(campaign.folder / "results")
+    notes = list(campaign.stated.assumptions())
+    if earlier is not None and not _whole(guess):
+        notes.append(f"the tyres are guessed from {campaign.folder.name}/results/dynamic.csv")
+    rigs = []
+    for name in dict.fromkeys(test.rig for test in planned):
+        tests = tuple(test for test in planned if test.rig == name)
+        rigs.append(_rig_plan(campaign, name, tests, [_tyre(test, guess, earlier) for test in tests], run))
+    if _k1_assumed(planned, guess, earlier):
+        notes.append("K1: no uncertainty stated, taken as 2 % (--std-k1)")
+    return CampaignPlan(tuple(rigs), campaign.tests, campaign.extra_columns, (*notes, *_lift_off(rigs)))
+
+
+def _to_plan(campaign: Campaign) -> list[Test]:
+    """The dynamic tests and calibrations of a campaign; CampaignError where one of them cannot be planned."""
     planned = [test for test in campaign.tests if test.kind != "static"]
     if not planned:
         raise CampaignError("tests.csv: lists no dynamic test, so there is nothing to plan")
@@ -206,32 +224,25 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
             raise CampaignError(test.problem)
         if test.value("frequency") is None:
             raise CampaignError(f"tests.csv row {test.row}: frequency [Hz] is blank: a plan needs one for each test")
-    earlier = _Earlier.of(campaign.folder / "results")
-    notes = list(campaign.stated.assumptions())
-    if earlier is not None and not _whole(guess):
-        notes.append(f"the tyres are guessed from {campaign.folder.name}/results/dynamic.csv")
-    rigs = []
-    for name in dict.fromkeys(test.rig for test in planned):
-        tests = tuple(test for test in planned if test.rig == name)
-        tyre = [_tyre(test, guess, earlier) for test in tests]
-        setup = setup_of(campaign, name, tests, [StaticStiffness(row[0], row[1]) for row in tyre])
-        if setup.rig is None:
-            raise RigError("campaign.toml: [rig] is missing: a plan needs moving_mass and preload_stiffness")
-        named = [campaign.stated.channels.named(role) is not None for role in CHANNELS]
-        if not named[1] or not (named[0] or named[2]):
-            raise CampaignError("campaign.toml: [channels] a plan needs motion_in and one of force_in and motion_out")
-        k1, k1_std, k2, c = np.array(tyre).T
-        drawn = PlannedTests.of(
-            np.array([test.values["frequency"] for test in tests]), k1, k2, c, k1_std=k1_std, family=setup.family,
-            added_mass=setup.added, added_mass_std=setup.added_std, eccentricity=run.eccentricity,
-            noise=run.noise_of_test, present=(named[0], named[1], named[2]),
-        )  # fmt: skip
-        statics = len({(test.tyre, test.value("pressure")) for test in tests if test.kind == "dynamic"})
-        plan = Plan(drawn, setup.rig, setup.channels, run.cycles, max(statics, 1), ADDED_MASS_STD)
-        rigs.append(RigPlan(name, plan, tests))
-    if _k1_assumed(planned, guess, earlier):
-        notes.append("K1: no uncertainty stated, taken as 2 % (--std-k1)")
-    return CampaignPlan(tuple(rigs), campaign.tests, campaign.extra_columns, (*notes, *_lift_off(rigs)))
+    return planned
+
+
+def _rig_plan(campaign: Campaign, name: str, tests: tuple[Test, ...], tyres: Sequence[_Tyre], run: Run) -> RigPlan:
+    """The plan of the tests of one rig, for the guessed tyre of each test."""
+    setup = setup_of(campaign, name, tests, [StaticStiffness(row[0], row[1]) for row in tyres])
+    if setup.rig is None:
+        raise RigError("campaign.toml: [rig] is missing: a plan needs moving_mass and preload_stiffness")
+    force, motion, beyond = (campaign.stated.channels.named(role) is not None for role in CHANNELS)
+    if not motion or not (force or beyond):
+        raise CampaignError("campaign.toml: [channels] a plan needs motion_in and one of force_in and motion_out")
+    k1, k1_std, k2, c = np.array(tyres).T
+    drawn = PlannedTests.of(
+        np.array([test.values["frequency"] for test in tests]), k1, k2, c, k1_std=k1_std, family=setup.family,
+        added_mass=setup.added, added_mass_std=setup.added_std, eccentricity=run.eccentricity,
+        noise=run.noise_of_test, present=(force, motion, beyond),
+    )  # fmt: skip
+    statics = len({(test.tyre, test.value("pressure")) for test in tests if test.kind == "dynamic"})
+    return RigPlan(name, Plan(drawn, setup.rig, setup.channels, run.cycles, max(statics, 1), ADDED_MASS_STD), tests)
 
 
 def bare_plan(
@@ -315,7 +326,7 @@ def _k1_assumed(tests: Sequence[Test], guess: Guess, earlier: _Earlier | None) -
     return not stated and (guess.k1 is not None or earlier is None)
 
 
-def _tyre(test: Test, guess: Guess, earlier: _Earlier | None) -> tuple[float, float, float, float]:
+def _tyre(test: Test, guess: Guess, earlier: _Earlier | None) -> _Tyre:
     """K1, its standard uncertainty, K2 and C of a planned test."""
     if test.kind == "calibration":
         return 1.0, 0.0, 1.0, 1.0
