@@ -19,7 +19,7 @@ STD = {"moving_mass": 0.3, "preload_stiffness": 100.0}
 
 def solved(**further):
     """Four tests without noise on a rig that is as stated."""
-    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std=STD | {name: 0.1 for name in further}, **further)
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std=STD | dict.fromkeys(further, 0.1), **further)
     omega = 2 * np.pi * np.array([10.0, 12.0, 14.0, 16.0])
     impedance = rig.impedance(omega)
     ratio = (2e5 + 4e4j) / (2e5 + 4e4j + 1j * omega * impedance)
