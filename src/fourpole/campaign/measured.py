@@ -18,7 +18,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.campaign.conditions import conditions_in, names_apart, rule_in
-from fourpole.campaign.tables import COVARIANCE_COLUMNS
+from fourpole.campaign.tables import COVARIANCE, Key, keys_of
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.condition import AXES, Sameness
 from fourpole.errors import FileError, ModelError, TableError
@@ -295,7 +295,7 @@ class _Rows:
     ) -> _Rows:
         count = frame.height
         tyres = _texts(frame, "tyre")
-        names = _texts(frame, "test")
+        keys = keys_of(frame)
         stiffness = numbers[RE] + 1j * numbers[IM]
         own: FloatArray = np.zeros((count, 2, 2))
         shared: FloatArray = np.zeros((count, 2, 0))
@@ -303,14 +303,14 @@ class _Rows:
         known, alone = True, True
         if std is not None:
             own += (std * np.abs(stiffness))[:, None, None] ** 2 * np.eye(2)
-        elif covariance is not None and set(names) <= set(covariance["test"].to_list()):
-            own, shared, condition = _joined(names, covariance)
+        elif covariance is not None and set(keys) <= set(keys_of(covariance)):
+            own, shared, condition = _joined(keys, covariance)
             alone = False
         elif all(column in numbers for column in _STD[:2]) and np.all(np.isfinite(numbers[_STD[0]])):
             own = _stated(numbers)
         else:
             known = False
-        return cls(tyres, names, numbers, own, shared, condition, known, alone, std is not None)
+        return cls(tyres, [test for test, _ in keys], numbers, own, shared, condition, known, alone, std is not None)
 
     @property
     def count(self) -> int:
@@ -388,11 +388,11 @@ def _stated(numbers: dict[str, FloatArray]) -> FloatArray:
     return np.stack([np.stack([first**2, cross], axis=-1), np.stack([cross, second**2], axis=-1)], axis=-2)
 
 
-def _joined(names: Sequence[str], covariance: pl.DataFrame) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """Own covariance (N, 2, 2), shared parts (N, 2, p) of all rigs, and a number per condition, of tests by name."""
-    own_name, re_name, im_name = COVARIANCE_COLUMNS[3:]
-    place = {test: at for at, test in enumerate(covariance["test"].to_list())}
-    part = covariance[[place[name] for name in names]]
+def _joined(keys: Sequence[Key], covariance: pl.DataFrame) -> tuple[FloatArray, FloatArray, np.ndarray]:
+    """Own covariance (N, 2, 2), shared parts (N, 2, p) of all rigs, and a number per condition, of tests by key."""
+    own_name, re_name, im_name = (one.head for one in (q.OWN_COVARIANCE, q.SHARED_STORAGE, q.SHARED_LOSS))
+    place = {key: at for at, key in enumerate(keys_of(covariance))}
+    part = covariance[[place[key] for key in keys]]
     own = np.array(part[own_name].to_list(), dtype=float).reshape(-1, 2, 2)
     rigs = part["rig"].to_list()
     lengths = {rig: max(map(len, part.filter(pl.col("rig") == rig)[re_name].to_list())) for rig in dict.fromkeys(rigs)}
@@ -403,8 +403,8 @@ def _joined(names: Sequence[str], covariance: pl.DataFrame) -> tuple[FloatArray,
         for side, values in enumerate(columns):
             shared[at, side, starts[rig] : starts[rig] + len(values[at])] = values[at]
     numbers: dict[tuple[str, int], int] = {}
-    keys = zip(rigs, part["condition"].to_list(), strict=True)
-    condition = np.array([numbers.setdefault(key, len(numbers)) for key in keys])
+    places = zip(rigs, part["condition"].to_list(), strict=True)
+    condition = np.array([numbers.setdefault(one, len(numbers)) for one in places])
     return own, shared, condition
 
 
@@ -413,7 +413,7 @@ def _covariance(path: Path) -> pl.DataFrame:
         frame = pl.read_parquet(io.BytesIO(read_bytes(path, max_bytes=_MOST_BYTES)))
     except pl.exceptions.PolarsError as error:
         raise TableError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
-    if list(frame.columns) != list(COVARIANCE_COLUMNS):
+    if [name for name in frame.columns if name != q.POINT.head] != list(COVARIANCE.columns):
         raise TableError(f"{path.name}: is not one that fourpole wrote: run fourpole analyse again")
     return frame
 

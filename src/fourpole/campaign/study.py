@@ -87,9 +87,9 @@ class Study(Tables):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Tests by verdict; a static test with several preloads counts by its worst."""
-        statics = self.static.group_by("test", maintain_order=True).agg("verdict")
-        verdicts = [worst_verdict(row) for row in statics["verdict"].to_list()] + self.dynamic["verdict"].to_list()
+        """Tests by verdict; one with several rows counts by its worst."""
+        rows = [table.group_by("test", maintain_order=True).agg("verdict") for table in (self.static, self.dynamic)]
+        verdicts = [worst_verdict(row) for table in rows for row in table["verdict"].to_list()]
         return {verdict: verdicts.count(verdict) for verdict in ("ok", "warning", "rejected")}
 
     @property

@@ -40,6 +40,7 @@ __all__ = [
     "covariance_cells",
     "key_of",
     "keyed",
+    "keys_of",
     "tyre_cells",
 ]
 
@@ -66,7 +67,13 @@ def keyed(table: pl.DataFrame) -> pl.DataFrame:
 
 def key_of(row: Mapping[str, Any]) -> Key:
     """Test and point of a row."""
-    return str(row[q.TEST.head] or ""), int(row.get(q.POINT.head) or 1)
+    return str(row.get(q.TEST.head) or ""), int(row.get(q.POINT.head) or 1)
+
+
+def keys_of(table: pl.DataFrame) -> list[Key]:
+    """Test and point of each row."""
+    held = [table[head].to_list() if head in table.columns else [None] * table.height for head in KEY]
+    return [key_of(dict(zip(KEY, row, strict=True))) for row in zip(*held, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)

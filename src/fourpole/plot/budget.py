@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from fourpole import quantities as q
 from fourpole.campaign.results import Results
+from fourpole.campaign.tables import KEY, keyed, keys_of
 from fourpole.core.arrays import FloatArray
 from fourpole.core.sources import Kind, Source
 from fourpole.plot.layout import Grid, Key, Notes
@@ -118,22 +119,17 @@ def budget(results: Results, style: Style) -> Figure | None:
 
 def _rows(table: pl.DataFrame, sheet: Sheet) -> pl.DataFrame:
     """Test, quantity, source and share with tyre and frequency group; rejected tests are left out."""
-    tests = pl.DataFrame(
-        {
-            "test": sheet.table["test"],
-            "tyre": sheet.tyre,
-            "frequency": sheet.frequency,
-            "hertz": sheet.values(q.FREQUENCY.head),
-            "rejected": sheet.rejected,
-        }
-    ).unique("test", maintain_order=True)
+    groups = pl.DataFrame({"tyre": sheet.tyre, "frequency": sheet.frequency, "rejected": sheet.rejected})
+    hertz = pl.Series("hertz", sheet.values(q.FREQUENCY.head))
+    tests = keyed(sheet.table).select(KEY).hstack([*groups, hertz]).unique(KEY, maintain_order=True)
     kept = tests.filter(~pl.col("rejected") & (pl.col("frequency") >= 0)).drop("rejected")
     share = pl.col(q.SHARE.head).cast(pl.Float64, strict=False).fill_nan(None).clip(lower_bound=0.0).alias("share")
     return (
-        table.select("test", "quantity", "source", share)
+        keyed(table)
+        .select(*KEY, "quantity", "source", share)
         .drop_nulls()
         .filter(pl.col("quantity").is_in(list(_QUANTITIES)))
-        .join(kept, on="test", how="inner")
+        .join(kept, on=KEY, how="inner")
     )
 
 
@@ -149,10 +145,11 @@ def _shares(rows: pl.DataFrame, named: list[str]) -> _Shares:
     """Medians over tests at each cell, what is not named together, made to add up to 1."""
     frequency, shares = [], []
     for _, part in rows.sort("cell").group_by("cell", maintain_order=True):
-        tests = {name: at for at, name in enumerate(part["test"].unique(maintain_order=True).to_list())}
+        keys = keys_of(part)
+        tests = {key: at for at, key in enumerate(dict.fromkeys(keys))}
         table = np.zeros((len(tests), len(named) + 1))
         columns = [named.index(source) if source in named else len(named) for source in part["source"].to_list()]
-        lines = [tests[name] for name in part["test"].to_list()]
+        lines = [tests[key] for key in keys]
         np.add.at(table, (lines, columns), part["share"].to_numpy())
         middle = np.median(table, axis=0)
         if middle.sum() <= 0:

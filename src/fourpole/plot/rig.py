@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from fourpole import quantities as q
 from fourpole.campaign.results import Results
+from fourpole.campaign.tables import keys_of
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.sources import Role, Source
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
@@ -128,12 +129,12 @@ def _tests(results: Results, sheet: Sheet) -> _Tests:
     rows = results.residuals
     names = [str(name or "") for name in rows["rig"].to_list()]
     rigs = tuple(dict.fromkeys(names))
-    tyre_of = dict(zip(sheet.table["test"].to_list() if "test" in sheet.table.columns else [], sheet.tyre, strict=True))
+    tyre_of = dict(zip(keys_of(sheet.table), sheet.tyre, strict=True))
     masses, mass = grouped(np.nan_to_num(floats(rows, q.ADDED_MASS.head)), 1e-3, lambda value, n: f"{value:.{n}g} kg")
     return _Tests(
         rigs=rigs,
         rig=np.array([rigs.index(name) for name in names], dtype=np.int64),
-        tyre=np.array([tyre_of.get(test, -1) for test in rows["test"].to_list()], dtype=np.int64),
+        tyre=np.array([tyre_of.get(key, -1) for key in keys_of(rows)], dtype=np.int64),
         mass=mass,
         masses=masses.labels,
         frequency=floats(rows, q.FREQUENCY.head),
@@ -161,8 +162,8 @@ def _as_stated(results: Results, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
             with np.errstate(divide="ignore", invalid="ignore"):
                 measured = (f1[at] - 1j * omega[at] * rig.input_mass * v1[at]) / v2[at]
                 left[at] = measured - rig.impedance(omega[at], added[at])
-    of_test = dict(zip(sheet.table["test"].to_list(), left.tolist(), strict=True))
-    found = np.array([of_test.get(test, np.nan) for test in results.residuals["test"].to_list()], dtype=complex)
+    of_test = dict(zip(keys_of(sheet.table), left.tolist(), strict=True))
+    found = np.array([of_test.get(key, np.nan) for key in keys_of(results.residuals)], dtype=complex)
     return found.real, found.imag
 
 

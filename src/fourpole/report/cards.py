@@ -13,10 +13,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
-from fourpole.campaign.tables import DYNAMIC_COLUMNS
+from fourpole.campaign.tables import DYNAMIC as TABLE
+from fourpole.campaign.tables import KEY, Key, key_of
 from fourpole.report.digits import known, number
-from fourpole.report.rows import DYNAMIC, STATIC, Column, condition, worst
+from fourpole.report.rows import DYNAMIC, STATIC, condition, words, worst
 from fourpole.report.stated import mapping
 
 __all__ = ["ALPHABET", "Card", "embedded", "make_cards", "packed"]
@@ -30,18 +32,8 @@ _SIGNALS = (("F1", "force_in"), ("V1", "motion_in"), ("V2", "motion_out"))
 _UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 _SYMBOLS = {"displacement": "x", "velocity": "V", "acceleration": "a"}
 
-_SEEN = (
-    Column("F1", "N", "F1 [N]"),
-    Column("V1", "mm/s", "V1 [m/s]", scale=1e-3),
-    Column("V2", "mm/s", "V2 [m/s]", scale=1e-3),
-    Column("F1 ahead of V1", "°", "phase F1-V1 [rad]", scale=pi / 180),
-    Column("V2 ahead of V1", "°", "phase V2-V1 [rad]", scale=pi / 180),
-)
-_TOGETHER = (
-    Column("corr(R, I)", "", "corr(R,I) [1]", digits=2),
-    Column("corr(K′, K″)", "", "corr(Re,Im K*) [1]", digits=2),
-    Column("corr(K2, C)", "", "corr(K2,C) [1]", digits=2),
-)
+_SEEN = (q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2)
+_TOGETHER = (q.CORR_R_I, q.CORR_K, q.CORR_K2_C)
 
 
 @dataclass(frozen=True)
@@ -59,13 +51,13 @@ class Card:
 def make_cards(results: Results) -> tuple[list[Card], list[str], list[str]]:
     """All cards, static tests first, and the card's key of each row of the static and the dynamic table."""
     rows = results.previews.rows(named=True) if "test" in results.previews.columns else []
-    previews = {str(row["test"]): row for row in rows}
+    previews = {key_of(row): row for row in rows}
     static, static_keys = _static_cards(results.static, previews)
     dynamic = _dynamic_cards(results, previews)
     return static + dynamic, static_keys, [card.key for card in dynamic]
 
 
-def _static_cards(frame: pl.DataFrame, previews: Mapping[str, Mapping[str, Any]]) -> tuple[list[Card], list[str]]:
+def _static_cards(frame: pl.DataFrame, previews: Mapping[Key, Mapping[str, Any]]) -> tuple[list[Card], list[str]]:
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in frame.rows(named=True):
         groups.setdefault(row["test"], []).append(row)
@@ -77,7 +69,7 @@ def _static_cards(frame: pl.DataFrame, previews: Mapping[str, Mapping[str, Any]]
             tyre=str(rows[0]["tyre"] or ""),
             condition=", ".join(part for part in ("static", condition(rows[0], dynamic=False)) if part),
             verdict=worst([row["verdict"] for row in rows]),
-            body=_static_body(rows, previews.get(str(test), {})),
+            body=_static_body(rows, previews.get((str(test), 1), {})),
         )
         for test, rows in groups.items()
     ]
@@ -87,12 +79,13 @@ def _static_cards(frame: pl.DataFrame, previews: Mapping[str, Mapping[str, Any]]
 def _static_body(rows: Sequence[Mapping[str, Any]], preview: Mapping[str, Any]) -> dict[str, Any]:
     facts = []
     for row in rows:
-        at = f" at {number(row['preload [N]'])} N" if known(row["preload [N]"]) is not None else ""
-        facts += [[column.head + at, words] for column in STATIC[2:4] if (words := column.words(row))]
-    facts += [[column.head, words] for column in STATIC[4:] if (words := column.words(rows[0]))]
+        preload = known(row[q.PRELOAD.head])
+        at = f" at {number(preload)} N" if preload is not None else ""
+        facts += [[one.symbol + at, said] for one in STATIC[2:4] if (said := words(one, row))]
+    facts += [[one.symbol, said] for one in STATIC[4:] if (said := words(one, rows[0]))]
     body: dict[str, Any] = {"facts": facts, "remarks": _remarks(rows)}
-    x, load = _floats(preview.get("deflection [m]")), _floats(preview.get("load [N]"))
-    mean_x, mean_load = _floats(preview.get("mean deflection [m]")), _floats(preview.get("mean load [N]"))
+    x, load = _floats(preview.get(q.DEFLECTION.head)), _floats(preview.get(q.LOAD.head))
+    mean_x, mean_load = _floats(preview.get(q.MEAN_DEFLECTION.head)), _floats(preview.get(q.MEAN_LOAD.head))
     if x.size > 1 and x.size == load.size:
         body["curve"] = {"x": packed(x), "y": packed(load)}
         if mean_x.size > 1 and mean_x.size == mean_load.size:
@@ -106,7 +99,7 @@ def _tangents(
 ) -> Iterator[list[float]]:
     """Point and slope of each K1: where the mean curve first reaches the preload."""
     for row in rows:
-        preload, k1 = known(row["preload [N]"]), known(row["K1 [N/m]"])
+        preload, k1 = known(row[q.PRELOAD.head]), known(row[q.K1.head])
         if preload is None or k1 is None:
             continue
         crossings = np.flatnonzero((load[:-1] <= preload) & (preload <= load[1:]) & (load[:-1] < load[1:]))
@@ -116,13 +109,13 @@ def _tangents(
             yield [_short(x[at] + share * (x[at + 1] - x[at])), _short(preload), _short(k1)]
 
 
-def _dynamic_cards(results: Results, previews: Mapping[str, Mapping[str, Any]]) -> list[Card]:
+def _dynamic_cards(results: Results, previews: Mapping[Key, Mapping[str, Any]]) -> list[Card]:
     quantities = {
         symbol: str(mapping(results.record, "stated", "channels", role).get("quantity", ""))
         for symbol, role in _SIGNALS
     }
     rigs = mapping(results.record, "stated", "rigs")
-    more = [name for name in results.dynamic.columns if name not in DYNAMIC_COLUMNS]
+    more = [name for name in results.dynamic.columns if name not in (*TABLE.columns, *KEY)]
     return [
         Card(
             key=f"dynamic-{at}",
@@ -132,7 +125,7 @@ def _dynamic_cards(results: Results, previews: Mapping[str, Mapping[str, Any]]) 
             verdict=worst([row["verdict"]]),
             body=_dynamic_body(
                 row,
-                previews.get(str(row["test"]), {}),
+                previews.get(key_of(row), {}),
                 quantities,
                 more,
                 blocked=mapping(rigs, str(row["rig"] or "")).get("output") == "blocked",
@@ -151,14 +144,14 @@ def _dynamic_body(
     blocked: bool,
 ) -> dict[str, Any]:
     loop = _loop(row, preview, blocked=blocked)
-    facts = [[column.head, words] for column in (*_SEEN, *DYNAMIC[4:], *_TOGETHER) if (words := column.words(row))]
+    facts = [[one.symbol, said] for one in (*_SEEN, *DYNAMIC[4:], *_TOGETHER) if (said := words(one, row))]
     if loop:
         facts.append(["energy lost per cycle", f"{number(pi * loop['f'] * loop['d'] * np.sin(loop['lag']))} J"])
     facts += [[name, str(row[name])] for name in ("rig", "route") if row.get(name)]
     facts += [[name, str(row[name])] for name in more if row[name] not in (None, "")]
     body: dict[str, Any] = {"facts": facts, "remarks": _remarks([row])}
     signals = [found for symbol, _ in _SIGNALS if (found := _signal(symbol, preview, quantities[symbol]))]
-    time, blocks = _floats(preview.get("time [s]")), _floats(preview.get("residual time [s]"))
+    time, blocks = _floats(preview.get(q.TIME.head)), _floats(preview.get(q.RESIDUAL_TIME.head))
     if signals and time.size > 1:
         body |= {"t": packed(time), "rt": packed(blocks), "signals": signals}
     if loop:
@@ -186,11 +179,11 @@ def _loop(row: Mapping[str, Any], preview: Mapping[str, Any], *, blocked: bool) 
     Across the tyre where V2 is known, otherwise at the contact. The preview has its own zero of time: its fit of F1
     says which.
     """
-    names = ("frequency [Hz]", "F1 [N]", "V1 [m/s]", "phase F1-V1 [rad]")
+    names = (q.FREQUENCY.head, q.F1.head, q.V1.head, q.PHASE_F1.head)
     frequency, f1, v1, ahead = (known(row[name]) for name in names)
     if not frequency or not f1 or not v1 or ahead is None:
         return {}
-    v2, v2_ahead = known(row["V2 [m/s]"]), known(row["phase V2-V1 [rad]"])
+    v2, v2_ahead = known(row[q.V2.head]), known(row[q.PHASE_V2.head])
     across = blocked or (v2 is not None and v2_ahead is not None)
     moved = cmath.rect(v2, v2_ahead) if v2 is not None and v2_ahead is not None and not blocked else 0.0
     omega = 2 * pi * frequency
@@ -199,7 +192,7 @@ def _loop(row: Mapping[str, Any], preview: Mapping[str, Any], *, blocked: bool) 
         return {}
     lag = cmath.phase(cmath.rect(f1, ahead) / deflection)
     loop = {"d": _short(abs(deflection)), "f": _short(f1), "lag": _short(lag), "w": _short(omega), "across": across}
-    time, fit = _floats(preview.get("time [s]")), _floats(preview.get("F1 fit"))
+    time, fit = _floats(preview.get(q.TIME.head)), _floats(preview.get("F1 fit"))
     if time.size > 3 and time.size == fit.size and np.all(np.isfinite(fit)):
         waves = np.stack([np.cos(omega * time), np.sin(omega * time), np.ones_like(time)], axis=1)
         a, b, _ = np.linalg.lstsq(waves, fit, rcond=None)[0]

@@ -9,6 +9,7 @@ from typing import Any
 
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.report.digits import known, number, spread, with_std
 from fourpole.report.rows import VERDICTS, worst
@@ -103,18 +104,15 @@ def _verdicts(results: Results, tyre: str | None = None) -> dict[str, list[str]]
     found: dict[str, list[str]] = {}
     for kind, frame in (("static", results.static), ("dynamic", results.dynamic)):
         rows = frame if tyre is None else frame.filter(pl.col("tyre") == tyre)
-        if kind == "static":
-            by_test: dict[str, list[str]] = {}
-            for test, verdict in rows.select("test", "verdict").iter_rows():
-                by_test.setdefault(test, []).append(verdict)
-            found[kind] = [worst(verdicts) for verdicts in by_test.values()]
-        else:
-            found[kind] = [worst([verdict]) for verdict in rows["verdict"].to_list()]
+        by_test: dict[str, list[str]] = {}
+        for test, verdict in rows.select("test", "verdict").iter_rows():
+            by_test.setdefault(test, []).append(verdict)
+        found[kind] = [worst(verdicts) for verdicts in by_test.values()]
     return found
 
 
 def verdict_counts(results: Results) -> dict[str, int]:
-    """Tests by verdict; a static test with several preloads counts by its worst."""
+    """Tests by verdict; one with several rows counts by its worst."""
     found = _verdicts(results)
     return {verdict: (found["static"] + found["dynamic"]).count(verdict) for verdict in VERDICTS}
 
@@ -142,9 +140,9 @@ def _tested(results: Results, tyre: str, construction: str, stated: Mapping[str,
         name=tyre,
         construction=construction,
         more=[(str(key), _plain(value)) for key, value in stated.items() if key != "construction"],
-        pressures=spread(values("pressure [Pa]"), "bar", scale=1e5, tolerance=0.02),
-        preloads=spread(values("preload [N]"), "N"),
-        frequencies=spread(values("frequency [Hz]"), "Hz", tolerance=0.02),
+        pressures=spread(values(q.PRESSURE.head), "bar", scale=1e5, tolerance=0.02),
+        preloads=spread(values(q.PRELOAD.head), "N"),
+        frequencies=spread(values(q.FREQUENCY.head), "Hz", tolerance=0.02),
         static=len(verdicts["static"]),
         dynamic=len(verdicts["dynamic"]),
         verdicts={verdict: every.count(verdict) for verdict in VERDICTS},

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 
 from fourpole.campaign.results import Results
+from fourpole.campaign.tables import KEY, keyed
 from fourpole.core.sources import Source
 from fourpole.report.digits import known
 from fourpole.report.stated import mapping
@@ -76,12 +77,14 @@ def limits(results: Results) -> list[Limit]:
     budget = results.budget
     if budget.is_empty() or any(name not in budget.columns for name in _BUDGET):
         return []
-    tests = results.dynamic.filter(pl.col("verdict") != "rejected").unique("test", maintain_order=True)
+    tests = results.dynamic.filter(pl.col("verdict") != "rejected")
+    tests = keyed(tests).unique(KEY, maintain_order=True)
     rows = (
-        budget.select(_BUDGET)
+        keyed(budget)
+        .select(*KEY, *_BUDGET[1:])
         .with_columns(pl.col("share [1]").cast(pl.Float64, strict=False).fill_nan(None))
         .drop_nulls()
-        .join(tests.select("test", pl.col("rig").fill_null("")), on="test", how="inner")
+        .join(tests.select(*KEY, pl.col("rig").fill_null("")), on=KEY, how="inner")
     )
     found = []
     for name in dict.fromkeys(tests["rig"].fill_null("").to_list()):
@@ -99,10 +102,10 @@ def _quantities(rows: pl.DataFrame) -> list[str]:
 
 def _median_shares(rows: pl.DataFrame) -> list[tuple[str, float]]:
     """Sources by their median share over the tests, the largest first; a test without a source has none of it."""
-    tests = rows["test"].n_unique()
+    tests = rows.select(KEY).n_unique()
     shares = []
     for (source,), part in rows.group_by("source", maintain_order=True):
-        values = part.group_by("test").agg(pl.col("share [1]").sum())["share [1]"].to_numpy()
+        values = part.group_by(KEY).agg(pl.col("share [1]").sum())["share [1]"].to_numpy()
         padded = np.concatenate([values, np.zeros(tests - values.size)])
         shares.append((str(source), float(np.median(padded)), float(padded.mean())))
     shares.sort(key=lambda item: item[1:], reverse=True)
@@ -127,8 +130,8 @@ def _about(results: Results, tests: pl.DataFrame, rig: str) -> About:
 def _limit(rig: str, quantity: str, rows: pl.DataFrame, tests: pl.DataFrame, about: About) -> Limit:
     shares, names = _median_shares(rows), rows["test"].unique()
     (source, share), *others = ((Source.read(text, rig), share) for text, share in shares)
-    of_source = rows.filter(pl.col("source") == source.text).group_by("test").agg(pl.col("share [1]").sum())
-    here = tests.filter(pl.col("test").is_in(names.to_list())).join(of_source, on="test", how="left")
+    of_source = rows.filter(pl.col("source") == source.text).group_by(KEY).agg(pl.col("share [1]").sum())
+    here = tests.join(rows.select(KEY).unique(), on=KEY, how="semi").join(of_source, on=KEY, how="left")
     relative, left = _relative(here, quantity), _relative(here, quantity, without=True)
     symbol = _SYMBOLS.get(quantity, quantity)
     opening = (
