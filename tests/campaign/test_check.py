@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shutil
 
+import numpy as np
 import polars as pl
 import pytest
 
-from fourpole.campaign import analyse, read_campaign
+from fourpole.campaign import analyse, read_campaign, reduce
 from fourpole.campaign.check import check_campaign
 from fourpole.errors import CampaignError
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
@@ -84,7 +85,7 @@ def test_a_file_outside_the_folder(folder):
 
 def test_a_file_that_is_no_recording(folder):
     (folder / "recordings" / "D2.csv").write_bytes(b"\x00\x01\x02" * 100)
-    assert agrees(folder)[:2] == ("D2", "file")
+    assert agrees(folder)[:2] == ("D2", "channels")
 
 
 def test_a_row_with_a_fault(folder):
@@ -100,7 +101,7 @@ def test_a_channel_that_is_not_there(folder, name):
     table = pl.read_csv(path)
     table.rename({"F": "Fq"} if name == "S1" else {"F1": "F1q"}).write_csv(path)
     test, about, message = agrees(folder)
-    assert (test, about) == (name, "channels")
+    assert (test, about) == (name, "static test" if name == "S1" else "channels")
     assert "there is no column 'F" in message
     assert "did you mean 'F" in message
 
@@ -109,8 +110,8 @@ def test_a_channel_that_can_be_spared_warns(folder):
     path = folder / "recordings" / "D2.csv"
     pl.read_csv(path).rename({"V2": "V3"}).write_csv(path)
     ((test, about, verdict, message),) = problems(folder)
-    assert (test, about, verdict) == ("D2", "channels", "warning")
-    assert message.startswith("motion_out would be left out: ")
+    assert (test, about, verdict) == ("D2", "V2", "warning")
+    assert message.startswith("V2 was left out: ")
     assert rejected_by_analysis(folder) == set()
     assert agrees(folder, route="relative")[0] == "D2"
 
@@ -153,7 +154,7 @@ def test_a_recording_without_time(folder):
     path = folder / "recordings" / "D2.csv"
     pl.read_csv(path).drop("t").write_csv(path)
     test, about, message = agrees(folder)
-    assert (test, about) == ("D2", "time")
+    assert (test, about) == ("D2", "channels")
     assert "'t'" in message
 
 
@@ -163,7 +164,7 @@ def test_a_recording_without_time(folder):
         ("1..3", None, ""),
         ("20..22", "rejected", "holds no samples: the recording runs 0 to "),
         ("1..99", "warning", "goes beyond the recording"),
-        ("1..1.1", "rejected", "cycles of 14 Hz, at least 3 are needed"),
+        ("1..1.1", "rejected", "at least 3 are needed"),
     ],
 )
 def test_a_window(folder, window, verdict, said):
@@ -180,15 +181,15 @@ def test_a_recording_too_short_for_its_frequency(folder):
     path = folder / "recordings" / "D2.csv"
     pl.read_csv(path).head(200).write_csv(path)
     test, about, message = agrees(folder)
-    assert (test, about) == ("D2", "frequency")
-    assert message == "holds 2.8 cycles of 14 Hz, at least 3 are needed: record longer"
+    assert (test, about) == ("D2", "recording")
+    assert message == "holds 2.7 cycles of 13.75 Hz, at least 3 are needed: record longer"
 
 
 def test_a_rate_too_low_for_the_frequency(folder):
     path = folder / "recordings" / "D2.csv"
     pl.read_csv(path).gather_every(40).write_csv(path)
     found = problems(folder)
-    assert [(one[0], one[1], one[2]) for one in found] == [("D2", "frequency", "rejected")]
+    assert [(one[0], one[1], one[2]) for one in found] == [("D2", "recording", "rejected")]
     assert "an excitation at 14 Hz is not resolved by 25 samples per second" in found[0][3]
 
 
@@ -217,14 +218,16 @@ def test_a_static_test_that_fails_takes_its_k1_along(folder):
 
 def test_the_same_recording_twice(folder):
     edit(folder, "tests.csv", "recordings/D2.csv", "recordings/D1.csv")
-    found = problems(folder)
+    wrong, *found = problems(folder)
+    assert wrong[:3] == ("D2", "stated frequency", "rejected")
     assert [one[:3] for one in found] == [("D2", "duplicate", "warning")]
     assert "is the recording of test 'D1' (row " in found[0][3]
 
 
 def test_a_copy_under_another_name(folder):
     shutil.copy(folder / "recordings" / "D1.csv", folder / "recordings" / "D2.csv")
-    found = problems(folder)
+    wrong, *found = problems(folder)
+    assert wrong[:3] == ("D2", "stated frequency", "rejected")
     assert [one[:3] for one in found] == [("D2", "duplicate", "warning")]
     assert "has the same content as 'recordings/D1.csv'" in found[0][3]
 
@@ -242,3 +245,62 @@ def test_without_a_rig_the_relative_route_is_looked_at(folder):
 def test_a_route_that_is_none(folder):
     with pytest.raises(CampaignError, match="no route 'best'"):
         check_campaign(read_campaign(folder), route="best")
+
+
+def changed(folder, change):
+    """D2 at 14 Hz, its columns changed by a function of the table's time and columns."""
+    path = folder / "recordings" / "D2.csv"
+    table = pl.read_csv(path)
+    columns = {name: table[name].to_numpy() for name in table.columns}
+    table.with_columns(**change(columns["t"], columns)).write_csv(path)
+
+
+def test_a_frequency_that_the_recording_does_not_have(folder):
+    edit(folder, "tests.csv", "1.7,1000,14", "1.7,1000,80")
+    test, about, message = agrees(folder)
+    assert (test, about) == ("D2", "stated frequency")
+    assert "the recording turns at 14" in message
+    assert "80 Hz is stated" in message
+
+
+def test_a_sensor_that_is_not_connected(folder):
+    changed(folder, lambda t, columns: {"F1": pl.Series(1e-6 * np.random.default_rng(1).normal(size=t.size))})
+    test, about, message = agrees(folder)
+    assert (test, about) == ("D2", "excitation of F1")
+    assert "hardly moves" in message
+
+
+def test_a_tyre_that_lifts_off(folder):
+    edit(folder, "tests.csv", "1.7,1000,14", "1.7,10,14")
+    test, about, _ = agrees(folder)
+    assert (test, about) == ("D2", "lift-off")
+
+
+def test_what_lies_behind_the_first_part_is_not_looked_at(folder):
+    """At 14 Hz the part is 2 s at most."""
+    changed(folder, lambda t, columns: {"F1": pl.Series(np.where(t > 2.2, np.nan, columns["F1"]))})
+    assert problems(folder) == []
+    changed(folder, lambda t, columns: {"F1": pl.Series(np.where(t > 0.2, np.nan, columns["F1"]))})
+    assert [one[:3] for one in problems(folder)] == [("D2", "recording", "rejected")]
+
+
+def test_a_lead_in_warns(folder):
+    """The analysis cuts it; the check sees nothing else, and says so without a rejection."""
+    path = folder / "recordings" / "D2.csv"
+    table = pl.read_csv(path)
+    rng = np.random.default_rng(1)
+    still = {"t": np.arange(2500) / 1000, **{name: 1e-5 * rng.normal(size=2500) for name in ("F1", "V1", "V2")}}
+    shifted = table.with_columns(pl.col("t") + 2.5)
+    pl.concat([pl.DataFrame(still), shifted.select(list(still))]).write_csv(path)
+    assert {one[2] for one in problems(folder)} == {"warning"}
+    assert rejected_by_analysis(folder) == set()
+
+
+def test_a_plain_recording_is_not_demodulated(folder, monkeypatch):
+    """A recording without a fault costs one fit of a sine, which keeps the check cheap."""
+
+    def demodulate(*_, **__):
+        raise AssertionError("a closer look at a plain recording")
+
+    monkeypatch.setattr(reduce, "demodulate", demodulate)
+    assert problems(folder) == []

@@ -20,11 +20,13 @@ from fourpole.core.recording import Channel, Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import FourpoleError, RecordingError, TableError
 from fourpole.io.signals import MAX_FILE_BYTES, Signal
-from fourpole.io.stream import Source, stream
+from fourpole.io.stream import Chunk, Source, stream, times_of
 
-__all__ = ["MOST_BYTES", "group_of", "load_curve", "load_recording"]
+__all__ = ["MOST_BYTES", "group_of", "load_curve", "load_recording", "source_of"]
 
 MOST_BYTES = MAX_FILE_BYTES
+#: Samples of a chunk where only the first part of a recording is loaded.
+_ROWS_OF_PART = 1 << 14
 #: A reference and V1 turn alike within this.
 _SAME_SPEED = 0.03
 
@@ -36,10 +38,13 @@ def group_of(path: Path, test: Test) -> str:
 
 
 def load_recording(
-    folder: Path, path: Path, test: Test, channels: ChannelsFile, roles: Sequence[str]
+    folder: Path, path: Path, test: Test, channels: ChannelsFile, roles: Sequence[str], *, part: float | None = None
 ) -> tuple[Recording, list[str]]:
-    """The channels `roles` of a dynamic test, and the drive's reference, with remarks on their times."""
-    found, remarks, reference = _gathered(path, test, channels, roles, channels.reference)
+    """The channels `roles` of a dynamic test, and the drive's reference, with remarks on their times.
+
+    With `part` [s], the recording ends so long after its start or that of the window.
+    """
+    found, remarks, reference = _gathered(path, test, channels, roles, channels.reference, part=part)
     for role, channel in found.items():
         stated = channels.named(role)
         if stated is not None and stated.response is not None:
@@ -79,15 +84,20 @@ def _gathered(
     turning: ReferenceFile | None,
     *,
     timed: bool = True,
+    part: float | None = None,
 ) -> tuple[dict[str, Channel], list[str], Reference | None]:
     """Channels by role, remarks, and the reference; not `timed`: channels of as many samples were taken at once."""
     stated = {role: channel for role in roles if (channel := channels.named(role)) is not None}
     timing = Timing(test.window, test.value("frequency"), test.file)
-    run = stream(_source(path, test, channels, [*stated.values(), *([turning] if turning else [])], timed=timed))
+    columns: list[ChannelFile | ReferenceFile] = [*stated.values(), *([turning] if turning is not None else [])]
+    source = source_of(path, test, channels, columns, timed=timed)
+    run = stream(source if part is None else replace(source, rows=_ROWS_OF_PART))
     lines: dict[str, ChannelBuilder] = {}
     turn = ReferenceBuilder(turning, timing) if turning is not None else None
     for chunk in run.chunks:
         signals = dict(zip(stated, chunk, strict=False))
+        if part is not None and (timing.window is None or not lines):
+            timing = replace(timing, window=_part_of(chunk, timing.window, part))
         if not lines:
             if run.count and timing.near is None and "motion_in" in stated:
                 timing = replace(timing, near=_about(signals["motion_in"], channels, timing))
@@ -101,6 +111,8 @@ def _gathered(
             line.feed(signals[role])
         if turn is not None:
             turn.feed(chunk[-1])
+        if part is not None and timing.window is not None and _is_behind(chunk, timing.window[1]):
+            break
     built = {role: line.channel() for role, line in lines.items()}
     found, remarks = (
         {role: channel for role, (channel, _) in built.items()},
@@ -115,8 +127,28 @@ def _gathered(
     return found, list(dict.fromkeys(remarks)), reference
 
 
-def _source(
-    path: Path, test: Test, channels: ChannelsFile, columns: Sequence[ChannelFile | ReferenceFile], *, timed: bool
+def _part_of(chunk: Chunk, window: tuple[float, float] | None, part: float) -> tuple[float, float]:
+    """The first part of a recording or of its window, from when to when [s]."""
+    start = window[0] if window is not None else max(float(time[0]) for time in _known_times(chunk))
+    return start, min(start + part, window[1] if window is not None else np.inf)
+
+
+def _is_behind(chunk: Chunk, end: float) -> bool:
+    """Whether all channels have reached a time [s]."""
+    return min((float(time[-1]) for time in _known_times(chunk)), default=-np.inf) > end
+
+
+def _known_times(chunk: Chunk) -> list[FloatArray]:
+    return [time for signal in chunk if signal.samples.size and (time := times_of(signal)) is not None]
+
+
+def source_of(
+    path: Path,
+    test: Test,
+    channels: ChannelsFile,
+    columns: Sequence[ChannelFile | ReferenceFile],
+    *,
+    timed: bool = True,
 ) -> Source:
     """What is read of a recording, and what is stated of its times."""
     names = tuple(channel.column for channel in columns)

@@ -21,14 +21,16 @@ from fourpole.campaign.schema import RigFile
 from fourpole.core import checks
 from fourpole.core.checks import Check, remarked
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
+from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.steady import steady_part
+from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.errors import FourpoleError, RecordingError, TableError
 from fourpole.io.source import sha256_of
 
-__all__ = ["ROUTE_NEEDS", "Job", "jobs_of", "reduce_tests", "reduced_point", "response_hashes"]
+__all__ = ["ROUTE_NEEDS", "Job", "check_part", "jobs_of", "reduce_tests", "reduced_point", "response_hashes"]
 
 _WORKERS = min(os.cpu_count() or 1, 8)
 #: Channels that a route cannot do without.
@@ -38,6 +40,12 @@ ROUTE_NEEDS = {
     "relative": CHANNELS,
     "transmissibility": ("motion_in", "motion_out"),
 }
+
+#: A part of a recording needs no closer look if the residual is below this share of each amplitude, the frequency is
+#: nearer to the stated one, and the force stays below this share of the preload: the checks reject far beyond.
+_PLAIN_NOISE, _PLAIN_OFF, _PLAIN_FORCE = 0.15, 0.03, 0.8
+#: Fewest cycles of a part that needs no closer look.
+_CYCLES_OF_PART = 4.0
 
 
 @dataclass(frozen=True)
@@ -130,9 +138,58 @@ def reduce_tests(
     return [results[index] for index in range(len(jobs))]
 
 
-def reduced_point(job: Job, path: Path) -> Point:
-    """Amplitudes from all stated channels; a damaged channel that the route can spare is left out with a warning."""
-    recording, rows = _loaded(job, path)
+def check_part(job: Job) -> tuple[Check, ...]:
+    """Checks of the first part of a recording, at most 2 s or 20 cycles, that reject the test or leave out a channel.
+
+    An error that would reject the test is raised.
+
+    Without a stated frequency the part is 2 s, or 20 s where 2 s need a closer look.
+    """
+    path, near = inside(job.folder, job.test.file), job.test.value("frequency")
+    short, long = (max(0.5, 10.0 / near), max(2.0, 20.0 / near)) if near else (2.0, 20.0)
+    recording, rows = _loaded(job, path, short)
+    recording, clipped = _unclipped(recording, job.needed)
+    rows += clipped
+    checks = tuple(rows) if _is_plain(job, recording) else reduced_point(job, path, long).checks
+    moved = f"excitation of {SYMBOLS['motion_in']}"
+    runs = job.test.window is not None or all(row.verdict == "ok" for row in checks if row.name == moved)
+    bad = [row for row in checks if row.verdict == "rejected"]
+    # A drive that does not run yet in this part may run behind it: the analysis cuts a lead-in.
+    bad = bad if runs else [replace(row, verdict="warning", remark=f"at first, {row.remark}") for row in bad]
+    return (*bad, *(row for row in checks if row.verdict == "warning" and row.name in SYMBOLS.values()))
+
+
+def _is_plain(job: Job, recording: Recording) -> bool:
+    """Whether one fit of a sine at a first guess of its frequency shows that no check will reject the recording."""
+    near, preload = job.test.value("frequency"), job.test.value("preload")
+    if any(channel.chain or channel.crosstalk for channel in recording.channels.values()):
+        return False  # amplitudes are corrected, which may fail
+    try:
+        frequency = first_guess(recording, near)
+        tracks = tracks_of(recording, list(recording.channels))
+    except RecordingError:
+        return False
+    if frequency * recording.duration < _CYCLES_OF_PART or (near and abs(frequency / near - 1) > _PLAIN_OFF):
+        return False
+    for track in tracks:
+        fit = fit_sines(track.signals, track.present, track.time, 2 * np.pi * frequency, 1, np.empty(0))
+        left = np.sqrt(2 * np.mean(fit.residual**2, axis=1))
+        if not np.all(left < _PLAIN_NOISE * np.abs([row[0] for row in fit.amplitudes()])):
+            return False
+    force = recording.channels.get("force_in")
+    peak = float(np.nanmax(np.abs(force.samples - np.nanmean(force.samples)))) if force is not None else 0.0
+    if preload is not None and peak > _PLAIN_FORCE * preload:
+        return False
+    rig = job.rig.rig() if job.rig is not None else None
+    return rig is None or checks.check_resonance(frequency, rig, job.test.value("added_mass") or 0.0).verdict == "ok"
+
+
+def reduced_point(job: Job, path: Path, part: float | None = None) -> Point:
+    """Amplitudes from all stated channels; a damaged channel that the route can spare is left out with a warning.
+
+    With `part` [s], only so much of the recording is used.
+    """
+    recording, rows = _loaded(job, path, part)
     near = job.test.value("frequency")
     if job.test.window is None:
         recording, cut = _trimmed(recording, near)
@@ -151,7 +208,7 @@ def reduced_point(job: Job, path: Path) -> Point:
     return Point(found.phasors, checks, found.corrections, found.channels, found.preview)
 
 
-def _loaded(job: Job, path: Path) -> tuple[Recording, list[Check]]:
+def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
     """The recording with all stated channels, or with the needed ones only; and what there is to say of it."""
     roles = [role for role in CHANNELS if job.channels.named(role) is not None]
     lacking = [role for role in job.needed if role not in roles]
@@ -161,11 +218,11 @@ def _loaded(job: Job, path: Path) -> tuple[Recording, list[Check]]:
     spare = [role for role in roles if role not in job.needed]
     rows: list[Check] = []
     try:
-        recording, remarks = load_recording(job.folder, path, job.test, job.channels, roles)
+        recording, remarks = load_recording(job.folder, path, job.test, job.channels, roles, part=part)
     except TableError as error:
         if not spare:
             raise
-        recording, remarks = load_recording(job.folder, path, job.test, job.channels, job.needed)
+        recording, remarks = load_recording(job.folder, path, job.test, job.channels, job.needed, part=part)
         rows.append(_left_out(spare[0], str(error)))
     return recording, rows + [remarked("time base", "warning", remark) for remark in remarks]
 

@@ -70,11 +70,14 @@ class Columns(ByValue):
         The units that the file states.
     first_row : int
         Number of the first row's line in the file, from 1.
+    above : tuple of str
+        The lines above the rows that are neither names nor units alone: title, date, rate.
     """
 
     values: dict[str, NDArray[np.float64]]
     units: dict[str, str | None]
     first_row: int
+    above: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         return self.values[name]
@@ -103,18 +106,15 @@ class Survey:
     rows: int
 
 
-def survey_columns(
-    path: str | os.PathLike[str], *, max_bytes: int = 4_000_000_000, label: str | None = None, count: bool = True
-) -> Survey:
-    """What columns a recording has, and how many rows (0 where `count` is false); see `read_columns`."""
+def survey_columns(path: str | os.PathLike[str], *, max_bytes: int = 4_000_000_000, label: str | None = None) -> Survey:
+    """What columns a recording has, and how many rows; see `read_columns`."""
     name = name_of(path, label)
     with open_regular(path, max_bytes=max_bytes, label=label) as file:
         source, layout, encoding, start = _laid_out(file, name)
-        lines = split_lines(start.removeprefix(_UTF8_MARK).decode(encoding, errors="replace"))[: layout.first_row - 1]
-        above = tuple(line for at, line in enumerate(lines, 1) if at != layout.header_line)
+        above = _above(start, encoding, layout)
         file.seek(0)
         written, _ = encoding_of(file.read(4) if source is not file else start, name)
-        rows = _row_count(source, start, layout.first_row) if count else 0
+        rows = _row_count(source, start, layout.first_row)
         return Survey(layout, written, above, rows)
 
 
@@ -183,6 +183,12 @@ def _laid_out(file: BinaryIO, name: str) -> tuple[BinaryIO, Layout, str, bytes]:
         start, whole = _head(source, name)
     lines = split_lines(start[mark:].decode(encoding, errors="replace"))
     return source, find_layout(lines if whole else lines[:-1], name), encoding, start
+
+
+def _above(start: bytes, encoding: str, layout: Layout) -> tuple[str, ...]:
+    """The lines above the rows, less the header."""
+    lines = split_lines(start.removeprefix(_UTF8_MARK).decode(encoding, errors="replace"))[: layout.first_row - 1]
+    return tuple(line for at, line in enumerate(lines, 1) if at != layout.header_line)
 
 
 def _row_count(file: BinaryIO, start: bytes, first_row: int) -> int:
@@ -256,6 +262,7 @@ class _Table:
     wanted: dict[str, int]
     clocks: dict[int, _Clock]
     name: str
+    above: tuple[str, ...]
 
     @property
     def numbers(self) -> set[int]:
@@ -311,7 +318,7 @@ def column_blocks(
         for values in _cut(_parts(source, start, table), max(rows, 1)):
             empty = False
             found = {one: values[index] for one, index in table.wanted.items()}
-            yield Columns(found, table.units, table.layout.first_row)
+            yield Columns(found, table.units, table.layout.first_row, table.above)
         if empty and names:
             raise table.empty()
 
@@ -327,7 +334,8 @@ def _opened(
         wanted = {one: find_column(layout.names, one, name) for one in names}
         clocks = layout.clocks.intersection(wanted.values())
         day_first = not clocks or _is_day_first(source, start, layout, name)
-        yield source, start, _Table(layout, encoding, wanted, {at: _Clock(day_first) for at in clocks}, name)
+        made = {at: _Clock(day_first) for at in clocks}
+        yield source, start, _Table(layout, encoding, wanted, made, name, _above(start, encoding, layout))
 
 
 def _is_day_first(source: BinaryIO, start: bytes, layout: Layout, name: str) -> bool:

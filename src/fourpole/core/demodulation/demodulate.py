@@ -204,6 +204,8 @@ def first_guess(recording: Recording, near: float | None = None) -> float:
 
 def _strongest(recording: Recording, track: Track, near: float | None) -> float:
     """The strongest line of V1, or a strong one near the stated frequency [Hz]."""
+    if near is not None:
+        _check_resolved(recording, track, near)
     order = DERIVATIVES[recording.channels["motion_in"].quantity]
     motion = track.signals[track.names.index("motion_in")]
     index = np.arange(motion.size) - 0.5 * (motion.size - 1)
@@ -221,17 +223,20 @@ def _strongest(recording: Recording, track: Track, near: float | None) -> float:
 
 def _check_length(recording: Recording, tracks: list[Track], frequency: float, *, given: bool) -> None:
     slowest = min(tracks, key=lambda track: track.rate)
-    if not 0 < frequency < 0.45 * slowest.rate:
-        which = f" of {named(slowest.names[0])}" if len(tracks) > 1 else ""
-        raise RecordingError(
-            f"{recording.label}: an excitation at {frequency:.6g} Hz is not resolved by "
-            f"{slowest.rate:.6g} samples per second{which}; sample faster"
-        )
+    _check_resolved(recording, slowest, frequency, f" of {named(slowest.names[0])}" if len(tracks) > 1 else "")
     cycles = frequency * recording.duration
     if cycles < _FEWEST_CYCLES - (1e-6 if given else 0.02):
         raise RecordingError(
             f"{recording.label} holds {cycles:.2g} cycles of {frequency:.4g} Hz, "
             f"at least {_FEWEST_CYCLES:g} are needed: record longer"
+        )
+
+
+def _check_resolved(recording: Recording, track: Track, frequency: float, which: str = "") -> None:
+    if not 0 < frequency < 0.45 * track.rate:
+        raise RecordingError(
+            f"{recording.label}: an excitation at {frequency:.6g} Hz is not resolved by "
+            f"{track.rate:.6g} samples per second{which}; sample faster"
         )
 
 

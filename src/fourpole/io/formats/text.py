@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from fourpole.errors import FourpoleError, TableError
-from fourpole.io.columns import Survey, column_blocks, read_columns, survey_columns
+from fourpole.io.columns import column_blocks, read_columns, survey_columns
 from fourpole.io.formats.guard import afford, seconds, tidy
 from fourpole.io.layout import number
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
@@ -106,7 +106,9 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
 
 
 def _read(request: Request) -> Sequence[Signal]:
-    found, most = _asked(request), request.max_file_bytes
+    _check_group(request)
+    most = request.max_file_bytes
+    found = survey_columns(request.path, max_bytes=most, label=request.label)
     afford(8 * found.rows * max(len(request.names), 1), request.max_bytes, request.label)
     rate = _rate(found.above)
     columns = read_columns(request.path, request.names, max_bytes=most, label=request.label)
@@ -114,20 +116,20 @@ def _read(request: Request) -> Sequence[Signal]:
 
 
 def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
-    rate, done = _rate(_asked(request, count=False).above), 0
+    _check_group(request)
+    done = 0
     for block in column_blocks(
         request.path, request.names, rows, max_bytes=request.max_file_bytes, label=request.label
     ):
+        rate = _rate(block.above)
         start = done / rate if rate else 0.0
         yield [Signal(one, block.units[one], block[one], start, rate) for one in request.names]
         done += len(block)
 
 
-def _asked(request: Request, *, count: bool = True) -> Survey:
-    """What the file holds; it has no groups."""
+def _check_group(request: Request) -> None:
     if request.group:
         raise TableError(f"{request.label}: has no groups; leave out '#{tidy(request.group)}' after the file")
-    return survey_columns(request.path, max_bytes=request.max_file_bytes, label=request.label, count=count)
 
 
 FORMAT = Format(
