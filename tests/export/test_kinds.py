@@ -19,7 +19,7 @@ from fourpole.campaign.modelling import fit_tyres, model_file
 from fourpole.errors import CampaignError, FileError, TableError
 from fourpole.export import KINDS, export_results
 from fourpole.export.kinds import ABOUT, Kind, Takes
-from fourpole.export.source import field_names, typed
+from fourpole.export.source import field_names, read_source, typed
 
 NAMES = {"xlsx": "results.xlsx", "mat": "results.mat", "tydex": "tydex", "uff": "results.uff", "netcdf": "results.nc"}
 
@@ -199,3 +199,29 @@ def test_the_room_loads_the_packages_it_writes_with_only_to_write():
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert "fourpole.export.netcdf" in loaded
     assert not {"xlsxwriter", "xarray", "h5netcdf", "h5py", "pandas", "pyuff", "scipy.io"} & set(loaded)
+
+
+def test_a_hot_test_is_another_condition_and_no_repeat(changed):
+    def twice(table):
+        cold = table.with_columns(pl.lit(20.0).alias("temperature [degC]"))
+        hot = cold.with_columns(pl.lit(60.0).alias("temperature [degC]"), pl.col("test") + "-hot")
+        return pl.concat([cold, hot])
+
+    source = read_source(changed(twice))
+    assert {condition.repeat for condition in source.conditions} == {0}
+    names = [source.name_of(condition) for condition in source.conditions]
+    assert {name.partition(",")[0] for name in names} == {"radial-ply at 20 °C", "radial-ply at 60 °C"}
+    assert len(set(names)) == len(names) == 6
+
+
+def test_axes_of_study_json_are_those_of_the_exports(changed):
+    def batches(table):
+        first = table.with_columns(pl.lit("A").alias("batch"))
+        return pl.concat([first, first.with_columns(pl.lit("B").alias("batch"), pl.col("test") + "-b")])
+
+    plain = read_source(changed(batches))
+    assert {condition.repeat for condition in plain.conditions} == {0, 1}
+    axes = {"axes": [{"column": "batch", "text": True}]}
+    source = read_source(changed(conditions=axes))
+    assert {condition.repeat for condition in source.conditions} == {0}
+    assert source.sheet.names == ("radial-ply", "radial-ply, batch A", "radial-ply, batch B")

@@ -1,9 +1,12 @@
 """How tests are grouped into conditions."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 from tests.plot.conftest import FREQUENCIES, PRESSURES, changed, results_of
 
+from fourpole.core.condition import FREQUENCY, Axis
 from fourpole.plot.panels import Extent, means
 from fourpole.plot.sheet import grouped, read_sheet, spread
 
@@ -22,20 +25,20 @@ def test_frequencies_that_scatter_are_one_and_are_named_as_they_were_set(study):
 
 def test_a_fine_sweep_does_not_melt_into_one_group():
     values = np.linspace(10.0, 20.0, 201)
-    groups, at = grouped(values, 0.02, plain)
+    groups, at = grouped(values, FREQUENCY, plain)
     for group in range(len(groups)):
         own = values[at == group]
-        assert own.max() / own.min() <= 1.0201
+        assert own.max() / own.min() <= 1 / 0.98 + 1e-9
     assert np.all(np.diff(at) >= 0)
 
 
 def test_labels_take_the_digits_they_need():
-    groups, _ = grouped(np.array([1000.0, 1020.0, 1040.5]), 0.001, plain)
+    groups, _ = grouped(np.array([1000.0, 1020.0, 1040.5]), Axis("", relative=0.001), plain)
     assert len(set(groups.labels)) == 3
 
 
 def test_blank_is_a_group_of_its_own_and_the_last():
-    groups, at = grouped(np.array([np.nan, 2.0, 1.0]), 0.02, plain)
+    groups, at = grouped(np.array([np.nan, 2.0, 1.0]), FREQUENCY, plain)
     assert groups.labels == ("1", "2", "not stated")
     assert at.tolist() == [2, 1, 0]
     assert groups.stated() == 2
@@ -82,3 +85,36 @@ def test_axes_hold_values_and_bars():
     assert extent.outside((1.5, 3.0)) == (1, 0)
     assert extent.outside((0.95, 2.1)) == (0, 2)
     assert extent.limits(zero=True)[0] == 0.0
+
+
+def warmed(results, degrees=(20.0, 60.0)):
+    """The tests in turn at two temperatures, and the static ones likewise."""
+
+    def warm(table):
+        at = pl.Series("temperature [degC]", [degrees[row % 2] for row in range(table.height)], dtype=pl.Float64)
+        return table.with_columns(at)
+
+    tables = {**results.tables, "dynamic": warm(results.dynamic), "static": warm(results.static)}
+    return replace(results, tables=tables)
+
+
+def test_a_specimen_at_two_temperatures_is_two(study):
+    sheet = read_sheet(warmed(study))
+    assert set(sheet.names) == {
+        f"{tyre} at {degrees} °C" for tyre in ("cross-ply", "radial-ply") for degrees in (20, 60)
+    }
+    assert set(sheet.static["tyre"].to_list()) <= set(sheet.names)
+    hot = np.array([sheet.names[at].endswith("60 °C") for at in sheet.tyre])
+    assert np.all(hot == (sheet.values("temperature [degC]") == 60.0))
+
+
+def test_temperatures_within_five_kelvin_are_one(study):
+    assert read_sheet(warmed(study, (20.0, 24.9))).names == ("cross-ply", "radial-ply")
+    assert len(read_sheet(warmed(study, (20.0, 25.1))).names) == 4
+
+
+def test_static_tests_that_state_no_temperature_do_not_tell_specimens_apart(study):
+    def warm(table):
+        return table.with_columns(pl.lit(20.0).alias("temperature [degC]"))
+
+    assert read_sheet(changed(study, warm)).names == ("cross-ply", "radial-ply")

@@ -491,3 +491,18 @@ def test_a_claim_lacking_its_tests_cannot_be_told():
 def test_a_difference_within_the_uncertainty_holds_with_that_word():
     (text,) = (t for t in Tables(paper_pair(k1=101e3)).texts("claims") if t.startswith("Claim 1 "))
     assert ") holds here, though not beyond the uncertainty: " in text
+
+
+def test_one_tyre_at_two_temperatures_is_compared_and_not_averaged():
+    made = Tables({"A": Tyre(k1=146e3), "B": Tyre(k1=106e3)}).results()
+
+    def warmed(table):
+        warm = pl.when(pl.col("tyre") == "A").then(20.0).otherwise(60.0).alias("temperature [degC]")
+        return table.with_columns(warm).with_columns(pl.lit("A").alias("tyre"))
+
+    found = findings(Results(warmed(made.static), warmed(made.dynamic), pl.DataFrame()))
+    texts = [each.text for each in found if each.topic == "static stiffness"]
+    assert texts[0].startswith("A at 20 °C is the stiffer: its K1 is above that of A at 60 °C")
+    assert any("146 kN/m" in text for text in texts)
+    assert any("106 kN/m" in text for text in texts)
+    assert not any("126" in text for text in texts)

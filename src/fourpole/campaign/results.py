@@ -10,11 +10,13 @@ from typing import Any
 
 import polars as pl
 
+from fourpole.campaign.conditions import conditions_in, names_apart, rule_in
 from fourpole.campaign.modelfile import ModelFile, read_model_file
 from fourpole.campaign.tables import DYNAMIC, TABLES, Tables, TableSpec
+from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.source import read_bytes, sha256_of
-from fourpole.quantities import POINT, TEMPERATURE
+from fourpole.quantities import POINT, TEMPERATURE, TYRE
 
 __all__ = ["Results", "read_results"]
 
@@ -65,6 +67,21 @@ class Results(Tables):
         values = {"tables": held, "record": record or {}, "models": models, "maps": maps, "faults": faults}
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    def apart(self, *, texts_only: bool = False) -> Results:
+        """The same with specimens named apart: "radial at 60 °C" where one was tested at several temperatures.
+
+        The campaign's own axes of a condition tell specimens apart likewise; `texts_only`: only those that are texts.
+        """
+        rule = rule_in(self.record).without(PRESSURE.name, PRELOAD.name)
+        rule = Sameness(tuple(axis for axis in rule.axes if axis.text or not texts_only))
+        found = {name: table for name in ("static", "dynamic") if TYRE.head in (table := self.tables[name]).columns}
+        named = names_apart([conditions_in(table, rule) for table in found.values()], rule)
+        made = {
+            name: table.with_columns(pl.Series(TYRE.head, names, dtype=pl.String))
+            for (name, table), names in zip(found.items(), named, strict=True)
+        }
+        return replace(self, tables={**self.tables, **made})
 
 
 def read_results(folder: str | Path) -> Results:

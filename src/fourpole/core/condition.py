@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.quantities import PRELOAD, PRESSURE, TEMPERATURE
+from fourpole import quantities as q
 
-__all__ = ["AXES", "Axis", "Condition", "Sameness", "Value", "axis_of"]
+__all__ = ["AXES", "FREQUENCY", "PRELOAD", "PRESSURE", "Axis", "Condition", "Sameness", "Value", "axis_of"]
 
 #: A number in the unit of its column, a text, or None where nothing is stated.
 Value = float | str | None
@@ -67,11 +67,11 @@ class Axis:
 
 
 #: The axes that every campaign has.
-AXES = (
-    Axis("pressure", PRESSURE.head, relative=0.02),
-    Axis("preload", PRELOAD.head, relative=0.01),
-    Axis("temperature", TEMPERATURE.head, absolute=5.0),
-)
+PRESSURE = Axis("pressure", q.PRESSURE.head, relative=0.02)
+PRELOAD = Axis("preload", q.PRELOAD.head, relative=0.01)
+AXES = (PRESSURE, PRELOAD, Axis("temperature", q.TEMPERATURE.head, absolute=5.0))
+#: Frequencies that figures, words and exports show as one. A frequency is not part of a condition.
+FREQUENCY = Axis("frequency", q.FREQUENCY.head, relative=0.02)
 #: Relative tolerance of a numeric axis for which none is stated.
 _OWN = 0.01
 
@@ -129,8 +129,9 @@ class Sameness:
         ends: list[tuple[Condition, Condition]] = []
         first = 0
         for one in sorted(set(conditions), key=_place):
-            if ends and ends[first][0].specimen != one.specimen:
-                first = len(ends)
+            # Lowest values rise on the first axis: who is left behind once stays behind.
+            while first < len(ends) and not self._near(ends[first][0], one):
+                first += 1
             fits = (at for at in range(first, len(ends)) if all(self.same(one, end) for end in ends[at]))
             at = next(fits, len(ends))
             if at == len(ends):
@@ -139,6 +140,12 @@ class Sameness:
                 ends[at] = (_end(ends[at][0], one, lowest=True), _end(ends[at][1], one, lowest=False))
             number[one] = at
         return np.array([number[one] for one in conditions], dtype=np.int64)
+
+    def _near(self, one: Condition, other: Condition) -> bool:
+        """Whether the specimens are the same, and the values on the first axis."""
+        return one.specimen == other.specimen and all(
+            axis.same(a, b) for axis, a, b in zip(self.axes[:1], one.values, other.values, strict=False)
+        )
 
 
 def _place(one: Condition) -> tuple[str, list[tuple[bool, float | str]]]:

@@ -113,7 +113,7 @@ def _series(columns: dict[str, Any]) -> Iterator[pl.Series]:
 
 def _static_data(source: Source) -> tuple[pl.DataFrame, list[_Curve]]:
     """K1 by tyre and load over pressure."""
-    sheet, style, static = source.sheet, Style(), source.results.static
+    sheet, style, static = source.sheet, Style(), source.sheet.static
     pressure, k1, std = (floats(static, name) for name in (q.PRESSURE.head, q.K1.head, q.K1.u_head))
     load, verdicts = floats(static, q.PRELOAD.head), static["verdict"].to_list()
     tyres = [text or "" for text in static["tyre"].to_list()]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
+from fourpole.core.condition import PRELOAD, PRESSURE, Axis
 from fourpole.errors import TableError
 from fourpole.export.source import SIGNS, Source, counted, field_names, need, some, through_file, typed, unit_of
 from fourpole.plot.sheet import Groups, floats
@@ -92,14 +93,14 @@ def _dynamic_grid(source: Source, name: str) -> _Grid:
 
 def _static_grid(source: Source) -> tuple[_Grid, tuple[str, ...]]:
     """The static tests; several of one tyre, pressure and load stand beside each other in `static_test`."""
-    sheet, static = source.sheet, source.results.static
+    sheet, static = source.sheet, source.sheet.static
     names, verdicts = static["test"].to_list(), static["verdict"].to_list()
     pressure, load = floats(static, q.PRESSURE.head), floats(static, q.PRELOAD.head)
     found: list[tuple[int, ...]] = []
     rows: list[int] = []
     out: list[str] = []
     for row, tyre in enumerate(static["tyre"].to_list()):
-        at = (_place(sheet.pressures, pressure[row]), _place(sheet.loads, load[row]))
+        at = (_place(sheet.pressures, PRESSURE, pressure[row]), _place(sheet.loads, PRELOAD, load[row]))
         if verdicts[row] == "rejected" or min(at) < 0:
             out.append(str(names[row]))
             continue
@@ -114,12 +115,12 @@ def _static_grid(source: Source) -> tuple[_Grid, tuple[str, ...]]:
     return _Grid((*_DIMENSIONS[:3], "static_test"), shape, tuple(index.T), np.array(rows, dtype=np.int64)), said
 
 
-def _place(groups: Groups, value: float) -> int:
+def _place(groups: Groups, axis: Axis, value: float) -> int:
     """The group that holds a value, -1 where none does; a blank is in the group of the blanks."""
     if math.isnan(value):
         return next((at for at, own in enumerate(groups.values) if math.isnan(own)), -1)
     at = groups.nearest(value) if groups.stated() else -1
-    return at if at >= 0 and math.isclose(groups.values[at], value, rel_tol=0.02) else -1
+    return at if at >= 0 and axis.same(groups.values[at], value) else -1
 
 
 def _dynamic(source: Source, grid: _Grid) -> dict[str, Variable]:
@@ -210,7 +211,7 @@ def _words(dimension: str, texts: Sequence[str], long_name: str) -> Variable:
 def _constructions(source: Source) -> list[str]:
     """What each tyre is said to be."""
     found: dict[str, str] = {}
-    for table in (source.dynamic, source.results.static):
+    for table in (source.sheet.table, source.sheet.static):
         found |= {tyre or "": text or "" for tyre, text in table.select("tyre", "construction").iter_rows()}
     return [found.get(name, "") for name in source.sheet.names]
 

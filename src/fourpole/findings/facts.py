@@ -13,12 +13,12 @@ import numpy as np
 import polars as pl
 
 from fourpole.campaign.results import Results
+from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.findings.finding import UNSTATED, Key, Setup, Subject
 
 __all__ = ["Curve", "Facts", "Measured", "common", "natural", "tests_of"]
 
-_TOLERANCE = {"pressure": 0.02, "load": 0.01, "frequency": 0.02}
-_COLUMNS = {"pressure": "pressure [Pa]", "load": "preload [N]", "frequency": "frequency [Hz]"}
+_AXES = {"pressure": PRESSURE, "load": PRELOAD, "frequency": FREQUENCY}
 #: A value without a stated uncertainty is taken to be known to this.
 _UNSTATED_STD = 0.02
 
@@ -71,12 +71,11 @@ class Facts:
 
     @classmethod
     def of(cls, results: Results) -> Facts:
-        """Group pressures within 2 %, loads within 1 % and frequencies within 2 %."""
+        """With specimens named apart by temperature and the campaign's own axes of a condition."""
+        results = results.apart()
         nominal = {
-            axis: _clustered(
-                [v for table in (results.static, results.dynamic) for v in _column(table, column)], _TOLERANCE[axis]
-            )
-            for axis, column in _COLUMNS.items()
+            name: _clustered([v for table in (results.static, results.dynamic) for v in _column(table, axis)], axis)
+            for name, axis in _AXES.items()
         }
         return cls(results, {**nominal, "frequency": {f: _snapped(n) for f, n in nominal["frequency"].items()}})
 
@@ -113,7 +112,7 @@ class Facts:
 
     def key(self, row: Mapping[str, Any], axes: Iterable[str]) -> Key:
         """Nominal condition of a row."""
-        return tuple(self.nominal[axis].get(_number(row.get(_COLUMNS[axis])), UNSTATED) for axis in axes)
+        return tuple(self.nominal[axis].get(_number(row.get(_AXES[axis].column)), UNSTATED) for axis in axes)
 
     def values(self, quantity: Subject, tyre: str) -> dict[Key, Measured]:
         """A quantity of a tyre by nominal condition; blanks, and what is not positive, are left out."""
@@ -183,23 +182,21 @@ def _averaged(repeats: Sequence[tuple[float, float, str]]) -> Measured:
     return Measured(float(values.mean()), max(stated, scatter), tuple(test for _, _, test in repeats))
 
 
-def _column(table: pl.DataFrame, name: str) -> list[float]:
-    return [v for v in table[name].to_list() if v is not None and isfinite(v) and v > 0.0] if name in table else []
+def _column(table: pl.DataFrame, axis: Axis) -> list[float]:
+    values = table[axis.column].to_list() if axis.column in table else []
+    return [v for v in values if v is not None and isfinite(v) and v > 0.0]
 
 
 def _number(value: Any) -> float:
     return float(value) if isinstance(value, (int, float)) else float("nan")
 
 
-def _clustered(values: Iterable[float], tolerance: float) -> dict[float, float]:
-    """Value -> median of those that lie within the tolerance of the lowest of them."""
-    groups: list[list[float]] = []
-    for value in sorted(values):
-        if groups and value <= groups[-1][0] * (1.0 + tolerance):
-            groups[-1].append(value)
-        else:
-            groups.append([value])
-    return {value: float(np.median(group)) for group in groups for value in group}
+def _clustered(values: Sequence[float], axis: Axis) -> dict[float, float]:
+    """Value -> median of those that are the same on an axis."""
+    groups: dict[int, list[float]] = {}
+    for value, group in zip(values, axis.groups(values).tolist(), strict=True):
+        groups.setdefault(group, []).append(value)
+    return {value: float(np.median(group)) for group in groups.values() for value in group}
 
 
 def _snapped(frequency: float) -> float:

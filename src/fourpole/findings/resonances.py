@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from fourpole.core.condition import FREQUENCY
 from fourpole.findings.evidence import FloatArray, factor
 from fourpole.findings.facts import Curve, Facts, common, natural, tests_of
 from fourpole.findings.finding import Finding, Holds, Key, Setup, Topic, conditions
@@ -32,8 +33,6 @@ __all__ = [
 _AXES = ("pressure", "load")
 #: With more specimens than these only those with the lowest and the highest resonance are compared.
 _MOST_PAIRED = 3
-#: Relative distance below which two frequencies count as one.
-_SAME = 0.02
 #: Relative distance of neighbouring tested frequencies up to which a crossing between them counts as resolved.
 _FINE = 0.15
 #: A parabola finds the resonance where the three highest points lie within half power of the largest.
@@ -315,7 +314,7 @@ def _order(facts: Facts, peaks: Mapping[Who, Mapping[Key, Peak]], first: Who, se
 def crossings(first: Curve, second: Curve) -> list[Crossing]:
     """Where the curves change places between tested frequencies at which they differ beyond their uncertainty."""
     order = np.array(first.frequency)
-    tested = np.array([f for f in order if np.min(np.abs(np.array(second.frequency) / f - 1.0)) < _SAME])
+    tested = np.array([f for f in order if np.min(np.abs(np.array(second.frequency) / f - 1.0)) < FREQUENCY.relative])
     if tested.size < _FEWEST_POINTS:
         return []
     found = []

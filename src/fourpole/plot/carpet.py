@@ -40,12 +40,12 @@ class LoadLine(ByValue):
 def load_lines(results: Results, sheet: Sheet) -> list[LoadLine]:
     """The static tests that have a curve, in mm and kN."""
     previews = results.previews
-    if q.MEAN_LOAD.head not in previews.columns or not results.static.height:
+    if q.MEAN_LOAD.head not in previews.columns or not sheet.static.height:
         return []
     curves = previews.filter(pl.col(q.MEAN_LOAD.head).list.len() > 1)
     by_test = {row["test"]: row for row in curves.select("test", q.MEAN_DEFLECTION.head, q.MEAN_LOAD.head).to_dicts()}
     lines = []
-    for (test,), rows in results.static.group_by("test", maintain_order=True):
+    for (test,), rows in sheet.static.group_by("test", maintain_order=True):
         if test not in by_test:
             continue
         x = np.array(by_test[test][q.MEAN_DEFLECTION.head], dtype=float) * _MM

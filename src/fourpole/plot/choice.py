@@ -32,7 +32,7 @@ def choice(results: Results, style: Style) -> Figure | None:
     """Which model, and why: candidates by BIC, reduced chi-square and frequencies left out, a row per tyre."""
     if results.models is None:
         return None
-    sheet = read_sheet(results)
+    sheet = read_sheet(results, texts_only=True)
     entries = [one for one in results.models.models if len(one.candidates) > 1 and one.tyre in sheet.names]
     if not entries:
         return None

@@ -17,6 +17,7 @@ from fourpole import quantities as q
 from fourpole.campaign.modelfile import ConditionFile, ModelEntry, column_of, response
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.condition import axis_of
 from fourpole.models.data import NORMAL_95
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, curve, limit, span, tyre_heading
@@ -28,8 +29,6 @@ __all__ = ["band", "heading", "key_of_band", "models", "numbered", "share", "ste
 _MOST_COLUMNS = 4
 #: Conditions of a panel: over less than a decade more bands than this melt into one.
 _MOST_SERIES, _MOST_WIDE = 3, 5
-#: Conditions are the same within this.
-_SAME = 0.02
 #: Beyond a decade of frequency its axis is logarithmic; beyond this ratio of K' or K'' theirs is.
 _DECADE, _STEEP = 10.0, 20.0
 #: Points of a line, over more than a decade and less.
@@ -81,7 +80,7 @@ def models(results: Results, style: Style) -> Figure | None:
     """The chosen model of each tyre through K' and K'', and below it what it leaves, in standard units."""
     if results.models is None:
         return None
-    sheet = read_sheet(results)
+    sheet = read_sheet(results, texts_only=True)
     found = [one for entry in results.models.models for one in _conditions(entry, sheet)]
     if not found:
         return None
@@ -148,7 +147,7 @@ def _rows(one: ConditionFile, state: dict[str, float], sheet: Sheet) -> BoolArra
     frequency = sheet.values(q.FREQUENCY.head)
     mask = (frequency >= one.band[0] * (1 - 1e-9)) & (frequency <= one.band[1] * (1 + 1e-9))
     for column, value in state.items():
-        mask &= np.isclose(sheet.values(column), value, rtol=_SAME, atol=1e-9)
+        mask &= np.array([axis_of(column).same(own, value) for own in sheet.values(column).tolist()], dtype=bool)
     return np.asarray(mask)
 
 

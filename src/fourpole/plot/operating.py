@@ -92,7 +92,7 @@ def operating(results: Results, style: Style) -> Figure | None:
     """K2 and C, or K' and K'' where there are none, over pressure or the first axis of the map."""
     if results.maps is None:
         return None
-    sheet = read_sheet(results)
+    sheet = read_sheet(results, texts_only=True)
     known = [entry for entry in results.maps.maps if entry.axes and entry.tyre in sheet.names]
     panels = sorted((one for entry in known for one in _panels(entry, sheet)), key=_order)
     if not panels:

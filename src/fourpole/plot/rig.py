@@ -17,6 +17,7 @@ from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.campaign.tables import keys_of
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.condition import FREQUENCY, Axis
 from fourpole.core.sources import Role, Source
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, curve, limit, means, rejected_tests, span
@@ -27,6 +28,8 @@ from fourpole.plot.style import Marker, Style, plain_text
 __all__ = ["found", "mass_gain", "residual", "value_label"]
 
 _MOST_RIGS = 4
+#: Added masses that have one marker.
+_MASS = Axis("added mass", relative=1e-3)
 _MASS_MARKERS: tuple[Marker, ...] = ("o", "^", "s", "D", "v", "P")
 #: What a value was found to be: mark, filled, colour of the palette (grey where it is None).
 _FINDINGS: dict[str, tuple[Marker, bool, str | None]] = {
@@ -130,7 +133,7 @@ def _tests(results: Results, sheet: Sheet) -> _Tests:
     names = [str(name or "") for name in rows["rig"].to_list()]
     rigs = tuple(dict.fromkeys(names))
     tyre_of = dict(zip(keys_of(sheet.table), sheet.tyre, strict=True))
-    masses, mass = grouped(np.nan_to_num(floats(rows, q.ADDED_MASS.head)), 1e-3, lambda value, n: f"{value:.{n}g} kg")
+    masses, mass = grouped(np.nan_to_num(floats(rows, q.ADDED_MASS.head)), _MASS, lambda value, n: f"{value:.{n}g} kg")
     return _Tests(
         rigs=rigs,
         rig=np.array([rigs.index(name) for name in names], dtype=np.int64),
@@ -207,7 +210,7 @@ def _residual_panel(
 
 def _misfit_line(ax: Axes, x: FloatArray, y: FloatArray) -> FloatArray:
     """The mean over the tests at each frequency."""
-    _, groups = grouped(x, 0.02, lambda value, n: f"{value:.{n}g}")
+    _, groups = grouped(x, FREQUENCY, lambda value, n: f"{value:.{n}g}")
     line = means(x, y, groups.tolist())
     ax.plot(*line, color=_MISFIT, linewidth=2.0, label="_misfit", zorder=4.0)
     return line[1]

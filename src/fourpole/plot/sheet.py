@@ -13,17 +13,13 @@ from numpy.typing import NDArray
 from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
+from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.plot.style import short_names
 from fourpole.quantities import Quantity
 
 __all__ = ["Groups", "Sheet", "floats", "grouped", "read_sheet"]
 
 IntArray = NDArray[np.int64]
-
-#: Values are the same condition within these: a cam never runs at quite the frequency it was set to.
-_SAME_PRESSURE = 0.02
-_SAME_LOAD = 0.01
-_SAME_FREQUENCY = 0.02
 
 
 @dataclass(frozen=True)
@@ -52,8 +48,8 @@ class Sheet(ByValue):
 
     Attributes
     ----------
-    table : polars.DataFrame
-        dynamic.csv.
+    table, static : polars.DataFrame
+        dynamic.csv and static.csv, with specimens named apart by what they were tested at.
     names, labels : tuples of str
         Tyres in the order of their first appearance in the tables, and as figures show them.
     pressures, loads, frequencies : Groups
@@ -67,6 +63,7 @@ class Sheet(ByValue):
     """
 
     table: pl.DataFrame
+    static: pl.DataFrame
     names: tuple[str, ...]
     labels: tuple[str, ...]
     pressures: Groups
@@ -108,20 +105,22 @@ class Sheet(ByValue):
         return self.loads.labels[at] if self.loads.stated() or len(self.loads) > 1 else ""
 
 
-def read_sheet(results: Results) -> Sheet:
-    """Group the tests of a campaign."""
+def read_sheet(results: Results, *, texts_only: bool = False) -> Sheet:
+    """Group the tests of a campaign, their specimens named apart as `Results.apart` does."""
+    results = results.apart(texts_only=texts_only)
     dynamic, static = results.dynamic, results.static
     names = tuple(dict.fromkeys([*_texts(static, "tyre"), *_texts(dynamic, "tyre")]))
     index = {name: at for at, name in enumerate(names)}
     count = dynamic.height
     both = np.concatenate([floats(dynamic, q.PRESSURE.head), floats(static, q.PRESSURE.head)])
-    pressures, pressure = grouped(both, _SAME_PRESSURE, _bar)
-    loads, load = grouped(floats(dynamic, q.PRELOAD.head), _SAME_LOAD, _newton)
-    frequencies, frequency = grouped(floats(dynamic, q.FREQUENCY.head), _SAME_FREQUENCY, _hertz)
+    pressures, pressure = grouped(both, PRESSURE, _bar)
+    loads, load = grouped(floats(dynamic, q.PRELOAD.head), PRELOAD, _newton)
+    frequencies, frequency = grouped(floats(dynamic, q.FREQUENCY.head), FREQUENCY, _hertz)
     stated = frequencies.stated()
     setting, settings = _settings(dynamic)
     return Sheet(
         table=dynamic,
+        static=static,
         names=names,
         labels=short_names(names),
         pressures=pressures,
@@ -137,22 +136,13 @@ def read_sheet(results: Results) -> Sheet:
     )
 
 
-def grouped(values: FloatArray, tolerance: float, label: Callable[[float, int], str]) -> tuple[Groups, IntArray]:
-    """Groups of values that are the same within a tolerance, named by their median, and the group of each value."""
-    at = np.full(values.size, -1, dtype=np.int64)
-    middles: list[float] = []
-    order = np.argsort(values, kind="stable")
-    order = order[np.isfinite(values[order])]
-    start = 0
-    for end in range(1, order.size + 1):
-        # From the first of the group, not from the last: a fine sweep must not melt into one group.
-        if end == order.size or values[order[end]] - values[order[start]] > tolerance * abs(values[order[start]]):
-            at[order[start:end]] = len(middles)
-            middles.append(float(np.median(values[order[start:end]])))
-            start = end
+def grouped(values: FloatArray, axis: Axis, label: Callable[[float, int], str]) -> tuple[Groups, IntArray]:
+    """Groups of values that are the same on an axis, named by their median, and the group of each value."""
+    known = np.isfinite(values)
+    at: IntArray = axis.groups(value if np.isfinite(value) else None for value in values.tolist())
+    middles = [float(np.median(values[at == group])) for group in np.unique(at[known])]
     labels = _distinct_labels(middles, label)
-    if np.any(at < 0):
-        at[at < 0] = len(middles)
+    if not known.all():
         middles.append(math.nan)
         labels.append("not stated")
     return Groups(tuple(middles), tuple(labels)), at

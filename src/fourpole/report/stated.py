@@ -11,6 +11,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.campaign.results import Results
+from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE
 from fourpole.report.digits import known, number, spread, with_std
 from fourpole.report.rows import VERDICTS, worst
 
@@ -140,9 +141,9 @@ def _tested(results: Results, tyre: str, construction: str, stated: Mapping[str,
         name=tyre,
         construction=construction,
         more=[(str(key), _plain(value)) for key, value in stated.items() if key != "construction"],
-        pressures=spread(values(q.PRESSURE.head), "bar", scale=1e5, tolerance=0.02),
-        preloads=spread(values(q.PRELOAD.head), "N"),
-        frequencies=spread(values(q.FREQUENCY.head), "Hz", tolerance=0.02),
+        pressures=spread(values(q.PRESSURE.head), "bar", scale=1e5, tolerance=PRESSURE.relative),
+        preloads=spread(values(q.PRELOAD.head), "N", tolerance=PRELOAD.relative),
+        frequencies=spread(values(q.FREQUENCY.head), "Hz", tolerance=FREQUENCY.relative),
         static=len(verdicts["static"]),
         dynamic=len(verdicts["dynamic"]),
         verdicts={verdict: every.count(verdict) for verdict in VERDICTS},

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fourpole.campaign.modelfile import ConditionFile, MapEntry, ModelEntry, Quantity, column_of, map_of
+from fourpole.core.condition import PRESSURE
 from fourpole.report.digits import number, spread
 from fourpole.report.words.phrases import counted, percent, ranged
 
@@ -129,7 +130,7 @@ def map_facts(entry: MapEntry) -> list[tuple[str, str]]:
     facts = [("model", entry.model + ("" if entry.causal else " (not causal)"))]
     for axis in entry.axes:
         unit, scale, _ = _axis(column_of(axis.name, axis.unit))
-        facts.append((axis.name, spread(axis.values, unit, scale=scale, tolerance=0.02)))
+        facts.append((axis.name, spread(axis.values, unit, scale=scale, tolerance=PRESSURE.relative)))
     facts += [(f"{each.name}, not varied", _bare(each)) for each in entry.constant]
     facts.append(("frequency", ranged(list(entry.band), "Hz")))
     said = (
