@@ -11,7 +11,7 @@ from fourpole.findings import readings
 from fourpole.findings.facts import Facts
 from fourpole.findings.finding import Conditions, Finding, Holds, Topic
 from fourpole.findings.readings import LackError, Need, Reading, Tyre
-from fourpole.findings.subjects import K1, K2, C
+from fourpole.quantities import K1, K2, NONLINEARITY, TR, C, Quantity
 
 __all__ = ["CROSS", "RADIAL", "Claim", "Lack", "claims", "pair_of_the_paper"]
 
@@ -25,7 +25,7 @@ class Lack:
     """What a campaign lacks to tell: what is needed, of which quantity, of which of the two tyres."""
 
     need: Need
-    symbol: str = ""
+    quantity: Quantity | None = None
     tyre: str = ""
 
 
@@ -72,36 +72,36 @@ def claims(facts: Facts) -> list[Finding]:
 Read = Callable[[], Reading]
 
 
-def _readings(cross: Tyre, radial: Tyre) -> tuple[tuple[str, tuple[Tyre, ...], Read], ...]:
+def _readings(cross: Tyre, radial: Tyre) -> tuple[tuple[Quantity, tuple[Tyre, ...], Read], ...]:
     """Of each claim its quantity, the tyres it is about, and what reads it."""
     both = cross, radial
     return (
-        ("K1", both, lambda: readings.above(K1, cross.k1, radial.k1)),
-        ("nonlinearity", both, lambda: readings.nonlinear(cross, radial)),
-        ("C", (cross,), lambda: readings.optimum(cross)),
-        ("C", (radial,), lambda: readings.rising(C, radial.c, "pressure")),
-        ("C", both, lambda: readings.loads_apart(cross, radial)),
-        ("C", (radial,), lambda: readings.rising(C, readings.in_band(radial.c), "frequency")),
-        ("C", both, lambda: readings.above(C, cross.c, radial.c)),
-        ("K2", (radial,), lambda: readings.turning(radial)),
-        ("K2", (radial,), lambda: readings.rising(K2, radial.k2, "frequency")),
-        ("K2", both, lambda: readings.likewise(cross, radial)),
-        ("TR", both, lambda: readings.isolation(cross, radial)),
-        ("TR", both, lambda: readings.resonance(cross, radial)),
+        (K1, both, lambda: readings.above(K1, cross.k1, radial.k1)),
+        (NONLINEARITY, both, lambda: readings.nonlinear(cross, radial)),
+        (C, (cross,), lambda: readings.optimum(cross)),
+        (C, (radial,), lambda: readings.rising(C, radial.c, "pressure")),
+        (C, both, lambda: readings.loads_apart(cross, radial)),
+        (C, (radial,), lambda: readings.rising(C, readings.in_band(radial.c), "frequency")),
+        (C, both, lambda: readings.above(C, cross.c, radial.c)),
+        (K2, (radial,), lambda: readings.turning(radial)),
+        (K2, (radial,), lambda: readings.rising(K2, radial.k2, "frequency")),
+        (K2, both, lambda: readings.likewise(cross, radial)),
+        (TR, both, lambda: readings.isolation(cross, radial)),
+        (TR, both, lambda: readings.resonance(cross, radial)),
     )
 
 
 def _claim(
-    facts: Facts, names: tuple[str, str], number: int, symbol: str, tyres: tuple[Tyre, ...], read: Read
+    facts: Facts, names: tuple[str, str], number: int, quantity: Quantity, tyres: tuple[Tyre, ...], read: Read
 ) -> Finding:
     about = tuple(tyre.name for tyre in tyres)
-    rows = facts.used_static if symbol in ("K1", "nonlinearity") else facts.used_dynamic
+    rows = facts.used_static if "frequency" not in quantity.over else facts.used_dynamic
     tests = tuple(dict.fromkeys(row["test"] for row in rows if row["tyre"] in about))
     try:
         found = read()
     except LackError as lack:
-        detail = Claim(number, names, Lack(lack.need, lack.symbol, lack.tyre))
-        return Finding(Topic.CLAIMS, symbol, about, Holds.UNTOLD, detail, tests=tests)
+        detail = Claim(number, names, Lack(lack.need, lack.quantity, lack.tyre))
+        return Finding(Topic.CLAIMS, quantity, about, Holds.UNTOLD, detail, tests=tests)
     holds = Holds.FALSE if not found.holds else Holds.TRUE if found.sure else Holds.TRUE_UNSURE
     detail, size = Claim(number, names, found.evidence), (found.effect, found.std, found.unit)
-    return Finding(Topic.CLAIMS, symbol, about, holds, detail, Conditions(), *size, tests)
+    return Finding(Topic.CLAIMS, quantity, about, holds, detail, Conditions(), *size, tests)

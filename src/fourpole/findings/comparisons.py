@@ -11,7 +11,8 @@ import numpy as np
 
 from fourpole.findings.evidence import Effect, between, mean_effect
 from fourpole.findings.facts import Measured, common, tests_of
-from fourpole.findings.finding import Finding, Holds, Key, Subject, conditions
+from fourpole.findings.finding import Finding, Holds, Key, Topic, conditions
+from fourpole.quantities import Quantity
 
 __all__ = ["Comparison", "compare", "differences"]
 
@@ -57,7 +58,7 @@ def differences(first: Values, second: Values) -> dict[Key, Effect]:
     return {key: between(first[key].pair, second[key].pair) for key in common(first, second)}
 
 
-def compare(subject: Subject, names: tuple[str, str], values: tuple[Values, Values]) -> Finding | None:
+def compare(quantity: Quantity, names: tuple[str, str], values: tuple[Values, Values]) -> Finding | None:
     """The comparison of two specimens; None where they have no condition in common."""
     keys = common(*values)
     if not keys:
@@ -71,12 +72,12 @@ def compare(subject: Subject, names: tuple[str, str], values: tuple[Values, Valu
     elif found.mixed:
         holds = Holds.MIXED
     return Finding(
-        subject.topic,
-        subject.symbol,
+        Topic(quantity.topic),
+        quantity,
         names,
         holds,
         found,
-        conditions(subject.axes, keys),
+        conditions(quantity.over, keys),
         # The table gives the first specimen against the second; the detail is relative to the lower one.
         *_first_above_second(values, keys),
         "1",

@@ -14,7 +14,8 @@ import polars as pl
 
 from fourpole.campaign.results import Results
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
-from fourpole.findings.finding import UNSTATED, Key, Setup, Subject
+from fourpole.findings.finding import UNSTATED, Key, Setup
+from fourpole.quantities import Quantity
 
 __all__ = ["Curve", "Facts", "Measured", "common", "natural", "tests_of"]
 
@@ -114,16 +115,16 @@ class Facts:
         """Nominal condition of a row."""
         return tuple(self.nominal[axis].get(_number(row.get(_AXES[axis].column)), UNSTATED) for axis in axes)
 
-    def values(self, quantity: Subject, tyre: str) -> dict[Key, Measured]:
+    def values(self, quantity: Quantity, tyre: str) -> dict[Key, Measured]:
         """A quantity of a tyre by nominal condition; blanks, and what is not positive, are left out."""
-        static = quantity.axes[-1] != "frequency"
+        static = "frequency" not in quantity.over
         groups: dict[Key, list[tuple[float, float, str]]] = {}
         for row in self.used_static if static else self.used_dynamic:
-            value = _number(row.get(quantity.column))
+            value = _number(row.get(quantity.head))
             if row["tyre"] == tyre and value > 0.0:
-                std = _number(row.get(quantity.std_column))
+                std = _number(row.get(quantity.u_head))
                 known = value, std if std >= 0.0 else _UNSTATED_STD * value, row["test"]
-                groups.setdefault(self.key(row, quantity.axes), []).append(known)
+                groups.setdefault(self.key(row, quantity.over), []).append(known)
         return {key: _averaged(groups[key]) for key in sorted(groups)}
 
     @cached_property

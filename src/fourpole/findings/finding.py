@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import ClassVar, Protocol
 
-__all__ = ["UNSTATED", "Conditions", "Detail", "Finding", "Holds", "Key", "Setup", "Subject", "Topic", "conditions"]
+from fourpole.quantities import Quantity
+
+__all__ = ["UNSTATED", "Conditions", "Detail", "Finding", "Holds", "Key", "Setup", "Topic", "conditions"]
 
 #: A pressure or load that nobody stated.
 UNSTATED = -1.0
@@ -64,22 +66,6 @@ class Holds(StrEnum):
     UNTOLD = "cannot be told"
 
 
-@dataclass(frozen=True)
-class Subject:
-    """A quantity that findings are made of: its column, the column of its uncertainty, its topic and its axes."""
-
-    symbol: str
-    column: str
-    std_column: str
-    topic: Topic
-    axes: tuple[str, ...]
-
-    @property
-    def unit(self) -> str:
-        """SI unit, as the head of the column states it."""
-        return self.column.rpartition("[")[2].removesuffix("]")
-
-
 @dataclass(frozen=True, order=True)
 class Setup:
     """What a transmissibility curve depends on besides the specimen: the rig and the added mass [kg]."""
@@ -116,8 +102,8 @@ class Finding:
     Attributes
     ----------
     topic : Topic
-    quantity : str
-        Symbol of the quantity; blank where the finding is about tests.
+    quantity : Quantity or None
+        None where the finding is about tests.
     specimens : tuple of str
         Names as in the campaign.
     holds : Holds
@@ -135,7 +121,7 @@ class Finding:
     """
 
     topic: Topic
-    quantity: str
+    quantity: Quantity | None
     specimens: tuple[str, ...]
     holds: Holds
     detail: Detail

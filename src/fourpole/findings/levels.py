@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from fourpole.findings.facts import Facts, Measured, tests_of
-from fourpole.findings.finding import Finding, Holds, Key, Subject, conditions
-from fourpole.findings.subjects import CYCLE_LOSS, NONLINEARITY
+from fourpole.findings.finding import Finding, Holds, Key, Topic, conditions
+from fourpole.quantities import CYCLE_LOSS, NONLINEARITY, Quantity
 
 __all__ = ["CycleLoss", "Departure", "Level", "cycle_losses", "level_of", "linearity"]
 
@@ -54,12 +54,12 @@ class CycleLoss:
     losses: tuple[float, ...]
 
 
-def level_of(subject: Subject, tyre: str, values: Mapping[Key, Measured]) -> Finding:
+def level_of(quantity: Quantity, tyre: str, values: Mapping[Key, Measured]) -> Finding:
     """The values of a quantity of one specimen; the effect is their mean, with the mean of their uncertainties."""
     mean, std = (float(np.mean([found.pair[i] for found in values.values()])) for i in (0, 1))
-    at, tests = conditions(subject.axes, values), tests_of(values.values())
+    at, tests = conditions(quantity.over, values), tests_of(values.values())
     return Finding(
-        subject.topic, subject.symbol, (tyre,), Holds.MEASURED, Level(values), at, mean, std, subject.unit, tests
+        Topic(quantity.topic), quantity, (tyre,), Holds.MEASURED, Level(values), at, mean, std, quantity.unit, tests
     )
 
 
@@ -92,12 +92,12 @@ def cycle_losses(facts: Facts) -> list[Finding]:
 
 
 def _static(
-    subject: Subject,
+    quantity: Quantity,
     tyre: str,
     values: Mapping[Key, Measured],
     holds: Holds,
     detail: Departure | CycleLoss,
     effect: float,
 ) -> Finding:
-    at, tests = conditions(subject.axes, values), tests_of(values.values())
-    return Finding(subject.topic, subject.symbol, (tyre,), holds, detail, at, effect, None, subject.unit, tests)
+    at, tests = conditions(quantity.over, values), tests_of(values.values())
+    return Finding(Topic(quantity.topic), quantity, (tyre,), holds, detail, at, effect, None, quantity.unit, tests)

@@ -8,12 +8,12 @@ from fourpole.campaign.results import Results
 from fourpole.findings.claims import claims
 from fourpole.findings.comparisons import compare
 from fourpole.findings.facts import Facts, Measured
-from fourpole.findings.finding import Finding, Key, Subject
+from fourpole.findings.finding import Finding, Key
 from fourpole.findings.levels import cycle_losses, level_of, linearity
 from fourpole.findings.resonances import transmissibility
-from fourpole.findings.subjects import K1, K2, LOSS, STORAGE, C
 from fourpole.findings.trends import trend_of
 from fourpole.findings.verdicts import verdicts
+from fourpole.quantities import K1, K2, LOSS_FACTOR, STORAGE, C, Quantity
 
 __all__ = ["findings"]
 
@@ -47,9 +47,9 @@ def findings(results: Results) -> list[Finding]:
     if not (facts.used_static or facts.used_dynamic):
         return found
     found += [*_quantity(facts, K1), *linearity(facts)]
-    for subject in (K2, STORAGE, C, LOSS):
-        if subject is not STORAGE or _lacks_arm(facts):
-            found += _quantity(facts, subject)
+    for quantity in (K2, STORAGE, C, LOSS_FACTOR):
+        if quantity is not STORAGE or _lacks_arm(facts):
+            found += _quantity(facts, quantity)
     return [*found, *cycle_losses(facts), *transmissibility(facts), *claims(facts)]
 
 
@@ -58,13 +58,13 @@ def _lacks_arm(facts: Facts) -> bool:
     return any(facts.values(STORAGE, tyre) and not facts.values(K2, tyre) for tyre in facts.tyres)
 
 
-def _quantity(facts: Facts, subject: Subject) -> list[Finding]:
+def _quantity(facts: Facts, quantity: Quantity) -> list[Finding]:
     """Comparisons, levels and trends of one quantity."""
-    values = {tyre: found for tyre in facts.tyres if (found := facts.values(subject, tyre))}
-    made = [compare(subject, (a, b), (values[a], values[b])) for a, b in _pairs(values)]
+    values = {tyre: found for tyre in facts.tyres if (found := facts.values(quantity, tyre))}
+    made = [compare(quantity, (a, b), (values[a], values[b])) for a, b in _pairs(values)]
     for tyre, each in values.items():
-        made.append(level_of(subject, tyre, each))
-        made += [trend_of(subject, tyre, each, axis) for axis in subject.axes]
+        made.append(level_of(quantity, tyre, each))
+        made += [trend_of(quantity, tyre, each, axis) for axis in quantity.over]
     return [finding for finding in made if finding is not None]
 
 

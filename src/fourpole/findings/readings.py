@@ -13,10 +13,10 @@ import numpy as np
 from fourpole.findings.comparisons import differences
 from fourpole.findings.evidence import Effect, between, mean_effect
 from fourpole.findings.facts import Curve, Facts, Measured, common
-from fourpole.findings.finding import Holds, Key, Subject
+from fourpole.findings.finding import Holds, Key
 from fourpole.findings.resonances import peak
-from fourpole.findings.subjects import K1, K2, NONLINEARITY, C
 from fourpole.findings.trends import Lines, Trend, lines_along
+from fourpole.quantities import K1, K2, NONLINEARITY, C, Quantity
 
 __all__ = ["LackError", "Need", "Reading", "Tyre"]
 
@@ -62,9 +62,9 @@ class Need(StrEnum):
 class LackError(Exception):
     """A claim cannot be told: what is needed, of which quantity, of which of the two tyres."""
 
-    def __init__(self, need: Need, symbol: str = "", tyre: str = "") -> None:
+    def __init__(self, need: Need, quantity: Quantity | None = None, tyre: str = "") -> None:
         super().__init__(need)
-        self.need, self.symbol, self.tyre = need, symbol, tyre
+        self.need, self.quantity, self.tyre = need, quantity, tyre
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ class Tyre:
     name: str
     facts: Facts
 
-    def _values(self, subject: Subject) -> Values:
-        return self.facts.values(subject, self.name)
+    def _values(self, quantity: Quantity) -> Values:
+        return self.facts.values(quantity, self.name)
 
     @cached_property
     def k1(self) -> Values:
@@ -155,12 +155,12 @@ class Above:
         return [key for key, effect in self.effects.items() if effect.value <= 0.0]
 
 
-def above(subject: Subject, upper: Values, lower: Values) -> Reading:
+def above(quantity: Quantity, upper: Values, lower: Values) -> Reading:
     """Whether the upper is above the lower at every condition in common: `Above`."""
     effects = differences(lower, upper)
     if not effects:
-        raise LackError(Need.BOTH, subject.symbol)
-    found = Above(subject.axes, effects)
+        raise LackError(Need.BOTH, quantity)
+    found = Above(quantity.over, effects)
     return Reading(not found.against, _all_claimed(effects.values()), found, *_mean(effects.values()))
 
 
@@ -190,17 +190,17 @@ def nonlinear(cross: Tyre, radial: Tyre) -> Reading:
     return Reading(min(found.ratios) > _TIMES, True, found, min(found.ratios))
 
 
-def _lines(subject: Subject, tyre: str, values: Values, axis: str) -> Lines:
-    found = lines_along(values, subject.axes, axis)
+def _lines(quantity: Quantity, tyre: str, values: Values, axis: str) -> Lines:
+    found = lines_along(values, quantity.over, axis)
     if found is None or not found.is_line:
         need = Need.THREE_PRESSURES if axis == "pressure" else Need.THREE_FREQUENCIES
-        raise LackError(need, subject.symbol, tyre)
+        raise LackError(need, quantity, tyre)
     return found
 
 
-def rising(subject: Subject, values: Values, axis: str, tyre: str = "") -> Reading:
+def rising(quantity: Quantity, values: Values, axis: str, tyre: str = "") -> Reading:
     """Whether a quantity rises along an axis on every line: `Trend`."""
-    found = _lines(subject, tyre, values, axis).trend()
+    found = _lines(quantity, tyre, values, axis).trend()
     effects = found.effects.values()
     return Reading(all(effect.value > 0.0 for effect in effects), _all_claimed(effects), found, *_mean(effects))
 
@@ -240,7 +240,7 @@ def optimum(cross: Tyre) -> Reading:
     means = _means(cross.c)
     pressures = sorted({p for p, _ in means})
     if len(pressures) < 3 or pressures[0] > _OPTIMUM - _NEAR or pressures[-1] < _OPTIMUM + _NEAR:
-        raise LackError(Need.OPTIMUM, C.symbol, cross.role)
+        raise LackError(Need.OPTIMUM, C, cross.role)
     loads = sorted({load for _, load in means})
     lines = [{p: means[p, load].value for p in pressures if (p, load) in means} for load in loads]
     tops = tuple(_largest(load, line) for load, line in zip(loads, lines, strict=True))
@@ -257,7 +257,7 @@ def _largest(load: float, line: Mapping[float, float]) -> OptimumAt:
 
 def _has_maximum(values: Values, load: float) -> bool:
     """Whether C under one load has a maximum against pressure beyond the scatter."""
-    lines = lines_along({key: found for key, found in values.items() if key[1] == load}, C.axes, "pressure")
+    lines = lines_along({key: found for key, found in values.items() if key[1] == load}, C.over, "pressure")
     extremum = lines.extremum() if lines is not None else None
     return extremum is not None and extremum.holds is Holds.MAXIMUM
 
@@ -286,10 +286,10 @@ def _apart(tyre: Tyre) -> ApartAt:
     means = _means(tyre.c)
     pressures, loads = sorted({p for p, _ in means}), sorted({load for _, load in means})
     if len(pressures) < 2 or len(loads) < 2:
-        raise LackError(Need.LOADS, C.symbol)
+        raise LackError(Need.LOADS, C)
     ends, first, last = (pressures[0], pressures[-1]), loads[0], loads[-1]
     if any((p, load) not in means for p in ends for load in (first, last)):
-        raise LackError(Need.CORNERS, C.symbol)
+        raise LackError(Need.CORNERS, C)
     low, high = (between(means[p, last].pair, means[p, first].pair) for p in ends)
     return ApartAt(tyre.role, first, last, ends, low, high)
 
@@ -337,7 +337,7 @@ def _turning_at(tyre: Tyre, lines: Lines, trend: Trend, load: float) -> TurningA
     effects = {key[1]: effect for key, effect in trend.effects.items() if key[0] == load}
     low, flat, high = ([f for f in effects if inside(f)] for inside in _BANDS)
     if not (low and flat and high):
-        raise LackError(Need.BANDS, K2.symbol, tyre.role)
+        raise LackError(Need.BANDS, K2, tyre.role)
     slopes = {f: abs(float(np.polyfit(*lines.lines[load, f][:2], 1)[0])) for f in effects}
     flatness = max(slopes[f] for f in flat) / float(np.mean([slopes[f] for f in (*low, *high)]))
     bands = tuple(tuple(effects[f] for f in band) for band in (low, flat, high))

@@ -15,6 +15,7 @@ from fourpole.core.condition import FREQUENCY
 from fourpole.findings.evidence import FloatArray, factor
 from fourpole.findings.facts import Curve, Facts, common, natural, tests_of
 from fourpole.findings.finding import Finding, Holds, Key, Setup, Topic, conditions
+from fourpole.quantities import TR
 
 __all__ = [
     "Crossing",
@@ -41,7 +42,6 @@ _HALF_POWER = sqrt(0.5)
 _FEWEST_POINTS = 3
 #: A test whose TR or predicted TR has no uncertainty is taken to be known to this, relative.
 _UNSTATED_STD = 0.02
-_TR = "TR"
 Who = tuple[str, Setup]
 
 
@@ -277,7 +277,7 @@ def _inside(facts: Facts, who: Who, peaks: Mapping[Key, Peak]) -> list[Finding]:
         best, doubt = (float(np.mean(x)) for x in zip(*((p.best, p.doubt) for p in each.values()), strict=True))
         about, tests = conditions(_AXES, each, who[1]), _tests(facts, list(each), who)
         detail = Resonance(who, load, each)
-        findings.append(Finding(Topic.RESONANCE, _TR, (who[0],), Holds.INSIDE, detail, about, best, doubt, "Hz", tests))
+        findings.append(Finding(Topic.RESONANCE, TR, (who[0],), Holds.INSIDE, detail, about, best, doubt, "Hz", tests))
     return findings
 
 
@@ -290,7 +290,7 @@ def _at_an_end(facts: Facts, who: Who, peaks: Mapping[Key, Peak]) -> list[Findin
             end = float(np.mean([found.frequency for found in each.values()]))
             about, tests = conditions(_AXES, each, who[1]), _tests(facts, list(each), who)
             detail = ResonanceAtEnd(who, each)
-            findings.append(Finding(Topic.RESONANCE, _TR, (who[0],), holds, detail, about, end, None, "Hz", tests))
+            findings.append(Finding(Topic.RESONANCE, TR, (who[0],), holds, detail, about, end, None, "Hz", tests))
     return findings
 
 
@@ -308,7 +308,7 @@ def _order(facts: Facts, peaks: Mapping[Who, Mapping[Key, Peak]], first: Who, se
     )
     names, doubt = (first[0], second[0]), max(found.doubts.values())
     about, tests = conditions(_AXES, keys, first[1]), _tests(facts, keys, first, second)
-    return Finding(Topic.RESONANCE, _TR, names, found.holds, found, about, -found.mean, doubt, "Hz", tests)
+    return Finding(Topic.RESONANCE, TR, names, found.holds, found, about, -found.mean, doubt, "Hz", tests)
 
 
 def crossings(first: Curve, second: Curve) -> list[Crossing]:
@@ -352,7 +352,7 @@ def _crossings(facts: Facts, first: Who, second: Who) -> Finding | None:
     at = [one.at for one in found.single.values()]
     mean = float(np.mean(at)) if at else None
     names, about, tests = (first[0], second[0]), conditions(_AXES, keys, first[1]), _tests(facts, keys, first, second)
-    return Finding(Topic.TRANSMISSIBILITY, _TR, names, found.holds, found, about, mean, None, "Hz", tests)
+    return Finding(Topic.TRANSMISSIBILITY, TR, names, found.holds, found, about, mean, None, "Hz", tests)
 
 
 def _measured_against_predicted(facts: Facts) -> list[Finding]:
@@ -369,4 +369,4 @@ def _measured_against_predicted(facts: Facts) -> list[Finding]:
     found = Prediction(off, beyond)
     holds, tests = Holds.BEYOND if beyond else Holds.WITHIN, tuple(sorted(off, key=natural))
     names = facts.tyres
-    return [Finding(Topic.TRANSMISSIBILITY, _TR, names, holds, found, effect=found.mean, unit="1", tests=tests)]
+    return [Finding(Topic.TRANSMISSIBILITY, TR, names, holds, found, effect=found.mean, unit="1", tests=tests)]

@@ -32,7 +32,7 @@ def findings_table(found: Sequence[Finding]) -> pl.DataFrame:
     rows = [
         {
             "kind": _kind(each),
-            "quantity": each.quantity,
+            "quantity": each.quantity.column if each.quantity else "",
             "specimens": "; ".join(each.specimens),
             "condition": _condition(each.conditions),
             "effect": each.effect,

@@ -12,7 +12,8 @@ import numpy as np
 
 from fourpole.findings.evidence import Effect, FloatArray, along, between, mean_effect, residual_squares
 from fourpole.findings.facts import Measured, tests_of
-from fourpole.findings.finding import Finding, Holds, Key, Subject, conditions
+from fourpole.findings.finding import Finding, Holds, Key, Topic, conditions
+from fourpole.quantities import Quantity
 
 __all__ = ["Extremum", "Lines", "Trend", "lines_along", "trend_of"]
 
@@ -199,20 +200,20 @@ def lines_along(values: Mapping[Key, Measured], axes: Sequence[str], axis: str) 
     return Lines(axis, rest, {key: tuple(np.array(line).T) for key, line in kept.items()})  # type: ignore[misc]
 
 
-def trend_of(subject: Subject, tyre: str, values: Mapping[Key, Measured], axis: str) -> Finding | None:
+def trend_of(quantity: Quantity, tyre: str, values: Mapping[Key, Measured], axis: str) -> Finding | None:
     """The trend of a quantity of one specimen along one axis; None where it was not varied."""
-    lines = lines_along(values, subject.axes, axis)
+    lines = lines_along(values, quantity.over, axis)
     if lines is None:
         return None
     found = lines.trend()
     mean = found.mean
     return Finding(
-        subject.topic,
-        subject.symbol,
+        Topic(quantity.topic),
+        quantity,
         (tyre,),
         found.holds,
         found,
-        conditions(subject.axes, values),
+        conditions(quantity.over, values),
         mean.value,
         mean.std,
         "1",

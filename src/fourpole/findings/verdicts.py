@@ -79,11 +79,11 @@ def verdicts(facts: Facts) -> list[Finding]:
     counts = list(worst.values())
     tally = Tally(*(counts.count(verdict) for verdict in ("ok", "warning", "rejected")))
     used = tuple(sorted((test for test, verdict in worst.items() if verdict != "rejected"), key=natural))
-    found = [Finding(Topic.TRUST, "", facts.tyres, tally.holds, tally, tests=used)]
+    found = [Finding(Topic.TRUST, None, facts.tyres, tally.holds, tally, tests=used)]
     for verdict, by_reason in reasons.items():
         for reason, tests in sorted(by_reason.items(), key=lambda item: (-len(item[1]), item[0])):
             names = tuple(sorted(tests, key=natural))
-            found.append(Finding(Topic.TRUST, "", (), Holds(verdict), Doubt(reason), tests=names))
+            found.append(Finding(Topic.TRUST, None, (), Holds(verdict), Doubt(reason), tests=names))
     return found
 
 

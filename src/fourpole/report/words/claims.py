@@ -83,7 +83,8 @@ def _label(role: str, name: str) -> str:
 
 
 def _lack(lack: Lack, labels: Labels) -> str:
-    return _NEEDS[lack.need].format(of=f"{lack.symbol} of {labels[lack.tyre]}" if lack.tyre else lack.symbol)
+    symbol = lack.quantity.column if lack.quantity else ""
+    return _NEEDS[lack.need].format(of=f"{symbol} of {labels[lack.tyre]}" if lack.tyre else symbol)
 
 
 def _changes(effects: Sequence[Effect]) -> str:

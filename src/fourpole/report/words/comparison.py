@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from fourpole.findings.comparisons import Comparison
 from fourpole.findings.evidence import Effect
 from fourpole.findings.finding import Finding, Holds, Key
-from fourpole.report.words.phrases import combinations, condition, percent, some
-from fourpole.report.words.spoken import spoken
+from fourpole.report.words.phrases import combinations, condition, opening, percent, some
 
 __all__ = ["comparison"]
 
@@ -19,19 +18,20 @@ Axes = tuple[str, ...]
 
 def comparison(finding: Finding, found: Comparison) -> str:
     """Who has more, by how much and where; or that there is no difference."""
-    said, axes, mean = spoken(finding.quantity), finding.conditions.axes, found.mean
+    said, axes, mean = finding.quantity, finding.conditions.axes, found.mean
+    assert said is not None
     where = _where(axes, list(found.effects), each=all(effect.sign == 1 for effect in found.effects.values()))
     if finding.holds is Holds.NO_DIFFERENCE:
         return (
-            f"{said.of(finding.specimens[0])} and {finding.specimens[1]} shows no difference beyond the uncertainty "
+            f"{opening(finding)} and {finding.specimens[1]} shows no difference beyond the uncertainty "
             f"{where}: that of {found.upper} is {percent(mean.value)} higher"
             f"{' on average' if len(found.effects) > 1 else ''}, no more than twice the standard uncertainty of "
             f"{percent(mean.std)}."
         )
     if finding.holds is Holds.MIXED:
-        return _mixed(said.symbol, axes, found)
+        return _mixed(said.column, axes, found)
     return (
-        f"{found.upper} {said.more}: its {said.symbol} is above that of {found.lower} {where}"
+        f"{found.upper} {said.more}: its {said.column} is above that of {found.lower} {where}"
         f"{_by(axes, found.effects, mean)}{_exceptions(axes, found.effects)}."
     )
 

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from fourpole.findings.finding import Finding, Holds
 from fourpole.findings.levels import CycleLoss, Departure, Level
-from fourpole.report.words.phrases import condition, counted, joined, percents, ranged
-from fourpole.report.words.spoken import spoken
+from fourpole.report.words.phrases import condition, counted, joined, opening, percents, ranged, shown
 
 __all__ = ["cycle_loss", "level", "linearity"]
 
@@ -20,15 +19,15 @@ _LINEAR = {
 
 def level(finding: Finding, found: Level) -> str:
     """Lowest and highest value, where, and how well they are known."""
-    said, axes, values = spoken(finding.quantity), finding.conditions.axes, found.values
+    axes, values = finding.conditions.axes, found.values
     low, high = found.lowest, found.highest
-    opening = said.of(finding.specimens[0])
+    least, most = (shown(finding.quantity, values[key].value) for key in (low, high))
     known = f"standard uncertainty of {percents([each.std / each.value for each in values.values()])}"
     if low == high:
-        return f"{opening} is {said.shown(values[low].value)} at {condition(axes, low)}, with a {known}."
+        return f"{opening(finding)} is {least} at {condition(axes, low)}, with a {known}."
     return (
-        f"{opening} lies between {said.shown(values[low].value)} ({condition(axes, low)}) and "
-        f"{said.shown(values[high].value)} ({condition(axes, high)}), each with a {known}."
+        f"{opening(finding)} lies between {least} ({condition(axes, low)}) and {most} ({condition(axes, high)}), each "
+        f"with a {known}."
     )
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from math import floor, isfinite, log10
 
-from fourpole.findings.finding import UNSTATED, Key
+from fourpole.findings.finding import UNSTATED, Finding, Key
+from fourpole.quantities import Quantity
 
 __all__ = [
     "bar",
@@ -17,6 +18,7 @@ __all__ = [
     "joined",
     "newton",
     "number",
+    "opening",
     "percent",
     "percents",
     "ranged",
@@ -49,9 +51,15 @@ def number(value: float, digits: int = 3) -> str:
     return f"{rounded:.{max(digits - 1 - size, 0)}f}"
 
 
-def shown(value: float, unit: str) -> str:
-    """A number with its unit, if it has one."""
-    return f"{number(value)} {unit}".rstrip()
+def shown(quantity: Quantity | None, value: float) -> str:
+    """A value of a quantity in the unit that people read."""
+    return f"{number(value / quantity.scale)} {quantity.suffix}".rstrip() if quantity else number(value)
+
+
+def opening(finding: Finding) -> str:
+    """The quantity of a specimen, at the start of a sentence."""
+    name = (finding.quantity.start or finding.quantity.column) if finding.quantity else ""
+    return f"{name} of {finding.specimens[0]}"
 
 
 def ranged(values: Sequence[float], unit: str = "", digits: int = 3) -> str:

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from fourpole.findings.finding import UNSTATED, Finding, Holds
 from fourpole.findings.trends import Extremum, Trend
-from fourpole.report.words.phrases import combinations, condition, joined, percent, percents, setting, stretches
-from fourpole.report.words.spoken import spoken
+from fourpole.report.words.phrases import (
+    combinations,
+    condition,
+    joined,
+    opening,
+    percent,
+    percents,
+    setting,
+    stretches,
+)
 
 __all__ = ["over", "span", "trend"]
 
 
 def trend(finding: Finding, found: Trend) -> str:
     """One sentence on a trend, or that there is none to be seen."""
-    name = spoken(finding.quantity).of(finding.specimens[0])
+    name = opening(finding)
     if found.extremum is not None:
         return f"{name} has its {_extremum(found, found.extremum)}."
     if finding.holds is Holds.NO_CHANGE:
