@@ -1,15 +1,15 @@
 """The finding in words, on tables made for each sentence: what is there is said, and nothing else."""
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 import polars as pl
 import pytest
+from tests.findings.designed import LOADS, Tyre, frame, rig_curve
+from tests.findings.designed import Tables as Designed
 
 from fourpole.campaign.results import Results
-from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
+from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS
 from fourpole.findings import findings as found_in
 from fourpole.report.words import Sentence, sentences
 from fourpole.report.words import headline as headline_of
@@ -23,7 +23,6 @@ def headline(results):
     return headline_of(found_in(results))
 
 
-PRESSURES, LOADS, FREQUENCIES = (100e3, 150e3, 200e3, 250e3), (1000.0, 2000.0), (10.0, 13.0, 16.0, 19.0, 22.0)
 TOPICS = [
     "trust",
     "static stiffness",
@@ -41,76 +40,8 @@ CLAIMING = re.compile(
 )
 
 
-def rig_curve(resonance: float, damping: float = 0.3) -> Callable[..., float]:
-    """TR of a spring with a constant loss factor under a mass."""
-    return lambda p, load, f: abs((1 + 1j * damping) / (1 + 1j * damping - (f / resonance) ** 2))
-
-
-@dataclass
-class Tyre:
-    """A tyre as its tables shall show it: constants, or functions of pressure, load and frequency."""
-
-    k1: Callable[..., float] | float | None = 100e3
-    k2: Callable[..., float] | float | None = 80e3
-    c: Callable[..., float] | float | None = 900.0
-    loss: Callable[..., float] | float | None = 0.3
-    tr: Callable[..., float] | float | None = None
-    nonlinearity: float | None = None
-    construction: str = ""
-
-
-@dataclass
-class Tables:
-    """Result tables of a designed campaign, with noise of each test and the stated uncertainty, both relative."""
-
-    tyres: dict[str, Tyre]
-    pressures: tuple[float | None, ...] = PRESSURES
-    loads: tuple[float | None, ...] = LOADS
-    frequencies: tuple[float, ...] = FREQUENCIES
-    u: float = 0.01
-    noise: float = 0.0
-    seed: int = 0
-    verdicts: dict[str, tuple[str, str]] = field(default_factory=dict)
-    more: dict[str, object] = field(default_factory=dict)
-
-    def results(self) -> Results:
-        rng = np.random.default_rng(self.seed)
-
-        def cell(what, *at):
-            value = what(*at) if callable(what) else what
-            return None if value is None else value * (1.0 + self.noise * rng.standard_normal())
-
-        def cells(named, *at):
-            found = {}
-            for column, what in named.items():
-                value = cell(what, *at)
-                symbol, unit = column.split(" [")
-                found |= {column: value, f"u({symbol}) [{unit}": None if value is None else self.u * value}
-            return found
-
-        static, dynamic = [], []
-        for name, tyre in self.tyres.items():
-            for p in self.pressures:
-                test = f"S{len({row['test'] for row in static}) + 1}"
-                for load in self.loads:
-                    row = {"test": test, "tyre": name, "construction": tyre.construction}
-                    row |= {"pressure [Pa]": p, "preload [N]": load, "nonlinearity [1]": tyre.nonlinearity}
-                    row |= cells({"K1 [N/m]": tyre.k1}, p, load)
-                    static.append(row | self._verdict(test))
-                    for f in self.frequencies:
-                        test_of = f"D{len(dynamic) + 1}"
-                        turned = f * (1.0 + 0.003 * rng.uniform(-1, 1))
-                        named = {"K2 [N/m]": tyre.k2, "C [N s/m]": tyre.c, "loss factor [1]": tyre.loss}
-                        found = cells(named, p, load, f) if tyre.k1 is not None else {}
-                        tr = cell(tyre.tr, p, load, turned)
-                        found |= {"TR measured [1]": tr, "TR predicted [1]": tr, "u(TR) [1]": tr and self.u * tr}
-                        row = {**row, "test": test_of, "frequency [Hz]": turned, "route": "mobility", **self.more}
-                        dynamic.append({**row, **found, **self._verdict(test_of)})
-        return Results(_frame(static, STATIC_COLUMNS), _frame(dynamic, DYNAMIC_COLUMNS), pl.DataFrame())
-
-    def _verdict(self, test: str) -> dict[str, str]:
-        verdict, remarks = self.verdicts.get(test, ("ok", ""))
-        return {"verdict": verdict, "remarks": remarks}
+class Tables(Designed):
+    """Designed tables, and what is said of them."""
 
     def texts(self, topic: str = "") -> list[str]:
         return [found.text for found in findings(self.results()) if topic in ("", found.topic)]
@@ -119,11 +50,6 @@ class Tables:
         """The one sentence on a topic that holds these words."""
         (text,) = (text for text in self.texts(topic) if all(word in text for word in words))
         return text
-
-
-def _frame(rows, columns):
-    types = {name: pl.String if name in TEXT_COLUMNS else pl.Float64 for name in columns}
-    return pl.DataFrame({n: [row.get(n, "" if n in TEXT_COLUMNS else None) for row in rows] for n in columns}, types)
 
 
 def test_a_sentence_is_plain_and_belongs_to_a_topic():
@@ -392,7 +318,7 @@ def test_where_all_was_rejected_only_that_is_said():
 
 
 def test_an_empty_campaign_is_said_to_be_empty():
-    empty = Results(_frame([], STATIC_COLUMNS), _frame([], DYNAMIC_COLUMNS), pl.DataFrame())
+    empty = Results(frame([], STATIC_COLUMNS), frame([], DYNAMIC_COLUMNS), pl.DataFrame())
     assert headline(empty) == [found.text for found in findings(empty)] == ["The campaign has no tests."]
 
 
