@@ -10,7 +10,7 @@ import numpy as np
 from fourpole.campaign.conditions import condition_of
 from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.campaign.load import MOST_BYTES, load_curve
-from fourpole.core.condition import Sameness
+from fourpole.core.condition import Condition, Sameness
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.sources import Kind, Source
 from fourpole.errors import FourpoleError, LoadCurveError
@@ -97,17 +97,28 @@ def _choice(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
         return _nearest(test, statics, rule)
     lacking = [sum((a is None) != (b is None) for a, b in zip(one.values, mine.values, strict=True)) for _, one in same]
     used = [pair for pair, number in zip(same, lacking, strict=True) if number == min(lacking)]
+    names = tuple(static.name for static, _ in used)
+    return _said(names, [one for _, one in used], [one for _, one in others], mine, anywhere)
+
+
+def _said(
+    names: tuple[str, ...],
+    used: Sequence[Condition],
+    others: Sequence[Condition],
+    mine: Condition,
+    rule: Sameness,
+) -> _Choice:
+    """Static tests that serve, with a remark on each value that only one side states."""
     remarks, mixed = [], []
-    for at, axis in enumerate(anywhere.axes):
-        stated = [one.values[at] for _, one in used if one.values[at] is not None]
+    for at, axis in enumerate(rule.axes):
+        stated = [one.values[at] for one in used if one.values[at] is not None]
         # An axis of the campaign's own that no static test states does not concern static tests.
-        foreign = axis in rule.further and all(one.values[at] is None for _, one in others)
+        foreign = axis in rule.further and all(one.values[at] is None for one in others)
         if (mine.values[at] is None) == bool(stated) and not foreign:
             side = "the static test" if stated else "this test"
             remarks.append(f"the {axis.name} is stated of {side} only and taken as the same")
         if mine.values[at] is None and len(set(axis.groups(stated).tolist())) > 1:
             mixed.append(axis.name)
-    names = tuple(static.name for static, _ in used)
     remark = f"K1 from {', '.join(names)}: {'; '.join(remarks)}" if remarks else ""
     warning = f"K1 is the mean of static tests that differ in {' and '.join(mixed)}: state that of this test"
     return _Choice(names, remark, warning if mixed else "")
@@ -219,6 +230,11 @@ def stiffness_for(test: Test, statics: Sequence[StaticRow], rule: Sameness = _RU
         return StaticStiffness(
             reason=f"no K1 at {preload:.6g} N: static test {at_load[0].test.name!r} was rejected: {why}"
         )
+    return _mean(good, choice)
+
+
+def _mean(good: Sequence[StaticRow], choice: _Choice) -> StaticStiffness:
+    """K1 of repeats: their mean, with the scatter as a part of its uncertainty."""
     values = np.array([row.stiffness for row in good])
     spread = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
     parts = {name: float(np.mean([row.parts[name] for row in good])) for name in good[0].parts}
