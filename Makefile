@@ -13,6 +13,8 @@ READY_BENCH := .venv-bench/.ready
 # Recordings are worked on side by side; threads inside each small product only get in the way.
 export OPENBLAS_NUM_THREADS ?= 1
 PIP_FLAGS := --quiet --disable-pip-version-check
+# The tests in two processes; one that has done its own takes from the other.
+TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
 .NOTPARALLEL:
 .PHONY: help demo test check format chromium pytest lowest bench bench-install validate lock clean
@@ -73,7 +75,7 @@ chromium:  ## the browser that the tests of the report need; installed here wher
 	fi
 
 pytest: $(READY) chromium  ## the tests, the examples of the docstrings and of the README
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest $(TWO_AT_A_TIME)
 
 check: $(READY)  ## lint, format, types, direction of imports
 	@$(BIN)/ruff check
@@ -87,12 +89,13 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 
 # Examples are left out here, for they show numbers as today's numpy prints them; so are warnings, for
 # those of an old library are nobody's to mend. The commands' and the report's own tests hold their exact output, which
-# is for the terminal and browser libraries of the lock alone.
+# is for the terminal and browser libraries of the lock alone. Tests that repeat an estimate many times ask of our
+# formulas, not of a library: once is enough.
 lowest:  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
 		$(MAKE) --no-print-directory $(READY_LOWEST) && \
 		.venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib -W default \
-			tests --ignore=tests/app --ignore=tests/report; \
+			$(TWO_AT_A_TIME) -m "not statistical" tests --ignore=tests/app --ignore=tests/report; \
 	else \
 		echo "lowest: skipped, the lowest versions allowed have no wheels for $$($(PYTHON) --version)"; \
 	fi

@@ -55,6 +55,7 @@ def rough(tmp_path_factory):
     return folder, analyse(folder)
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize(("signs", "seed"), [((1, 1), 7), ((1, -1), 6)])
 def test_a_misstated_rig_does_no_harm(tmp_path, signs, seed):
     """Mass and spring 2 % off, both up and opposite, good sensors: the paper's route has a hundred times these."""

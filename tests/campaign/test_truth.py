@@ -65,6 +65,7 @@ def errors(table, name, true=None, std=None):
     return ((table[name] - table[true or f"{name} true"]) / table[std]).to_numpy()
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("route", ROUTES)
 def test_errors_agree_with_the_stated_uncertainties(laboratory, route):
     table = laboratory[route]

@@ -18,6 +18,7 @@ TRUTHS = {
 }
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("name", TRUTHS)
 def test_the_true_family_is_chosen_or_said_to_be_alike(name):
     """Of 12 draws at most one may miss: BIC's odds are better than 20 to 1."""

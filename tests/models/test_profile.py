@@ -29,6 +29,7 @@ def test_where_all_is_linear_they_are_the_normal_ones():
     np.testing.assert_allclose(found.values - ends[:, 0], 1.959964 * found.std, rtol=2e-3)
 
 
+@pytest.mark.statistical
 def test_the_truth_is_inside_as_often_as_said():
     """200 cases of 5 % noise, where C is far from normal: 95 % give or take three times 1.5 %."""
     model, truth = Zener(), np.array([180e3, 120e3, 700.0])

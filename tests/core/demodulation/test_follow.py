@@ -44,6 +44,7 @@ def test_channels_at_different_rates_are_met_exactly(rates, starts, frequency):
     assert found.frequency == pytest.approx(frequency, abs=1e-8)
 
 
+@pytest.mark.statistical
 def test_their_noise_is_as_large_as_stated():
     """Ratios of amplitudes from 200 records, each against its own uncertainty; common noise would show in V1/F1."""
     rng = np.random.default_rng(0)

@@ -95,6 +95,7 @@ def test_a_pull_is_counted_in_the_uncertainty_of_the_distance():
     assert np.isnan(found[2:]).all()  # nothing was learned
 
 
+@pytest.mark.statistical
 def test_pulls_are_standard_normal(make):
     """Over seeds: rms of each within four of its standard uncertainties of 1."""
     found = []

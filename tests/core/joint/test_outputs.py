@@ -104,6 +104,7 @@ def test_rigid_blocks_have_no_outputs(solved):
     assert answer.route == "joint"
 
 
+@pytest.mark.statistical
 def test_the_mobility_is_freed_of_the_gains_with_its_uncertainty(make, full):
     """Over seeds: errors of R and I in their covariance, chi-square of two degrees, one test of each campaign."""
     square, count = 0.0, 60

@@ -114,6 +114,7 @@ def test_scatter_of_the_tyre_is_found_and_counted(make):
     assert np.median(own) < 1.05 * joint.misfit.scatter / np.sqrt(3)
 
 
+@pytest.mark.statistical
 def test_uncertainty_with_scatter_is_right(make):
     """Errors of each condition's K*, over seeds, in their uncertainty: chi-square per number near 1."""
     squares = []
@@ -126,6 +127,7 @@ def test_uncertainty_with_scatter_is_right(make):
     assert np.mean(squares) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 240))
 
 
+@pytest.mark.statistical
 def test_a_clean_campaign_never_warns(make):
     """The truth within two uncertainties of all that is stated."""
     for seed in range(60):
