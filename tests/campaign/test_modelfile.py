@@ -6,10 +6,10 @@ import numpy as np
 import polars as pl
 import pytest
 
-from fourpole.campaign.asking import Query, ask
 from fourpole.campaign.measured import measured_of
 from fourpole.campaign.modelfile import ModelFile, map_of, read_model_file, response
 from fourpole.campaign.modelling import fit_tyres, map_tyres, model_file
+from fourpole.campaign.query import Query, ask
 from fourpole.core.rig import Rig
 from fourpole.errors import FileError, ModelError
 from fourpole.models.families import model_named

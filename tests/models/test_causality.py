@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from fourpole.errors import ModelError
 from fourpole.models.causality import check_possible
@@ -127,3 +128,36 @@ def test_a_k1_that_contradicts_is_told_apart_from_frequencies():
     assert not found.possible
     assert found.without_k1
     assert not found.impossible.size
+
+
+def gaining(parts):
+    """A spring with a negative loss, in standard uncertainties at each frequency: no passive tyre has it."""
+    parts = np.asarray(parts, dtype=float)
+    omega = 2 * np.pi * np.arange(10.0, 10.0 + parts.size)
+    return StiffnessData.of(omega, 180e3 - 100j * parts, 100.0)
+
+
+@pytest.mark.parametrize(("factor", "possible"), [(0.999, True), (1.001, False)])
+def test_the_verdict_turns_at_a_chance_of_one_in_a_thousand(factor, possible):
+    """A spring is the best passive tyre then: one term of 40 numbers."""
+    limit = float(stats.chi2.isf(1e-3, 39))
+    found = check_possible(gaining(np.full(20, np.sqrt(factor * limit / 20))))
+    assert found.dof == 39
+    assert found.chi2 == pytest.approx(factor * limit, rel=1e-6)
+    assert found.possible is possible
+
+
+def test_of_many_at_fault_those_beyond_three_standard_uncertainties_are_named():
+    parts = np.zeros(20)
+    parts[:5], parts[5:10] = 3.05 * np.sqrt(2), 2.95 * np.sqrt(2)  # Re is met: half of the squares
+    found = check_possible(gaining(parts))
+    assert found.far[:10] == pytest.approx([3.05] * 5 + [2.95] * 5, rel=1e-6)
+    assert found.impossible.round(6).tolist() == [10.0, 11.0, 12.0, 13.0, 14.0]
+
+
+@pytest.mark.parametrize(("wrong", "named"), [(3, 3), (4, 5)])
+def test_up_to_three_are_named_as_the_fewest_that_are_at_fault(wrong, named):
+    """One more is off by 3.2 standard uncertainties: without the worst three it is within chance, beside four not."""
+    parts = np.zeros(20)
+    parts[:wrong], parts[wrong] = 30.0, 3.2 * np.sqrt(2)
+    assert check_possible(gaining(parts)).impossible.size == named

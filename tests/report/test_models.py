@@ -11,8 +11,8 @@ from tests.plot.modelled import against, edited, elastomer, judged, named, study
 from tests.report.test_page import Reader, on_page
 
 from fourpole import units
-from fourpole.campaign.asking import Query, ask
 from fourpole.campaign.modelfile import VerdictFile
+from fourpole.campaign.query import Query, ask
 from fourpole.report.digits import number, with_std
 from fourpole.report.models import models_section
 from fourpole.report.page import render_report
@@ -155,7 +155,7 @@ def test_what_the_data_do_not_bound_is_said(fitted):
         fitted, models=fitted.models.model_copy(update={"models": [entry.model_copy(update={"conditions": [odd]})]})
     )
     (row,) = section(lone).model.conditions
-    assert row.remark == "the fit did not come to rest"
+    assert row.remark == "the fit did not converge"
     first, second, third = row.cells
     assert re.fullmatch(r"open to 1[45]\d(\.\d+)?", first.interval)
     assert (second.mark, second.std, second.interval) == ("on a bound", "", "open to both sides")

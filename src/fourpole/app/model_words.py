@@ -28,7 +28,7 @@ def show_fit(entry: ModelEntry) -> None:
     table = Table(box=box.SIMPLE)
     for name in ("model", "causal", "parameters", "chi2", "dof", "chi2/dof [1]", "AICc", "BIC - best"):
         table.add_column(name, justify="left" if name in ("model", "causal") else "right")
-    for name in ("left out [1]", "on a bound", "not converged"):
+    for name in ("cross-validation [1]", "on a bound", "not converged"):
         table.add_column(name, justify="right")
     least = min(one.bic for one in entry.candidates)
     for one in entry.candidates:
@@ -48,7 +48,7 @@ def show_fit(entry: ModelEntry) -> None:
     table_console().print(table)
     out(entry.choice)
     if entry.granted:
-        out(f"all this with {100 * entry.granted:.2g} % of K* granted as an error of the model, so that it fits")
+        out(f"the model fits with a discrepancy of {100 * entry.granted:.2g} % of |K*|; the uncertainties include it")
     _show_verdicts(entry)
     _show_parameters(entry)
 
@@ -68,30 +68,42 @@ def _show_verdicts(entry: ModelEntry) -> None:
 
 
 def _show_parameters(entry: ModelEntry) -> None:
-    table = Table(box=box.SIMPLE)
-    table.add_column("condition")
-    places = range(len(entry.parameters))
-    given = [at for at in places if all(_is_given(one, at) for one in entry.conditions)]
-    alike = [at for at in given if len({one.values[at] for one in entry.conditions}) == 1]
-    shown = [at for at in places if at not in alike]
-    for at in shown:
-        table.add_column(harmless(f"{entry.parameters[at].symbol} [{entry.parameters[at].unit}]"), justify="right")
-    for one in entry.conditions[:_MOST_ROWS]:
-        table.add_row(harmless(_words(one)), *(_cell(one, at) for at in shown))
-    table_console().print(table)
+    alike = _held(entry)
+    _show_values(entry, [at for at in range(len(entry.parameters)) if at not in alike])
     if alike:
-        named = (f"{entry.parameters[at].symbol} = {entry.conditions[0].values[at]:.5g}" for at in alike)
-        units_ = (entry.parameters[at].unit for at in alike)
-        held = ", ".join(
-            f"{name} {unit if unit != '1' else ''}".rstrip() for name, unit in zip(named, units_, strict=True)
+        held = (
+            f"{entry.parameters[at].symbol} = {entry.conditions[0].values[at]:.5g} {_unit_of(entry, at)}".rstrip()
+            for at in alike
         )
-        out(harmless(f"given, not fitted: {held}"))
+        out(harmless(f"given, not fitted: {', '.join(held)}"))
     out("value ± standard uncertainty, 95 % interval by profile likelihood; (bound): on a bound, or unseen")
     if len(entry.conditions) > _MOST_ROWS:
         out(f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file")
     alone = [one for one in entry.conditions if not one.converged]
     if alone:
-        warn(f"{len(alone)} fits did not come to rest: {'; '.join(_words(one) for one in alone[:_MOST_NAMED])}")
+        warn(f"{len(alone)} fits did not converge: {'; '.join(_words(one) for one in alone[:_MOST_NAMED])}")
+
+
+def _held(entry: ModelEntry) -> list[int]:
+    """Places of the parameters that are given, at one value in all conditions."""
+    given = [at for at in range(len(entry.parameters)) if all(_is_given(one, at) for one in entry.conditions)]
+    return [at for at in given if len({one.values[at] for one in entry.conditions}) == 1]
+
+
+def _show_values(entry: ModelEntry, places: Sequence[int]) -> None:
+    """The table of the parameters at some places, of each condition."""
+    table = Table(box=box.SIMPLE)
+    table.add_column("condition")
+    for at in places:
+        table.add_column(harmless(f"{entry.parameters[at].symbol} [{entry.parameters[at].unit}]"), justify="right")
+    for one in entry.conditions[:_MOST_ROWS]:
+        table.add_row(harmless(_words(one)), *(_cell(one, at) for at in places))
+    table_console().print(table)
+
+
+def _unit_of(entry: ModelEntry, at: int) -> str:
+    unit = entry.parameters[at].unit
+    return "" if unit == "1" else unit
 
 
 def _words(one: ConditionFile) -> str:
@@ -125,7 +137,7 @@ def show_map(found: TyreMap) -> None:
     if found.tyre:
         out(f"Tyre {found.tyre}")
     table = Table(box=box.SIMPLE)
-    for name in ("model", "causal", "terms", "left out [%]", "inside 95 % [%]", "scatter [%]"):
+    for name in ("model", "causal", "terms", "leave-one-out error [%]", "inside 95 % [%]", "scatter [%]"):
         table.add_column(name, justify="left" if name in ("model", "causal") else "right")
     for name, one in found.others:
         if isinstance(one, OperatingMap):

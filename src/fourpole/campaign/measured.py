@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,7 +19,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.campaign.conditions import conditions_in, names_apart, rule_in
 from fourpole.campaign.tables import COVARIANCE, Key, keys_of
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.condition import AXES, Sameness
 from fourpole.errors import FileError, ModelError, TableError
 from fourpole.io.source import read_bytes
@@ -244,18 +244,7 @@ def measured_of(
                 f"{name}: has no column {shown(column)}: it has {', '.join(map(shown, frame.columns[:40]))}"
             )
     numbers = {column: _numbers(frame, column, name) for column in frame.columns if column in _known(rule)}
-    good = np.isfinite(numbers[FREQUENCY]) & np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
-    good &= (numbers[FREQUENCY] > 0) & (np.abs(numbers[FREQUENCY]) < _LARGEST)
-    notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
-    sound = good & (numbers[RE] > 0) & (np.hypot(np.nan_to_num(numbers[RE]), np.nan_to_num(numbers[IM])) < _LARGEST)
-    if sound.sum() < good.sum():
-        notes.append(f"{int(good.sum() - sound.sum())} rows of {name} have a K' below zero and were left out")
-    good = sound
-    if std is None and covariance is None and all(column in numbers for column in _STD[:2]):
-        sure = np.isfinite(numbers[_STD[0]]) & np.isfinite(numbers[_STD[1]])
-        if np.any(sure & good) and np.any(good & ~sure):
-            notes.append(f"{int(np.sum(good & ~sure))} rows of {name} state no uncertainty of K* and were left out")
-            good &= sure
+    good, notes = _usable(numbers, name, stated=std is None and covariance is None)
     if not good.any():
         raise ModelError(f"{name}: no row has a frequency and K*: nothing can be fitted")
     rows = _Rows.of(frame.filter(good), {column: values[good] for column, values in numbers.items()}, covariance, std)
@@ -269,6 +258,23 @@ def measured_of(
     label = rule.groups(stated)
     conditions = [_measured(rows, np.flatnonzero(label == one), axes, cells, k1) for one in np.unique(label)]
     return MeasuredSet(tuple(conditions), tuple(notes), rows.known, name)
+
+
+def _usable(numbers: Mapping[str, FloatArray], name: str, *, stated: bool) -> tuple[BoolArray, list[str]]:
+    """Rows that have K*, and its uncertainty if some of them state it in the table; notes on those without."""
+    good = np.isfinite(numbers[FREQUENCY]) & np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
+    good &= (numbers[FREQUENCY] > 0) & (np.abs(numbers[FREQUENCY]) < _LARGEST)
+    notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
+    sound = good & (numbers[RE] > 0) & (np.hypot(np.nan_to_num(numbers[RE]), np.nan_to_num(numbers[IM])) < _LARGEST)
+    if sound.sum() < good.sum():
+        notes.append(f"{int(good.sum() - sound.sum())} rows of {name} have a K' below zero and were left out")
+    good = sound
+    if stated and all(column in numbers for column in _STD[:2]):
+        sure = np.isfinite(numbers[_STD[0]]) & np.isfinite(numbers[_STD[1]])
+        if np.any(sure & good) and np.any(good & ~sure):
+            notes.append(f"{int(np.sum(good & ~sure))} rows of {name} state no uncertainty of K* and were left out")
+            good &= sure
+    return good, notes
 
 
 @dataclass(frozen=True)

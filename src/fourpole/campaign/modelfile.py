@@ -57,7 +57,7 @@ Band = tuple[Annotated[float, Field(gt=0, le=1e12)], Annotated[float, Field(gt=0
 Share = Annotated[float, Field(ge=0, le=1e3)]
 
 
-class Quantity(_Strict):
+class NamedValue(_Strict):
     """A value with its name and SI unit."""
 
     name: str
@@ -95,16 +95,16 @@ class CandidateFile(_Strict):
     aicc: float
     bic: float
     left_out: float | None = Field(
-        description="Root mean square of frequencies left out, in standard units [1]; null: not tried."
+        description="Cross-validation error over frequencies, in standard units [1]; null: not tried."
     )
     on_bound: int
-    lost: int = Field(description="Conditions whose fit did not come to rest.")
+    lost: int = Field(description="Conditions whose fit did not converge.")
 
 
 class ConditionFile(_Strict):
     """One tested condition: where it stood, and the parameters found there."""
 
-    state: list[Quantity] = Field(max_length=20)
+    state: list[NamedValue] = Field(max_length=20)
     tests: list[str] = Field(max_length=_LONGEST)
     band: Band = Field(description="Lowest and highest frequency fitted [Hz].")
     values: list[float] = Field(max_length=200, description="Of the parameters, in their order.")
@@ -127,7 +127,7 @@ class ModelEntry(_Strict):
     model: str = Field(max_length=40)
     causal: bool
     parameters: list[ParameterFile] = Field(max_length=200)
-    granted: Share = Field(description="Relative error granted to the model so that it fits [1].")
+    granted: Share = Field(description="Model discrepancy: relative error of K* with which the model fits [1].")
     choice: str = Field(description="Which model, and why, in words.")
     candidates: list[CandidateFile] = Field(max_length=200, description="What was tried, the best first.")
     conditions: list[ConditionFile] = Field(max_length=_LONGEST)
@@ -159,7 +159,7 @@ class MapEntry(_Strict):
     causal: bool
     parameters: list[ParameterFile] = Field(max_length=200)
     axes: list[AxisFile] = Field(max_length=10)
-    constant: list[Quantity] = Field(max_length=20, description="Axes that were not varied.")
+    constant: list[NamedValue] = Field(max_length=20, description="Axes that were not varied.")
     terms: list[list[int]] = Field(max_length=500, description="Exponents of the axes, term by term.")
     coefficients: list[list[float]] = Field(max_length=200, description="Per parameter, one for each term.")
     covariance: list[list[float]] = Field(max_length=2000, description="Of all coefficients in turn.")
@@ -168,9 +168,9 @@ class MapEntry(_Strict):
     )
     band: Band = Field(description="[Hz]")
     left_out: tuple[float | None, float | None, float | None] = Field(
-        description="Relative error of conditions left out; share of K', K'' and of conditions inside 95 %; null: one."
+        description="Relative leave-one-out error; share of K', K'' and of conditions inside 95 %; null: one."
     )
-    static: SurfaceFile | None = Field(description="null: K1 is the model's stiffness at rest.")
+    static: SurfaceFile | None = Field(description="null: K1 is the model's stiffness at zero frequency.")
     choice: str
 
 
@@ -241,6 +241,25 @@ def read_model_file(path: str | Path) -> ModelFile:
         If it is no model file, of a later version, or has been changed so that it contradicts itself.
     """
     name = Path(path).name
+    document = _document(path)
+    try:
+        found = ModelFile.model_validate(document)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the document"
+        raise ModelError(f"{name}: {shown(where)}: {first['msg']}: it was changed, or is of another version") from None
+    if (found.models if found.kind == "map" else found.maps) or not found.tyres:
+        raise ModelError(f"{name}: says that it is a {found.kind}, and holds none or another: it was changed")
+    for entry in found.models:
+        _check_model(name, entry)
+    for one in found.maps:
+        _check_map(name, one)
+    return found
+
+
+def _document(path: str | Path) -> dict[str, Any]:
+    """The JSON of a model file, of a version that is read."""
+    name = Path(path).name
     try:
         document = json.loads(read_bytes(path, max_bytes=_MOST_BYTES))
     except (ValueError, RecursionError) as error:
@@ -255,19 +274,7 @@ def read_model_file(path: str | Path) -> ModelFile:
         )
     if type(stated) is not int or stated != VERSION:
         raise ModelError(f"{name}: has no version that is known: {shown(str(stated))}")
-    try:
-        found = ModelFile.model_validate(document)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the document"
-        raise ModelError(f"{name}: {shown(where)}: {first['msg']}: it was changed, or is of another version") from None
-    if (found.models if found.kind == "map" else found.maps) or not found.tyres:
-        raise ModelError(f"{name}: says that it is a {found.kind}, and holds none or another: it was changed")
-    for entry in found.models:
-        _check_model(name, entry)
-    for one in found.maps:
-        _check_map(name, one)
-    return found
+    return document
 
 
 def _check_model(name: str, entry: ModelEntry) -> None:
@@ -287,12 +294,7 @@ def _check_map(name: str, entry: MapEntry) -> None:
     where = f"{name}: tyre {shown(entry.tyre)}"
     if len(entry.coefficients) != size or any(len(one) != terms for one in entry.coefficients):
         raise ModelError(f"{where}: the coefficients are not {terms} for each of {size} parameters")
-    if not _fit_axes(entry.terms, entry):
-        raise ModelError(f"{where}: the terms do not fit the axes")
-    if len({len(axis.values) for axis in entry.axes}) > 1 or any(not axis.values for axis in entry.axes):
-        raise ModelError(f"{where}: the axes have different numbers of tested conditions")
-    if any(min(axis.values) == max(axis.values) for axis in entry.axes):
-        raise ModelError(f"{where}: an axis has one value only")
+    _check_axes(where, entry)
     _check_numbers(where, [value for row in entry.coefficients for value in row], entry.band)
     _check_covariance(where, entry.covariance, size * terms)
     if entry.static is not None:
@@ -300,6 +302,15 @@ def _check_map(name: str, entry: MapEntry) -> None:
         if len(entry.static.coefficients) != own or not _fit_axes(entry.static.terms, entry):
             raise ModelError(f"{where}: the surface of K1 does not fit its terms or the axes")
         _check_covariance(f"{where}, K1", entry.static.covariance, own)
+
+
+def _check_axes(where: str, entry: MapEntry) -> None:
+    if not _fit_axes(entry.terms, entry):
+        raise ModelError(f"{where}: the terms do not fit the axes")
+    if len({len(axis.values) for axis in entry.axes}) > 1 or any(not axis.values for axis in entry.axes):
+        raise ModelError(f"{where}: the axes have different numbers of tested conditions")
+    if any(min(axis.values) == max(axis.values) for axis in entry.axes):
+        raise ModelError(f"{where}: an axis has one value only")
 
 
 def _check_numbers(where: str, values: list[float], band: tuple[float, float]) -> None:
@@ -374,7 +385,7 @@ def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
         name, unit = split_column(column)
         axes.append(AxisFile(name=name, unit=unit, values=found.axes.points[:, at].tolist()))
     constant = [
-        Quantity(name=split_column(column)[0], unit=split_column(column)[1], value=value)
+        NamedValue(name=split_column(column)[0], unit=split_column(column)[1], value=value)
         for column, value in found.axes.constant.items()
     ]
     left = found.left_out
@@ -443,7 +454,7 @@ def map_of(entry: MapEntry) -> OperatingMap:
 def response(entry: ModelEntry, at: int, frequency: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """K* (N,) of one condition's parameters at frequencies (N,) [Hz], and its covariance (N, 2, 2), Re and Im.
 
-    What was granted to the model counts as uncertainty of K*.
+    The model discrepancy is part of the covariance.
     """
     model, one = model_of(entry), entry.conditions[at]
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)

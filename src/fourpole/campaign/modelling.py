@@ -18,7 +18,7 @@ from fourpole.campaign.modelfile import (
     MapEntry,
     ModelEntry,
     ModelFile,
-    Quantity,
+    NamedValue,
     RigFile,
     RigValue,
     VerdictFile,
@@ -34,9 +34,9 @@ from fourpole.errors import ModelError
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import CHANCE, NORMAL_95, StiffnessData
+from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import for_maps, model_named, sizes_of
 from fourpole.models.fit import Fit
-from fourpole.models.granted import granted_error, with_error
 from fourpole.models.interface import Model
 from fourpole.models.operating import OperatingMap, make_map
 from fourpole.models.profile import profile_intervals
@@ -61,16 +61,16 @@ class TyreFit(ByValue):
     tyre : str
     measured : tuple of Measured
     data : tuple of StiffnessData
-        As fitted: with the error that had to be granted.
+        As fitted: with the model discrepancy added to the uncertainty.
     choice : Choice
     chosen : Candidate
-        The best, on data that it fits.
+        The best, fitted to `data`.
     intervals : tuple of (P, 2) float arrays
         95 % by profile likelihood, of each condition.
     verdicts : tuple of Possible
         Whether a passive linear tyre can have K* as measured, of each condition; empty where no uncertainty is known.
-    granted : float [1]
-        Relative error that had to be granted so that the chosen model fits.
+    discrepancy : float [1]
+        Model discrepancy: the relative error of K* that makes the chosen model fit.
     """
 
     tyre: str
@@ -80,7 +80,7 @@ class TyreFit(ByValue):
     chosen: Candidate
     intervals: tuple[FloatArray, ...]
     verdicts: tuple[Possible, ...]
-    granted: float
+    discrepancy: float
 
     @property
     def model(self) -> Model:
@@ -164,15 +164,15 @@ def _fit_tyre(
     stated = [one.data for one in measured]
     verdicts = tuple(check_possible(one) for one in stated) if every.known else ()
     held = [_held(one, given) for one in measured]
-    granted = _granted(stated, model, held, known=every.known)
-    data = [with_error(one, granted) for one in stated]
+    discrepancy = _discrepancy(stated, model, held, known=every.known)
+    data = [with_error(one, discrepancy) for one in stated]
     choice = choose(data, AUTO if model == "auto" else (model,), held)
     best, more = choice.best, 0.0
     if best.chance < CHANCE:
-        more = granted_error(data, lambda rows: _misfit(best.fit.model, rows, held))
+        more = model_discrepancy(data, lambda rows: _misfit(best.fit.model, rows, held))
         data = [with_error(one, more) for one in data]
         best = replace(best, fits=fit_conditions(best.fit.model, data, held))
-    whole = float(np.hypot(granted, more))
+    whole = float(np.hypot(discrepancy, more))
     if share:
         best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
@@ -183,24 +183,26 @@ def _fit_tyre(
     return TyreFit(tyre, measured, tuple(data), choice, best, tuple(ends), verdicts, whole)
 
 
-def _granted(stated: Sequence[StiffnessData], model: str, held: Sequence[Mapping[str, float]], *, known: bool) -> float:
-    """What must be granted before models are compared: what the best passive tyre must, or the one by itself."""
+def _discrepancy(
+    stated: Sequence[StiffnessData], model: str, held: Sequence[Mapping[str, float]], *, known: bool
+) -> float:
+    """The discrepancy [1] to add before models are compared: that of the best passive tyre, or of the only model."""
     if model == "auto" or sizes_of(model):
-        needed = granted_error(stated, always=not known)
-        if needed and known and model == "auto":  # what does not relax may need none
+        needed = model_discrepancy(stated, always=not known)
+        if needed and known and model == "auto":  # a model outside the relaxing ones may need none
             odd = (one for name in AUTO if not sizes_of(name) and not (one := model_named(name)).relaxing)
             fits = (_misfit(one, stated, held) for one in odd)
             needed = 0.0 if any(stats.chi2.sf(chi2, max(dof, 1)) > CHANCE for chi2, dof in fits) else needed
         return needed
     if known:
         return 0.0  # it is looked for once it does not fit
-    return granted_error(stated, lambda rows: _misfit(model_named(model), rows, held), always=True)
+    return model_discrepancy(stated, lambda rows: _misfit(model_named(model), rows, held), always=True)
 
 
 def _sharing(
     best: Candidate,
     measured: Sequence[Measured],
-    granted: float,
+    discrepancy: float,
     share: Sequence[str],
     held: Sequence[Mapping[str, float]],
 ) -> tuple[Fit, ...]:
@@ -208,7 +210,7 @@ def _sharing(
     model = best.fit.model
     if fixed_of(model, held):
         raise ModelError("parameters that are given cannot go with shared ones: leave --fix or --share")
-    data = [with_error(one.own, granted) for one in measured]
+    data = [with_error(one.own, discrepancy) for one in measured]
     designs = {name: np.ones((len(data), 1)) for name in share}
     start = np.stack([one.values for one in best.fits])
     return tuple(fit_together(model, data, start, designs, shared=_common(measured)).fits())
@@ -384,7 +386,7 @@ def _model_entry(found: TyreFit) -> ModelEntry:
         model=found.model.name,
         causal=found.model.causal,
         parameters=parameters_of(found.model),
-        granted=found.granted,
+        granted=found.discrepancy,
         choice=found.choice.text,
         candidates=[_candidate_entry(one) for one in found.choice.candidates],
         conditions=[_condition_entry(*row) for row in rows],
@@ -417,14 +419,14 @@ def _verdict_entry(measured: Measured, verdict: Possible) -> VerdictFile:
 
 def lacking_error(measured: Measured, verdict: Possible) -> float:
     """The relative error of K* at each frequency with which it would be possible; 0 where it is."""
-    return 0.0 if verdict.possible else granted_error([measured.data])
+    return 0.0 if verdict.possible else model_discrepancy([measured.data])
 
 
 def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: Possible | None) -> ConditionFile:
     state = [(split_column(column), value) for column, value in measured.state.items()]
     symbols = [one.symbol for one in found.model.parameters]
     return ConditionFile(
-        state=[Quantity(name=name, unit=unit, value=value) for (name, unit), value in state],
+        state=[NamedValue(name=name, unit=unit, value=value) for (name, unit), value in state],
         tests=[name for name in measured.tests if name],
         band=(float(measured.frequency.min()), float(measured.frequency.max())),
         values=found.values.tolist(),

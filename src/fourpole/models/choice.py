@@ -96,7 +96,7 @@ class Candidate:
 
     @property
     def lost(self) -> int:
-        """Conditions whose search did not come to rest."""
+        """Number of conditions whose fit did not converge."""
         return sum(not bool(one.converged) for one in self.fits)
 
 
@@ -170,10 +170,28 @@ def choose(
     conditions = [data] if isinstance(data, StiffnessData) else list(data)
     if not conditions or any(one.stiffness.ndim != 1 for one in conditions):
         raise ModelError("a choice is for one or more conditions, given one by one")
-    candidates, passed = [], []
+    known = given if given is not None else [{}] * len(conditions)
+    candidates, passed = _tried(names, conditions, known)
+    candidates.sort(key=lambda one: one.bic)
+    worth = candidates[0].bic + _WORTH * len(conditions)
+    candidates = [
+        replace(one, left_out=_left_out(one, conditions, known)) if one.bic < worth else one for one in candidates
+    ]
+    best = candidates[0]
+    near = [one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE]
+    alike = tuple(name for name in near if not contains(name, best.name))
+    unneeded = tuple(name for name in near if contains(name, best.name))
+    return Choice(tuple(candidates), alike, unneeded, passed, _said(candidates, alike, unneeded))
+
+
+def _tried(
+    names: Sequence[str], conditions: Sequence[StiffnessData], known: Sequence[Mapping[str, float]]
+) -> tuple[list[Candidate], tuple[tuple[str, str], ...]]:
+    """The models that could be fitted, and the others with the reason; ModelError where none could."""
+    candidates: list[Candidate] = []
+    passed = []
     for name in names:
         try:
-            known = given if given is not None else [{}] * len(conditions)
             sizes = sizes_of(name)
             candidates += (
                 _growing(name, sizes, conditions, known)
@@ -184,16 +202,7 @@ def choose(
             passed.append((name, str(error)))
     if not candidates:
         raise ModelError(passed[0][1] if passed else "no model was named")
-    candidates.sort(key=lambda one: one.bic)
-    worth = candidates[0].bic + _WORTH * len(conditions)
-    candidates = [
-        replace(one, left_out=_left_out(one, conditions, known)) if one.bic < worth else one for one in candidates
-    ]
-    best = candidates[0]
-    near = [one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE]
-    alike = tuple(name for name in near if not contains(name, best.name))
-    unneeded = tuple(name for name in near if contains(name, best.name))
-    return Choice(tuple(candidates), alike, unneeded, tuple(passed), _said(candidates, alike, unneeded))
+    return candidates, tuple(passed)
 
 
 def fit_conditions(

@@ -15,7 +15,7 @@ from scipy import stats
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
-from fourpole.models.problem import Problem, problem_of
+from fourpole.models.problem import FitProblem, problem_of
 
 __all__ = ["Fit", "best_fit", "fit"]
 
@@ -25,8 +25,8 @@ _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 1e-3, 0.2, 5.0, 1e12
 _SMALL_STEP, _SMALL_GAIN = 1e-10, 1e-11
 #: So does a chi-square that has fallen by less than this, and this share of it, over so many: along a flat valley.
 _FLAT, _FLAT_SHARE, _WINDOW = 1e-3, 1e-6, 20
-#: Share of conditions at rest above which the others go on without them.
-_AT_REST = 0.25
+#: Share of converged conditions above which the search goes on without them.
+_MOST_DONE = 0.25
 #: A parameter that moves the data by less than this, in standard units, when it is multiplied by e is not seen.
 _UNSEEN = 1e-4
 #: Starts whose chi-square ends within this of the best have found the same optimum.
@@ -191,7 +191,7 @@ def best_fit(
     )
 
 
-def _fit_of(problem: Problem, lead: tuple[int, ...], place: FloatArray, steps: int, converged: BoolArray) -> Fit:
+def _fit_of(problem: FitProblem, lead: tuple[int, ...], place: FloatArray, steps: int, converged: BoolArray) -> Fit:
     values = problem.values_of(place)
     residuals = problem.residuals(place)
     slopes = problem.jacobian(place)
@@ -220,7 +220,7 @@ def _fit_of(problem: Problem, lead: tuple[int, ...], place: FloatArray, steps: i
     )
 
 
-def _search(problem: Problem, place: FloatArray) -> tuple[FloatArray, int, BoolArray]:
+def _search(problem: FitProblem, place: FloatArray) -> tuple[FloatArray, int, BoolArray]:
     """Levenberg-Marquardt from places (B, F); where it ended, how many steps, which converged."""
     place = problem.clipped(place)
     residuals = problem.residuals(place)
@@ -246,14 +246,14 @@ def _search(problem: Problem, place: FloatArray) -> tuple[FloatArray, int, BoolA
             before = chi2.copy()
         if done.all():
             break
-        if np.mean(done[rows]) > _AT_REST:
+        if np.mean(done[rows]) > _MOST_DONE:
             rows = np.flatnonzero(~done)
             left = problem.part(rows)
     return problem.snapped(place), steps, done & np.isfinite(chi2)
 
 
 def _step(
-    problem: Problem, place: FloatArray, residuals: FloatArray, damping: FloatArray
+    problem: FitProblem, place: FloatArray, residuals: FloatArray, damping: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """The next step (B, F) and the gain it promises (B,); parameters on a bound that would leave it are held."""
     slopes = problem.jacobian(place)
@@ -272,7 +272,7 @@ def _step(
     return step, np.sum(step * right, axis=1)
 
 
-def _covariance(problem: Problem, slopes: FloatArray, held: BoolArray, values: FloatArray) -> FloatArray:
+def _covariance(problem: FitProblem, slopes: FloatArray, held: BoolArray, values: FloatArray) -> FloatArray:
     """Covariance (B, P, P) of all parameters, those held being exact."""
     slopes = np.where(held[:, None, :], 0.0, slopes)
     normal = np.swapaxes(slopes, 1, 2) @ slopes

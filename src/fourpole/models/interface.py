@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -170,6 +171,18 @@ class Model(ABC):
                     f"{parameter.low:g} to {parameter.high:g}"
                 )
         return array
+
+    @property
+    def symbols(self) -> list[str]:
+        """Symbols of the parameters, in their order."""
+        return [parameter.symbol for parameter in self.parameters]
+
+    def known(self, names: Iterable[str]) -> list[str]:
+        """The symbols of all parameters; ModelError where a name is none of them."""
+        for name in names:
+            if name not in self.symbols:
+                raise ModelError(f"the {self.name} model has no parameter {name!r}: it has {', '.join(self.symbols)}")
+        return self.symbols
 
     @property
     def defaults(self) -> FloatArray:

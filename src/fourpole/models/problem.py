@@ -17,7 +17,7 @@ from fourpole.errors import ModelError
 from fourpole.models.data import SPACES, StiffnessData, turning
 from fourpole.models.interface import Model
 
-__all__ = ["Problem", "problem_of"]
+__all__ = ["FitProblem", "problem_of"]
 
 #: Logarithms beyond which a parameter has left for its bound.
 _FARTHEST = 30.0
@@ -26,7 +26,7 @@ _AT_BOUND = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(ByValue):
+class FitProblem(ByValue):
     """Data of B conditions, a model with P parameters, and the F of them that are free.
 
     Attributes
@@ -61,11 +61,11 @@ class Problem(ByValue):
     high: FloatArray
     has_k1: bool
 
-    def begun(self, begin: FloatArray) -> Problem:
+    def begun(self, begin: FloatArray) -> FitProblem:
         """The same search from elsewhere, (B, P)."""
         return replace(self, fixed=self._tied(begin), scale=_scale(self.model, begin, self.free))
 
-    def part(self, rows: np.ndarray) -> Problem:
+    def part(self, rows: np.ndarray) -> FitProblem:
         """The same search for some of the conditions."""
         names = ("stiffness", "covariance", "k1", "k1_std")
         data = replace(self.data, **{name: getattr(self.data, name)[rows] for name in names})
@@ -174,14 +174,11 @@ def problem_of(
     fixed: Mapping[str, ArrayLike] | Sequence[str],
     tied: Mapping[str, tuple[str, float]],
     space: str,
-) -> Problem:
+) -> FitProblem:
     """The search for the parameters of each condition; ModelError where it is none."""
     if space not in SPACES:
         raise ModelError(f"no space {space!r}: choose one of {', '.join(SPACES)}")
-    symbols = [parameter.symbol for parameter in model.parameters]
-    for name in (*fixed, *tied, *(partner for partner, _ in tied.values())):
-        if name not in symbols:
-            raise ModelError(f"the {model.name} model has no parameter {name!r}: it has {', '.join(symbols)}")
+    symbols = model.known((*fixed, *tied, *(partner for partner, _ in tied.values())))
     lead = data.stiffness.shape[:-1]
     begin = np.array(np.broadcast_to(model.checked(start), (*lead, len(symbols))).reshape(-1, len(symbols)))
     if isinstance(fixed, Mapping):
@@ -191,17 +188,10 @@ def problem_of(
     free = np.array([at for at, one in enumerate(symbols) if one not in fixed and one not in tied], dtype=int)
     flat = data.flat()
     has_k1 = data.has_k1 and model.rests
-    known = 2 * data.count + int(has_k1)
-    if free.size == 0:
-        raise ModelError(f"all parameters of the {model.name} model are given: nothing is left to fit")
-    if known < free.size:
-        raise ModelError(
-            f"{data.count} frequencies give {known} numbers, too few for {free.size} free parameters of the "
-            f"{model.name} model: fix some, take a smaller model, or measure at more frequencies"
-        )
+    _check_count(model, free.size, data.count, 2 * data.count + int(has_k1))
     chosen = [model.parameters[at] for at in free]
     spread, high = _spread(model, symbols, free, tied)
-    problem = Problem(
+    problem = FitProblem(
         model=model,
         data=flat,
         whiten=_in_space(flat, space),
@@ -216,6 +206,17 @@ def problem_of(
         has_k1=has_k1,
     )
     return problem.begun(begin)
+
+
+def _check_count(model: Model, free: int, frequencies: int, known: int) -> None:
+    """ModelError unless there are free parameters, and at least as many known numbers."""
+    if free == 0:
+        raise ModelError(f"all parameters of the {model.name} model are given: nothing is left to fit")
+    if known < free:
+        raise ModelError(
+            f"{frequencies} frequencies give {known} numbers, too few for {free} free parameters of the "
+            f"{model.name} model: fix some, take a smaller model, or measure at more frequencies"
+        )
 
 
 def _scale(model: Model, begin: FloatArray, free: np.ndarray) -> FloatArray:

@@ -17,7 +17,7 @@ from fourpole.core.arrays import FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit, fit
-from fourpole.models.interface import Model
+from fourpole.models.interface import Model, Parameter
 from fourpole.models.starts import starts_of
 
 __all__ = ["profile_intervals"]
@@ -148,11 +148,7 @@ class _Valley:
         """Values at which the profile is looked at, within the bounds, nearest first."""
         parameter, best = self.found.model.parameters[at], float(self.found.values[at])
         std = float(self.found.std[at])
-        if parameter.log and best > 0:
-            step = min(std / best, 1.0) if std > 0 else 1.0
-            tried = best * np.exp(side * np.minimum(look * step, _FARTHEST))
-        else:
-            tried = best + side * look * (std if std > 0 else 0.1 * (abs(best) or parameter.default or 1.0))
+        tried = _looked_at(parameter, best, std, side, look)
         bound = parameter.low if side < 0 else parameter.high
         if not parameter.log and np.isfinite(bound) and abs(bound - best) < look[-1] * std:
             tried = best + (bound - best) * _SHARES  # the bound is nearer than what is to be looked at
@@ -164,16 +160,8 @@ class _Valley:
 
     def _chi2(self, at: int, tried: FloatArray) -> FloatArray:
         """Chi-square with a parameter held and the rest fitted anew, from where a Gaussian would have it."""
-        model, best = self.found.model, self.found.values
-        symbols = [one.symbol for one in model.parameters]
-        low = np.array([one.low for one in model.parameters])
-        high = np.array([one.high for one in model.parameters])
-        covariance = self.found.covariance
-        lean = covariance[:, at] / covariance[at, at] if covariance[at, at] > 0 else np.zeros(best.size)
-        starts = np.clip(
-            best + np.outer(tried - best[at], lean), np.maximum(low, 0.2 * best), np.minimum(high, 5 * best)
-        )
-        starts = np.where((lean == 0) | (best <= 0), best, starts)
+        model, best, symbols = self.found.model, self.found.values, self.found.model.symbols
+        starts = self._leaning(at, tried)
         follows = {name: factor for name, (partner, factor) in self.tied.items() if partner == symbols[at]}
         starts[:, at] = tried
         for name, factor in follows.items():
@@ -188,15 +176,31 @@ class _Valley:
         first = fit(model, data, starts, fixed=held, tied=tied)
         if len(symbols) - len(held) - len(tied) < _BENT:
             return np.asarray(first.chi2)
-        # along a bent valley the nearer neighbour knows the way, and fresh starts where the best is astray
-        others = [np.concatenate([best[None], first.values[:-1]])]
-        if self._astray:
-            others += [np.repeat(one[None], tried.size, axis=0) for one in starts_of(model, self.data, _FRESH)]
+        others = self._other_starts(first, tried.size)
         for other in others:
             for name in held:
                 other[:, symbols.index(name)] = starts[:, symbols.index(name)]
         chi2 = [fit(model, data, other, fixed=held, tied=tied).chi2 for other in others]
         return np.asarray(np.min([first.chi2, *chi2], axis=0))
+
+    def _leaning(self, at: int, tried: FloatArray) -> FloatArray:
+        """Starts (T, P): the parameters where a Gaussian would have them, one of them having the values tried."""
+        best, covariance = self.found.values, self.found.covariance
+        low = np.array([one.low for one in self.found.model.parameters])
+        high = np.array([one.high for one in self.found.model.parameters])
+        lean = covariance[:, at] / covariance[at, at] if covariance[at, at] > 0 else np.zeros(best.size)
+        starts = np.clip(
+            best + np.outer(tried - best[at], lean), np.maximum(low, 0.2 * best), np.minimum(high, 5 * best)
+        )
+        return np.where((lean == 0) | (best <= 0), best, starts)
+
+    def _other_starts(self, first: Fit, count: int) -> list[FloatArray]:
+        """Starts (count, P) along a bent valley: the fit of the nearer neighbour; fresh ones if the best is astray."""
+        others = [np.concatenate([self.found.values[None], first.values[:-1]])]
+        if self._astray:
+            fresh = starts_of(self.found.model, self.data, _FRESH)
+            others += [np.repeat(one[None], count, axis=0) for one in fresh]
+        return others
 
     @property
     def _astray(self) -> bool:
@@ -204,6 +208,14 @@ class _Valley:
         logs = np.array([one.log for one in self.found.model.parameters])
         relative = np.divide(self.found.std, self.found.values, out=np.zeros(logs.size), where=self.found.values != 0)
         return bool(np.any(self.found.on_bound) or np.any(relative[logs] > _UNSURE))
+
+
+def _looked_at(parameter: Parameter, best: float, std: float, side: float, look: FloatArray) -> FloatArray:
+    """Values at multiples of the standard uncertainty to one side, by the logarithm where it is searched so."""
+    if parameter.log and best > 0:
+        step = min(std / best, 1.0) if std > 0 else 1.0
+        return np.asarray(best * np.exp(side * np.minimum(look * step, _FARTHEST)))
+    return best + side * look * (std if std > 0 else 0.1 * (abs(best) or parameter.default or 1.0))
 
 
 def _misfit(model: Model, data: StiffnessData, values: FloatArray) -> FloatArray:

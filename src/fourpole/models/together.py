@@ -346,16 +346,10 @@ def _search_of(
     scatter: Scatter,
 ) -> _Search:
     count = len(conditions)
-    symbols = [one.symbol for one in model.parameters]
-    for name in designs:
-        if name not in symbols:
-            raise ModelError(f"the {model.name} model has no parameter {name!r}: it has {', '.join(symbols)}")
+    symbols = model.known(designs)
     if any(one.stiffness.ndim != 1 or one.full for one in conditions) or not conditions:
         raise ModelError("give one condition at a time, with the covariance of each frequency by itself")
-    laws = [np.asarray(designs.get(symbol, np.eye(count)), dtype=float) for symbol in symbols]
-    for symbol, law in zip(symbols, laws, strict=True):
-        if law.ndim != 2 or len(law) != count:
-            raise ModelError(f"the law of {symbol} has the shape {law.shape}: {count} conditions need as many rows")
+    laws = [_law_of(symbol, designs.get(symbol, np.eye(count)), count) for symbol in symbols]
     common = shared if shared is not None else [np.zeros((2 * one.count, 0)) for one in conditions]
     groups = []
     for places, data in stacked(conditions):
@@ -363,6 +357,14 @@ def _search_of(
         whitener = np.stack([_whitener(conditions[at], scatter) for at in places])
         groups.append(_Group(places, data, np.stack([common[at] for at in places]), whitener, k1_std))
     return _Search(model, groups, tuple(laws), common[0].shape[1])
+
+
+def _law_of(symbol: str, given: ArrayLike, count: int) -> FloatArray:
+    """A parameter's law as an array of one row per condition."""
+    law = np.asarray(given, dtype=float)
+    if law.ndim != 2 or len(law) != count:
+        raise ModelError(f"the law of {symbol} has the shape {law.shape}: {count} conditions need as many rows")
+    return law
 
 
 def _whitener(data: StiffnessData, scatter: Scatter) -> FloatArray:

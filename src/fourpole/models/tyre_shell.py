@@ -32,8 +32,8 @@ _TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 _ROW, _COLUMN = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
 #: A mode that gives less than this share of the static deflection is not driven.
 _UNDRIVEN = 1e-16
-#: As good as at rest [rad/s]: inertia and loss change K* by the square of this over some hundred.
-_AT_REST = 1e-6
+#: Angular frequency [rad/s] that stands for zero: inertia and loss change K* by the square of this over some hundred.
+_ZERO = 1e-6
 
 #: R, B, S, D, p, k, mu, tau, l, beta of an illustrative radial-ply tyre of a small car: none was measured. Size and
 #: pressure are such a tyre's; belt and tread weigh 3 kg, EI = D B is 1 N m² and EA = S B 1 MN, the orders of
@@ -211,7 +211,7 @@ class Shell(Model):
         return np.asarray(-whole / receptance[..., None] ** 2)
 
     def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K* at rest."""
+        """K* at zero frequency."""
         sets = self.checked(values)
         return np.asarray(
             1.0 / flexibility(self.cylinder(sets), sets[..., 8], sets[..., 9], around=self.around, across=self.across)
@@ -219,7 +219,7 @@ class Shell(Model):
 
     def static_derivative(self, values: ArrayLike) -> FloatArray:
         """Of the static stiffness: what `derivative` tends to."""
-        return np.asarray(self.derivative(values, [_AT_REST])[..., 0, :].real)
+        return np.asarray(self.derivative(values, [_ZERO])[..., 0, :].real)
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
         """The usual shell on springs that give the mean K', with the time constant that gives the mean loss."""

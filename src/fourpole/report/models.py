@@ -139,7 +139,7 @@ def _condition(one: ConditionFile, entry: ModelEntry) -> Condition:
         band=f"{number(low, 3)} to {number(high, 3)}" if high > low else number(low, 3),
         cells=[_cell(one, at, entry) for at in range(len(entry.parameters))],
         reduced=number(one.chi2 / max(one.dof, 1), 3),
-        remark="" if one.converged else "the fit did not come to rest",
+        remark="" if one.converged else "the fit did not converge",
     )
 
 

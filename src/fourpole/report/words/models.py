@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fourpole.campaign.modelfile import ConditionFile, MapEntry, ModelEntry, Quantity, column_of, map_of
+from fourpole.campaign.modelfile import ConditionFile, MapEntry, ModelEntry, NamedValue, column_of, map_of
 from fourpole.core.condition import PRESSURE
 from fourpole.report.digits import number, spread
 from fourpole.report.words.phrases import counted, percent, ranged
@@ -92,7 +92,7 @@ def place(one: ConditionFile) -> str:
 
     Examples
     --------
-    >>> state = [Quantity(name="pressure", unit="Pa", value=1.7e5), Quantity(name="camber", unit="deg", value=2.0)]
+    >>> state = [NamedValue(name="pressure", unit="Pa", value=1.7e5), NamedValue(name="camber", unit="deg", value=2.0)]
     >>> place(
     ...     ConditionFile(
     ...         state=state,
@@ -114,7 +114,7 @@ def place(one: ConditionFile) -> str:
     return ", ".join(_stood(each) for each in one.state)
 
 
-def _stood(each: Quantity) -> str:
+def _stood(each: NamedValue) -> str:
     unit, scale, _ = _axis(column_of(each.name, each.unit))
     named = "" if column_of(each.name, each.unit) in _AXES else f"{each.name} "
     return f"{named}{each.value / scale:.4g} {unit}".rstrip().replace("-", "−")
@@ -142,7 +142,7 @@ def map_facts(entry: MapEntry) -> list[tuple[str, str]]:
     return [*facts, *((words, percent(value)) for words, value in told if value is not None)]
 
 
-def _bare(each: Quantity) -> str:
+def _bare(each: NamedValue) -> str:
     unit, scale, _ = _axis(column_of(each.name, each.unit))
     return f"{each.value / scale:.4g} {unit}".rstrip()
 

@@ -155,16 +155,7 @@ def place_of(
                 f"the tests had one {_name(column)} only, {_value(column, known)}: the map cannot answer at "
                 f"{_value(column, value)}; it answers over {over} and frequency"
             )
-    lacking = [column for column in axes.names if column not in state]
-    if lacking:
-        at = axes.names.index(lacking[0])
-        low, high = float(axes.points[:, at].min()), float(axes.points[:, at].max())
-        option = _OPTIONS.get(lacking[0])
-        how = f"--{option}" if option else f'--at "{lacking[0]} = ..."'
-        raise ModelError(
-            f"state {how}: the map goes over {_name(lacking[0])} from {_value(lacking[0], low)} to "
-            f"{_value(lacking[0], high)}"
-        )
+    _check_stated(axes, state)
     point = np.array([state[column] for column in axes.names], dtype=float)
     outside, nearest = axes.outside(point)
     if not outside:
@@ -175,6 +166,20 @@ def place_of(
     if not beyond:
         raise ModelError(f"{said}: ask there, measure there, or state --beyond to be answered all the same")
     return point, outside, (said,)
+
+
+def _check_stated(axes: Axes, state: Mapping[str, float]) -> None:
+    """ModelError where an axis of the map is not stated."""
+    lacking = [column for column in axes.names if column not in state]
+    if lacking:
+        at = axes.names.index(lacking[0])
+        low, high = float(axes.points[:, at].min()), float(axes.points[:, at].max())
+        option = _OPTIONS.get(lacking[0])
+        how = f"--{option}" if option else f'--at "{lacking[0]} = ..."'
+        raise ModelError(
+            f"state {how}: the map goes over {_name(lacking[0])} from {_value(lacking[0], low)} to "
+            f"{_value(lacking[0], high)}"
+        )
 
 
 def _beyond_band(found: OperatingMap, frequency: FloatArray, *, beyond: bool) -> FloatArray:

@@ -15,7 +15,7 @@ from scipy import stats
 from fourpole.models.causality import check_possible
 from fourpole.models.data import CHANCE, StiffnessData
 
-__all__ = ["granted_error", "least_misfit", "with_error"]
+__all__ = ["least_misfit", "model_discrepancy", "with_error"]
 
 #: Chance up to which a better spectrum is looked for: chi-square is to be the least, not only good enough.
 _LIKELY = 0.5
@@ -45,7 +45,7 @@ def with_error(data: StiffnessData, error: float) -> StiffnessData:
     return replace(data, covariance=data.covariance + more)
 
 
-def granted_error(
+def model_discrepancy(
     conditions: Sequence[StiffnessData],
     misfit: Callable[[Sequence[StiffnessData]], tuple[float, int]] | None = None,
     *,
@@ -66,10 +66,10 @@ def granted_error(
     --------
     >>> omega = 2 * np.pi * np.arange(10.0, 25.0)
     >>> stiffness = 180e3 + 1j * omega * 700 * 120e3 / (120e3 + 1j * omega * 700)
-    >>> granted_error([StiffnessData.of(omega, stiffness, 100.0)])
+    >>> model_discrepancy([StiffnessData.of(omega, stiffness, 100.0)])
     0.0
     >>> wrong = stiffness * (1 + 0.02 * (-1) ** np.arange(15))
-    >>> 0.01 < granted_error([StiffnessData.of(omega, wrong, 100.0)]) < 0.03
+    >>> 0.01 < model_discrepancy([StiffnessData.of(omega, wrong, 100.0)]) < 0.03
     True
     """
     misfit = misfit or least_misfit
