@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fourpole.errors import FileError
 from fourpole.io.text import read_columns
-from fourpole.io.write import replacing, write_bytes, write_table, write_text
+from fourpole.io.write import beside, replacing, write_bytes, write_table, write_text
 
 
 def test_text_as_it_is_and_over_an_old_file(tmp_path: Path) -> None:
@@ -87,3 +87,32 @@ def test_floats_come_back_to_the_last_bit(tmp_path_factory: pytest.TempPathFacto
         else:
             assert math.copysign(1, found) == math.copysign(1, wrote)
             assert found == wrote
+
+
+def folder_of(path: Path, *names: str) -> None:
+    with beside(path) as new:
+        new.mkdir()
+        for name in names:
+            (new / name).write_text("new")
+        if not names:
+            raise RuntimeError("out of ink")
+
+
+def test_a_folder_replaces_a_folder_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / "tydex"
+    folder_of(path, "a", "b")
+    with pytest.raises(RuntimeError, match="out of ink"):
+        folder_of(path)
+    assert sorted(one.name for one in path.iterdir()) == ["a", "b"]
+    folder_of(path, "c")
+    assert [one.name for one in path.iterdir()] == ["c"]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_never_replaces_a_folder(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    folder_of(path, "kept")
+    with pytest.raises(FileError, match="cannot be written"):
+        write_text(path, "new")
+    assert [one.name for one in path.iterdir()] == ["kept"]
+    assert list(tmp_path.iterdir()) == [path]

@@ -11,7 +11,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
-from fourpole.export.source import Source
+from fourpole.export.source import ExportTables
 from fourpole.plot.sheet import floats, spread
 from fourpole.plot.style import Style
 from fourpole.quantities import Quantity
@@ -41,7 +41,7 @@ class _Curve:
 
 
 def add_charts(
-    book: Any, sheet: Any, source: Source, write_table: Callable[[Any, pl.DataFrame], None]
+    book: Any, sheet: Any, source: ExportTables, write_table: Callable[[Any, pl.DataFrame], None]
 ) -> tuple[str, ...]:
     """Add the charts and the sheets with their data; gives back what they do not show."""
     notes: list[str] = []
@@ -81,7 +81,7 @@ def _fewer(curves: Sequence[_Curve]) -> tuple[list[_Curve], str]:
     return chosen, said
 
 
-def _dynamic_data(source: Source) -> tuple[pl.DataFrame, dict[int, list[_Curve]]]:
+def _dynamic_data(source: ExportTables) -> tuple[pl.DataFrame, dict[int, list[_Curve]]]:
     """The tests by condition, in the units of the axes, and the curves by load."""
     sheet, style = source.sheet, Style()
     rows: list[int] = []
@@ -111,7 +111,7 @@ def _series(columns: dict[str, Any]) -> Iterator[pl.Series]:
         yield pl.Series(name, values, dtype=pl.String if isinstance(values, list) else pl.Float64)
 
 
-def _static_data(source: Source) -> tuple[pl.DataFrame, list[_Curve]]:
+def _static_data(source: ExportTables) -> tuple[pl.DataFrame, list[_Curve]]:
     """K1 by tyre and load over pressure."""
     sheet, style, static = source.sheet, Style(), source.sheet.static
     pressure, k1, std = (floats(static, name) for name in (q.PRESSURE.head, q.K1.head, q.K1.u_head))
@@ -141,7 +141,7 @@ def _static_data(source: Source) -> tuple[pl.DataFrame, list[_Curve]]:
     return frame.with_columns(_series(columns)).select("curve", *frame.columns, *list(columns)[1:]), curves
 
 
-def _group(source: Source, load: float) -> int:
+def _group(source: ExportTables, load: float) -> int:
     """The load's group; -1 where it is not stated."""
     return source.sheet.loads.nearest(load) if np.isfinite(load) and len(source.sheet.loads) else -1
 

@@ -34,7 +34,7 @@ class Kind:
         Name of the file, or folder, that is written by default.
     module : str
         Of this room; its `write(source, path)` writes and returns notes on what is left out. The source is a
-        `source.Source` of results, a `ModelFile` of a model or map, or a `Campaign`.
+        `source.ExportTables` of results, a `ModelFile` of a model or map, or a `Campaign`.
     about : str
         What is written, for the help.
     takes : Takes

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
-from fourpole.export.source import SIGNS, Source, field_names, unit_of
+from fourpole.export.source import SIGNS, ExportTables, field_names, unit_of
 from fourpole.io.write import write_bytes
 from fourpole.plot.sheet import floats
 from fourpole.quantities import Quantity
@@ -27,7 +27,7 @@ _OWN = ("units", "names", "K", "K_covariance", "mobility", "mobility_covariance"
 _COVARIANCE = q.PHASOR_COVARIANCE.head
 
 
-def write(source: Source, path: Path) -> tuple[str, ...]:
+def write(source: ExportTables, path: Path) -> tuple[str, ...]:
     """Write the MAT-file of level 5; nothing is left out."""
     from scipy.io import savemat
 
@@ -124,7 +124,7 @@ def _phasors(table: pl.DataFrame) -> dict[str, Any]:
     return struct
 
 
-def _study(source: Source) -> dict[str, Any]:
+def _study(source: ExportTables) -> dict[str, Any]:
     """What was analysed and how; `json` is all of study.json, for jsondecode."""
     return {
         "title": source.title,

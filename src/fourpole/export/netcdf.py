@@ -19,7 +19,8 @@ from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import PRELOAD, PRESSURE, Axis
 from fourpole.errors import TableError
-from fourpole.export.source import SIGNS, Source, counted, field_names, need, some, through_file, typed, unit_of
+from fourpole.export.source import SIGNS, ExportTables, counted, field_names, need, some, typed, unit_of
+from fourpole.io.write import beside
 from fourpole.plot.sheet import Groups, floats
 from fourpole.quantities import QUANTITIES, meaning_of
 
@@ -61,7 +62,7 @@ class _Grid:
         return whole
 
 
-def write(source: Source, path: Path) -> tuple[str, ...]:
+def write(source: ExportTables, path: Path) -> tuple[str, ...]:
     """Write the grid; what is left out is said."""
     xarray = need("xarray", "maps")
     need("h5netcdf", "maps")
@@ -71,11 +72,12 @@ def write(source: Source, path: Path) -> tuple[str, ...]:
     variables["study_json"] = ((), np.array(source.json, dtype=object), {"long_name": "settings and statements, JSON"})
     dataset = xarray.Dataset(variables, coords=_coordinates(source), attrs=_attributes(source))
     packed = {name: {"zlib": True} for name, (_, data, _) in variables.items() if data.dtype.kind in "fi"}
-    through_file(path, lambda file: dataset.to_netcdf(file, engine="h5netcdf", encoding=packed))
+    with beside(path) as new:
+        dataset.to_netcdf(new, engine="h5netcdf", encoding=packed)
     return (*source.left_out(), *said)
 
 
-def _dynamic_grid(source: Source, name: str) -> _Grid:
+def _dynamic_grid(source: ExportTables, name: str) -> _Grid:
     sheet, repeats = source.sheet, np.array(source.repeats, dtype=np.int64)
     rows = np.flatnonzero(repeats >= 0)
     if not rows.size:
@@ -91,7 +93,7 @@ def _dynamic_grid(source: Source, name: str) -> _Grid:
     return _Grid(_DIMENSIONS, shape, tuple(place[rows] for place in places), rows)
 
 
-def _static_grid(source: Source) -> tuple[_Grid, tuple[str, ...]]:
+def _static_grid(source: ExportTables) -> tuple[_Grid, tuple[str, ...]]:
     """The static tests; several of one tyre, pressure and load stand beside each other in `static_test`."""
     sheet, static = source.sheet, source.sheet.static
     names, verdicts = static["test"].to_list(), static["verdict"].to_list()
@@ -123,7 +125,7 @@ def _place(groups: Groups, axis: Axis, value: float) -> int:
     return at if at >= 0 and axis.same(groups.values[at], value) else -1
 
 
-def _dynamic(source: Source, grid: _Grid) -> dict[str, Variable]:
+def _dynamic(source: ExportTables, grid: _Grid) -> dict[str, Variable]:
     """A variable per column of dynamic.csv."""
     table = typed(source.dynamic)
     columns = [name for name in table.columns if name not in _PLACED]
@@ -171,7 +173,7 @@ def _variable(table: pl.DataFrame, column: str, grid: _Grid, ancillary: str = ""
     return grid.dimensions, grid.numbers(floats(table, column)), attributes
 
 
-def _static(source: Source, grid: _Grid) -> dict[str, Variable]:
+def _static(source: ExportTables, grid: _Grid) -> dict[str, Variable]:
     """What the static tests gave, each name with `static_` before it."""
     if not grid.rows.size:
         return {}
@@ -183,7 +185,7 @@ def _static(source: Source, grid: _Grid) -> dict[str, Variable]:
     return {field: _variable(table, column, grid, held.get(column, "")) for column, field in fields.items()}
 
 
-def _coordinates(source: Source) -> dict[str, Variable]:
+def _coordinates(source: ExportTables) -> dict[str, Variable]:
     """The dimensions' values; a group of tests that state none has no place on an axis of CF."""
     sheet = source.sheet
     coordinates: dict[str, Variable] = {"tyre": _words("tyre", sheet.names, "name of the tyre")}
@@ -208,7 +210,7 @@ def _words(dimension: str, texts: Sequence[str], long_name: str) -> Variable:
     return (dimension,), np.array([*texts], dtype=object), {"long_name": long_name}
 
 
-def _constructions(source: Source) -> list[str]:
+def _constructions(source: ExportTables) -> list[str]:
     """What each tyre is said to be."""
     found: dict[str, str] = {}
     for table in (source.sheet.table, source.sheet.static):
@@ -216,7 +218,7 @@ def _constructions(source: Source) -> list[str]:
     return [found.get(name, "") for name in source.sheet.names]
 
 
-def _attributes(source: Source) -> dict[str, Any]:
+def _attributes(source: ExportTables) -> dict[str, Any]:
     """What the file is."""
     return {
         "title": source.title,
@@ -227,6 +229,6 @@ def _attributes(source: Source) -> dict[str, Any]:
     }
 
 
-def _history(source: Source) -> Iterator[str]:
+def _history(source: ExportTables) -> Iterator[str]:
     versions = ", ".join(f"{name} {version}" for name, version in source.section("versions").items())
     yield f"{source.made:%Y-%m-%dT%H:%M:%SZ}: analysed with {versions}"

@@ -1,12 +1,11 @@
-"""Source: what an export starts from, the tables of a results folder and how its tests are laid out."""
+"""ExportTables: what an export starts from, the tables of a results folder and how its tests are laid out."""
 
 from __future__ import annotations
 
 import json
 import re
-import tempfile
 import unicodedata
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -20,11 +19,10 @@ from fourpole import quantities as q
 from fourpole.campaign.results import Results, read_results
 from fourpole.core.arrays import ByValue
 from fourpole.errors import CampaignError, FileError
-from fourpole.io.write import write_bytes
 from fourpole.plot.sheet import Sheet, read_sheet
 from fourpole.units import column_unit, shown
 
-__all__ = ["SIGNS", "Condition", "Source", "field_names", "need", "read_source", "through_file", "typed", "unit_of"]
+__all__ = ["SIGNS", "Condition", "ExportTables", "field_names", "need", "read_source", "typed", "unit_of"]
 
 #: What every number means, for those who have only the file.
 SIGNS = (
@@ -56,7 +54,7 @@ class Condition(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Source(ByValue):
+class ExportTables(ByValue):
     """The results of an analysis.
 
     Attributes
@@ -195,7 +193,7 @@ def some(names: Sequence[str]) -> str:
     return ", ".join(shown(name, 40)[1:-1] for name in names[:_LISTED]) + more
 
 
-def read_source(folder: str | Path) -> Source:
+def read_source(folder: str | Path) -> ExportTables:
     """Read a results folder; CampaignError if it holds no results."""
     results = read_results(folder)
     phasors = Path(folder) / "phasors.parquet"
@@ -204,7 +202,7 @@ def read_source(folder: str | Path) -> Source:
         made = datetime.fromtimestamp((Path(folder) / "study.json").stat().st_mtime, UTC)
     except (OSError, pl.exceptions.PolarsError) as error:
         raise CampaignError(f"{folder}: cannot be read ({error}): run fourpole analyse again") from None
-    return Source(results, frame, made.replace(microsecond=0))
+    return ExportTables(results, frame, made.replace(microsecond=0))
 
 
 def typed(table: pl.DataFrame) -> pl.DataFrame:
@@ -265,12 +263,3 @@ def need(module: str, extra: str) -> Any:
             f"this kind of file is written by the package {module.partition('.')[0]}, which is not installed: "
             f'pip install "fourpole[{extra}]"'
         ) from None
-
-
-def through_file(path: Path, write: Callable[[Path], object]) -> None:
-    """For a library that writes to paths only: it writes elsewhere, then the file takes its place in one step."""
-    with tempfile.TemporaryDirectory(prefix="fourpole-") as folder:
-        beside = Path(folder) / f"export{path.suffix}"
-        write(beside)
-        content = beside.read_bytes()
-    write_bytes(path, content)

@@ -7,8 +7,6 @@ dynamic stiffness; the other names are ours, with what they are in the columns f
 from __future__ import annotations
 
 import re
-import secrets
-import shutil
 import textwrap
 import unicodedata
 from collections.abc import Iterator, Sequence
@@ -18,8 +16,9 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.errors import FileError, TableError
-from fourpole.export.source import SIGNS, Condition, Source
+from fourpole.export.source import SIGNS, Condition, ExportTables
 from fourpole.io.formats.tydex import TydexChannel, TydexEntry, TydexFile, write_tydex
+from fourpole.io.write import beside
 from fourpole.plot.sheet import floats
 from fourpole.quantities import DERIVED
 
@@ -64,29 +63,15 @@ _LONGEST = 30
 _OURS = re.compile(rb"^SUPPLIER .* fourpole\s*$", re.MULTILINE)
 
 
-def write(source: Source, path: Path) -> tuple[str, ...]:
+def write(source: ExportTables, path: Path) -> tuple[str, ...]:
     """Write the folder in one step; what is left out is said, in each file too."""
     if not source.conditions:
         raise TableError(f"{path.name}: no test is used: there is nothing to export")
     _check_place(path)
-    name = f".{path.name[:100]}.{secrets.token_hex(6)}"
-    beside, old = path.with_name(f"{name}.tmp"), path.with_name(f"{name}.old")
-    try:
-        beside.mkdir()
+    with beside(path, label=str(path)) as new:
+        new.mkdir()
         for file, condition in zip(_file_names(source), source.conditions, strict=True):
-            write_tydex(beside / file, _tydex(source, condition))
-        if path.exists():
-            path.replace(old)
-        beside.replace(path)
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"{path}: the folder cannot be written: {error.strerror or error}") from None
-    finally:
-        if old.exists() and not path.exists():
-            old.replace(path)
-        shutil.rmtree(beside, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
+            write_tydex(new / file, _tydex(source, condition))
     return source.left_out()
 
 
@@ -106,7 +91,7 @@ def _is_ours(file: Path) -> bool:
         return _OURS.search(stream.read(1000)) is not None
 
 
-def _file_names(source: Source) -> Iterator[str]:
+def _file_names(source: ExportTables) -> Iterator[str]:
     """One name per condition, of signs that every system takes."""
     used: set[str] = set()
     for condition in source.conditions:
@@ -131,7 +116,7 @@ def _value(text: str) -> str:
     return _ascii(text)[:_LONGEST].strip()
 
 
-def _tydex(source: Source, condition: Condition) -> TydexFile:
+def _tydex(source: ExportTables, condition: Condition) -> TydexFile:
     table, rows = source.dynamic, list(condition.rows)
     held = [(floats(table, column)[rows], column, name, words) for column, name, words in _CHANNELS]
     held = [one for one in held if np.isfinite(one[0]).any()]
@@ -157,7 +142,7 @@ def _unit(column: str) -> str:
     return _UNITS.get(unit, unit)
 
 
-def _constants(source: Source, condition: Condition) -> Iterator[TydexEntry]:
+def _constants(source: ExportTables, condition: Condition) -> Iterator[TydexEntry]:
     """What is the same for all tests of the condition."""
     first = source.dynamic.row(condition.rows[0], named=True)
     yield TydexEntry("IDENTITY", _value(str(first["tyre"] or "")), "", "Identity of the tyre")
@@ -183,7 +168,7 @@ def _constants(source: Source, condition: Condition) -> Iterator[TydexEntry]:
     yield TydexEntry("ROUTE", _value(source.route), "", "How KDYN was found")
 
 
-def _comments(source: Source, condition: Condition) -> Iterator[str]:
+def _comments(source: ExportTables, condition: Condition) -> Iterator[str]:
     names, verdicts, remarks = (source.texts(column) for column in ("test", "verdict", "remarks"))
     yield f"{source.title}: {source.name_of(condition)}"
     yield f"Analysed by {source.version}, {source.made:%Y-%m-%d %H:%M} UTC; route {source.route}"
@@ -197,7 +182,7 @@ def _comments(source: Source, condition: Condition) -> Iterator[str]:
         yield f"Left out is test {names[row]}, rejected: {remarks[row]}"
 
 
-def _rejected_beside(source: Source, condition: Condition) -> Sequence[int]:
+def _rejected_beside(source: ExportTables, condition: Condition) -> Sequence[int]:
     """Rejected tests of the same condition."""
     place = condition[:4]
     return [int(row) for row in np.flatnonzero(source.sheet.rejected) if source.place(int(row)) == place]

@@ -14,7 +14,8 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import TableError
-from fourpole.export.source import Condition, Source, counted, need, some, through_file
+from fourpole.export.source import Condition, ExportTables, counted, need, some
+from fourpole.io.write import beside
 from fourpole.plot.sheet import floats
 from fourpole.quantities import Quantity
 
@@ -35,7 +36,7 @@ class _Kind(NamedTuple):
     above: tuple[int, str, str]
     below: tuple[int, str, str]
 
-    def values(self, source: Source) -> ComplexArray:
+    def values(self, source: ExportTables) -> ComplexArray:
         """The complex values of all tests."""
         real, imag = (floats(source.dynamic, one.head) for one in self.parts)
         return real + 1j * imag
@@ -57,7 +58,7 @@ _KINDS = (
 )
 
 
-def write(source: Source, path: Path) -> tuple[str, ...]:
+def write(source: ExportTables, path: Path) -> tuple[str, ...]:
     """Write the functions; what is left out is said."""
     pyuff = need("pyuff", "formats")
     functions = [one for kind in _KINDS for one in _functions(source, kind)]
@@ -66,15 +67,12 @@ def write(source: Source, path: Path) -> tuple[str, ...]:
     for number, one in enumerate(functions, start=1):
         one["func_id"] = number
 
-    def beside(file: Path) -> None:
-        with contextlib.redirect_stdout(io.StringIO()):  # the library prints
-            pyuff.UFF(str(file)).write_sets([*_heads(source, path.name), *functions], mode="overwrite")
-
-    through_file(path, beside)
+    with beside(path) as new, contextlib.redirect_stdout(io.StringIO()):  # the library prints
+        pyuff.UFF(str(new)).write_sets([*_heads(source, path.name), *functions], mode="overwrite")
     return (*source.left_out(), *_without(source))
 
 
-def _without(source: Source) -> Iterator[str]:
+def _without(source: ExportTables) -> Iterator[str]:
     names = source.texts("test")
     for kind in _KINDS:
         rows = [row for one in source.conditions for row in one.rows]
@@ -85,13 +83,13 @@ def _without(source: Source) -> Iterator[str]:
             yield f"{counted(len(absent), 'test')} {has} no {kind.name.partition(',')[0]}: {listed}"
 
 
-def _known(source: Source, rows: Sequence[int], kind: _Kind) -> list[int]:
+def _known(source: ExportTables, rows: Sequence[int], kind: _Kind) -> list[int]:
     """Those rows that have the value: the format knows no missing ones."""
     values = kind.values(source)
     return [row for row in rows if np.isfinite(values[row])]
 
 
-def _heads(source: Source, name: str) -> list[dict[str, Any]]:
+def _heads(source: ExportTables, name: str) -> list[dict[str, Any]]:
     """The file's header and its units, SI."""
     date, clock = _date(source)
     dates = {f"{what}_{when}": date if what == "date" else clock for what in ("date", "time") for when in _WHEN}
@@ -106,7 +104,7 @@ _WHEN = ("db_created", "db_saved", "file_written")
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 
 
-def _date(source: Source) -> tuple[str, str]:
+def _date(source: ExportTables) -> tuple[str, str]:
     """DD-MMM-YY, whatever the language of the machine, and the time."""
     made = source.made
     return f"{made.day:02d}-{_MONTHS[made.month - 1]}-{made.year % 100:02d}", f"{made:%H:%M:%S}"
@@ -119,7 +117,7 @@ def _ascii(text: str) -> str:
     return plain.encode("ascii", "replace").decode()[:_LINE] or "NONE"
 
 
-def _functions(source: Source, kind: _Kind) -> Iterator[dict[str, Any]]:
+def _functions(source: ExportTables, kind: _Kind) -> Iterator[dict[str, Any]]:
     table = source.dynamic
     frequency = floats(table, q.FREQUENCY.head)
     values = kind.values(source)
@@ -130,7 +128,7 @@ def _functions(source: Source, kind: _Kind) -> Iterator[dict[str, Any]]:
 
 
 def _function(
-    source: Source, kind: _Kind, condition: Condition, rows: Sequence[int], frequency: FloatArray, values: Any
+    source: ExportTables, kind: _Kind, condition: Condition, rows: Sequence[int], frequency: FloatArray, values: Any
 ) -> dict[str, Any]:
     single = len(rows) == 1  # the library asks for a step: one value is written as evenly spaced
     return {
@@ -161,7 +159,7 @@ def _axis(which: str, data_type: int, label: str, unit: str) -> dict[str, Any]:
     return {f"{which}_spec_data_type": data_type, f"{which}_axis_lab": label, f"{which}_axis_units_lab": unit}
 
 
-def _uncertainty(source: Source, kind: _Kind, rows: Sequence[int]) -> str:
+def _uncertainty(source: ExportTables, kind: _Kind, rows: Sequence[int]) -> str:
     """The format has no place for uncertainties: their largest in a line of text."""
     largest = []
     for one in kind.parts:

@@ -14,7 +14,7 @@ import polars as pl
 
 from fourpole.core.arrays import FloatArray
 from fourpole.export.charts import add_charts
-from fourpole.export.source import SIGNS, Source, need
+from fourpole.export.source import SIGNS, ExportTables, need
 from fourpole.io.write import write_bytes
 from fourpole.plot.sheet import floats
 
@@ -66,7 +66,7 @@ class Styles:
         return self.of(bold=True, bottom=1, bg_color="#E3E6E9", text_wrap=True, valign="top")
 
 
-def write(source: Source, path: Path) -> tuple[str, ...]:
+def write(source: ExportTables, path: Path) -> tuple[str, ...]:
     """Write the workbook; nothing is left out of its tables."""
     xlsxwriter = need("xlsxwriter", "export")
     buffer = io.BytesIO()
@@ -156,7 +156,7 @@ def number_format(values: FloatArray) -> str:
     return "0.0" if middle >= 1e4 else "0.00" if middle >= 100 else "0.0000"
 
 
-def _write_about(sheet: Any, source: Source, tables: Sequence[str], styles: Styles, notes: Sequence[str]) -> None:
+def _write_about(sheet: Any, source: ExportTables, tables: Sequence[str], styles: Styles, notes: Sequence[str]) -> None:
     """The first sheet: what this is, how it was made, what to know of it."""
     sheet.set_column(0, 0, 24)
     sheet.set_column(1, 1, _ABOUT_WIDTH + 10)
@@ -174,7 +174,7 @@ def _write_about(sheet: Any, source: Source, tables: Sequence[str], styles: Styl
         row += 1
 
 
-def _said(source: Source, tables: Sequence[str], notes: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _said(source: ExportTables, tables: Sequence[str], notes: Sequence[str]) -> Iterator[tuple[str, str]]:
     yield "results of", f"{source.version}, analysed {_time(source.made)}"
     yield "route to K*", source.route
     yield "tests", ", ".join(f"{count} {verdict}" for verdict, count in source.section("verdicts").items())

@@ -17,7 +17,8 @@ from fourpole.io.formats.guard import tidy
 from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, Signal
 from fourpole.io.stream import Chunk, Stream, surveyed_stream, times_of
-from fourpole.io.writers.plan import Block, FloatArray, Group, Told, Track, Writer, beside
+from fourpole.io.write import beside
+from fourpole.io.writers.plan import Block, FloatArray, Group, Told, Track, Writer
 from fourpole.units import shown
 
 __all__ = ["Choice", "Converted", "convert", "writers"]

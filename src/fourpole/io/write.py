@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -15,7 +16,7 @@ from fourpole.io.source import name_of
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["replacing", "write_bytes", "write_table", "write_text"]
+__all__ = ["beside", "replacing", "write_bytes", "write_table", "write_text"]
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, label: str | None = None) -> None:
@@ -109,25 +110,46 @@ def replacing(path: str | os.PathLike[str], *, label: str | None = None) -> Iter
     ...     [found.name for found in pathlib.Path(folder).iterdir()]
     ['a.svg']
     """
-    target = Path(path)
-    name = name_of(path, label)
+    with beside(path, label=label) as new, new.open("xb") as file:
+        yield file
+
+
+@contextmanager
+def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterator[Path]:
+    """A free path in a hidden folder; the file or folder that is written there takes the place of `path` at the end.
+
+    If anything fails, what stood at `path` is as it was. A folder replaces a folder with all that it holds.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with beside(pathlib.Path(folder, "a.nc")) as new:
+    ...         _ = new.write_bytes(b"CDF")
+    ...     [found.name for found in pathlib.Path(folder).iterdir()]
+    ['a.nc']
+    """
+    target, name = Path(path), name_of(path, label)
     try:
-        # Not tempfile: its files are for one user only, and results are to be shared as the umask says.
-        beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
-        file = beside.open("xb")
+        # Path.mkdir, not tempfile: what tempfile makes is for one user only, and results are shared as the umask says.
+        folder = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
+        folder.mkdir()
     except (OSError, ValueError) as error:
         raise FileError(f"{name}: cannot be written: {_reason(error)}; does its folder exist?") from None
+    new, old = folder / target.name, folder / f"{target.name[:100]}.old"
     try:
-        with file:
-            yield file
-        beside.replace(target)
+        yield new
+        if new.is_dir() and target.is_dir():
+            target.replace(old)
+        new.replace(target)
     except FileError:
         raise
     except OSError as error:
         raise FileError(f"{name}: cannot be written: {_reason(error)}") from error
     finally:
-        with suppress(OSError):
-            beside.unlink(missing_ok=True)
+        if old.exists() and not target.exists():
+            old.replace(target)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _reason(error: Exception) -> str:

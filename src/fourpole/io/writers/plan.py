@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -14,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.core.arrays import ByValue
-from fourpole.errors import FileError
 from fourpole.units import column_unit
 
-__all__ = ["Block", "Group", "Sink", "Told", "Track", "Writer", "beside", "distinct", "time_name", "titled"]
+__all__ = ["Block", "Group", "Sink", "Told", "Track", "Writer", "distinct", "time_name", "titled"]
 
 FloatArray = NDArray[np.float64]
 
@@ -154,25 +151,6 @@ class Writer:
     endings: tuple[str, ...]
     one_table: bool
     open: Callable[[Path, Sequence[Group], Told], AbstractContextManager[Sink]]
-
-
-@contextmanager
-def beside(target: Path) -> Iterator[Path]:
-    """A path in a folder of its own beside `target`, whose file takes its place at the end."""
-    try:
-        folder = Path(tempfile.mkdtemp(prefix=f".{target.name[:60]}.", dir=target.parent))
-    except OSError as error:
-        raise FileError(f"{target.name}: cannot be written: {error.strerror}; does its folder exist?") from None
-    try:
-        yield folder / target.name
-        (folder / target.name).replace(target)
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"{target.name}: cannot be written: {error.strerror or error}") from error
-    finally:
-        with suppress(OSError):
-            shutil.rmtree(folder)
 
 
 def distinct(names: Sequence[str], taken: Iterable[str] = (), longest: int = 1000) -> list[str]:
