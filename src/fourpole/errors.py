@@ -9,6 +9,8 @@ the builtin that a caller would catch without knowing Fourpole::
     ├── TableError       (ValueError)   a file that was read but does not hold what it must
     ├── CampaignError    (ValueError)   a campaign folder that cannot be analysed at all
     ├── RecordingError   (ValueError)   a recording from which no amplitude can be taken
+    │   ├── ConstantError               a channel that does not move
+    │   └── TooShortError               a recording of too few cycles
     ├── LoadCurveError   (ValueError)   a load-deflection curve that cannot answer
     ├── RigError         (ValueError)   a rig whose statement is impossible or incomplete
     └── ModelError       (ValueError)   a model that cannot be what is asked of it
@@ -18,6 +20,7 @@ from __future__ import annotations
 
 __all__ = [
     "CampaignError",
+    "ConstantError",
     "FileError",
     "FourpoleError",
     "LoadCurveError",
@@ -25,6 +28,7 @@ __all__ = [
     "RecordingError",
     "RigError",
     "TableError",
+    "TooShortError",
     "UnitError",
 ]
 
@@ -51,6 +55,14 @@ class CampaignError(FourpoleError, ValueError):
 
 class RecordingError(FourpoleError, ValueError):
     """No amplitude can be taken from a recording."""
+
+
+class ConstantError(RecordingError):
+    """A channel does not move."""
+
+
+class TooShortError(RecordingError):
+    """A recording has too few cycles."""
 
 
 class LoadCurveError(FourpoleError, ValueError):

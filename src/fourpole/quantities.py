@@ -252,6 +252,11 @@ CORRECTION = _text("correction", "what was corrected: delay, filter, response or
 GAIN = Quantity("gain", "gain", "gain", "1", "gain at the frequency, recorded over true")
 PHASE = Quantity("phase", "phase", "phase", "rad", "phase at the frequency, recorded less true")
 
+CODE = _text("code", "name of the check")
+STATISTIC = Quantity("statistic", "", "statistic", meaning="what the check found; blank for a check without a number")
+LIMIT = Quantity("limit", "", "limit", meaning="limit of the statistic from which it matters")
+REMEDY = _text("remedy", "what to do")
+
 PHASOR_COVARIANCE = _listed(
     "phasor_covariance", "covariance Re F1, Im F1, Re V1, Im V1, Re V2, Im V2", "", "6×6, row by row"
 )

@@ -110,7 +110,7 @@ def test_a_channel_that_can_be_spared_warns(folder):
     path = folder / "recordings" / "D2.csv"
     pl.read_csv(path).rename({"V2": "V3"}).write_csv(path)
     ((test, about, verdict, message),) = problems(folder)
-    assert (test, about, verdict) == ("D2", "V2", "warning")
+    assert (test, about, verdict) == ("D2", "use of V2", "warning")
     assert message.startswith("V2 was left out: ")
     assert rejected_by_analysis(folder) == set()
     assert agrees(folder, route="relative")[0] == "D2"

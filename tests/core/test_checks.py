@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fourpole.core.checks import (
+    VERDICTS,
     Check,
+    Code,
     check_clipping,
     check_consistency,
     check_distortion,
@@ -16,9 +18,12 @@ from fourpole.core.checks import (
     check_frequency,
     check_gaps,
     check_lift_off,
+    check_mains,
     check_noise,
     check_resonance,
     clipped_share,
+    judged,
+    told,
     worst_verdict,
 )
 from fourpole.core.demodulation.demodulate import demodulate
@@ -38,8 +43,43 @@ def found(record):
 def speaks(check, verdict, *words):
     assert check.verdict == verdict
     assert (check.remark == "") == (verdict == "ok")
+    assert check.remark.endswith(check.remedy)
     for word in words:
         assert word in check.remark
+
+
+@pytest.mark.parametrize("code", Code)
+def test_every_code_says_what_it_looks_at_and_has_a_sentence(code):
+    assert code.about
+    assert Code.read(code.text) is code
+    for verdict in VERDICTS:
+        cause, remedy = code.says(verdict)
+        assert cause
+        assert not remedy or cause.endswith((": ", "; "))
+        assert not remedy.endswith((".", " "))
+
+
+def test_names_on_disk_are_unique_and_another_name_is_no_code():
+    assert len({code.text for code in Code}) == len(Code)
+    assert Code.read("weather") is None
+
+
+def test_a_statistic_at_its_limit_is_within_it():
+    low, at_warn, between, at_reject, beyond = (
+        judged(Code.DISTORTION, statistic, 0.2, 0.5) for statistic in (0.1, 0.2, np.nextafter(0.2, 1), 0.5, 0.51)
+    )
+    verdicts = [each.verdict for each in (low, at_warn, between, at_reject, beyond)]
+    assert verdicts == ["ok", "ok", "warning", "warning", "rejected"]
+    assert [each.limit for each in (low, between, beyond)] == [0.2, 0.2, 0.5]
+
+
+def test_a_rejection_may_have_words_of_its_own():
+    assert Code.LIFT_OFF.short("rejected") != Code.LIFT_OFF.short("warning")
+    assert Code.CLIPPING.short("rejected") == Code.CLIPPING.short("warning")
+
+
+def test_braces_in_a_file_name_stand_as_they_are():
+    assert "{0} {x}.csv" in told(Code.MEMORY, "rejected", file="{0} {x}.csv").remark
 
 
 def test_worst_verdict():
@@ -88,7 +128,10 @@ def test_distortion_is_that_of_the_contact(found, share, verdict):
 @pytest.mark.parametrize(("ratio", "verdict"), [(0.0, "ok"), (0.3, "ok"), (0.301, "warning")])
 def test_noise_of_each_channel(found, ratio, verdict):
     rows = check_noise(replace(found, noise_ratio=np.array([ratio, 0.01, np.nan])), NAMES)
-    assert [row.name for row in rows] == ["residual of F1", "residual of V1"]  # V2 was not measured
+    assert [(row.code, row.channel) for row in rows] == [
+        (Code.RESIDUAL, "F1"),
+        (Code.RESIDUAL, "V1"),
+    ]  # V2 was not measured
     speaks(rows[0], verdict)
     speaks(rows[1], "ok")
 
@@ -102,7 +145,7 @@ def test_excitation_of_each_channel(found, relative, verdict):
     amplitudes = np.array([60.0, 0.06j, np.nan])
     phasors = replace(found.phasors, amplitudes=amplitudes, covariance=covariance)
     rows = check_excitation(replace(found, phasors=phasors), NAMES)
-    assert [row.name for row in rows] == ["excitation of F1", "excitation of V1"]
+    assert [(row.code, row.channel) for row in rows] == [(Code.EXCITATION, "F1"), (Code.EXCITATION, "V1")]
     speaks(rows[0], "ok")
     speaks(rows[1], verdict, *(["V1 hardly moves at 10.3 Hz"] if verdict != "ok" else []))
 
@@ -237,7 +280,7 @@ def test_samples_at_a_stated_range_are_clipped_even_if_few():
     at_limit = Channel(np.clip(wave, -0.9999, 0.9999), "velocity", limits=(-0.9999, 0.9999))
     assert check_clipping("V2", at_limit).verdict == "rejected"
     below = Channel(0.99 * wave, "velocity", limits=(-1.0, 1.0))
-    assert check_clipping("V2", below) == Check("clipping of V2", 0.0, 0.0, "ok", "")
+    assert check_clipping("V2", below) == Check(Code.CLIPPING, 0.0, 0.0, "ok", "V2")
     one = 0.5 * wave
     one[77] = 1.0
     assert clipped_share(Channel(one, "velocity", limits=(-1.0, 1.0))) == pytest.approx(1 / 4000)
@@ -264,3 +307,14 @@ def test_a_coarse_export_is_not_clipping(steps):
 
 def test_a_blocked_rig_has_no_resonance():
     speaks(check_resonance(10.0, Rig(blocked=True), 0.0), "ok")
+
+
+@pytest.mark.parametrize(
+    ("hertz", "verdict"), [(50.0, "warning"), (119.95, "warning"), (50.35, "ok"), (61.0, "ok"), (13.0, "ok")]
+)
+def test_mains(found, hertz, verdict):
+    """Ten seconds: LINE_GAP bins of a tenth of a hertz beside a multiple of 50 or 60 Hz."""
+    near = replace(found, phasors=replace(found.phasors, frequency=hertz), cycles=10 * hertz)
+    check = check_mains(near)
+    assert check.verdict == ("warning" if check.statistic < check.limit else "ok") == verdict
+    assert check.code is Code.MAINS

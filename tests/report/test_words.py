@@ -10,6 +10,7 @@ from tests.findings.designed import Tables as Designed
 
 from fourpole.campaign.results import Results
 from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS
+from fourpole.core.checks import Code
 from fourpole.findings import findings as found_in
 from fourpole.report.words import Sentence, sentences
 from fourpole.report.words import headline as headline_of
@@ -296,16 +297,27 @@ def test_tests_not_to_trust_are_grouped_by_reason():
         "D30": ("rejected", "something nobody foresaw; do something"),
         "S2": ("warning", "the gap of the branches; repeat"),
     }
-    tables = Tables({"A": Tyre()}, verdicts=verdicts)
-    assert tables.texts("trust") == [
+    results = Tables({"A": Tyre()}, verdicts=verdicts).results()
+    codes = [(test, Code.CLIPPING, "rejected") for test, said in verdicts.items() if said is clipped]
+    codes += [("D20", Code.DISTORTION, "warning"), ("D30", Code.RECORDING, "rejected"), ("D1", Code.MAINS, "warning")]
+    rows = [(test, code.text, 1.0, verdict, "") for test, code, verdict in codes]
+    checks = pl.DataFrame(rows, ["test", "code", "statistic", "verdict", "remedy"], orient="row")
+    told = findings(Results(tables=results.tables, checks=checks))
+    assert [found.text for found in told if found.topic == "trust"] == [
         "Of 44 tests 31 could be used, 2 of them with a warning; 13 were rejected.",
         "Do not trust D1, D2, D3, D4, D5, D6, D7, D8, D9, D10 and 2 more (12 tests): a channel is clipped.",
         "Do not trust D30: something nobody foresaw.",
         "Use with care S2: the gap of the branches.",
         "Use with care D20: the motion at the contact is no clean sine.",
     ]
-    (found,) = (f for f in findings(tables.results()) if "clipped" in f.text)
+    (found,) = (f for f in told if "clipped" in f.text)
     assert len(found.tests) == 12
+
+
+def test_without_checks_the_reason_is_the_remark():
+    """Results of a version that wrote no checks.csv."""
+    tables = Tables({"A": Tyre()}, verdicts={"D3": ("rejected", "F1 is clipped: 3 % of it; set a larger range")})
+    assert "Do not trust D3: F1 is clipped: 3 % of it." in tables.texts("trust")
 
 
 def test_where_all_was_rejected_only_that_is_said():

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fourpole.campaign.outcome import Point
-from fourpole.core.checks import Check
+from fourpole.core.checks import Check, Code
 from fourpole.core.demodulation.corrections import Correction
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
@@ -21,7 +21,7 @@ from fourpole.io.write import write_text
 __all__ = ["cache_name", "recall", "remember"]
 
 #: Raised whenever demodulation or its checks change, so that what older versions kept is not used.
-_VERSION = 6
+_VERSION = 7
 
 
 def cache_name(depends_on: list[object], sha256: str) -> str:
@@ -40,7 +40,7 @@ def _kept(point: Point) -> dict[str, Any]:
     shown = {name: np.asarray(value, dtype=np.float32).tolist() for name, value in vars(point.preview).items()}
     return {
         "phasors": {name: _plain(value) for name, value in vars(point.phasors).items()},
-        "checks": [asdict(row) for row in point.checks],
+        "checks": [vars(row) | {"code": row.code.name} for row in point.checks],
         "corrections": [asdict(row) for row in point.corrections],
         "channels": point.channels,
         "preview": shown,
@@ -69,7 +69,7 @@ def _recalled(
     amplitudes = np.array(pair["re"]) + 1j * np.array(pair["im"])
     return Point(
         phasors=Phasors(amplitudes=amplitudes, **{name: np.asarray(value) for name, value in phasors.items()}),
-        checks=tuple(Check(**row) for row in checks),
+        checks=tuple(Check(**row | {"code": Code[row["code"]]}) for row in checks),
         corrections=tuple(Correction(**row) for row in corrections),
         channels=tuple(channels),
         preview=Preview(**{name: np.asarray(value, dtype=float) for name, value in preview.items()}),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,10 @@ from fourpole.campaign.identified import Identified
 from fourpole.campaign.outcome import Point
 from fourpole.campaign.static import StaticStiffness
 from fourpole.campaign.tables import amplitude_cells, covariance_cells, tyre_cells
-from fourpole.core.checks import Check, remarked, worst_verdict
+from fourpole.core.checks import Check, Code, told, worst_verdict
 from fourpole.core.identification import Identification
 
-__all__ = ["dynamic_cells"]
+__all__ = ["dynamic_cells", "dynamic_checks"]
 
 #: Above this relative uncertainty linear propagation is no longer to be trusted.
 _LINEAR = 0.3
@@ -23,44 +24,43 @@ _LINEAR = 0.3
 _NEVER_PASSIVE = 0.975
 
 
-def dynamic_cells(
+def dynamic_checks(
     test: Test, point: Point, stiffness: StaticStiffness, found: Identified | None, route: str
-) -> dict[str, Any]:
-    """Cells of a test; one that was rejected has its amplitudes only."""
+) -> tuple[Check, ...]:
+    """All checks of a test: those of its reduction, of its K1 and of what was identified."""
     rows = list(point.checks)
+    if found is not None:
+        rows += _calibration_checks(test) if test.kind == "calibration" else _arm_checks(found, stiffness)
+        rows += [stiffness.warning] if stiffness.warning is not None else []
+        rows += [told(Code.K1, "ok", why=stiffness.doubt)] if stiffness.doubt else []
+        rows += [*_outlier_checks(found), *_convergence_checks(found)]
+    elif test.kind == "calibration" and point.phasors is not None and route != "joint":
+        rows.append(told(Code.CALIBRATION_UNUSED, "warning", route=route))
+    return tuple(rows)
+
+
+def dynamic_cells(point: Point, found: Identified | None, route: str, checks: Sequence[Check]) -> dict[str, Any]:
+    """Cells of a test; one that was rejected has its amplitudes only."""
     cells: dict[str, Any] = {"route": route if found is None else found.group.route}
     if point.phasors is not None:
         cells.update(amplitude_cells(point.phasors))
     if found is not None:
-        rows += _calibration_checks(test) if test.kind == "calibration" else _arm_checks(found, stiffness)
-        rows += [remarked("K1", "warning", stiffness.warning)] if stiffness.warning else []
-        rows += [remarked("K1", "ok", stiffness.doubt)] if stiffness.doubt else []
-        rows += [*_outlier_checks(found), *_convergence_checks(found)]
         cells.update(_identified_cells(found.result, found.at))
-    elif test.kind == "calibration" and point.phasors is not None and route != "joint":
-        rows.append(
-            remarked("calibration", "warning", f"a calibration test serves the joint route only, not the {route} route")
-        )
-    cells["verdict"] = worst_verdict(row.verdict for row in rows)
-    cells["remarks"] = "; ".join(row.remark for row in rows if row.remark)
+    cells["verdict"] = worst_verdict(row.verdict for row in checks)
+    cells["remarks"] = "; ".join(row.remark for row in checks if row.remark)
     return cells
 
 
 def _calibration_checks(test: Test) -> list[Check]:
     mass = test.value("added_mass") or 0.0
-    remark = f"a rigid mass of {mass:g} kg in place of the tyre: it serves the rig and the channels"
-    return [remarked("calibration", "ok", remark)]
+    return [told(Code.CALIBRATION, "ok", mass=mass)]
 
 
 def _convergence_checks(found: Identified) -> list[Check]:
     joint = found.group.result.joint
     if joint is None or joint.solution.converged:
         return []
-    return [
-        remarked(
-            "convergence", "warning", "the joint route did not converge for this rig: use --route relative or mobility"
-        )
-    ]
+    return [told(Code.CONVERGENCE, "warning")]
 
 
 def _outlier_checks(found: Identified) -> list[Check]:
@@ -68,11 +68,7 @@ def _outlier_checks(found: Identified) -> list[Check]:
     factor = learned.outliers.get(found.group.names[found.at], 1.0) if learned is not None else 1.0
     if factor <= 1:
         return []
-    remark = (
-        f"does not go with the other tests of its rig: its residual is {np.sqrt(factor):.2g} times what its noise "
-        "allows, so it hardly counts; look for a wrong load, mass, range or a loose sensor, and repeat it"
-    )
-    return [Check("agreement", factor, 1.0, "warning", remark)]
+    return [told(Code.AGREEMENT, "warning", factor, 1.0, times=np.sqrt(factor))]
 
 
 def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
@@ -80,28 +76,23 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
     result, at = found.result, found.at
     reason, value = result.reasons[at], result.stiffness[at]
     if stiffness.reason and value.real > 0 and value.imag > 0:
-        return [remarked("K1", "warning", f"K2 and C are left blank: {stiffness.reason}")]
+        return [told(Code.NO_K1, "warning", why=stiffness.reason)]
     interval = _interval(found, 0) if at in found.group.intervals else ""
     if reason and interval and found.group.intervals[at][0].impassive < _NEVER_PASSIVE:
-        remark = (
-            f"K2 and C cannot be told: K' lies too close to K1 for its uncertainty; K2 is{interval}: use K* instead"
-        )
-        return [Check("passive arm", found.group.intervals[at][0].impassive, _NEVER_PASSIVE, "warning", remark)]
+        share = found.group.intervals[at][0].impassive
+        return [told(Code.PASSIVE_ARM, "warning", share, _NEVER_PASSIVE, interval=interval)]
     if reason:
-        return [Check("passive arm", float("nan"), 0.0, "rejected", reason)]
+        return [told(Code.PASSIVE_ARM, "rejected", limit=0.0, why=reason)]
     with np.errstate(invalid="ignore"):
         relative = np.sqrt(np.diag(result.arm_covariance[at])) / (result.k2[at], result.c[at])
     worst = float(np.max(relative))
     if worst <= _LINEAR:
-        return [Check("uncertainty", worst, _LINEAR, "ok")]
+        return [Check(Code.UNCERTAINTY, worst, _LINEAR, "ok")]
     which = int(np.argmax(relative))
     what = ("K2", "C")[which]
     interval = _interval(found, which) if at in found.group.intervals else ""
-    remark = (
-        f"{what} is known to {worst:.0%} only,{interval or ' so its interval is not symmetric'}: use K* instead, "
-        "or state the rig, K1 and the channels with smaller uncertainties"
-    )
-    return [Check("uncertainty", worst, _LINEAR, "warning", remark)]
+    words = interval or " so its interval is not symmetric"
+    return [told(Code.UNCERTAINTY, "warning", worst, _LINEAR, name=what, interval=words)]
 
 
 def _interval(found: Identified, which: int) -> str:

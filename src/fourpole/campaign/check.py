@@ -154,7 +154,7 @@ class _Inspection:
             if test.kind == "static":
                 return
             for row in check_part(job):
-                self._say(test, row.name, row.verdict, row.remark)
+                self._say(test, row.heading, row.verdict, row.remark)
             if test.window is not None:
                 self._window(test, path)
         except FourpoleError as error:
@@ -246,5 +246,5 @@ class _Inspection:
             found = stiffness_for(test, statics, self.campaign.stated.sameness)
             if found.reason:
                 self._say(test, "K1", "warning", f"K2 and C would be left blank: {found.reason}")
-            elif found.warning:
-                self._say(test, "K1", "warning", found.warning)
+            elif found.warning is not None:
+                self._say(test, "K1", "warning", found.warning.remark)

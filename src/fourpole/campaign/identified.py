@@ -15,7 +15,7 @@ from fourpole.campaign.outcome import Point
 from fourpole.campaign.static import StaticStiffness
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
-from fourpole.core.checks import worst_verdict
+from fourpole.core.checks import Code, worst_verdict
 from fourpole.core.identification import Identification
 from fourpole.core.identify import identify, variance_by_source
 from fourpole.core.joint import solve_joint
@@ -165,8 +165,8 @@ def _phasors(point: Point, route: str) -> Phasors | None:
     if point.phasors is None:
         return None
     phasors = point.phasors
-    still = {row.name for row in point.checks if row.name.startswith("excitation of") and row.statistic > row.limit}
-    idle = [f"excitation of {symbol}" in still for symbol in SYMBOLS.values()]
+    still = {row.channel for row in point.checks if row.code is Code.EXCITATION and row.statistic > row.limit}
+    idle = [symbol in still for symbol in SYMBOLS.values()]
     if route != "joint" or not any(idle):
         return phasors
     return replace(phasors, amplitudes=np.where(idle, np.nan, phasors.amplitudes))

@@ -19,7 +19,7 @@ from fourpole.campaign.load import MOST_BYTES, load_recording
 from fourpole.campaign.outcome import Point, Reduced
 from fourpole.campaign.schema import RigFile
 from fourpole.core import checks
-from fourpole.core.checks import Check, remarked
+from fourpole.core.checks import Check, Code, told
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
 from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.steady import steady_part
@@ -27,12 +27,14 @@ from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
-from fourpole.errors import FourpoleError, RecordingError, TableError
+from fourpole.errors import ConstantError, FourpoleError, RecordingError, TableError, TooShortError
 from fourpole.io.source import sha256_of
 
 __all__ = ["ROUTE_NEEDS", "Job", "check_part", "jobs_of", "reduce_tests", "reduced_point", "response_hashes"]
 
 _WORKERS = min(os.cpu_count() or 1, 8)
+#: Errors that have a code of their own; any other error of a recording has `Code.RECORDING`.
+_CODES: dict[type[FourpoleError], Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}
 #: Channels that a route cannot do without.
 ROUTE_NEEDS = {
     "joint": ("force_in", "motion_in"),
@@ -79,7 +81,7 @@ class Job:
     def run(self) -> Reduced:
         """Reduce the recording, or recall it from the cache; an error becomes a rejecting check of this test."""
         if self.test.problem:
-            return Reduced((Point(None, (remarked("tests.csv", "rejected", self.test.problem),)),))
+            return Reduced((Point(None, (told(Code.STATEMENT, "rejected", why=self.test.problem),)),))
         try:
             path = inside(self.folder, self.test.file)
             sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=self.test.file)
@@ -91,14 +93,12 @@ class Job:
                     remember(place, points)
             return Reduced(points, sha256)
         except FourpoleError as error:
-            remark = str(error)
+            why = told(_CODES.get(type(error), Code.RECORDING), "rejected", why=error)
         except MemoryError:
-            remark = f"{self.test.file} does not fit into memory: cut it with window [s]"
+            why = told(Code.MEMORY, "rejected", file=self.test.file)
         except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
-            remark = (
-                f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it with this recording"
-            )
-        return Reduced((Point(None, (remarked("recording", "rejected", remark),)),))
+            why = told(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
+        return Reduced((Point(None, (why,)),))
 
     def _settings(self) -> list[object]:
         """All that the result depends on besides the recording."""
@@ -151,12 +151,12 @@ def check_part(job: Job) -> tuple[Check, ...]:
     recording, clipped = _unclipped(recording, job.needed)
     rows += clipped
     checks = tuple(rows) if _is_plain(job, recording) else reduced_point(job, path, long).checks
-    moved = f"excitation of {SYMBOLS['motion_in']}"
-    runs = job.test.window is not None or all(row.verdict == "ok" for row in checks if row.name == moved)
+    moved = [row for row in checks if row.code is Code.EXCITATION and row.channel == SYMBOLS["motion_in"]]
+    runs = job.test.window is not None or all(row.verdict == "ok" for row in moved)
     bad = [row for row in checks if row.verdict == "rejected"]
     # A drive that does not run yet in this part may run behind it: the analysis cuts a lead-in.
     bad = bad if runs else [replace(row, verdict="warning", remark=f"at first, {row.remark}") for row in bad]
-    return (*bad, *(row for row in checks if row.verdict == "warning" and row.name in SYMBOLS.values()))
+    return (*bad, *(row for row in checks if row.verdict == "warning" and row.code is Code.LEFT_OUT))
 
 
 def _is_plain(job: Job, recording: Recording) -> bool:
@@ -224,7 +224,7 @@ def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording,
             raise
         recording, remarks = load_recording(job.folder, path, job.test, job.channels, job.needed, part=part)
         rows.append(_left_out(spare[0], str(error)))
-    return recording, rows + [remarked("time base", "warning", remark) for remark in remarks]
+    return recording, rows + [told(Code.TIME_BASE, "warning", why=remark) for remark in remarks]
 
 
 def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[Check]]:
@@ -245,8 +245,7 @@ def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[
         )
         if text
     )
-    remark = f"{cut} of {high - low:.4g} s were cut, for the drive was not steady there; state window [s] to choose"
-    return recording.between(*part), [remarked("steady part", "ok", remark)]
+    return recording.between(*part), [told(Code.STEADY, "ok", cut=cut, length=high - low)]
 
 
 def _followed(recording: Recording, near: float | None) -> tuple[Demodulation, list[Check]]:
@@ -258,16 +257,11 @@ def _followed(recording: Recording, near: float | None) -> tuple[Demodulation, l
     if followed is None:
         return found, []
     better, wander = followed
-    remark = (
-        f"the speed of the drive wanders by up to {wander.speed:.2%} of its mean, which makes V1/F1 or V2/V1 wrong by "
-        f"{wander.shift:.2g} of it at one frequency: followed along the phase of V1; record a tacho or encoder and "
-        "state it as [channels] reference"
-    )
-    return better, [Check("speed", wander.speed, 0.0, "warning", remark)]
+    return better, [told(Code.SPEED, "warning", wander.speed, 0.0, shift=wander.shift)]
 
 
 def _left_out(role: str, why: str) -> Check:
-    return remarked(SYMBOLS[role], "warning", f"{SYMBOLS[role]} was left out: {why}")
+    return told(Code.LEFT_OUT, "warning", channel=SYMBOLS[role], why=why)
 
 
 def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:
@@ -295,7 +289,7 @@ def _judged(job: Job, found: Demodulation) -> Iterator[Check]:
     yield checks.check_distortion(found)
     spared = tuple(SYMBOLS[role] for role in CHANNELS if role not in job.needed)
     for row in (*checks.check_excitation(found, names), *checks.check_noise(found, names)):
-        spare = row.verdict == "rejected" and row.name.endswith(spared) and bool(spared)
+        spare = row.verdict == "rejected" and row.channel in spared
         yield replace(row, verdict="warning") if spare else row
     if np.isfinite(found.force_peak):
         yield checks.check_lift_off(found.force_peak, test.value("preload"))

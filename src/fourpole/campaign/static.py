@@ -10,6 +10,7 @@ import numpy as np
 from fourpole.campaign.conditions import condition_of
 from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.campaign.load import MOST_BYTES, load_curve
+from fourpole.core.checks import Check, Code, told, worst_verdict
 from fourpole.core.condition import Condition, Sameness
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.sources import Kind, Source
@@ -34,9 +35,18 @@ class StaticRow:
     secant: float = float("nan")
     loss: float = float("nan")
     nonlinearity: float = float("nan")
-    verdict: str = "ok"
-    remarks: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()
     parts: Mapping[Source, float] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> str:
+        """The worst of the checks."""
+        return worst_verdict(row.verdict for row in self.checks)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the checks say."""
+        return tuple(row.remark for row in self.checks if row.remark)
 
 
 @dataclass(frozen=True)
@@ -50,7 +60,7 @@ class StaticStiffness:
     std: float = float("nan")
     reason: str = ""
     doubt: str = ""
-    warning: str = ""
+    warning: Check | None = None
     parts: Mapping[Source, float] = field(default_factory=dict)
 
 
@@ -81,7 +91,7 @@ class _Choice:
 
     names: tuple[str, ...] = ()
     remark: str = ""
-    warning: str = ""
+    warning: Check | None = None
 
 
 def _choice(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
@@ -120,8 +130,8 @@ def _said(
         if mine.values[at] is None and len(set(axis.groups(stated).tolist())) > 1:
             mixed.append(axis.name)
     remark = f"K1 from {', '.join(names)}: {'; '.join(remarks)}" if remarks else ""
-    warning = f"K1 is the mean of static tests that differ in {' and '.join(mixed)}: state that of this test"
-    return _Choice(names, remark, warning if mixed else "")
+    warning = told(Code.K1_MIXED, "warning", axes=" and ".join(mixed)) if mixed else None
+    return _Choice(names, remark, warning)
 
 
 def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
@@ -137,10 +147,8 @@ def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
     names = tuple(name for name, value in there.items() if axis.same(value, at))
     mean = float(np.mean([there[name] for name in names]))
     side = "below" if mean < own else "above"
-    warning = (
-        f"K1 is that of {', '.join(names)} at {mean:.4g} °C, {abs(own - mean):.3g} K {side} this test: "
-        f"add a static test at {own:.4g} °C"
-    )
+    off, limit, listed = abs(own - mean), axis.absolute, ", ".join(names)
+    warning = told(Code.K1_TEMPERATURE, "warning", off, limit, names=listed, there=mean, side=side, own=own)
     return _Choice(names, warning=warning)
 
 
@@ -155,12 +163,12 @@ def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticT
         curve = load_curve(path, test, campaign.stated.channels)
         whole = StaticRow(test, nowhere, loss=curve.hysteresis_loss, nonlinearity=curve.nonlinearity)
     except FourpoleError as error:
-        remark = str(error)
+        why = told(Code.LOAD_CURVE, "rejected", why=error)
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
-        remark = f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it with this recording"
+        why = told(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
     else:
         return _read(campaign, test, curve, whole, preloads, sha256)
-    rows = tuple(StaticRow(test, load, verdict="rejected", remarks=(remark,)) for load in preloads or [nowhere])
+    rows = tuple(StaticRow(test, load, checks=(why,)) for load in preloads or [nowhere])
     return StaticTest(test, None, rows, sha256)
 
 
@@ -169,8 +177,7 @@ def _read(
 ) -> StaticTest:
     """A static test whose curve could be read, at each preload in use."""
     if not preloads:
-        remark = "no dynamic test that takes this K1 states a preload: state one in this row to get K1"
-        return StaticTest(test, curve, (replace(whole, remarks=(remark,)),), sha256)
+        return StaticTest(test, curve, (replace(whole, checks=(told(Code.NO_PRELOAD, "ok"),)),), sha256)
     return StaticTest(test, curve, tuple(_at(campaign, test, curve, whole, load) for load in preloads), sha256)
 
 
@@ -182,11 +189,9 @@ def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load
         tangent = curve.tangent(load)
         secant = curve.secant(load)
     except LoadCurveError as error:
-        remark = f"{error}; record the static test past the preload"
-        return StaticRow(
-            test, load, loss=whole.loss, nonlinearity=whole.nonlinearity, verdict="rejected", remarks=(remark,)
-        )
-    remarks = [*curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
+        return replace(whole, preload=load, checks=(told(Code.BEYOND_CURVE, "rejected", why=error),))
+    checks = [told(Code.CURVE, "warning", why=remark) for remark in curve.remarks]
+    checks += [told(Code.SECANT, "ok", why=secant.reason)] if secant.reason else []
     std = tangent.std_with_gains(channels.load.gain_std, channels.deflection.gain_std)
     parts = {
         Source(Kind.K1_FIT): tangent.fit,
@@ -203,8 +208,7 @@ def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load
         secant=secant.stiffness,
         loss=whole.loss,
         nonlinearity=whole.nonlinearity,
-        verdict="warning" if curve.remarks else "ok",
-        remarks=tuple(remarks),
+        checks=tuple(checks),
     )
 
 

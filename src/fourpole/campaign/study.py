@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 from numpy.typing import ArrayLike
 
-from fourpole.campaign.cells import dynamic_cells
+from fourpole.campaign.cells import dynamic_cells, dynamic_checks
 from fourpole.campaign.conditions import axes_record
 from fourpole.campaign.folder import Campaign, Test, read_campaign
 from fourpole.campaign.identified import identify_tests, possible_route
@@ -281,8 +281,9 @@ def analyse(
     rule = campaign.stated.sameness
     stiffness = [_stiffness(test, static_rows, rule) for test in dynamic]
     found, remarks = identify_tests(campaign, dynamic, points, stiffness, route, monte_carlo, _SEED)
-    cells = [dynamic_cells(dynamic[i], points[i], stiffness[i], found.get(i), route) for i in range(len(dynamic))]
-    analysed = Analysed(campaign, statics, dynamic, points, cells, found)
+    checks = [dynamic_checks(dynamic[i], points[i], stiffness[i], found.get(i), route) for i in range(len(dynamic))]
+    cells = [dynamic_cells(points[i], found.get(i), route, checks[i]) for i in range(len(dynamic))]
+    analysed = Analysed(campaign, statics, dynamic, points, checks, cells, found)
     groups = [group for group, _ in analysed.groups]
     return Study(
         campaign=campaign,

@@ -22,6 +22,7 @@ from fourpole.campaign.identified import Group, Identified, budget_columns
 from fourpole.campaign.outcome import Point
 from fourpole.campaign.static import StaticTest
 from fourpole.core.arrays import ByValue
+from fourpole.core.checks import Check
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.identification import Identification
 from fourpole.core.identify import OUTPUTS
@@ -86,8 +87,8 @@ class Analysed:
     statics : sequence of StaticTest
     tests : sequence of Test
         The dynamic tests, each as often as it has points.
-    points, cells : sequences
-        What the reduction gave for each of `tests`, and its cells of dynamic.csv.
+    points, checks, cells : sequences
+        What the reduction gave for each of `tests`, all its checks, and its cells of dynamic.csv.
     found : mapping of int to Identified
         By the place in `tests`.
     """
@@ -96,6 +97,7 @@ class Analysed:
     statics: Sequence[StaticTest]
     tests: Sequence[Test]
     points: Sequence[Point]
+    checks: Sequence[Sequence[Check]]
     cells: Sequence[dict[str, Any]]
     found: Mapping[int, Identified]
 
@@ -183,7 +185,7 @@ class Tables(ByValue):
     """Who holds result tables, by name; those of the registry are attributes too."""
 
     tables: Mapping[str, pl.DataFrame]
-    static, dynamic, previews = _Held(), _Held(), _Held()
+    static, dynamic, checks, previews = _Held(), _Held(), _Held(), _Held()
     rig, residuals, budget, quantiles = _Held(), _Held(), _Held(), _Held()
     corrections, phasors, covariance = _Held(), _Held(), _Held()
 
@@ -322,6 +324,29 @@ def _quantile_table(analysed: Analysed) -> pl.DataFrame:
         for one, drawn in zip((q.K2, q.C), pair, strict=True)
     ]
     return _frame(rows, QUANTILES.columns)
+
+
+def _check_table(analysed: Analysed) -> pl.DataFrame:
+    """All checks; those of a static test once, not once per preload."""
+    statics = [
+        (dict(zip(KEY, (item.test.name, 1), strict=True)), check)
+        for item in analysed.statics
+        for check in dict.fromkeys(check for row in item.rows for check in row.checks)
+    ]
+    dynamic = zip(analysed.keys, analysed.checks, strict=True)
+    rows = [
+        {
+            **key,
+            q.CODE.head: check.code.text,
+            q.CHANNEL.head: check.channel,
+            q.STATISTIC.head: check.statistic,
+            q.LIMIT.head: check.limit,
+            q.VERDICT.head: check.verdict,
+            q.REMEDY.head: check.remedy,
+        }
+        for key, check in [*statics, *((key, check) for key, checks in dynamic for check in checks)]
+    ]
+    return _frame(rows, CHECKS.columns)
 
 
 def _correction_table(analysed: Analysed) -> pl.DataFrame:
@@ -486,6 +511,11 @@ BUDGET = TableSpec(
     _columns(q.TEST, q.QUANTITY, q.UNIT, q.SOURCE, q.U, q.SHARE),
     _budget_table, key=(*KEY, q.QUANTITY.head, q.SOURCE.head),
 )  # fmt: skip
+CHECKS = TableSpec(
+    "checks", "a check of a test",
+    _columns(q.TEST, q.CODE, q.CHANNEL, q.STATISTIC, q.LIMIT, q.VERDICT, q.REMEDY),
+    _check_table, key=(*KEY, q.CODE.head, q.CHANNEL.head),
+)  # fmt: skip
 CORRECTIONS = TableSpec(
     "corrections", "what was undone at an amplitude of a dynamic test",
     _columns(
@@ -520,7 +550,7 @@ PREVIEWS = TableSpec(
 #: All result tables, by name.
 TABLES = {
     one.name: one
-    for one in (STATIC, DYNAMIC, RIG, RESIDUALS, QUANTILES, BUDGET, CORRECTIONS, PHASORS, COVARIANCE, PREVIEWS)
+    for one in (STATIC, DYNAMIC, CHECKS, RIG, RESIDUALS, QUANTILES, BUDGET, CORRECTIONS, PHASORS, COVARIANCE, PREVIEWS)
 }
 STATIC_COLUMNS, DYNAMIC_COLUMNS, COVARIANCE_COLUMNS = (tuple(one.columns) for one in (STATIC, DYNAMIC, COVARIANCE))
 RIG_COLUMNS, RESIDUAL_COLUMNS, BUDGET_COLUMNS = (tuple(one.columns) for one in (RIG, RESIDUALS, BUDGET))

@@ -1,9 +1,15 @@
-"""Verdict rows: what was looked at, what was found, the limit, whether it passed, and what to do."""
+"""Checks: what was looked at, what was found, the limit, the verdict and what to do.
+
+All codes and all sentences stand in `Code`, those of checks that other rooms make included. A new check is an entry
+there and a function here, and one line in `fourpole.campaign.reduce` that calls it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import Enum
+from math import inf, nan
 
 import numpy as np
 
@@ -15,7 +21,9 @@ from fourpole.core.recording import Channel
 from fourpole.core.rig import Rig
 
 __all__ = [
+    "VERDICTS",
     "Check",
+    "Code",
     "check_clipping",
     "check_consistency",
     "check_distortion",
@@ -26,7 +34,8 @@ __all__ = [
     "check_mains",
     "check_noise",
     "check_resonance",
-    "remarked",
+    "judged",
+    "told",
     "worst_verdict",
 ]
 
@@ -36,27 +45,273 @@ _INCONSISTENT = 0.2
 VERDICTS = ("ok", "warning", "rejected")
 
 
+class Code(Enum):
+    """Each check: its name on disk, what it looks at; the cause in short, and the cause and remedy of its sentence.
+
+    The last three may follow once more: they are the words of a rejection, where these differ from those of a warning.
+    """
+
+    FREQUENCY = (
+        "stated frequency",
+        "the frequency of the recording against the one in tests.csv",
+        "the recording turns at another frequency than is stated",
+        "the recording turns at {found:.5g} Hz, {stated:.5g} Hz is stated ({statistic:.1%} off): ",
+        "correct the frequency in tests.csv, or check that this is the right file",
+    )
+    MISSING = (
+        "missing samples",
+        "the share of samples that are missing",
+        "samples are missing",
+        "{percent:.2g} % of the samples are missing and were left out of the fit; ",
+        "look at the logger",
+    )
+    MAINS = (
+        "mains",
+        "the distance to a multiple of the mains frequency, in steps of one over the length of the recording",
+        "hum of the mains cannot be told from the excitation",
+        "{hertz:.4g} Hz lies on a multiple of the mains frequency: hum cannot be told from the excitation; ",
+        "test half a hertz beside it",
+    )
+    DISTORTION = (
+        "distortion",
+        "harmonics of the displacement at the contact over the fundamental",
+        "the motion at the contact is no clean sine",
+        "harmonics of the displacement at the contact are {statistic:.0%} of the fundamental: ",
+        "look at the cam, the contact and the frequency; the tyre may behave non-linearly",
+    )
+    EXCITATION = (
+        "excitation",
+        "the uncertainty of an amplitude over the amplitude",
+        "a channel hardly moves at the test frequency",
+        "{channel} hardly moves at {hertz:.4g} Hz: the amplitude is known to {statistic:.0%} only; ",
+        "check the sensor, its column and the excitation",
+    )
+    RESIDUAL = (
+        "residual",
+        "what the fit of a channel leaves over the fundamental",
+        "noise or an unsteady speed",
+        (
+            "what the fit leaves of {channel} is {statistic:.0%} of the fundamental: noise, an unsteady speed, "
+            "or loose parts; "
+        ),
+        "look at the signal, record longer, or steady the drive",
+    )
+    LIFT_OFF = (
+        "lift-off",
+        "the dynamic force over the preload",
+        "the tyre is close to lifting off",
+        (
+            "the dynamic force reaches {peak:.4g} N, {statistic:.0%} of the preload of {preload:.4g} N: "
+            "the tyre is close to lifting off; "
+        ),
+        "test with a higher preload or a smaller excitation",
+        "the tyre lifts off",
+        (
+            "the dynamic force reaches {peak:.4g} N, {statistic:.0%} of the preload of {preload:.4g} N: "
+            "the tyre lifts off; "
+        ),
+        "test with a higher preload or a smaller excitation",
+    )
+    RESONANCE = (
+        "rig resonance",
+        "the largest part of the rig's stiffness over K3 - m w²",
+        "the rig's own resonance hides the tyre",
+        (
+            "{hertz:.4g} Hz is the rig's own resonance (K3 = {spring:.4g} N/m, m w² = {inertia:.4g} N/m): it moves "
+            "without force and the tyre cannot be seen; "
+        ),
+        "test at another frequency, or with another moving mass",
+    )
+    CONSISTENCY = (
+        "F1 against V2",
+        "the departure of F1 from what V2 and the rig need",
+        "F1 and V2 contradict each other",
+        "F1 is {ratio:.2f} times, and {degrees:.0f} degrees off, what V2 and the rig need: ",
+        "look for an inverted or wrongly scaled F1 or V2, an undeclared delay, or a wrong moving mass",
+    )
+    CLIPPING = (
+        "clipping",
+        "the share of samples at the end of the converter's range",
+        "a channel is clipped",
+        "{channel} is clipped: {statistic:.1%} of its samples stand at the end of its range; ",
+        "set a larger range on the amplifier and repeat the test",
+    )
+    LEFT_OUT = (
+        "use",
+        "a channel that the route can spare and that cannot be used",
+        "a channel was left out",
+        "{channel} was left out: {why}",
+    )
+    TIME_BASE = ("time base", "the times of the samples", "the time base is doubtful", "{why}")
+    STEADY = (
+        "steady part",
+        "the part of the recording in which the drive is steady",
+        "the ends of the recording were cut",
+        "{cut} of {length:.4g} s were cut, for the drive was not steady there; ",
+        "state window [s] to choose",
+    )
+    SPEED = (
+        "speed",
+        "the wander of the drive's speed over its mean",
+        "the speed of the drive wanders",
+        (
+            "the speed of the drive wanders by up to {statistic:.2%} of its mean, which makes V1/F1 or V2/V1 wrong by "
+            "{shift:.2g} of it at one frequency: followed along the phase of V1; "
+        ),
+        ("record a tacho or encoder and state it as [channels] reference"),
+    )
+    STATEMENT = ("tests.csv", "the row of the test in tests.csv", "", "{why}")
+    RECORDING = ("recording", "whether the recording can be read and used", "", "{why}")
+    CONSTANT = ("constant channel", "whether a channel moves at all", "a channel is constant", "{why}")
+    TOO_SHORT = ("length", "the cycles in the recording", "the recording is too short", "{why}")
+    MEMORY = (
+        "memory",
+        "whether the recording fits into memory",
+        "the recording does not fit into memory",
+        "{file} does not fit into memory: ",
+        "cut it with window [s]",
+    )
+    FAULT = (
+        "fault",
+        "a fault of the program",
+        "",
+        "a fault in Fourpole itself ({why}); ",
+        "please report it with this recording",
+    )
+    LOAD_CURVE = ("load curve", "whether the load-deflection curve can be read and used", "", "{why}")
+    CURVE = ("curve", "the form of the load-deflection curve", "", "{why}")
+    BEYOND_CURVE = (
+        "preload",
+        "whether the load-deflection curve reaches the preload",
+        "the load-deflection curve does not reach the preload",
+        "{why}; ",
+        "record the static test past the preload",
+    )
+    NO_PRELOAD = (
+        "no preload",
+        "whether a preload is known at which K1 can be read",
+        "no preload is stated",
+        "no dynamic test that takes this K1 states a preload: ",
+        "state one in this row to get K1",
+    )
+    SECANT = ("secant", "whether the curve reaches the point of zero load", "there is no secant", "no secant: {why}")
+    K1 = ("K1", "the static stiffness of a dynamic test", "K1 is doubtful", "{why}")
+    K1_TEMPERATURE = (
+        "K1 temperature",
+        "the distance in temperature to the nearest static test [K]",
+        "K1 is that of another temperature",
+        "K1 is that of {names} at {there:.4g} °C, {statistic:.3g} K {side} this test: ",
+        "add a static test at {own:.4g} °C",
+    )
+    K1_MIXED = (
+        "K1 conditions",
+        "whether the static tests of a dynamic test are of one condition",
+        "K1 is the mean of static tests of several conditions",
+        "K1 is the mean of static tests that differ in {axes}: ",
+        "state that of this test",
+    )
+    NO_K1 = (
+        "no K1",
+        "whether there is a static stiffness",
+        "there is no K1, so K2 and C are blank",
+        "K2 and C are left blank: {why}",
+    )
+    PASSIVE_ARM = (
+        "passive arm",
+        "the share of the drawn K2 and C that is not passive",
+        "K' lies too close to K1",
+        "K2 and C cannot be told: K' lies too close to K1 for its uncertainty; K2 is{interval}: ",
+        "use K* instead",
+        "",
+        "{why}",
+        "",
+    )
+    UNCERTAINTY = (
+        "uncertainty",
+        "the relative uncertainty of K2 or C, the larger one",
+        "K2 or C is known too poorly",
+        "{name} is known to {statistic:.0%} only,{interval}: ",
+        ("use K* instead, or state the rig, K1 and the channels with smaller uncertainties"),
+    )
+    AGREEMENT = (
+        "agreement",
+        "the factor by which the variance of a test was enlarged",
+        "the test does not go with the other tests of its rig",
+        (
+            "does not go with the other tests of its rig: its residual is {times:.2g} times what its noise "
+            "allows, so it hardly counts; "
+        ),
+        "look for a wrong load, mass, range or a loose sensor, and repeat it",
+    )
+    CONVERGENCE = (
+        "convergence",
+        "whether the joint route converged",
+        "the joint route did not converge",
+        "the joint route did not converge for this rig: ",
+        "use --route relative or mobility",
+    )
+    CALIBRATION = (
+        "calibration",
+        "a rigid mass in place of the tyre",
+        "a rigid mass in place of the tyre",
+        "a rigid mass of {mass:g} kg in place of the tyre: it serves the rig and the channels",
+    )
+    CALIBRATION_UNUSED = (
+        "calibration unused",
+        "whether the route uses a calibration test",
+        "the route does not use a calibration test",
+        "a calibration test serves the joint route only, not the {route} route",
+    )
+
+    def __init__(self, text: str, about: str, short: str, cause: str, remedy: str = "", *rejected: str) -> None:
+        self.text, self.about = text, about
+        self._words = {"warning": (short, cause, remedy), "rejected": rejected or (short, cause, remedy)}
+
+    def short(self, verdict: str) -> str:
+        """The cause in a few words; empty where only the sentence tells it."""
+        return self._words["rejected" if verdict == "rejected" else "warning"][0]
+
+    def says(self, verdict: str) -> tuple[str, str]:
+        """Templates of the cause and of the remedy, which follow each other in the sentence."""
+        _, cause, remedy = self._words["rejected" if verdict == "rejected" else "warning"]
+        return cause, remedy
+
+    @classmethod
+    def read(cls, text: str) -> Code | None:
+        """The code with this name on disk; None where there is none."""
+        return next((code for code in cls if code.text == text), None)
+
+
 @dataclass(frozen=True)
 class Check:
     """One check of one test.
 
     Attributes
     ----------
-    name : str
+    code : Code
         What was looked at.
     statistic, limit : float
-        What was found, and where it starts to matter, in the same unit.
+        What was found, and where it starts to matter, in the same unit; not-a-number for a check without a number.
     verdict : {"ok", "warning", "rejected"}
         What follows.
-    remark : str
-        Cause and remedy; empty where ok.
+    channel : str
+        F1, V1 or V2 where the check is of one channel.
+    remark, remedy : str
+        The whole sentence, and what to do; empty where there is nothing to say.
     """
 
-    name: str
+    code: Code
     statistic: float
     limit: float
     verdict: str
+    channel: str = ""
     remark: str = ""
+    remedy: str = ""
+
+    @property
+    def heading(self) -> str:
+        """What was looked at, with its channel."""
+        return f"{self.code.text} of {self.channel}" if self.channel else self.code.text
 
 
 def worst_verdict(verdicts: Iterable[str]) -> str:
@@ -70,58 +325,47 @@ def worst_verdict(verdicts: Iterable[str]) -> str:
     return max(verdicts, key=VERDICTS.index, default="ok")
 
 
-def remarked(name: str, verdict: str, remark: str) -> Check:
-    """A check that has no statistic, only a verdict and what to say."""
-    return Check(name, float("nan"), float("nan"), verdict, remark)
-
-
-def _graded(
-    name: str, statistic: float, warn: float, reject: float, remark: str, rejected_remark: str | None = None
+def told(
+    code: Code, verdict: str, statistic: float = nan, limit: float = nan, channel: str = "", **values: object
 ) -> Check:
+    """A check that says its sentence, filled with its values.
+
+    Examples
+    --------
+    >>> told(Code.MEMORY, "rejected", file="D1.csv").remark
+    'D1.csv does not fit into memory: cut it with window [s]'
+    """
+    known = {"statistic": statistic, "channel": channel, **values}
+    cause, remedy = (part.format(**known) for part in code.says(verdict))
+    return Check(code, statistic, limit, verdict, channel, cause + remedy, remedy)
+
+
+def judged(
+    code: Code, statistic: float, warn: float, reject: float = inf, channel: str = "", **values: object
+) -> Check:
+    """A check of a statistic that must not exceed its limits; silent where it does not."""
     if statistic > reject:
-        return Check(name, statistic, reject, "rejected", rejected_remark or remark)
+        return told(code, "rejected", statistic, reject, channel, **values)
     if statistic > warn:
-        return Check(name, statistic, warn, "warning", remark)
-    return Check(name, statistic, warn, "ok")
+        return told(code, "warning", statistic, warn, channel, **values)
+    return Check(code, statistic, warn, "ok", channel)
 
 
 def check_frequency(found: float, stated: float | None) -> Check:
     """Hold the stated frequency against the estimate: within 1 % ok, to 5 % a warning, beyond rejected."""
     off = 0.0 if not stated else abs(found - stated) / stated
-    remark = (
-        ""
-        if stated is None
-        else f"the recording turns at {found:.5g} Hz, {stated:.5g} Hz is stated ({off:.1%} off): "
-        "correct the frequency in tests.csv, or check that this is the right file"
-    )
-    return _graded("stated frequency", off, 0.01, 0.05, remark)
+    return judged(Code.FREQUENCY, off, 0.01, 0.05, found=found, stated=stated)
 
 
 def check_lift_off(force_peak: float, preload: float | None) -> Check:
     """Compare the dynamic force, harmonics included, with the preload: the tyre must stay on the cam."""
     share = 0.0 if preload is None else force_peak / preload if preload > 0 else np.inf
-    remark = (
-        f"the dynamic force reaches {force_peak:.4g} N, {share:.0%} of the preload of {preload or 0:.4g} N: "
-        "{0}; test with a higher preload or a smaller excitation"
-    )
-    return _graded(
-        "lift-off",
-        share,
-        0.9,
-        1.0,
-        remark.format("the tyre is close to lifting off"),
-        remark.format("the tyre lifts off"),
-    )
+    return judged(Code.LIFT_OFF, share, 0.9, 1.0, peak=force_peak, preload=preload or 0.0)
 
 
 def check_clipping(name: str, channel: Channel) -> Check:
     """Look for samples that stand at the end of the converter's range, stated or seen as flat tops."""
-    share = clipped_share(channel)
-    remark = (
-        f"{name} is clipped: {share:.1%} of its samples stand at the end of its range; "
-        "set a larger range on the amplifier and repeat the test"
-    )
-    return Check(f"clipping of {name}", share, 0.0, "rejected" if share > 0 else "ok", remark if share > 0 else "")
+    return judged(Code.CLIPPING, clipped_share(channel), 0.0, 0.0, name)
 
 
 def clipped_share(channel: Channel) -> float:
@@ -161,25 +405,13 @@ def _flat_share(samples: FloatArray) -> float:
 
 def check_distortion(found: Demodulation) -> Check:
     """Look at the harmonics of the motion at the contact: the cam should move as a sine."""
-    worst = float(found.distortion[1])
-    remark = (
-        f"harmonics of the displacement at the contact are {worst:.0%} of the fundamental: "
-        "look at the cam, the contact and the frequency; the tyre may behave non-linearly"
-    )
-    return _graded("distortion", worst, 0.2, np.inf, remark)
+    return judged(Code.DISTORTION, float(found.distortion[1]), 0.2)
 
 
 def check_noise(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
     """Compare what the fit leaves with the fundamental, channel by channel."""
-    rows = []
-    for name, ratio in zip(names, found.noise_ratio, strict=True):
-        if np.isfinite(ratio):
-            remark = (
-                f"what the fit leaves of {name} is {ratio:.0%} of the fundamental: noise, an unsteady speed, or loose "
-                "parts; look at the signal, record longer, or steady the drive"
-            )
-            rows.append(_graded(f"residual of {name}", float(ratio), 0.3, np.inf, remark))
-    return rows
+    ratios = zip(names, found.noise_ratio.tolist(), strict=True)
+    return [judged(Code.RESIDUAL, ratio, 0.3, channel=name) for name, ratio in ratios if np.isfinite(ratio)]
 
 
 def check_excitation(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
@@ -189,11 +421,7 @@ def check_excitation(found: Demodulation, names: tuple[str, ...]) -> list[Check]
         amplitude = abs(complex(found.phasors.amplitudes[i]))
         if np.isfinite(amplitude):
             relative = float(found.phasors.std[2 * i : 2 * i + 2].max()) / amplitude if amplitude > 0 else np.inf
-            remark = (
-                f"{name} hardly moves at {float(found.phasors.frequency):.4g} Hz: the amplitude is known to "
-                f"{relative:.0%} only; check the sensor, its column and the excitation"
-            )
-            rows.append(_graded(f"excitation of {name}", relative, 0.05, 0.2, remark))
+            rows.append(judged(Code.EXCITATION, relative, 0.05, 0.2, name, hertz=float(found.phasors.frequency)))
     return rows
 
 
@@ -201,36 +429,27 @@ def check_mains(found: Demodulation) -> Check:
     """Ask whether the excitation lies on a multiple of the mains frequency, where hum cannot be told from it."""
     frequency = float(found.phasors.frequency)
     apart = min(float(off_multiples(frequency, base)) for base in (50.0, 60.0))
-    remark = (
-        f"{frequency:.4g} Hz lies on a multiple of the mains frequency: hum cannot be told from the excitation; "
-        "test half a hertz beside it"
-    )
     bins = apart * found.cycles / frequency
-    return (
-        Check("mains", bins, LINE_GAP, "warning", remark) if bins < LINE_GAP else Check("mains", bins, LINE_GAP, "ok")
-    )
+    if bins < LINE_GAP:
+        return told(Code.MAINS, "warning", bins, LINE_GAP, hertz=frequency)
+    return Check(Code.MAINS, bins, LINE_GAP, "ok")
 
 
 def check_gaps(found: Demodulation) -> Check:
     """Say how many samples were missing and left out."""
-    remark = f"{100 * found.missing:.2g} % of the samples are missing and were left out of the fit; look at the logger"
-    return _graded("missing samples", found.missing, 0.0, np.inf, remark)
+    return judged(Code.MISSING, found.missing, 0.0, percent=100 * found.missing)
 
 
 def check_resonance(frequency: float, rig: Rig, added_mass: float) -> Check:
     """Ask how far the rig's own stiffness, K3 - m w², is from zero: there it follows freely and hides the tyre."""
     omega = 2 * np.pi * frequency
     if rig.blocked:
-        return Check("rig resonance", 0.0, 20.0, "ok")
+        return Check(Code.RESONANCE, 0.0, 20.0, "ok")
     impedance = complex(rig.impedance(omega, added_mass))
     spring, inertia = rig.preload_stiffness, omega**2 * (rig.moving_mass + rig.tyre_mass + added_mass)
     left = abs(omega * impedance) / max(spring, inertia)
-    remark = (
-        f"{frequency:.4g} Hz is the rig's own resonance (K3 = {spring:.4g} N/m, m w² = {inertia:.4g} N/m): it moves "
-        "without force and the tyre cannot be seen; test at another frequency, or with another moving mass"
-    )
     closeness = 1.0 / left if left > 0 else np.inf
-    return _graded("rig resonance", closeness, 20.0, 100.0, remark)
+    return judged(Code.RESONANCE, closeness, 20.0, 100.0, hertz=frequency, spring=spring, inertia=inertia)
 
 
 def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
@@ -240,10 +459,7 @@ def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
     needed = complex(rig.impedance(omega, added_mass)) * v2
     force = f1 - 1j * omega * rig.input_mass * v1
     if not (np.isfinite(force) and np.isfinite(needed)) or needed == 0:
-        return Check("F1 against V2", float("nan"), _INCONSISTENT, "ok")
+        return Check(Code.CONSISTENCY, nan, _INCONSISTENT, "ok")
     ratio = force / needed
-    remark = (
-        f"F1 is {abs(ratio):.2f} times, and {np.degrees(np.angle(ratio)):.0f} degrees off, what V2 and the rig need: "
-        "look for an inverted or wrongly scaled F1 or V2, an undeclared delay, or a wrong moving mass"
-    )
-    return _graded("F1 against V2", abs(ratio - 1.0), _INCONSISTENT, np.inf, remark)
+    size, degrees = abs(ratio), np.degrees(np.angle(ratio))
+    return judged(Code.CONSISTENCY, abs(ratio - 1.0), _INCONSISTENT, ratio=size, degrees=degrees)

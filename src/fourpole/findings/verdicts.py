@@ -8,31 +8,13 @@ from typing import ClassVar
 
 import polars as pl
 
+from fourpole.core.checks import Code
 from fourpole.findings.facts import Facts, natural
 from fourpole.findings.finding import Finding, Holds, Topic
 
-__all__ = ["Doubt", "Tally", "verdicts"]
+__all__ = ["Doubt", "ShortCheck", "Tally", "short_checks", "verdicts"]
 
 _LONGEST = 160
-#: What a remark holds -> the reason in a few words; the first that fits.
-_REASONS = (
-    ("lifts off", "the tyre lifts off"),
-    ("close to lifting off", "the tyre is close to lifting off"),
-    ("is clipped", "a channel is clipped"),
-    ("is stated (", "the recording turns at another frequency than is stated"),
-    ("harmonics of the displacement", "the motion at the contact is no clean sine"),
-    ("what the fit leaves of", "noise or an unsteady speed"),
-    ("hardly moves at", "a channel hardly moves at the test frequency"),
-    ("samples are missing", "samples are missing"),
-    ("rig's own resonance", "the rig's own resonance hides the tyre"),
-    ("what V2 and the rig need", "F1 and V2 contradict each other"),
-    ("is not symmetric", "K2 or C is known too poorly"),
-    ("K2 and C are left blank", "there is no K1, so K2 and C are blank"),
-    ("is constant", "a channel is constant"),
-    ("was left out", "a channel was left out"),
-    ("record longer", "the recording is too short"),
-    ("past the preload", "the load-deflection curve does not reach the preload"),
-)
 
 
 @dataclass(frozen=True)
@@ -67,14 +49,25 @@ class Doubt:
     reason: str
 
 
+@dataclass(frozen=True)
+class ShortCheck:
+    """A check with something to say: its verdict, its cause in a few words (empty where it has none), what to do."""
+
+    verdict: str
+    cause: str
+    remedy: str
+
+
 def verdicts(facts: Facts) -> list[Finding]:
     """How many tests were used; then the rejected and the warned ones by reason, the commonest reason first."""
     worst: dict[str, str] = {}
     reasons: dict[str, dict[str, set[str]]] = {"rejected": {}, "warning": {}}
+    short = short_checks(facts.results.checks)
     for test, verdict, remarks in _rows(facts):
         if verdict == "rejected" or worst.get(test) != "rejected":
             worst[test] = verdict if verdict != "ok" else worst.get(test, "ok")
-        for reason in _reasons(remarks or "") if verdict in reasons else ():
+        causes = [one.cause for one in short.get(test, []) if one.verdict == verdict and one.cause]
+        for reason in causes or [_beginning(remarks or "")] if verdict in reasons else ():
             reasons[verdict].setdefault(reason, set()).add(test)
     counts = list(worst.values())
     tally = Tally(*(counts.count(verdict) for verdict in ("ok", "warning", "rejected")))
@@ -91,12 +84,20 @@ def _rows(facts: Facts) -> Iterable[tuple[str, str, str]]:
     return pl.concat([table.select("test", "verdict", "remarks") for table in facts.tables]).iter_rows()
 
 
-def _reasons(remarks: str) -> list[str]:
-    """The reasons in the remarks of a test; where none is known, the remarks' own beginning."""
-    found = [reason for sign, reason in _REASONS if sign in remarks]
-    if found:
-        return found
+def short_checks(checks: pl.DataFrame) -> dict[str, list[ShortCheck]]:
+    """The checks of checks.csv that have something to say, by test; none where the results are of an older version."""
+    found: dict[str, list[ShortCheck]] = {}
+    for row in checks.rows(named=True):
+        if row["verdict"] != "ok" or row["statistic"] is None:
+            code = Code.read(row["code"])
+            short = ShortCheck(row["verdict"], code.short(row["verdict"]) if code else "", row["remedy"] or "")
+            found.setdefault(row["test"], []).append(short)
+    return found
+
+
+def _beginning(remarks: str) -> str:
+    """The first of the remarks of a test, cut where it is long; it stands where no check has a short form."""
     first = remarks.split("; ", maxsplit=1)[0].rstrip(".")
     if len(first) > _LONGEST:
         first = first[:_LONGEST].rstrip() + " ..."
-    return [first or "no reason is given"]
+    return first or "no reason is given"

@@ -22,7 +22,7 @@ from fourpole.core.demodulation.spectrum import (
 from fourpole.core.demodulation.tracks import Track, following, named, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import DERIVATIVES, Channel, Recording
-from fourpole.errors import RecordingError
+from fourpole.errors import RecordingError, TooShortError
 
 __all__ = ["Demodulation", "demodulate", "first_guess"]
 
@@ -226,7 +226,7 @@ def _check_length(recording: Recording, tracks: list[Track], frequency: float, *
     _check_resolved(recording, slowest, frequency, f" of {named(slowest.names[0])}" if len(tracks) > 1 else "")
     cycles = frequency * recording.duration
     if cycles < _FEWEST_CYCLES - (1e-6 if given else 0.02):
-        raise RecordingError(
+        raise TooShortError(
             f"{recording.label} holds {cycles:.2g} cycles of {frequency:.4g} Hz, "
             f"at least {_FEWEST_CYCLES:g} are needed: record longer"
         )

@@ -12,7 +12,7 @@ from fourpole.core.demodulation.sinefit import Course
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.core.reference import Reference
-from fourpole.errors import RecordingError
+from fourpole.errors import ConstantError, RecordingError
 
 __all__ = ["STEADY", "Track", "following", "named", "tracks_of"]
 
@@ -142,7 +142,7 @@ def _signals(recording: Recording, names: Sequence[str]) -> tuple[FloatArray, Bo
     signals -= np.where(present, signals.sum(axis=1, keepdims=True) / present.sum(), 0.0)
     for name, row, largest in zip(names, signals, size, strict=True):
         if np.max(np.abs(row)) <= 1e-12 * largest or largest == 0:
-            raise RecordingError(
+            raise ConstantError(
                 f"{named(name)} is constant ({largest:.6g} in SI units): "
                 "the sensor was off, unplugged, or another column is meant"
             )
