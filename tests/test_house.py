@@ -13,6 +13,7 @@ import pytest
 from packaging.requirements import Requirement
 
 import fourpole
+from fourpole.quantities import QUANTITIES
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = sorted((ROOT / "src" / "fourpole").rglob("*.py"))
@@ -54,6 +55,35 @@ def pinned(lock):
 def base_requirements():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     return [Requirement(text) for text in project["dependencies"]]
+
+
+#: The table of quantities, what campaign.toml states, and the names of a foreign format's own columns.
+HEADS_AT_HOME = {"quantities.py", "campaign/schema.py"}
+
+
+def literals(tree):
+    """Texts of a module, its docstrings left out."""
+    said = {
+        id(node.body[0].value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and isinstance(node.body[0], ast.Expr)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in said:
+            yield node.value
+
+
+def test_a_head_stands_in_one_file_besides_the_table_of_quantities():
+    """A column's head is taken from `fourpole.quantities`; one of a single file's own may stand there."""
+    known = {head for one in QUANTITIES for head in (*one.heads, one.stated_head, one.label) if " [" in head}
+    places = {}
+    for path in SOURCES:
+        name = path.relative_to(ROOT / "src" / "fourpole").as_posix()
+        for text in literals(ast.parse(path.read_text(encoding="utf-8"))) if name not in HEADS_AT_HOME else ():
+            if text in known or re.fullmatch(r"[^\s,:;][^:;]{0,40} \[[^\[\]\s][^\[\]]{0,11}\]", text):
+                places.setdefault(text, set()).add(name)
+    assert {head: names for head, names in places.items() if len(names) > 1} == {}
+    assert {head: names for head, names in places.items() if head in known} == {}
 
 
 def test_importing_the_package_loads_nothing_heavy():

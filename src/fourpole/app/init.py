@@ -105,7 +105,7 @@ def _tests(rows: Sequence[Row]) -> None:
             _shown(row.values.get("added_mass"), 1.0),
         )
         groups.setdefault(cells, []).append(row)
-    table = _table(("kind", "tyre", "pressure [bar]", q.PRELOAD.head, q.ADDED_MASS.head, "tests", "frequencies [Hz]"))
+    table = _table(("kind", "tyre", q.PRESSURE.label, q.PRELOAD.head, q.ADDED_MASS.head, "tests", "frequencies [Hz]"))
     for cells, members in list(groups.items())[:_MOST_LISTED]:
         found = sorted({row.values["frequency"] for row in members if "frequency" in row.values})
         listed = list(dict.fromkeys(f"{value:.3g}" for value in found))

@@ -205,10 +205,12 @@ def _frame(rows: Sequence[_Row], extra: Sequence[str]) -> pl.DataFrame:
         "file": [test.file for test in tests],
         "kind": [test.kind for test in tests],
         "tyre": [test.tyre for test in tests],
-        "pressure [bar]": [None if p is None else round(p, 10) for p in numbers("pressure", 1e5)],
+        q.PRESSURE.stated_head: [None if p is None else round(p, 10) for p in numbers("pressure", 1e5)],
         q.PRELOAD.head: numbers("preload"),
         q.FREQUENCY.head: numbers("frequency"),
-        "added_mass [kg]": [None if test.kind == "static" else test.value("added_mass") or 0.0 for test in tests],
+        q.ADDED_MASS.stated_head: [
+            None if test.kind == "static" else test.value("added_mass") or 0.0 for test in tests
+        ],
     }
     for name, unit in _OPTIONAL.items():
         if any(name in test.values for test in tests):

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.findings.finding import UNSTATED, Key, Setup
@@ -133,7 +134,9 @@ class Facts:
         points: dict[tuple[str, Setup], dict[Key, dict[float, list[tuple[float, float, float]]]]] = {}
         tests: dict[tuple[str, Setup, Key], list[str]] = {}
         for row in self.used_dynamic:
-            tr, std, frequency = (_number(row.get(name)) for name in ("TR measured [1]", "u(TR) [1]", "frequency [Hz]"))
+            tr, std, frequency = (
+                _number(row.get(name)) for name in (q.TR_MEASURED.head, q.TR.u_head, q.FREQUENCY.head)
+            )
             if tr > 0.0 and frequency > 0.0:
                 who, key = (row["tyre"], _setup(row)), self.key(row, ("pressure", "load"))
                 line = points.setdefault(who, {}).setdefault(key, {})
@@ -171,7 +174,7 @@ def _curve(line: Mapping[float, Sequence[tuple[float, float, float]]], tests: Se
 
 
 def _setup(row: Mapping[str, Any]) -> Setup:
-    mass = _number(row.get("added mass [kg]"))
+    mass = _number(row.get(q.ADDED_MASS.head))
     return Setup(row.get("rig") or "", mass if mass > 0.0 else 0.0)
 
 

@@ -13,7 +13,7 @@ from fourpole.findings.levels import cycle_losses, level_of, linearity
 from fourpole.findings.resonances import transmissibility
 from fourpole.findings.trends import trend_of
 from fourpole.findings.verdicts import verdicts
-from fourpole.quantities import K1, K2, LOSS_FACTOR, STORAGE, C, Quantity
+from fourpole.quantities import DERIVED, K1, K2, LOSS_FACTOR, STORAGE, C, Quantity
 
 __all__ = ["findings"]
 
@@ -47,7 +47,7 @@ def findings(results: Results) -> list[Finding]:
     if not (facts.used_static or facts.used_dynamic):
         return found
     found += [*_quantity(facts, K1), *linearity(facts)]
-    for quantity in (K2, STORAGE, C, LOSS_FACTOR):
+    for quantity in (K2, STORAGE, C, LOSS_FACTOR, *(one for one in DERIVED if one.topic)):
         if quantity is not STORAGE or _lacks_arm(facts):
             found += _quantity(facts, quantity)
     return [*found, *cycle_losses(facts), *transmissibility(facts), *claims(facts)]

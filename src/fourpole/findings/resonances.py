@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY
 from fourpole.findings.evidence import FloatArray, factor
 from fourpole.findings.facts import Curve, Facts, common, natural, tests_of
@@ -357,7 +358,7 @@ def _crossings(facts: Facts, first: Who, second: Who) -> Finding | None:
 
 def _measured_against_predicted(facts: Facts) -> list[Finding]:
     """How far the measured TR is from the predicted one; the effect is the mean departure."""
-    columns = ("TR measured [1]", "TR predicted [1]", "u(TR) [1]")
+    columns = (q.TR_MEASURED.head, q.TR_PREDICTED.head, q.TR.u_head)
     rows = [(row["test"], *(row[name] for name in columns)) for row in facts.used_dynamic]
     known = [row for row in rows if all(v is not None and isfinite(v) and v > 0 for v in row[1:3])]
     if not known:

@@ -24,7 +24,7 @@ from fourpole.plot.style import Style
 
 __all__ = ["budget", "source_colour"]
 
-_QUANTITIES = {"K2": "K2", "C": "C", "Re K*": "K'", "Im K*": "K''"}
+_QUANTITIES = {one.column: one.name for one in (q.K2, q.C, q.STORAGE, q.LOSS)}
 _MOST_SOURCES = 6
 _MOST_TYRES = 3
 #: More frequencies than these are taken together.

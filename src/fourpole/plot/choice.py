@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from fourpole import quantities as q
 from fourpole.campaign.modelfile import CandidateFile, ModelEntry
 from fourpole.campaign.results import Results
 from fourpole.core.arrays import FloatArray
@@ -54,7 +55,7 @@ def choice(results: Results, style: Style) -> Figure | None:
     if any(one.left_out is None for entry in entries for one in entry.candidates[:_MOST_CANDIDATES]):
         notes.say("n: not tried, for the model is far from the best or too few frequencies are left")
     figure = grid.finish(key=key, notes=notes, x_label="", y_labels=[""], headings="all", share_x=True)
-    labels = ("BIC less the best [1]", "chi-square / dof [1]", "left out [1]")
+    labels = ("BIC less the best [1]", "chi-square / dof [1]", q.LEFT_OUT.label)
     for ax, label in zip(grid.panels[-3:], labels, strict=True):
         ax.set_xlabel(label)
     # Names of models are longer than numbers.

@@ -33,7 +33,7 @@ _GRID = 41
 _SAME = 0.02
 _PRESSURE, _PRELOAD = q.PRESSURE.head, q.PRELOAD.head
 #: How an axis is shown: its name, unit and scale.
-_SHOWN = {_PRESSURE: ("bar", 1e-5), q.TEMPERATURE.head: ("°C", 1.0)}
+_SHOWN = {one.head: (one.suffix, 1 / one.scale) for one in (q.PRESSURE, q.TEMPERATURE)}
 _Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 

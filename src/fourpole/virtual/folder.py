@@ -109,15 +109,15 @@ def finish(
             "file": [f"recordings/{test.name}.csv" for test in tests],
             "kind": [test.kind for test in tests],
             "tyre": [test.tyre and test.tyre.name for test in tests],
-            "pressure [bar]": [_cell(test.pressure / 1e5) for test in tests],
+            q.PRESSURE.stated_head: [_cell(test.pressure / 1e5) for test in tests],
             q.PRELOAD.head: [_cell(test.preload) for test in tests],
             q.FREQUENCY.head: [_cell(test.frequency) for test in tests],
         },
-        schema_overrides=dict.fromkeys(("tyre", "pressure [bar]", q.PRELOAD.head, q.FREQUENCY.head), pl.String),
+        schema_overrides=dict.fromkeys(("tyre", q.PRESSURE.stated_head, q.PRELOAD.head, q.FREQUENCY.head), pl.String),
     )
     if any(test.added_mass for test in tests):
         added = [None if test.kind == "static" else _short(test.added_mass) for test in tests]
-        table = table.with_columns(pl.Series("added_mass [kg]", added))
+        table = table.with_columns(pl.Series(q.ADDED_MASS.stated_head, added))
     _replace(folder / "tests.csv", table.write_csv())
 
 

@@ -20,11 +20,10 @@ __all__ = ["campaign_toml", "tests_csv"]
 
 #: Columns of tests.csv: label, condition, SI value of one. The first three are there even where nothing is known.
 _COLUMNS = (
-    ("pressure [bar]", "pressure", 1e5),
-    (q.PRELOAD.head, "preload", 1.0),
-    (q.FREQUENCY.head, "frequency", 1.0),
-    ("added_mass [kg]", "added_mass", 1.0),
-    (q.TEMPERATURE.head, "temperature", 1.0),
+    *(
+        (one.stated_head, one.key, one.scale)
+        for one in (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.ADDED_MASS, q.TEMPERATURE)
+    ),
     ("amplitude [mm]", "amplitude", 1e-3),
 )
 _ALWAYS = 3

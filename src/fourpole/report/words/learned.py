@@ -8,6 +8,7 @@ from typing import Any
 
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.core.sources import Kind, Role
 from fourpole.findings.facts import natural
@@ -212,12 +213,12 @@ def _remarks(joint: Mapping[str, Any]) -> Iterable[str]:
 
 def _outliers(residuals: pl.DataFrame, rig: str) -> tuple[Outlier, ...]:
     """Tests with an enlarged variance, the worst first."""
-    if "outlier [1]" not in residuals.columns:
+    if q.OUTLIER.head not in residuals.columns:
         return ()
     found = [
         Outlier(str(row["test"]), factor)
         for row in residuals.rows(named=True)
-        if str(row["rig"] or "") == rig and (factor := known(row["outlier [1]"])) is not None and factor > 1
+        if str(row["rig"] or "") == rig and (factor := known(row[q.OUTLIER.head])) is not None and factor > 1
     ]
     return tuple(sorted(found, key=lambda outlier: (-outlier.factor, natural(outlier.test))))
 
@@ -240,9 +241,9 @@ def _massed(residuals: pl.DataFrame, rig: str, values: Sequence[Value]) -> bool:
     """Whether tests with an added mass are among those of a rig."""
     if any(value.group is Role.MASS for value in values):
         return True
-    if "added mass [kg]" not in residuals.columns:
+    if q.ADDED_MASS.head not in residuals.columns:
         return False
-    here = residuals.filter(pl.col("rig").fill_null("") == rig)["added mass [kg]"].to_list()
+    here = residuals.filter(pl.col("rig").fill_null("") == rig)[q.ADDED_MASS.head].to_list()
     return any((known(mass) or 0.0) > 0 for mass in here)
 
 

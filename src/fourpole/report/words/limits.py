@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole.campaign.results import Results
 from fourpole.campaign.tables import KEY, keyed
 from fourpole.core.sources import Source
@@ -19,15 +20,9 @@ from fourpole.report.words.sources import About, remedy, source_in_words
 
 __all__ = ["Limit", "limit_rows", "limits"]
 
-_BUDGET = ("test", "quantity", "source", "share [1]")
-#: Quantity of budget.csv: its value and uncertainty in dynamic.csv.
-_COLUMNS = {
-    "K2": ("K2 [N/m]", "u(K2) [N/m]"),
-    "C": ("C [N s/m]", "u(C) [N s/m]"),
-    "Re K*": ("Re K* [N/m]", "u(Re K*) [N/m]"),
-    "Im K*": ("Im K* [N/m]", "u(Im K*) [N/m]"),
-}
-_SYMBOLS = {"Re K*": "K′", "Im K*": "K″"}
+_BUDGET = ("test", "quantity", "source", q.SHARE.head)
+#: Quantities of budget.csv that may limit.
+_QUANTITIES = {one.column: one for one in (q.K2, q.C, q.STORAGE, q.LOSS)}
 #: A second source is named from this share on.
 _WORTH_NAMING = 0.1
 _MOST_OF_IT = 0.5
@@ -82,7 +77,7 @@ def limits(results: Results) -> list[Limit]:
     rows = (
         keyed(budget)
         .select(*KEY, *_BUDGET[1:])
-        .with_columns(pl.col("share [1]").cast(pl.Float64, strict=False).fill_nan(None))
+        .with_columns(pl.col(q.SHARE.head).cast(pl.Float64, strict=False).fill_nan(None))
         .drop_nulls()
         .join(tests.select(*KEY, pl.col("rig").fill_null("")), on=KEY, how="inner")
     )
@@ -97,7 +92,7 @@ def limits(results: Results) -> list[Limit]:
 
 def _quantities(rows: pl.DataFrame) -> list[str]:
     present = set(rows["quantity"].to_list())
-    return [name for name in ("K2", "C") if name in present] or [name for name in _COLUMNS if name in present]
+    return [name for name in ("K2", "C") if name in present] or [name for name in _QUANTITIES if name in present]
 
 
 def _median_shares(rows: pl.DataFrame) -> list[tuple[str, float]]:
@@ -105,7 +100,7 @@ def _median_shares(rows: pl.DataFrame) -> list[tuple[str, float]]:
     tests = rows.select(KEY).n_unique()
     shares = []
     for (source,), part in rows.group_by("source", maintain_order=True):
-        values = part.group_by(KEY).agg(pl.col("share [1]").sum())["share [1]"].to_numpy()
+        values = part.group_by(KEY).agg(pl.col(q.SHARE.head).sum())[q.SHARE.head].to_numpy()
         padded = np.concatenate([values, np.zeros(tests - values.size)])
         shares.append((str(source), float(np.median(padded)), float(padded.mean())))
     shares.sort(key=lambda item: item[1:], reverse=True)
@@ -119,8 +114,8 @@ def _about(results: Results, tests: pl.DataFrame, rig: str) -> About:
     first = named[0] if isinstance(named, list) and named else {}
     return About(
         joint="joint" in here["route"].to_list(),
-        massed=any((known(mass) or 0.0) > 0 for mass in here["added mass [kg]"].to_list()),
-        with_v2=any(known(v2) for v2 in here["V2 [m/s]"].to_list()),
+        massed=any((known(mass) or 0.0) > 0 for mass in here[q.ADDED_MASS.head].to_list()),
+        with_v2=any(known(v2) for v2 in here[q.V2.head].to_list()),
         fits=joint.get("fits") is not False,
         scatter=bool(known(joint.get("scatter"))),
         candidate=str(mapping(first).get("text") or ""),
@@ -130,10 +125,10 @@ def _about(results: Results, tests: pl.DataFrame, rig: str) -> About:
 def _limit(rig: str, quantity: str, rows: pl.DataFrame, tests: pl.DataFrame, about: About) -> Limit:
     shares, names = _median_shares(rows), rows["test"].unique()
     (source, share), *others = ((Source.read(text, rig), share) for text, share in shares)
-    of_source = rows.filter(pl.col("source") == source.text).group_by(KEY).agg(pl.col("share [1]").sum())
+    of_source = rows.filter(pl.col("source") == source.text).group_by(KEY).agg(pl.col(q.SHARE.head).sum())
     here = tests.join(rows.select(KEY).unique(), on=KEY, how="semi").join(of_source, on=KEY, how="left")
     relative, left = _relative(here, quantity), _relative(here, quantity, without=True)
-    symbol = _SYMBOLS.get(quantity, quantity)
+    symbol = _QUANTITIES[quantity].symbol
     opening = (
         f"{symbol} is known to {percent(relative)} (median of {counted(len(names), 'test')}). " if relative else ""
     )
@@ -151,10 +146,10 @@ def _limit(rig: str, quantity: str, rows: pl.DataFrame, tests: pl.DataFrame, abo
 
 def _relative(tests: pl.DataFrame, quantity: str, *, without: bool = False) -> float | None:
     """Median relative uncertainty over tests; without the share of the source that stands beside them, if so asked."""
-    value, std = _COLUMNS[quantity]
+    value, std = _QUANTITIES[quantity].heads
     found = []
     for row in tests.rows(named=True):
-        x, u, share = known(row.get(value)), known(row.get(std)), known(row.get("share [1]")) or 0.0
+        x, u, share = known(row.get(value)), known(row.get(std)), known(row.get(q.SHARE.head)) or 0.0
         if x and u is not None:
             found.append(u / abs(x) * sqrt(max(1.0 - share, 0.0) if without else 1.0))
     return float(np.median(found)) if found else None
@@ -171,7 +166,7 @@ def limit_rows(found: list[Limit]) -> list[dict[str, Any]]:
             "rig": limit.rig,
             "quantity": limit.quantity,
             "source": limit.source.text,
-            "share [1]": limit.share,
+            q.SHARE.head: limit.share,
             "relative uncertainty [1]": limit.relative,
             "tests": limit.tests,
             "remedy": limit.remedy,

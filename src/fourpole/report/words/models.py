@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.campaign.modelfile import ConditionFile, MapEntry, ModelEntry, NamedValue, column_of, map_of
 from fourpole.core.condition import PRESSURE
 from fourpole.report.digits import number, spread
@@ -17,11 +18,7 @@ __all__ = ["chosen", "map_facts", "place", "question", "remarks_on_map", "senten
 #: Conditions that no passive tyre can have, told one by one.
 _NAMED = 6
 #: How an axis is shown: unit, scale, and the option of `fourpole query`, by its column.
-_AXES = {
-    "pressure [Pa]": ("bar", 1e5, "--pressure"),
-    "preload [N]": ("N", 1.0, "--preload"),
-    "temperature [degC]": ("°C", 1.0, "--temperature"),
-}
+_AXES = {one.head: (one.suffix, one.scale, f"--{one.key}") for one in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE)}
 _SPELLED = {"°C": "degC"}
 #: Characters of a name that a shell takes as they are.
 _PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")

@@ -9,6 +9,7 @@ from typing import Any
 
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.report.digits import known, number, with_std
 from fourpole.report.stated import RIG_VALUES
@@ -164,12 +165,12 @@ def _value(row: Mapping[str, Any]) -> Value:
         name=name,
         unit=unit,
         stated=shown("stated", zero),
-        stated_std=shown("u(stated)"),
+        stated_std=shown(q.STATED.u_head),
         found=shown("found", zero),
-        found_std=shown("u(found)"),
-        ratio=known(row.get("posterior over prior [1]")),
-        pull=known(row.get("pull [1]")),
-        seen=shown("seen from"),
+        found_std=shown(q.FOUND.u_head),
+        ratio=known(row.get(q.POSTERIOR.head)),
+        pull=known(row.get(q.PULL.head)),
+        seen=shown(q.DETECTION_LIMIT.head),
         finding=str(row.get("finding") or ""),
         remarks=str(row.get("remarks") or ""),
     )
