@@ -1,6 +1,8 @@
 """The registry of result tables: what is made is what it says, and a table with points goes through all of it."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import polars as pl
 import pytest
@@ -8,6 +10,31 @@ import pytest
 from fourpole import analyse
 from fourpole.campaign.results import Results, read_results
 from fourpole.campaign.tables import KEY, TABLES, key_of, keyed
+from fourpole.quantities import meaning_of
+
+DOCS = Path(__file__).parents[2] / "docs" / "tables.md"
+
+
+def described():
+    """docs/tables.md, from the registry: `python tests/campaign/test_tables.py > docs/tables.md`."""
+    lines = [
+        "# The result tables",
+        "",
+        "`fourpole analyse` writes these; [campaign.md](campaign.md) says how to read them. Values are in the unit of",
+        "the column's head, SI. A table marked * has no file where it has no rows. Where a test has several rows, because",
+        "its recording gave several frequencies, `point` stands after `test` and counts them.",
+    ]
+    for spec in TABLES.values():
+        files = ", ".join(f"`{spec.name}{ending}`" for ending in spec.endings)
+        key = ", ".join(f"`{head}`" for head in spec.key)
+        lines += ["", f"## {files}{'' if spec.always else ' *'}", "", f"A row: {spec.about}. Known by {key}.", ""]
+        lines += ["| column | holds |", "|---|---|"]
+        lines += [f"| `{head}` | {meaning_of(head)} |" for head in spec.columns]
+    return "\n".join(lines) + "\n"
+
+
+def test_the_docs_list_all_tables_and_columns():
+    assert DOCS.read_text(encoding="utf-8") == described(), "run python tests/campaign/test_tables.py > docs/tables.md"
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +92,7 @@ def test_a_row_without_a_point_has_the_first():
     assert key_of({"test": "D1"}) == key_of({"test": "D1", "point": None}) == ("D1", 1)
     table = keyed(pl.DataFrame({"test": ["D1", "D1"], "point": [None, 2]}))
     assert table.select(KEY).rows() == [("D1", 1), ("D1", 2)]
+
+
+if __name__ == "__main__":
+    sys.stdout.write(described())
