@@ -20,9 +20,9 @@ def described():
     lines = [
         "# The result tables",
         "",
-        "`fourpole analyse` writes these; [campaign.md](campaign.md) says how to read them. Values are in the unit of",
-        "the column's head, SI. A table marked * has no file where it has no rows. Where a test has several rows, because",
-        "its recording gave several frequencies, `point` stands after `test` and counts them.",
+        "`fourpole analyse` writes these; [campaign.md](campaign.md) says how to read them. Values are in the",
+        "unit of the column's head, SI. A table marked * has no file where it has no rows. Where a test has several",
+        "rows, because its recording gave several frequencies, `point` stands after `test` and counts them.",
     ]
     for spec in TABLES.values():
         files = ", ".join(f"`{spec.name}{ending}`" for ending in spec.endings)
