@@ -190,7 +190,6 @@ def test_rows_that_cannot_be_used_are_rows_with_a_reason(run, bench):
     assert "8 rows: 1 with K2 and C, 7 rejected" in ran.stderr
 
 
-@pytest.mark.xfail(reason="zeros are divided by, and numpy's warnings printed")
 def test_amplitudes_of_zero_are_rows_without_an_answer(run, bench):
     content = "f [Hz],F1 [N],a1 [m/s²],phase [deg]\n10,0,1,0\n0,10,1,0\n12,10,0,0\n"
     ran = run("identify", bench(content), "--k1", "180 kN/m", *RIG)
@@ -217,7 +216,6 @@ def test_the_table_goes_where_out_says(run, bench, tmp_path):
     assert (tmp_path / "found.csv").read_text() == printed
 
 
-@pytest.mark.xfail(reason="without an ending .csv is appended, but the name without it is said")
 def test_the_file_written_is_the_one_that_is_said(run, bench, tmp_path):
     ran = run("identify", bench(FORMS["R, I"]), "--k1", "180 kN/m", *RIG, "--out", tmp_path / "found")
     said = ran.stderr.partition("written: ")[2].splitlines()[0]

@@ -225,7 +225,6 @@ def test_a_campaign_of_static_tests_needs_no_rig_and_no_motion(noisy):
     assert pl.read_parquet(out / "phasors.parquet").is_empty()
 
 
-@pytest.mark.xfail(reason="a row of unknown kind counts as dynamic, and a campaign of static tests then needs a rig")
 def test_a_misspelt_kind_does_not_ask_for_a_rig(noisy):
     text = (noisy.path / "campaign.toml").read_text()
     kept = [line for line in text.splitlines() if line.startswith(("load", "deflection"))]

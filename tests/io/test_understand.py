@@ -220,7 +220,6 @@ def test_a_curve_by_names_that_are_given(tmp_path: Path) -> None:
     assert table.load.tolist() == [0.0, 1500.0]
 
 
-@pytest.mark.xfail(reason="a named column of another kind is a UnitError that says neither file nor column")
 def test_a_named_column_of_another_kind(tmp_path: Path) -> None:
     with pytest.raises(TableError, match="'mm' is a length; a force is needed") as caught:
         curve(tmp_path, "x [mm],F [N]\n0,0\n1,1\n", load_column="x")

@@ -166,7 +166,8 @@ def run_predict(
 def _deliver(frame: pl.DataFrame, file: Path | None, *, as_json: bool) -> None:
     """A table to a file, to a program as JSON, or to standard output as CSV."""
     if file is not None:
-        write_table(file if file.suffix else file.with_suffix(".csv"), frame, label=str(file))
+        file = file if file.suffix else file.with_suffix(".csv")
+        write_table(file, frame, label=str(file))
         say(f"written: {file}")
     if as_json:
         print_json({"rows": frame.to_dicts()})

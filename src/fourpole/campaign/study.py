@@ -298,7 +298,7 @@ def analyse(
 
 def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
     rigs = campaign.stated.all_rigs
-    if dynamic and not rigs and route != "relative":
+    if not rigs and route != "relative" and any(test.kind in ("dynamic", "calibration") for test in dynamic):
         raise CampaignError(
             f"campaign.toml: [rig] is missing, the {route} route needs it: state moving_mass and preload_stiffness, "
             "or use --route relative"

@@ -212,7 +212,10 @@ def read_curve(
     columns = _matched(table, ("load", "deflection"))
     for role, name in (("load", load_column), ("deflection", deflection_column)):
         if name is not None:
-            columns[role] = _column(table, table.index(name), role)
+            try:
+                columns[role] = _column(table, table.index(name), role)
+            except UnitError as error:
+                raise TableError(f"{table.label}, column {units.shown(name)}: {error}") from None
         if role not in columns:
             raise TableError(f"{table.label}: {_lacking(table, role)}, or name it with --{role}-column")
     used = [columns["deflection"], columns["load"]]
@@ -276,8 +279,9 @@ def _mobility(
 ) -> ComplexArray:
     """V1/F1 from amplitudes of the force and of any motion, the force ahead by `phase` of that motion."""
     turns = {"displacement": 1, "velocity": 0, "acceleration": -1}[kind]
-    velocity = motion * (2 * np.pi * frequency) ** turns
-    return Phasors.from_polar(frequency, force, velocity, phase - turns * np.pi / 2).mobility
+    with np.errstate(divide="ignore", invalid="ignore"):  # a zero leaves its row without a value
+        velocity = motion * (2 * np.pi * frequency) ** turns
+        return Phasors.from_polar(frequency, force, velocity, phase - turns * np.pi / 2).mobility
 
 
 def _lacking(table: TextTable, role: str) -> str:
