@@ -173,12 +173,12 @@ def test_a_bare_number_needs_a_default_unit() -> None:
     ],
 )
 def test_what_is_refused_and_why(text: str, kind: str, said: str) -> None:
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(UnitError, match=said) as raised:
         quantity(text, kind)
     assert str(raised.value).isprintable()
     assert len(str(raised.value)) < 300
-    assert time.perf_counter() - start < 5.0
+    assert time.process_time() - start < 5.0
 
 
 def test_an_unknown_kind_is_the_callers_mistake() -> None:

@@ -52,7 +52,7 @@ def fourpole(start: Callable[..., subprocess.Popen[str]]) -> Callable[..., subpr
     def running(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
         process = start(*arguments, cwd=cwd)
         try:
-            out, err = process.communicate(timeout=120)
+            out, err = process.communicate(timeout=600)
         except BaseException:
             process.kill()
             raise

@@ -124,7 +124,7 @@ def test_a_reader_that_has_enough_is_no_fault(start):
     process.stdout.close()
     err = process.stderr.read()
     process.stderr.close()
-    process.wait(timeout=60)
+    process.wait(timeout=600)
     assert "Traceback" not in err
     assert "BrokenPipe" not in err
     assert process.returncode in (0, 141)
