@@ -5,7 +5,16 @@ from collections import Counter
 import pytest
 
 from fourpole import quantities
-from fourpole.quantities import LOSS_FACTOR, NONLINEARITY, QUANTITIES, STORAGE, TEMPERATURE, TR_MEASURED, TR_PREDICTED
+from fourpole.quantities import (
+    LOSS_FACTOR,
+    NONLINEARITY,
+    QUANTITIES,
+    STORAGE,
+    TEMPERATURE,
+    TR_MEASURED,
+    TR_PREDICTED,
+    Quantity,
+)
 from fourpole.units import quantity
 from fourpole.units.kinds import TABLE
 
@@ -30,3 +39,9 @@ def test_heads_labels_and_suffixes():
     assert TR_MEASURED.u_head == TR_PREDICTED.u_head == "u(TR) [1]"
     assert (LOSS_FACTOR.suffix, NONLINEARITY.suffix, TEMPERATURE.suffix) == ("", "%", "°C")
     assert quantities.F1.parts == ("Re F1 [N]", "Im F1 [N]")
+
+
+def test_a_quantity_of_a_few_words_has_all_its_texts():
+    one = Quantity("specific_loss", "ψ", "specific loss", "1")
+    assert (one.head, one.u_head, one.label) == ("specific loss [1]", "u(specific loss) [1]", "specific loss [1]")
+    assert (one.more, one.start) == ("has the larger specific loss", "Specific loss")

@@ -77,6 +77,8 @@ class Quantity:
         object.__setattr__(self, "shown", self.shown or self.unit)
         object.__setattr__(self, "column", self.column or self.name)
         object.__setattr__(self, "u_column", self.u_column or self.column)
+        object.__setattr__(self, "more", self.more or f"has the larger {self.column}")
+        object.__setattr__(self, "start", self.start or f"{self.column[:1].upper()}{self.column[1:]}")
 
     @property
     def head(self) -> str:
