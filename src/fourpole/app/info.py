@@ -12,7 +12,7 @@ from rich.cells import cell_len
 
 from fourpole.app.console import OK, out, print_json, progress, table_console
 from fourpole.app.outline import draws_dots, line, picture
-from fourpole.io.look import Look, look
+from fourpole.io.look import ChannelSummary, look
 from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, SignalInfo
 
@@ -50,13 +50,13 @@ class _Row:
     """A channel, and what its samples show; a text where they could not be read."""
 
     info: SignalInfo
-    seen: Look | str | None
+    seen: ChannelSummary | str | None
 
     @property
     def base(self) -> tuple[object, ...]:
         """Group and times, which channels share."""
         one, seen = self.info, self.seen
-        if isinstance(seen, Look):
+        if isinstance(seen, ChannelSummary):
             return one.group, seen.count, seen.rate, seen.start, seen.duration, seen.clock, seen.jumps, seen.stops
         return one.group, one.count, one.rate, one.start, one.duration
 
@@ -66,7 +66,7 @@ def run_info(file: Path, wanted: Wanted, *, as_json: bool) -> int:
     found = survey(file)
     shown = chosen_of(found, wanted.group, [wanted.channel] if wanted.channel else [], file.name)
     some = shown if wanted.channel or wanted.group else shown[:_MOST]
-    seen: dict[int, Look | str] = {}
+    seen: dict[int, ChannelSummary | str] = {}
     if not wanted.quick:
         with progress("reading") as advance:
             seen = look(file, found, some, label=file.name, progress=advance)
@@ -128,11 +128,11 @@ def _print_rows(rows: Sequence[_Row], wanted: Wanted) -> None:
                 out(text)
             if note:
                 out(f"each: {note}")
-            out(table.head(quick=not isinstance(row.seen, Look)))
+            out(table.head(quick=not isinstance(row.seen, ChannelSummary)))
             last = row.base
         for text in table.lines(row, note=row.info.note != note):
             out(text)
-        if wanted.channel and wanted.plot and isinstance(row.seen, Look):
+        if wanted.channel and wanted.plot and isinstance(row.seen, ChannelSummary):
             for text in _picture(row, row.seen, width, dots=table.dots):
                 out(text)
 
@@ -142,7 +142,7 @@ def _times(row: _Row) -> Iterator[str]:
     one, seen = row.info, row.seen
     rate, start, duration = one.rate, one.start, one.duration
     count, clock = one.count, ""
-    if isinstance(seen, Look):
+    if isinstance(seen, ChannelSummary):
         count, clock = seen.count, f", times from {seen.clock}" if seen.clock else ""
         rate = seen.rate or (None if seen.clock or seen.jumps or seen.stops else rate)
         start = start if seen.start is None else seen.start
@@ -151,17 +151,17 @@ def _times(row: _Row) -> Iterator[str]:
     if rate:
         text += f" at {rate:.10g} Hz"
     elif start is not None:
-        text += " at uneven times" if isinstance(seen, Look) else " at times of their own"
+        text += " at uneven times" if isinstance(seen, ChannelSummary) else " at times of their own"
     if start is not None and duration is not None:
         text += f", {start:.6g} to {start + duration:.6g} s"
     if start is None:
-        known = isinstance(seen, Look)
+        known = isinstance(seen, ChannelSummary)
         text += ", without times: state sample_rate or a column of times in campaign.toml" if known else ""
     yield text + clock
-    if isinstance(seen, Look) and seen.jumps:
+    if isinstance(seen, ChannelSummary) and seen.jumps:
         many = "jumps once" if seen.jumps == 1 else f"jumps {seen.jumps} times"
         yield f"  ! the time {many}; the longest step is {seen.longest_step:.4g} s"
-    if isinstance(seen, Look) and seen.stops:
+    if isinstance(seen, ChannelSummary) and seen.stops:
         yield f"  ! the time repeats itself or goes back {'once' if seen.stops == 1 else f'{seen.stops} times'}"
 
 
@@ -190,7 +190,7 @@ class _Layout:
         """A channel, and below it what is to be said of it."""
         one, seen = row.info, row.seen
         first = f"  {_padded(one.name, self.name)}  {_padded(one.unit or '', self.unit)}"
-        if isinstance(seen, Look):
+        if isinstance(seen, ChannelSummary):
             if cell_len(one.name) > self.name:
                 yield f"  {one.name}"
                 first = f"  {'':{self.name}}  {_padded(one.unit or '', self.unit)}"
@@ -200,11 +200,11 @@ class _Layout:
             if self.plot:
                 first += "  " + line(seen.outline, self._room, dots=self.dots)
         yield first.rstrip()
-        if note and one.note and not (isinstance(seen, Look) and one.note == f"time from {seen.clock}"):
+        if note and one.note and not (isinstance(seen, ChannelSummary) and one.note == f"time from {seen.clock}"):
             yield f"    {one.note}"
         if isinstance(seen, str):
             yield f"    ! not read: {seen}"
-        if isinstance(seen, Look) and seen.missing:
+        if isinstance(seen, ChannelSummary) and seen.missing:
             some = f"{seen.missing} of {seen.count} samples are missing, at most {seen.longest_gap} in a row"
             yield f"    ! {some if seen.missing < seen.count else 'all samples are missing'}"
 
@@ -217,7 +217,7 @@ def _digits(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.5g}"
 
 
-def _picture(row: _Row, seen: Look, width: int, *, dots: bool) -> Iterator[str]:
+def _picture(row: _Row, seen: ChannelSummary, width: int, *, dots: bool) -> Iterator[str]:
     """One channel large, with its limits."""
     unit = f" {row.info.unit}" if row.info.unit else ""
     labels = [f"{_digits(value)}{unit}" for value in (seen.greatest, seen.least)]

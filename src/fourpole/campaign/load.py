@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from fourpole.core.recording import Channel, Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import FourpoleError, RecordingError, TableError
 from fourpole.io.signals import MAX_FILE_BYTES, Signal
-from fourpole.io.stream import Chunk, Source, stream, times_of
+from fourpole.io.stream import Chunk, Source, Stream, stream, times_of
 
 __all__ = ["MOST_BYTES", "group_of", "load_curve", "load_recording", "source_of"]
 
@@ -92,27 +92,8 @@ def _gathered(
     columns: list[ChannelFile | ReferenceFile] = [*stated.values(), *([turning] if turning is not None else [])]
     source = source_of(path, test, channels, columns, timed=timed)
     run = stream(source if part is None else replace(source, rows=_ROWS_OF_PART))
-    lines: dict[str, ChannelBuilder] = {}
     turn = ReferenceBuilder(turning, timing) if turning is not None else None
-    for chunk in run.chunks:
-        signals = dict(zip(stated, chunk, strict=False))
-        if part is not None and (timing.window is None or not lines):
-            timing = replace(timing, window=_part_of(chunk, timing.window, part))
-        if not lines:
-            if run.count and timing.near is None and "motion_in" in stated:
-                timing = replace(timing, near=_about(signals["motion_in"], channels, timing))
-            lines = {
-                role: ChannelBuilder(
-                    channel.column, channels.conversion(role, signals[role].unit), channel.plain_unit, timing, run.count
-                )
-                for role, channel in stated.items()
-            }
-        for role, line in lines.items():
-            line.feed(signals[role])
-        if turn is not None:
-            turn.feed(chunk[-1])
-        if part is not None and timing.window is not None and _is_behind(chunk, timing.window[1]):
-            break
+    lines, timing = _fed(run, channels, stated, turn, timing, part)
     built = {role: line.channel() for role, line in lines.items()}
     found, remarks = (
         {role: channel for role, (channel, _) in built.items()},
@@ -125,6 +106,35 @@ def _gathered(
         except RecordingError as error:
             remarks.append(f"[channels] reference is not used: {error}")
     return found, list(dict.fromkeys(remarks)), reference
+
+
+def _fed(
+    run: Stream,
+    channels: ChannelsFile,
+    stated: Mapping[str, ChannelFile],
+    turn: ReferenceBuilder | None,
+    timing: Timing,
+    part: float | None,
+) -> tuple[dict[str, ChannelBuilder], Timing]:
+    """The channels by role with all their chunks, and what is stated or found of the times."""
+    lines: dict[str, ChannelBuilder] = {}
+    for chunk in run.chunks:
+        signals = dict(zip(stated, chunk, strict=False))
+        if not lines:
+            if part is not None:
+                timing = replace(timing, window=_part_of(chunk, timing.window, part))
+            if run.count and timing.near is None and "motion_in" in stated:
+                timing = replace(timing, near=_about(signals["motion_in"], channels, timing))
+            for role, channel in stated.items():
+                made = channels.conversion(role, signals[role].unit)
+                lines[role] = ChannelBuilder(channel.column, made, channel.plain_unit, timing, run.count)
+        for role, line in lines.items():
+            line.feed(signals[role])
+        if turn is not None:
+            turn.feed(chunk[-1])
+        if part is not None and timing.window is not None and _is_behind(chunk, timing.window[1]):
+            break
+    return lines, timing
 
 
 def _part_of(chunk: Chunk, window: tuple[float, float] | None, part: float) -> tuple[float, float]:

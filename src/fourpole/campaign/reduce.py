@@ -23,7 +23,7 @@ from fourpole.core.checks import Check, Code, told
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
 from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.steady import steady_part
-from fourpole.core.demodulation.tracks import tracks_of
+from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
@@ -171,17 +171,21 @@ def _is_plain(job: Job, recording: Recording) -> bool:
         return False
     if frequency * recording.duration < _CYCLES_OF_PART or (near and abs(frequency / near - 1) > _PLAIN_OFF):
         return False
-    for track in tracks:
-        fit = fit_sines(track.signals, track.present, track.time, 2 * np.pi * frequency, 1, np.empty(0))
-        left = np.sqrt(2 * np.mean(fit.residual**2, axis=1))
-        if not np.all(left < _PLAIN_NOISE * np.abs([row[0] for row in fit.amplitudes()])):
-            return False
+    if not all(_is_sine(track, frequency) for track in tracks):
+        return False
     force = recording.channels.get("force_in")
     peak = float(np.nanmax(np.abs(force.samples - np.nanmean(force.samples)))) if force is not None else 0.0
     if preload is not None and peak > _PLAIN_FORCE * preload:
         return False
     rig = job.rig.rig() if job.rig is not None else None
     return rig is None or checks.check_resonance(frequency, rig, job.test.value("added_mass") or 0.0).verdict == "ok"
+
+
+def _is_sine(track: Track, frequency: float) -> bool:
+    """Whether little is left of the channels of a track beside a sine."""
+    fit = fit_sines(track.signals, track.present, track.time, 2 * np.pi * frequency, 1, np.empty(0))
+    left = np.sqrt(2 * np.mean(fit.residual**2, axis=1))
+    return bool(np.all(left < _PLAIN_NOISE * np.abs([row[0] for row in fit.amplitudes()])))
 
 
 def reduced_point(job: Job, path: Path, part: float | None = None) -> Point:

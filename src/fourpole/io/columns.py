@@ -454,19 +454,16 @@ def _length(values: Values) -> int:
     return len(next(iter(values.values()), ()))
 
 
-def _quickly(part: bytes, ending: bytes, table: _Table) -> Values | None:
-    """The columns as polars reads them; None if anything is not as plain as it must be."""
-    if not table.wanted or part.count(b"\r") > (part.count(b"\r\n") if ending == b"\n" else len(part)):
-        return None  # two kinds of line end
+def _plain_frame(
+    part: bytes, ending: bytes, layout: Layout, numbers: set[int], indices: list[int]
+) -> pl.DataFrame | None:
+    """Some columns as polars reads them, those of numbers as such; None where it cannot."""
     import polars as pl  # here: it takes half a second
 
-    layout, numbers = table.layout, table.numbers
-    last = layout.width - 1
-    indices = sorted({*table.wanted.values(), last})
     schema = {str(index): pl.Float64() if index in numbers else pl.String() for index in range(layout.width)}
     for words in (None, _NAN_WORDS):  # looking for words makes it a quarter slower
         try:
-            frame = pl.read_csv(
+            return pl.read_csv(
                 part,
                 has_header=False,
                 columns=indices,
@@ -477,10 +474,20 @@ def _quickly(part: bytes, ending: bytes, table: _Table) -> Values | None:
                 null_values=words,
                 decimal_comma=layout.decimal == ",",
             )
-            break
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError, OSError):
             continue
-    else:
+    return None
+
+
+def _quickly(part: bytes, ending: bytes, table: _Table) -> Values | None:
+    """The columns as polars reads them; None if anything is not as plain as it must be."""
+    if not table.wanted or part.count(b"\r") > (part.count(b"\r\n") if ending == b"\n" else len(part)):
+        return None  # two kinds of line end
+    layout, numbers = table.layout, table.numbers
+    last = layout.width - 1
+    indices = sorted({*table.wanted.values(), last})
+    frame = _plain_frame(part, ending, layout, numbers, indices)
+    if frame is None:
         return None
     # To polars a row with too few cells ends in nulls, and of one with too many it may not read the rest.
     if (len(indices) < layout.width or frame[str(last)].null_count()) and not _is_full(part, ending, layout):

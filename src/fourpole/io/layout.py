@@ -100,12 +100,7 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
 
     Raises TableError if there is no header, or no row below it.
     """
-    for index, line in enumerate(lines[:_SAMPLE]):
-        if len(line) > _LONGEST_LINE:
-            raise TableError(f"{name} line {index + 1}: has {len(line)} characters; this is no table of text")
-    sample = [index for index, line in enumerate(lines[:_SAMPLE]) if not is_aside(line)]
-    if not sample:
-        raise TableError(f"{name}: has no table, only blank lines or comments")
+    sample = _table_lines(lines, name)
     delimiter, width = _delimiter([lines[index] for index in sample])
     split = splitter(delimiter)
     fitting = [index for index in sample if width <= _cell_count(lines[index], delimiter) <= width + 1]
@@ -113,24 +108,47 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
     rows = {index: cells for index, cells in islice(split_rows, _LOOKED_AT) if len(cells) == width}
     decimal = _decimal(rows.values(), delimiter)
     names, header = _header(lines, rows, delimiter, decimal, name)
-    below = [index for index in sample if index > header]
-    described = next((index for index in range(header + 1, len(lines)) if lines[index].strip()), header)
-    if _CATMAN_TIME.fullmatch(names[0]):  # units, sensors and rates of the channels, a line for each
-        values = (index for index, row in rows.items() if index > header and _is_values(row, decimal))
-        described = max(header, next(values, described + 1) - 1)
-    units: tuple[str | None, ...] = tuple(column_unit(one)[1] for one in names)
-    for index in (*range(header + 1, described + 1), *range(max(header - 1, 0), header)):
-        stated = _names_in(lines[index], delimiter, width, False)
-        if stated and _is_units_row(stated):
-            units = tuple(one or _stated(cell) for one, cell in zip(units, stated, strict=True))
-            below = [other for other in below if other > max(index, header)]
-            break
-    if _CATMAN_TIME.fullmatch(names[0]):
-        below = [other for other in below if other > described]
+    units, described = _units(lines, names, header, delimiter, _last_described(lines, rows, names, header, decimal))
+    below = [index for index in sample if index > max(header, described)]
     if not below:
         raise TableError(f"{name}: has a header (line {header + 1}) but no row below it")
     clocks = _clocks([row for index, row in rows.items() if index >= below[0]])
     return Layout(names, units, delimiter, decimal, header + 1, below[0] + 1, clocks)
+
+
+def _table_lines(lines: Sequence[str], name: str) -> list[int]:
+    """Indices of the first lines that are neither blank nor comments."""
+    for index, line in enumerate(lines[:_SAMPLE]):
+        if len(line) > _LONGEST_LINE:
+            raise TableError(f"{name} line {index + 1}: has {len(line)} characters; this is no table of text")
+    sample = [index for index, line in enumerate(lines[:_SAMPLE]) if not is_aside(line)]
+    if not sample:
+        raise TableError(f"{name}: has no table, only blank lines or comments")
+    return sample
+
+
+def _last_described(
+    lines: Sequence[str], rows: dict[int, list[str]], names: Sequence[str], header: int, decimal: str
+) -> int:
+    """Index of the last line below the header that may state units; of catman's, all lines above the values."""
+    first = next((index for index in range(header + 1, len(lines)) if lines[index].strip()), header)
+    if not _CATMAN_TIME.fullmatch(names[0]):
+        return first
+    values = (index for index, row in rows.items() if index > header and _is_values(row, decimal))
+    return max(header, next(values, first + 1) - 1)
+
+
+def _units(
+    lines: Sequence[str], names: Sequence[str], header: int, delimiter: str, described: int
+) -> tuple[tuple[str | None, ...], int]:
+    """The unit of each column, and the index of the last line that is no row because it states them."""
+    units: tuple[str | None, ...] = tuple(column_unit(one)[1] for one in names)
+    last = described if _CATMAN_TIME.fullmatch(names[0]) else header
+    for index in (*range(header + 1, described + 1), *range(max(header - 1, 0), header)):
+        stated = _names_in(lines[index], delimiter, len(names), False)
+        if stated and _is_units_row(stated):
+            return tuple(one or _stated(cell) for one, cell in zip(units, stated, strict=True)), max(last, index)
+    return units, last
 
 
 def find_column(names: Sequence[str], wanted: str, name: str) -> int:
@@ -156,12 +174,20 @@ def find_column(names: Sequence[str], wanted: str, name: str) -> int:
             which = ", ".join(f"{shown(names[index])} (column {index + 1})" for index in found[:5])
             how = f"write {shown(f'{spelling}.1')} for the first, {shown(f'{spelling}.2')} for the next"
             raise TableError(f"{name}: column {shown(wanted)} is ambiguous: {which}; {how}, or rename one of them")
-    if nth := _NTH.fullmatch(spelling):
-        stem = column_unit(nth[1])[0].casefold()
-        same = [index for index, one in enumerate(names) if column_unit(one)[0].casefold() == stem]
-        if 1 < len(same) >= int(nth[2]):
-            return same[int(nth[2]) - 1]
+    found_nth = _nth_of_name(names, spelling)
+    if found_nth is not None:
+        return found_nth
     raise TableError(_no_column(bare, wanted, name))
+
+
+def _nth_of_name(names: Sequence[str], spelling: str) -> int | None:
+    """Where F1.2 is, the second of the columns that are called F1; None where there is none."""
+    nth = _NTH.fullmatch(spelling)
+    if nth is None:
+        return None
+    stem = column_unit(nth[1])[0].casefold()
+    same = [index for index, one in enumerate(names) if column_unit(one)[0].casefold() == stem]
+    return same[int(nth[2]) - 1] if 1 < len(same) >= int(nth[2]) else None
 
 
 def _no_column(bare: list[str], wanted: str, name: str) -> str:
@@ -237,7 +263,6 @@ def _header(
     lines: Sequence[str], rows: dict[int, list[str]], delimiter: str, decimal: str, name: str
 ) -> tuple[tuple[str, ...], int]:
     """The names, and the index of their line."""
-    top = next(iter(rows))
     for index, row in rows.items():
         if _CATMAN_TIME.fullmatch(row[0]):
             return tuple(row), index
@@ -245,7 +270,15 @@ def _header(
     if first is not None and not _is_values(rows[first], decimal):
         first = _below_preamble(rows, decimal)
     if first is None:
-        return tuple(rows[top]), top  # text beside numbers, or alone: only the place tells the header
+        top = next(iter(rows))
+        return tuple(rows[top]), top  # text beside numbers, or alone: only the place shows the header
+    return _header_above(lines, rows, first, delimiter, name)
+
+
+def _header_above(
+    lines: Sequence[str], rows: dict[int, list[str]], first: int, delimiter: str, name: str
+) -> tuple[tuple[str, ...], int]:
+    """The names above the first row of numbers, and the index of their line."""
     width = len(rows[first])
     above = [index for index in reversed(range(first)) if lines[index].strip()]
     ended = all(not row[-1] for index, row in rows.items() if index >= first)

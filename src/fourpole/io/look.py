@@ -15,7 +15,7 @@ from fourpole.errors import FileError, TableError
 from fourpole.io.signals import FileInfo, Signal
 from fourpole.io.stream import surveyed_stream
 
-__all__ = ["Look", "look"]
+__all__ = ["ChannelSummary", "look"]
 
 FloatArray = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ _JUMP = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Look(ByValue):
+class ChannelSummary(ByValue):
     """What the samples of a channel show, in its own unit.
 
     Attributes
@@ -75,7 +75,7 @@ def look(
     *,
     label: str,
     progress: Callable[[int, int], None] | None = None,
-) -> dict[int, Look | str]:
+) -> dict[int, ChannelSummary | str]:
     """Look at the samples of some channels, in one pass and bounded memory where the format allows it.
 
     Parameters
@@ -92,10 +92,10 @@ def look(
 
     Returns
     -------
-    dict of int to Look or str
+    dict of int to ChannelSummary or str
         By the places; a text where a channel cannot be read: why.
     """
-    result: dict[int, Look | str] = {}
+    result: dict[int, ChannelSummary | str] = {}
     waiting = [list(chosen)] if chosen else []
     total = sum(found.signals[one].count for one in chosen)
     while waiting:
@@ -127,7 +127,7 @@ class _Progress:
 
 def _pass(
     path: Path, found: FileInfo, chosen: Sequence[int], label: str, progress: Callable[[int], None]
-) -> dict[int, Look | str]:
+) -> dict[int, ChannelSummary | str]:
     run = surveyed_stream(path, found, chosen, label=label)
     tallies = [_Tally(found.signals[one].count) for one in chosen]
     done = 0
@@ -253,7 +253,7 @@ class _Tally:
         self.outline[at, 0] = np.fmin(self.outline[at, 0], np.fmin.reduceat(samples, edges))
         self.outline[at, 1] = np.fmax(self.outline[at, 1], np.fmax.reduceat(samples, edges))
 
-    def look(self, clock: str) -> Look:
+    def look(self, clock: str) -> ChannelSummary:
         """What all stretches came to."""
         outline = np.where(np.isinf(self.outline), np.nan, self.outline)
         stamped = self.steps.count > 0
@@ -261,7 +261,7 @@ class _Tally:
         start = self.steps.first if stamped else self.start
         duration = self.steps.last - self.steps.first if stamped else (self.count - 1) / rate if rate else None
         known = self.known > 0
-        return Look(
+        return ChannelSummary(
             count=self.count,
             missing=self.missing,
             longest_gap=self.longest_gap,

@@ -86,7 +86,7 @@ class Stream:
     Attributes
     ----------
     count : int
-        Samples of the longest channel; 0 where the recording comes as one chunk.
+        Samples of the longest channel; 0 where the recording comes as one chunk, and of a surveyed stream.
     chunks : iterator of Chunk
     clocks : dict of int to int
         Of a surveyed stream, the place of the column that states the times of a channel, by the channel's place.
@@ -242,26 +242,19 @@ def surveyed_stream(path: Path, found: FileInfo, chosen: Sequence[int], *, label
         If a channel cannot be read; also while the chunks are taken.
     """
     kind = format_of(path, max_bytes=MAX_FILE_BYTES, label=label)
-    stated = {one: _stated_clock(found.signals, found.signals[one]) for one in chosen}
-    asked = list(dict.fromkeys([*chosen, *(clock for clock in stated.values() if clock is not None)]))
-    guess = kind.name == "text" and all(clock is None for clock in stated.values())
-    if guess and found.signals and 0 not in asked:
-        asked.append(0)
+    clocks = {one: at for one in chosen if (at := _stated_clock(found.signals, found.signals[one])) is not None}
+    guess = kind.name == "text" and not clocks and bool(found.signals)
+    asked = list(dict.fromkeys([*chosen, *clocks.values(), *([0] if guess else [])]))
     names = tuple(_called(found.signals, one) for one in asked)
     request = Request(path, names, "", label, _MOST_MEMORY)
     rows = max(_LEAST_ROWS, _AT_ONCE // max(len(names), 1))
     several = kind.blocks(request, rows) if kind.blocks is not None else iter([kind.read(request)])
     chunks = (dict(zip(asked, chunk, strict=True)) for chunk in several)
     first = next(chunks)
-    clocks = {}
-    for one in chosen:
-        clock = stated[one]
-        if clock is not None and _is_clock(first[clock], first[one]):
-            clocks[one] = clock
-        elif guess and _timeless([first[one]]) and found.signals[0].unit is None and _counts_time(first[0]):
-            clocks[one] = 0
-    count = max((found.signals[one].count for one in chosen), default=0)
-    return Stream(count, (_timed(part, chosen, clocks, label) for part in chain([first], chunks)), clocks)
+    clocks = {one: at for one, at in clocks.items() if _is_clock(first[at], first[one])}
+    if guess and found.signals[0].unit is None and _counts_time(first[0]):
+        clocks = {one: 0 for one in chosen if _timeless([first[one]])}
+    return Stream(0, (_timed(part, chosen, clocks, label) for part in chain([first], chunks)), clocks)
 
 
 def _called(signals: Sequence[SignalInfo], at: int) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fourpole import units
-from fourpole.campaign.guess.signals import Look
+from fourpole.campaign.guess.signals import SignalShape
 from fourpole.campaign.guess.words import IN, NAMES, OUT
 from fourpole.errors import UnitError
 from fourpole.units import MOTIONS, shown
@@ -148,7 +148,7 @@ def _likely(words: Sequence[str]) -> int:
     return sum(word in good for word in words) - sum(word in bad for word in words if len(words) > 1 or len(word) > 1)
 
 
-def static_roles(columns: Sequence[Column], looks: Sequence[Look]) -> dict[str, Role]:
+def static_roles(columns: Sequence[Column], looks: Sequence[SignalShape]) -> dict[str, Role]:
     """Load and deflection of the static tests."""
     forces = [column for column in columns if column.quantity == "force"]
     travels = [column for column in columns if column.quantity == "displacement"]
@@ -169,7 +169,7 @@ def static_roles(columns: Sequence[Column], looks: Sequence[Look]) -> dict[str, 
 
 
 def _static_role(
-    role: str, column: Column, kind: str, looks: Sequence[Look], by_curve: str, several: Sequence[Column]
+    role: str, column: Column, kind: str, looks: Sequence[SignalShape], by_curve: str, several: Sequence[Column]
 ) -> Role:
     low = min((look.ranges[column.name][0] for look in looks if column.name in look.ranges), default=0.0)
     high = max((look.ranges[column.name][1] for look in looks if column.name in look.ranges), default=0.0)
@@ -193,7 +193,7 @@ def _static_unit(column: Column, kind: str, largest: float) -> tuple[str | None,
 
 
 def _by_curve(
-    forces: list[Column], travels: list[Column], unknown: list[Column], looks: Sequence[Look]
+    forces: list[Column], travels: list[Column], unknown: list[Column], looks: Sequence[SignalShape]
 ) -> tuple[list[Column], list[Column]]:
     """Load and deflection by the sense of the loop: a passive tyre takes work."""
     if forces and len(unknown) == 1:
@@ -207,7 +207,7 @@ def _by_curve(
     return ([a], [b]) if np.nansum(work) > 0 else ([b], [a])
 
 
-def _work(look: Look, load: str, travel: str) -> float:
+def _work(look: SignalShape, load: str, travel: str) -> float:
     """Area of the loop in units of its box, positive where the first is the load."""
     if load not in look.samples or travel not in look.samples:
         return 0.0
@@ -216,7 +216,7 @@ def _work(look: Look, load: str, travel: str) -> float:
     return float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x)) / box) if box > 0 else 0.0
 
 
-def _span(look: Look, name: str) -> float:
+def _span(look: SignalShape, name: str) -> float:
     low, high = look.ranges.get(name, (0.0, 0.0))
     return high - low
 
@@ -226,7 +226,7 @@ def _others(column: Column, several: Sequence[Column]) -> str:
     return f"taken of several: {', '.join(rest[:4])} could be it too" if rest else ""
 
 
-def dynamic_roles(columns: Sequence[Column], looks: Sequence[Look]) -> dict[str, Role]:
+def dynamic_roles(columns: Sequence[Column], looks: Sequence[SignalShape]) -> dict[str, Role]:
     """F1, V1 and V2 of the dynamic tests."""
     looks = [look for look in looks if look.kind == "dynamic" and np.isfinite(look.frequency)]
     found: dict[str, Role] = {}
@@ -243,11 +243,11 @@ def dynamic_roles(columns: Sequence[Column], looks: Sequence[Look]) -> dict[str,
     return _signs(found, looks)
 
 
-def _size(looks: Sequence[Look], name: str) -> float:
+def _size(looks: Sequence[SignalShape], name: str) -> float:
     return float(np.median([abs(look.amplitudes.get(name, 0.0)) for look in looks])) if looks else 0.0
 
 
-def _dynamic_role(role: str, column: Column, looks: Sequence[Look], *doubts: str) -> Role:
+def _dynamic_role(role: str, column: Column, looks: Sequence[SignalShape], *doubts: str) -> Role:
     unit, doubt = _dynamic_unit(column, _size(looks, column.name))
     return Role(role, column.name, unit, column.quantity, doubts=tuple(text for text in (*doubts, doubt) if text))
 
@@ -269,7 +269,7 @@ def _dynamic_unit(column: Column, size: float) -> tuple[str | None, str]:
 
 
 def _pair(
-    motions: list[Column], force: Role | None, looks: Sequence[Look]
+    motions: list[Column], force: Role | None, looks: Sequence[SignalShape]
 ) -> tuple[tuple[Column | None, ...], tuple[str, ...]]:
     """The motions in and out."""
     ins, outs = ([one for one in motions if one.side == side] for side in ("in", "out"))
@@ -299,7 +299,7 @@ def _best_pair(ins: list[Column], outs: list[Column]) -> tuple[Column, Column]:
 
 
 def _by_power(
-    a: Column, b: Column, force: Role | None, looks: Sequence[Look], several: tuple[str, ...]
+    a: Column, b: Column, force: Role | None, looks: Sequence[SignalShape], several: tuple[str, ...]
 ) -> tuple[tuple[Column, Column], tuple[str, ...]]:
     """The motion through which power enters is V1: beyond the tyre there are but mass and spring."""
     names = f"{shown(a.name, 30)} and {shown(b.name, 30)}"
@@ -316,13 +316,13 @@ def _by_power(
     return pair, (*several, how if sure else f"{how}, but hardly more than through the other")
 
 
-def _cosine(look: Look, force: Role, column: Column) -> float:
+def _cosine(look: SignalShape, force: Role, column: Column) -> float:
     """Power over apparent power of a force and a motion."""
     f, v = look.amplitudes.get(force.column, 0j), look.amplitudes.get(column.name, 0j) * 1j ** _TURNS[column.quantity]
     return (f * v.conjugate()).real / (abs(f) * abs(v)) if f and v else 0.0
 
 
-def _signs(roles: dict[str, Role], looks: Sequence[Look]) -> dict[str, Role]:
+def _signs(roles: dict[str, Role], looks: Sequence[SignalShape]) -> dict[str, Role]:
     """Turn the one sensor whose sign makes no tyre passive, if there is exactly one."""
     if len(roles) < 3 or not looks or any(role.unit is None for role in roles.values()):
         return roles
@@ -348,7 +348,7 @@ def _signs(roles: dict[str, Role], looks: Sequence[Look]) -> dict[str, Role]:
     return {**roles, best: replace(roles[best], invert=True, doubts=(*roles[best].doubts, doubt))}
 
 
-def _velocity(look: Look, role: Role) -> complex:
+def _velocity(look: SignalShape, role: Role) -> complex:
     """Amplitude of a force, or of the velocity of a motion, in recorded units."""
     amplitude = look.amplitudes.get(role.column, complex(float("nan")))
     scale = 1.0 if role.unit is None else units.channel_scale(role.unit, (role.quantity,))[1]
@@ -363,7 +363,7 @@ def _passive(phasors: np.ndarray, omega: np.ndarray) -> float:  # type: ignore[t
 
 
 def force_scale(
-    roles: dict[str, Role], looks: Sequence[Look], static: dict[str, Role], curves: Sequence[Look]
+    roles: dict[str, Role], looks: Sequence[SignalShape], static: dict[str, Role], curves: Sequence[SignalShape]
 ) -> float:
     """|K*| by the relative route over the slope of the static curves: some 1 to 3 where the units are right."""
     looks = [look for look in looks if look.kind == "dynamic" and np.isfinite(look.frequency)]
@@ -379,7 +379,7 @@ def force_scale(
         return float(stiffness / np.median(slopes))
 
 
-def _span_si(look: Look, role: Role) -> float:
+def _span_si(look: SignalShape, role: Role) -> float:
     return _span(look, role.column) * (
         1.0 if role.unit is None else units.channel_scale(role.unit, (role.quantity,))[1]
     )

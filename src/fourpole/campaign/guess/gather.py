@@ -14,14 +14,14 @@ import numpy as np
 from fourpole import units
 from fourpole.campaign.guess.channels import Column, column_of
 from fourpole.campaign.guess.names import Token, read_header, read_name, without_ending
-from fourpole.campaign.guess.signals import Look, look, samples_of
+from fourpole.campaign.guess.signals import SignalShape, look, samples_of
 from fourpole.errors import CampaignError, FourpoleError, UnitError
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode, read_bytes
 from fourpole.units import shown
 
-__all__ = ["Gathered", "Seen", "gather"]
+__all__ = ["FolderContents", "Seen", "gather"]
 
 _MOST_FILES = 20_000
 _MOST_CHANNELS = 64
@@ -52,7 +52,7 @@ class Seen:
         A table of text.
     timed : bool
         The file states times or rates of its own.
-    looked : Look or None
+    looked : SignalShape or None
         What its samples show; None where they could not be read.
     name, header, folder : tuple of Token
         What its name, its header and the notes that apply to it say.
@@ -67,7 +67,7 @@ class Seen:
     rate: float | None
     text: bool
     timed: bool
-    looked: Look | None
+    looked: SignalShape | None
     name: tuple[Token, ...]
     header: tuple[Token, ...] = ()
     folder: tuple[Token, ...] = ()
@@ -75,7 +75,7 @@ class Seen:
 
 
 @dataclass
-class Gathered:
+class FolderContents:
     """All of a folder: recordings, what was left out with its reason, and what notes say."""
 
     seen: list[Seen] = field(default_factory=list)
@@ -83,9 +83,9 @@ class Gathered:
     notes: list[Token] = field(default_factory=list)
 
 
-def gather(folder: Path, progress: Callable[[int, int], None] | None = None) -> Gathered:
+def gather(folder: Path, progress: Callable[[int, int], None] | None = None) -> FolderContents:
     """Look at every file of a folder and below it."""
-    found = Gathered()
+    found = FolderContents()
     paths = _paths(folder, found)
     notes: dict[str, tuple[Token, ...]] = {}
     for done, path in enumerate(paths, 1):
@@ -101,7 +101,7 @@ def gather(folder: Path, progress: Callable[[int, int], None] | None = None) -> 
     return found
 
 
-def _paths(folder: Path, found: Gathered) -> list[Path]:
+def _paths(folder: Path, found: FolderContents) -> list[Path]:
     """Files that may be recordings or notes, in the order in which people count."""
     paths: list[Path] = []
     for place, folders, files in os.walk(folder):
@@ -140,7 +140,7 @@ def _trouble(folder: Path, path: Path) -> str:
     return "" if within else "is a link to a place outside the folder: copy it into the folder"
 
 
-def _look_at(path: Path, name: str, found: Gathered, notes: dict[str, tuple[Token, ...]]) -> None:
+def _look_at(path: Path, name: str, found: FolderContents, notes: dict[str, tuple[Token, ...]]) -> None:
     """One file: its recordings, or what it says as notes."""
     is_note = _NOTES.search(path.name) is not None
     try:
@@ -264,7 +264,7 @@ def _bare(group: str) -> str:
 
 def _looked(
     path: Path, name: str, group: str, own: tuple[Column, ...], clock: Column | None, rate: float | None
-) -> Look:
+) -> SignalShape:
     """What the samples show."""
     aside = frozenset(column.name for column in own if column.quantity in _ASIDE)
     stated = {"clock": clock.name, "unit": clock.unit or "s"} if clock is not None else {}
@@ -278,7 +278,7 @@ _ASIDE = frozenset({"temperature", "pressure", "frequency", "angle", "reference"
 _RECORDED = {"pressure": (3e4, 2e6), "temperature": (-60.0, 150.0)}
 
 
-def _recorded(columns: tuple[Column, ...], looked: Look | None) -> Iterator[Token]:
+def _recorded(columns: tuple[Column, ...], looked: SignalShape | None) -> Iterator[Token]:
     """Conditions that were recorded beside the signals: pressure and temperature, where they stand still."""
     for column in columns:
         if (

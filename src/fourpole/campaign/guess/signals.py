@@ -12,7 +12,7 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.io.signals import Signal
 from fourpole.io.stream import Source, stream
 
-__all__ = ["Look", "look", "rate_of", "samples_of", "turn"]
+__all__ = ["SignalShape", "look", "rate_of", "samples_of", "turn"]
 
 _ENOUGH_ROWS = 1 << 18
 _SPECTRUM = 1 << 16
@@ -23,7 +23,7 @@ _SUSTAINED = 0.3  # least over largest amplitude of its quarters
 
 
 @dataclass(frozen=True, eq=False)
-class Look(ByValue):
+class SignalShape(ByValue):
     """What a recording shows.
 
     Attributes
@@ -65,21 +65,21 @@ def look(
     *,
     rate: float | None = None,
     aside: frozenset[str] = frozenset(),
-) -> Look:
+) -> SignalShape:
     """What the samples of some channels show; those `aside` do not say what is excited."""
     lines = {name: _Line.of(signal, rate) for name, signal in signals.items() if np.isfinite(signal.samples).sum() > 1}
     ranges = {name: (float(one.samples.min()), float(one.samples.max())) for name, one in lines.items()}
     thin = {name: one.samples[:: max(1, one.samples.size // 2000)] for name, one in lines.items()}
     excited = {name: one for name, one in lines.items() if name not in aside and one.moves}
     if not excited or min(one.samples.size for one in excited.values()) < 16:
-        return Look("", float("nan"), rate, ranges=ranges, samples=thin)
+        return SignalShape("", float("nan"), rate, ranges=ranges, samples=thin)
     best = max(excited.values(), key=lambda one: one.line[1])
     turns, share = best.line
     frequency = turns * best.rate if best.rate else float("nan")
     slow = frequency < _SLOW if best.rate else turns * best.samples.size < _FEWEST_TURNS
     kind = "static" if slow else "dynamic" if share >= _STEADY and _lasts(best.samples, turns) else ""
     per_sample = {name: frequency / one.rate if one.rate else turns for name, one in lines.items()}
-    return Look(
+    return SignalShape(
         kind=kind,
         frequency=frequency,
         rate=best.rate,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,114 +13,21 @@ import numpy as np
 from fourpole import units
 from fourpole.campaign.guess.channels import Column, Role, dynamic_roles, force_scale, static_roles
 from fourpole.campaign.guess.conditions import Entry, Told, tell
-from fourpole.campaign.guess.gather import Gathered, Seen, gather
+from fourpole.campaign.guess.gather import FolderContents, Seen, gather
 from fourpole.campaign.guess.names import kind_word, without_ending
-from fourpole.campaign.guess.signals import Look
+from fourpole.campaign.guess.signals import SignalShape
 from fourpole.campaign.guess.words import CONSTRUCTIONS
-from fourpole.campaign.guess.write import campaign_toml, tests_csv
+from fourpole.campaign.guess.write import Doubt, Guess, Row
 from fourpole.errors import CampaignError
-from fourpole.io.write import write_text
 from fourpole.units import shown
 
-__all__ = ["Doubt", "Guess", "Row", "guess_campaign", "keep_existing"]
+__all__ = ["guess_campaign"]
 
 _SAME_FREQUENCY = 0.05
 _NAMES_LIKE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,23}")
 _RIG = ("moving_mass", "preload_stiffness", "preload_damping")
 #: |K*| over the static slope that needs no word.
 _LIKELY = (0.3, 12.0)
-
-
-@dataclass(frozen=True)
-class Doubt:
-    """What was taken but may be wrong, or is not known.
-
-    Attributes
-    ----------
-    about : str
-        A channel's role, a condition, "rig", "kind" or "files".
-    text : str
-        What was found and taken.
-    remedy : str
-        What to do.
-    tests : tuple of str
-        The tests concerned; empty where it is the campaign.
-    """
-
-    about: str
-    text: str
-    remedy: str
-    tests: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row of tests.csv as guessed, in SI units."""
-
-    name: str
-    file: str
-    kind: str
-    tyre: str = ""
-    values: dict[str, float] = field(default_factory=dict)
-    repeat: str = ""
-    doubts: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Guess:
-    """A campaign as guessed.
-
-    Attributes
-    ----------
-    folder : Path
-    title : str
-    rows : tuple of Row
-    roles : dict of str to Role
-        Of [channels].
-    clock : (str, str) or None
-        Column of the time and its unit; None where the recordings know their times, or nothing says them.
-    reference : (str, str, int) or None
-        Column of a tacho or encoder, its unit, and its pulses per cycle (0 for an angle).
-    rig : dict of str to float [SI]
-        What notes state of it.
-    constructions : dict of str to str
-        Of each tyre, empty where it is not known.
-    doubts : tuple of Doubt
-    left_out : tuple of (str, str)
-        Files that are no recordings, and why.
-    """
-
-    folder: Path
-    title: str
-    rows: tuple[Row, ...]
-    roles: dict[str, Role]
-    clock: tuple[str, str] | None
-    reference: tuple[str, str, int] | None
-    rig: dict[str, float]
-    constructions: dict[str, str]
-    doubts: tuple[Doubt, ...]
-    left_out: tuple[tuple[str, str], ...]
-
-    def write(self, *, force: bool = False) -> list[Path]:
-        """Write campaign.toml and tests.csv; CampaignError where one of them is there, unless `force`."""
-        if not force:
-            keep_existing(self.folder)
-        for name, text in zip(_WRITTEN, (campaign_toml(self), tests_csv(self.rows)), strict=True):
-            write_text(self.folder / name, text)
-        return [self.folder / name for name in _WRITTEN]
-
-
-_WRITTEN = ("campaign.toml", "tests.csv")
-
-
-def keep_existing(folder: Path) -> None:
-    """Refuse a folder that has a campaign.toml or tests.csv."""
-    there = [name for name in _WRITTEN if (folder / name).exists() or (folder / name).is_symlink()]
-    if there:
-        raise CampaignError(
-            f"{shown(folder, 200)[1:-1]}: there is a {' and a '.join(there)} already, which nothing here changes: "
-            "move it away, or use --force to replace it"
-        )
 
 
 def guess_campaign(folder: str | Path, *, progress: Callable[[int, int], None] | None = None) -> Guess:
@@ -166,7 +73,7 @@ def guess_campaign(folder: str | Path, *, progress: Callable[[int, int], None] |
 class _Together:
     """The steps from what was seen to a guess; each adds its doubts."""
 
-    def __init__(self, folder: Path, gathered: Gathered) -> None:
+    def __init__(self, folder: Path, gathered: FolderContents) -> None:
         self.folder, self.gathered = folder, gathered
         self.seen = gathered.seen
         self.doubts: list[Doubt] = []
@@ -342,7 +249,7 @@ class _Together:
         return ", ".join(shown(column.name, 30) for column in one.columns[:10])
 
     def _voted(
-        self, kinds: tuple[str, ...], roles_of: Callable[[Sequence[Column], Sequence[Look]], dict[str, Role]]
+        self, kinds: tuple[str, ...], roles_of: Callable[[Sequence[Column], Sequence[SignalShape]], dict[str, Role]]
     ) -> dict[str, Role]:
         """Roles by the columns that most recordings have; others are told."""
         groups: dict[tuple[tuple[str, str | None], ...], list[int]] = {}

@@ -1,4 +1,4 @@
-"""A guess as text: campaign.toml with its doubts as comments, tests.csv with a column of them."""
+"""A guess and its text: campaign.toml with its doubts as comments, tests.csv with a column of them."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import io
 import json
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from pathlib import Path
 
 from fourpole import quantities as q
 from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.guess.channels import Role
+from fourpole.errors import CampaignError
+from fourpole.io.write import write_text
+from fourpole.units import shown
 
-if TYPE_CHECKING:
-    from fourpole.campaign.guess.together import Guess, Row
-
-__all__ = ["campaign_toml", "tests_csv"]
+__all__ = ["Doubt", "Guess", "Row", "campaign_toml", "keep_existing", "tests_csv"]
 
 #: Columns of tests.csv: label, condition, SI value of one. The first three are there even where nothing is known.
 _COLUMNS = (
@@ -34,6 +35,98 @@ _RIG = (
     ("preload_damping", 1.0, "N s/m", ""),
 )
 _MOST_DOUBTS = 900
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What was taken but may be wrong, or is not known.
+
+    Attributes
+    ----------
+    about : str
+        A channel's role, a condition, "rig", "kind" or "files".
+    text : str
+        What was found and taken.
+    remedy : str
+        What to do.
+    tests : tuple of str
+        The tests concerned; empty where it is the campaign.
+    """
+
+    about: str
+    text: str
+    remedy: str
+    tests: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of tests.csv as guessed, in SI units."""
+
+    name: str
+    file: str
+    kind: str
+    tyre: str = ""
+    values: dict[str, float] = field(default_factory=dict)
+    repeat: str = ""
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A campaign as guessed.
+
+    Attributes
+    ----------
+    folder : Path
+    title : str
+    rows : tuple of Row
+    roles : dict of str to Role
+        Of [channels].
+    clock : (str, str) or None
+        Column of the time and its unit; None where the recordings know their times, or nothing says them.
+    reference : (str, str, int) or None
+        Column of a tacho or encoder, its unit, and its pulses per cycle (0 for an angle).
+    rig : dict of str to float [SI]
+        What notes state of it.
+    constructions : dict of str to str
+        Of each tyre, empty where it is not known.
+    doubts : tuple of Doubt
+    left_out : tuple of (str, str)
+        Files that are no recordings, and why.
+    """
+
+    folder: Path
+    title: str
+    rows: tuple[Row, ...]
+    roles: dict[str, Role]
+    clock: tuple[str, str] | None
+    reference: tuple[str, str, int] | None
+    rig: dict[str, float]
+    constructions: dict[str, str]
+    doubts: tuple[Doubt, ...]
+    left_out: tuple[tuple[str, str], ...]
+
+    def write(self, *, force: bool = False) -> list[Path]:
+        """Write campaign.toml and tests.csv; CampaignError where one of them is there, unless `force`."""
+        if not force:
+            keep_existing(self.folder)
+        for name, text in zip(_WRITTEN, (campaign_toml(self), tests_csv(self.rows)), strict=True):
+            write_text(self.folder / name, text)
+        return [self.folder / name for name in _WRITTEN]
+
+
+_WRITTEN = ("campaign.toml", "tests.csv")
+
+
+def keep_existing(folder: Path) -> None:
+    """Refuse a folder that has a campaign.toml or tests.csv."""
+    there = [name for name in _WRITTEN if (folder / name).exists() or (folder / name).is_symlink()]
+    if there:
+        raise CampaignError(
+            f"{shown(folder, 200)[1:-1]}: there is a {' and a '.join(there)} already, which nothing here changes: "
+            "move it away, or use --force to replace it"
+        )
 
 
 def quoted(text: str) -> str:
