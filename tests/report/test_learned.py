@@ -149,7 +149,17 @@ def test_scatter_search_and_notes_are_told_once(plain):
         "2 tests do not go with the others and hardly count",
         "one test only: rig and channels are taken as you stated them",
     ]
-    found = of(with_values(plain, VALUES, scatter=0.012, converged=False, reason="no step helps", notes=notes))
+    found = of(
+        with_values(
+            plain,
+            VALUES,
+            scatter=0.012,
+            converged=False,
+            reason="no step helps",
+            notes=notes,
+            note_codes=["scatter", "outliers", "one test"],
+        )
+    )
     assert found.remarks == (
         "The joint route did not converge (no step helps): do not rely on it, use the relative route.",
         (
@@ -158,6 +168,12 @@ def test_scatter_search_and_notes_are_told_once(plain):
         ),
         "One test only: rig and channels are taken as you stated them.",
     )
+
+
+def test_what_is_told_of_a_note_goes_by_its_code_and_not_by_its_words(plain):
+    for code, told in (("scatter", False), ("outliers", False), ("misfit", False), ("noise", True), ("", True)):
+        found = of(with_values(plain, VALUES, notes=["worded in another way"], note_codes=[code]))
+        assert found.remarks == (("Worded in another way.",) if told else ())
 
 
 def test_outliers_are_named_the_worst_first(plain):

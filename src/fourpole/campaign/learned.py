@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fourpole import quantities as q
+from fourpole.campaign.notecode import NoteCode
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.identification import Identification
@@ -81,7 +82,7 @@ def learn(
     `places` are family and nominal frequency of each test, `found` and `result` what the solution says of them.
     """
     gained = _gain_of_masses(joint, phasors, rig, channels, places, found, result)
-    notes = tuple(_notes(joint))
+    notes = _notes(joint)
     misfit, solution = joint.misfit, joint.solution
     record: dict[str, Any] = {
         "tests": len(names),
@@ -97,7 +98,8 @@ def learn(
         "converged": solution.converged,
         "reason": solution.reason,
         "steps": solution.steps,
-        "notes": list(notes),
+        "notes": [text for _, text in notes],
+        "note_codes": [str(code) for code, _ in notes],
         "candidates": [_candidate_record(candidate, misfit.chi2) for candidate in misfit.candidates[:6]],
     }
     if gained:
@@ -107,7 +109,7 @@ def learn(
         values=[*_values(joint), *_ratios(joint)],
         residuals=_residuals(joint, names, phasors),
         record=record,
-        notes=notes,
+        notes=tuple(text for _, text in notes),
         outliers={name: float(factor) for name, factor in factors if factor > 1},
     )
 
@@ -261,47 +263,57 @@ def _residuals(joint: Joint, names: Sequence[str], phasors: Phasors) -> list[dic
     ]
 
 
-def _notes(joint: Joint) -> list[str]:
-    """Sentences for the user, the gravest first."""
+def _notes(joint: Joint) -> list[tuple[NoteCode, str]]:
+    """What the user must know, each with its code and its sentence, the gravest first."""
     misfit, notes = joint.misfit, []
     if not joint.solution.converged:
-        notes.append(f"the joint route did not converge: {joint.solution.reason}; use --route relative")
+        text = f"the joint route did not converge: {joint.solution.reason}; use --route relative"
+        notes.append((NoteCode.NOT_CONVERGED, text))
     if not misfit.fits:
-        best = f"; best explained by {misfit.candidates[0].text}" if misfit.candidates else ""
-        aside = [joint.stated.parameters[at] for at in misfit.conflicts]
-        against = [
-            f"{parameter.source.text} is stated as {_short(parameter.stated, parameter.unit)}, "
-            f"the tests want {_short(float(joint.found[at]), parameter.unit)}"
-            for at, parameter in zip(misfit.conflicts, aside, strict=True)
-        ]
-        what = "; ".join(against) or f"chi-square is {misfit.chi2:.3g} for {misfit.dof:.0f} degrees of freedom"
-        notes.append(
-            f"rig and channels as stated do not fit their tests ({what}){best}; "
-            "uncertainties are enlarged and no value is called calibrated"
-        )
+        notes.append((NoteCode.MISFIT, _misfit_note(joint)))
     elif misfit.inflation > _WORTH_SAYING:
-        notes.append(
+        text = (
             f"noise counts as {misfit.inflation:.2g} times what each recording by itself says: the tests differ by "
             "more, and nothing unstated explains it (an unsteady drive would)"
         )
+        notes.append((NoteCode.NOISE, text))
     if misfit.unsteady > 0:
-        notes.append(
+        text = (
             f"the drive is unsteady: the tests scatter as if each frequency were off by {misfit.unsteady:.1g} of it, "
             "and the uncertainties hold that"
         )
+        notes.append((NoteCode.UNSTEADY, text))
     if misfit.scatter > 0:
-        notes.append(
+        text = (
             f"K* of repeated tests of one condition scatters by {misfit.scatter:.2g} of its value beyond the noise: "
             "look at temperature, conditioning and amplitude; the uncertainties hold this scatter"
         )
+        notes.append((NoteCode.SCATTER, text))
     strange = int(np.sum(joint.outlier > 1))
     if strange:
         many = "tests do" if strange > 1 else "test does"
-        notes.append(f"{strange} {many} not go with the others and hardly {'count' if strange > 1 else 'counts'}")
-    notes += _unshared_masses(joint)
+        text = f"{strange} {many} not go with the others and hardly {'count' if strange > 1 else 'counts'}"
+        notes.append((NoteCode.OUTLIERS, text))
+    notes += [(NoteCode.UNSHARED_MASSES, text) for text in _unshared_masses(joint)]
     if joint.problem.conditions.label.size == 1:
-        notes.append("one test only: rig and channels are taken as you stated them")
+        notes.append((NoteCode.ONE_TEST, "one test only: rig and channels are taken as you stated them"))
     return notes
+
+
+def _misfit_note(joint: Joint) -> str:
+    misfit = joint.misfit
+    best = f"; best explained by {misfit.candidates[0].text}" if misfit.candidates else ""
+    aside = [joint.stated.parameters[at] for at in misfit.conflicts]
+    against = [
+        f"{parameter.source.text} is stated as {_short(parameter.stated, parameter.unit)}, "
+        f"the tests want {_short(float(joint.found[at]), parameter.unit)}"
+        for at, parameter in zip(misfit.conflicts, aside, strict=True)
+    ]
+    what = "; ".join(against) or f"chi-square is {misfit.chi2:.3g} for {misfit.dof:.0f} degrees of freedom"
+    return (
+        f"rig and channels as stated do not fit their tests ({what}){best}; "
+        "uncertainties are enlarged and no value is called calibrated"
+    )
 
 
 def _unshared_masses(joint: Joint) -> list[str]:

@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from fourpole import quantities as q
 from fourpole.campaign.results import Results
+from fourpole.campaign.rigestimate import RigEstimate, rig_estimates
 from fourpole.campaign.tables import keys_of
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import FREQUENCY, Axis
@@ -108,7 +109,7 @@ def residual(results: Results, style: Style) -> Figure | None:
     grid = Grid.of(2 * len(rigs), 2, panel_height=2.6 if len(rigs) == 1 else 1.9, style=style)
     for row, at in enumerate(rigs):
         here = known & (tests.rig == at)
-        fits = _of_rig(results, tests.rigs[at]).get("fits") is not False
+        fits = _of_rig(results, tests.rigs[at]).fits
         for column in (0, 1):
             ax = grid.panels[2 * row + column]
             _residual_panel(ax, tests, column, here, style, notes, fits=fits)
@@ -170,11 +171,9 @@ def _as_stated(results: Results, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
     return found.real, found.imag
 
 
-def _of_rig(results: Results, rig: str) -> Mapping[str, Any]:
-    """What study.json says of a rig after the joint route; empty where it says nothing."""
-    joint = results.record.get("joint")
-    found = joint.get(rig) if isinstance(joint, dict) else None
-    return found if isinstance(found, dict) else {}
+def _of_rig(results: Results, rig: str) -> RigEstimate:
+    """What is known of a rig; nothing but its name where the joint route left nothing."""
+    return next((found for found in rig_estimates(results) if found.rig == rig), RigEstimate(rig))
 
 
 def _residual_panel(
@@ -225,11 +224,10 @@ def _marks(style: Style, tyre: int, mass: int) -> Marks:
 def _residual_heading(ax: Axes, results: Results, rig: str, style: Style) -> None:
     """Name of the rig, and chi-square of what no tyre can explain, in warning colours where it does not fit."""
     about = _of_rig(results, rig)
-    chi2, dof = about.get("chi2"), about.get("dof")
     parts = [f"rig {plain_text(rig)}"] if rig else []
-    if isinstance(chi2, int | float) and isinstance(dof, int | float) and dof > 0:
-        parts.append(f"χ²/dof = {chi2 / dof:.3g} (as stated; {chi2:.4g} / {dof:.4g})")
-    fits = about.get("fits") is not False
+    if about.chi2_per_dof is not None:
+        parts.append(f"χ²/dof = {about.chi2_per_dof:.3g} (as stated; {about.chi2:.4g} / {about.dof:.4g})")
+    fits = about.fits
     if not fits:
         parts.append("does not fit")
     ax.set_title(", ".join(parts), loc="left", pad=4.5, color=style.look.ink if fits else _MISFIT)
@@ -348,9 +346,11 @@ def _dot(ax: Axes, at: int, row: dict[str, Any], style: Style) -> float:
 
 def mass_gain(results: Results, style: Style) -> Figure | None:
     """Median relative uncertainty of K2 and C without and with the weighed mass, a panel per rig."""
-    joint = results.record.get("joint")
-    gains = {str(rig): _gains(results, str(rig)) for rig in joint} if isinstance(joint, dict) else {}
-    gains = {rig: pairs for rig, pairs in gains.items() if pairs}
+    gains = {
+        found.rig: {plain_text(name, 12).replace(", K1", ",\nK1"): pair for name, pair in found.mass_gain.items()}
+        for found in rig_estimates(results)
+        if found.mass_gain
+    }
     if not gains:
         return None
     notes, key = Notes(), Key()
@@ -369,22 +369,6 @@ def mass_gain(results: Results, style: Style) -> Figure | None:
     figure = grid.finish(key=key, notes=notes, x_label=label, y_labels=[""], share_x=False, share_y=False)
     figure.subplots_adjust(left=0.95 / WIDTH)  # room for two words
     return figure
-
-
-def _gains(results: Results, rig: str) -> dict[str, tuple[float, float]]:
-    """Shares without and with, by quantity."""
-    found = _of_rig(results, rig).get("gain_of_masses")
-    sides = [found.get(name) for name in ("without", "with")] if isinstance(found, dict) else []
-    if len(sides) < 2 or not all(isinstance(side, dict) for side in sides):
-        return {}
-    before, after = sides
-    pairs = {}
-    for name, first in (before or {}).items():
-        then = (after or {}).get(name)
-        if isinstance(first, int | float) and isinstance(then, int | float) and 0 < first < np.inf and then > 0:
-            shown = plain_text(str(name), 12).replace(", K1", ",\nK1")
-            pairs[shown] = (float(first), float(then))
-    return pairs
 
 
 def _gain_panel(ax: Axes, pairs: dict[str, tuple[float, float]], colours: list[str], panels: int) -> None:

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.campaign.notecode import NoteCode
 from fourpole.campaign.results import Results
+from fourpole.campaign.rigestimate import Candidate, Outlier, RigEstimate, rig_estimates
 from fourpole.core.sources import Kind, Role
 from fourpole.findings.facts import natural
 from fourpole.report.digits import known, number
-from fourpole.report.stated import mapping, texts
 from fourpole.report.words.phrases import counted, joined, percent
 from fourpole.report.words.shared import DECLARED, Value, shared_values
 from fourpole.report.words.sources import source_in_words
 
-__all__ = ["Learned", "Outlier", "learned"]
+__all__ = ["Learned", "learned"]
 
 #: An undeclared error that would show only above this is told, per cent or degrees; a rig's value likewise in per cent.
 _LATE = {"%": 5.0, "°": 3.0}
@@ -28,16 +28,8 @@ _MOST_CANDIDATES = 4
 #: Two gains whose errors F1/V2 alone cannot tell apart.
 _BLIND = {(Kind.GAIN, "F1"), (Kind.GAIN, "V2")}
 _MASS = "a repeat with a weighed mass"
-#: Notes of the analysis that the sentences here say already.
-_SAID = ("do not fit their tests", "not go with the others", "did not converge", "beyond the noise")
-
-
-@dataclass(frozen=True)
-class Outlier:
-    """A test that does not go with the others; its variance was enlarged by `factor`."""
-
-    test: str
-    factor: float
+#: Notes that the sentences here say already.
+_SAID = (NoteCode.MISFIT, NoteCode.OUTLIERS, NoteCode.NOT_CONVERGED, NoteCode.SCATTER)
 
 
 @dataclass(frozen=True)
@@ -89,47 +81,40 @@ def learned(results: Results) -> list[Learned]:
     list of Learned
         In the order of rig.csv.
     """
-    names = [str(name or "") for name in results.rig["rig"].to_list()] if "rig" in results.rig.columns else []
-    names += [str(name) for name, found in mapping(results.record, "joint").items() if isinstance(found, dict)]
-    return [_of_rig(results, name) for name in dict.fromkeys(names)]
+    return [_of_rig(results, estimate) for estimate in rig_estimates(results)]
 
 
-def _of_rig(results: Results, name: str) -> Learned:
-    joint = mapping(results.record, "joint", name)
-    values = shared_values(results.rig, name)
-    fits = joint.get("fits") is not False and not any(value.finding == "not calibrated" for value in values)
+def _of_rig(results: Results, found: RigEstimate) -> Learned:
+    values, fits = shared_values(results.rig, found.rig), found.fits
     return Learned(
-        rig=name,
+        rig=found.rig,
         fits=fits,
-        fit=_fit(joint),
+        fit=_fit(found),
         summary=_summary(values, fits=fits),
         values=values,
-        misfit=() if fits else tuple(_misfit(joint, values)),
-        candidates=() if fits else tuple(_candidates(joint)),
-        remarks=tuple(_remarks(joint)),
-        unseen=tuple(_unseen(values, fits=fits, massed=_massed(results.residuals, name, values))),
-        outliers=_outliers(results.residuals, name),
-        gain=_gain(joint),
+        misfit=() if fits else tuple(_misfit(found, values)),
+        candidates=() if fits else tuple(_candidates(found)),
+        remarks=tuple(_remarks(found)),
+        unseen=tuple(_unseen(values, fits=fits, massed=_massed(results.residuals, found.rig, values))),
+        outliers=tuple(sorted(found.outliers, key=lambda outlier: (-outlier.factor, natural(outlier.test)))),
+        gain=_gain(found),
     )
-
-
-def _count(value: object) -> int:
-    return int(known(value) or 0)
 
 
 def _rounded(value: float, digits: int = 3) -> str:
     return number(float(f"{value:.{digits}g}"), digits)
 
 
-def _fit(joint: Mapping[str, Any]) -> str:
-    chi2, dof = known(joint.get("chi2")), known(joint.get("dof"))
-    tests, conditions, shared = (_count(joint.get(name)) for name in ("tests", "conditions", "shared"))
-    text = f"{counted(tests, 'test')} at {counted(conditions, 'condition')} share {counted(shared, 'unknown value')}"
-    if chi2 is None or not dof:
+def _fit(found: RigEstimate) -> str:
+    text = (
+        f"{counted(found.tests, 'test')} at {counted(found.conditions, 'condition')} share "
+        f"{counted(found.shared, 'unknown value')}"
+    )
+    if found.chi2 is None or found.chi2_per_dof is None:
         return f"{text}; they leave nothing over by which rig and sensors could be held against each other."
     return (
-        f"{text}. With rig and sensors as stated chi-square is {_rounded(chi2)} at {dof:.0f} degrees of freedom, "
-        f"{_rounded(chi2 / dof, 2)} per degree, where chance gives about 1."
+        f"{text}. With rig and sensors as stated chi-square is {_rounded(found.chi2)} at {found.dof:.0f} degrees of "
+        f"freedom, {_rounded(found.chi2_per_dof, 2)} per degree, where chance gives about 1."
     )
 
 
@@ -151,9 +136,9 @@ def _was(count: int) -> str:
     return f"{count or 'none'} {'was' if count <= 1 else 'were'}"
 
 
-def _misfit(joint: Mapping[str, Any], values: Sequence[Value]) -> Iterable[str]:
-    chi2, dof = known(joint.get("chi2")), known(joint.get("dof"))
-    per = f": chi-square is {_rounded(chi2 / dof, 2)} per degree of freedom, not 1" if chi2 is not None and dof else ""
+def _misfit(found: RigEstimate, values: Sequence[Value]) -> Iterable[str]:
+    ratio = found.chi2_per_dof
+    per = f": chi-square is {_rounded(ratio, 2)} per degree of freedom, not 1" if ratio is not None else ""
     yield f"The rig and the sensors as stated do not go with these tests{per}."
     against = [value.name for value in values if value.finding == "contradicted"]
     if against:
@@ -162,76 +147,57 @@ def _misfit(joint: Mapping[str, Any], values: Sequence[Value]) -> Iterable[str]:
             f"no uncertainty rests on {'this statement' if len(against) == 1 else 'these statements'}, "
             "which leaves all results less certain."
         )
-    done = list(_enlarged(joint))
+    done = list(_enlarged(found))
     if done:
         yield f"The uncertainties of all results were enlarged to hold the misfit: {joined(done)}."
     yield "No value of this rig is called calibrated."
 
 
-def _enlarged(joint: Mapping[str, Any]) -> Iterable[str]:
-    error, inflation = known(joint.get("rig_error")) or 0.0, known(joint.get("inflation")) or 1.0
+def _enlarged(found: RigEstimate) -> Iterable[str]:
+    error, inflation = found.rig_error, found.inflation
     if error > 0:
         yield f"an error of {percent(error)} of its largest part was granted to the rig's impedance in each test"
     if inflation > 1:
         yield f"all noise was taken {number(inflation, 2)} times larger"
 
 
-def _candidates(joint: Mapping[str, Any]) -> Iterable[str]:
+def _candidates(found: RigEstimate) -> Iterable[str]:
     """What would explain the misfit, the best first, and what cannot be told from it."""
-    listed = joint.get("candidates")
-    found = [item for item in listed if isinstance(item, dict) and item.get("text")] if isinstance(listed, list) else []
-    best = known(found[0].get("explains")) if found else None
-    for at, item in enumerate(found[:_MOST_CANDIDATES]):
-        explains = known(item.get("explains"))
-        text = f"{item['text']}{_give_or_take(item)}"
-        if explains is not None:
-            text += f": chi-square would fall by {_rounded(explains)}"
-            if at and best and explains >= _AS_WELL * best:
+    best = found.candidates[0].explains if found.candidates else None
+    for at, candidate in enumerate(found.candidates[:_MOST_CANDIDATES]):
+        text = f"{candidate.text}{_give_or_take(candidate)}"
+        if candidate.explains is not None:
+            text += f": chi-square would fall by {_rounded(candidate.explains)}"
+            if at and best and candidate.explains >= _AS_WELL * best:
                 text += ", so nearly as much that the data hardly tell the two apart"
         yield text
 
 
-def _give_or_take(item: Mapping[str, Any]) -> str:
-    value, std = known(item.get("value")), known(item.get("std"))
+def _give_or_take(candidate: Candidate) -> str:
+    value, std = candidate.value, candidate.std
     return f" (known to {percent(std / abs(value))})" if value and std else ""
 
 
-def _remarks(joint: Mapping[str, Any]) -> Iterable[str]:
-    if joint.get("converged") is False:
-        reason = str(joint.get("reason") or "no reason is given")
+def _remarks(found: RigEstimate) -> Iterable[str]:
+    if not found.converged:
+        reason = found.reason or "no reason is given"
         yield f"The joint route did not converge ({reason}): do not rely on it, use the relative route."
-    scatter = known(joint.get("scatter")) or 0.0
-    if scatter > 0:
+    if found.scatter > 0:
         yield (
-            f"Tests at the same condition differ in K* by {percent(scatter)} more than their noise explains; "
+            f"Tests at the same condition differ in K* by {percent(found.scatter)} more than their noise explains; "
             "this scatter is in the uncertainties. Look at temperature, conditioning and amplitude."
         )
-    for note in texts(joint.get("notes")):
-        if note and not any(sign in note for sign in _SAID):
-            yield f"{note[:1].upper()}{note[1:].rstrip('.')}."
+    for note in found.notes:
+        if note.code not in _SAID:
+            yield f"{note.text[:1].upper()}{note.text[1:].rstrip('.')}."
 
 
-def _outliers(residuals: pl.DataFrame, rig: str) -> tuple[Outlier, ...]:
-    """Tests with an enlarged variance, the worst first."""
-    if q.OUTLIER.head not in residuals.columns:
-        return ()
-    found = [
-        Outlier(str(row["test"]), factor)
-        for row in residuals.rows(named=True)
-        if str(row["rig"] or "") == rig and (factor := known(row[q.OUTLIER.head])) is not None and factor > 1
-    ]
-    return tuple(sorted(found, key=lambda outlier: (-outlier.factor, natural(outlier.test))))
-
-
-def _gain(joint: Mapping[str, Any]) -> str:
+def _gain(found: RigEstimate) -> str:
     """By how much the weighed mass made K2 and C better known."""
-    without, with_it = (mapping(joint, "gain_of_masses", name) for name in ("without", "with"))
     parts = []
-    for name, before in without.items():
-        first, then = known(before), known(with_it.get(name))
-        if first and then:
-            what = name.replace(", K1 known", " (if K1 were exact)")
-            parts.append(f"{what} to {percent(then)} instead of {percent(first)}")
+    for name, (before, after) in (found.mass_gain or {}).items():
+        what = name.replace(", K1 known", " (if K1 were exact)")
+        parts.append(f"{what} to {percent(after)} instead of {percent(before)}")
     if not parts:
         return ""
     return f"With the weighed mass the tests without it give {joined(parts)} (median standard uncertainties)."
