@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 from laboratories import MASSES
 
-from fourpole.campaign import analyse
+from fourpole.study import analyse
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 __all__ = ["RANGES", "run"]

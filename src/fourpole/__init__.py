@@ -13,10 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fourpole import models
     from fourpole import twoport as twoport
-    from fourpole.campaign import Study, analyse, read_campaign
-    from fourpole.campaign.planning import plan
-    from fourpole.campaign.recording import read_recording
-    from fourpole.campaign.results import read_results
+    from fourpole.campaign import read_campaign
     from fourpole.core.channelerrors import ChannelUncertainty
     from fourpole.core.demodulation.demodulate import demodulate
     from fourpole.core.identification import Identification
@@ -28,6 +25,10 @@ if TYPE_CHECKING:
     from fourpole.core.rig import Rig
     from fourpole.core.routes import maxwell_arm
     from fourpole.errors import FourpoleError
+    from fourpole.planning.plan import plan
+    from fourpole.study import Study, analyse
+    from fourpole.study.recording import read_recording
+    from fourpole.study.results import read_results
     from fourpole.units import quantity
     from fourpole.virtual import simulate_campaign
 
@@ -40,17 +41,17 @@ _HOME = {
     "Phasors": "core.phasor",
     "Recording": "core.recording",
     "Rig": "core.rig",
-    "Study": "campaign",
-    "analyse": "campaign",
+    "Study": "study",
+    "analyse": "study",
     "demodulate": "core.demodulation.demodulate",
     "identify": "core.identify",
     "identify_joint": "core.joint",
     "maxwell_arm": "core.routes",
-    "plan": "campaign.planning",
+    "plan": "planning.plan",
     "quantity": "units",
     "read_campaign": "campaign",
-    "read_recording": "campaign.recording",
-    "read_results": "campaign.results",
+    "read_recording": "study.recording",
+    "read_results": "study.results",
     "simulate_campaign": "virtual",
 }
 _MODULES = ("models", "twoport")

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from fourpole.campaign import analyse
+from fourpole.study import analyse
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 COLUMNS = ("K1 [N/m]", "Re K* [N/m]", "Im K* [N/m]", "TR measured [1]", "frequency [Hz]", "K2 [N/m]", "C [N s/m]")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fourpole.campaign.channels import DEFAULT_GAIN_STD, DEFAULT_PHASE_STD
-from fourpole.campaign.identified import ADDED_MASS_STD
 from fourpole.campaign.schema import DEFAULT_RIG_STD
+from fourpole.study.identified import ADDED_MASS_STD
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "campaign.md").read_text(encoding="utf-8")
 

@@ -6,9 +6,10 @@ import io
 import pytest
 
 from fourpole.campaign import read_campaign
-from fourpole.campaign.conditions import axes_record, condition_of, rule_in
+from fourpole.campaign.folder import condition_of
 from fourpole.core.condition import Axis, Sameness
 from fourpole.errors import CampaignError
+from fourpole.fitting.rows import axes_record, rule_in
 
 TOML = """
 [rig]

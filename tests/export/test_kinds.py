@@ -14,12 +14,12 @@ import pytest
 from tests.export.conftest import rejected
 from tests.export.grid import read_grid
 
-from fourpole.campaign.measured import measured_of
-from fourpole.campaign.modelling import fit_tyres, model_file
 from fourpole.errors import CampaignError, FileError, TableError
 from fourpole.export import KINDS, export_results
 from fourpole.export.kinds import ABOUT, Kind, Takes
 from fourpole.export.source import field_names, read_source, typed
+from fourpole.fitting.measured import measured_of
+from fourpole.fitting.modelling import fit_tyres, model_file
 
 NAMES = {"xlsx": "results.xlsx", "mat": "results.mat", "tydex": "tydex", "uff": "results.uff", "netcdf": "results.nc"}
 

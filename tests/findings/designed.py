@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import polars as pl
 
-from fourpole.campaign.results import Results
-from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
+from fourpole.study.results import Results
+from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
 
 PRESSURES, LOADS, FREQUENCIES = (100e3, 150e3, 200e3, 250e3), (1000.0, 2000.0), (10.0, 13.0, 16.0, 19.0, 22.0)
 

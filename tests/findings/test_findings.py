@@ -5,13 +5,13 @@ import polars as pl
 import pytest
 from tests.findings.designed import LOADS, Tables, Tyre, rig_curve
 
-from fourpole.campaign.results import Results
 from fourpole.findings import Holds, findings, findings_table
 from fourpole.findings.comparisons import Comparison
 from fourpole.findings.levels import Departure, Level
 from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Trend
 from fourpole.findings.verdicts import Doubt, Tally
+from fourpole.study.results import Results
 
 
 def only(found, detail, quantity="", **about):

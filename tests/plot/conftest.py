@@ -10,10 +10,10 @@ import polars as pl
 import pytest
 from tests.plot.learned import with_learned
 
-from fourpole.campaign.results import Results
-from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
 from fourpole.core.rig import Rig
 from fourpole.core.tyre import mobility, transmissibility, zener_stiffness
+from fourpole.study.results import Results
+from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, VirtualTyre
 
 RIG = Rig(moving_mass=15.0, preload_stiffness=12440.0, preload_damping=15.0)

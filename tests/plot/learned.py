@@ -8,8 +8,8 @@ from typing import Any
 
 import polars as pl
 
-from fourpole.campaign.results import Results
-from fourpole.campaign.tables import BUDGET_COLUMNS, RESIDUAL_COLUMNS, RIG_COLUMNS, TEXT_COLUMNS
+from fourpole.study.results import Results
+from fourpole.study.tables import BUDGET_COLUMNS, RESIDUAL_COLUMNS, RIG_COLUMNS, TEXT_COLUMNS
 
 #: Unit, stated, u(stated), found, u(found), pull, seen from, finding of each value without a second mass.
 VALUES: dict[str, tuple[Any, ...]] = {

@@ -10,11 +10,11 @@ import numpy as np
 import polars as pl
 from tests.plot.conftest import results_of
 
-from fourpole.campaign.measured import measured_of
-from fourpole.campaign.modelfile import ModelFile, VerdictFile
-from fourpole.campaign.modelling import fit_tyres, map_tyres, model_file
-from fourpole.campaign.results import Results
+from fourpole.fitting.measured import measured_of
+from fourpole.fitting.modelfile import ModelFile, VerdictFile
+from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
 from fourpole.models.families import model_named
+from fourpole.study.results import Results
 
 #: An elastomer over seven decades: stiffness at rest and at once, relaxation time, order.
 ELASTOMER = (2e5, 5e7, 1e-5, 0.5)

@@ -13,12 +13,12 @@ from tests.plot.conftest import (
     results_of,
 )
 
-from fourpole.campaign.results import Results
 from fourpole.core.tyre import mobility
 from fourpole.plot import FIGURES, Style, draw
 from fourpole.plot.motion import crossings
 from fourpole.plot.sheet import read_sheet
 from fourpole.plot.stiffness import route_stiffness
+from fourpole.study.results import Results
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 
 SCHEMES = ("fig01", "fig02", "fig03", "fig04")

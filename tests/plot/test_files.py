@@ -87,7 +87,7 @@ def test_drawing_needs_no_pyplot():
     code = (
         "import sys, matplotlib; before = matplotlib.rcParams.copy()\n"
         "import polars, fourpole.plot as plot\n"
-        "from fourpole.campaign.results import Results\n"
+        "from fourpole.study.results import Results\n"
         "nothing = Results(polars.DataFrame(), polars.DataFrame(), polars.DataFrame())\n"
         "plot.render(plot.draw(nothing, 'fig02'), 'fig02')\n"
         "assert matplotlib.rcParams.copy() == before\n"

@@ -10,7 +10,7 @@ from tests.plot.conftest import empty_results, renamed, results_of
 from tests.plot.modelled import edited, elastomer, named, study_with_models, with_models
 from tests.plot.test_figures import in_order, lines, panel, points, said, texts
 
-from fourpole.campaign.modelfile import map_of, response
+from fourpole.fitting.modelfile import map_of, response
 from fourpole.models.families import model_named
 from fourpole.plot import THEMES, Style, draw, render
 from fourpole.plot.models import whitened

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from fourpole.campaign.planning import Guess, Run, bare_plan, plan_table
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError
+from fourpole.planning.plan import Guess, Run, bare_plan, plan_table
 from fourpole.plot import Style
 from fourpole.plot.plan import draw_plan, write_plan_figure
 

@@ -6,9 +6,9 @@ import pytest
 from typer.testing import CliRunner
 
 from fourpole.app.cli import app
-from fourpole.campaign.modelfile import read_model_file
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.reduced import identify_mobility
+from fourpole.fitting.modelfile import read_model_file
 from fourpole.io.text import read_table
 from fourpole.io.understand import read_curve, read_reduced
 from fourpole.models.families import model_named

@@ -11,8 +11,8 @@ from tests.plot.modelled import against, edited, elastomer, judged, named, study
 from tests.report.test_page import Reader, on_page
 
 from fourpole import units
-from fourpole.campaign.modelfile import VerdictFile
-from fourpole.campaign.query import Query, ask
+from fourpole.fitting.modelfile import VerdictFile
+from fourpole.fitting.query import Query, ask
 from fourpole.report.digits import number, with_std
 from fourpole.report.models import models_section
 from fourpole.report.page import render_report

@@ -22,11 +22,11 @@ from hypothesis import strategies as st
 from tests.plot.learned import MISFIT, VALUES, budget_table, residual_table, rig_table, with_learned
 from tests.plot.modelled import study_with_models
 
-from fourpole.campaign.results import Results
-from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
 from fourpole.report.cards import ALPHABET, embedded, make_cards, packed
 from fourpole.report.digits import number, spread, with_std
 from fourpole.report.page import ReportFigure, render_report, write_report
+from fourpole.study.results import Results
+from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
 
 # A tyre of closed formulas: K* in the tables, F1 and the deflection in the signals.
 STIFFNESS = 190e3 + 60e3j

@@ -6,12 +6,13 @@ import polars as pl
 import pytest
 
 from fourpole import analyse, read_results
-from fourpole.campaign.measured import read_measured
-from fourpole.campaign.tables import KEY, TABLES, keys_of
+from fourpole.fitting.measured import read_measured
+from fourpole.fitting.rows import KEY, keys_of
 from fourpole.plot.catalogue import draw
 from fourpole.report.cards import make_cards
 from fourpole.report.page import render_report
 from fourpole.report.words.limits import limits
+from fourpole.study.tables import TABLES
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 POINTS = {"D1": ("D1", 1), "D2": ("D1", 2), "D3": ("D2", 1), "D4": ("D2", 2)}

@@ -8,12 +8,12 @@ import pytest
 from tests.findings.designed import LOADS, Tyre, frame, rig_curve
 from tests.findings.designed import Tables as Designed
 
-from fourpole.campaign.results import Results
-from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS
 from fourpole.core.checks import Code
 from fourpole.findings import findings as found_in
 from fourpole.report.words import Sentence, sentences
 from fourpole.report.words import headline as headline_of
+from fourpole.study.results import Results
+from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS
 
 
 def findings(results):

@@ -10,11 +10,11 @@ import polars as pl
 import pytest
 
 from fourpole import Study, analyse
-from fourpole.campaign.results import Results
-from fourpole.campaign.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
 from fourpole.findings import findings as found_in
 from fourpole.report.words import headline as headline_of
 from fourpole.report.words import sentences
+from fourpole.study.results import Results
+from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 

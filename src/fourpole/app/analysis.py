@@ -9,11 +9,12 @@ from typing import Any
 import polars as pl
 
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, progress, say
-from fourpole.campaign import DRAWS, Study, analyse, read_campaign
+from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError
 from fourpole.findings import findings, findings_table
 from fourpole.io.write import write_table
 from fourpole.report.words import headline
+from fourpole.study import DRAWS, Study, analyse
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 __all__ = ["run_analysis", "run_demo"]

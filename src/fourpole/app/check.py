@@ -12,7 +12,7 @@ from rich.text import Text
 
 from fourpole.app.console import OK, SOME_REJECTED, harmless, out, print_json, progress, say, table_console
 from fourpole.campaign import read_campaign
-from fourpole.campaign.check import Checked, Problem, check_campaign
+from fourpole.study.check import Checked, Problem, check_campaign
 
 __all__ = ["run_check"]
 

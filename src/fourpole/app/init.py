@@ -12,9 +12,9 @@ from rich.text import Text
 from fourpole import quantities as q
 from fourpole.app.console import OK, harmless, out, print_json, progress, table_console
 from fourpole.campaign import read_campaign
-from fourpole.campaign.guess import Guess, Row, guess_campaign, keep_existing
-from fourpole.campaign.identified import possible_route
 from fourpole.errors import CampaignError
+from fourpole.guess import Guess, Row, guess_campaign, keep_existing
+from fourpole.study.identified import possible_route
 
 __all__ = ["run_init"]
 

@@ -11,8 +11,8 @@ from rich.table import Table
 
 from fourpole import quantities as q
 from fourpole.app.console import harmless, out, say, table_console, warn
-from fourpole.campaign.modelfile import ConditionFile, ModelEntry, column_of
-from fourpole.campaign.modelling import TyreMap
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry, column_of
+from fourpole.fitting.modelling import TyreMap
 from fourpole.models.operating import OperatingMap
 
 __all__ = ["show_fit", "show_map", "show_rows"]

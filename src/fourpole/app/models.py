@@ -12,15 +12,15 @@ from fourpole import quantities as q
 from fourpole import units
 from fourpole.app.console import OK, option, out, print_json, progress, say, warn
 from fourpole.app.model_words import show_fit, show_map, show_rows
-from fourpole.campaign.measured import Measured, MeasuredSet, read_measured, table_of
-from fourpole.campaign.modelfile import ModelFile, read_model_file
-from fourpole.campaign.modelling import fit_tyres, lacking_error, map_tyres, model_file, rig_file
-from fourpole.campaign.query import Query, ask
-from fourpole.campaign.results import Results, read_results
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, ModelError, UnitError
+from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
+from fourpole.fitting.modelfile import ModelFile, read_model_file
+from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file, rig_file
+from fourpole.fitting.query import Query, ask
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.families import automatic, model_named, sizes_of
+from fourpole.study.results import Results, read_results
 
 __all__ = ["DataOptions", "fitted", "run_causality", "run_fit", "run_map", "run_query", "state_of"]
 

@@ -13,7 +13,11 @@ from fourpole import quantities as q
 from fourpole import units
 from fourpole.app.console import option, out, print_json, say
 from fourpole.campaign import read_campaign
-from fourpole.campaign.planning import (
+from fourpole.core.plan import MASSES, PLAN_ROUTES, Advice, Outcome, advise
+from fourpole.core.rig import Rig
+from fourpole.errors import CampaignError, RigError, UnitError
+from fourpole.io.write import write_table
+from fourpole.planning.plan import (
     AS_STATED,
     CampaignPlan,
     Guess,
@@ -24,12 +28,8 @@ from fourpole.campaign.planning import (
     plan_table,
     with_kg,
 )
-from fourpole.campaign.runsheet import run_sheet
-from fourpole.campaign.study import make_folder
-from fourpole.core.plan import MASSES, PLAN_ROUTES, Advice, Outcome, advise
-from fourpole.core.rig import Rig
-from fourpole.errors import CampaignError, RigError, UnitError
-from fourpole.io.write import write_table
+from fourpole.planning.runsheet import run_sheet
+from fourpole.study.study import make_folder
 
 __all__ = ["PlanOptions", "run_plan"]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from fourpole.app.console import out, progress, warn
-from fourpole.campaign.results import Results, read_results
 from fourpole.errors import CampaignError
 from fourpole.findings import findings
 from fourpole.plot import FIGURES, Style, draw, save_figures, write_figure
 from fourpole.report.page import ReportFigure, write_report
 from fourpole.report.words import sentences
+from fourpole.study.results import Results, read_results
 
 __all__ = ["make_report", "run_plot", "run_report"]
 

@@ -12,12 +12,12 @@ from rich.table import Table
 from rich.text import Text
 
 from fourpole.app.console import out, print_json, table_console
-from fourpole.campaign.results import Results, read_results
 from fourpole.errors import CampaignError
 from fourpole.report.stated import mapping
 from fourpole.report.words.learned import Learned, learned
 from fourpole.report.words.limits import limit_rows, limits
 from fourpole.report.words.shared import GROUPS, Value
+from fourpole.study.results import Results, read_results
 
 __all__ = ["run_rig"]
 

@@ -12,11 +12,12 @@ from pathlib import Path
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean
 from fourpole.campaign.schema import CampaignFile, parse_campaign
+from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
 from fourpole.io.recordings import survey
 from fourpole.io.source import decode, read_bytes
 
-__all__ = ["Campaign", "Test", "inside", "read_campaign"]
+__all__ = ["Campaign", "Test", "condition_of", "inside", "read_campaign"]
 
 _MOST_TOML = 4_000_000
 _MOST_TESTS = 200_000_000
@@ -403,3 +404,9 @@ def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
 def _lacks_unit(stated: CampaignFile, role: str) -> bool:
     channel = stated.channels.named(role)
     return channel is not None and channel.has_no_unit
+
+
+def condition_of(test: Test, rule: Sameness) -> Condition:
+    """The condition that a row of tests.csv states."""
+    values = (test.extra.get(axis.name) or None if axis.text else test.value(axis.name) for axis in rule.axes)
+    return Condition(test.tyre, tuple(values))

@@ -1,7 +1,7 @@
 """Checks: what was looked at, what was found, the limit, the verdict and what to do.
 
 All codes and all sentences stand in `Code`, those of checks that other rooms make included. A new check is an entry
-there and a function here, and one line in `fourpole.campaign.reduce` that calls it.
+there and a function here, and one line in `fourpole.study.reduce` that calls it.
 """
 
 from __future__ import annotations

@@ -139,7 +139,7 @@ def _given(path: Path) -> Takes:
         return Takes.CAMPAIGN if (path / "campaign.toml").is_file() else Takes.RESULTS
     if not path.is_file():
         return Takes.RESULTS
-    from fourpole.campaign.modelfile import read_model_file
+    from fourpole.fitting.modelfile import read_model_file
 
     return Takes.MAP if read_model_file(path).kind == "map" else Takes.MODEL
 
@@ -154,6 +154,6 @@ def _read(path: Path, takes: Takes) -> Any:
         from fourpole.campaign.folder import read_campaign
 
         return read_campaign(path)
-    from fourpole.campaign.modelfile import read_model_file
+    from fourpole.fitting.modelfile import read_model_file
 
     return read_model_file(path)

@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results, read_results
 from fourpole.core.arrays import ByValue
 from fourpole.errors import CampaignError, FileError
 from fourpole.plot.sheet import Sheet, read_sheet
+from fourpole.study.results import Results, read_results
 from fourpole.units import column_unit, shown
 
 __all__ = ["SIGNS", "Condition", "ExportTables", "field_names", "need", "read_source", "typed", "unit_of"]

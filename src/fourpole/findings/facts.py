@@ -13,10 +13,10 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.findings.finding import UNSTATED, Key, Setup
 from fourpole.quantities import Quantity
+from fourpole.study.results import Results
 
 __all__ = ["Curve", "Facts", "Measured", "common", "natural", "tests_of"]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from itertools import combinations
 
-from fourpole.campaign.results import Results
 from fourpole.findings.claims import claims
 from fourpole.findings.comparisons import compare
 from fourpole.findings.facts import Facts, Measured
@@ -14,6 +13,7 @@ from fourpole.findings.resonances import transmissibility
 from fourpole.findings.trends import trend_of
 from fourpole.findings.verdicts import verdicts
 from fourpole.quantities import DERIVED, K1, K2, LOSS_FACTOR, STORAGE, C, Quantity
+from fourpole.study.results import Results
 
 __all__ = ["findings"]
 
@@ -38,7 +38,7 @@ def findings(results: Results) -> list[Finding]:
 
     Examples
     --------
-    >>> from fourpole.campaign import read_results  # doctest: +SKIP
+    >>> from fourpole import read_results  # doctest: +SKIP
     >>> for found in findings(read_results("campaign/results")):  # doctest: +SKIP
     ...     print(found.kind, found.quantity, found.specimens, found.holds, found.effect, found.std)
     """

@@ -12,15 +12,15 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
-from fourpole.campaign.tables import KEY, keyed, keys_of
 from fourpole.core.arrays import FloatArray
 from fourpole.core.sources import Kind, Source
+from fourpole.fitting.rows import KEY, keyed, keys_of
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import tyre_heading
 from fourpole.plot.rig import value_label
 from fourpole.plot.sheet import Sheet, read_sheet
 from fourpole.plot.style import Style
+from fourpole.study.results import Results
 
 __all__ = ["budget", "source_colour"]
 

@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.panels import tyre_heading
 from fourpole.plot.sheet import Sheet, read_sheet
 from fourpole.plot.style import Style, plain_text
+from fourpole.study.results import Results
 
 __all__ = ["LoadLine", "carpet", "load_deflection", "load_lines"]
 

@@ -15,13 +15,13 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
-from fourpole.campaign.study import make_folder
 from fourpole.errors import CampaignError
 from fourpole.io.write import write_bytes
 from fourpole.plot import budget, carpet, choice, models, motion, operating, properties, rig, schemes, stiffness
 from fourpole.plot.style import Style, drawing
 from fourpole.quantities import DERIVED
+from fourpole.study.results import Results
+from fourpole.study.study import make_folder
 
 __all__ = ["FIGURES", "FORMATS", "FigureSpec", "draw", "render", "save_figures", "write_figure"]
 

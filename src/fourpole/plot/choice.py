@@ -12,14 +12,14 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from fourpole import quantities as q
-from fourpole.campaign.modelfile import CandidateFile, ModelEntry
-from fourpole.campaign.results import Results
 from fourpole.core.arrays import FloatArray
+from fourpole.fitting.modelfile import CandidateFile, ModelEntry
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.models import heading, numbered
 from fourpole.plot.panels import span
 from fourpole.plot.sheet import read_sheet
 from fourpole.plot.style import Style, plain_text
+from fourpole.study.results import Results
 
 __all__ = ["choice"]
 

@@ -14,15 +14,15 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from fourpole import quantities as q
-from fourpole.campaign.modelfile import ConditionFile, ModelEntry, column_of, response
-from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import axis_of
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry, column_of, response
 from fourpole.models.data import NORMAL_95
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, curve, limit, span, tyre_heading
 from fourpole.plot.sheet import Sheet, read_sheet, spread
 from fourpole.plot.style import Style, load_dashes, mixed, plain_text, pressure_marker
+from fourpole.study.results import Results
 
 __all__ = ["band", "heading", "key_of_band", "models", "numbered", "share", "steep", "steep_limits"]
 

@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.plot.layout import MOST_NAMED, Grid, Key, Notes
 from fourpole.plot.panels import Extent, curve, limit, means, rejected_tests, span
 from fourpole.plot.properties import tyre_marks
 from fourpole.plot.sheet import Sheet, present, read_sheet, spread
 from fourpole.plot.style import Style
+from fourpole.study.results import Results
 
 __all__ = ["crossings", "mark_crossings", "measured_against_predicted", "transmissibility"]
 

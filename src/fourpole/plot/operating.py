@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from fourpole import quantities as q
-from fourpole.campaign.modelfile import MapEntry, map_of
-from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.fitting.modelfile import MapEntry, map_of
 from fourpole.models.data import NORMAL_95
 from fourpole.models.operating import Answer, OperatingMap
 from fourpole.plot.layout import Grid, Key, Notes
@@ -23,6 +22,7 @@ from fourpole.plot.panels import Extent, Marks, curve, limit, span
 from fourpole.plot.sheet import Sheet, read_sheet, spread
 from fourpole.plot.style import Style, load_dashes, load_marker, plain_text
 from fourpole.quantities import Quantity
+from fourpole.study.results import Results
 
 __all__ = ["operating"]
 

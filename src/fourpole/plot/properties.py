@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, curve, limit, rejected_tests, span, tyre_heading
 from fourpole.plot.sheet import Sheet, present, read_sheet, spread
 from fourpole.plot.style import Style, load_dashes, load_marker, pressure_marker
 from fourpole.quantities import Quantity
+from fourpole.study.results import Results
 
 __all__ = ["against_frequency", "against_pressure"]
 

@@ -14,17 +14,17 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
-from fourpole.campaign.rigestimate import RigEstimate, rig_estimates
-from fourpole.campaign.tables import keys_of
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import FREQUENCY, Axis
 from fourpole.core.sources import Role, Source
+from fourpole.fitting.rows import keys_of
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, curve, limit, means, rejected_tests, span
 from fourpole.plot.sheet import Sheet, floats, grouped, read_sheet
 from fourpole.plot.stiffness import rig_stated
 from fourpole.plot.style import Marker, Style, plain_text
+from fourpole.study.results import Results
+from fourpole.study.rigestimate import RigEstimate, rig_estimates
 
 __all__ = ["found", "mass_gain", "residual", "value_label"]
 

@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon, Rectangle
 
-from fourpole.campaign.results import Results
 from fourpole.core.rig import Rig
 from fourpole.plot.layout import WIDTH, new_figure
 from fourpole.plot.stiffness import rig_stated
 from fourpole.plot.style import Style
+from fourpole.study.results import Results
 
 __all__ = ["damper", "dynamic_rig", "ground", "mass", "spring", "static_rig", "tyre_model", "whole_model"]
 

@@ -11,11 +11,11 @@ import polars as pl
 from numpy.typing import NDArray
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.plot.style import short_names
 from fourpole.quantities import Quantity
+from fourpole.study.results import Results
 
 __all__ = ["Groups", "Sheet", "floats", "grouped", "read_sheet"]
 

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.routes import mobility_route, relative_route, transmissibility_route
@@ -24,6 +23,7 @@ from fourpole.plot.properties import tyre_marks
 from fourpole.plot.sheet import Sheet, present, read_sheet, spread
 from fourpole.plot.style import Dashes, Style, mixed
 from fourpole.quantities import Quantity
+from fourpole.study.results import Results
 
 __all__ = ["mobility", "nyquist", "rig_stated", "route_stiffness", "routes", "stiffness"]
 

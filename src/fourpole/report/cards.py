@@ -14,12 +14,12 @@ import polars as pl
 from numpy.typing import NDArray
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
-from fourpole.campaign.tables import DYNAMIC as TABLE
-from fourpole.campaign.tables import KEY, Key, key_of
+from fourpole.fitting.rows import KEY, Key, key_of
 from fourpole.report.digits import known, number
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words, worst
 from fourpole.report.stated import mapping
+from fourpole.study.results import Results
+from fourpole.study.tables import DYNAMIC as TABLE
 
 __all__ = ["ALPHABET", "Card", "embedded", "make_cards", "packed"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fourpole.campaign.modelfile import CandidateFile, ConditionFile, MapEntry, ModelEntry
-from fourpole.campaign.results import Results
+from fourpole.fitting.modelfile import CandidateFile, ConditionFile, MapEntry, ModelEntry
 from fourpole.report.digits import number, with_std
 from fourpole.report.words.models import chosen, map_facts, place, question, remarks_on_map, sentences
+from fourpole.study.results import Results
 
 __all__ = ["Cell", "ModelSection", "models_section"]
 

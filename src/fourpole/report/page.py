@@ -14,7 +14,6 @@ from typing import Any, Protocol
 from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup
 
-from fourpole.campaign.results import Results
 from fourpole.findings.verdicts import ShortCheck, short_checks
 from fourpole.io.write import write_text
 from fourpole.report.cards import embedded, make_cards
@@ -23,6 +22,7 @@ from fourpole.report.rows import DYNAMIC, STATIC, VERDICTS, ResultTable, result_
 from fourpole.report.section import learned_section
 from fourpole.report.stated import channel_rows, mapping, rig_rows, tested, texts, verdict_counts
 from fourpole.report.words.limits import limits
+from fourpole.study.results import Results
 
 __all__ = ["ReportFigure", "Said", "render_report", "write_report"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fourpole.campaign.results import Results
 from fourpole.report.digits import number
 from fourpole.report.words.learned import Learned, learned
 from fourpole.report.words.shared import GROUPS, Value
+from fourpole.study.results import Results
 
 __all__ = ["RigSection", "learned_section"]
 

@@ -10,10 +10,10 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE
 from fourpole.report.digits import known, number, spread, with_std
 from fourpole.report.rows import VERDICTS, worst
+from fourpole.study.results import Results
 
 __all__ = [
     "RIG_VALUES",

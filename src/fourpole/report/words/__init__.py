@@ -74,7 +74,7 @@ def sentences(findings: Sequence[Finding]) -> list[Sentence]:
 
     Examples
     --------
-    >>> from fourpole.campaign import read_results  # doctest: +SKIP
+    >>> from fourpole import read_results  # doctest: +SKIP
     >>> from fourpole.findings import findings  # doctest: +SKIP
     >>> for said in sentences(findings(read_results("campaign/results"))):  # doctest: +SKIP
     ...     print(said.topic, said.text)

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.notecode import NoteCode
-from fourpole.campaign.results import Results
-from fourpole.campaign.rigestimate import Candidate, Outlier, RigEstimate, rig_estimates
 from fourpole.core.sources import Kind, Role
 from fourpole.findings.facts import natural
 from fourpole.report.digits import known, number
 from fourpole.report.words.phrases import counted, joined, percent
 from fourpole.report.words.shared import DECLARED, Value, shared_values
 from fourpole.report.words.sources import source_in_words
+from fourpole.study.notecode import NoteCode
+from fourpole.study.results import Results
+from fourpole.study.rigestimate import Candidate, Outlier, RigEstimate, rig_estimates
 
 __all__ = ["Learned", "learned"]
 

@@ -10,13 +10,13 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.results import Results
-from fourpole.campaign.tables import KEY, keyed
 from fourpole.core.sources import Source
+from fourpole.fitting.rows import KEY, keyed
 from fourpole.report.digits import known
 from fourpole.report.stated import mapping
 from fourpole.report.words.phrases import counted, percent
 from fourpole.report.words.sources import About, remedy, source_in_words
+from fourpole.study.results import Results
 
 __all__ = ["Limit", "limit_rows", "limits"]
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.campaign.modelfile import ConditionFile, MapEntry, ModelEntry, NamedValue, column_of, map_of
 from fourpole.core.condition import PRESSURE
+from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, NamedValue, column_of, map_of
 from fourpole.report.digits import number, spread
 from fourpole.report.words.phrases import counted, percent, ranged
 

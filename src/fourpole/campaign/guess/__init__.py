@@ -1,6 +1,0 @@
-"""A bare folder of recordings becomes a campaign: what can be guessed, with its doubts beside it."""
-
-from fourpole.campaign.guess.together import guess_campaign
-from fourpole.campaign.guess.write import Doubt, Guess, Row, keep_existing
-
-__all__ = ["Doubt", "Guess", "Row", "guess_campaign", "keep_existing"]

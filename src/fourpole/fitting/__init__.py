@@ -1,0 +1,1 @@
+"""Measured K* becomes fits, maps, model files and answers to queries."""

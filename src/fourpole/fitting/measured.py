@@ -1,0 +1,456 @@
+"""K* as it was measured, condition by condition, with the covariance across frequencies: what models are fitted to.
+
+It is taken from a results folder, from a dynamic.csv by itself, or from any table with a frequency, Re K* and Im K*,
+such as `fourpole identify` writes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.condition import AXES, Sameness
+from fourpole.errors import FileError, ModelError, TableError
+from fourpole.fitting.rows import Key, conditions_in, keys_of, names_apart, rule_in
+from fourpole.io.source import read_bytes
+from fourpole.models.data import StiffnessData
+from fourpole.units import shown
+
+__all__ = ["Measured", "MeasuredSet", "measured_of", "read_measured", "table_of"]
+
+_MOST_BYTES = 2_000_000_000
+FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
+_STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)
+_K1 = (q.K1.head, q.K1.u_head)
+#: No frequency, and no stiffness in SI, is larger.
+_LARGEST = 1e25
+_RULE = Sameness()
+_USUAL = {axis.column for axis in AXES}
+
+#: Columns of covariance.parquet.
+COVARIANCE_COLUMNS = tuple(
+    one.head for one in (q.TEST, q.RIG, q.CONDITION, q.OWN_COVARIANCE, q.SHARED_STORAGE, q.SHARED_LOSS)
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured(ByValue):
+    """One condition: a tyre at one pressure, preload and temperature, over frequency.
+
+    Attributes
+    ----------
+    tyre : str
+    state : dict of str to float
+        Value of each axis that is known, by its column: {"pressure [Pa]": 1.7e5}.
+    tests : tuple of str
+        Names of the tests, rising in frequency.
+    own : StiffnessData
+        With the covariance of each frequency by itself: what the condition does not share.
+    shared : (2N, p) float array [N/m]
+        What errors common to all conditions do to Re and Im of each frequency in turn.
+    """
+
+    tyre: str
+    state: dict[str, float]
+    tests: tuple[str, ...]
+    own: StiffnessData
+    shared: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def data(self) -> StiffnessData:
+        """With the whole covariance, shared errors included."""
+        own = self.own
+        if not self.shared.size:
+            return own
+        return StiffnessData.of(
+            own.omega,
+            own.stiffness,
+            covariance=own.covariance,
+            shared=self.shared,
+            k1=own.k1,
+            k1_std=own.k1_std,
+        )
+
+    @property
+    def frequency(self) -> FloatArray:
+        """(N,) [Hz]."""
+        return np.asarray(self.own.omega / (2 * np.pi))
+
+    @property
+    def label(self) -> str:
+        """In words: 1.7 bar, 1000 N."""
+        parts = []
+        for column, value in self.state.items():
+            name, _, unit = column.removesuffix("]").partition(" [")
+            if column == q.PRESSURE.head:
+                parts.append(f"{value / 1e5:.4g} bar")
+            elif column in _USUAL:
+                parts.append(f"{value:.5g} {'°C' if unit == 'degC' else unit}")
+            else:
+                parts.append(f"{name} {value:.5g} {unit}".rstrip())
+        return ", ".join(parts)
+
+
+@dataclass(frozen=True)
+class MeasuredSet:
+    """All conditions of a table.
+
+    Attributes
+    ----------
+    conditions : tuple of Measured
+        Tyre by tyre, rising.
+    notes : tuple of str
+        What was assumed or left out.
+    known : bool
+        Whether the uncertainty of K* is stated; else the conditions have none.
+    source, sha256 : str
+        Name and hash of the table.
+    """
+
+    conditions: tuple[Measured, ...]
+    notes: tuple[str, ...]
+    known: bool
+    source: str = ""
+    sha256: str = ""
+
+    @property
+    def tyres(self) -> tuple[str, ...]:
+        """Names, as they come."""
+        return tuple(dict.fromkeys(one.tyre for one in self.conditions))
+
+    def of(self, tyre: str) -> tuple[Measured, ...]:
+        """The conditions of one tyre."""
+        return tuple(one for one in self.conditions if one.tyre == tyre)
+
+    def only(self, tyre: str | None = None, band: tuple[float, float] | None = None) -> MeasuredSet:
+        """Those of one tyre, or within a band [Hz]; ModelError where nothing is left."""
+        kept = self.conditions
+        if tyre is not None:
+            kept = self.of(tyre)
+            if not kept:
+                there = ", ".join(map(shown, self.tyres)) or "none"
+                raise ModelError(f"{self.source}: no test of a tyre {shown(tyre)}: there are {there}")
+        if band is not None:
+            kept = tuple(part for one in kept if (part := _within(one, band)) is not None)
+            if not kept:
+                raise ModelError(f"{self.source}: no test between {band[0]:g} and {band[1]:g} Hz")
+        return replace(self, conditions=kept)
+
+
+def _within(one: Measured, band: tuple[float, float]) -> Measured | None:
+    rows = np.flatnonzero((one.frequency >= band[0] * (1 - 1e-9)) & (one.frequency <= band[1] * (1 + 1e-9)))
+    if not rows.size:
+        return None
+    both = np.stack([2 * rows, 2 * rows + 1], axis=1).ravel()
+    tests = tuple(one.tests[at] for at in rows.tolist()) if one.tests else ()
+    shared = one.shared[both] if one.shared.size else one.shared
+    return replace(one, tests=tests, own=one.own.part(rows), shared=shared)
+
+
+def read_measured(
+    path: str | Path,
+    *,
+    over: Sequence[str] = (),
+    std: float | None = None,
+    k1: tuple[float, float] | None = None,
+) -> MeasuredSet:
+    """Read K* of all conditions from results.
+
+    Parameters
+    ----------
+    path : path
+        A results folder, or a table with frequency [Hz], Re K* [N/m], Im K* [N/m].
+    over : sequence of str
+        Further columns, with their unit, that tell conditions apart.
+    std : float, optional [1]
+        Relative standard uncertainty of K*, in place of what the table states.
+    k1 : (float, float), optional [N/m]
+        Static stiffness and its standard uncertainty, in place of what the table states.
+
+    Returns
+    -------
+    MeasuredSet
+
+    Raises
+    ------
+    ModelError
+        If no test has a K*, or a column is not there.
+    FileError, TableError
+        If the table cannot be read.
+    """
+    path = Path(path)
+    table = path / "dynamic.csv" if path.is_dir() else path
+    content = read_bytes(table, max_bytes=_MOST_BYTES)
+    frame = _frame(table.name, content)
+    beside = table.parent / "covariance.parquet"
+    covariance = None
+    if table.name in ("dynamic.csv", "dynamic.parquet") and beside.is_file() and std is None:
+        covariance = _covariance(beside)
+    rule = _rule_beside(table) if table.name in ("dynamic.csv", "dynamic.parquet") else _RULE
+    found = measured_of(frame, covariance, over=over, std=std, k1=k1, name=table.name, rule=rule)
+    return replace(found, sha256=hashlib.sha256(content).hexdigest())
+
+
+def _rule_beside(table: Path) -> Sameness:
+    """The rule of the study whose table this is."""
+    try:
+        record = json.loads(read_bytes(table.parent / "study.json", max_bytes=_MOST_BYTES))
+    except (FileError, ValueError):
+        return _RULE
+    return rule_in(record) if isinstance(record, dict) else _RULE
+
+
+def table_of(measured: MeasuredSet) -> pl.DataFrame:
+    """The conditions as a table like dynamic.csv, with the uncertainties and K1 that are used."""
+    rows = []
+    for one in measured.conditions:
+        own = one.data
+        std = np.sqrt(np.diagonal(own.covariance) if own.full else np.diagonal(own.covariance, 0, 1, 2).ravel())
+        cross = [one.own.covariance[at, 0, 1] for at in range(own.count)]
+        for at in range(own.count):
+            u_re, u_im = float(std[2 * at]), float(std[2 * at + 1])
+            row = {"test": one.tests[at], "tyre": one.tyre, **one.state, FREQUENCY: float(one.frequency[at])}
+            row |= {RE: float(own.stiffness[at].real), IM: float(own.stiffness[at].imag)}
+            if measured.known:
+                row |= {_STD[0]: u_re, _STD[1]: u_im, _STD[2]: float(cross[at] / (u_re * u_im)) if u_re * u_im else 0.0}
+            rows.append({**row, _K1[0]: _known_or_none(own.k1), _K1[1]: _known_or_none(own.k1_std)})
+    return pl.DataFrame(rows, infer_schema_length=None)
+
+
+def _known_or_none(value: FloatArray) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def measured_of(
+    frame: pl.DataFrame,
+    covariance: pl.DataFrame | None = None,
+    *,
+    over: Sequence[str] = (),
+    std: float | None = None,
+    k1: tuple[float, float] | None = None,
+    name: str = "dynamic",
+    rule: Sameness = _RULE,
+) -> MeasuredSet:
+    """K* of all conditions, by a rule, from a table in memory; see `read_measured`."""
+    rule = rule.over(over)
+    for column in (FREQUENCY, RE, IM, *over):
+        if column not in frame.columns:
+            raise ModelError(
+                f"{name}: has no column {shown(column)}: it has {', '.join(map(shown, frame.columns[:40]))}"
+            )
+    numbers = {column: _numbers(frame, column, name) for column in frame.columns if column in _known(rule)}
+    good, notes = _usable(numbers, name, stated=std is None and covariance is None)
+    if not good.any():
+        raise ModelError(f"{name}: no row has a frequency and K*: nothing can be fitted")
+    rows = _Rows.of(frame.filter(good), {column: values[good] for column, values in numbers.items()}, covariance, std)
+    notes += rows.notes(covariance is not None)
+    stated = conditions_in(frame.filter(good), rule)
+    worded = Sameness(tuple(axis for axis in rule.axes if axis.text))
+    (named,) = names_apart([conditions_in(frame.filter(good), worded)], worded)
+    rows = replace(rows, tyres=named)
+    axes = [axis.column for axis in rule.axes if axis.column in numbers]
+    cells = np.stack([rows.numbers[column] for column in axes], axis=1) if axes else np.zeros((rows.count, 0))
+    label = rule.groups(stated)
+    conditions = [_measured(rows, np.flatnonzero(label == one), axes, cells, k1) for one in np.unique(label)]
+    return MeasuredSet(tuple(conditions), tuple(notes), rows.known, name)
+
+
+def _usable(numbers: Mapping[str, FloatArray], name: str, *, stated: bool) -> tuple[BoolArray, list[str]]:
+    """Rows that have K*, and its uncertainty if some of them state it in the table; notes on those without."""
+    good = np.isfinite(numbers[FREQUENCY]) & np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
+    good &= (numbers[FREQUENCY] > 0) & (np.abs(numbers[FREQUENCY]) < _LARGEST)
+    notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
+    sound = good & (numbers[RE] > 0) & (np.hypot(np.nan_to_num(numbers[RE]), np.nan_to_num(numbers[IM])) < _LARGEST)
+    if sound.sum() < good.sum():
+        notes.append(f"{int(good.sum() - sound.sum())} rows of {name} have a K' below zero and were left out")
+    good = sound
+    if stated and all(column in numbers for column in _STD[:2]):
+        sure = np.isfinite(numbers[_STD[0]]) & np.isfinite(numbers[_STD[1]])
+        if np.any(sure & good) and np.any(good & ~sure):
+            notes.append(f"{int(np.sum(good & ~sure))} rows of {name} state no uncertainty of K* and were left out")
+            good &= sure
+    return good, notes
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The usable rows of a table."""
+
+    tyres: list[str]
+    names: list[str]
+    numbers: dict[str, FloatArray]
+    covariance: FloatArray
+    shared: FloatArray
+    condition: np.ndarray
+    known: bool
+    alone: bool
+    forced: bool
+
+    @classmethod
+    def of(
+        cls,
+        frame: pl.DataFrame,
+        numbers: dict[str, FloatArray],
+        covariance: pl.DataFrame | None,
+        std: float | None,
+    ) -> _Rows:
+        count = frame.height
+        tyres = _texts(frame, "tyre")
+        keys = keys_of(frame)
+        stiffness = numbers[RE] + 1j * numbers[IM]
+        own: FloatArray = np.zeros((count, 2, 2))
+        shared: FloatArray = np.zeros((count, 2, 0))
+        condition = np.arange(count)
+        known, alone = True, True
+        if std is not None:
+            own += (std * np.abs(stiffness))[:, None, None] ** 2 * np.eye(2)
+        elif covariance is not None and set(keys) <= set(keys_of(covariance)):
+            own, shared, condition = _joined(keys, covariance)
+            alone = False
+        elif all(column in numbers for column in _STD[:2]) and np.all(np.isfinite(numbers[_STD[0]])):
+            own = _stated(numbers)
+        else:
+            known = False
+        return cls(tyres, [test for test, _ in keys], numbers, own, shared, condition, known, alone, std is not None)
+
+    @property
+    def count(self) -> int:
+        return len(self.tyres)
+
+    @property
+    def stiffness(self) -> ComplexArray:
+        return np.asarray(self.numbers[RE] + 1j * self.numbers[IM])
+
+    def notes(self, had_covariance: bool) -> list[str]:
+        if not self.known:
+            return ["the table states no uncertainty of K*: what the best passive tyre leaves is taken for it"]
+        if self.forced:
+            return []
+        if had_covariance and self.alone:
+            return ["covariance.parquet is of other tests: errors that tests share are taken as independent"]
+        if self.alone:
+            return ["only the table was given: errors that tests share are taken as independent"]
+        return []
+
+
+def _known(rule: Sameness) -> set[str]:
+    return {FREQUENCY, RE, IM, *_STD, *_K1, *(axis.column for axis in rule.axes if not axis.text)}
+
+
+def _measured(
+    rows: _Rows, places: np.ndarray, axes: Sequence[str], cells: FloatArray, k1: tuple[float, float] | None
+) -> Measured:
+    """One condition; tests that have one K* between them are one frequency."""
+    frequency = rows.numbers[FREQUENCY]
+    groups: dict[int, list[int]] = {}
+    for at in places.tolist():
+        groups.setdefault(int(rows.condition[at]), []).append(at)
+    ordered = sorted(groups.values(), key=lambda members: float(np.mean(frequency[members])))
+    mean = [np.array(members) for members in ordered]
+    shared = np.stack([rows.shared[members].mean(axis=0) for members in mean])
+    static = _static(rows, places) if k1 is None else k1
+    own = StiffnessData.of(
+        2 * np.pi * np.array([frequency[members].mean() for members in mean]),
+        np.array([rows.stiffness[members].mean() for members in mean]),
+        covariance=np.stack([rows.covariance[members].mean(axis=0) for members in mean]),
+        k1=static[0],
+        k1_std=static[1],
+    )
+    state = {column: float(np.mean(cells[places, at])) for at, column in enumerate(axes)}
+    return Measured(
+        tyre=rows.tyres[int(places[0])],
+        state={column: value for column, value in state.items() if np.isfinite(value)},
+        tests=tuple(rows.names[members[0]] for members in ordered),
+        own=own,
+        shared=shared.reshape(2 * len(mean), -1) if shared.shape[2] else np.zeros((0, 0)),
+    )
+
+
+def _static(rows: _Rows, places: np.ndarray) -> tuple[float, float]:
+    """K1 of a condition, where it is stated with its uncertainty."""
+    if not all(column in rows.numbers for column in _K1):
+        return float("nan"), float("nan")
+    value, std = (rows.numbers[column][places] for column in _K1)
+    good = np.isfinite(value) & np.isfinite(std) & (std > 0)
+    if not good.any():
+        return float("nan"), float("nan")
+    return float(value[good].mean()), float(std[good].mean())
+
+
+def _stated(numbers: dict[str, FloatArray]) -> FloatArray:
+    """Covariance (N, 2, 2) of the columns of uncertainty."""
+    first, second = numbers[_STD[0]], numbers[_STD[1]]
+    correlation = np.nan_to_num(numbers.get(_STD[2], np.zeros(first.size)))
+    if np.any(np.abs(correlation) > 1) or np.any(first < 0) or np.any(second < 0) or not np.all(np.isfinite(second)):
+        raise ModelError(
+            "an uncertainty of K* is missing or negative, or a correlation is beyond 1: it is no covariance"
+        )
+    cross = correlation * first * second
+    return np.stack([np.stack([first**2, cross], axis=-1), np.stack([cross, second**2], axis=-1)], axis=-2)
+
+
+def _joined(keys: Sequence[Key], covariance: pl.DataFrame) -> tuple[FloatArray, FloatArray, np.ndarray]:
+    """Own covariance (N, 2, 2), shared parts (N, 2, p) of all rigs, and a number per condition, of tests by key."""
+    own_name, re_name, im_name = (one.head for one in (q.OWN_COVARIANCE, q.SHARED_STORAGE, q.SHARED_LOSS))
+    place = {key: at for at, key in enumerate(keys_of(covariance))}
+    part = covariance[[place[key] for key in keys]]
+    own = np.array(part[own_name].to_list(), dtype=float).reshape(-1, 2, 2)
+    rigs = part["rig"].to_list()
+    lengths = {rig: max(map(len, part.filter(pl.col("rig") == rig)[re_name].to_list())) for rig in dict.fromkeys(rigs)}
+    starts = dict(zip(lengths, np.cumsum([0, *lengths.values()])[:-1].tolist(), strict=True))
+    shared = np.zeros((len(rigs), 2, sum(lengths.values())))
+    columns = (part[re_name].to_list(), part[im_name].to_list())
+    for at, rig in enumerate(rigs):
+        for side, values in enumerate(columns):
+            shared[at, side, starts[rig] : starts[rig] + len(values[at])] = values[at]
+    numbers: dict[tuple[str, int], int] = {}
+    places = zip(rigs, part["condition"].to_list(), strict=True)
+    condition = np.array([numbers.setdefault(one, len(numbers)) for one in places])
+    return own, shared, condition
+
+
+def _covariance(path: Path) -> pl.DataFrame:
+    try:
+        frame = pl.read_parquet(io.BytesIO(read_bytes(path, max_bytes=_MOST_BYTES)))
+    except pl.exceptions.PolarsError as error:
+        raise TableError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
+    if [name for name in frame.columns if name != q.POINT.head] != list(COVARIANCE_COLUMNS):
+        raise TableError(f"{path.name}: is not one that fourpole wrote: run fourpole analyse again")
+    return frame
+
+
+def _frame(name: str, content: bytes) -> pl.DataFrame:
+    try:
+        if name.endswith(".parquet"):
+            return pl.read_parquet(io.BytesIO(content))
+        return pl.read_csv(content, infer_schema=False, comment_prefix="#")
+    except pl.exceptions.PolarsError as error:
+        raise TableError(f"{name}: is no table of results ({str(error).splitlines()[0]})") from None
+
+
+def _numbers(frame: pl.DataFrame, column: str, name: str) -> FloatArray:
+    series = frame[column]
+    if series.dtype == pl.String:
+        stripped = series.str.strip_chars()
+        found = stripped.cast(pl.Float64, strict=False)
+        lost = found.is_null() & stripped.is_not_null() & (stripped != "")
+        if lost.any():
+            at = int(lost.arg_max() or 0)
+            raise TableError(f"{name}: row {at + 2}, column {shown(column)}: {shown(str(series[at]))} is no number")
+        series = found
+    return np.asarray(series.cast(pl.Float64).fill_null(np.nan).to_numpy(), dtype=float)
+
+
+def _texts(frame: pl.DataFrame, column: str) -> list[str]:
+    if column not in frame.columns:
+        return [""] * frame.height
+    return [str(one) for one in frame[column].cast(pl.String).fill_null("").to_list()]

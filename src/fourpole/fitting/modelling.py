@@ -1,0 +1,459 @@
+"""Models and operating maps of a campaign: which model each tyre's K* asks for, its parameters, its surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import polars as pl
+from scipy import stats
+
+from fourpole import quantities as q
+from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.rig import PARAMETERS
+from fourpole.errors import ModelError
+from fourpole.fitting.measured import Measured, MeasuredSet
+from fourpole.fitting.modelfile import (
+    CandidateFile,
+    ConditionFile,
+    MapEntry,
+    ModelEntry,
+    ModelFile,
+    NamedValue,
+    RigFile,
+    RigValue,
+    VerdictFile,
+    entry_of,
+    finite_or_none,
+    parameters_of,
+    provenance,
+    split_column,
+)
+from fourpole.models.causality import Possible, check_possible
+from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of
+from fourpole.models.data import CHANCE, NORMAL_95, StiffnessData
+from fourpole.models.discrepancy import model_discrepancy, with_error
+from fourpole.models.families import for_maps, model_named, sizes_of
+from fourpole.models.fit import Fit
+from fourpole.models.interface import Model
+from fourpole.models.operating import OperatingMap, make_map
+from fourpole.models.profile import profile_intervals
+from fourpole.models.surface import Axes
+from fourpole.models.together import fit_together, link, unlink
+
+__all__ = ["TyreFit", "TyreMap", "fit_tyres", "lacking_error", "map_tyres", "model_file", "rig_file"]
+
+Progress = Callable[[int, int], None]
+#: Maps whose errors differ by less than this are alike; the one that is surer of itself is taken.
+_ALIKE = 1.1
+#: Relative uncertainty that conditions are given before their surfaces are sought: none may dominate.
+_EVEN = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class TyreFit(ByValue):
+    """Models on all conditions of one tyre.
+
+    Attributes
+    ----------
+    tyre : str
+    measured : tuple of Measured
+    data : tuple of StiffnessData
+        As fitted: with the model discrepancy added to the uncertainty.
+    choice : Choice
+    chosen : Candidate
+        The best, fitted to `data`.
+    intervals : tuple of (P, 2) float arrays
+        95 % by profile likelihood, of each condition.
+    verdicts : tuple of Possible
+        Whether a passive linear tyre can have K* as measured, of each condition; empty where no uncertainty is known.
+    discrepancy : float [1]
+        Model discrepancy: the relative error of K* that makes the chosen model fit.
+    """
+
+    tyre: str
+    measured: tuple[Measured, ...]
+    data: tuple[StiffnessData, ...]
+    choice: Choice
+    chosen: Candidate
+    intervals: tuple[FloatArray, ...]
+    verdicts: tuple[Possible, ...]
+    discrepancy: float
+
+    @property
+    def model(self) -> Model:
+        """Of the chosen candidate."""
+        return self.chosen.fit.model
+
+
+@dataclass(frozen=True)
+class TyreMap:
+    """The operating map of one tyre.
+
+    Attributes
+    ----------
+    tyre : str
+    measured : tuple of Measured
+    best : OperatingMap
+    others : tuple of (str, OperatingMap or str)
+        What else was tried: its map, or why there is none.
+    text : str
+        Which, and why.
+    """
+
+    tyre: str
+    measured: tuple[Measured, ...]
+    best: OperatingMap
+    others: tuple[tuple[str, OperatingMap | str], ...]
+    text: str
+
+
+def fit_tyres(
+    measured: MeasuredSet,
+    model: str = "auto",
+    *,
+    given: Mapping[str, float] | None = None,
+    share: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> list[TyreFit]:
+    """Fit one model, or choose among several, for each tyre.
+
+    Parameters
+    ----------
+    measured : MeasuredSet
+    model : str
+        A model's name, `maxwell` for as many arms as help, or `auto`.
+    given : mapping of str to float, optional
+        Parameters that are known, by symbol, and not fitted.
+    share : sequence of str
+        Parameters that all conditions of a tyre have in common.
+    progress : callable, optional
+        Called with the conditions done and all.
+
+    Raises
+    ------
+    ModelError
+        If a tyre cannot be fitted.
+    """
+    if model != "auto" and not sizes_of(model):
+        model_named(model)
+    done, every = 0, len(measured.conditions)
+
+    def step() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, every)
+
+    if progress is not None:
+        progress(0, every)
+    return [_fit_tyre(tyre, measured, model, given or {}, share, step) for tyre in measured.tyres]
+
+
+def _fit_tyre(
+    tyre: str,
+    every: MeasuredSet,
+    model: str,
+    given: Mapping[str, float],
+    share: Sequence[str],
+    step: Callable[[], None],
+) -> TyreFit:
+    measured = every.of(tyre)
+    stated = [one.data for one in measured]
+    verdicts = tuple(check_possible(one) for one in stated) if every.known else ()
+    held = [_held(one, given) for one in measured]
+    discrepancy = _discrepancy(stated, model, held, known=every.known)
+    data = [with_error(one, discrepancy) for one in stated]
+    choice = choose(data, AUTO if model == "auto" else (model,), held)
+    best, more = choice.best, 0.0
+    if best.chance < CHANCE:
+        more = model_discrepancy(data, lambda rows: _misfit(best.fit.model, rows, held))
+        data = [with_error(one, more) for one in data]
+        best = replace(best, fits=fit_conditions(best.fit.model, data, held))
+    whole = float(np.hypot(discrepancy, more))
+    if share:
+        best = replace(best, fits=_sharing(best, measured, whole, share, held))
+    fixed = list(fixed_of(best.fit.model, held))
+    ends = []
+    for one, row in zip(best.fits, data, strict=True):
+        ends.append(_normal_ends(one) if share else profile_intervals(one, row, fixed=fixed))
+        step()
+    return TyreFit(tyre, measured, tuple(data), choice, best, tuple(ends), verdicts, whole)
+
+
+def _discrepancy(
+    stated: Sequence[StiffnessData], model: str, held: Sequence[Mapping[str, float]], *, known: bool
+) -> float:
+    """The discrepancy [1] to add before models are compared: that of the best passive tyre, or of the only model."""
+    if model == "auto" or sizes_of(model):
+        needed = model_discrepancy(stated, always=not known)
+        if needed and known and model == "auto":  # a model outside the relaxing ones may need none
+            odd = (one for name in AUTO if not sizes_of(name) and not (one := model_named(name)).relaxing)
+            fits = (_misfit(one, stated, held) for one in odd)
+            needed = 0.0 if any(stats.chi2.sf(chi2, max(dof, 1)) > CHANCE for chi2, dof in fits) else needed
+        return needed
+    if known:
+        return 0.0  # it is looked for once it does not fit
+    return model_discrepancy(stated, lambda rows: _misfit(model_named(model), rows, held), always=True)
+
+
+def _sharing(
+    best: Candidate,
+    measured: Sequence[Measured],
+    discrepancy: float,
+    share: Sequence[str],
+    held: Sequence[Mapping[str, float]],
+) -> tuple[Fit, ...]:
+    """All conditions at once, some parameters being common; what is held stays."""
+    model = best.fit.model
+    if fixed_of(model, held):
+        raise ModelError("parameters that are given cannot go with shared ones: leave --fix or --share")
+    data = [with_error(one.own, discrepancy) for one in measured]
+    designs = {name: np.ones((len(data), 1)) for name in share}
+    start = np.stack([one.values for one in best.fits])
+    return tuple(fit_together(model, data, start, designs, shared=_common(measured)).fits())
+
+
+def _normal_ends(found: Fit) -> FloatArray:
+    """Intervals (P, 2) of 95 % where the linked parameters are normal."""
+    ends = []
+    for at, parameter in enumerate(found.model.parameters):
+        linked = link(parameter, found.values[at])
+        slope = unlink(parameter, linked)[1]
+        half = NORMAL_95 * found.std[at] / slope if slope > 0 else 0.0
+        ends.append([float(unlink(parameter, linked + side * half)[0]) for side in (-1, 1)])
+    return np.array(ends)
+
+
+def _common(measured: Sequence[Measured]) -> list[FloatArray]:
+    """What errors common to all conditions do to each."""
+    width = max((one.shared.shape[1] for one in measured if one.shared.size), default=0)
+    return [one.shared if one.shared.size else np.zeros((2 * one.own.count, width)) for one in measured]
+
+
+def _held(measured: Measured, given: Mapping[str, float]) -> dict[str, float]:
+    """What is known of a model's parameters: what is given, and the inflation pressure."""
+    pressure = measured.state.get(q.PRESSURE.head)
+    return {**({"p": pressure} if pressure is not None else {}), **given}
+
+
+def _misfit(model: Model, data: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> tuple[float, int]:
+    fits = fit_conditions(model, data, given)
+    return sum(float(one.chi2) for one in fits), sum(one.dof for one in fits)
+
+
+def map_tyres(
+    measured: MeasuredSet, model: str = "auto", over: Sequence[str] = (), *, progress: Progress | None = None
+) -> list[TyreMap]:
+    """Make the operating map of each tyre.
+
+    Parameters
+    ----------
+    measured : MeasuredSet
+    model : str
+        A model's name, or `auto`: the one that tells conditions left out best.
+    over : sequence of str
+        Further axes, by their columns, besides pressure, preload and temperature.
+    progress : callable, optional
+        Called with the models done and all.
+
+    Raises
+    ------
+    ModelError
+        If a tyre has one condition only, or no surface can be fitted.
+    """
+    names = for_maps() if model == "auto" else (model,)
+    for name in names:
+        model_named(name)
+    total = len(names) * len(measured.tyres)
+    found = []
+    for at, tyre in enumerate(measured.tyres):
+        step = None if progress is None else (lambda done, first=at: progress(first * len(names) + done, total))
+        found.append(_map_tyre(tyre, measured.of(tyre), names, over, step))
+    return found
+
+
+def _map_tyre(
+    tyre: str,
+    measured: tuple[Measured, ...],
+    names: Sequence[str],
+    over: Sequence[str],
+    progress: Callable[[int], None] | None,
+) -> TyreMap:
+    axes = _axes(tyre, measured, over)
+    made: list[tuple[str, OperatingMap | str]] = []
+    for at, name in enumerate(names):
+        if progress is not None:
+            progress(at)
+        try:
+            model = model_named(name)
+            few = min(one.own.count for one in measured)
+            if len(names) > 1 and len(model.parameters) > few:  # it would follow every error of theirs
+                raise ModelError(f"its {len(model.parameters)} parameters are too many for {few} frequencies")
+            made.append((name, _map_of(model, measured, axes)))
+        except ModelError as error:
+            made.append((name, str(error)))
+    good = [one for _, one in made if isinstance(one, OperatingMap)]
+    if not good:
+        raise ModelError(f"no map of the tyre {tyre!r} could be made: {made[0][1]}")
+    least = min(one.left_out.error for one in good)
+    best = min((one for one in good if not one.left_out.error > _ALIKE * least), key=_doubt)
+    return TyreMap(tyre, measured, best, tuple(made), _map_said(best, good))
+
+
+def _axes(tyre: str, measured: Sequence[Measured], over: Sequence[str]) -> Axes:
+    """The axes that all conditions of a tyre have."""
+    everywhere = [column for column in measured[0].state if all(column in one.state for one in measured)]
+    lacking = [column for column in over if column not in everywhere]
+    if lacking:
+        raise ModelError(f"{lacking[0]} is not known of every condition of the tyre {tyre!r}: a map cannot go over it")
+    axes = Axes.of(everywhere, [[one.state[column] for column in everywhere] for one in measured])
+    if not axes.names and len(measured) > 1:
+        raise ModelError(f"the {len(measured)} conditions of the tyre {tyre!r} differ in nothing that is known")
+    return axes
+
+
+def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> OperatingMap:
+    even = [with_error(one.data, _EVEN) for one in measured]
+    fits = fit_conditions(model, even, [_held(one, {}) for one in measured])
+    start = np.stack([one.values for one in fits])
+    return make_map(model, [one.own for one in measured], axes, start, _common(measured))
+
+
+def _doubt(found: OperatingMap) -> float:
+    """Mean relative uncertainty of K* over the conditions, at the middle of the band."""
+    points = found.axes.points if found.axes.names else np.zeros((1, 0))
+    answer = found.ask(points, np.full(len(points), float(np.sqrt(found.band[0] * found.band[1]))))
+    variance = answer.covariance[:, 0, 0] + answer.covariance[:, 1, 1]
+    return float(np.mean(np.sqrt(variance) / np.abs(answer.stiffness)))
+
+
+def _map_said(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
+    left = best.left_out
+    over = ", ".join(split_column(name)[0] for name in best.axes.names) or "one condition"
+    many = f"{len(best.terms)} terms" if len(best.terms) > 1 else "one value"
+    said = f"{best.model.name} over {over}, {many} for each parameter"
+    if np.isfinite(left.error):
+        said += (
+            f"; conditions left out are told within {100 * left.error:.2g} %, {100 * left.inside:.0f} % of their K' "
+            "and K'' inside the 95 % intervals"
+        )
+    elif len(best.axes.points) > 1:
+        said += "; too few conditions to leave one out: straight between them, and nothing tells how they scatter"
+    for axis in best.axes.straight:
+        name = split_column(best.axes.names[axis])[0]
+        said += f"; between the two tested values of {name} a bend is allowed for in the uncertainty"
+    if not best.model.causal:
+        causal = [one for one in good if one.model.causal]
+        said += ". It describes K2 and C and is not causal"
+        if causal:
+            first = min(causal, key=lambda one: one.left_out.error)
+            error = first.left_out.error
+            said += f": for a simulation in time take {first.model.name}"
+            said += f" ({100 * error:.2g} %)" if np.isfinite(error) else ""
+    return said
+
+
+def model_file(
+    measured: MeasuredSet,
+    fits: Sequence[TyreFit] = (),
+    maps: Sequence[TyreMap] = (),
+    *,
+    settings: Mapping[str, Any] | None = None,
+    rig: RigFile | None = None,
+) -> ModelFile:
+    """The document of models or of maps."""
+    return ModelFile(
+        kind="map" if maps else "model",
+        models=[_model_entry(one) for one in fits],
+        maps=[_map_entry(one) for one in maps],
+        rig=rig,
+        provenance=provenance(measured.source, measured.sha256, dict(settings or {}), list(measured.notes)),
+    )
+
+
+def _map_entry(one: TyreMap) -> MapEntry:
+    return entry_of(one.tyre, one.best, one.text)
+
+
+def _model_entry(found: TyreFit) -> ModelEntry:
+    verdicts = found.verdicts or (None,) * len(found.measured)
+    rows = zip(found.measured, found.chosen.fits, found.intervals, verdicts, strict=True)
+    return ModelEntry(
+        tyre=found.tyre,
+        model=found.model.name,
+        causal=found.model.causal,
+        parameters=parameters_of(found.model),
+        granted=found.discrepancy,
+        choice=found.choice.text,
+        candidates=[_candidate_entry(one) for one in found.choice.candidates],
+        conditions=[_condition_entry(*row) for row in rows],
+    )
+
+
+def _candidate_entry(one: Candidate) -> CandidateFile:
+    return CandidateFile(
+        model=one.name,
+        causal=one.fit.model.causal,
+        free=one.free,
+        chi2=one.chi2,
+        dof=one.dof,
+        aicc=one.aicc,
+        bic=one.bic,
+        left_out=finite_or_none(one.left_out),
+        on_bound=one.on_bound,
+        lost=one.lost,
+    )
+
+
+def _verdict_entry(measured: Measured, verdict: Possible) -> VerdictFile:
+    return VerdictFile(
+        possible=verdict.possible,
+        chance=verdict.chance,
+        misfit=lacking_error(measured, verdict),
+        impossible=verdict.impossible.tolist(),
+    )
+
+
+def lacking_error(measured: Measured, verdict: Possible) -> float:
+    """The relative error of K* at each frequency with which it would be possible; 0 where it is."""
+    return 0.0 if verdict.possible else model_discrepancy([measured.data])
+
+
+def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: Possible | None) -> ConditionFile:
+    state = [(split_column(column), value) for column, value in measured.state.items()]
+    symbols = [one.symbol for one in found.model.parameters]
+    return ConditionFile(
+        state=[NamedValue(name=name, unit=unit, value=value) for (name, unit), value in state],
+        tests=[name for name in measured.tests if name],
+        band=(float(measured.frequency.min()), float(measured.frequency.max())),
+        values=found.values.tolist(),
+        covariance=found.covariance.tolist(),
+        intervals=[(finite_or_none(low), finite_or_none(high)) for low, high in ends.tolist()],
+        on_bound=[symbol for symbol, held in zip(symbols, found.on_bound.tolist(), strict=True) if held],
+        chi2=float(found.chi2),
+        dof=found.dof,
+        converged=bool(found.converged),
+        agreed=float(found.agreed),
+        verdict=None if verdict is None else _verdict_entry(measured, verdict),
+    )
+
+
+def rig_file(record: Mapping[str, Any], found: pl.DataFrame) -> RigFile | None:
+    """The rig of study.json, with the values of rig.csv where the joint route found them; none unless there is one."""
+    rigs = record.get("stated", {}).get("rigs", {})
+    if not isinstance(rigs, dict) or len(rigs) != 1:
+        return None
+    name, stated = next(iter(rigs.items()))
+    rows = found.filter(found["rig"] == name).to_dicts() if found.height else []
+    better = {row["value"]: (row["found"], row[q.FOUND.u_head]) for row in rows}
+    values = {}
+    for symbol, unit in PARAMETERS.items():
+        one = stated.get(symbol)
+        if isinstance(one, dict) and isinstance(one.get("value"), int | float):
+            value, std = better.get(symbol, (one["value"], one.get("std") or 0.0))
+            if value is not None and np.isfinite(value):
+                values[symbol] = RigValue(value=value, unit=unit, std=std or 0.0)
+    return RigFile(output=stated.get("output", "moving"), values=values)

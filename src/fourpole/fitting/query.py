@@ -1,0 +1,241 @@
+"""Questions to a model file: K* with K2, C and TR at an operating point and a frequency, with their uncertainty.
+
+What lies outside the measured conditions or frequencies is refused, or, where that is wanted, answered with how far
+outside it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fourpole import quantities as q
+from fourpole.core.arrays import FloatArray
+from fourpole.core.condition import AXES, axis_of
+from fourpole.core.rig import Rig
+from fourpole.errors import ModelError
+from fourpole.fitting.modelfile import ModelEntry, ModelFile, column_of, map_of, model_of, rig_in
+from fourpole.models.operating import Answer, LeftOut, OperatingMap
+from fourpole.models.surface import Axes
+from fourpole.models.together import Scatter, link, unlink
+from fourpole.units import shown
+
+__all__ = ["Query", "ask", "maps_of", "place_of"]
+
+#: Option of the command that states an axis, by its column.
+_OPTIONS = {axis.column: axis.name for axis in AXES}
+
+
+@dataclass(frozen=True)
+class Query:
+    """What is asked.
+
+    Attributes
+    ----------
+    frequency : sequence of float [Hz]
+    state : mapping of str to float
+        Value of each axis that is stated, by its column: {"pressure [Pa]": 1.85e5}.
+    tyre : str, optional
+        Where the file knows several.
+    rig : Rig, optional
+        For TR; by default that of the tests.
+    beyond : bool
+        Answer outside what was measured too.
+    """
+
+    frequency: Sequence[float]
+    state: Mapping[str, float] = field(default_factory=dict)
+    tyre: str | None = None
+    rig: Rig | None = None
+    beyond: bool = False
+
+
+def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
+    """Answers, one row per frequency, with units in their columns; not-a-number becomes None.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot answer: another tyre, a condition or frequency outside what was measured, an axis that is
+        not stated.
+    """
+    tyre = _tyre_of(file, query.tyre)
+    found = maps_of(file, tyre, query.state)
+    point, outside, remarks = place_of(found, query.state, beyond=query.beyond)
+    frequency = np.asarray(query.frequency, dtype=float)
+    far = _beyond_band(found, frequency, beyond=query.beyond)
+    answer = found.ask(np.repeat(point[None], frequency.size, axis=0), frequency)
+    rig = query.rig if query.rig is not None else rig_in(file.rig)
+    tr = None if rig is None else answer.transmissibility(rig, frequency)
+    loss = answer.loss_factor
+    rows = []
+    for at in range(frequency.size):
+        said = [*remarks, *([f"{far[at]:.3g} octaves outside the measured band"] if far[at] else [])]
+        row = {"tyre": tyre, **found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
+        row |= {q.FREQUENCY.head: float(frequency[at]), **_cells(answer, loss, at)}
+        row |= {q.TR.head: None, q.TR.u_head: None}
+        if tr is not None:
+            row |= {q.TR.head: float(tr[0][at]), q.TR.u_head: float(tr[1][at])}
+        row |= {q.OUTSIDE.head: outside, "remarks": "; ".join(said)}
+        rows.append({name: _finite(value) for name, value in row.items()})
+    return rows
+
+
+def maps_of(file: ModelFile, tyre: str, state: Mapping[str, float]) -> OperatingMap:
+    """The map of a tyre, or what was fitted at one condition of it as a map of one point."""
+    for entry in file.maps:
+        if entry.tyre == tyre:
+            return map_of(entry)
+    entry_of = next(one for one in file.models if one.tyre == tyre)
+    return _condition(entry_of, state)
+
+
+def _tyre_of(file: ModelFile, wanted: str | None) -> str:
+    tyres = file.tyres
+    if wanted is None:
+        if len(tyres) != 1:
+            raise ModelError(f"the file knows {len(tyres)} tyres: state --tyre, one of {', '.join(map(shown, tyres))}")
+        return tyres[0]
+    if wanted not in tyres:
+        raise ModelError(f"the file is of {', '.join(map(shown, tyres)) or 'no tyre'}, not of {shown(wanted)}")
+    return wanted
+
+
+def _condition(entry: ModelEntry, state: Mapping[str, float]) -> OperatingMap:
+    """The one condition that a state names."""
+    states = [{column_of(one.name, one.unit): one.value for one in each.state} for each in entry.conditions]
+    good = [at for at, own in enumerate(states) if _same(own, state)]
+    if len(good) != 1:
+        there = "; ".join(sorted({_words(own) for own in states})[:12])
+        what = "no condition is" if not good else f"{len(good)} conditions are"
+        raise ModelError(
+            f"{what} like what was asked: the file has fits at {there}. State one of these, or make a map of the "
+            "results with fourpole map"
+        )
+    one, own, model = entry.conditions[good[0]], states[good[0]], model_of(entry)
+    values = np.array(one.values)
+    linked = np.array([link(each, value) for each, value in zip(model.parameters, values, strict=True)])
+    slopes = np.array([unlink(each, value)[1] for each, value in zip(model.parameters, linked, strict=True)])
+    scale = np.divide(1.0, slopes, out=np.zeros_like(slopes), where=np.abs(slopes) > 1e-100)
+    covariance = np.array(one.covariance) * np.outer(scale, scale)
+    return OperatingMap(
+        model=model,
+        axes=Axes((), np.zeros((1, 0)), own),
+        terms=((),),
+        coefficients=linked[:, None],
+        covariance=covariance,
+        scatter=Scatter(0.0, (entry.granted, entry.granted)),
+        band=one.band,
+        left_out=LeftOut(float("nan"), float("nan"), float("nan")),
+    )
+
+
+def _same(own: Mapping[str, float], state: Mapping[str, float]) -> bool:
+    """Whether a condition is what is asked, as far as that is stated."""
+    return all(column in own and axis_of(column).same(value, own[column]) for column, value in state.items())
+
+
+def place_of(
+    found: OperatingMap, state: Mapping[str, float], *, beyond: bool
+) -> tuple[FloatArray, float, tuple[str, ...]]:
+    """The point (d,) that a state names, how far it is outside what was measured, and what to say of it."""
+    axes = found.axes
+    for column, value in state.items():
+        if column in axes.names:
+            continue
+        known = axes.constant.get(column)
+        over = ", ".join(_name(one) for one in axes.names) or "no axis"
+        if known is None:
+            raise ModelError(f"the tests do not state {_name(column)}: the map answers over {over} and frequency")
+        if not axis_of(column).same(value, known):
+            raise ModelError(
+                f"the tests had one {_name(column)} only, {_value(column, known)}: the map cannot answer at "
+                f"{_value(column, value)}; it answers over {over} and frequency"
+            )
+    _check_stated(axes, state)
+    point = np.array([state[column] for column in axes.names], dtype=float)
+    outside, nearest = axes.outside(point)
+    if not outside:
+        return point, 0.0, ()
+    near = ", ".join(_value(column, value) for column, value in zip(axes.names, nearest.tolist(), strict=True))
+    asked = ", ".join(_value(column, value) for column, value in zip(axes.names, point.tolist(), strict=True))
+    said = f"{asked} is outside what was measured, by {outside:.3g} half spans; the nearest point inside is {near}"
+    if not beyond:
+        raise ModelError(f"{said}: ask there, measure there, or state --beyond to be answered all the same")
+    return point, outside, (said,)
+
+
+def _check_stated(axes: Axes, state: Mapping[str, float]) -> None:
+    """ModelError where an axis of the map is not stated."""
+    lacking = [column for column in axes.names if column not in state]
+    if lacking:
+        at = axes.names.index(lacking[0])
+        low, high = float(axes.points[:, at].min()), float(axes.points[:, at].max())
+        option = _OPTIONS.get(lacking[0])
+        how = f"--{option}" if option else f'--at "{lacking[0]} = ..."'
+        raise ModelError(
+            f"state {how}: the map goes over {_name(lacking[0])} from {_value(lacking[0], low)} to "
+            f"{_value(lacking[0], high)}"
+        )
+
+
+def _beyond_band(found: OperatingMap, frequency: FloatArray, *, beyond: bool) -> FloatArray:
+    """Octaves by which each frequency is outside the band; refused unless wanted."""
+    if not (np.all(np.isfinite(frequency)) and np.all(frequency > 0)):
+        raise ModelError("the frequency must be positive [Hz]")
+    far = found.octaves_beyond(frequency)
+    if far.any() and not beyond:
+        low, high = found.band
+        worst = float(frequency[int(np.argmax(far))])
+        raise ModelError(
+            f"{worst:.6g} Hz is outside the measured band, {low:.4g} to {high:.4g} Hz: ask inside it, or state "
+            "--beyond to be answered all the same"
+        )
+    return far
+
+
+def _cells(answer: Answer, loss: tuple[FloatArray, FloatArray], at: int) -> dict[str, float]:
+    stiffness, covariance = complex(answer.stiffness[at]), answer.covariance[at]
+    u_re, u_im, u_k1 = (float(one) for one in np.sqrt(np.diag(covariance)))
+    arm = answer.arm_covariance[at]
+    u_k2, u_c = (float(one) for one in np.sqrt(np.diag(arm)))
+    return {
+        q.STORAGE.head: stiffness.real,
+        q.LOSS.head: stiffness.imag,
+        q.STORAGE.u_head: u_re,
+        q.LOSS.u_head: u_im,
+        q.CORR_K.head: float(covariance[0, 1] / (u_re * u_im)) if u_re and u_im else 0.0,
+        q.LOSS_FACTOR.head: float(loss[0][at]),
+        q.LOSS_FACTOR.u_head: float(loss[1][at]),
+        q.K1.head: float(answer.k1[at]),
+        q.K1.u_head: u_k1,
+        q.K2.head: float(answer.k2[at]),
+        q.C.head: float(answer.c[at]),
+        q.K2.u_head: u_k2,
+        q.C.u_head: u_c,
+        q.CORR_K2_C.head: float(arm[0, 1] / (u_k2 * u_c)) if u_k2 and u_c else 0.0,
+    }
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _name(column: str) -> str:
+    return _OPTIONS.get(column) or shown(column)
+
+
+def _value(column: str, value: float) -> str:
+    """A value as people write it."""
+    if column == q.PRESSURE.head:
+        return f"{value / 1e5:.4g} bar"
+    name, _, unit = column.removesuffix("]").partition(" [")
+    text = f"{value:.5g} {unit}".rstrip()
+    return text if column in _OPTIONS else f"{shown(name)} {text}"
+
+
+def _words(state: Mapping[str, float]) -> str:
+    return ", ".join(_value(column, value) for column, value in state.items()) or "one condition"

@@ -1,0 +1,138 @@
+"""Rows of the result tables: the key (test, point) and the condition of each row.
+
+A row of a dynamic test is identified by its test and its point: one recording may give several frequencies. The column
+`point` is written only where a test has more than one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.core.condition import AXES, Axis, Condition, Sameness, Value
+from fourpole.units import column_unit
+
+__all__ = ["KEY", "Key", "axes_record", "conditions_in", "key_of", "keyed", "keys_of", "names_apart", "rule_in"]
+
+#: What a row of a dynamic test is known by.
+KEY = (q.TEST.head, q.POINT.head)
+
+Key = tuple[str, int]
+
+
+def keyed(table: pl.DataFrame) -> pl.DataFrame:
+    """The table with its column `point`, which is 1 where none is written.
+
+    Examples
+    --------
+    >>> keyed(pl.DataFrame({"test": ["D1", "D2"]})).rows()
+    [('D1', 1), ('D2', 1)]
+    """
+    written = pl.col(q.POINT.head).fill_null(1) if q.POINT.head in table.columns else pl.lit(1)
+    return table.with_columns(written.cast(pl.Int64).alias(q.POINT.head))
+
+
+def key_of(row: Mapping[str, Any]) -> Key:
+    """Test and point of a row."""
+    return str(row.get(q.TEST.head) or ""), int(row.get(q.POINT.head) or 1)
+
+
+def keys_of(table: pl.DataFrame) -> list[Key]:
+    """Test and point of each row."""
+    held = [table[head].to_list() if head in table.columns else [None] * table.height for head in KEY]
+    return [key_of(dict(zip(KEY, row, strict=True))) for row in zip(*held, strict=True)]
+
+
+_TOLERANCES = ("relative", "absolute")
+
+
+def conditions_in(table: pl.DataFrame, rule: Sameness) -> list[Condition]:
+    """The condition of each row of static.csv or dynamic.csv; an axis without a column is not stated."""
+    columns = [_values(table, axis) for axis in rule.axes]
+    tyres = table["tyre"].to_list() if "tyre" in table.columns else [""] * table.height
+    rows = zip(*columns, strict=True) if columns else ((),) * table.height
+    return [Condition(tyre or "", tuple(row)) for tyre, row in zip(tyres, rows, strict=True)]
+
+
+def _values(table: pl.DataFrame, axis: Axis) -> Sequence[Value]:
+    # A column of tests.csv whose name is also a result's stands in dynamic.csv with its origin behind it.
+    name = next((one for one in (f"{axis.column} (tests.csv)", axis.column) if one in table.columns), None)
+    if name is None:
+        return [None] * table.height
+    if axis.text:
+        return [text or None for text in table[name].cast(pl.String).to_list()]
+    return table[name].cast(pl.Float64, strict=False).fill_nan(None).to_list()
+
+
+def names_apart(tables: Sequence[Sequence[Condition]], rule: Sameness) -> list[list[str]]:
+    """A name for the specimen of each row of some tables, which tells specimens in several states apart.
+
+    An axis is part of the name where a specimen has two values on it, or where one table both states it and does not:
+    "radial at 60 °C, batch A". A table that states nothing of an axis does not tell the others apart.
+    """
+    specimens = dict.fromkeys(one.specimen for table in tables for one in table)
+    names = {
+        name: _names([[one for one in table if one.specimen == name] for table in tables], rule) for name in specimens
+    }
+    return [[names[one.specimen][one] for one in table] for table in tables]
+
+
+def _names(tables: Sequence[Sequence[Condition]], rule: Sameness) -> dict[Condition, str]:
+    """The name of each condition of one specimen."""
+    every = [one for table in tables for one in table]
+    used = [at for at, axis in enumerate(rule.axes) if _differs(axis, [[one.values[at] for one in t] for t in tables])]
+    axes = tuple(rule.axes[at] for at in used)
+    short = [Condition(one.specimen, tuple(one.values[at] for at in used)) for one in every]
+    groups = Sameness(axes).groups(short).tolist()
+    members: dict[int, list[Condition]] = {}
+    for one, group in zip(short, groups, strict=True):
+        members.setdefault(group, []).append(one)
+    names = {group: _name(axes, rows) for group, rows in members.items()}
+    return {one: names[group] for one, group in zip(every, groups, strict=True)}
+
+
+def _differs(axis: Axis, tables: Sequence[Sequence[Value]]) -> bool:
+    stated = {value for table in tables for value in table if value is not None}
+    return len(set(axis.groups(stated).tolist())) > 1 or any(None in table and {*table} != {None} for table in tables)
+
+
+def _name(axes: Sequence[Axis], rows: Sequence[Condition]) -> str:
+    """The specimen with its value on each axis, of numbers the median."""
+    parts = [rows[0].specimen]
+    for at, axis in enumerate(axes):
+        values = [one.values[at] for one in rows]
+        name, unit = column_unit(axis.column)
+        if axis.text or values[0] is None:
+            parts += [f", {name} {values[0]}"] if values[0] is not None else []
+        elif unit == "degC":
+            parts.append(f" at {np.median(np.array(values, dtype=float)):.4g} °C")
+        else:
+            parts.append(f", {name} {np.median(np.array(values, dtype=float)):.4g} {unit or ''}".rstrip())
+    return "".join(parts)
+
+
+def axes_record(rule: Sameness) -> list[dict[str, Any]]:
+    """The axes of a rule as study.json has them."""
+    return [{"column": axis.column, **({"text": True} if axis.text else _tolerance(axis))} for axis in rule.axes]
+
+
+def _tolerance(axis: Axis) -> dict[str, float]:
+    return {name: value for name in _TOLERANCES if (value := getattr(axis, name))}
+
+
+def rule_in(record: Mapping[str, Any]) -> Sameness:
+    """The rule that study.json states; one that states none has the axes of every campaign."""
+    conditions = record.get("conditions")
+    axes = conditions.get("axes") if isinstance(conditions, dict) else None
+    found = [_axis(one) for one in axes if isinstance(one, dict)] if isinstance(axes, list) else []
+    known = {axis.column for axis in AXES}
+    return Sameness((*AXES, *(axis for axis in found if axis.name and axis.column not in known)))
+
+
+def _axis(one: Mapping[str, Any]) -> Axis:
+    relative, absolute = (float(x) if isinstance(x := one.get(name), int | float) else 0.0 for name in _TOLERANCES)
+    return Axis(str(one.get("column") or ""), "", relative, absolute, one.get("text") is True)

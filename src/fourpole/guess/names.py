@@ -1,0 +1,268 @@
+"""What the name of a recording says: values with units, numbers without, words; and what its header says."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+from fourpole import units
+from fourpole.errors import UnitError
+from fourpole.guess.words import CALIBRATION, DYNAMIC, ENDINGS, IN_HEADERS, KEYS, STATIC, UNITS
+
+__all__ = ["KINDS_OF", "Token", "kind_word", "plain", "read_header", "read_name", "without_ending"]
+
+#: Kind of quantity of each condition.
+KINDS_OF = {
+    "pressure": "pressure",
+    "preload": "force",
+    "frequency": "frequency",
+    "temperature": "temperature",
+    "added_mass": "mass",
+    "amplitude": "displacement",
+    "moving_mass": "mass",
+    "preload_stiffness": "stiffness",
+    "preload_damping": "damping",
+}
+_LONGEST = 400
+_GONE = "\x1f"
+_HEAVY = 50.0  # kg: a load rather than a mass that is screwed on
+
+
+@dataclass(frozen=True)
+class Token:
+    """One piece of a name or header.
+
+    Attributes
+    ----------
+    what : str
+        A condition with its value; "number" for one whose meaning the folder must tell; "word"; "kind"; "repeat".
+    text : str
+        As written.
+    value : float
+        In SI for a condition, as written for a number.
+    keys : tuple of str
+        What the letters before a number may mean.
+    key : str
+        Those letters.
+    doubt : str
+        Why it may be wrong; empty where it is plain.
+    """
+
+    what: str
+    text: str
+    value: float = float("nan")
+    keys: tuple[str, ...] = ()
+    key: str = ""
+    doubt: str = ""
+
+
+def plain(word: str) -> str:
+    """A word whatever its case, accents kept, signs left out."""
+    return re.sub(r"[\W_]+", "", unicodedata.normalize("NFKC", word).casefold())
+
+
+def without_ending(name: str) -> str:
+    """A file's name less the end that says its format."""
+    stem, dot, ending = name.rpartition(".")
+    return stem if dot and stem and ending.casefold() in ENDINGS else name
+
+
+_NUMBER = r"(?>\d{1,3}p\d{1,2}(?!\d)|\d{1,9}(?:[.,]\d{1,6})?)(?!\d)"
+_SIZES = re.compile(
+    r"(?<![0-9A-Za-z])P?\d{3}[-_/ ]?\d{2}[-_/ ]?Z?[RBD][-_ ]?\d{2}(?!\d)"  # 205-55R16
+    r"|(?<![0-9A-Za-z])\d{3}[-_/ ]?[RS]R?[-_ ]?\d{2}(?!\d)"  # 155R13
+    r"|(?<![0-9A-Za-z.,])\d{1,2}[.,]\d{2}\s?[-xXR]\s?\d{2}(?![\d.,A-Za-z])"  # 5.60-13
+)
+_DATES = re.compile(
+    r"(?<!\d)(?:19|20)\d\d([-_.]?)(?:0[1-9]|1[0-2])\1(?:0[1-9]|[12]\d|3[01])(?!\d)"
+    r"(?:[T_ -]?(?:[01]\d|2[0-3])[-_.h:]?[0-5]\d(?:[-_.m:]?[0-5]\d)?(?:[.,]\d+)?(?![\d.,A-Za-z]))?"
+    r"|(?<!\d)(?:0?[1-9]|[12]\d|3[01])([-_./])(?:0?[1-9]|1[0-2])\2(?:(?:19|20)\d\d|[12]\d)(?![\d.,]|[A-Za-z])"
+    r"|(?<!\d)(?:[01]\d|2[0-3])[h:][0-5]\d(?:[m:][0-5]\d)?s?(?!\d)"
+)
+_HASHES = re.compile(
+    r"(?<![0-9A-Za-z])(?=[0-9a-f-]*[0-9])(?=[0-9a-f-]*[a-f])[0-9a-f]{8,}(?:-[0-9a-f]{4,12})*(?![0-9A-Za-z])", re.I
+)
+_COPY = re.compile(r"[ _]?\((\d{1,3})\)(?=$|[_. /])")
+_WORDS_BEFORE = "|".join(sorted((key for key in KEYS if len(key) > 1), key=len, reverse=True))
+# A unit apart from the number before it and touching the one behind is of the latter.
+# A key of several letters may touch what stands before it; one letter begins a word, or is a capital after a small one.
+_KEY = rf"(?P<key>(?i:{_WORDS_BEFORE})|(?:(?<![^\W\d_])|(?<=[a-zß-ÿ])(?=[A-Z]))[A-Za-z])"
+_UNIT = "|".join(f"(?P<u{at}>{pattern})" for at, (pattern, _, _) in enumerate(UNITS))
+_WITH_UNIT = re.compile(
+    rf"(?:{_KEY}[ _=:-]{{0,2}})?(?<![0-9])(?<![0-9][.,])(?P<sign>(?<![0-9A-Za-z])[+]|(?<=[_ =:])-|(?i:minus))?"
+    rf"(?P<number>(?P<under>\d_(?=\d\d?(?i:bar)))?{_NUMBER})(?:(?P<gap>[ _-])|)(?:{_UNIT})(?(gap)(?![0-9]))"
+)
+_KEYED = re.compile(rf"{_KEY}[ _=:#-]{{0,2}}(?<![0-9])(?P<number>{_NUMBER})")
+_BARE = re.compile(r"(?<![0-9A-Za-z])(?<![0-9][.,])(?P<number>\d{1,9}(?:[.,]\d{1,6})?)(?![0-9A-Za-z])")
+_PARTS = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßà-ÿ]+\d*|[A-ZÄÖÜ]+(?![a-zäöüßà-ÿ])\d*|[^\W_]+")
+_JOINERS = re.compile(r"[\s_,;=#+()\[\]{}/\\.&]+|(?<![A-Za-z])-|-(?![A-Za-z])|" + _GONE)
+
+
+def read_name(text: str) -> list[Token]:
+    """The tokens of a name without its ending.
+
+    Examples
+    --------
+    >>> [(token.what, token.text, token.value) for token in read_name("radial_1.7bar_L1000")]
+    [('pressure', '1.7bar', 170000.0), ('number', 'L1000', 1000.0), ('word', 'radial', nan)]
+    """
+    left = unicodedata.normalize("NFC", text[:_LONGEST])
+    found: list[Token] = []
+    steps: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], Token | None]], ...] = (
+        (_SIZES, lambda match: Token("word", match[0].strip(), key="size")),
+        (_DATES, lambda match: Token("nothing", match[0])),
+        (_HASHES, lambda match: Token("nothing", match[0])),
+        (_COPY, lambda match: Token("repeat", match[0].strip(), float(match[1]))),
+        (_WITH_UNIT, _valued),
+        (_KEYED, _keyed),
+        (_BARE, lambda match: _bare(match["number"])),
+    )
+    for pattern, made in steps:
+        left = pattern.sub(lambda match, made=made: _taken(made(match), match[0], found), left)  # type: ignore[misc]
+    found += (Token("word", word) if not kind_word(word) else Token("kind", word) for word in _left_words(left))
+    return [token for token in found if token.what != "nothing"]
+
+
+def _taken(token: Token | None, text: str, found: list[Token]) -> str:
+    if token is None:
+        return text
+    found.append(token)
+    return text[: max(text.find(token.text), 0)] + _GONE  # letters before a number that are no key of it stay
+
+
+def _valued(match: re.Match[str]) -> Token | None:
+    """A number with its unit."""
+    at = next(at for at in range(len(UNITS)) if match[f"u{at}"])
+    _, unit, what = UNITS[at]
+    key = match["key"] or ""
+    keys = KEYS.get(key.casefold(), ())
+    own = not key or what in keys or (what == "added_mass" and keys == ("preload",))
+    text = (match[0] if own else match[0][match.start("number") - match.start() :]).strip(" _")
+    if what == "nothing":
+        return Token("nothing", text)
+    number, doubt = _number(match["number"].replace("_", "."))
+    if match["under"]:
+        doubt = f"{text} taken as {number:g} {unit}"
+    if match["sign"] in ("-", "minus") and what == "temperature":
+        number = -number
+    if what == "added_mass" and (keys == ("preload",) or (not key and number >= _HEAVY)):
+        what, unit = "preload", "kgf"
+        doubt = f"{text} taken as a load of {number:g} kgf"
+    elif what == "added_mass" and not key and match["sign"] is None:
+        doubt = f"{text} taken as a mass that was added"
+    if unit == "N" and match[f"u{at}"] == "n" and not keys:
+        return None
+    value = float(units.to_si([number], unit, KINDS_OF[what])[0])
+    return Token(what, text, value, keys, key if own else "", doubt)
+
+
+def _keyed(match: re.Match[str]) -> Token | None:
+    """A number with letters before it and no unit behind."""
+    keys = KEYS.get(match["key"].casefold())
+    if keys is None:
+        return None
+    number, _ = _number(match["number"])
+    if keys == ("specimen",):
+        return Token("word", match[0].strip())
+    if keys in (("nothing",), ("repeat",)):
+        return Token(keys[0], match[0], number)
+    return Token("number", match[0], number, keys, match["key"])
+
+
+def _bare(text: str) -> Token:
+    """A number by itself; one with leading zeros counts recordings."""
+    if (text.startswith("0") and text.isdigit() and len(text) > 1) or len(text) > 7:
+        return Token("nothing", text)
+    return Token("number", text, _number(text)[0])
+
+
+def _number(text: str) -> tuple[float, str]:
+    """A number with whatever decimal sign; three digits behind a comma are thousands, doubtfully."""
+    if re.fullmatch(r"[1-9]\d{0,2},000", text):
+        return float(text.replace(",", "")), f"{text} taken as {text.replace(',', '')}"
+    return float(text.replace(",", ".").replace("p", ".")), ""
+
+
+def _left_words(left: str) -> Iterator[str]:
+    """What is left, parted at signs and where a capital follows a small letter; hyphened words stay together."""
+    for piece in _JOINERS.split(left):
+        if not piece:
+            continue
+        if "-" in piece.strip("-"):
+            yield piece.strip("-")
+        else:
+            yield from _PARTS.findall(piece)
+
+
+def kind_word(word: str) -> str:
+    """static, dynamic or calibration, where a word says so."""
+    bare = plain(word)
+    for kind, words in (("static", STATIC), ("dynamic", DYNAMIC), ("calibration", CALIBRATION)):
+        if bare in words:
+            return kind
+    return ""
+
+
+_PAIR = re.compile(
+    r"^[\s#%\"'/*;-]*(?P<key>[^\W\d][^:=;\t\"]{0,60}?)\"?\s*(?:[:=;\t]|,(?=[^,]*$))\s*\"?(?P<value>[^\t]{1,200}?)[\s\";,\t]*$"
+)
+
+
+def read_header(lines: Iterable[str]) -> list[Token]:
+    """What lines above a table, properties of a file or a file of notes say.
+
+    Examples
+    --------
+    >>> [(token.what, token.text, token.value) for token in read_header(["Pressure: 1.7 bar", "Reifen;Radial"])]
+    [('pressure', 'Pressure: 1.7 bar', 170000.0), ('tyre', 'Radial', nan)]
+    """
+    found: list[Token] = []
+    for line in lines:
+        for piece in _pieces(line[:1000]):
+            found += _of_line(piece)
+    return found
+
+
+def _pieces(line: str) -> list[str]:
+    """A line, parted where it has several pairs."""
+    parts = re.split(r"[;,|]\s*(?=[^\W\d][\w .]{0,40}\s?[:=])", line)
+    return [part.strip() for part in parts if part.strip()]
+
+
+def _of_line(line: str) -> list[Token]:
+    match = _PAIR.match(line)
+    if match is None or ("," in line and not re.search(r"[:=;\t]", line) and not _meant(match["key"])):
+        return [token for token in read_name(line) if token.what in KINDS_OF and _meant(line) != "nothing"]
+    key, unit = units.column_unit(match["key"])
+    value = match["value"].strip()
+    what = _meant(key) or "nothing"
+    if what in ("tyre", "construction"):
+        return [Token(what, value[:80])]
+    if what == "kind":
+        return [Token("kind", word) for word in _left_words(value) if kind_word(word)][:1]
+    if what == "repeat":
+        return [Token("repeat", line, float(value))] if re.fullmatch(r"\d{1,6}", value) else []
+    if what not in KINDS_OF:
+        return []
+    return _stated(what, line, value, unit, key)
+
+
+def _meant(key: str) -> str:
+    """What a key speaks of, empty where that is not known."""
+    spoken = key.casefold().replace("_", " ")
+    return next((what for what, pattern in IN_HEADERS if pattern.search(spoken)), "")
+
+
+def _stated(what: str, line: str, value: str, unit: str | None, key: str) -> list[Token]:
+    """The value of a key; a bare number is left for the folder to tell."""
+    last = re.split(r"[\s_]", key)[-1]
+    for default in (unit, last if last != key else None):
+        try:
+            return [Token(what, line, units.quantity(value, KINDS_OF[what], default_unit=default))]
+        except UnitError:
+            continue
+    if re.fullmatch(r"\d{1,9}(?:[.,]\d{1,6})?", value):
+        return [Token("number", line, _number(value)[0], (what,), key)]
+    return []

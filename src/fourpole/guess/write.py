@@ -1,0 +1,224 @@
+"""A guess and its text: campaign.toml with its doubts as comments, tests.csv with a column of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fourpole import quantities as q
+from fourpole.campaign.channels import ChannelsFile
+from fourpole.errors import CampaignError
+from fourpole.guess.channels import Role
+from fourpole.io.write import write_text
+from fourpole.units import shown
+
+__all__ = ["Doubt", "Guess", "Row", "campaign_toml", "keep_existing", "tests_csv"]
+
+#: Columns of tests.csv: label, condition, SI value of one. The first three are there even where nothing is known.
+_COLUMNS = (
+    *(
+        (one.stated_head, one.key, one.scale)
+        for one in (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.ADDED_MASS, q.TEMPERATURE)
+    ),
+    ("amplitude [mm]", "amplitude", 1e-3),
+)
+_ALWAYS = 3
+_ROLES = ("force_in", "motion_in", "motion_out", "load", "deflection", "reference")
+_RIG = (
+    ("moving_mass", 1.0, "kg", "15 kg"),
+    ("preload_stiffness", 1e3, "kN/m", "12.44 kN/m"),
+    ("preload_damping", 1.0, "N s/m", ""),
+)
+_MOST_DOUBTS = 900
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What was taken but may be wrong, or is not known.
+
+    Attributes
+    ----------
+    about : str
+        A channel's role, a condition, "rig", "kind" or "files".
+    text : str
+        What was found and taken.
+    remedy : str
+        What to do.
+    tests : tuple of str
+        The tests concerned; empty where it is the campaign.
+    """
+
+    about: str
+    text: str
+    remedy: str
+    tests: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of tests.csv as guessed, in SI units."""
+
+    name: str
+    file: str
+    kind: str
+    tyre: str = ""
+    values: dict[str, float] = field(default_factory=dict)
+    repeat: str = ""
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A campaign as guessed.
+
+    Attributes
+    ----------
+    folder : Path
+    title : str
+    rows : tuple of Row
+    roles : dict of str to Role
+        Of [channels].
+    clock : (str, str) or None
+        Column of the time and its unit; None where the recordings know their times, or nothing says them.
+    reference : (str, str, int) or None
+        Column of a tacho or encoder, its unit, and its pulses per cycle (0 for an angle).
+    rig : dict of str to float [SI]
+        What notes state of it.
+    constructions : dict of str to str
+        Of each tyre, empty where it is not known.
+    doubts : tuple of Doubt
+    left_out : tuple of (str, str)
+        Files that are no recordings, and why.
+    """
+
+    folder: Path
+    title: str
+    rows: tuple[Row, ...]
+    roles: dict[str, Role]
+    clock: tuple[str, str] | None
+    reference: tuple[str, str, int] | None
+    rig: dict[str, float]
+    constructions: dict[str, str]
+    doubts: tuple[Doubt, ...]
+    left_out: tuple[tuple[str, str], ...]
+
+    def write(self, *, force: bool = False) -> list[Path]:
+        """Write campaign.toml and tests.csv; CampaignError where one of them is there, unless `force`."""
+        if not force:
+            keep_existing(self.folder)
+        for name, text in zip(_WRITTEN, (campaign_toml(self), tests_csv(self.rows)), strict=True):
+            write_text(self.folder / name, text)
+        return [self.folder / name for name in _WRITTEN]
+
+
+_WRITTEN = ("campaign.toml", "tests.csv")
+
+
+def keep_existing(folder: Path) -> None:
+    """Refuse a folder that has a campaign.toml or tests.csv."""
+    there = [name for name in _WRITTEN if (folder / name).exists() or (folder / name).is_symlink()]
+    if there:
+        raise CampaignError(
+            f"{shown(folder, 200)[1:-1]}: there is a {' and a '.join(there)} already, which nothing here changes: "
+            "move it away, or use --force to replace it"
+        )
+
+
+def quoted(text: str) -> str:
+    """A text as a basic string of TOML."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def comment(text: str) -> str:
+    """A line that TOML passes over."""
+    return "# " + "".join(c if c.isprintable() else " " for c in text) + "\n"
+
+
+def campaign_toml(guess: Guess) -> str:
+    """campaign.toml."""
+    statics = sum(row.kind == "static" for row in guess.rows)
+    head = (
+        f"guessed by `fourpole init` from {len(guess.rows)} recordings, {statics} of them static; correct what is wrong"
+    )
+    parts = [comment(head) + f"title = {quoted(guess.title)}\n", _rig(guess), _channels(guess), *_tyres(guess)]
+    return "\n".join(part for part in parts if part)
+
+
+def _doubts(guess: Guess, about: str) -> str:
+    told = [doubt for doubt in guess.doubts if doubt.about == about]
+    return "".join(comment(f"doubt: {doubt.text}" + ("" if about in _ROLES else f"; {doubt.remedy}")) for doubt in told)
+
+
+def _rig(guess: Guess) -> str:
+    if not any(row.kind != "static" for row in guess.rows) and not guess.rig:
+        return ""
+    whole = {"moving_mass", "preload_stiffness"} <= guess.rig.keys()
+    sign = "" if whole else "# "
+    lines = [_doubts(guess, "rig"), f"{sign}[rig]\n"]
+    for name, scale, unit, example in _RIG:
+        value = guess.rig.get(name)
+        if value is not None:
+            lines.append(f'{sign}{name:<17} = "{value / scale:.12g} {unit}"\n')
+        elif example:
+            lines.append(f'{sign}{name:<17} = "{example}"    # an example, not yours\n')
+    return "".join(lines)
+
+
+def _channels(guess: Guess) -> str:
+    lines = ["[channels]\n", _doubts(guess, "time")]
+    if guess.clock is not None:
+        lines.append(f"time       = {{ column = {quoted(guess.clock[0])}, unit = {quoted(guess.clock[1])} }}\n")
+    elif any(doubt.about == "time" for doubt in guess.doubts):
+        lines.append('# sample_rate = "1000 Hz"\n')
+    kinds = {row.kind for row in guess.rows}
+    for role in _ROLES[:-1]:
+        lines.append(_doubts(guess, role))
+        if role in guess.roles:
+            lines.append(_channel(guess.roles[role]))
+        elif kinds & ({"static"} if role in ("load", "deflection") else {"dynamic", "calibration"}):
+            lines.append(f'# {role:<10} = {{ column = "...", unit = "..." }}\n')
+    if guess.reference is not None and "reference" in ChannelsFile.model_fields:
+        name, unit, pulses = guess.reference
+        lines.append(_doubts(guess, "reference"))
+        lines.append(f"reference  = {{ column = {quoted(name)}, unit = {quoted(unit)}, pulses = {pulses} }}\n")
+    return "".join(lines)
+
+
+def _channel(role: Role) -> str:
+    sign = "# " if role.unit is None else ""
+    keys = [f"column = {quoted(role.column)}"]
+    keys.append(f"unit = {quoted(role.unit)}" if role.unit is not None else 'unit = "V", sensitivity = "..."')
+    keys += ["invert = true"] if role.invert else []
+    return f"{sign}{role.role:<10} = {{ {', '.join(keys)} }}\n"
+
+
+def _tyres(guess: Guess) -> list[str]:
+    parts = [_doubts(guess, "tyre")] if any(doubt.about == "tyre" for doubt in guess.doubts) else []
+    for name, construction in guess.constructions.items():
+        key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
+        parts.append(f"[tyres.{key}]\n" + (f"construction = {quoted(construction)}\n" if construction else ""))
+    return ["".join(parts[:2]), *parts[2:]] if parts and parts[0].startswith("#") else parts
+
+
+def tests_csv(rows: Sequence[Row]) -> str:
+    """tests.csv."""
+    columns = [one for at, one in enumerate(_COLUMNS) if at < _ALWAYS or any(one[1] in row.values for row in rows)]
+    repeats, doubts = any(row.repeat for row in rows), any(row.doubts for row in rows)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    last = [*(["repeat"] if repeats else []), *(["doubts"] if doubts else [])]
+    writer.writerow(["test", "file", "kind", "tyre", *(label for label, _, _ in columns), *last])
+    for row in rows:
+        cells = [_cell(row.values.get(what), scale) for _, what, scale in columns]
+        more = [*([row.repeat] if repeats else []), *(["; ".join(row.doubts)[:_MOST_DOUBTS]] if doubts else [])]
+        writer.writerow([row.name, row.file, row.kind, row.tyre, *cells, *more])
+    return text.getvalue()
+
+
+def _cell(value: float | None, scale: float) -> str:
+    return "" if value is None else f"{value / scale:.10g}"

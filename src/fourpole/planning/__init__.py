@@ -1,0 +1,1 @@
+"""Which tests a campaign should have, and the sheet to run them by."""

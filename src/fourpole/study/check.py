@@ -1,0 +1,250 @@
+"""A campaign checked by the reduction's own functions, on the first part of each recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from fourpole import units
+from fourpole.campaign.folder import Campaign, Test, inside
+from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
+from fourpole.guess.signals import rate_of
+from fourpole.io.recordings import survey
+from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.io.source import sha256_of
+from fourpole.io.stream import stream, times_of
+from fourpole.study.identified import possible_route
+from fourpole.study.load import group_of, source_of
+from fourpole.study.reduce import ROUTE_NEEDS, Job, check_part, jobs_of
+from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
+
+__all__ = ["Checked", "Problem", "check_campaign"]
+
+_MOST_HASHED = 500_000_000  # bytes of a file that is compared with others of its size
+_ROWS = 1 << 10  # samples by which the start and the rate of a recording are found
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is wrong with a test.
+
+    Attributes
+    ----------
+    test : str
+    row : int
+        Line of tests.csv.
+    file : str
+        As tests.csv names it.
+    about : str
+        "tests.csv", "file", "channels", "recording", "static test", "window", "K1", "duplicate", or a check's name.
+    verdict : str
+        "rejected" where the analysis could not use the test, "warning" where it would lack something.
+    message : str
+        What was found, and what to do.
+    """
+
+    test: str
+    row: int
+    file: str
+    about: str
+    verdict: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What a look through a campaign found; `notes` concern the campaign as a whole."""
+
+    campaign: Campaign
+    route: str
+    problems: tuple[Problem, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Tests by their worst verdict."""
+        rejected = {problem.test for problem in self.problems if problem.verdict == "rejected"}
+        warned = {problem.test for problem in self.problems} - rejected
+        every = len(self.campaign.tests)
+        return {"ok": every - len(rejected) - len(warned), "warning": len(warned), "rejected": len(rejected)}
+
+
+def check_campaign(
+    campaign: Campaign, *, route: str = "joint", progress: Callable[[int, int], None] | None = None
+) -> Checked:
+    """Look through a campaign: files, channels, units, times and lengths, K1, duplicates. Nothing is written.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        As `read_campaign` gives it.
+    route : {"joint", "mobility", "relative", "transmissibility"}
+        The route that it is to be analysed by; it says which channels are needed.
+    progress : callable (done, total)
+        Called after each test.
+
+    Returns
+    -------
+    Checked
+
+    Raises
+    ------
+    CampaignError
+        If there is no such route.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from fourpole.campaign import read_campaign
+    >>> from fourpole.virtual import simulate_campaign
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     made = simulate_campaign(place, pressures=[170e3], preloads=[1000.0], frequencies=[14.0], clean=True)
+    ...     _ = (made.folder / "recordings" / "S1.csv").unlink()
+    ...     checked = check_campaign(read_campaign(made.folder))
+    >>> checked.counts
+    {'ok': 2, 'warning': 1, 'rejected': 1}
+    >>> checked.problems[0].message
+    'there is no such file; check its name'
+    """
+    if route not in ROUTE_NEEDS:
+        raise CampaignError(f"no route {route!r}: choose one of {', '.join(ROUTE_NEEDS)}")
+    used, notes = _route(campaign, route)
+    look = _Inspection(campaign)
+    for done, job in enumerate(jobs_of(campaign, campaign.tests, used), 1):
+        look.test(job)
+        if progress is not None:
+            progress(done, len(campaign.tests))
+    look.duplicates()
+    look.stiffness(look.statics())
+    order = {test.name: at for at, test in enumerate(campaign.tests)}
+    problems = sorted(look.problems, key=lambda problem: (order[problem.test], problem.verdict != "rejected"))
+    return Checked(campaign, used, tuple(problems), tuple(notes))
+
+
+def _route(campaign: Campaign, route: str) -> tuple[str, list[str]]:
+    """The route that the campaign allows, and what is to be said of it."""
+    used, note = possible_route(campaign, route)
+    notes = [note] if note else []
+    if campaign.of_kind("dynamic") and not campaign.stated.all_rigs and used != "relative":
+        remedy = "state moving_mass and preload_stiffness, or use --route relative"
+        notes.append(f"campaign.toml: [rig] is missing, the {used} route needs it: {remedy}")
+        used = "relative" if used == "joint" else used
+    return used, notes
+
+
+@dataclass
+class _Inspection:
+    """The problems found on the way through the tests."""
+
+    campaign: Campaign
+    problems: list[Problem] = field(default_factory=list)
+    paths: dict[str, Path] = field(default_factory=dict)
+
+    def test(self, job: Job) -> None:
+        """What a test shows by itself: its row, its file, and the first part of a dynamic recording."""
+        test, about = job.test, "file"
+        if test.problem:
+            self._say(test, "tests.csv", "rejected", test.problem)
+            return
+        try:
+            path = inside(self.campaign.folder, test.file)
+            if path.is_file():
+                self.paths[test.name] = path
+            if test.kind == "static":
+                return
+            for row in check_part(job):
+                self._say(test, row.heading, row.verdict, row.remark)
+            if test.window is not None:
+                self._window(test, path)
+        except FourpoleError as error:
+            about = {FileError: "file", TableError: "channels"}.get(type(error), "recording")
+            self._say(test, about, "rejected", str(error))
+        except MemoryError:
+            self._say(test, about, "rejected", "does not fit into memory: cut it with window [s]")
+
+    def statics(self) -> list[StaticRow]:
+        """The static tests, whose few cycles are evaluated as the analysis does."""
+        tests = evaluate_statics(self.campaign)
+        for item in tests:
+            about = "static test" if item.sha256 else "file"
+            for row in item.rows:
+                if row.verdict == "rejected" and not row.test.problem:
+                    self._say(row.test, about, "rejected", "; ".join(row.remarks))
+        return [row for item in tests for row in item.rows]
+
+    def _say(self, test: Test, about: str, verdict: str, message: str) -> None:
+        text = message.removeprefix(f"tests.csv row {test.row}: ")
+        for label in (units.shown(test.file, 200)[1:-1], test.file):
+            text = text.removeprefix(f"{label}: ").removeprefix(f"{label} ")
+        problem = Problem(test.name, test.row, test.file, about, verdict, text)
+        if problem not in self.problems:
+            self.problems.append(problem)
+
+    def _window(self, test: Test, path: Path) -> None:
+        """Whether a window ends after the recording, as its first samples and their count show."""
+        channels = self.campaign.stated.channels
+        assert channels.motion_in is not None
+        assert test.window is not None
+        source = source_of(path, test, channels, [channels.motion_in])
+        (first,) = next(stream(replace(source, rows=_ROWS)).chunks)
+        info = survey(path, max_bytes=MAX_FILE_BYTES, label=test.file)
+        count = max(one.count for one in info.signals if source.group in ("", one.group))
+        time = times_of(first)
+        rate = rate_of(time) if time is not None else None
+        if time is None or rate is None:
+            return
+        (low, high), stop = test.window, float(time[0]) + (count - 1) / rate
+        if high > stop + 1 / rate:
+            message = f"window {low:g}..{high:g} s goes beyond the recording, which ends at {stop:g} s; shorten it"
+            self._say(test, "window", "warning", message)
+
+    # --- the campaign as a whole ---------------------------------------------------------------------------------
+
+    def duplicates(self) -> None:
+        """Two tests of one recording, or of two files with the same content."""
+        seen: dict[tuple[object, ...], Test] = {}
+        for test in self.campaign.tests:
+            path = self.paths.get(test.name)
+            if path is None:
+                continue
+            key = (path, group_of(path, test), test.window)
+            first = seen.setdefault(key, test)
+            if first is not test:
+                message = (
+                    f"is the recording of test {units.shown(first.name)} (row {first.row}) too: name "
+                    f"another file, group or window [s]"
+                )
+                self._say(test, "duplicate", "warning", message)
+        self._same_content()
+
+    def _same_content(self) -> None:
+        by_size: dict[int, list[tuple[Test, Path]]] = {}
+        for test in self.campaign.tests:
+            path = self.paths.get(test.name)
+            if path is not None and path not in {other for _, other in by_size.get(path.stat().st_size, [])}:
+                by_size.setdefault(path.stat().st_size, []).append((test, path))
+        for size, several in by_size.items():
+            if len(several) < 2 or size > _MOST_HASHED:
+                continue
+            seen: dict[str, Test] = {}
+            for test, path in several:
+                first = seen.setdefault(sha256_of(path, max_bytes=MAX_FILE_BYTES, label=test.file), test)
+                if first is not test:
+                    message = (
+                        f"has the same content as {units.shown(first.file)} of test "
+                        f"{units.shown(first.name)} (row {first.row}): is it a copy?"
+                    )
+                    self._say(test, "duplicate", "warning", message)
+
+    def stiffness(self, statics: Sequence[StaticRow]) -> None:
+        """Whether each dynamic test finds a K1."""
+        bad = {problem.test for problem in self.problems if problem.verdict == "rejected"}
+        for test in self.campaign.tests:
+            if test.kind != "dynamic" or test.name in bad:
+                continue
+            found = stiffness_for(test, statics, self.campaign.stated.sameness)
+            if found.reason:
+                self._say(test, "K1", "warning", f"K2 and C would be left blank: {found.reason}")
+            elif found.warning is not None:
+                self._say(test, "K1", "warning", found.warning.remark)

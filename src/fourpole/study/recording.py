@@ -1,0 +1,100 @@
+"""One recording by itself, outside any analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fourpole import units
+from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.schema import validated
+from fourpole.core.phasor import CHANNELS
+from fourpole.core.recording import Recording
+from fourpole.errors import CampaignError, FileError
+from fourpole.study.load import load_recording
+
+__all__ = ["read_recording"]
+
+
+def read_recording(file: str | Path, channels: Mapping[str, str | Mapping[str, Any]] | Campaign) -> Recording:
+    r"""Read the file of one dynamic test, in any format that Fourpole reads, as channels in SI units.
+
+    Parameters
+    ----------
+    file : path
+        The recording; ``file#group`` names one group of a file that holds several. A relative path is looked up in
+        the campaign's folder too.
+    channels : dict of str to str, or Campaign
+        Which column is which channel, by role: ``motion_in`` and, where measured, ``force_in`` and ``motion_out``;
+        ``time`` or ``sample_rate`` where the file has no times of its own; ``reference``. A column is named with its
+        unit, ``"F1 [N]"``, or without where the file states the unit; or it is a table with the keys that
+        ``[channels]`` of campaign.toml takes. A Campaign gives its own ``[channels]``, and the window and frequency
+        of the row of tests.csv that names the file.
+
+    Returns
+    -------
+    Recording
+        The channels stated, gain, offset and inversion applied.
+
+    Raises
+    ------
+    CampaignError
+        If `channels` cannot be understood, or lacks ``motion_in``.
+    FileError
+        If there is no such file.
+    TableError
+        If the file cannot be read or lacks a column.
+    RecordingError
+        If the samples have no uniform times.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.NamedTemporaryFile("w", suffix=".csv", delete=False) as file:
+    ...     _ = file.write("t [s],F1 [N],V1 [mm/s]\n")
+    ...     for i in range(100):
+    ...         _ = file.write(f"{i / 50},{10 * (-1) ** i},{i}\n")
+    >>> recording = read_recording(file.name, {"time": "t", "force_in": "F1", "motion_in": "V1"})
+    >>> recording.duration, recording.channels["motion_in"].samples[:3]
+    (2.0, array([0.   , 0.001, 0.002]))
+    >>> Path(file.name).unlink()
+    """
+    if isinstance(channels, Campaign):
+        stated, test = channels.stated.channels, _row(channels, str(file))
+        folder = channels.folder
+    else:
+        columns = {role: _column(role, text) for role, text in channels.items()}
+        stated = validated({"channels": columns}, "read_recording").channels
+        folder, test = Path(), Test(Path(file).name, 0, str(file), "dynamic")
+    if stated.motion_in is None:
+        raise CampaignError('read_recording: motion_in is missing: name its column, as in {"motion_in": "V1 [m/s]"}')
+    path = _path(folder, str(file))
+    roles = [role for role in CHANNELS if stated.named(role) is not None]
+    return load_recording(folder, path, test, stated, roles)[0]
+
+
+def _column(role: str, text: str | Mapping[str, Any]) -> Any:
+    """What campaign.toml would say of a role."""
+    if not isinstance(text, str) or role == "sample_rate":
+        return text
+    column, unit = units.column_unit(text)
+    return {"column": column} | ({} if unit is None else {"unit": unit})
+
+
+def _row(campaign: Campaign, file: str) -> Test:
+    """The row of tests.csv that names the file, or one that states nothing of it."""
+    given = (campaign.folder / file).resolve()
+    for test in campaign.tests:
+        if test.kind != "static" and (test.file == file or (campaign.folder / test.file).resolve() == given):
+            return test
+    return Test(Path(file).name, 0, file, "dynamic")
+
+
+def _path(folder: Path, file: str) -> Path:
+    """Where the file is, by itself or in the folder, with or without a group."""
+    for name in (file, file.rpartition("#")[0]):
+        for path in (Path(name), folder / name):
+            if name and path.is_file():
+                return path
+    raise FileError(f"{units.shown(file, 200)[1:-1]}: there is no such file")

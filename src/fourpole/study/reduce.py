@@ -1,0 +1,313 @@
+"""The reduction: each recording becomes phasors, checks and a preview, by a job of its own, with a cache."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from fourpole.campaign.channels import ChannelsFile
+from fourpole.campaign.folder import Campaign, Test, inside
+from fourpole.campaign.schema import RigFile
+from fourpole.core import checks
+from fourpole.core.checks import Check, Code, told
+from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
+from fourpole.core.demodulation.sinefit import fit_sines
+from fourpole.core.demodulation.steady import steady_part
+from fourpole.core.demodulation.tracks import Track, tracks_of
+from fourpole.core.demodulation.wander import follow_wander, refine_reference
+from fourpole.core.phasor import CHANNELS, SYMBOLS
+from fourpole.core.recording import Recording
+from fourpole.errors import ConstantError, FourpoleError, RecordingError, TableError, TooShortError
+from fourpole.io.source import sha256_of
+from fourpole.study.cache import cache_name, recall, remember
+from fourpole.study.load import MOST_BYTES, load_recording
+from fourpole.study.outcome import Point, Reduced
+
+__all__ = ["ROUTE_NEEDS", "Job", "check_part", "jobs_of", "reduce_tests", "reduced_point", "response_hashes"]
+
+_WORKERS = min(os.cpu_count() or 1, 8)
+#: Errors that have a code of their own; any other error of a recording has `Code.RECORDING`.
+_CODES: dict[type[FourpoleError], Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}
+#: Channels that a route cannot do without.
+ROUTE_NEEDS = {
+    "joint": ("force_in", "motion_in"),
+    "mobility": ("force_in", "motion_in"),
+    "relative": CHANNELS,
+    "transmissibility": ("motion_in", "motion_out"),
+}
+
+#: A part of a recording needs no closer look if the residual is below this share of each amplitude, the frequency is
+#: nearer to the stated one, and the force stays below this share of the preload: the checks reject far beyond.
+_PLAIN_NOISE, _PLAIN_OFF, _PLAIN_FORCE = 0.15, 0.03, 0.8
+#: Fewest cycles of a part that needs no closer look.
+_CYCLES_OF_PART = 4.0
+
+
+@dataclass(frozen=True)
+class Job:
+    """The reduction of one recording, with all that it needs besides the files; any executor can run it.
+
+    Attributes
+    ----------
+    folder : Path
+        The campaign folder, to which the names of files relate.
+    test : Test
+    channels : ChannelsFile
+    rig : RigFile or None
+        The rig of the test, where it is stated.
+    needed : tuple of str
+        Roles of the channels that the route cannot do without.
+    responses : dict of str to str
+        Hash of each table of a calibrated response, by its name in the campaign.
+    cache : Path or None
+        Folder that keeps results.
+    """
+
+    folder: Path
+    test: Test
+    channels: ChannelsFile
+    rig: RigFile | None
+    needed: tuple[str, ...]
+    responses: dict[str, str] = field(default_factory=dict)
+    cache: Path | None = None
+
+    def run(self) -> Reduced:
+        """Reduce the recording, or recall it from the cache; an error becomes a rejecting check of this test."""
+        if self.test.problem:
+            return Reduced((Point(None, (told(Code.STATEMENT, "rejected", why=self.test.problem),)),))
+        try:
+            path = inside(self.folder, self.test.file)
+            sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=self.test.file)
+            place = self.cache / cache_name(self._settings(), sha256) if self.cache is not None else None
+            points = recall(place) if place is not None else None
+            if points is None:
+                points = (reduced_point(self, path),)
+                if place is not None:
+                    remember(place, points)
+            return Reduced(points, sha256)
+        except FourpoleError as error:
+            why = told(_CODES.get(type(error), Code.RECORDING), "rejected", why=error)
+        except MemoryError:
+            why = told(Code.MEMORY, "rejected", file=self.test.file)
+        except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
+            why = told(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
+        return Reduced((Point(None, (why,)),))
+
+    def _settings(self) -> list[object]:
+        """All that the result depends on besides the recording."""
+        rig = self.rig and repr(self.rig)
+        stated = self.test.kind, self.test.values, self.test.window
+        return [self.needed, *stated, self.channels.model_dump(), self.responses, rig]
+
+
+def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str, cache: Path | None = None) -> list[Job]:
+    """The reductions of some tests for a route."""
+    channels, rigs, responses = campaign.stated.channels, campaign.stated.all_rigs, response_hashes(campaign)
+    needed = ROUTE_NEEDS[route]
+    return [Job(campaign.folder, test, channels, rigs.get(test.rig), needed, responses, cache) for test in tests]
+
+
+def reduce_tests(
+    jobs: Sequence[Job], *, executor: Executor | None = None, progress: Callable[[int, int], None] | None = None
+) -> list[Reduced]:
+    """Results of some jobs, in their order; without an executor they run in threads."""
+    if executor is None:
+        with ThreadPoolExecutor(max_workers=_WORKERS) as threads:
+            return reduce_tests(jobs, executor=threads, progress=progress)
+    results: dict[int, Reduced] = {}
+    running: dict[Future[Reduced], int] = {}
+    waiting = iter(enumerate(jobs))
+    try:
+        while len(results) < len(jobs):
+            for index, job in islice(waiting, 4 * _WORKERS - len(running)):  # few at once, so that memory is bounded
+                running[executor.submit(job.run)] = index
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                results[running.pop(future)] = future.result()
+                if progress is not None:
+                    progress(len(results), len(jobs))
+    finally:
+        for future in running:
+            future.cancel()
+    return [results[index] for index in range(len(jobs))]
+
+
+def check_part(job: Job) -> tuple[Check, ...]:
+    """Checks of the first part of a recording, at most 2 s or 20 cycles, that reject the test or leave out a channel.
+
+    An error that would reject the test is raised.
+
+    Without a stated frequency the part is 2 s, or 20 s where 2 s need a closer look.
+    """
+    path, near = inside(job.folder, job.test.file), job.test.value("frequency")
+    short, long = (max(0.5, 10.0 / near), max(2.0, 20.0 / near)) if near else (2.0, 20.0)
+    recording, rows = _loaded(job, path, short)
+    recording, clipped = _unclipped(recording, job.needed)
+    rows += clipped
+    checks = tuple(rows) if _is_plain(job, recording) else reduced_point(job, path, long).checks
+    moved = [row for row in checks if row.code is Code.EXCITATION and row.channel == SYMBOLS["motion_in"]]
+    runs = job.test.window is not None or all(row.verdict == "ok" for row in moved)
+    bad = [row for row in checks if row.verdict == "rejected"]
+    # A drive that does not run yet in this part may run behind it: the analysis cuts a lead-in.
+    bad = bad if runs else [replace(row, verdict="warning", remark=f"at first, {row.remark}") for row in bad]
+    return (*bad, *(row for row in checks if row.verdict == "warning" and row.code is Code.LEFT_OUT))
+
+
+def _is_plain(job: Job, recording: Recording) -> bool:
+    """Whether one fit of a sine at a first guess of its frequency shows that no check will reject the recording."""
+    near, preload = job.test.value("frequency"), job.test.value("preload")
+    if any(channel.chain or channel.crosstalk for channel in recording.channels.values()):
+        return False  # amplitudes are corrected, which may fail
+    try:
+        frequency = first_guess(recording, near)
+        tracks = tracks_of(recording, list(recording.channels))
+    except RecordingError:
+        return False
+    if frequency * recording.duration < _CYCLES_OF_PART or (near and abs(frequency / near - 1) > _PLAIN_OFF):
+        return False
+    if not all(_is_sine(track, frequency) for track in tracks):
+        return False
+    force = recording.channels.get("force_in")
+    peak = float(np.nanmax(np.abs(force.samples - np.nanmean(force.samples)))) if force is not None else 0.0
+    if preload is not None and peak > _PLAIN_FORCE * preload:
+        return False
+    rig = job.rig.rig() if job.rig is not None else None
+    return rig is None or checks.check_resonance(frequency, rig, job.test.value("added_mass") or 0.0).verdict == "ok"
+
+
+def _is_sine(track: Track, frequency: float) -> bool:
+    """Whether little is left of the channels of a track beside a sine."""
+    fit = fit_sines(track.signals, track.present, track.time, 2 * np.pi * frequency, 1, np.empty(0))
+    left = np.sqrt(2 * np.mean(fit.residual**2, axis=1))
+    return bool(np.all(left < _PLAIN_NOISE * np.abs([row[0] for row in fit.amplitudes()])))
+
+
+def reduced_point(job: Job, path: Path, part: float | None = None) -> Point:
+    """Amplitudes from all stated channels; a damaged channel that the route can spare is left out with a warning.
+
+    With `part` [s], only so much of the recording is used.
+    """
+    recording, rows = _loaded(job, path, part)
+    near = job.test.value("frequency")
+    if job.test.window is None:
+        recording, cut = _trimmed(recording, near)
+        rows += cut
+    recording, clipped = _unclipped(recording, job.needed)
+    rows += clipped
+    try:
+        found, wandering = _followed(recording, near)
+    except RecordingError as error:
+        present = [role for role in recording.channels if role not in job.needed]
+        if not present:
+            raise
+        found, wandering = _followed(recording.without(present[0]), near)
+        rows.append(_left_out(present[0], str(error)))
+    checks = (*rows, *wandering, *_judged(job, found))
+    return Point(found.phasors, checks, found.corrections, found.channels, found.preview)
+
+
+def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
+    """The recording with all stated channels, or with the needed ones only; and what there is to say of it."""
+    roles = [role for role in CHANNELS if job.channels.named(role) is not None]
+    lacking = [role for role in job.needed if role not in roles]
+    if lacking:
+        route = next(route for route, needed in ROUTE_NEEDS.items() if needed == job.needed)
+        raise TableError(f"the {route} route needs {lacking[0]}, which [channels] in campaign.toml does not state")
+    spare = [role for role in roles if role not in job.needed]
+    rows: list[Check] = []
+    try:
+        recording, remarks = load_recording(job.folder, path, job.test, job.channels, roles, part=part)
+    except TableError as error:
+        if not spare:
+            raise
+        recording, remarks = load_recording(job.folder, path, job.test, job.channels, job.needed, part=part)
+        rows.append(_left_out(spare[0], str(error)))
+    return recording, rows + [told(Code.TIME_BASE, "warning", why=remark) for remark in remarks]
+
+
+def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[Check]]:
+    """The steady part of a recording, and what was cut."""
+    try:
+        part = steady_part(recording, first_guess(recording, near))
+    except RecordingError:
+        return recording, []  # demodulation says what is wrong
+    if part is None:
+        return recording, []
+    low, high = recording.span
+    before, after = max(part[0] - low, 0.0), max(high - part[1], 0.0)
+    cut = " and ".join(
+        text
+        for text in (
+            f"the first {before:.3g} s (lead-in, run-up)" if before else "",
+            f"the last {after:.3g} s (run-down)" if after else "",
+        )
+        if text
+    )
+    return recording.between(*part), [told(Code.STEADY, "ok", cut=cut, length=high - low)]
+
+
+def _followed(recording: Recording, near: float | None) -> tuple[Demodulation, list[Check]]:
+    """Amplitudes; along the phase of V1 where there is no reference and the speed wanders so that it matters."""
+    found = demodulate(recording, near=near)
+    if recording.reference is not None:
+        return refine_reference(recording, found), []
+    followed = follow_wander(recording, found)
+    if followed is None:
+        return found, []
+    better, wander = followed
+    return better, [told(Code.SPEED, "warning", wander.speed, 0.0, shift=wander.shift)]
+
+
+def _left_out(role: str, why: str) -> Check:
+    return told(Code.LEFT_OUT, "warning", channel=SYMBOLS[role], why=why)
+
+
+def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:
+    """Leave out a clipped channel that the route can spare; keep the verdict on one that it cannot."""
+    rows = []
+    for role, channel in list(recording.channels.items()):
+        row = checks.check_clipping(SYMBOLS[role], channel)
+        if row.verdict == "ok":
+            continue
+        if role in needed:
+            rows.append(row)
+        else:
+            recording = recording.without(role)
+            rows.append(_left_out(role, row.remark))
+    return recording, rows
+
+
+def _judged(job: Job, found: Demodulation) -> Iterator[Check]:
+    """The checks of one demodulated test; a fault of a channel that the route can spare only warns."""
+    names = tuple(SYMBOLS[role] for role in CHANNELS)
+    test, frequency = job.test, float(found.phasors.frequency)
+    yield checks.check_frequency(frequency, test.value("frequency"))
+    yield checks.check_gaps(found)
+    yield checks.check_mains(found)
+    yield checks.check_distortion(found)
+    spared = tuple(SYMBOLS[role] for role in CHANNELS if role not in job.needed)
+    for row in (*checks.check_excitation(found, names), *checks.check_noise(found, names)):
+        spare = row.verdict == "rejected" and row.channel in spared
+        yield replace(row, verdict="warning") if spare else row
+    if np.isfinite(found.force_peak):
+        yield checks.check_lift_off(found.force_peak, test.value("preload"))
+    if job.rig is not None and job.rig.output != "blocked":
+        added = test.value("added_mass") or 0.0
+        yield checks.check_resonance(frequency, job.rig.rig(), added)
+        yield checks.check_consistency(found.phasors, job.rig.rig(), added)
+
+
+def response_hashes(campaign: Campaign) -> dict[str, str]:
+    """Hash of each table of a calibrated response that can be read, by its name in the campaign."""
+    channels = (campaign.stated.channels.named(role) for role in CHANNELS)
+    hashes = {}
+    for name in {channel.response for channel in channels if channel is not None and channel.response is not None}:
+        with suppress(FourpoleError):
+            hashes[name] = sha256_of(inside(campaign.folder, name), max_bytes=MOST_BYTES, label=name)
+    return hashes

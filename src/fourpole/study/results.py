@@ -1,0 +1,166 @@
+"""Results: the tables of an analysed campaign, as they are in memory or in their folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
+from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
+from fourpole.fitting.modelfile import ModelFile, read_model_file
+from fourpole.fitting.rows import conditions_in, names_apart, rule_in
+from fourpole.io.source import read_bytes, sha256_of
+from fourpole.quantities import POINT, TEMPERATURE, TYRE
+from fourpole.study.tables import DYNAMIC, TABLES, Tables, TableSpec
+
+__all__ = ["Results", "read_results"]
+
+_MOST_BYTES = 2_000_000_000
+_MADE_BY = {"model": "fit", "map": "map"}
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Results(Tables):
+    """Tables of an analysed campaign; all that figures and reports need.
+
+    Attributes
+    ----------
+    tables : mapping of str to polars.DataFrame
+        By the name of their file; each is an attribute too, and has no columns where the analysis had none:
+        `static`, `dynamic`, `rig`, `residuals`, `quantiles`, `budget`, and `previews`, a few cycles of signal and fit
+        of each recording.
+    record : dict
+        study.json: title, settings, what the campaign states, versions, verdicts, assumptions, hashes.
+    models, maps : ModelFile or None
+        As in model.json and map.json; None where there are none.
+    faults : tuple of str
+        Why model files that are there are not used.
+    """
+
+    tables: Mapping[str, pl.DataFrame]
+    record: dict[str, Any]
+    models: ModelFile | None
+    maps: ModelFile | None
+    faults: tuple[str, ...]
+
+    def __init__(
+        self,
+        static: pl.DataFrame | None = None,
+        dynamic: pl.DataFrame | None = None,
+        previews: pl.DataFrame | None = None,
+        record: dict[str, Any] | None = None,
+        *,
+        tables: Mapping[str, pl.DataFrame] | None = None,
+        models: ModelFile | None = None,
+        maps: ModelFile | None = None,
+        faults: tuple[str, ...] = (),
+        **more: pl.DataFrame,
+    ) -> None:
+        """Tables by name, or in one mapping; those named take the place of those in the mapping."""
+        named = {"static": static, "dynamic": dynamic, "previews": previews, **more}
+        held = {**(tables or {}), **{name: table for name, table in named.items() if table is not None}}
+        values = {"tables": held, "record": record or {}, "models": models, "maps": maps, "faults": faults}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def apart(self, *, texts_only: bool = False) -> Results:
+        """The same with specimens named apart: "radial at 60 °C" where one was tested at several temperatures.
+
+        The campaign's own axes of a condition tell specimens apart likewise; `texts_only`: only those that are texts.
+        """
+        rule = rule_in(self.record).without(PRESSURE.name, PRELOAD.name)
+        rule = Sameness(tuple(axis for axis in rule.axes if axis.text or not texts_only))
+        found = {name: table for name in ("static", "dynamic") if TYRE.head in (table := self.tables[name]).columns}
+        named = names_apart([conditions_in(table, rule) for table in found.values()], rule)
+        made = {
+            name: table.with_columns(pl.Series(TYRE.head, names, dtype=pl.String))
+            for (name, table), names in zip(found.items(), named, strict=True)
+        }
+        return replace(self, tables={**self.tables, **made})
+
+
+def read_results(folder: str | Path) -> Results:
+    """Read what `Study.write` wrote.
+
+    Parameters
+    ----------
+    folder : path
+        A results folder.
+
+    Returns
+    -------
+    Results
+        Without reading any recording.
+
+    Raises
+    ------
+    CampaignError
+        If the folder does not hold the results of an analysis.
+
+    Examples
+    --------
+    >>> read_results("no such folder")
+    Traceback (most recent call last):
+    ...
+    fourpole.errors.CampaignError: no such folder: there is no such folder of results
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise CampaignError(f"{folder}: there is no such folder of results")
+    tables = {spec.name: _table(folder, spec) for spec in TABLES.values() if spec.read}
+    try:
+        record = json.loads(read_bytes(folder / "study.json", max_bytes=_MOST_BYTES))
+        if not isinstance(record, dict):
+            raise CampaignError("study.json is not one that fourpole wrote: run fourpole analyse again")
+    except (FileError, TableError) as error:
+        raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
+    except ValueError as error:
+        raise CampaignError(f"{folder}: cannot be read ({error}): run fourpole analyse again") from None
+    return _with_models(Results(record=record, tables=tables), folder)
+
+
+def _with_models(results: Results, folder: Path) -> Results:
+    """The results with the model files that were made from them."""
+    sha256 = sha256_of(folder / f"{DYNAMIC.name}.csv", max_bytes=_MOST_BYTES)
+    files: dict[str, Any] = {}
+    faults = []
+    for name, field_name in (("model", "models"), ("map", "maps")):
+        path = folder / f"{name}.json"
+        try:
+            made = read_model_file(path) if path.is_file() else None
+        except FourpoleError as error:
+            faults.append(f"{error}; left out: run fourpole {_MADE_BY[name]} again")
+            continue
+        if made is not None and made.provenance.sha256 != sha256:
+            faults.append(f"{path.name} is of other results and left out: run fourpole {_MADE_BY[name]} again")
+        elif made is not None:
+            files[field_name] = made
+    return replace(results, faults=tuple(faults), **files)
+
+
+def _table(folder: Path, spec: TableSpec) -> pl.DataFrame:
+    """A table as it was written; one without columns where it may lack and does."""
+    path = folder / f"{spec.name}{spec.endings[0]}"
+    optional = not spec.always or path.suffix == ".parquet"
+    if optional and not path.is_file():
+        return pl.DataFrame()
+    try:
+        if path.suffix == ".parquet":
+            return pl.read_parquet(path)
+        content = read_bytes(path, max_bytes=_MOST_BYTES)
+        names = pl.read_csv(content, n_rows=0, infer_schema=False).columns
+        known = {POINT.head: pl.Int64, TEMPERATURE.head: pl.Float64, **spec.columns}
+        frame = pl.read_csv(content, schema={name: known.get(name, pl.String) for name in names})
+    except (FileError, TableError) as error:
+        raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
+    except pl.exceptions.PolarsError as error:
+        raise CampaignError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
+    lacking = [name for name in spec.columns if name not in names]
+    if lacking:
+        raise CampaignError(f"{path.name}: has no column {lacking[0]!r}: run fourpole analyse again")
+    return frame.with_columns(pl.col(pl.String).fill_null(""))

@@ -1,0 +1,258 @@
+"""Static tests: load-deflection curves, and the K1 that each dynamic test takes from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fourpole.campaign.folder import Campaign, Test, condition_of, inside
+from fourpole.core.checks import Check, Code, told, worst_verdict
+from fourpole.core.condition import Condition, Sameness
+from fourpole.core.loadcurve import LoadCurve
+from fourpole.core.sources import Kind, Source
+from fourpole.errors import FourpoleError, LoadCurveError
+from fourpole.io.source import sha256_of
+from fourpole.study.load import MOST_BYTES, load_curve
+
+__all__ = ["StaticRow", "StaticStiffness", "StaticTest", "evaluate_statics", "stiffness_for"]
+
+#: Standard uncertainty of a K1 that tests.csv states without one.
+_UNSTATED_K1_STD = 0.02
+_RULE = Sameness()
+
+
+@dataclass(frozen=True)
+class StaticRow:
+    """One row of static.csv: a static test at one preload in use; not-a-number is blank."""
+
+    test: Test
+    preload: float
+    stiffness: float = float("nan")
+    std: float = float("nan")
+    secant: float = float("nan")
+    loss: float = float("nan")
+    nonlinearity: float = float("nan")
+    checks: tuple[Check, ...] = ()
+    parts: Mapping[Source, float] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> str:
+        """The worst of the checks."""
+        return worst_verdict(row.verdict for row in self.checks)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the checks say."""
+        return tuple(row.remark for row in self.checks if row.remark)
+
+
+@dataclass(frozen=True)
+class StaticStiffness:
+    """K1 for a dynamic test with the parts of its uncertainty, or why there is none.
+
+    `doubt` is a remark that leaves the verdict as it is; `warning` makes it a warning.
+    """
+
+    value: float = float("nan")
+    std: float = float("nan")
+    reason: str = ""
+    doubt: str = ""
+    warning: Check | None = None
+    parts: Mapping[Source, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class StaticTest:
+    """One static test: its curve (None where it could not be read), its rows, and the hash of its file."""
+
+    test: Test
+    curve: LoadCurve | None
+    rows: tuple[StaticRow, ...]
+    sha256: str = ""
+
+
+def evaluate_statics(campaign: Campaign) -> list[StaticTest]:
+    """Evaluate every static test at its own preload and at that of every dynamic test that takes its K1."""
+    statics, rule = campaign.of_kind("static"), campaign.stated.sameness
+    loads = {test.name: {load} if (load := test.value("preload")) is not None else set() for test in statics}
+    for test in campaign.of_kind("dynamic"):
+        if (load := test.value("preload")) is not None:
+            for name in _choice(test, statics, rule).names:
+                loads[name].add(load)
+    return [_evaluated(campaign, test, sorted(loads[test.name])) for test in statics]
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """The static tests whose K1 a dynamic test takes, with what there is to say of them."""
+
+    names: tuple[str, ...] = ()
+    remark: str = ""
+    warning: Check | None = None
+
+
+def _choice(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
+    """All static tests of the same condition at any preload; where there is none, those nearest in temperature.
+
+    A value that only one side states counts as the same; tests that state it come first.
+    """
+    anywhere = rule.without("preload")
+    mine = condition_of(test, anywhere)
+    others = [(static, condition_of(static, anywhere)) for static in statics if static.tyre == test.tyre]
+    same = [pair for pair in others if anywhere.same(pair[1], mine, blank=True)]
+    if not same:
+        return _nearest(test, statics, rule)
+    lacking = [sum((a is None) != (b is None) for a, b in zip(one.values, mine.values, strict=True)) for _, one in same]
+    used = [pair for pair, number in zip(same, lacking, strict=True) if number == min(lacking)]
+    names = tuple(static.name for static, _ in used)
+    return _said(names, [one for _, one in used], [one for _, one in others], mine, anywhere)
+
+
+def _said(
+    names: tuple[str, ...],
+    used: Sequence[Condition],
+    others: Sequence[Condition],
+    mine: Condition,
+    rule: Sameness,
+) -> _Choice:
+    """Static tests that serve, with a remark on each value that only one side states."""
+    remarks, mixed = [], []
+    for at, axis in enumerate(rule.axes):
+        stated = [one.values[at] for one in used if one.values[at] is not None]
+        # An axis of the campaign's own that no static test states does not concern static tests.
+        foreign = axis in rule.further and all(one.values[at] is None for one in others)
+        if (mine.values[at] is None) == bool(stated) and not foreign:
+            side = "the static test" if stated else "this test"
+            remarks.append(f"the {axis.name} is stated of {side} only and taken as the same")
+        if mine.values[at] is None and len(set(axis.groups(stated).tolist())) > 1:
+            mixed.append(axis.name)
+    remark = f"K1 from {', '.join(names)}: {'; '.join(remarks)}" if remarks else ""
+    warning = told(Code.K1_MIXED, "warning", axes=" and ".join(mixed)) if mixed else None
+    return _Choice(names, remark, warning)
+
+
+def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
+    """The static tests nearest in temperature, of a condition that is the same otherwise."""
+    otherwise, own = rule.without("preload", "temperature"), test.value("temperature")
+    mine = condition_of(test, otherwise)
+    near = [one for one in statics if otherwise.same(condition_of(one, otherwise), mine, blank=True)]
+    if own is None or not near:
+        return _Choice()
+    there = {one.name: one.values["temperature"] for one in near}  # stated of all: a blank would be the same
+    at = min(there.values(), key=lambda value: (abs(value - own), value))
+    axis = next(axis for axis in rule.axes if axis.name == "temperature")
+    names = tuple(name for name, value in there.items() if axis.same(value, at))
+    mean = float(np.mean([there[name] for name in names]))
+    side = "below" if mean < own else "above"
+    off, limit, listed = abs(own - mean), axis.absolute, ", ".join(names)
+    warning = told(Code.K1_TEMPERATURE, "warning", off, limit, names=listed, there=mean, side=side, own=own)
+    return _Choice(names, warning=warning)
+
+
+def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticTest:
+    nowhere = float("nan")
+    sha256 = ""
+    try:
+        if test.problem:
+            raise LoadCurveError(test.problem)
+        path = inside(campaign.folder, test.file)
+        sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=test.file)
+        curve = load_curve(path, test, campaign.stated.channels)
+        whole = StaticRow(test, nowhere, loss=curve.hysteresis_loss, nonlinearity=curve.nonlinearity)
+    except FourpoleError as error:
+        why = told(Code.LOAD_CURVE, "rejected", why=error)
+    except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
+        why = told(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
+    else:
+        return _read(campaign, test, curve, whole, preloads, sha256)
+    rows = tuple(StaticRow(test, load, checks=(why,)) for load in preloads or [nowhere])
+    return StaticTest(test, None, rows, sha256)
+
+
+def _read(
+    campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, preloads: list[float], sha256: str
+) -> StaticTest:
+    """A static test whose curve could be read, at each preload in use."""
+    if not preloads:
+        return StaticTest(test, curve, (replace(whole, checks=(told(Code.NO_PRELOAD, "ok"),)),), sha256)
+    return StaticTest(test, curve, tuple(_at(campaign, test, curve, whole, load) for load in preloads), sha256)
+
+
+def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load: float) -> StaticRow:
+    channels = campaign.stated.channels
+    assert channels.load is not None
+    assert channels.deflection is not None
+    try:
+        tangent = curve.tangent(load)
+        secant = curve.secant(load)
+    except LoadCurveError as error:
+        return replace(whole, preload=load, checks=(told(Code.BEYOND_CURVE, "rejected", why=error),))
+    checks = [told(Code.CURVE, "warning", why=remark) for remark in curve.remarks]
+    checks += [told(Code.SECANT, "ok", why=secant.reason)] if secant.reason else []
+    std = tangent.std_with_gains(channels.load.gain_std, channels.deflection.gain_std)
+    parts = {
+        Source(Kind.K1_FIT): tangent.fit,
+        Source(Kind.K1_GAP): tangent.branches,
+        Source(Kind.K1_CYCLES): tangent.cycles,
+        Source(Kind.K1_GAINS): float(np.sqrt(max(std**2 - tangent.std**2, 0.0))),
+    }
+    return StaticRow(
+        test,
+        load,
+        stiffness=tangent.stiffness,
+        std=std,
+        parts=parts,
+        secant=secant.stiffness,
+        loss=whole.loss,
+        nonlinearity=whole.nonlinearity,
+        checks=tuple(checks),
+    )
+
+
+def stiffness_for(test: Test, statics: Sequence[StaticRow], rule: Sameness = _RULE) -> StaticStiffness:
+    """K1 of a dynamic test: from its own column, else from the static tests of its condition at its own preload."""
+    stated = test.value("K1")
+    if stated is not None:
+        std = test.value("u(K1)")
+        std = _UNSTATED_K1_STD * stated if std is None else std
+        return StaticStiffness(stated, std, parts={Source(Kind.K1_STATED): std})
+    choice = _choice(test, list({row.test.name: row.test for row in statics}.values()), rule)
+    if not choice.names:
+        return StaticStiffness(reason=_no_static_test(test, statics, rule))
+    preload = test.value("preload")
+    if preload is None:
+        return StaticStiffness(
+            reason="no preload is stated, so K1 cannot be read off the static curve: fill in preload [N]"
+        )
+    at_load = [row for row in statics if row.test.name in choice.names and row.preload == preload]
+    good = [row for row in at_load if row.verdict != "rejected"]
+    if not good:
+        why = "; ".join(dict.fromkeys(remark for row in at_load for remark in row.remarks))
+        return StaticStiffness(
+            reason=f"no K1 at {preload:.6g} N: static test {at_load[0].test.name!r} was rejected: {why}"
+        )
+    return _mean(good, choice)
+
+
+def _mean(good: Sequence[StaticRow], choice: _Choice) -> StaticStiffness:
+    """K1 of repeats: their mean, with the scatter as a part of its uncertainty."""
+    values = np.array([row.stiffness for row in good])
+    spread = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
+    parts = {name: float(np.mean([row.parts[name] for row in good])) for name in good[0].parts}
+    if spread > 0:
+        parts[Source(Kind.K1_REPEATS)] = float(spread)
+    std = float(np.hypot(np.mean([row.std for row in good]), spread))
+    doubts = [f"K1 from {row.test.name}: {'; '.join(row.remarks)}" for row in good if row.verdict == "warning"]
+    said = "; ".join([*([choice.remark] if choice.remark else []), *doubts])
+    return StaticStiffness(float(values.mean()), std, doubt=said, warning=choice.warning, parts=parts)
+
+
+def _no_static_test(test: Test, statics: Sequence[StaticRow], rule: Sameness) -> str:
+    """Why no static test serves a dynamic one, and where there are static tests of its specimen."""
+    pressures = {p for row in statics if row.test.tyre == test.tyre and (p := row.test.value("pressure")) is not None}
+    at = ", ".join(f"{p / 1e5:.3g} bar" for p in sorted(pressures))
+    found = f"; static tests of it are at {at}" if at else ""
+    state = ", ".join(["this pressure", *(axis.name for axis in rule.further)])
+    return f"no static test of tyre {test.tyre!r} at {state}{found}: add one, or state K1 [N/m] in tests.csv"

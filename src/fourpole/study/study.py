@@ -1,0 +1,331 @@
+"""Study: all that a campaign says, as tables, and the files that keep them."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import polars as pl
+from numpy.typing import ArrayLike
+
+from fourpole.campaign.folder import Campaign, Test, read_campaign
+from fourpole.core.checks import worst_verdict
+from fourpole.core.condition import Sameness
+from fourpole.core.routes import ROUTES
+from fourpole.errors import CampaignError
+from fourpole.fitting.measured import MeasuredSet, measured_of
+from fourpole.fitting.modelfile import rig_in
+from fourpole.fitting.modelling import TyreFit, fit_tyres, map_tyres, rig_file
+from fourpole.fitting.rows import axes_record
+from fourpole.io.source import sha256_of
+from fourpole.io.write import write_table, write_text
+from fourpole.study.cells import dynamic_cells, dynamic_checks
+from fourpole.study.identified import identify_tests, possible_route
+from fourpole.study.load import MOST_BYTES
+from fourpole.study.outcome import Reduced
+from fourpole.study.reduce import jobs_of, reduce_tests, response_hashes
+from fourpole.study.results import Results
+from fourpole.study.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
+from fourpole.study.tables import TABLES, Analysed, Tables
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+__all__ = ["Study", "analyse"]
+
+#: Draws of K* and K1 where K2 and C are not normal.
+DRAWS = 10_000
+#: The same draws every time.
+_SEED = 1982
+
+
+@dataclass(frozen=True, eq=False)
+class Study(Tables):
+    """Result tables of a campaign.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        What was analysed.
+    tables : mapping of str to polars.DataFrame
+        By the name of their file; each is an attribute too: `static`, `dynamic`, `rig`, `residuals`, `quantiles`,
+        `budget`, `corrections`, `phasors`, `covariance` and `previews`.
+    route : str
+        How K* was found.
+    joint : dict
+        Of each rig, what the joint route says of its fit.
+    monte_carlo : int
+        Draws where linear propagation fails.
+    notes : tuple of str
+        What was assumed because the campaign does not state it.
+    sha256 : dict of str to str
+        Hash of each file read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from fourpole.virtual import simulate_campaign
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     campaign = simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[14.0], clean=True)
+    ...     analyse(campaign.folder).counts
+    {'ok': 4, 'warning': 0, 'rejected': 0}
+    """
+
+    campaign: Campaign
+    tables: Mapping[str, pl.DataFrame]
+    route: str
+    joint: dict[str, dict[str, Any]] = field(default_factory=dict)
+    monte_carlo: int = DRAWS
+    notes: tuple[str, ...] = ()
+    sha256: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Tests by verdict; one with several rows counts by its worst."""
+        rows = [table.group_by("test", maintain_order=True).agg("verdict") for table in (self.static, self.dynamic)]
+        verdicts = [worst_verdict(row) for table in rows for row in table["verdict"].to_list()]
+        return {verdict: verdicts.count(verdict) for verdict in ("ok", "warning", "rejected")}
+
+    @property
+    def results(self) -> Results:
+        """The tables that figures and reports are made from."""
+        read = {name: table for name, table in self.tables.items() if TABLES[name].read}
+        return Results(record=self.record, tables=read)
+
+    @property
+    def measured(self) -> MeasuredSet:
+        """K* condition by condition, with its covariance: what models are fitted to."""
+        return measured_of(self.dynamic, self.covariance, name="the study", rule=self.campaign.stated.sameness)
+
+    def fit(self, model: str = "auto") -> list[TyreFit]:
+        """A model for each tyre, in every condition by itself; `auto` chooses one and says why.
+
+        Raises
+        ------
+        ModelError
+            If there is no such model, or K* of too few frequencies.
+        """
+        return fit_tyres(self.measured, model)
+
+    def map(
+        self,
+        model: str = "auto",
+        *,
+        tyre: str | None = None,
+        over: Sequence[str] = (),
+        at: Mapping[str, ArrayLike] | None = None,
+    ) -> Dataset:
+        """The operating map on a grid, as xarray; needs the extra `maps`.
+
+        Parameters
+        ----------
+        model : str
+            A model's name, or `auto`: the one that tells conditions left out best.
+        tyre : str, optional
+            Only this one.
+        over : sequence of str
+            Further columns that are axes, besides pressure, preload and temperature.
+        at : mapping of str to (n,) float array, optional
+            Coordinates in SI by the name of an axis: {"pressure": [1.85e5], "frequency": [13.7]}; by default an even
+            grid over what was measured.
+
+        Returns
+        -------
+        xarray.Dataset
+            K_storage, K_loss, loss_factor, K1, K2, C and TR, each with u_NAME, over tyre, the axes and frequency;
+            not-a-number outside what was measured.
+
+        Raises
+        ------
+        ModelError
+            If there is no such tyre or axis, or no surface can be fitted.
+        CampaignError
+            If xarray is not installed.
+        """
+        from fourpole.fitting.grid import grid_of
+
+        maps = map_tyres(self.measured.only(tyre), model, over)
+        rig = rig_in(rig_file(self.record, self.rig))
+        return grid_of({one.tyre: one.best for one in maps}, rig, at)
+
+    def write(self, folder: str | Path) -> Path:
+        """Write all tables and study.json into a folder, each in one step.
+
+        Parameters
+        ----------
+        folder : path
+            Made if it does not exist.
+
+        Returns
+        -------
+        Path
+            The folder.
+
+        Raises
+        ------
+        CampaignError
+            If the folder cannot be made.
+        FileError
+            If a file cannot be written.
+        """
+        folder = make_folder(folder)
+        for spec in TABLES.values():
+            table = self.tables[spec.name]
+            for path in (folder / f"{spec.name}{ending}" for ending in spec.endings):
+                if table.height or spec.always:
+                    write_table(path, table)
+                else:  # of an earlier run with another route
+                    path.unlink(missing_ok=True)
+        write_text(folder / "study.json", json.dumps(self.record, indent=2, ensure_ascii=False) + "\n")
+        return folder
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """What it takes to repeat the run, as in study.json."""
+        packages = ("fourpole", "numpy", "scipy", "polars", "pint", "pydantic")
+        return {
+            "title": self.campaign.stated.title,
+            "settings": {"route": self.route, "monte_carlo": self.monte_carlo, "seed": _SEED},
+            "conditions": {"axes": axes_record(self.campaign.stated.sameness)},
+            "stated": self.campaign.stated.summary(),
+            "versions": {"python": platform.python_version(), **{name: version(name) for name in packages}},
+            "verdicts": self.counts,
+            "assumptions": list(self.notes),
+            **({"joint": self.joint} if self.joint else {}),
+            "sha256": self.sha256,
+        }
+
+
+def make_folder(folder: str | Path) -> Path:
+    """A folder to write to, made if need be; CampaignError where that is not possible."""
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise CampaignError(f"{folder}: is a file, or lies below one: name a folder for the results") from None
+    except (OSError, ValueError) as error:
+        raise CampaignError(
+            f"{folder}: the folder cannot be made: {getattr(error, 'strerror', None) or error}"
+        ) from None
+    return folder
+
+
+def analyse(
+    campaign: Campaign | str | Path,
+    *,
+    route: str = "joint",
+    monte_carlo: int = DRAWS,
+    cache: str | Path | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Study:
+    """Analyse a campaign: static curves, demodulation, identification, tables.
+
+    Parameters
+    ----------
+    campaign : Campaign or path
+        A campaign, or its folder.
+    route : {"joint", "mobility", "relative", "transmissibility"}
+        How K* is found; the joint route falls back to what the campaign allows, with a note.
+    monte_carlo : int
+        Draws for the intervals of K2 and C where linear propagation fails; 0 for none.
+    cache : path, optional
+        Folder that keeps the phasors of each recording, so that a run that was stopped goes on.
+    executor : concurrent.futures.Executor, optional
+        Runs the reduction of each recording as a job of its own, in whatever threads, processes or machines it has; by
+        default threads.
+    progress : callable, optional
+        Called with the recordings done and all recordings.
+
+    Returns
+    -------
+    Study
+        A row for every test; nothing is written but the cache.
+
+    Raises
+    ------
+    CampaignError
+        If the campaign as a whole cannot be used.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from fourpole.virtual import simulate_campaign
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     campaign = simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[14.0], clean=True)
+    ...     study = analyse(campaign.folder)
+    >>> study.dynamic["C [N s/m]"].round(3).to_list()
+    [1399.8, 808.217]
+    """
+    if route not in ("joint", *ROUTES):
+        raise CampaignError(f"no route {route!r}: choose one of joint, {', '.join(ROUTES)}")
+    if not isinstance(campaign, Campaign):
+        campaign = read_campaign(campaign)
+    dynamic = campaign.of_kind("dynamic")
+    route, note = possible_route(campaign, route)
+    _check_rig(campaign, dynamic, route)
+
+    kept = make_folder(cache) if cache is not None else None
+    statics = evaluate_statics(campaign)
+    static_rows = [row for item in statics for row in item.rows]
+    reduced = reduce_tests(jobs_of(campaign, dynamic, route, kept), executor=executor, progress=progress)
+    hashes = _hashes(campaign, statics, dynamic, reduced)
+    dynamic = [test for test, item in zip(dynamic, reduced, strict=True) for _ in item.points]
+    points = [point for item in reduced for point in item.points]
+    rule = campaign.stated.sameness
+    stiffness = [_stiffness(test, static_rows, rule) for test in dynamic]
+    found, remarks = identify_tests(campaign, dynamic, points, stiffness, route, monte_carlo, _SEED)
+    checks = [dynamic_checks(dynamic[i], points[i], stiffness[i], found.get(i), route) for i in range(len(dynamic))]
+    cells = [dynamic_cells(points[i], found.get(i), route, checks[i]) for i in range(len(dynamic))]
+    analysed = Analysed(campaign, statics, dynamic, points, checks, cells, found)
+    groups = [group for group, _ in analysed.groups]
+    return Study(
+        campaign=campaign,
+        tables={name: spec.of(analysed) for name, spec in TABLES.items()},
+        route=route,
+        joint={group.setup.rig_name: group.learned.record for group in groups if group.learned is not None},
+        monte_carlo=monte_carlo,
+        notes=(*([note] if note else []), *remarks, *campaign.stated.assumptions(), *_assumed(dynamic)),
+        sha256=hashes,
+    )
+
+
+def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
+    rigs = campaign.stated.all_rigs
+    if not rigs and route != "relative" and any(test.kind in ("dynamic", "calibration") for test in dynamic):
+        raise CampaignError(
+            f"campaign.toml: [rig] is missing, the {route} route needs it: state moving_mass and preload_stiffness, "
+            "or use --route relative"
+        )
+    if route == "transmissibility" and any(rig.output == "blocked" for rig in rigs.values()):
+        raise CampaignError(
+            "campaign.toml: [rig] output is blocked, so there is no transmissibility: use --route mobility"
+        )
+
+
+def _stiffness(test: Test, rows: Sequence[StaticRow], rule: Sameness) -> StaticStiffness:
+    """K1 of a test; a rigid block has none."""
+    return StaticStiffness() if test.kind == "calibration" else stiffness_for(test, rows, rule)
+
+
+def _assumed(tests: Sequence[Test]) -> list[str]:
+    """What was taken where tests.csv states no uncertainty."""
+    unsure = [test.name for test in tests if test.value("K1") is not None and test.value("u(K1)") is None]
+    return ["tests.csv: K1 is stated without u(K1), taken as 2 %"] if unsure else []
+
+
+def _hashes(
+    campaign: Campaign, statics: Sequence[StaticTest], dynamic: Sequence[Test], reduced: Sequence[Reduced]
+) -> dict[str, str]:
+    """Hash of every file that was read, by its name in the campaign."""
+    hashes = {name: sha256_of(campaign.folder / name, max_bytes=MOST_BYTES) for name in ("campaign.toml", "tests.csv")}
+    hashes |= response_hashes(campaign)
+    hashes |= {item.test.file: item.sha256 for item in statics if item.sha256}
+    hashes |= {test.file: item.sha256 for test, item in zip(dynamic, reduced, strict=True) if item.sha256}
+    return hashes

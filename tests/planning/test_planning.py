@@ -1,0 +1,142 @@
+"""Plans of campaigns whose recordings do not exist, and of a bare rig."""
+
+import numpy as np
+import polars as pl
+import pytest
+
+from fourpole.campaign import read_campaign
+from fourpole.core.plan import expect
+from fourpole.core.rig import Rig
+from fourpole.errors import CampaignError, RigError
+from fourpole.planning.plan import AS_STATED, Guess, Run, bare_plan, plan_campaign, plan_table, with_kg
+
+TOML = """
+[rig]
+moving_mass = { value = 15.0, unit = "kg", std = 0.1 }
+preload_stiffness = "12.44 kN/m"
+[channels]
+time = { column = "t", unit = "s" }
+force_in = { column = "F1", unit = "N", std_gain = "0.5 %" }
+motion_in = { column = "V1", unit = "m/s" }
+motion_out = { column = "V2", unit = "m/s", exact = true }
+load = { column = "F", unit = "N" }
+deflection = { column = "x", unit = "mm" }
+[tyres.a]
+[tyres.b]
+"""
+HEAD = "test,file,kind,tyre,pressure [bar],preload [N],frequency [Hz],added_mass [kg],note\n"
+ROWS = """S1,r/S1.csv,static,a,1.7,,,,
+D1,r/D1.csv,dynamic,a,1.7,1000,10,,first
+D2,r/D2.csv,dynamic,a,1.7,1000,20,,
+D3,r/D3.csv,dynamic,a,1.7,1000,20,10,
+D4,r/D4.csv,dynamic,b,1.7,1000,10,,
+"""
+GUESS = Guess(110e3, 100e3, 800.0)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "campaign.toml").write_text(TOML)
+    (tmp_path / "tests.csv").write_text(HEAD + ROWS)
+    return tmp_path
+
+
+def test_a_campaign_is_planned_as_it_states_itself(folder):
+    planned = plan_campaign(read_campaign(folder), GUESS, Run(noise=2e-4, cycles=160))
+    (item,) = planned.rigs
+    plan = item.plan
+    assert [test.name for test in item.tests] == ["D1", "D2", "D3", "D4"]
+    assert plan.rig.std["moving_mass"] == 0.1
+    assert plan.rig.std["preload_stiffness"] == pytest.approx(0.02 * 12440)
+    np.testing.assert_allclose(plan.channels.gain, [0.005, 0.01, 0.0])
+    np.testing.assert_allclose(plan.tests.noise, 1e-4)
+    np.testing.assert_allclose(plan.tests.added_mass, [0, 0, 10, 0])
+    np.testing.assert_allclose(plan.tests.added_mass_std, [0, 0, 1e-3, 0])
+    np.testing.assert_allclose(plan.tests.k1_std, 2200)
+    assert plan.tests.family.tolist() == [0, 0, 0, 1]
+    assert plan.statics == 2
+    assert any("preload_stiffness" in note for note in planned.notes)
+    assert any("K1" in note for note in planned.notes)
+
+
+def test_k1_of_tests_csv_counts_where_none_is_guessed(folder):
+    head = HEAD.replace("note", "K1 [kN/m],u(K1) [kN/m]")
+    (folder / "tests.csv").write_text(head + "D1,r/D1.csv,dynamic,a,1.7,1000,10,,120,3\n")
+    tests = plan_campaign(read_campaign(folder), Guess(None, 1e5, 800.0), Run()).rigs[0].plan.tests
+    assert (tests.k1[0], tests.k1_std[0]) == (120e3, 3e3)
+    tests = plan_campaign(read_campaign(folder), Guess(None, 1e5, 800.0, 0.001), Run()).rigs[0].plan.tests
+    assert tests.k1_std[0] == pytest.approx(120)
+
+
+def test_the_tyre_is_guessed_from_earlier_results(campaign_with_results):
+    campaign = read_campaign(campaign_with_results)
+    found = pl.read_csv(campaign_with_results / "results" / "dynamic.csv")
+    planned = plan_campaign(campaign, Guess(), Run())
+    assert any("results/dynamic.csv" in note for note in planned.notes)
+    np.testing.assert_allclose(planned.rigs[0].plan.tests.k2, found["K2 [N/m]"].to_numpy())
+    np.testing.assert_allclose(planned.rigs[0].plan.tests.k1_std, found["u(K1) [N/m]"].to_numpy())
+    softer = plan_campaign(campaign, Guess(c=500.0), Run())
+    assert set(softer.rigs[0].plan.tests.c) == {500.0}
+
+
+@pytest.fixture(scope="module")
+def campaign_with_results(tmp_path_factory):
+    from fourpole import analyse
+    from fourpole.virtual import RADIAL_PLY, simulate_campaign
+
+    folder = tmp_path_factory.mktemp("earlier") / "campaign"
+    simulate_campaign(folder, tyres=[RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=[12.0, 20.0])
+    analyse(folder).write(folder / "results")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "guess", "said"),
+    [
+        ("", "", Guess(110e3, None, 800.0), "tyre 'a' is not known yet.*--k2 is missing"),
+        ("1000,20,,", "1000,,,", GUESS, "row 4: frequency .* is blank"),
+        ("dynamic,b", "dynamic,c", GUESS, "row 6: tyre 'c' is not in campaign.toml"),
+        (ROWS, "S1,r/S1.csv,static,a,1.7,,,,\n", GUESS, "nothing to plan"),
+    ],
+)
+def test_what_cannot_be_planned_is_said(folder, old, new, guess, said):
+    text = HEAD + (ROWS.replace(old, new, 1) if old else ROWS)
+    (folder / "tests.csv").write_text(text)
+    with pytest.raises(CampaignError, match=said):
+        plan_campaign(read_campaign(folder), guess, Run())
+
+
+def test_a_plan_needs_a_rig(folder):
+    (folder / "campaign.toml").write_text("[channels]" + TOML.partition("[channels]")[2])
+    with pytest.raises(RigError, match="moving_mass"):
+        plan_campaign(read_campaign(folder), GUESS, Run())
+
+
+def test_the_tyre_must_not_lift_off():
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    planned = bare_plan(rig, GUESS, Run(eccentricity=5e-3), [10.0, 24.0], preload=400.0)
+    assert any("lift off in D2:" in note for note in planned.notes)
+    assert not any("lift" in note for note in bare_plan(rig, GUESS, Run(), [10.0], preload=400.0).notes)
+
+
+def test_the_table_has_a_row_for_each_plan_route_and_test(folder):
+    planned = plan_campaign(read_campaign(folder), GUESS, Run())
+    frame = plan_table(planned, [5.0])
+    assert frame.filter(plan=AS_STATED).group_by("route").len()["len"].to_list() == [4, 4, 4, 4]
+    added = frame.filter(pl.col("plan") == with_kg(5.0))
+    assert added.filter(route="joint").height == 7  # the three tests without a mass once more
+    assert set(added.filter(route="mobility")["added mass [kg]"]) == {5.0}
+    plan = planned.rigs[0].plan
+    found = expect(plan.tests, plan.rig, "relative", channels=plan.channels)
+    row = frame.filter(plan=AS_STATED, route="relative", test="D2").row(0, named=True)
+    assert row["u(C) [N s/m]"] == pytest.approx(np.sqrt(found.arm_covariance[1, 1, 1]))
+    assert row["u(C)/C [1]"] == pytest.approx(row["u(C) [N s/m]"] / 800.0)
+    assert row["u(C) from K1 [N s/m]"] < row["u(C) [N s/m]"]
+    assert not frame.select(pl.all().is_null().any()).row(0, named=True)["u(C) [N s/m]"]
+
+
+def test_a_campaign_without_v2_has_one_route(folder):
+    toml = "\n".join(line for line in TOML.splitlines() if "motion_out" not in line)
+    (folder / "campaign.toml").write_text(toml)
+    frame = plan_table(plan_campaign(read_campaign(folder), GUESS, Run()), [5.0])
+    assert set(frame["route"]) == {"mobility"}

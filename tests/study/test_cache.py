@@ -1,0 +1,108 @@
+"""The cache: a stopped run goes on, a changed setting redoes what it touches, and no cache is ever believed blindly."""
+
+import pytest
+
+from fourpole.study import reduce
+
+
+@pytest.fixture
+def demodulated(monkeypatch):
+    """Labels of the recordings that were worked on, not recalled."""
+    labels = []
+    true = reduce.demodulate
+
+    def counting(recording, **settings):
+        labels.append(recording.label)
+        return true(recording, **settings)
+
+    monkeypatch.setattr(reduce, "demodulate", counting)
+    return labels
+
+
+ALL = [f"recordings/D{i}.csv" for i in (1, 2, 3, 4)]
+
+
+@pytest.fixture
+def kept(noisy, demodulated):
+    """A campaign that was analysed once, with what it kept."""
+    first = again(noisy)
+    assert sorted(demodulated) == ALL
+    demodulated.clear()
+    return noisy, first
+
+
+def again(folder):
+    """By a route that takes each test by itself."""
+    return folder.analyse(cache=folder.path / "kept", route="mobility")
+
+
+def test_a_second_run_recalls_all_and_finds_the_same(kept, demodulated):
+    noisy, first = kept
+    second = again(noisy)
+    assert demodulated == []
+    assert second.dynamic.equals(first.dynamic)
+    assert second.phasors.equals(first.phasors)
+    assert second.sha256 == first.sha256
+
+
+def test_a_changed_recording_is_redone_alone(kept, demodulated):
+    noisy, first = kept
+    noisy.cells("D3", slice(0, 1), 3, "0.0001")
+    second = again(noisy)
+    assert demodulated == ["recordings/D3.csv"]
+    changed = [a != b for a, b in zip(second.dynamic.rows(), first.dynamic.rows(), strict=True)]
+    assert changed == [False, False, True, False]
+
+
+def test_a_changed_row_is_redone_alone(kept, demodulated):
+    noisy, _ = kept
+    noisy.edit("tests.csv", "1.7,1000,14", "1.7,1100,14")
+    assert again(noisy).dynamic["preload [N]"].to_list() == [1000.0, 1100.0, 1000.0, 1000.0]
+    assert demodulated == ["recordings/D2.csv"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "factor"),
+    [("gain = 1.02", "gain = 1.03", 1.03 / 1.02), ('unit = "kN"', 'unit = "N"', 1e-3)],
+)
+def test_a_changed_channel_redoes_all(kept, demodulated, old, new, factor):
+    noisy, first = kept
+    noisy.edit("campaign.toml", old, new)
+    if factor == 1e-3:
+        noisy.edit("campaign.toml", 'range = "1 kN"', 'range = "1 N"')
+    second = again(noisy)
+    assert sorted(demodulated) == ALL
+    for row, before in zip(second.dynamic.rows(named=True), first.dynamic.rows(named=True), strict=True):
+        assert row["F1 [N]"] == pytest.approx(factor * before["F1 [N]"], rel=1e-12)
+
+
+def test_another_route_is_not_recalled_from_this_one(kept, demodulated):
+    noisy, _ = kept
+    noisy.change("D2", lambda table: table.drop("V2"))
+    assert noisy.analyse(cache=noisy.path / "kept").dynamic["verdict"][1] == "warning"
+    assert noisy.analyse(cache=noisy.path / "kept", route="relative").dynamic["verdict"][1] == "rejected"
+
+
+def test_what_a_rejected_recording_said_is_said_again(kept):
+    noisy, _ = kept
+    noisy.edit("tests.csv", "1.7,1000,14", "1.7,250,14")
+    first, second = again(noisy), again(noisy)
+    assert first.dynamic["verdict"][1] == "rejected"
+    assert second.dynamic.equals(first.dynamic)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"{}", b'{"checks": [], "phasors": {}}', b"\xff\xfe\x00"])
+def test_a_damaged_cache_is_worked_out_again(kept, demodulated, content):
+    noisy, first = kept
+    for path in (noisy.path / "kept").iterdir():
+        path.write_bytes(content)
+    assert again(noisy).dynamic.equals(first.dynamic)
+    assert sorted(demodulated) == ALL
+
+
+def test_a_file_cut_short_is_worked_out_again(kept, demodulated):
+    noisy, first = kept
+    for path in (noisy.path / "kept").iterdir():
+        path.write_bytes(path.read_bytes()[:-200])
+    assert again(noisy).dynamic.equals(first.dynamic)
+    assert sorted(demodulated) == ALL

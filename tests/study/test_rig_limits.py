@@ -1,0 +1,155 @@
+"""What is said of a rig as found, and of K2 and C: just below each limit one decision, just above it the other."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fourpole.core.joint import solve_joint
+from fourpole.core.phasor import Phasors
+from fourpole.core.rig import Rig
+from fourpole.study.cells import _arm_checks
+from fourpole.study.identified import _skew, setup_of
+from fourpole.study.learned import learn
+
+BELOW, ABOVE = 0.99, 1.01
+STD = {"moving_mass": 0.3, "preload_stiffness": 100.0}
+
+
+def solved(**further):
+    """Four tests without noise on a rig that is as stated."""
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std=STD | dict.fromkeys(further, 0.1), **further)
+    omega = 2 * np.pi * np.array([10.0, 12.0, 14.0, 16.0])
+    impedance = rig.impedance(omega)
+    ratio = (2e5 + 4e4j) / (2e5 + 4e4j + 1j * omega * impedance)
+    amplitudes = 0.06 * np.stack([impedance * ratio, np.ones(4), ratio], axis=1)
+    covariance = np.broadcast_to(1e-10 * np.eye(6), (4, 6, 6))
+    phasors = Phasors(omega / (2 * np.pi), amplitudes, covariance, np.zeros(4), np.full(4, np.inf))
+    return solve_joint(phasors, rig), phasors, rig
+
+
+@pytest.fixture(scope="module")
+def bare():
+    return solved()
+
+
+def said(case, *, z=(0.0, 0.0), std=0.1, **misfit):
+    """Rows of the rig's values and notes, for values found at z with one relative uncertainty of all."""
+    joint, phasors, rig = case
+    count = len(joint.stated)
+    z = np.append(z, np.zeros(count - len(z)))
+    solution = replace(joint.solution, z=z, covariance=std**2 * np.eye(count))
+    joint = replace(joint, solution=solution, misfit=replace(joint.misfit, fits=True, conflicts=(), **misfit))
+    places = np.zeros(4, dtype=int), phasors.frequency
+    found = learn(joint, ["A", "B", "C", "D"], phasors, rig, None, places, None, None)
+    return {row["value"]: row for row in found.values}, found.notes
+
+
+@pytest.mark.parametrize(("std", "finding"), [(BELOW * 0.9, "found"), (ABOVE * 0.9, "not determined")])
+def test_a_value_is_determined_below_nine_tenths_of_its_stated_uncertainty(bare, std, finding):
+    assert said(bare, std=std)[0]["moving_mass"]["finding"] == finding
+
+
+def test_above_half_of_its_stated_uncertainty_a_value_rests_in_part_on_the_statement(bare):
+    remarks = [said(bare, std=std)[0]["moving_mass"]["remarks"] for std in (0.1, BELOW * 0.5, ABOVE * 0.5, 0.8)]
+    assert remarks[0] == remarks[1] != remarks[2] == remarks[3]
+
+
+@pytest.mark.parametrize(("information", "limit"), [(BELOW * 1e-8, False), (ABOVE * 1e-8, True)])
+def test_without_information_there_is_no_detection_limit(bare, information, limit):
+    row = said(bare, std=1 / np.sqrt(1 + information))[0]["moving_mass"]
+    assert np.isfinite(row["seen from"]) == limit
+
+
+@pytest.mark.parametrize(("at", "name"), [*enumerate(STD)])
+def test_a_value_two_uncertainties_from_its_statement_may_hold_a_part_nobody_stated(bare, at, name):
+    """The uncertainty then has the whole distance in it."""
+    near, far = (said(bare, z=factor * 2.0 * np.eye(2)[at])[0][name]["u(found)"] for factor in (BELOW, ABOVE))
+    assert near == pytest.approx(0.1 * STD[name])
+    assert far == pytest.approx(np.hypot(0.1, ABOVE * 2.0) * STD[name])
+
+
+@pytest.mark.parametrize(
+    ("at", "name", "declared"), [(0, "moving_mass", "tyre_mass"), (1, "preload_stiffness", "frame_stiffness")]
+)
+def test_a_value_whose_hidden_part_is_stated_hides_nothing(at, name, declared):
+    case = solved(**{declared: 1.0 if declared == "tyre_mass" else 1e6})
+    assert said(case, z=3.0 * np.eye(2)[at])[0][name]["u(found)"] == pytest.approx(0.1 * STD[name])
+
+
+@pytest.mark.parametrize(("inflation", "notes"), [(1.19, 0), (1.21, 1)])
+def test_noise_a_fifth_larger_than_the_recordings_say_is_worth_a_note(bare, inflation, notes):
+    assert len(said(bare, inflation=inflation)[1]) == notes
+
+
+# K2 and C of one test.
+
+
+def result(*, relative=(0.01, 0.01), off=(20e3, 30e3), spread=(1e3, 1e3), k1_std=0.0, passive=True):
+    """Of one test: K2 and C with their relative uncertainties; K* off K1 and zero, with its uncertainty."""
+    k2, c = (120e3, 700.0) if passive else (np.nan, np.nan)
+    return SimpleNamespace(
+        arm_covariance=np.diag([(relative[0] * k2) ** 2, (relative[1] * c) ** 2])[None],
+        k1=np.array([180e3]),
+        k1_std=np.array([k1_std]),
+        k2=np.array([k2]),
+        c=np.array([c]),
+        stiffness=np.array([complex(180e3 + off[0], off[1])]),
+        stiffness_covariance=np.diag(np.square(spread))[None],
+        reasons=("" if passive else "no passive arm",),
+    )
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize(("relative", "drawn"), [(BELOW * 0.1, False), (ABOVE * 0.1, True)])
+def test_k2_and_c_are_drawn_where_they_are_known_to_more_than_a_tenth(relative, drawn, which):
+    stds = np.where(np.arange(2) == which, relative, 0.01)
+    assert _skew(result(relative=stds))[0] == drawn
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize(("deviations", "drawn"), [(BELOW * 3.0, True), (ABOVE * 3.0, False)])
+def test_k2_and_c_are_drawn_where_k_star_misses_them_by_no_more_than_three_uncertainties(deviations, drawn, which):
+    off = np.where(np.arange(2) == which, -deviations * 1e3, 20e3)
+    assert _skew(result(off=off, passive=False))[0] == drawn
+
+
+def test_the_uncertainty_of_k1_counts_too():
+    assert not _skew(result(off=(-4e3, 20e3), passive=False))[0]
+    assert _skew(result(off=(-4e3, 20e3), passive=False, k1_std=1e3))[0]
+
+
+def verdict(found, share=None):
+    """Of K2 and C; `share` of the draws are not passive."""
+    interval = SimpleNamespace(quantiles=np.array([1e3, 2e3, np.inf]), impassive=share)
+    group = SimpleNamespace(intervals={} if share is None else {0: (interval, interval)}, result=found)
+    (row,) = _arm_checks(SimpleNamespace(result=found, at=0, group=group), SimpleNamespace(reason=""))
+    return row.verdict
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize(("relative", "expected"), [(BELOW * 0.3, "ok"), (ABOVE * 0.3, "warning")])
+def test_k2_or_c_known_to_more_than_three_tenths_is_a_warning(relative, expected, which):
+    assert verdict(result(relative=np.where(np.arange(2) == which, relative, 0.01))) == expected
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.974, "warning"), (0.976, "rejected")])
+def test_a_test_is_rejected_where_more_than_975_of_1000_draws_are_not_passive(share, expected):
+    assert verdict(result(passive=False), share) == expected
+
+
+@pytest.mark.parametrize(("stated", "expected"), [(None, 1e-3), (0.02, 0.02), (0.0, 0.0)])
+def test_an_added_mass_of_unstated_uncertainty_is_known_to_a_ten_thousandth(stated, expected):
+    weighed = {"added_mass": 10.0, "u(added_mass)": stated}
+    test = SimpleNamespace(kind="calibration", name="B1", value=weighed.get)
+    campaign = SimpleNamespace(
+        stated=SimpleNamespace(
+            all_rigs={},
+            channels=SimpleNamespace(named=lambda role: None),
+            sameness=SimpleNamespace(groups=lambda states: np.zeros(0, dtype=int)),
+        ),
+        of_kind=lambda kind: [],
+    )
+    setup = setup_of(campaign, "", [test], [SimpleNamespace(value=np.nan, std=0.0)])
+    assert setup.added_std == pytest.approx([expected])

@@ -1,0 +1,99 @@
+"""The registry of result tables: what is made is what it says, and a table with points goes through all of it."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from fourpole import analyse
+from fourpole.fitting.rows import KEY, key_of, keyed
+from fourpole.quantities import meaning_of
+from fourpole.study.results import Results, read_results
+from fourpole.study.tables import TABLES
+
+DOCS = Path(__file__).parents[2] / "docs" / "tables.md"
+
+
+def described():
+    """docs/tables.md, from the registry: `python tests/study/test_tables.py > docs/tables.md`."""
+    lines = [
+        "# The result tables",
+        "",
+        "`fourpole analyse` writes these; [campaign.md](campaign.md) says how to read them. Values are in the",
+        "unit of the column's head, SI. A table marked * has no file where it has no rows. Where a test has several",
+        "rows, because its recording gave several frequencies, `point` stands after `test` and counts them.",
+    ]
+    for spec in TABLES.values():
+        files = ", ".join(f"`{spec.name}{ending}`" for ending in spec.endings)
+        key = ", ".join(f"`{head}`" for head in spec.key)
+        lines += ["", f"## {files}{'' if spec.always else ' *'}", "", f"A row: {spec.about}. Known by {key}.", ""]
+        lines += ["| column | holds |", "|---|---|"]
+        lines += [f"| `{head}` | {meaning_of(head)} |" for head in spec.columns]
+    return "\n".join(lines) + "\n"
+
+
+def test_the_docs_list_all_tables_and_columns():
+    assert DOCS.read_text(encoding="utf-8") == described(), "run python tests/study/test_tables.py > docs/tables.md"
+
+
+@pytest.fixture(scope="module")
+def study(noisy_campaign):
+    return analyse(noisy_campaign)
+
+
+@pytest.fixture(scope="module")
+def written(study, tmp_path_factory):
+    return study.write(tmp_path_factory.mktemp("results"))
+
+
+def test_what_is_written_has_the_columns_of_the_registry(study, written):
+    for name, spec in TABLES.items():
+        table, heads = study.tables[name], list(spec.columns)
+        assert table.columns[: len(heads)] == heads, name
+        assert {head: table.schema[head] for head in heads} == dict(spec.columns), name
+        for ending in spec.endings:
+            assert (written / f"{name}{ending}").is_file() == bool(table.height or spec.always), name
+
+
+def test_the_key_tells_the_rows_of_a_table_apart(study):
+    for name, spec in TABLES.items():
+        table = keyed(study.tables[name]) if "point" in spec.key else study.tables[name]
+        assert not table.select(spec.key).is_duplicated().any(), name
+
+
+def test_results_hold_what_the_registry_reads(study, written):
+    found = read_results(written)
+    assert set(found.tables) == {name for name, spec in TABLES.items() if spec.read}
+    for name, table in found.tables.items():
+        assert table.equals(study.tables[name]) or not study.tables[name].height, name
+        assert getattr(found, name) is table
+
+
+def test_an_optional_table_of_an_earlier_run_goes(study, tmp_path):
+    for name in ("budget", "corrections"):
+        (tmp_path / f"{name}.csv").write_text("old\n")
+    empty = {name: table.clear() for name, table in study.tables.items() if not TABLES[name].always}
+    replace(study, tables={**study.tables, **empty}).write(tmp_path)
+    assert not (tmp_path / "budget.csv").exists()
+    assert not (tmp_path / "corrections.csv").exists()
+    assert read_results(tmp_path).budget.is_empty()
+
+
+def test_tables_of_results_are_attributes_and_can_be_replaced():
+    one, two = pl.DataFrame({"test": ["D1"]}), pl.DataFrame({"test": ["D2"]})
+    results = Results(dynamic=one)
+    assert results.dynamic is one
+    assert results.quantiles.columns == []
+    assert replace(results, dynamic=two, record={"title": "x"}).dynamic is two
+
+
+def test_a_row_without_a_point_has_the_first():
+    assert key_of({"test": "D1"}) == key_of({"test": "D1", "point": None}) == ("D1", 1)
+    table = keyed(pl.DataFrame({"test": ["D1", "D1"], "point": [None, 2]}))
+    assert table.select(KEY).rows() == [("D1", 1), ("D1", 2)]
+
+
+if __name__ == "__main__":
+    sys.stdout.write(described())
