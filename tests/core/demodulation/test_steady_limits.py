@@ -84,7 +84,7 @@ def marks(off, wave=0.0):
     motion[middle] += wave * (-1.0) ** np.arange(motion[middle].size)
     motion[5] += off
     made = Envelope(np.arange(COUNT) * HOP, {"motion_in": motion}, 2 * np.pi * FREQUENCY, HOP)
-    good, rough = steady._settled(made, np.zeros(COUNT), slice(0, COUNT))
+    good, rough = steady._steady(made, np.zeros(COUNT), slice(0, COUNT))
     return bool(good[5]), bool(rough[5])
 
 

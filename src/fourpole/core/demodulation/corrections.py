@@ -1,4 +1,4 @@
-"""What is undone at the amplitudes: the channels' own responses, and what they show of one another."""
+"""Corrections of the amplitudes: the responses of the channels, and the cross-talk between them."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ __all__ = ["Correction", "corrections_of", "links_of", "response_std", "without_
 
 @dataclass(frozen=True)
 class Correction:
-    """One thing that was undone.
+    """One correction of an amplitude.
 
     Attributes
     ----------
     channel : str
-        Role.
+        Role of the channel.
     name : str
-        What it was: delay, high-pass, cross-talk of motion_in.
+        Its cause, as in 'delay', 'high-pass' or 'cross-talk of motion_in'.
     gain, phase : float [1], [rad]
-        Recorded over true at the test's frequency, by which was divided; of cross-talk, its share of the amplitude.
+        Modulus and phase of recorded over true amplitude at the test's frequency. For cross-talk, those of the
+        amplitude recorded per amplitude of the source, in SI units.
     gain_std, phase_std : float [1], [rad]
-        What is not known of them.
+        Their standard uncertainties.
     """
 
     channel: str
@@ -41,12 +42,12 @@ class Correction:
 
 
 def links_of(channel: Channel) -> tuple[Link, ...]:
-    """All links of a channel's measurement chain, its delay first."""
+    """The links of a channel's measurement chain, its delay first."""
     return (*((Delay(channel.delay),) if channel.delay else ()), *channel.chain)
 
 
 def corrections_of(role: str, channel: Channel, omega: float) -> list[Correction]:
-    """What a channel's chain does at a frequency; RecordingError where a calibration does not reach."""
+    """Corrections for a channel's chain at omega [rad/s]; RecordingError outside the range of a calibration."""
     frequency = omega / (2 * np.pi)
     rows = []
     for link in links_of(channel):
@@ -57,7 +58,7 @@ def corrections_of(role: str, channel: Channel, omega: float) -> list[Correction
 
 
 def response_std(corrections: Sequence[Correction]) -> FloatArray:
-    """What corrections leave unknown of F1, V1, V2, (3, 2): relative gain [1] and phase [rad]."""
+    """Standard uncertainties (3, 2) of the gains [1] and phases [rad] of F1, V1, V2 after the corrections."""
     result = np.zeros((3, 2))
     for row in corrections:
         at = CHANNELS.index(row.channel)
@@ -68,10 +69,11 @@ def response_std(corrections: Sequence[Correction]) -> FloatArray:
 def without_crosstalk(
     recording: Recording, names: Sequence[str], omega: float
 ) -> tuple[ComplexArray, list[Correction]]:
-    r"""The matrix (channels, channels) that takes declared cross-talk out of the amplitudes, and its record.
+    r"""The matrix (channels, channels) that removes declared cross-talk from the amplitudes, and its corrections.
 
-    With :math:`X_i = A_i + \sum_j c_{ij} (j\omega)^{d_i - d_{ij}} A_j`, A the true forces and velocities, d the
-    derivatives that make a velocity of what the channel records and of what its cross-talk counts as.
+    It inverts :math:`X_i = A_i + \sum_j c_{ij} (j\omega)^{d_i - d_{ij}} A_j`, where A are the true forces and
+    velocities. The exponents d count the derivatives that turn the recorded quantity of channel i, and the quantity
+    that its cross-talk refers to, into a velocity.
     """
     mixing = np.eye(len(names), dtype=complex)
     rows = []

@@ -30,15 +30,18 @@ __all__ = ["Demodulation", "demodulate", "first_guess"]
 _HARMONICS = 10
 _MOST_LINES = 12
 _LINE_PASSES = 4
-_NEGLIGIBLE = 1e-9  # of the fundamental: a line that small cannot matter
+#: A line below this share of the fundamental's amplitude is not fitted: it cannot change the result.
+_NEGLIGIBLE = 1e-9
 _FEWEST_CYCLES = 3.0
+#: A line within this share of a stated frequency is taken as the first guess.
 _NEAR = 0.05
-_SIDE = 0.35  # of the frequency: a drive's speed does not wander faster
+#: Lines within this share of the fundamental from a harmonic are sidebands of a wandering drive.
+_SIDE = 0.35
 
 
 @dataclass(frozen=True, eq=False)
 class Demodulation(ByValue):
-    """Amplitudes of one recording, and how good they are.
+    """Amplitudes of one recording, with their covariance and figures of quality.
 
     Attributes
     ----------
@@ -47,7 +50,7 @@ class Demodulation(ByValue):
     cycles : float [1]
         Length of the record in cycles; it need not be whole.
     band : (float, float) [Hz]
-        Where the noise was taken.
+        Lowest and highest frequency at which the noise was taken.
     distortion : (3,) float [1]
         Root of the summed squares of the harmonics over the fundamental, of F1 and of the displacements behind V1, V2.
     noise_ratio : (3,) float [1]
@@ -57,13 +60,13 @@ class Demodulation(ByValue):
     lines : (L,) float [Hz]
         Interfering lines that were found, or stated, and removed.
     missing : float [1]
-        Share of the samples that were missing.
+        Share of missing samples.
     channels : tuple of str
-        The channels demodulated, in the order of `preview`.
+        Roles of the channels demodulated, in the order of `preview`.
     preview : Preview
-        A few cycles of signal and fit, and the residual's extremes.
+        A few cycles of signal and fit, and the extremes of the residual.
     corrections : tuple of Correction
-        What was undone at the amplitudes.
+        Effects of the measurement chain that were removed from the amplitudes.
     """
 
     phasors: Phasors
@@ -80,7 +83,7 @@ class Demodulation(ByValue):
 
     @property
     def response_std(self) -> FloatArray:
-        """What the calibrated responses of F1, V1, V2 leave unknown of gain and phase, (3, 2) [1], [rad]."""
+        """Standard uncertainties of gain [1] and phase [rad] from the calibrated responses of F1, V1, V2, (3, 2)."""
         return response_std(self.corrections)
 
 
@@ -94,30 +97,29 @@ def demodulate(
 ) -> Demodulation:
     r"""Complex amplitudes of F1, V1, V2 at the excitation frequency, with their 6×6 covariance.
 
-    Least squares with harmonics of the excitation, mean, a cubic drift and interfering lines; one frequency for all
-    channels, each on its own times. Where the recording has a reference, the sines follow its phase, and amplitudes are
-    those at the mean speed. What delays, filters and cross-talk did is undone at the amplitudes. The noise is that of
-    the residual's spectrum beside the frequency, cross-spectra included, so that what channels have in common stays
-    common.
+    Least squares with harmonics of the excitation, mean, a cubic drift and interfering lines. All channels share one
+    frequency, and each has its own times. If the recording has a reference, the sines follow its phase, and amplitudes
+    are those at the mean speed. Delays, filters and cross-talk are corrected at the amplitudes. The covariance comes
+    from the spectrum and cross-spectra of the residual beside the frequency, so that it includes common noise.
 
     Parameters
     ----------
     recording : Recording
         At least three cycles.
     frequency : float [Hz], optional
-        The excitation frequency, if it is known exactly; otherwise it is that of the recording's reference, as the
-        mean speed, or estimated.
+        The excitation frequency, if it is known exactly. Otherwise it is the mean speed of the recording's reference,
+        or it is estimated.
     near : float [Hz], optional
-        Where a line within 5 % is looked for first; the estimate itself comes from the recording.
+        The search for the excitation prefers a line within 5 % of this value. The estimate comes from the recording.
     mains : float [Hz], optional
         Mains frequency to remove with its harmonics. Lines that stand out of the noise are found without it.
     harmonics : int
-        Most multiples of the excitation that are fitted; fewer where the sampling rate holds fewer.
+        Most multiples of the excitation that are fitted; a low sampling rate allows fewer.
 
     Returns
     -------
     Demodulation
-        Amplitudes at the middle of the record, with quality figures.
+        Amplitudes at the middle of the record, with figures of quality.
 
     Raises
     ------
@@ -126,8 +128,8 @@ def demodulate(
 
     Notes
     -----
-    A harmonic of the excitation within 2.5 bins (1/T) of a multiple of 50 or 60 Hz, of `mains` or of a line found does
-    not inform the frequency, so hum that falls on it biases nothing; such hum is left to the harmonic.
+    A harmonic of the excitation within 2.5 bins (1/T) of a multiple of 50 Hz, 60 Hz or `mains`, or of a line found,
+    does not inform the frequency, so hum at that harmonic does not bias the frequency. The harmonic includes such hum.
 
     References
     ----------
@@ -153,7 +155,7 @@ def demodulate(
 def _fitted(
     recording: Recording, tracks: list[Track], start: float, mains: float | None, harmonics: int, *, free: bool
 ) -> Demodulation:
-    """Amplitudes from a first guess of the frequency; not `free`: at just that one."""
+    """Amplitudes from a first guess of the frequency [Hz]; if not `free`, at exactly that frequency."""
     _check_length(recording, tracks, start, given=not free)
     fits, informing = [], []
     for track in tracks:
@@ -168,19 +170,19 @@ def _fitted(
         fits, _ = refine(fits, informing=informing)
     fits = _remove_lines(fits, informing, mains, free=free)
 
-    left = [_left(fit) for fit in fits]
-    noise = noise_beside(left, fits[0].omega / (2 * np.pi))
+    noise = noise_beside([_left(fit) for fit in fits], fits[0].omega / (2 * np.pi))
     fits, omega_std = refine(fits, informing=informing, free=free, weights=_weights(fits, noise))
     return _assemble(recording, tracks, fits, noise, omega_std)
 
 
 def _left(fit: SineFit) -> Left:
+    """The residual of a fit in the form that the estimate of noise takes."""
     turn = None if fit.course is None else fit.course.turn
     return Left(fit.residual, fit.present, fit.time, fit.lines / (2 * np.pi), fit.dof, turn)
 
 
 def _weights(fits: list[SineFit], noise: Noise) -> list[FloatArray]:
-    """Inverse variances of the samples of each channel, as if its noise were as beside the frequency everywhere."""
+    """Inverse variances of the samples of each channel, for white noise of the level beside the frequency."""
     variances = np.split(np.diag(noise.covariance).real, np.cumsum([len(fit.signals) for fit in fits])[:-1])
     weights = []
     for fit, variance in zip(fits, variances, strict=True):
@@ -191,7 +193,7 @@ def _weights(fits: list[SineFit], noise: Noise) -> list[FloatArray]:
 
 
 def first_guess(recording: Recording, near: float | None = None) -> float:
-    """About what the excitation's frequency is [Hz]; see `demodulate` for `near` and what may be wrong.
+    """A rough estimate of the excitation's frequency [Hz]; `demodulate` documents `near` and the errors.
 
     Examples
     --------
@@ -203,7 +205,7 @@ def first_guess(recording: Recording, near: float | None = None) -> float:
 
 
 def _strongest(recording: Recording, track: Track, near: float | None) -> float:
-    """The strongest line of V1, or a strong one near the stated frequency [Hz]."""
+    """Frequency of the strongest line of V1 [Hz], or of a strong line near the stated frequency."""
     if near is not None:
         _check_resolved(recording, track, near)
     order = DERIVATIVES[recording.channels["motion_in"].quantity]
@@ -222,6 +224,7 @@ def _strongest(recording: Recording, track: Track, near: float | None) -> float:
 
 
 def _check_length(recording: Recording, tracks: list[Track], frequency: float, *, given: bool) -> None:
+    """Raise RecordingError if the sampling is too slow or the recording too short for a frequency [Hz]."""
     slowest = min(tracks, key=lambda track: track.rate)
     _check_resolved(recording, slowest, frequency, f" of {named(slowest.names[0])}" if len(tracks) > 1 else "")
     cycles = frequency * recording.duration
@@ -233,6 +236,7 @@ def _check_length(recording: Recording, tracks: list[Track], frequency: float, *
 
 
 def _check_resolved(recording: Recording, track: Track, frequency: float, which: str = "") -> None:
+    """Raise RecordingError if the sampling rate of a track is too low for a frequency [Hz]."""
     if not 0 < frequency < 0.45 * track.rate:
         raise RecordingError(
             f"{recording.label}: an excitation at {frequency:.6g} Hz is not resolved by "
@@ -241,7 +245,7 @@ def _check_resolved(recording: Recording, track: Track, frequency: float, which:
 
 
 def _informing(frequency: float, count: int, resolution: float, mains: float | None) -> BoolArray:
-    """Which harmonics speak of the frequency: the fundamental, and those that cannot be hum."""
+    """Flags (count,) of the harmonics that inform the frequency: the fundamental, and those that cannot be hum."""
     multiples = frequency * np.arange(1, count + 1)
     clear = np.ones(count, dtype=bool)
     for base in {50.0, 60.0, mains or 50.0}:
@@ -251,12 +255,12 @@ def _informing(frequency: float, count: int, resolution: float, mains: float | N
 
 
 def _remove_lines(fits: list[SineFit], informing: list[BoolArray], mains: float | None, *, free: bool) -> list[SineFit]:
-    """Fit stated mains and whatever lines stand out of the residual, each at its own free frequency.
+    """Fit the stated mains and the lines that stand out of the residual, each at its own free frequency.
 
-    A line too close to a harmonic to be told from it makes that harmonic unsteady instead.
+    If a line is too close to a harmonic to be separated from it, that harmonic becomes unsteady instead.
     """
-    for turn in range(_LINE_PASSES):
-        wider = [_with_lines(fit, mains if turn == 0 else None) for fit in fits]
+    for number in range(_LINE_PASSES):
+        wider = [_with_lines(fit, mains if number == 0 else None) for fit in fits]
         if all(found is None for found in wider):
             break
         fits = [fit if found is None else found for fit, found in zip(fits, wider, strict=True)]
@@ -265,12 +269,12 @@ def _remove_lines(fits: list[SineFit], informing: list[BoolArray], mains: float 
 
 
 def _with_lines(fit: SineFit, mains: float | None) -> SineFit | None:
-    """The fit with the lines that its residual shows, and `mains`; None where there are none, or too few samples."""
+    """The fit with the lines of its residual and of `mains`; None if there are no lines or too few samples."""
     rate = _left(fit).rate
     stated = np.empty(0) if mains is None else mains * np.arange(1, max(1, min(5, int(0.45 * rate / mains))) + 1)
     size = np.hypot(*fit.coefficients[:2])
-    seen = find_lines(fit.residual, rate, _NEGLIGIBLE * size)
-    found = np.concatenate([stated, seen if fit.course is None else _foreign(seen, fit, mains)])
+    shown = find_lines(fit.residual, rate, _NEGLIGIBLE * size)
+    found = np.concatenate([stated, shown if fit.course is None else _foreign(shown, fit, mains)])
     lines, unsteady = _new_terms(fit, found, rate / fit.time.size, rate)
     more = 2 * lines.size + 4 * (len(unsteady) - len(fit.unsteady))
     if not more or fit.dof < 4 * (fit.basis.shape[0] + more):
@@ -279,7 +283,7 @@ def _with_lines(fit: SineFit, mains: float | None) -> SineFit | None:
 
 
 def _foreign(lines: FloatArray, fit: SineFit, mains: float | None) -> FloatArray:
-    """Lines that are no sidebands of a drive whose speed is followed: those of the mains, or far from any harmonic."""
+    """Lines [Hz] that are not sidebands of a followed drive: those of the mains, and those far from any harmonic."""
     fundamental = fit.omega / (2 * np.pi)
     beside = off_multiples(lines, fundamental) < _SIDE * fundamental
     gap = LINE_GAP * _left(fit).resolution
@@ -288,7 +292,7 @@ def _foreign(lines: FloatArray, fit: SineFit, mains: float | None) -> FloatArray
 
 
 def _new_terms(fit: SineFit, found: FloatArray, resolution: float, rate: float) -> tuple[FloatArray, tuple[int, ...]]:
-    """Which of the lines found can be fitted as such, and which harmonics they make unsteady."""
+    """The lines found [Hz] that can be fitted as lines, and the numbers of the unsteady harmonics."""
     lines: list[float] = []
     unsteady = set(fit.unsteady)
     for line in found:
@@ -302,34 +306,66 @@ def _new_terms(fit: SineFit, found: FloatArray, resolution: float, rate: float) 
     return np.array(lines), tuple(sorted(unsteady))
 
 
+@dataclass(frozen=True)
+class _Wave:
+    """Harmonics of one channel.
+
+    Attributes
+    ----------
+    role : str
+    recorded, true : (harmonics,) complex
+        Amplitudes in recorded units; amplitudes of force or velocity in SI units before the measurement chain.
+    residual : float
+        Root mean square of the residual, in recorded units.
+    inflation : float [1]
+        Standard deviation of the fundamental over that of a sine fitted alone to as many samples.
+    """
+
+    role: str
+    recorded: ComplexArray
+    true: ComplexArray
+    residual: float
+    inflation: float
+
+    @property
+    def distortion(self) -> float:
+        """Root of the summed squares of the harmonics over the fundamental, of a force or a displacement [1]."""
+        # Harmonic n of a velocity is n times that of its displacement, both over their fundamentals.
+        numbers = 1.0 if self.role == "force_in" else np.arange(1.0, self.true.size + 1)
+        return float(np.sqrt(np.sum(np.abs(self.true / numbers)[1:] ** 2)) / np.abs(self.true[0]))
+
+
+def _waves(recording: Recording, track: Track, fit: SineFit) -> list[_Wave]:
+    """The harmonics of each channel of a track."""
+    inflation = float(np.sqrt(fit.amplitude_variance() * fit.present.sum() / 2.0))
+    residual = np.sqrt(np.sum(fit.residual**2, axis=1) / fit.time.size)
+    return [
+        _Wave(name, row, row * _to_velocity(recording.channels[name], fit.omega, row.size), float(rms), inflation)
+        for name, row, rms in zip(track.names, fit.amplitudes(), residual, strict=True)
+    ]
+
+
 def _assemble(
     recording: Recording, tracks: list[Track], fits: list[SineFit], noise: Noise, omega_std: float
 ) -> Demodulation:
-    names = [name for track in tracks for name in track.names]
-    at = [CHANNELS.index(name) for name in names]
+    """The amplitudes of F1, V1, V2 and their figures of quality, from the final fits of all tracks."""
     omega = fits[0].omega
-    raw = [row for fit in fits for row in fit.amplitudes()]
+    waves = [wave for track, fit in zip(tracks, fits, strict=True) for wave in _waves(recording, track, fit)]
+    names = [wave.role for wave in waves]
+    at = [CHANNELS.index(name) for name in names]
     corrections = [row for name in names for row in corrections_of(name, recording.channels[name], omega)]
-    waves = [
-        row * _to_velocity(recording.channels[name], omega, row.size) for name, row in zip(names, raw, strict=True)
-    ]
-    inflation = np.concatenate(
-        [np.full(len(fit.signals), np.sqrt(fit.amplitude_variance() * fit.present.sum() / 2.0)) for fit in fits]
-    )
-    to_si = inflation * np.array([wave[0] / row[0] for wave, row in zip(waves, raw, strict=True)])
     mixed, talk = without_crosstalk(recording, names, omega)
-    to_true = mixed * to_si
+    to_true = mixed * np.array([wave.inflation * (wave.true[0] / wave.recorded[0]) for wave in waves])
 
     amplitudes = np.full(3, complex(np.nan, np.nan))
-    amplitudes[at] = mixed @ np.array([wave[0] for wave in waves])
+    amplitudes[at] = mixed @ np.array([wave.true[0] for wave in waves])
     whole = np.zeros((3, 3), dtype=complex)
     whole[np.ix_(at, at)] = to_true @ noise.covariance @ to_true.conj().T
-
     distortion, noise_ratio = np.full(3, np.nan), np.full(3, np.nan)
-    residual = np.array([rms for fit in fits for rms in np.sqrt(np.sum(fit.residual**2, axis=1) / fit.time.size)])
-    noise_ratio[at] = np.sqrt(2.0) * residual / np.abs([row[0] for row in raw])
-    distortion[at] = [_distortion(name, wave) for name, wave in zip(names, waves, strict=True)]
-    known = [i for i, name in enumerate(CHANNELS) if name in names]
+    distortion[at] = [wave.distortion for wave in waves]
+    rms = np.array([wave.residual for wave in waves])
+    noise_ratio[at] = np.sqrt(2.0) * rms / np.abs([wave.recorded[0] for wave in waves])
+    order = np.argsort(at).tolist()
     return Demodulation(
         phasors=Phasors(
             frequency=np.asarray(omega / (2 * np.pi)),
@@ -342,24 +378,17 @@ def _assemble(
         band=noise.band,
         distortion=distortion,
         noise_ratio=noise_ratio,
-        force_peak=_peak_of(waves[names.index("force_in")]) if "force_in" in names else float("nan"),
+        force_peak=_peak_of(waves[names.index("force_in")].true) if "force_in" in names else float("nan"),
         lines=np.concatenate([fit.lines for fit in fits]) / (2 * np.pi),
         missing=1.0 - min(float(np.mean(fit.present)) for fit in fits),
-        channels=tuple(CHANNELS[i] for i in known),
-        preview=preview(fits, [names.index(CHANNELS[i]) for i in known]),
+        channels=tuple(names[i] for i in order),
+        preview=preview(fits, order),
         corrections=(*corrections, *talk),
     )
 
 
-def _distortion(name: str, wave: ComplexArray) -> float:
-    """Root of the summed squares of the harmonics over the fundamental, of the displacement behind a motion."""
-    # Harmonic n of a velocity is n times too large for a displacement.
-    numbers = 1.0 if name == "force_in" else np.arange(1.0, wave.size + 1)
-    return float(np.sqrt(np.sum(np.abs(wave / numbers)[1:] ** 2)) / np.abs(wave[0]))
-
-
 def _to_velocity(channel: Channel, omega: float, harmonics: int) -> ComplexArray:
-    """Factors from recorded amplitudes of harmonics to those of the force or velocity at the sensor."""
+    """Factors (harmonics,) that turn recorded amplitudes into those of the force or velocity at the sensor."""
     each = omega * np.arange(1, harmonics + 1)
     factors = (1j * each) ** DERIVATIVES[channel.quantity]
     for link in links_of(channel):
@@ -368,7 +397,7 @@ def _to_velocity(channel: Channel, omega: float, harmonics: int) -> ComplexArray
 
 
 def _real_covariance(gamma: ComplexArray) -> FloatArray:
-    """Covariance (6, 6) of interleaved Re, Im from the E[dX dX*] (3, 3) of circular noise."""
+    """Covariance (6, 6) of interleaved Re and Im of circular noise, from its complex covariance (3, 3)."""
     result = np.empty((6, 6))
     result[0::2, 0::2] = result[1::2, 1::2] = 0.5 * gamma.real
     result[1::2, 0::2] = 0.5 * gamma.imag
@@ -377,6 +406,6 @@ def _real_covariance(gamma: ComplexArray) -> FloatArray:
 
 
 def _peak_of(amplitudes: ComplexArray) -> float:
-    """Largest absolute value of a periodic wave given by its harmonics."""
+    """Largest absolute value of a periodic signal, from the complex amplitudes of its harmonics."""
     turn = np.exp(2j * np.pi * np.outer(np.arange(1, amplitudes.size + 1), np.arange(512) / 512))
     return float(np.max(np.abs((amplitudes @ turn).real)))

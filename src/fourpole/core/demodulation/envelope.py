@@ -1,4 +1,4 @@
-"""Envelopes: the amplitude of each channel at the excitation over short stretches, to see what is steady."""
+"""Envelopes: the amplitude of each channel at the excitation over time, from short stretches of the recording."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from fourpole.core.demodulation.tracks import Track
 
 __all__ = ["Envelope", "envelope"]
 
-#: Length of a stretch and distance of two, in cycles: under a Hann window, double frequency and mean leave nothing.
+#: Length and distance of stretches, in cycles: a Hann window of this length suppresses mean and double frequency.
 _LENGTH, _HOP = 4.0, 2.0
-#: Share of a stretch that must be there: where more is missing, mean and harmonics leak.
+#: Least weighted share of samples present in a stretch: with more missing, mean and harmonics leak.
 _ENOUGH = 0.97
 
 
@@ -25,10 +25,12 @@ class Envelope(ByValue):
     Attributes
     ----------
     time : (n,) float array [s]
-        Middle of each stretch, from the middle of the recording.
+        Middle of each stretch, counted from the middle of the recording.
     amplitudes : dict of str to (n,) complex array
-        By role, in recorded units, against a phase that turns at `omega`; not-a-number where samples are missing.
+        Amplitudes by role, in recorded units, relative to a phase that advances at `omega`; not-a-number for a stretch
+        with missing samples.
     omega : float [rad/s]
+        Angular frequency of the reference phase.
     hop : float [s]
         Distance of two stretches.
     """
@@ -39,12 +41,12 @@ class Envelope(ByValue):
     hop: float
 
     def phase(self, role: str) -> FloatArray:
-        """Phase of a channel beyond omega·t, without jumps [rad]."""
+        """Phase of a channel minus omega·t, without jumps [rad]."""
         return np.unwrap(np.angle(self.amplitudes[role]))
 
 
 def envelope(tracks: Sequence[Track], omega: float, turn: Callable[[FloatArray], FloatArray] | None = None) -> Envelope:
-    """Amplitudes at a frequency in stretches of four cycles, two cycles apart; `turn` is phase beyond omega·t [rad]."""
+    """Amplitudes in stretches of four cycles, two cycles apart; `turn(time)` is the phase minus omega·t [rad]."""
     period = 2 * np.pi / omega
     first = max(float(track.time[0]) for track in tracks) + 0.5 * _LENGTH * period
     last = min(float(track.time[-1]) for track in tracks) - 0.5 * _LENGTH * period
@@ -53,13 +55,13 @@ def envelope(tracks: Sequence[Track], omega: float, turn: Callable[[FloatArray],
     amplitudes = {}
     for track in tracks:
         phase = omega * track.time if turn is None else omega * track.time + turn(track.time)
-        found = _short(track, np.exp(-1j * phase), centres, _LENGTH * period)
+        found = _windowed(track, np.exp(-1j * phase), centres, _LENGTH * period)
         amplitudes.update(dict(zip(track.names, found, strict=True)))
     return Envelope(centres, amplitudes, omega, hop)
 
 
-def _short(track: Track, turning: ComplexArray, centres: FloatArray, length: float) -> ComplexArray:
-    """Windowed means (channels, n) of the channels, turned back."""
+def _windowed(track: Track, turning: ComplexArray, centres: FloatArray, length: float) -> ComplexArray:
+    """Windowed means (channels, n) of the channels times `turning`, around each of the centres [s]."""
     half = max(2, int(0.5 * length * track.rate))
     window = np.hanning(2 * half + 1)[1:-1]
     at = np.round((centres - track.time[0]) * track.rate).astype(int) - (half - 1)

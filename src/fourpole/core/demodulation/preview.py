@@ -1,4 +1,4 @@
-"""Previews: a few cycles of signal and fit, and the residual's extremes, small enough to keep for every test."""
+"""Previews: a few cycles of signal and fit, and the extremes of the residual, small enough to keep for every test."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _BLOCKS = 60
 
 @dataclass(frozen=True, eq=False)
 class Preview(ByValue):
-    """What a person wants to see of a demodulated recording.
+    """Excerpts of a demodulated recording for a figure.
 
     Attributes
     ----------
     time : (n,) float [s]
-        About three cycles around the middle of the record.
+        Times of about three cycles around the middle of the record.
     signals, fit : (channels, n) float
-        Samples less their mean, and the whole fit, in the channels' SI units.
+        Samples minus their mean, and the whole fit, in the channels' SI units.
     blocks : (2 m,) float [s]
-        Middle of each of m equal blocks of the whole record, twice each.
+        Middle of each of m equal blocks of the whole record; each value stands twice.
     residual : (channels, 2 m) float
-        Least and largest residual of each block.
+        Least and largest residual of each block in turn.
     """
 
     time: FloatArray
@@ -41,7 +41,7 @@ class Preview(ByValue):
 
 
 def preview(fits: Sequence[SineFit], order: Sequence[int]) -> Preview:
-    """Pick a preview out of fits to (channels, N) signals, their channels put in an order."""
+    """The preview of the fits of all tracks, its channels in the order of the given indices."""
     first = fits[0]
     count = first.time.size
     step = float(first.time[1] - first.time[0])
@@ -61,7 +61,7 @@ def preview(fits: Sequence[SineFit], order: Sequence[int]) -> Preview:
 
 
 def _at(fit: SineFit, values: FloatArray, times: FloatArray) -> FloatArray:
-    """Values of each channel at given times, between samples by a straight line."""
+    """Values of each channel at given times [s], linearly interpolated between samples."""
     return np.stack([np.interp(times, fit.time, row) for row in values])
 
 

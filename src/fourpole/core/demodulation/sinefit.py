@@ -1,9 +1,9 @@
 r"""Least-squares fit of a periodic signal, its harmonics, interfering lines and drift to several channels at once.
 
-All channels share one fundamental frequency, and those of one fit its times and the frequency of each interfering
-line; these are found by Gauss-Newton on the residual with the linear amplitudes eliminated (variable projection), each
-channel weighted by its noise. The number of cycles need not be whole: sines, mean and drift are fitted together, so
-none leaks into another. Where a reference says how the phase really ran, the sines follow it.
+All channels share one fundamental frequency. The channels of one fit also share their times and the frequency of each
+interfering line. Gauss-Newton steps on the residual, from which the linear amplitudes are eliminated (variable
+projection), find the frequencies; the noise of each channel gives its weight. The number of cycles need not be whole:
+sines, mean and drift are fitted together, so there is no leakage. If a reference gives the phase, the sines follow it.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _ITERATIONS = 12
 
 @dataclass(frozen=True, eq=False)
 class Course(ByValue):
-    """How the excitation really ran.
+    """Phase of the excitation as a reference gives it.
 
     Attributes
     ----------
     turn : (N,) float [rad]
-        Phase of the fundamental beyond omega·t.
+        Phase of the fundamental minus omega·t.
     follow : (M, N) complex [1]
-        What the amplitude of the fundamental may follow besides, 0 at the mean speed.
+        Functions of time that the amplitude of the fundamental may follow; each is 0 at the mean speed.
     """
 
     turn: FloatArray
@@ -46,26 +46,26 @@ class SineFit(ByValue):
     Attributes
     ----------
     signals : (channels, N) float
-        What was fitted, in units of each channel; 0 where samples are missing.
+        The signals fitted, in units of each channel; 0 for missing samples.
     time : (N,) float [s]
-        From the middle of the record.
+        Time from the middle of the record.
     course : Course or None
-        Where the phase was not uniform.
+        Phase of the excitation if its speed was not uniform.
     present : (N,) bool
-        Samples that are there.
+        False for missing samples.
     omega, lines : float, (L,) float [rad/s]
         Fundamental, and interfering lines.
     harmonics : int
-        Number of multiples of the fundamental, itself included.
+        Number of multiples of the fundamental, with the fundamental itself.
     unsteady : tuple of int
-        Harmonics whose amplitude may vary over the record as a parabola, for a line lies too close to be told apart.
+        Harmonics whose amplitude may vary over the record as a parabola, because a line lies too close to separate.
     basis : (P, N) float
-        Cosines and minus sines of each frequency, then Legendre polynomials of time; 0 where samples are missing.
+        Cosines and minus sines of each frequency, then Legendre polynomials of time; 0 for missing samples.
     factor : Cholesky factor of the basis' Gram matrix.
     coefficients : (P, channels) float
-        In units of each channel.
+        Amplitudes of the rows of `basis`, in units of each channel.
     residual : (channels, N) float
-        0 where samples are missing.
+        Signals minus fit; 0 for missing samples.
     """
 
     signals: FloatArray
@@ -83,11 +83,11 @@ class SineFit(ByValue):
 
     @property
     def dof(self) -> int:
-        """Samples less fitted parameters."""
+        """Number of samples minus number of fitted parameters."""
         return int(self.present.sum()) - self.basis.shape[0]
 
     def amplitudes(self) -> ComplexArray:
-        """Complex amplitudes (channels, harmonics), x(t) = Re(X e^{jwt}) from the middle of the record."""
+        """Complex amplitudes X (channels, harmonics) of x(t) = Re(X e^{jwt}), with t from the middle of the record."""
         pairs = self.coefficients[: 2 * self.harmonics]
         return (pairs[0::2] + 1j * pairs[1::2]).T
 
@@ -132,6 +132,7 @@ def _basis(
     unsteady: tuple[int, ...],
     course: Course | None,
 ) -> FloatArray:
+    """Rows (P, N) of sines and polynomials, in the order of `SineFit.basis`."""
     steady = 2 * (harmonics + lines.size)
     followed = 0 if course is None else len(course.follow)
     rows = np.empty((steady + 4 * len(unsteady) + 2 * followed + _DRIFT_ORDER + 1, time.size))
@@ -165,12 +166,23 @@ def refine(
     free: bool = True,
     weights: Sequence[FloatArray] | None = None,
 ) -> tuple[list[SineFit], float]:
-    """Move the common fundamental (if `free`) and all lines to where the weighted residual is least.
+    """Fits at the fundamental (if `free`) and the lines that minimise the weighted residual.
 
-    `informing` (harmonics,) of each fit says which harmonics may speak of the frequency: one on the mains must not.
-    `weights` (channels,) of each fit are inverse variances of the samples; by default those of the residual.
+    Parameters
+    ----------
+    fits : sequence of SineFit
+        One for each track, at the first guess of the frequencies.
+    informing : sequence of (harmonics,) bool arrays
+        For each fit, the harmonics that may inform the frequency. A harmonic at a multiple of the mains must not.
+    free : bool
+        Whether the fundamental is estimated.
+    weights : sequence of (channels,) float arrays, optional
+        Inverse variances of the samples of each fit; by default those of its residual.
 
-    Returns the fits and the standard uncertainty of the fundamental [rad/s].
+    Returns
+    -------
+    list of SineFit, float [rad/s]
+        The fits, and the standard uncertainty of the fundamental.
     """
     fits = list(fits)
     resolution = 2 * np.pi / max(fit.time[-1] - fit.time[0] for fit in fits)
@@ -186,7 +198,7 @@ def refine(
 
 
 def _weights(fit: SineFit) -> FloatArray:
-    """Inverse variances of the samples; round-off is the floor of a noiseless channel."""
+    """Inverse variances of the samples; round-off bounds the variance of a noiseless channel from below."""
     variance = np.sum(fit.residual**2, axis=1) / max(fit.dof, 1)
     floor = np.max(np.abs(fit.signals), axis=1) ** 2 * 1e-30 + 1e-300
     return 1.0 / np.maximum(variance, floor)
@@ -205,7 +217,7 @@ def _newton_step(
         every = _slopes(fit, spoken, free=free)
         along = np.swapaxes(every @ fit.basis.T, -1, -2)
         for weight, slopes, shared, residual in zip(weighed, every, along, fit.residual, strict=True):
-            # The part of the slopes that amplitudes can follow is taken away; the residual holds none of it.
+            # The slopes are projected onto the complement of the basis; the residual already lies in it.
             normal[np.ix_(own, own)] += weight * (slopes @ slopes.T - shared.T @ linalg.cho_solve(fit.factor, shared))
             right[own] += weight * slopes @ residual
     if not free:

@@ -1,4 +1,4 @@
-"""What a residual still holds: interfering lines, and the noise beside a frequency."""
+"""Spectra of a residual: interfering lines, and the noise beside a frequency."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Noise(ByValue):
     Attributes
     ----------
     covariance : (channels, channels) complex
-        E[dX dX*] of the complex amplitudes, per unit variance factor of white noise 4/N.
+        E[dX dX*] of the complex amplitudes dX, for amplitudes whose variance under white noise is 4/N.
     band : (float, float) [Hz]
-        Where it was taken.
+        Lowest and highest frequency of the bins used.
     dof : float [1]
-        Degrees of freedom.
+        Degrees of freedom of the covariance.
     """
 
     covariance: ComplexArray
@@ -46,25 +46,37 @@ class Noise(ByValue):
 
 
 def strongest_line(samples: FloatArray, rate: float, *, order: int) -> tuple[float, FloatArray, FloatArray]:
-    """Frequency [Hz] of the strongest line of a motion turned into a velocity, with the amplitude spectrum searched.
+    """Frequency [Hz] of the strongest line of a motion, converted to a velocity, with the spectrum searched.
 
-    `order` is how many times the motion must be differentiated to be a velocity (-1, 0 or 1).
+    Parameters
+    ----------
+    samples : (N,) float array
+        The motion.
+    rate : float [Hz]
+        Samples per second.
+    order : {-1, 0, 1}
+        Number of differentiations that make the motion a velocity.
+
+    Returns
+    -------
+    float [Hz], (n,) float array [Hz], (n,) float array
+        Frequency of the line; frequencies and amplitudes of the spectrum.
     """
     window = _hann(samples.size)
-    padded = (4 if samples.size < _MANY else 1) * samples.size  # a long record has fine bins of its own
+    padded = (4 if samples.size < _MANY else 1) * samples.size  # a long record has fine bins without padding
     spectrum = np.abs(np.fft.rfft(samples * window, padded)) * 2.0 / window.sum()
     frequency = np.fft.rfftfreq(padded, 1.0 / rate)
-    lowest = int(np.ceil(_FEWEST_CYCLES * padded / samples.size))  # below there is only what drift has left
+    lowest = int(np.ceil(_FEWEST_CYCLES * padded / samples.size))  # lower bins show drift, not lines
     spectrum[:lowest] = 0.0
     stands_out = spectrum**2 > LINE_LIMIT * _floor(spectrum[None] ** 2, 4 * _BLOCK)[0]
-    if stands_out.any():  # differentiated noise must not outgrow a line
+    if stands_out.any():  # otherwise differentiated noise could exceed a line
         spectrum = np.where(stands_out, spectrum, 0.0)
     spectrum[lowest:] *= (2 * np.pi * frequency[lowest:]) ** order
     return _peak(spectrum, int(np.argmax(spectrum))) * rate / padded, frequency, spectrum
 
 
 def off_multiples(frequency: ArrayLike, base: float) -> FloatArray:
-    """How far frequencies (...,) are from the nearest multiple of a base, itself included [Hz]."""
+    """Distance of frequencies (...,) from the nearest multiple of a base frequency, which is a multiple too [Hz]."""
     at = np.asarray(frequency, dtype=float)
     return np.abs(at - base * np.maximum(np.round(at / base), 1.0))
 
@@ -74,7 +86,7 @@ def _hann(count: int) -> FloatArray:
 
 
 def _peak(spectrum: FloatArray, index: int) -> float:
-    """Place of a maximum between bins, by a parabola through its logarithms."""
+    """Position of a maximum in bins, by a parabola through the logarithms of three bins."""
     if not 0 < index < spectrum.size - 1 or np.any(spectrum[index - 1 : index + 2] <= 0):
         return float(index)
     left, mid, right = np.log(spectrum[index - 1 : index + 2])
@@ -85,7 +97,7 @@ def _peak(spectrum: FloatArray, index: int) -> float:
 def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArray:
     """Frequencies [Hz] of the lines that stand out of the residual's noise in any channel, strongest first.
 
-    `least` (channels,) is the amplitude below which a line does not matter.
+    Lines with an amplitude below `least` (channels,) are ignored.
     """
     count = residual.shape[1]
     window = _hann(count)
@@ -100,7 +112,7 @@ def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArr
 
 
 def _floor(power: FloatArray, block: int = _BLOCK) -> FloatArray:
-    """Local noise level of a power spectrum: the median of blocks of bins, as the mean of exponential noise."""
+    """Local noise level of a power spectrum: the mean of exponential noise, from the median of each block of bins."""
     bins = power.shape[1]
     size = min(block, bins)
     blocks = power[:, : bins // size * size].reshape(power.shape[0], -1, size)
@@ -110,20 +122,20 @@ def _floor(power: FloatArray, block: int = _BLOCK) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Left(ByValue):
-    """What a fit leaves of channels that share their times.
+    """The residual of a fit to channels that share their times.
 
     Attributes
     ----------
     residual : (channels, N) float
     present : (N,) bool
     time : (N,) float [s]
-        Uniform, from the middle of the record.
+        Uniform times from the middle of the record.
     lines : (L,) float [Hz]
         Interfering lines that were removed.
     dof : int
-        Samples less fitted parameters.
+        Number of samples minus number of fitted parameters.
     turn : (N,) float [rad], optional
-        Phase of the fundamental beyond its mean speed.
+        Phase of the fundamental minus that of its mean speed.
     """
 
     residual: FloatArray
@@ -135,7 +147,7 @@ class Left(ByValue):
 
     @property
     def resolution(self) -> float:
-        """1/T [Hz]."""
+        """Width of a bin, 1/T [Hz]."""
         size = self.time.size
         return float((size - 1) / (self.time[-1] - self.time[0]) / size)
 
@@ -146,10 +158,10 @@ class Left(ByValue):
 
 
 def noise_beside(parts: Sequence[Left], frequency: float) -> Noise:
-    """Cross-spectrum of what is left in the bins beside a frequency, up to 16 either way and 0.4 of the frequency.
+    """Cross-spectrum of the residuals in the bins beside a frequency [Hz].
 
-    Bins next to the frequency and to removed lines are left out. A record too short to have four such bins is taken
-    to hold white noise, which the whole residual then measures.
+    At most 16 bins on each side and within 0.4 of the frequency are used, without the bins next to the frequency and to
+    removed lines. If fewer than four bins remain, the noise is assumed to be white and taken from the whole residual.
     """
     resolution, rate = parts[0].resolution, min(part.rate for part in parts)
     reach = min(_MOST_BINS, int(_BAND * frequency / resolution), int((0.5 * rate - frequency) / resolution) - 1)
@@ -168,7 +180,7 @@ def noise_beside(parts: Sequence[Left], frequency: float) -> Noise:
 
 
 def _bins(part: Left, frequency: float, offsets: np.ndarray) -> ComplexArray:
-    """Amplitudes (channels, offsets) of what is left whole bins beside the fundamental, at the middle of the record."""
+    """Amplitudes (channels, offsets) of the residual, whole bins beside the fundamental, at the record's middle."""
     phase = 2 * np.pi * frequency * part.time
     shifted = part.residual * np.exp(-1j * (phase if part.turn is None else phase + part.turn))
     to_middle = np.exp(-2j * np.pi * offsets * part.resolution * part.time[0])
@@ -176,7 +188,7 @@ def _bins(part: Left, frequency: float, offsets: np.ndarray) -> ComplexArray:
 
 
 def _white(parts: Sequence[Left], rate: float) -> Noise:
-    """Noise as if white, of each part by itself."""
+    """White noise of the level of each part's residual, without correlation between parts."""
     blocks = [part.residual @ part.residual.T / max(part.dof, 1) * (4.0 / part.present.sum()) for part in parts]
     dof = min(part.dof for part in parts)
     return Noise(linalg.block_diag(*blocks).astype(complex), (0.0, 0.5 * rate), float(max(dof, 1)))

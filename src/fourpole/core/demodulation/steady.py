@@ -1,4 +1,4 @@
-"""The steady part of a recording: what lies before and after it, lead-in, run-up and run-down, is told apart."""
+"""The steady part of a recording: the time between lead-in or run-up and run-down."""
 
 from __future__ import annotations
 
@@ -15,34 +15,41 @@ from fourpole.errors import RecordingError
 
 __all__ = ["steady_part"]
 
-#: Further from the level of V1, or from its speed, than this the drive is not up.
+#: The drive runs in stretches whose V1 is within these shares of its usual level and of its usual speed.
 _LEVEL, _SPEED = 0.2, 0.03
-#: The steady part is as steady as its middle: within this, or so many standard deviations of the middle half.
+#: A stretch is steady within this share of the mean of the middle half, or within this many of its standard deviations.
 _WITHIN, _DEVIATIONS = 2e-3, 5.0
-#: An end that is further off than this is cut, though V1 is up.
+#: An end of the recording is trimmed where a stretch differs by more than this share, although the drive runs.
 _ROUGH = 0.005
-#: What is kept must be most of what runs, and a start rings out within a share of that.
-_MOST_OF_IT, _LONGEST_RING = 0.7, 0.3
-#: Each round the middle is that of what was left.
+#: The longest run must hold this share of all stretches in which the drive runs.
+_MOST_OF_IT = 0.7
+#: The transient after a start lasts at most this share of the stretches examined.
+_LONGEST_RING = 0.3
+#: Number of trimmings; each takes the middle of what the one before has kept.
 _ROUNDS = 2
 _FEWEST_STRETCHES = 8
-#: Cycles that must be left.
+#: Fewest excitation cycles of a steady part.
 _FEWEST_CYCLES = 6.0
 
 
 def steady_part(recording: Recording, frequency: float) -> tuple[float, float] | None:
-    """From when to when the drive runs steadily [s]; None where it does from end to end, or where that is not clear.
+    """Start and end of the time in which the drive runs steadily [s].
 
     Parameters
     ----------
     recording : Recording
     frequency : float [Hz]
-        About that of the excitation.
+        Frequency of the excitation, as a rough estimate.
+
+    Returns
+    -------
+    (float, float) or None
+        None if the drive runs steadily from end to end, or if no steady part can be identified.
 
     Notes
     -----
-    A stretch is steady where V1 has its level and speed, and where F1 and V2 have come to rest against V1, so that the
-    rig's own motion after the start is cut too.
+    A stretch is steady if V1 has its usual level and speed, and if F1/V1 and V2/V1 have their usual values. The second
+    condition excludes the free vibration of the rig after a start.
     """
     names = [name for name in CHANNELS if name in recording.channels]
     try:
@@ -52,36 +59,52 @@ def steady_part(recording: Recording, frequency: float) -> tuple[float, float] |
     found = _bridged(envelope(tracks, 2 * np.pi * frequency))
     if found is None:
         return None
-    size, speed = np.abs(found.amplitudes["motion_in"]), _speed(found)
-    level = float(np.median(size[size > 0.5 * np.max(size)]))
-    up = np.abs(size / level - 1) < _LEVEL
-    up &= np.abs(speed - np.median(speed[up])) < _SPEED if up.any() else False
-    first, last = _longest(up)
-    if last - first < max(_FEWEST_STRETCHES, _MOST_OF_IT * up.sum()):
-        return None  # up and down and up again: a beat with a line near by, not a drive that starts
-    begin, end = first, last
-    for _ in range(_ROUNDS):
-        settled, rough = _settled(found, speed, slice(begin, end))
-        begin, end = (
-            begin + (_cut(settled) if begin > 1 or rough[0] else 0),
-            end - (_cut(settled[::-1]) if end < up.size - 1 or rough[-1] else 0),
-        )
-        if end - begin < _FEWEST_STRETCHES // 2:
-            return None
-    if begin <= 1 and end >= up.size - 1:
+    speed = _speed(found)
+    running = _running(found, speed)
+    kept = None if running is None else _trimmed(found, speed, *running)
+    if kept is None:
         return None
-    if (end - begin) * found.hop * frequency < _FEWEST_CYCLES:
+    (begin, end), last = kept, found.time.size - 1
+    if (begin <= 1 and end >= last) or (end - begin) * found.hop * frequency < _FEWEST_CYCLES:
         return None
     low, high = recording.span
     middle = 0.5 * (low + high)
     return (
         low if begin <= 1 else middle + float(found.time[begin]),
-        high if end >= up.size - 1 else middle + float(found.time[end - 1]),
+        high if end >= last else middle + float(found.time[end - 1]),
     )
 
 
+def _running(found: Envelope, speed: FloatArray) -> tuple[int, int] | None:
+    """Range of the stretches in which the drive runs; None if it starts and stops several times.
+
+    A beat with an interfering line also gives several such ranges, and no start to cut.
+    """
+    size = np.abs(found.amplitudes["motion_in"])
+    level = float(np.median(size[size > 0.5 * np.max(size)]))
+    up = np.abs(size / level - 1) < _LEVEL
+    up &= np.abs(speed - np.median(speed[up])) < _SPEED if up.any() else False
+    first, last = _longest(up)
+    return None if last - first < max(_FEWEST_STRETCHES, _MOST_OF_IT * up.sum()) else (first, last)
+
+
+def _trimmed(found: Envelope, speed: FloatArray, begin: int, end: int) -> tuple[int, int] | None:
+    """The range without the unsteady stretches at its ends; None if too few stretches remain.
+
+    An end of the recording is trimmed only if its stretch differs much: a start within the range is always trimmed.
+    """
+    for _ in range(_ROUNDS):
+        steady, rough = _steady(found, speed, slice(begin, end))
+        before = _cut(steady) if begin > 1 or rough[0] else 0
+        after = _cut(steady[::-1]) if end < found.time.size - 1 or rough[-1] else 0
+        begin, end = begin + before, end - after
+        if end - begin < _FEWEST_STRETCHES // 2:
+            return None
+    return begin, end
+
+
 def _bridged(found: Envelope) -> Envelope | None:
-    """The envelope with straight lines over stretches whose samples are missing; None where too little is known."""
+    """The envelope, interpolated linearly over stretches with missing samples; None if too many are missing."""
     amplitudes: dict[str, ComplexArray] = {}
     for name, row in found.amplitudes.items():
         known = np.isfinite(row)
@@ -92,12 +115,12 @@ def _bridged(found: Envelope) -> Envelope | None:
 
 
 def _speed(found: Envelope) -> FloatArray:
-    """Speed of V1 beyond the frequency assumed, as a share of it."""
+    """Departure of the speed of V1 from the assumed frequency, relative (n,) [1]."""
     return np.asarray(np.gradient(found.phase("motion_in"), found.time) / found.omega)
 
 
 def _longest(flags: BoolArray) -> tuple[int, int]:
-    """The longest run of true flags, as a range."""
+    """First index of the longest run of true flags, and the index after its end; 0, 0 without a true flag."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
     runs = edges.reshape(-1, 2)
     if not runs.size:
@@ -106,8 +129,8 @@ def _longest(flags: BoolArray) -> tuple[int, int]:
     return int(first), int(last)
 
 
-def _settled(found: Envelope, speed: FloatArray, part: slice) -> tuple[BoolArray, BoolArray]:
-    """Which stretches of a part are as steady as its middle half, and which are far from that."""
+def _steady(found: Envelope, speed: FloatArray, part: slice) -> tuple[BoolArray, BoolArray]:
+    """Flags of the stretches of a part that are as steady as its middle half, and of those that differ much from it."""
     motion = found.amplitudes["motion_in"][part]
     rows = [np.abs(motion), 1.0 + speed[part]]
     rows += [found.amplitudes[name][part] / motion for name in found.amplitudes if name != "motion_in"]
@@ -122,13 +145,8 @@ def _settled(found: Envelope, speed: FloatArray, part: slice) -> tuple[BoolArray
     return good, rough
 
 
-def _cut(settled: BoolArray) -> int:
-    """Stretches to cut before two in a row are settled; none where that takes too long to be a start that rings out."""
-    count = _until(settled) + 1
-    return count if count <= _LONGEST_RING * settled.size else 0
-
-
-def _until(flags: BoolArray) -> int:
-    """How many stretches pass until two in a row are good."""
-    pairs = np.flatnonzero(flags[:-1] & flags[1:])
-    return int(pairs[0]) if pairs.size else flags.size
+def _cut(steady: BoolArray) -> int:
+    """Number of stretches to cut before two successive ones are steady; 0 if that is too long for a start."""
+    pairs = np.flatnonzero(steady[:-1] & steady[1:])
+    count = 1 + (int(pairs[0]) if pairs.size else steady.size)
+    return count if count <= _LONGEST_RING * steady.size else 0

@@ -1,4 +1,4 @@
-"""Tracks: the channels of a recording brought to one zero of time, those with the same times together."""
+"""Tracks: the channels of a recording with one common zero of time, grouped by equal sampling times."""
 
 from __future__ import annotations
 
@@ -18,32 +18,34 @@ __all__ = ["STEADY", "Track", "following", "named", "tracks_of"]
 
 _FEWEST_SAMPLES = 16
 _MOST_MISSING = 0.2
-_LARGEST = 1e30  # beyond any measurement, and safe to square
-#: A speed steadier than this, relative, leaves amplitudes as they are.
+#: Largest sample in SI units: above any measurement, and its square does not overflow.
+_LARGEST = 1e30
+#: A speed that departs from its mean by less than this share does not change the amplitudes.
 STEADY = 1e-4
-#: One that wanders more than this asks for the response's third power.
+#: A speed that departs from its mean by more than this share needs the third power of the response.
 _CURVED = 3e-3
-#: What an amplitude may follow must not be this much alike to what it follows already, as a share of its length.
+#: A further function of the speed is fitted if at least this share of its norm is independent of those before it.
 _ALIKE = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Track(ByValue):
-    """Channels that share their times.
+    """Channels with the same sampling times.
 
     Attributes
     ----------
     names : tuple of str
         Roles.
     signals : (channels, N) float array
-        Less their means, missing samples set to 0, in SI units.
+        Samples minus their means, in SI units; 0 for missing samples.
     present : (N,) bool array
-        Samples that all of these channels have.
+        True for samples that all of these channels have.
     time : (N,) float array [s]
-        From the middle of the recording.
+        Time from the middle of the recording.
     rate : float [Hz]
+        Samples per second.
     course : Course or None
-        How the excitation really turned, where a reference says so.
+        Phase of the excitation as a reference gives it; None without a reference.
     """
 
     names: tuple[str, ...]
@@ -55,7 +57,7 @@ class Track(ByValue):
 
 
 def tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:
-    """The channels `names` over the time that all were sampled, V1 first; RecordingError where one is of no use."""
+    """Tracks of the channels `names` over their common time, V1 first; RecordingError for a channel without signal."""
     first, last = recording.span
     common = recording if _alike(recording) else recording.between(first, last)
     bases = dict.fromkeys(common.base(name) for name in ("motion_in", *names))
@@ -65,11 +67,12 @@ def tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:
 
 
 def _alike(recording: Recording) -> bool:
-    """Whether all channels have the same times, and there is no reference to keep within."""
+    """Whether all channels have the same sampling times and the recording has no reference."""
     return recording.reference is None and len({recording.base(name) for name in recording.channels}) == 1
 
 
 def _track(recording: Recording, names: tuple[str, ...], middle: float) -> Track:
+    """The track of some channels, whose time counts from `middle` [s]."""
     rate, start = recording.base(names[0])
     signals, present = _signals(recording, names)
     size = signals.shape[1]
@@ -80,12 +83,12 @@ def _track(recording: Recording, names: tuple[str, ...], middle: float) -> Track
 def following(tracks: Sequence[Track], reference: Reference, span: tuple[float, float]) -> tuple[list[Track], float]:
     r"""The tracks with the phase that a reference gives, and the mean speed [rad/s].
 
-    What is wanted is the response at the mean speed w0. With s the speed's departure over w0, a response
-    :math:`\sum_n a_n (\omega/\omega_0 - 1)^n` to a drive of this phase is
+    The analysis needs the response at the mean speed w0. With s the departure of the speed from w0, relative to w0, the
+    response :math:`\sum_n a_n (\omega/\omega_0 - 1)^n` to a drive of this phase is
 
-    .. math:: a_0 + a_1 s + a_2 (s^2 - j\dot s/\omega_0) + a_3 (s^3 - 3j s\dot s/\omega_0) + \dots,
+    .. math:: a_0 + a_1 s + a_2 (s^2 - j\dot s/\omega_0) + a_3 (s^3 - 3j s\dot s/\omega_0) + \dots
 
-    so the amplitude may follow these: then neither the response's curvature nor its lag shifts a_0.
+    The fit includes these terms, so that neither the curvature of the response nor its lag changes a_0.
     """
     curve = reference.curve
     omega, middle = reference.omega(*span), 0.5 * (span[0] + span[1])
@@ -105,7 +108,7 @@ def following(tracks: Sequence[Track], reference: Reference, span: tuple[float, 
 
 
 def _different(rows: ComplexArray) -> ComplexArray:
-    """Those rows that a constant and the rows before them do not make up already."""
+    """The rows that are not a linear combination of a constant and the rows before them."""
     kept: list[ComplexArray] = [np.ones(rows.shape[1], dtype=complex)]
     for row in rows:
         basis, _ = np.linalg.qr(np.stack(kept).T)
@@ -115,7 +118,7 @@ def _different(rows: ComplexArray) -> ComplexArray:
 
 
 def _signals(recording: Recording, names: Sequence[str]) -> tuple[FloatArray, BoolArray]:
-    """Channels (C, N) less their means, missing samples set to 0; and which samples all channels have."""
+    """Samples (C, N) minus their means, 0 for missing samples; flags (N,) of the samples that all channels have."""
     raw = np.stack([recording.channels[name].samples for name in names])
     if raw.shape[1] < _FEWEST_SAMPLES:
         raise RecordingError(
@@ -150,5 +153,5 @@ def _signals(recording: Recording, names: Sequence[str]) -> tuple[FloatArray, Bo
 
 
 def named(role: str) -> str:
-    """F1 (force_in)."""
+    """Symbol and role of a channel, as in 'F1 (force_in)'."""
     return f"{SYMBOLS[role]} ({role})"

@@ -1,4 +1,4 @@
-"""A drive whose speed wanders: seen in the phase of V1 itself, and followed where it does harm."""
+"""A drive whose speed wanders: the phase of V1 shows it, and the fit follows it if it changes the result."""
 
 from __future__ import annotations
 
@@ -20,25 +20,30 @@ from fourpole.errors import RecordingError
 __all__ = ["Wander", "follow_wander", "refine_reference"]
 
 _FEWEST_STRETCHES = 12
-_DRIFT = 4  # the last rows of a fit: mean and drift
-#: What is worth following: a ratio of amplitudes moved by so many of its uncertainties, or these made smaller so much,
-#: and less left of every channel than at one frequency: nothing that was found there may have been given up.
-_MOVED, _WORSE = 3.0, 2.0
-_LESS, _NO_MORE = 0.9, 1.02
-#: A drive's amplitude swells by less than this share of what its phase turns.
+#: Number of rows for mean and drift at the end of a fit's basis.
+_DRIFT = 4
+#: Following is worth its cost if it changes a ratio of amplitudes by this many standard uncertainties, ...
+_MOVED = 3.0
+#: ... or if it divides the standard uncertainty of a ratio by this factor.
+_WORSE = 2.0
+#: The residual of V1 must fall below this share of the residual at one frequency.
+_LESS = 0.9
+#: The residual of no channel may exceed this multiple of its residual at one frequency.
+_NO_MORE = 1.02
+#: The relative amplitude of a wandering drive varies by less than this share of its phase [rad].
 _SWELLS = 0.5
 
 
 @dataclass(frozen=True)
 class Wander:
-    """What a wandering speed does.
+    """Size and effect of a wandering speed.
 
     Attributes
     ----------
     speed : float [1]
-        Largest departure of the speed from its mean.
+        Largest departure of the speed from its mean, relative to the mean.
     shift : float [1]
-        By how much V1/F1 or V2/V1 is wrong if the speed is taken as steady.
+        Relative error of V1/F1 or V2/V1, the larger one, if the speed is assumed to be steady.
     """
 
     speed: float
@@ -46,19 +51,24 @@ class Wander:
 
 
 def follow_wander(recording: Recording, found: Demodulation) -> tuple[Demodulation, Wander] | None:
-    """The recording demodulated along the phase of V1, where its speed wanders so that it matters; else None.
+    """The recording demodulated along the phase of V1, if its speed wanders enough to change the result.
 
     Parameters
     ----------
     recording : Recording
-        Without a reference.
+        A recording without a reference.
     found : Demodulation
-        At one frequency.
+        The demodulation at one frequency.
+
+    Returns
+    -------
+    (Demodulation, Wander) or None
+        None if the speed is steady enough.
 
     Notes
     -----
-    The phase of V1 in stretches of four cycles takes the place of a tacho; what it holds of V1's noise is small against
-    that of the amplitudes, for it is smoothed and common to all channels.
+    The phase of V1 in stretches of four cycles replaces a tacho. Its noise is small against that of the amplitudes,
+    because it is smoothed and common to all channels.
     """
     followed = _along_v1(recording, found, _LESS)
     if followed is None:
@@ -66,25 +76,25 @@ def follow_wander(recording: Recording, found: Demodulation) -> tuple[Demodulati
     better, peak = followed
     worst = max(
         (_change(found.phasors, better.phasors, over, under) for over, under in ((1, 0), (2, 1))),
-        key=lambda change: change.harm,
+        key=lambda change: change.weight,
     )
-    return (better, Wander(peak, worst.shift)) if worst.harm > 1 else None
+    return (better, Wander(peak, worst.shift)) if worst.weight > 1 else None
 
 
 def refine_reference(recording: Recording, found: Demodulation) -> Demodulation:
-    """The recording demodulated along the phase of V1 about its reference, where that leaves less; else as found.
+    """The demodulation along the phase of V1 about the reference, if its residual is smaller; otherwise `found`.
 
-    A tacho's pulses jitter, for the time of a sample is known to a sample only; V1 has turned with the drive itself.
+    The pulses of a tacho jitter by up to a sampling interval, whereas V1 follows the drive itself.
     """
     better = _along_v1(recording, found, 1.0)
     return found if better is None else better[0]
 
 
 def _along_v1(recording: Recording, found: Demodulation, share: float) -> tuple[Demodulation, float] | None:
-    """The recording along the phase of V1, where that leaves less, and the largest departure of the speed.
+    """The demodulation along the phase of V1 and the largest departure of the speed [1]; None if none is better.
 
-    What a wandering drive has found as lines are sidebands, and what stands beside a steady one is not: so V1's phase
-    is tried with the lines found, and without them.
+    The lines found beside a wandering drive are its sidebands; beside a steady drive they are interference. Both cases
+    are compared: the phase of V1 as it is, and with the lines removed first.
     """
     tries = []
     for lines in dict.fromkeys((False, found.lines.size > 0)):
@@ -95,24 +105,27 @@ def _along_v1(recording: Recording, found: Demodulation, share: float) -> tuple[
             followed = demodulate(replace(recording, reference=reference))
             if _less(followed, found, share):
                 tries.append((followed, departure))
-    return min(tries, key=lambda one: float(one[0].noise_ratio[CHANNELS.index("motion_in")]), default=None)
+    return min(tries, key=lambda pair: float(pair[0].noise_ratio[CHANNELS.index("motion_in")]), default=None)
 
 
 def _departure(reference: Reference) -> float:
-    """Largest departure of the speed from its mean [1]."""
+    """Largest departure of the speed from its mean, relative [1]."""
     low, high = reference.span
     speed = reference.curve(np.linspace(low, high, 200), 1)
     return float(np.max(np.abs(speed / reference.omega(low, high) - 1.0)))
 
 
 def _less(followed: Demodulation, found: Demodulation, share: float) -> bool:
-    """Whether less of V1 is left, by a share, and no more of any channel."""
+    """Whether the residual of V1 falls to the share and that of no channel grows."""
     left = followed.noise_ratio / np.maximum(found.noise_ratio, 1e-15)
     return bool(left[CHANNELS.index("motion_in")] <= share and np.nanmax(left) <= _NO_MORE)
 
 
 def _own_reference(recording: Recording, found: Demodulation, *, lines: bool) -> Reference | None:
-    """The phase of V1 as a reference, about the recording's own if it has one; `lines`: taken away first."""
+    """The phase of V1 as a reference, about the recording's own reference if it has one.
+
+    If `lines`, the interfering lines found are removed from V1 first. None if V1 shows no wandering drive.
+    """
     omega, middle = float(found.phasors.omega), 0.5 * sum(recording.span)
     first = tracks_of(recording, [name for name in CHANNELS if name in recording.channels])[0]
     if lines:
@@ -124,13 +137,14 @@ def _own_reference(recording: Recording, found: Demodulation, *, lines: bool) ->
     def turn(time: FloatArray) -> FloatArray:
         return np.zeros_like(time) if curve is None else curve(time + middle) - omega * time
 
-    seen = envelope([first], omega, turn)
-    amplitude = seen.amplitudes["motion_in"]
+    over_time = envelope([first], omega, turn)
+    amplitude = over_time.amplitudes["motion_in"]
     there = np.isfinite(amplitude)
     if there.sum() < _FEWEST_STRETCHES:
         return None
-    time = seen.time[there]
-    power = 1 - DERIVATIVES[recording.channels["motion_in"].quantity]  # a velocity swells with the speed itself
+    time = over_time.time[there]
+    # The amplitude of a velocity is proportional to the speed, that of an acceleration to its square.
+    power = 1 - DERIVATIVES[recording.channels["motion_in"].quantity]
     swell = 1.0 if curve is None else (curve(time + middle, 1) / omega) ** power
     if not _turned(amplitude[there] / swell):
         return None
@@ -142,7 +156,7 @@ def _own_reference(recording: Recording, found: Demodulation, *, lines: bool) ->
 
 
 def _turned(amplitude: ComplexArray) -> bool:
-    """Whether an amplitude turns more than it swells: with a line close by it does both alike."""
+    """Whether the phase varies more than the relative amplitude: an interfering line varies both equally."""
     phase = np.unwrap(np.angle(amplitude))
     index = np.arange(float(phase.size))
     turning = phase - np.polynomial.Polynomial.fit(index, phase, 1)(index)
@@ -152,12 +166,14 @@ def _turned(amplitude: ComplexArray) -> bool:
 
 @dataclass(frozen=True)
 class _Change:
+    """Relative change of a ratio of amplitudes [1], and its weight: above 1 the change matters."""
+
     shift: float
-    harm: float
+    weight: float
 
 
 def _change(steady: Phasors, followed: Phasors, over: int, under: int) -> _Change:
-    """How a ratio of two amplitudes changes by following, and how much harm that is, 1 where it starts to matter."""
+    """The change of the ratio of two amplitudes, given by their indices, between two demodulations."""
     pair = [phasors.amplitudes[over] / phasors.amplitudes[under] for phasors in (steady, followed)]
     if not np.all(np.isfinite(pair)):
         return _Change(0.0, 0.0)
@@ -168,7 +184,7 @@ def _change(steady: Phasors, followed: Phasors, over: int, under: int) -> _Chang
 
 
 def _relative_std(phasors: Phasors, over: int, under: int) -> float:
-    """Standard uncertainty of a ratio's modulus from the noise, relative [1]."""
+    """Relative standard uncertainty of a ratio's modulus from the noise [1]."""
     row = np.zeros((2, 6))
     for index, sign in ((over, 1.0), (under, -1.0)):
         turned = sign / phasors.amplitudes[index]
