@@ -37,7 +37,7 @@ def test_the_limits_hold_95_of_100_draws(which):
     low, middle, high = drawn[[25, 500, 975]]
     step = drawn[1] - drawn[0]
     assert found.quantiles == pytest.approx([low, middle, high], abs=0.01 * step)
-    assert found.impassive == 0.0
+    assert found.non_passive_share == 0.0
     other, expected = (c, C) if which == "K2" else (k2, K2)
     assert other.quantiles == pytest.approx([expected] * 3)
 
@@ -50,7 +50,7 @@ def test_where_more_than_one_in_forty_draws_is_beyond_the_pole_there_is_no_upper
     k2, _ = arm_intervals(stiffness, np.full(1001, K1), OMEGA)
     assert np.isfinite(k2.quantiles[2]) == limited
     assert np.isfinite(k2.quantiles[:2]).all()
-    assert k2.impassive == pytest.approx(beyond / 1001)
+    assert k2.non_passive_share == pytest.approx(beyond / 1001)
 
 
 def test_k_star_is_drawn_with_its_covariance():

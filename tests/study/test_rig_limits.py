@@ -122,7 +122,7 @@ def test_the_uncertainty_of_k1_counts_too():
 
 def verdict(found, share=None):
     """Of K2 and C; `share` of the draws are not passive."""
-    interval = SimpleNamespace(quantiles=np.array([1e3, 2e3, np.inf]), impassive=share)
+    interval = SimpleNamespace(quantiles=np.array([1e3, 2e3, np.inf]), non_passive_share=share)
     group = SimpleNamespace(intervals={} if share is None else {0: (interval, interval)}, result=found)
     (row,) = _arm_checks(SimpleNamespace(result=found, at=0, group=group), SimpleNamespace(reason=""))
     return row.verdict

@@ -1,15 +1,15 @@
-"""Types of arrays, for annotations, and equality by value of what holds arrays."""
+"""Types of arrays for annotations, and bases of dataclasses that hold arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, TypeAlias, cast
+from typing import Any, Self, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BoolArray", "ByValue", "ComplexArray", "FloatArray", "same_value"]
+__all__ = ["BoolArray", "ByRows", "ByValue", "ComplexArray", "FloatArray", "same_value"]
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 ComplexArray: TypeAlias = NDArray[np.complexfloating[Any, Any]]
@@ -17,7 +17,7 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 
 
 class ByValue:
-    """Base of dataclasses with arrays or tables, which state ``eq=False``: equal where all fields have equal values.
+    """Base of dataclasses with arrays or tables, declared with ``eq=False``: equal if all fields have equal values.
 
     Not-a-number equals itself. Instances have no hash.
 
@@ -38,8 +38,16 @@ class ByValue:
         return all(same_value(getattr(self, name), getattr(other, name)) for name in compared)
 
 
+class ByRows(ByValue):
+    """Base of dataclasses whose fields are all arrays with one row per test."""
+
+    def part(self, rows: Any) -> Self:
+        """Some of the rows, by anything that indexes an array; a single number gives that row alone."""
+        return type(self)(*(np.asarray(getattr(self, one.name))[rows] for one in fields(cast("Any", self))))
+
+
 def same_value(one: Any, other: Any) -> bool:
-    """Whether two values are equal, also where they are arrays or tables, or hold some; not-a-number equals itself."""
+    """Whether two values are equal; they may be or hold arrays and tables. Not-a-number equals itself."""
     if isinstance(one, np.ndarray | np.inexact | float) or isinstance(other, np.ndarray):
         one, other = np.asarray(one), np.asarray(other)
         return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc" and other.dtype.kind in "fc")

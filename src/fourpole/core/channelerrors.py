@@ -1,4 +1,4 @@
-"""What is not known of the channels: the errors of gain, phase, delay and response that each has in all tests."""
+"""Uncertainty of the channels: errors of gain, phase, delay and response, each the same in all tests."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ __all__ = ["ChannelError", "ChannelUncertainty", "error_covariance", "parts"]
 
 @dataclass(frozen=True, eq=False)
 class ChannelError(ByValue):
-    """One error that a channel has in all tests.
+    """One error of a channel, the same in all tests.
 
     Attributes
     ----------
     source : Source
-        A gain, phase, delay, or the gain or phase of a calibrated response.
+        The gain, phase or delay, or the gain or phase of a calibrated response.
     unit : str
-        SI; an error of a calibrated response counts in its stated uncertainties.
+        SI unit; an error of a calibrated response is in multiples of its stated uncertainty.
     channel : int
         0, 1, 2 for F1, V1, V2.
     std : float
@@ -41,17 +41,17 @@ class ChannelError(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class ChannelUncertainty(ByValue):
-    """What is not known of the channels F1, V1, V2.
+    """Standard uncertainties of the channels F1, V1, V2.
 
     Attributes
     ----------
     gain, phase : (3,) float arrays [1], [rad]
-        Standard uncertainty of the gain, relative, and of the phase; one error of each at all frequencies.
+        Relative standard uncertainty of the gain, and that of the phase. Each has one error at all frequencies.
     delay : (3,) float array [s]
-        Of the delay, whose error turns the phase by omega times itself.
+        Standard uncertainty of the delay; its error times omega is an error of the phase.
     response : (N, 3) complex array, optional [1] + j [rad]
-        What a calibrated response leaves unknown of gain and phase at each test's frequency; one error of each, in
-        these proportions, in all tests.
+        Standard uncertainties of gain and phase of a calibrated response at each test's frequency. One error of each
+        applies to all tests, in proportion to these values.
 
     Examples
     --------
@@ -68,11 +68,11 @@ class ChannelUncertainty(ByValue):
     response: ComplexArray | None = None
 
     def part(self, rows: Any) -> ChannelUncertainty:
-        """The same of some of the tests, by whatever indexes an array."""
+        """The uncertainties for some of the tests, by anything that indexes an array."""
         return self if self.response is None else replace(self, response=self.response[rows])
 
     def errors(self, omega: FloatArray) -> list[ChannelError]:
-        """All that have an uncertainty, for tests at angular frequencies (N,) [rad/s]."""
+        """All errors with an uncertainty, for tests at angular frequencies (N,) [rad/s]."""
         one = np.ones(omega.size, dtype=complex)
         found = []
         for at, role in enumerate(CHANNELS):
@@ -88,7 +88,7 @@ class ChannelUncertainty(ByValue):
         return [error for error in found if error.std > 0]
 
     def covariance(self, amplitudes: ComplexArray, omega: FloatArray) -> FloatArray:
-        """Covariance (N, 6, 6) that these uncertainties give amplitudes (N, 3) as measured."""
+        """Covariance (N, 6, 6) of measured amplitudes (N, 3) from these uncertainties."""
         result = np.zeros((omega.size, 6, 6))
         for error in self.errors(omega):
             result += error_covariance(error, amplitudes)
@@ -96,7 +96,7 @@ class ChannelUncertainty(ByValue):
 
 
 def error_covariance(error: ChannelError, amplitudes: ComplexArray) -> FloatArray:
-    """Covariance (N, 6, 6) that one error gives amplitudes (N, 3) as measured."""
+    """Covariance (N, 6, 6) of measured amplitudes (N, 3) from one error."""
     result = np.zeros((len(amplitudes), 6, 6))
     along = parts(amplitudes[:, error.channel] * error.turn * error.std)
     block = slice(2 * error.channel, 2 * error.channel + 2)
@@ -105,5 +105,5 @@ def error_covariance(error: ChannelError, amplitudes: ComplexArray) -> FloatArra
 
 
 def parts(values: ComplexArray, axis: int = -1) -> FloatArray:
-    """Real and imaginary part along a new axis."""
+    """Real and imaginary part of complex values, along a new axis."""
     return np.stack([values.real, values.imag], axis=axis)

@@ -1,53 +1,70 @@
-"""`Identification`: what phasors say of the tyre, by whichever route."""
+"""`Identification`: the values and uncertainties of the tyre that phasors give, by any route."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 
-if TYPE_CHECKING:
-    from fourpole.core.joint.joint import Joint
+__all__ = ["Identification", "RigSolution"]
 
-__all__ = ["Identification"]
+
+class RigSolution(Protocol):
+    """Result of the joint route besides K*; `fourpole.core.joint.Joint` has it with residuals and misfit."""
+
+    @property
+    def found(self) -> FloatArray:
+        """Values of the rig, gains of the channels and added masses as found, each in its unit."""
+
+    @property
+    def found_std(self) -> FloatArray:
+        """Standard uncertainties of `found`."""
+
+    @property
+    def converged(self) -> bool:
+        """Whether the search for the most probable values converged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Identification(ByValue):
-    """What the phasors of N tests say of the tyre; every array has N rows, not-a-number where a value does not exist.
+    """Values and uncertainties of the tyre from the phasors of N tests.
+
+    Every array has N rows, with not-a-number for a value that does not exist.
 
     Attributes
     ----------
     frequency : (N,) float array [Hz]
         Excitation frequency.
     mobility, mobility_covariance : (N,) complex [m/(N s)], (N, 2, 2) float
-        V1/F1 as measured, R + jI; covariance of (R, I).
+        V1/F1 = R + jI as measured, and the covariance of (R, I).
     stiffness, stiffness_covariance : (N,) complex [N/m], (N, 2, 2) float
-        K* by the route; covariance of (Re, Im).
+        K* by the route, and the covariance of its (Re, Im).
     loss_factor, loss_factor_std : (N,) float [1]
-        K''/K'.
+        K''/K', and its standard uncertainty.
     k1, k1_std : (N,) float [N/m]
-        Static stiffness used.
+        Static stiffness used, and its standard uncertainty.
     k2, c : (N,) float [N/m], [N s/m]
-        The arm; not-a-number where no passive answer exists or K1 is unknown, with a reason in `reasons`.
+        Spring and damper of the arm. Not-a-number if no passive values exist or K1 is unknown; `reasons` says why.
     arm_covariance : (N, 2, 2) float
         Covariance of (K2, C).
     tr_measured, tr_predicted, tr_std : (N,) float [1]
-        abs(V2/V1); the same from K* and the rig; uncertainty of the latter (of the former, where there is no rig).
+        abs(V2/V1) as measured; abs(V2/V1) from K* and the rig; standard uncertainty of the latter. Without a rig it is
+        the uncertainty of the measured value.
     reasons : tuple of N str
-        Why K2 and C are blank, with the likely cause; empty where they are not.
+        Reason why K2 and C are blank, with the likely cause; empty if they are not.
     route : str
-        How K* was found.
+        Name of the route.
     stiffness_shared : (N, 2, p) float [N/m]
-        What p errors that all tests share, of one standard uncertainty each, do to (Re, Im) of K*: S. The covariance
-        of two tests is S_i S_j^T; what is left of `stiffness_covariance` is each condition's own.
+        S, the change of (Re, Im) of K* per standard uncertainty of each of p errors that all tests share. The
+        covariance of two tests of different conditions is S_i S_j^T. The rest of `stiffness_covariance` belongs to
+        each condition alone.
     condition : (N,) int
-        Tests of one number have one K* between them, and its own part of the uncertainty in common.
-    joint : Joint, optional
-        By the joint route: the rig's values and the channels' gains as found, residuals, what does not fit.
+        Tests with the same number share one K*, and with it the rest of the uncertainty.
+    joint : RigSolution, optional
+        Result of the joint route besides K*; None for the other routes.
 
     Examples
     --------
@@ -77,4 +94,4 @@ class Identification(ByValue):
     route: str
     stiffness_shared: FloatArray
     condition: np.ndarray
-    joint: Joint | None = None
+    joint: RigSolution | None = None

@@ -1,13 +1,14 @@
 r"""Identification of many tests at once: phasors, rig and K1 become K*, K2, C and TR with their covariances.
 
-Every derivative here is analytic: a complex output of complex inputs carries its derivatives by all *real* inputs
-(Re and Im of the three phasors, the rig's values, the added mass, K1), and covariances follow from them. The formulas
-themselves stand in `fourpole.core.routes`.
+Every derivative here is analytic. A complex value carries its derivatives by all *real* inputs: Re and Im of the three
+phasors, the rig's values, the added mass, K1 and the angular frequency. Covariances follow from them. The formulas
+themselves are in `fourpole.core.routes`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,12 +32,12 @@ from fourpole.errors import RigError
 
 __all__ = ["OUTPUTS", "identify", "variance_by_source"]
 
-#: What uncertainty is accounted for, with units, in the order of every budget.
+#: The outputs whose uncertainty is split into its sources, with their units, in the order of every budget.
 OUTPUTS = {"Re K*": "N/m", "Im K*": "N/m", "loss factor": "1", "K2": "N/m", "C": "N s/m", "TR": "1"}
 
 
-_RIG_AT = slice(6, 6 + len(PARAMETERS))
-_ADDED_AT = _RIG_AT.stop
+#: Places of the inputs after Re and Im of F1, V1, V2 and the rig's values.
+_ADDED_AT = 6 + len(PARAMETERS)
 _K1_AT = _ADDED_AT + 1
 _OMEGA_AT = _K1_AT + 1
 _INPUTS = _OMEGA_AT + 1
@@ -61,15 +62,15 @@ def identify(
     phasors : Phasors
         One test or N.
     rig : Rig or None
-        The rig; None only for the relative route, which then predicts no TR.
+        The rig. None is allowed only for the relative route, which then predicts no TR.
     k1, k1_std : (N,) float arrays [N/m]
-        Static stiffness and its standard uncertainty; not-a-number where unknown: K* is found all the same.
+        Static stiffness and its standard uncertainty. Not-a-number if unknown; K* does not need it.
     route : {"mobility", "relative", "transmissibility"}
-        How K* is found; see `fourpole.core.routes`.
+        Formula for K*; see `fourpole.core.routes`.
     added_mass, added_mass_std : (N,) float arrays [kg]
-        Mass fixed to the moving mass in each test.
+        Mass fixed to the moving mass in each test, and its standard uncertainty.
     channels : ChannelUncertainty, optional
-        Unknown parts of the channels' gains; without it they count as exact.
+        Uncertainties of the channels; without it the channels count as exact.
 
     Returns
     -------
@@ -94,9 +95,17 @@ def identify(
     >>> found.k2.round(-2), found.c.round(0)
     (array([120000.]), array([700.]))
     """
-    answers = _answers(phasors, rig, k1, k1_std, route, added_mass, added_mass_std, channels)
+    answers = _answers(
+        phasors,
+        rig,
+        k1,
+        k1_std=k1_std,
+        route=route,
+        added_mass=added_mass,
+        added_mass_std=added_mass_std,
+        channels=channels,
+    )
     covariance = answers.covariance
-    measured, predicted = answers.tr
     reasons = tuple(why_no_arm(*row) for row in zip(answers.stiffness, answers.k1, answers.k2, answers.c, strict=True))
     passive = np.array([not reason for reason in reasons], dtype=bool)
     with np.errstate(invalid="ignore"):
@@ -114,40 +123,27 @@ def identify(
             k2=np.where(passive, answers.k2, np.nan),
             c=np.where(passive, answers.c, np.nan),
             arm_covariance=np.where(passive[:, None, None], arm_covariance, np.nan),
-            tr_measured=measured,
-            tr_predicted=predicted,
+            tr_measured=answers.tr_measured,
+            tr_predicted=answers.tr_predicted,
             tr_std=_std(answers.jacobian[:, 5], covariance),
             reasons=reasons,
             route=route,
-            stiffness_shared=_shared(answers, phasors, channels, added_mass),
+            stiffness_shared=_shared(answers),
             condition=np.arange(passive.size),
         )
 
 
-def _shared(
-    answers: _Answers, phasors: Phasors, channels: ChannelUncertainty | None, added_mass: ArrayLike
-) -> FloatArray:
-    """What one standard uncertainty of each error of the channels, rig value and added mass does to K*, (N, 2, p)."""
-    count = answers.k1.size
-    by = answers.jacobian[:, :2]
-    amplitudes = phasors.amplitudes.reshape(count, 3)
-    columns = []
-    for error in channels.errors(phasors.omega.reshape(count)) if channels is not None else ():
-        along = parts(amplitudes[:, error.channel] * error.turn * error.std)
-        first = 2 * error.channel
-        columns.append(np.einsum("nki,ni->nk", by[:, :, first : first + 2], along))
-    at = np.arange(_RIG_AT.start, _RIG_AT.stop)
-    columns += [by[:, :, i] * np.sqrt(answers.covariance[:, None, i, i]) for i in at]
-    masses = np.broadcast_to(np.asarray(added_mass, dtype=float), count)
-    own = by[:, :, _ADDED_AT] * np.sqrt(answers.covariance[:, None, _ADDED_AT, _ADDED_AT])
-    columns += [np.where((masses == mass)[:, None], own, 0.0) for mass in np.unique(masses[masses != 0])]
-    return np.nan_to_num(np.stack(columns, axis=2))
-
-
 @dataclass(frozen=True)
 class _Answers:
-    """Values of N tests with their derivatives by all inputs; `jacobian` (N, 6, inputs) is in the order of OUTPUTS."""
+    """Values of N tests with what they are computed from and their derivatives by all inputs.
 
+    `jacobian` (N, 6, inputs) is in the order of `OUTPUTS`; `covariance` (N, inputs, inputs) is that of the inputs.
+    """
+
+    omega: FloatArray
+    amplitudes: ComplexArray
+    added: FloatArray
+    channels: ChannelUncertainty
     mobility: ComplexArray
     by_mobility: FloatArray
     stiffness: ComplexArray
@@ -156,51 +152,13 @@ class _Answers:
     k1_std: FloatArray
     k2: FloatArray
     c: FloatArray
-    tr: tuple[FloatArray, FloatArray]
+    tr_measured: FloatArray
+    tr_predicted: FloatArray
     jacobian: FloatArray
     covariance: FloatArray
 
 
 def _answers(
-    phasors: Phasors,
-    rig: Rig | None,
-    k1: ArrayLike,
-    k1_std: ArrayLike,
-    route: str,
-    added_mass: ArrayLike,
-    added_mass_std: ArrayLike,
-    channels: ChannelUncertainty | None,
-) -> _Answers:
-    _check_route(route, rig)
-    count = np.size(phasors.frequency)
-    omega = phasors.omega.reshape(count)
-    k1, k1_std, added, added_std = (
-        np.broadcast_to(np.asarray(x, dtype=float), count) for x in (k1, k1_std, added_mass, added_mass_std)
-    )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        state = _Linear(phasors.amplitudes.reshape(count, 3), omega, rig, added)
-        mobility, by_mobility = state.mobility()
-        stiffness, by_stiffness = state.stiffness(route)
-        loss, by_loss = _loss_factor(stiffness, by_stiffness)
-        k2, c, by_arm = _arm(stiffness, by_stiffness, k1, omega)
-        measured, predicted, by_tr = state.transmissibility(stiffness, by_stiffness)
-    rows = [parts(by_stiffness, axis=-2), by_loss[:, None], by_arm, by_tr[:, None]]
-    return _Answers(
-        mobility=mobility,
-        by_mobility=parts(by_mobility, axis=-2),
-        stiffness=stiffness,
-        loss_factor=loss,
-        k1=k1,
-        k1_std=k1_std,
-        k2=k2,
-        c=c,
-        tr=(measured, predicted),
-        jacobian=np.concatenate(rows, axis=1),
-        covariance=_input_covariance(phasors, rig, k1_std, added_std, channels),
-    )
-
-
-def variance_by_source(
     phasors: Phasors,
     rig: Rig | None,
     k1: ArrayLike = np.nan,
@@ -210,34 +168,91 @@ def variance_by_source(
     added_mass: ArrayLike = 0.0,
     added_mass_std: ArrayLike = 0.0,
     channels: ChannelUncertainty | None = None,
+) -> _Answers:
+    """Values and derivatives for the arguments of `identify`."""
+    _check_route(route, rig)
+    count = np.size(phasors.frequency)
+    omega, amplitudes = phasors.omega.reshape(count), phasors.amplitudes.reshape(count, 3)
+    channels = channels or ChannelUncertainty()
+    k1, k1_std, added, added_std = (
+        np.broadcast_to(np.asarray(x, dtype=float), count) for x in (k1, k1_std, added_mass, added_mass_std)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        state = _Linear(amplitudes, omega, rig, added)
+        mobility, by_mobility = state.mobility()
+        stiffness, by_stiffness = state.stiffness(route)
+        loss, by_loss = _loss_factor(stiffness, by_stiffness)
+        k2, c, by_arm = _arm(stiffness, by_stiffness, k1, omega)
+        measured, predicted, by_tr = state.transmissibility(stiffness, by_stiffness)
+
+    covariance = np.zeros((count, _INPUTS, _INPUTS))
+    covariance[:, :6, :6] = phasors.covariance.reshape(count, 6, 6) + channels.covariance(amplitudes, omega)
+    of_rig = np.tile(rig.uncertainties if rig is not None else np.zeros(len(PARAMETERS)), (count, 1))
+    omega_std = 2 * np.pi * np.asarray(phasors.frequency_std).reshape(count)
+    std = np.column_stack([of_rig, added_std, np.nan_to_num(k1_std), omega_std])
+    covariance[:, range(6, _INPUTS), range(6, _INPUTS)] = std**2
+    return _Answers(
+        omega=omega,
+        amplitudes=amplitudes,
+        added=added,
+        channels=channels,
+        mobility=mobility,
+        by_mobility=parts(by_mobility, axis=-2),
+        stiffness=stiffness,
+        loss_factor=loss,
+        k1=k1,
+        k1_std=k1_std,
+        k2=k2,
+        c=c,
+        tr_measured=measured,
+        tr_predicted=predicted,
+        jacobian=np.concatenate([parts(by_stiffness, axis=-2), by_loss[:, None], by_arm, by_tr[:, None]], axis=1),
+        covariance=covariance,
+    )
+
+
+def _shared(answers: _Answers) -> FloatArray:
+    """Change of Re and Im of K* per standard uncertainty of each error that tests share, (N, 2, p) [N/m].
+
+    The errors are those of the channels, of the rig's values and of each added mass.
+    """
+    by = answers.jacobian[:, :2]
+    columns = []
+    for error in answers.channels.errors(answers.omega):
+        along = parts(answers.amplitudes[:, error.channel] * error.turn * error.std)
+        first = 2 * error.channel
+        columns.append(np.einsum("nki,ni->nk", by[:, :, first : first + 2], along))
+    own = [by[:, :, at] * np.sqrt(answers.covariance[:, None, at, at]) for at in range(6, _K1_AT)]
+    columns += own[:-1]
+    masses = np.unique(answers.added[answers.added != 0])
+    columns += [np.where((answers.added == mass)[:, None], own[-1], 0.0) for mass in masses]
+    return np.nan_to_num(np.stack(columns, axis=2))
+
+
+def variance_by_source(
+    phasors: Phasors, rig: Rig | None, k1: ArrayLike = np.nan, **stated: Any
 ) -> dict[Source, FloatArray]:
     """Variance of each of `OUTPUTS` by its source, for the same arguments as `identify`.
 
     Returns
     -------
     dict of Source to (N, 6) float array
-        Sensor noise, frequency, each error of each channel, each of the rig's values, added mass, K1; they add up
-        to the squares of the uncertainties that `identify` gives, for its inputs are independent.
+        Sensor noise, frequency, each error of each channel, each of the rig's values, added mass, K1. Their sum is the
+        square of the uncertainty that `identify` gives, because the inputs are independent.
     """
-    answers = _answers(phasors, rig, k1, k1_std, route, added_mass, added_mass_std, channels)
+    answers = _answers(phasors, rig, k1, **stated)
     count = answers.k1.size
-    amplitudes = phasors.amplitudes.reshape(count, 3)
-    channels = channels or ChannelUncertainty()
-
-    def by(covariance: FloatArray) -> FloatArray:
-        found = _propagate(answers.jacobian, covariance)
-        return np.diagonal(found, 0, 1, 2)
 
     def alone(block: FloatArray, at: slice) -> FloatArray:
         covariance = np.zeros((count, _INPUTS, _INPUTS))
         covariance[:, at, at] = block
-        return by(covariance)
+        return np.diagonal(_propagate(answers.jacobian, covariance), 0, 1, 2)
 
     phasor = slice(0, 6)
     sources = {Source(Kind.NOISE): alone(phasors.covariance.reshape(count, 6, 6), phasor)}
     sources[Source(Kind.FREQUENCY)] = alone(answers.covariance[:, _OMEGA_AT:, _OMEGA_AT:], slice(_OMEGA_AT, None))
-    for error in channels.errors(phasors.omega.reshape(count)):
-        sources[error.source] = alone(error_covariance(error, amplitudes), phasor)
+    for error in answers.channels.errors(answers.omega):
+        sources[error.source] = alone(error_covariance(error, answers.amplitudes), phasor)
     values = [Source(Kind.RIG_VALUE, name) for name in PARAMETERS]
     for i, source in enumerate((*values, Source(Kind.ADDED_MASS), Source(Kind.K1)), start=6):
         sources[source] = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
@@ -254,7 +269,7 @@ def _check_route(route: str, rig: Rig | None) -> None:
 
 
 class _Linear:
-    """Values with their derivatives (N, inputs) by every real input; complex values, analytic in the phasors."""
+    """Complex values of N tests, each with its derivatives (N, inputs) by every real input."""
 
     def __init__(self, amplitudes: ComplexArray, omega: FloatArray, rig: Rig | None, added: FloatArray) -> None:
         self.omega, self.rig, self.added = omega, rig, added
@@ -268,12 +283,13 @@ class _Linear:
         self.by_f1[:, _OMEGA_AT] -= 1j * input_mass * self.v1
 
     def _phasor(self, index: int) -> ComplexArray:
+        """Derivatives of the amplitude of F1, V1 or V2, by its index."""
         by = np.zeros((self.omega.size, _INPUTS), dtype=complex)
         by[:, 2 * index], by[:, 2 * index + 1] = 1.0, 1j
         return by
 
     def _rig(self) -> tuple[ComplexArray, ComplexArray]:
-        """1/Zr and its derivatives."""
+        """Mobility of the rig, 1/Zr [m/(N s)], and its derivatives."""
         assert self.rig is not None
         mobility = np.asarray(self.rig.mobility(self.omega, self.added))
         by = np.zeros((self.omega.size, _INPUTS), dtype=complex)
@@ -283,17 +299,17 @@ class _Linear:
         return mobility, by
 
     def mobility(self) -> tuple[ComplexArray, ComplexArray]:
-        """V1/F1 as the sensors give it."""
+        """V1/F1 as recorded [m/(N s)], and its derivatives."""
         return _ratio(self.v1, self.by_v1, self.cell_force, self.by_cell_force)
 
     def stiffness(self, route: str) -> tuple[ComplexArray, ComplexArray]:
-        """K* by a route; every route's formula has the factor jw."""
+        """K* by a route [N/m], and its derivatives."""
         value, by = self._stiffness(route)
         by[:, _OMEGA_AT] += value / self.omega
         return value, by
 
     def _stiffness(self, route: str) -> tuple[ComplexArray, ComplexArray]:
-        """K* by a route, jw outside the impedances held."""
+        """K* by a route [N/m], and its derivatives with the factor jw of the formula held constant."""
         jw = 1j * self.omega
         if route == "relative":
             value = relative_route(self.f1, self.v1, self.v2, self.omega)
@@ -311,7 +327,10 @@ class _Linear:
     def transmissibility(
         self, stiffness: ComplexArray, by_stiffness: ComplexArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """abs(V2/V1) as measured, and as K* and the rig give it; derivatives of the latter, or the former."""
+        """abs(V2/V1) as measured, and as predicted by K* and the rig; derivatives of the prediction.
+
+        Without a rig that moves, the prediction is not-a-number and the derivatives are those of the measured value.
+        """
         measured, by_measured = _ratio(self.v2, self.by_v2, self.v1, self.by_v1)
         if self.rig is None or self.rig.blocked:
             nothing = np.full(self.omega.size, np.nan)
@@ -329,6 +348,7 @@ class _Linear:
 def _ratio(
     over: ComplexArray, by_over: ComplexArray, under: ComplexArray, by_under: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
+    """A ratio, and its derivatives."""
     value = over / under
     return value, (by_over - value[:, None] * by_under) / under[:, None]
 
@@ -339,6 +359,7 @@ def _modulus(value: ComplexArray, by_value: ComplexArray) -> FloatArray:
 
 
 def _loss_factor(stiffness: ComplexArray, by_stiffness: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """K''/K' [1], and its derivatives."""
     value = stiffness.imag / stiffness.real
     return value, (by_stiffness.imag - value[:, None] * by_stiffness.real) / stiffness.real[:, None]
 
@@ -346,7 +367,7 @@ def _loss_factor(stiffness: ComplexArray, by_stiffness: ComplexArray) -> tuple[F
 def _arm(
     stiffness: ComplexArray, by_stiffness: ComplexArray, k1: FloatArray, omega: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """K2, C and their derivatives, shape (N, 2, inputs)."""
+    """K2 [N/m] and C [N s/m], and their derivatives (N, 2, inputs)."""
     k2, c = maxwell_arm(stiffness, k1, omega)
     by_arm = by_stiffness.copy()
     by_arm[:, _K1_AT] -= 1.0
@@ -355,25 +376,8 @@ def _arm(
     return k2, c, slopes
 
 
-def _input_covariance(
-    phasors: Phasors, rig: Rig | None, k1_std: FloatArray, added_std: FloatArray, channels: ChannelUncertainty | None
-) -> FloatArray:
-    count = k1_std.size
-    covariance = np.zeros((count, _INPUTS, _INPUTS))
-    covariance[:, :6, :6] = phasors.covariance.reshape(count, 6, 6)
-    if channels is not None:
-        covariance[:, :6, :6] += channels.covariance(phasors.amplitudes.reshape(count, 3), phasors.omega.reshape(count))
-    at = np.arange(_INPUTS)
-    if rig is not None:
-        covariance[:, at[_RIG_AT], at[_RIG_AT]] = rig.uncertainties**2
-    covariance[:, _ADDED_AT, _ADDED_AT] = added_std**2
-    covariance[:, _K1_AT, _K1_AT] = np.nan_to_num(k1_std) ** 2
-    covariance[:, _OMEGA_AT, _OMEGA_AT] = (2 * np.pi * np.asarray(phasors.frequency_std).reshape(count)) ** 2
-    return covariance
-
-
 def _propagate(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
-    """J S J^T for J (N, outputs, inputs); inputs that do not matter do not count, even where they are unknown."""
+    """J S J^T for J (N, outputs, inputs); an input without influence is ignored, even if it is not-a-number."""
     with np.errstate(invalid="ignore"):
         weighted = np.where(jacobian == 0, 0.0, jacobian)
         known = np.where(np.any(jacobian != 0, axis=1)[:, :, None], covariance, 0.0)
@@ -382,4 +386,5 @@ def _propagate(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _std(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Standard uncertainty (N,) of an output with derivatives (N, inputs)."""
     return np.sqrt(np.maximum(_propagate(jacobian[:, None, :], covariance)[:, 0, 0], 0.0))

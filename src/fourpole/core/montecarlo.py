@@ -1,4 +1,4 @@
-"""Intervals of K2 and C by Monte Carlo, where linear propagation cannot tell: near the pole of K2."""
+"""Coverage intervals of K2 and C by Monte Carlo, for use near the pole of K2, where linear propagation fails."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.routes import mobility_route, relative_route, transmissibility_route
+from fourpole.core.routes import stiffness_by
 
 __all__ = ["LEVELS", "Interval", "arm_intervals", "draw_around", "draw_route"]
 
@@ -20,24 +20,23 @@ LEVELS = (0.025, 0.5, 0.975)
 
 @dataclass(frozen=True, eq=False)
 class Interval(ByValue):
-    """Quantiles of K2 or C at `LEVELS`; infinite where no upper limit is known.
+    """Quantiles of K2 or C at `LEVELS`; infinite if there is no upper limit.
 
     Attributes
     ----------
     quantiles : (3,) float array [N/m] or [N s/m]
-    impassive : float [1]
-        Share of the draws that no passive spring or damper explains.
+    non_passive_share : float [1]
+        Share of the draws whose K2 or C is not passive.
     """
 
     quantiles: FloatArray
-    impassive: float
+    non_passive_share: float
 
 
 def draw_around(stiffness: complex, covariance: FloatArray, draws: int, rng: np.random.Generator) -> ComplexArray:
-    """K* drawn from a normal distribution in log K*, (draws,) [N/m]; covariance of (Re, Im) K*."""
+    """Draws (draws,) of K* [N/m], normal in log K*, from the covariance (2, 2) of Re and Im of K*."""
     turn = np.array([[stiffness.real, stiffness.imag], [-stiffness.imag, stiffness.real]]) / abs(stiffness) ** 2
-    values, vectors = np.linalg.eigh(turn @ covariance @ turn.T)
-    parts = (rng.standard_normal((draws, 2)) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    parts = _normal(turn @ covariance @ turn.T, draws, rng)
     return np.asarray(stiffness * np.exp(parts[:, 0] + 1j * parts[:, 1]))
 
 
@@ -52,24 +51,27 @@ def draw_route(
     added_mass: float = 0.0,
     added_mass_std: float = 0.0,
 ) -> ComplexArray:
-    """K* of one test by a route, with everything it rests on drawn from what is stated (JCGM 101); (draws,) [N/m].
+    """Draws of K* of one test by a route, with all inputs drawn from their stated distributions (JCGM 101).
 
     Parameters
     ----------
     phasors : Phasors
-        Of one test.
+        Phasors of one test.
     rig, route, channels : Rig or None, str, ChannelUncertainty
-        As for `identify`.
+        The same as for `identify`.
     draws : int
+        Number of draws.
     rng : numpy.random.Generator
     added_mass, added_mass_std : float [kg]
+        Mass fixed to the moving mass, and its standard uncertainty.
 
     Returns
     -------
     (draws,) complex array [N/m]
+        K*.
     """
     omega = float(phasors.omega)
-    noise = _normal(phasors.covariance, draws, rng)
+    noise = _normal(np.nan_to_num(phasors.covariance), draws, rng)
     off = np.zeros((draws, 3), dtype=complex)
     for error in channels.errors(np.array([omega])):
         off[:, error.channel] += rng.standard_normal(draws) * error.std * error.turn[0]
@@ -82,27 +84,25 @@ def draw_route(
             impedance = rig.impedance(omega, added_mass) + spread @ rig.impedance_gradient(omega, added_mass)
         f1 = f1 - 1j * omega * (rig.input_mass + spread[:, -2]) * v1
     with np.errstate(divide="ignore", invalid="ignore"):
-        if route == "relative":
-            return relative_route(f1, v1, v2, omega)
-        if route == "mobility":
-            return mobility_route(v1 / f1, 1.0 / impedance, omega)
-        return transmissibility_route(v2 / v1, impedance, omega)
+        return stiffness_by(route, (f1, v1, v2), impedance, omega)
 
 
 def _normal(covariance: FloatArray, draws: int, rng: np.random.Generator) -> FloatArray:
-    values, vectors = np.linalg.eigh(np.nan_to_num(covariance))
+    """Draws (draws, k) of a normal distribution with mean 0 and a covariance (k, k)."""
+    values, vectors = np.linalg.eigh(covariance)
     return (rng.standard_normal((draws, values.size)) * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
 
 
 def arm_intervals(stiffness: ComplexArray, k1: FloatArray, omega: float) -> tuple[Interval, Interval]:
     """Quantiles of K2 and of C over draws of K* and K1.
 
-    1/K2 and 1/C are what passes smoothly through the pole, so they are ordered; where they fall to zero or below, K2
-    or C has no upper limit.
+    The quantiles are those of 1/K2 and 1/C, which are continuous at the pole. If a quantile of 1/K2 or 1/C is zero or
+    negative, K2 or C has no upper limit.
 
     Parameters
     ----------
     stiffness, k1 : (draws,) complex and float arrays [N/m]
+        Draws of K* and of K1.
     omega : float [rad/s]
 
     Examples
@@ -116,6 +116,7 @@ def arm_intervals(stiffness: ComplexArray, k1: FloatArray, omega: float) -> tupl
 
 
 def _interval(inverse: FloatArray) -> Interval:
+    """Quantiles of a quantity from draws of its inverse."""
     low = np.quantile(inverse[np.isfinite(inverse)], [1 - level for level in LEVELS])
     with np.errstate(divide="ignore"):
         return Interval(np.where(low > 0, 1.0 / low, np.inf), float(np.mean(~(inverse > 0))))

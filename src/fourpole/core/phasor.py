@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 
 __all__ = ["CHANNELS", "SYMBOLS", "Phasors"]
 
 
 #: The three channels of a dynamic test, in the order of every amplitude and covariance.
 CHANNELS = ("force_in", "motion_in", "motion_out")
-#: What the paper calls them.
+#: Symbols of the channels in the paper.
 SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
 
 
 @dataclass(frozen=True, eq=False)
-class Phasors(ByValue):
+class Phasors(ByRows):
     r"""Complex amplitudes of F1, V1, V2 at one frequency per test; x(t) = Re(X e^{jwt}), 0-to-peak.
 
     Parameters
@@ -30,11 +29,12 @@ class Phasors(ByValue):
     frequency : (...,) float array [Hz]
         Excitation frequency.
     amplitudes : (..., 3) complex array [N], [m/s], [m/s]
-        F1, V1, V2; not-a-number where a channel is absent.
+        F1, V1, V2; not-a-number for an absent channel.
     covariance : (..., 6, 6) float array
-        Of Re F1, Im F1, Re V1, Im V1, Re V2, Im V2, in the squares of their units; the noise alone, not the gains.
+        Covariance of Re F1, Im F1, Re V1, Im V1, Re V2, Im V2, in the squares of their units. It includes the noise,
+        not the errors of the gains.
     frequency_std : (...,) float array [Hz]
-        Standard uncertainty of the frequency; 0 where it was given.
+        Standard uncertainty of the frequency; 0 for a frequency that was given.
     dof : (...,) float array [1]
         Degrees of freedom of the covariance.
 
@@ -61,7 +61,7 @@ class Phasors(ByValue):
         motion_out: ArrayLike = np.nan,
         phase_out: ArrayLike = 0.0,
     ) -> Phasors:
-        """Phasors from a reduced table, taken as exact.
+        """Phasors from a reduced table, assumed to be exact.
 
         Parameters
         ----------
@@ -70,12 +70,12 @@ class Phasors(ByValue):
         force_in, motion_in, motion_out : (...,) float arrays [N], [m/s], [m/s]
             Amplitudes of F1, V1 and, if known, V2.
         phase, phase_out : (...,) float arrays [rad]
-            Phase of F1 and of V2 ahead of V1.
+            Phase by which F1 and V2 lead V1.
 
         Returns
         -------
         Phasors
-            With V1 real and no covariance.
+            V1 is real, and the covariance is zero.
 
         Examples
         --------
@@ -91,12 +91,8 @@ class Phasors(ByValue):
 
     @classmethod
     def stack(cls, items: Sequence[Phasors]) -> Phasors:
-        """Join tests of the same shape along a new first axis."""
+        """Phasors of tests of the same shape, joined along a new first axis."""
         return cls(*(np.stack([getattr(item, f.name) for item in items]) for f in fields(cls)))
-
-    def part(self, rows: Any) -> Phasors:
-        """Some of the tests, by whatever indexes an array; one number gives that test alone."""
-        return type(self)(*(np.asarray(getattr(self, f.name))[rows] for f in fields(self)))
 
     @property
     def omega(self) -> FloatArray:
@@ -115,7 +111,7 @@ class Phasors(ByValue):
 
     @property
     def motion_out(self) -> ComplexArray:
-        """V2 [m/s]; not-a-number where not measured."""
+        """V2 [m/s]; not-a-number if not measured."""
         return self.amplitudes[..., 2]
 
     @property
@@ -130,7 +126,7 @@ class Phasors(ByValue):
 
     @property
     def std(self) -> FloatArray:
-        """Standard uncertainty of Re and Im of F1, V1, V2 from the noise, shape (..., 6)."""
+        """Standard uncertainty (..., 6) of Re and Im of F1, V1, V2 from the noise, in their units."""
         return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
 
     def coverage_factor(self, level: float = 0.95) -> FloatArray:

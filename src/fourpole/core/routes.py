@@ -11,6 +11,8 @@ route                 K*                                  needs           blind 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -23,11 +25,13 @@ __all__ = [
     "mobility_route",
     "paper_d",
     "relative_route",
+    "stiffness_by",
     "transmissibility_route",
     "why_no_arm",
 ]
 
 
+#: Routes that identify each test by itself.
 ROUTES = ("mobility", "relative", "transmissibility")
 
 
@@ -39,7 +43,7 @@ def mobility_route(mobility: ArrayLike, rig_mobility: ArrayLike, omega: ArrayLik
     Parameters
     ----------
     mobility, rig_mobility : (...,) complex arrays [m/(N s)]
-        V1/F1 measured, and 1/Zr of the rig beyond the tyre (0 where it is blocked).
+        V1/F1 as measured, and 1/Zr of the rig beyond the tyre (0 for a blocked rig).
     omega : (...,) float array [rad/s]
         Angular frequency.
 
@@ -115,6 +119,18 @@ def transmissibility_route(transmissibility: ArrayLike, rig_impedance: ArrayLike
     return 1j * np.asarray(omega) * np.asarray(rig_impedance) * t / (1 - t)
 
 
+def stiffness_by(
+    route: str, amplitudes: Sequence[ComplexArray], rig_impedance: ArrayLike, omega: ArrayLike
+) -> ComplexArray:
+    """K* [N/m] by one of `ROUTES`, from the amplitudes (F1, V1, V2) at the tyre and the rig's impedance [N s/m]."""
+    f1, v1, v2 = amplitudes
+    if route == "relative":
+        return relative_route(f1, v1, v2, omega)
+    if route == "mobility":
+        return mobility_route(v1 / f1, 1 / np.asarray(rig_impedance), omega)
+    return transmissibility_route(v2 / v1, rig_impedance, omega)
+
+
 def maxwell_arm(stiffness: ArrayLike, k1: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray]:
     r"""K2 and C of the arm beside K1: eqs (11) and (12), corrected.
 
@@ -134,15 +150,15 @@ def maxwell_arm(stiffness: ArrayLike, k1: ArrayLike, omega: ArrayLike) -> tuple[
     Returns
     -------
     k2 : (...,) float array [N/m]
-        Spring of the arm; negative where Re K* < K1, infinite where they are equal: no passive answer.
+        Spring of the arm. A negative value (if Re K* < K1) or an infinite one is not passive.
     c : (...,) float array [N s/m]
-        Damper of the arm; negative where Im K* < 0: no passive answer.
+        Damper of the arm. A negative value (if Im K* < 0) is not passive.
 
     Notes
     -----
     Deviation from the source: eq. (12) as printed lacks two squares. Corrected, with d of eq. (13) and the real part R
-    of the tyre's mobility, :math:`K_2 = K_1 [(K_1/\omega)^2 + ((1-d)/R)^2] / [d(1-d)/R^2 - (K_1/\omega)^2]`; eq.
-    (11) is :math:`C = R[(K_1/\omega)^2 + ((1-d)/R)^2]`; the same numbers as here, which lose fewer digits.
+    of the tyre's mobility, :math:`K_2 = K_1 [(K_1/\omega)^2 + ((1-d)/R)^2] / [d(1-d)/R^2 - (K_1/\omega)^2]`. Eq. (11)
+    is :math:`C = R[(K_1/\omega)^2 + ((1-d)/R)^2]`. Both give the same values as here, with a larger round-off.
 
     References
     ----------
@@ -163,7 +179,7 @@ def maxwell_arm(stiffness: ArrayLike, k1: ArrayLike, omega: ArrayLike) -> tuple[
 def arm_slopes(
     stiffness: ComplexArray, k1: FloatArray, arm: tuple[FloatArray, FloatArray], omega: FloatArray, by: ComplexArray
 ) -> FloatArray:
-    """Derivatives (N, 2, k) of K2 and C, of `arm` as `maxwell_arm` gives it, from those (N, k) of K* - K1."""
+    """Derivatives (N, 2, k) of the `arm` (K2, C) of `maxwell_arm`, from the derivatives `by` (N, k) of K* - K1."""
     k2, c = arm
     by_compliance = -by / ((stiffness - k1) ** 2)[:, None]
     return np.stack([-(k2**2)[:, None] * by_compliance.real, (omega * c**2)[:, None] * by_compliance.imag], axis=1)
@@ -182,7 +198,7 @@ def paper_d(stiffness: ArrayLike, k1: ArrayLike) -> FloatArray:
     Returns
     -------
     (...,) float array [1]
-        d; below 1 wherever damper and spring of the arm take a share of the load.
+        d; below 1 if the arm carries a share of the load.
 
     References
     ----------
@@ -197,7 +213,7 @@ def paper_d(stiffness: ArrayLike, k1: ArrayLike) -> FloatArray:
 
 
 def why_no_arm(stiffness: complex, k1: float, k2: float, c: float) -> str:
-    """Why no passive K2, C exists, with the likely cause; empty where they do."""
+    """The reason why no passive K2, C exist, with the likely cause; an empty text if they exist."""
     if not np.isfinite(stiffness):
         return "K* could not be found, so neither can K2 and C"
     if k2 > 0 and c > 0 and np.isfinite(k2) and np.isfinite(c):

@@ -58,7 +58,7 @@ def _calibration_checks(test: Test) -> list[Check]:
 
 def _convergence_checks(found: Identified) -> list[Check]:
     joint = found.group.result.joint
-    if joint is None or joint.solution.converged:
+    if joint is None or joint.converged:
         return []
     return [told(Code.CONVERGENCE, "warning")]
 
@@ -78,8 +78,8 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
     if stiffness.reason and value.real > 0 and value.imag > 0:
         return [told(Code.NO_K1, "warning", why=stiffness.reason)]
     interval = _interval(found, 0) if at in found.group.intervals else ""
-    if reason and interval and found.group.intervals[at][0].impassive < _NEVER_PASSIVE:
-        share = found.group.intervals[at][0].impassive
+    if reason and interval and found.group.intervals[at][0].non_passive_share < _NEVER_PASSIVE:
+        share = found.group.intervals[at][0].non_passive_share
         return [told(Code.PASSIVE_ARM, "warning", share, _NEVER_PASSIVE, interval=interval)]
     if reason:
         return [told(Code.PASSIVE_ARM, "rejected", limit=0.0, why=reason)]

@@ -289,7 +289,7 @@ def _quantile_table(analysed: Analysed) -> pl.DataFrame:
             q.QUANTITY.head: one.column,
             q.UNIT.head: one.unit,
             **dict(zip((q.LOWER.head, q.MEDIAN.head, q.UPPER.head), drawn.quantiles.tolist(), strict=True)),
-            q.NON_PASSIVE.head: drawn.impassive,
+            q.NON_PASSIVE.head: drawn.non_passive_share,
         }
         for group, keys in analysed.groups
         for at, pair in group.intervals.items()

@@ -54,6 +54,11 @@ class Joint(ByValue):
     misfit: Misfit
 
     @property
+    def converged(self) -> bool:
+        """Whether the search for the most probable values converged."""
+        return self.solution.converged
+
+    @property
     def found(self) -> FloatArray:
         """Shared values as found, each in its unit."""
         return self.problem.shared.found(self.solution.z)

@@ -1,4 +1,4 @@
-"""K* of each condition to start from: in closed form, by the route that the stated uncertainties favour."""
+"""First values of K* for the joint solution: in closed form, by the route with the smallest stated uncertainty."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint.conditions import Conditions
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import Shared
-from fourpole.core.routes import mobility_route, relative_route, transmissibility_route
+from fourpole.core.routes import stiffness_by
 
 __all__ = ["closed_form_start"]
 
-#: Nothing is taken as better known than this when routes are compared.
+#: Least relative uncertainty of a channel or of the rig in the comparison of routes.
 _LEAST = 1e-4
 
 
 def closed_form_start(
     observed: Observed, conditions: Conditions, shared: Shared, channels: ChannelUncertainty
 ) -> ComplexArray:
-    """K* of each condition [N/m], from the stated rig and the amplitudes as they are."""
+    """K* of each condition [N/m], from the stated rig and the amplitudes as measured."""
     rig, omega = shared.rig, observed.omega
     added = np.where(observed.mass_at >= 0, np.append(shared.masses, 0.0)[observed.mass_at], 0.0)
     impedance = np.asarray(rig.impedance(omega, added))
@@ -30,13 +30,8 @@ def closed_form_start(
     spread = np.abs(rig.impedance_gradient(omega, added)[:, :-1]) * rig.uncertainties
     with np.errstate(divide="ignore", invalid="ignore"):
         u_z = np.sqrt(np.sum(spread**2, axis=1)) / np.abs(impedance) + _LEAST
-        found = np.stack(
-            [
-                relative_route(f1, v1, v2, omega),
-                mobility_route(v1 / f1, 1 / impedance, omega),
-                transmissibility_route(v2 / v1, impedance, omega),
-            ]
-        )
+        routes = ("relative", "mobility", "transmissibility")
+        found = np.stack([stiffness_by(route, (f1, v1, v2), impedance, omega) for route in routes])
         apart, tyre = np.abs(v1 - v2), np.abs(v1 / f1 - 1 / impedance)
         off = np.stack(
             [
