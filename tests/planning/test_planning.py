@@ -9,6 +9,7 @@ from fourpole.core.plan import expect
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError
 from fourpole.planning.plan import AS_STATED, Guess, Run, bare_plan, plan_campaign, plan_table, with_kg
+from fourpole.study.results import Results
 
 TOML = """
 [rig]
@@ -77,6 +78,39 @@ def test_the_tyre_is_guessed_from_earlier_results(campaign_with_results):
     np.testing.assert_allclose(planned.rigs[0].plan.tests.k1_std, found["u(K1) [N/m]"].to_numpy())
     softer = plan_campaign(campaign, Guess(c=500.0), Run())
     assert set(softer.rigs[0].plan.tests.c) == {500.0}
+
+
+@pytest.mark.parametrize(
+    ("pressure", "preload", "temperature", "k2"),
+    [
+        (1.72, 1005, 22, 1e5),  # within all tolerances of the test at 20 °C: the smaller frequency decides
+        (1.70, 1000, 58, 2e5),  # the temperature alone tells the two apart
+        (2.40, 1000, 20, 3e5),
+        (2.00, 1000, 20, 1e5),  # ln(2.0/1.7) < ln(2.4/2.0)
+    ],
+)
+def test_the_nearest_earlier_test_is_that_of_the_same_condition(
+    folder, monkeypatch, pressure, preload, temperature, k2
+):
+    results = folder / "results"
+    results.mkdir()
+    head = (
+        "test,tyre,pressure [Pa],preload [N],temperature [degC],frequency [Hz],K1 [N/m],u(K1) [N/m],K2 [N/m],C [N s/m]"
+    )
+    rows = (
+        "E1,a,170000,1000,20,10,110e3,1e3,1e5,800",
+        "E2,a,170000,1000,60,10,110e3,1e3,2e5,800",
+        "E3,a,240000,1000,20,10,110e3,1e3,3e5,800",
+        "E4,a,170000,1000,20,30,110e3,1e3,4e5,800",
+        "E5,b,170000,1000,20,10,110e3,1e3,5e5,800",
+    )
+    (results / "dynamic.csv").write_text("\n".join([head, *rows]) + "\n")
+    found = Results(dynamic=pl.read_csv(results / "dynamic.csv"))
+    monkeypatch.setattr("fourpole.planning.plan.read_results", lambda _: found)
+    head = HEAD.replace("note", "temperature [degC]")
+    (folder / "tests.csv").write_text(f"{head}D1,r/1.csv,dynamic,a,{pressure},{preload},11,,{temperature}\n")
+    (item,) = plan_campaign(read_campaign(folder), Guess(), Run()).rigs
+    assert item.plan.tests.k2.tolist() == [k2]
 
 
 @pytest.fixture(scope="module")

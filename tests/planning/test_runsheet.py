@@ -1,6 +1,6 @@
 """The run sheet: a campaign that can be read, in an order that can be run."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import polars as pl
 import pytest
@@ -120,6 +120,54 @@ def test_the_order_is_random_and_the_seed_gives_it_again(planned, sheet):
     rows, starts = blocks(sheet, "a")
     orders = {tuple(rows["frequency [Hz]"][at : at + 3]) for start in starts for at in (start, start + 3)}
     assert len(orders) > 1
+
+
+def planned_of(folder, rows, toml=TOML):
+    (folder / "campaign.toml").write_text(toml)
+    head = "test,file,kind,tyre,pressure [bar],preload [N],frequency [Hz],temperature [degC],amplitude [mm],batch"
+    (folder / "tests.csv").write_text("\n".join([head, *rows]) + "\n")
+    return plan_campaign(read_campaign(folder), GUESS, Run())
+
+
+def test_blocks_of_one_temperature_stand_together_and_the_tyre_is_brought_to_it(tmp_path):
+    rows = [
+        f"D{at},r/{at}.csv,dynamic,a,{pressure},1000,{frequency},{temperature + at % 3},,"
+        for at, (temperature, pressure, frequency) in enumerate(product((20, 60), (1.35, 2.05), (10, 16, 24)))
+    ]
+    planned = planned_of(tmp_path, rows)
+    assert planned.rigs[0].plan.statics == 4  # one static test per pressure and temperature
+    for seed in range(6):
+        sheet = run_sheet(planned, masses=[5.0], seed=seed)
+        hot = (sheet["temperature [degC]"] > 40).to_list()
+        assert sum(one != other for one, other in pairwise(hot)) == 1
+        steps = sheet["instruction"].drop_nulls().to_list()
+        assert len(steps) == 4 * 2  # a block per temperature, pressure and mass
+        assert sum("bring the tyre to" in step for step in steps) == 4
+
+
+def test_a_test_and_the_same_with_a_mass_are_one_condition_though_its_values_differ_a_little(tmp_path):
+    """The amplitude of the deflection differs between the two; pressure, preload and temperature differ by less than
+    the tolerances."""
+    rows = [
+        "D1,r/1.csv,dynamic,a,1.70,1000,10,20,1.0,x",
+        "D2,r/2.csv,dynamic,a,1.72,1008,10,23,0.4,x",
+        "D3,r/3.csv,dynamic,a,1.70,1000,16,20,1.1,x",
+    ]
+    planned = planned_of(tmp_path, rows)
+    plan = planned.rigs[0].plan
+    assert plan.tests.family.tolist() == [0, 0, 0]
+    assert plan.statics == 1
+    sheet = run_sheet(planned, masses=[10.0], seed=3)
+    assert sum("preload spring" in step for step in sheet["instruction"].drop_nulls()) == 2  # one condition, two masses
+    assert sum("set 1.7" in step for step in sheet["instruction"].drop_nulls()) == 1
+
+
+def test_a_further_axis_of_the_campaign_parts_the_blocks(tmp_path):
+    rows = [f"D{at},r/{at}.csv,dynamic,a,1.7,1000,{10 + at},20,,{'xy'[at % 2]}" for at in range(4)]
+    toml = TOML + '[conditions]\naxes = ["batch"]\n'
+    for seed in range(6):
+        batches = run_sheet(planned_of(tmp_path, rows, toml), seed=seed)["batch"].to_list()
+        assert batches in (["x", "x", "y", "y"], ["y", "y", "x", "x"])
 
 
 def test_less_than_one_run_is_refused(planned):

@@ -1,26 +1,31 @@
-"""Before testing: a campaign whose recordings do not exist yet, or a rig and a guessed tyre, becomes a plan."""
+"""Planning before the tests: the uncertainties to expect of a campaign whose recordings do not exist yet.
+
+A plan needs a rig and a guessed tyre. The tests come from tests.csv, or from a list of frequencies.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Self
 
 import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
 from fourpole.campaign.channels import DEFAULT_GAIN_STD, DEFAULT_PHASE_STD
-from fourpole.campaign.folder import Campaign, Test, read_campaign
+from fourpole.campaign.folder import Campaign, Test, condition_of, read_campaign
 from fourpole.campaign.schema import DEFAULT_RIG_STD
 from fourpole.core.arrays import FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.condition import Axis, Condition, Sameness, Value
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.plan import Plan, PlannedTests
 from fourpole.core.plan.expect import arm_by_k1, planned_phasors, relative_uncertainties
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError
+from fourpole.fitting.rows import conditions_in
 from fourpole.study.identified import ADDED_MASS_STD, setup_of
 from fourpole.study.results import read_results
 from fourpole.study.static import StaticStiffness
@@ -39,23 +44,39 @@ __all__ = [
     "with_kg",
 ]
 
-#: The plan as tests.csv has it, in the column ``plan``.
+#: Value of the column ``plan`` for the tests as tests.csv states them.
 AS_STATED = "as stated"
+#: Relative standard uncertainty of K1 where neither tests.csv nor the command line states one.
 _K1_STD = 0.02
+#: Number of recorded cycles to which the noise of a `Run` belongs.
 _CYCLES = 40.0
-#: K1, its standard uncertainty, K2 [N/m], C [N s/m].
-_Tyre: TypeAlias = tuple[float, float, float, float]
+#: A difference in temperature of this many tolerances counts as much as a factor of e in pressure or preload.
+_TOLERANCES_PER_E = 10.0
+
+
+@dataclass(frozen=True)
+class _Tyre:
+    """The expected tyre of one test: K1 and its standard uncertainty [N/m], K2 [N/m], C [N s/m]."""
+
+    k1: float
+    k1_std: float
+    k2: float
+    c: float
+
+
+#: A rigid block has no tyre; the numbers keep the equations finite.
+_RIGID = _Tyre(1.0, 0.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True)
 class Guess:
-    """The tyre as guessed; None where it is not.
+    """A guessed tyre; None where a value is not guessed.
 
     Attributes
     ----------
     k1, k2, c : float [N/m], [N/m], [N s/m]
     k1_std : float [1]
-        Relative standard uncertainty that the static tests will leave of K1.
+        Relative standard uncertainty of K1 after the static tests.
     """
 
     k1: float | None = None
@@ -73,9 +94,9 @@ class Run:
     noise : float [1]
         Standard uncertainty of Re and of Im of each amplitude over its modulus, after 40 cycles.
     cycles : float [1]
-        Recorded in each test; the noise falls with their root.
+        Number of cycles recorded in each test; the noise is proportional to 1/sqrt(cycles).
     eccentricity : float [m]
-        Amplitude of the contact's motion.
+        Amplitude of the displacement of the contact.
     """
 
     noise: float = 1e-4
@@ -84,7 +105,7 @@ class Run:
 
     @property
     def noise_of_test(self) -> float:
-        """The noise after all cycles [1]."""
+        """Relative standard uncertainty of Re and of Im of each amplitude after all cycles [1]."""
         return float(self.noise * np.sqrt(_CYCLES / self.cycles))
 
 
@@ -99,24 +120,27 @@ class RigPlan:
 
 @dataclass(frozen=True)
 class CampaignPlan:
-    """What is planned.
+    """The plan of a campaign.
 
     Attributes
     ----------
     rigs : tuple of RigPlan
-        The dynamic tests.
+        Dynamic tests and calibrations, one entry per rig.
     tests : tuple of Test
         All tests, the static ones too.
     extra_columns : tuple of str
-        Columns that pass through.
+        Columns of tests.csv that pass through to the run sheet.
     notes : tuple of str
-        What was assumed, and what would go wrong.
+        Sentences: what was assumed, and which tests cannot be run as planned.
+    rule : Sameness
+        The campaign's rule of one condition.
     """
 
     rigs: tuple[RigPlan, ...]
     tests: tuple[Test, ...]
     extra_columns: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    rule: Sameness = field(default_factory=Sameness)
 
     def table(self, masses: Sequence[float] = ()) -> pl.DataFrame:
         """The uncertainties to expect, as `plan_table` gives them."""
@@ -141,15 +165,16 @@ def plan(
     campaign : Campaign or path
         The campaign, or its folder.
     k1, k2, c : float [N/m], [N/m], [N s/m], optional
-        The guessed tyre. What is not given comes from tests.csv (K1), or from an earlier analysis of the campaign.
+        The guessed tyre. A value that is not given comes from tests.csv (K1), or from an earlier analysis of the
+        campaign.
     k1_std : float [1], optional
-        Relative standard uncertainty that the static tests will leave of K1; 2 % where nothing states it.
+        Relative standard uncertainty of K1 after the static tests; 2 % where neither this nor tests.csv states one.
     noise : float [1]
         Standard uncertainty of Re and of Im of each amplitude over its modulus, after 40 cycles.
     cycles : float [1]
-        Recorded in each test; the noise falls with their root.
+        Number of cycles recorded in each test; the noise is proportional to 1/sqrt(cycles).
     eccentricity : float [m]
-        Amplitude of the contact's motion.
+        Amplitude of the displacement of the contact.
 
     Returns
     -------
@@ -185,7 +210,7 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
     campaign : Campaign
         As `read_campaign` gives it.
     guess : Guess
-        What is not guessed is taken from the row of tests.csv (K1), or from CAMPAIGN/results/dynamic.csv: the
+        A value that is not guessed comes from the row of tests.csv (K1), or from CAMPAIGN/results/dynamic.csv: the
         nearest test of the same tyre.
     run : Run
 
@@ -201,17 +226,19 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
         If a rig is not stated.
     """
     planned = _to_plan(campaign)
-    earlier = _Earlier.of(campaign.folder / "results")
+    rule = campaign.stated.sameness
+    earlier = _Earlier.of(campaign.folder / "results", rule)
     notes = list(campaign.stated.assumptions())
     if earlier is not None and not _whole(guess):
         notes.append(f"the tyres are guessed from {campaign.folder.name}/results/dynamic.csv")
     rigs = []
     for name in dict.fromkeys(test.rig for test in planned):
         tests = tuple(test for test in planned if test.rig == name)
-        rigs.append(_rig_plan(campaign, name, tests, [_tyre(test, guess, earlier) for test in tests], run))
+        tyres = [_RIGID if test.kind == "calibration" else _tyre(test, guess, earlier) for test in tests]
+        rigs.append(_rig_plan(campaign, name, tests, tyres, run))
     if _k1_assumed(planned, guess, earlier):
         notes.append("K1: no uncertainty stated, taken as 2 % (--std-k1)")
-    return CampaignPlan(tuple(rigs), campaign.tests, campaign.extra_columns, (*notes, *_lift_off(rigs)))
+    return CampaignPlan(tuple(rigs), campaign.tests, campaign.extra_columns, (*notes, *_lift_off(rigs)), rule)
 
 
 def _to_plan(campaign: Campaign) -> list[Test]:
@@ -229,20 +256,30 @@ def _to_plan(campaign: Campaign) -> list[Test]:
 
 def _rig_plan(campaign: Campaign, name: str, tests: tuple[Test, ...], tyres: Sequence[_Tyre], run: Run) -> RigPlan:
     """The plan of the tests of one rig, for the guessed tyre of each test."""
-    setup = setup_of(campaign, name, tests, [StaticStiffness(row[0], row[1]) for row in tyres])
+    setup = setup_of(campaign, name, tests, [StaticStiffness(tyre.k1, tyre.k1_std) for tyre in tyres])
     if setup.rig is None:
         raise RigError("campaign.toml: [rig] is missing: a plan needs moving_mass and preload_stiffness")
     force, motion, beyond = (campaign.stated.channels.named(role) is not None for role in CHANNELS)
     if not motion or not (force or beyond):
         raise CampaignError("campaign.toml: [channels] a plan needs motion_in and one of force_in and motion_out")
-    k1, k1_std, k2, c = np.array(tyres).T
-    drawn = PlannedTests.of(
-        np.array([test.values["frequency"] for test in tests]), k1, k2, c, k1_std=k1_std, family=setup.family,
-        added_mass=setup.added, added_mass_std=setup.added_std, eccentricity=run.eccentricity,
-        noise=run.noise_of_test, present=(force, motion, beyond),
+    expected = _expected(
+        tests, tyres, run, family=setup.family, added_mass=setup.added, added_mass_std=setup.added_std,
+        present=(force, motion, beyond),
     )  # fmt: skip
-    statics = len({(test.tyre, test.value("pressure")) for test in tests if test.kind == "dynamic"})
-    return RigPlan(name, Plan(drawn, setup.rig, setup.channels, run.cycles, max(statics, 1), ADDED_MASS_STD), tests)
+    # Static tests of one specimen, pressure and temperature give one K1, whatever the preload of the dynamic tests is.
+    rule = campaign.stated.sameness.without("preload")
+    statics = set(rule.groups([condition_of(test, rule) for test in tests if test.kind == "dynamic"]).tolist())
+    return RigPlan(
+        name, Plan(expected, setup.rig, setup.channels, run.cycles, max(len(statics), 1), ADDED_MASS_STD), tests
+    )
+
+
+def _expected(tests: Sequence[Test], tyres: Sequence[_Tyre], run: Run, **more: Any) -> PlannedTests:
+    """The planned tests with the tyre and the noise to expect of each; `more` goes to `PlannedTests.of`."""
+    k1, k1_std, k2, c = np.array([astuple(tyre) for tyre in tyres]).T
+    frequency = np.array([test.values["frequency"] for test in tests])
+    more |= {"k1_std": k1_std, "eccentricity": run.eccentricity, "noise": run.noise_of_test}
+    return PlannedTests.of(frequency, k1, k2, c, **more)
 
 
 def bare_plan(
@@ -261,7 +298,7 @@ def bare_plan(
     Parameters
     ----------
     rig : Rig
-        Its own uncertainties do not count.
+        Its own standard uncertainties are replaced by `rig_std`.
     guess : Guess
         With K1, K2 and C.
     run : Run
@@ -269,8 +306,8 @@ def bare_plan(
     preload : float [N], optional
         Static load on the tyre.
     rig_std, gain_std, phase_std : float [1], [1], [rad], optional
-        Of each of the rig's values, relative, and of each channel; by default as for a campaign that does not state
-        them.
+        Standard uncertainties: relative, of each value of the rig; of the gain and of the phase of each channel. The
+        defaults are those of a campaign that does not state them.
 
     Returns
     -------
@@ -283,15 +320,13 @@ def bare_plan(
     >>> [test.name for test in planned.tests], planned.rigs[0].plan.rig.std["moving_mass"]
     (['S1', 'D1', 'D2'], 0.3)
     """
-    notes = []
-    for given, words in (
-        (rig_std, "rig: no uncertainty stated, taken as 2 % of each value (--std-rig)"),
-        (gain_std, "channels: no uncertainty of the gains stated, taken as 1 % (--std-gain)"),
-        (phase_std, "channels: no uncertainty of the phases stated, taken as 0.5 deg (--std-phase)"),
-        (guess.k1_std, "K1: no uncertainty stated, taken as 2 % (--std-k1)"),
-    ):
-        if given is None:
-            notes.append(words)
+    taken = {
+        "rig: no uncertainty stated, taken as 2 % of each value (--std-rig)": rig_std,
+        "channels: no uncertainty of the gains stated, taken as 1 % (--std-gain)": gain_std,
+        "channels: no uncertainty of the phases stated, taken as 0.5 deg (--std-phase)": phase_std,
+        "K1: no uncertainty stated, taken as 2 % (--std-k1)": guess.k1_std,
+    }
+    notes = [note for note, stated in taken.items() if stated is None]
     relative = DEFAULT_RIG_STD if rig_std is None else rig_std
     values = {name: getattr(rig, name) for name in ("moving_mass", "preload_stiffness", "preload_damping")}
     rig = replace(rig, std={name: relative * value for name, value in values.items() if value})
@@ -304,12 +339,8 @@ def bare_plan(
         Test(f"D{at}", at + 2, f"recordings/D{at}.csv", "dynamic", "tyre", values={**load, "frequency": frequency})
         for at, frequency in enumerate(frequencies, start=1)
     )
-    k1, k1_std, k2, c = np.array([_tyre(test, guess, None) for test in tests]).T
-    drawn = PlannedTests.of(
-        np.asarray(frequencies, dtype=float), k1, k2, c,
-        k1_std=k1_std, eccentricity=run.eccentricity, noise=run.noise_of_test,
-    )  # fmt: skip
-    only = RigPlan("", Plan(drawn, rig, channels, run.cycles, 1, ADDED_MASS_STD), tests)
+    expected = _expected(tests, [_tyre(test, guess, None) for test in tests], run)
+    only = RigPlan("", Plan(expected, rig, channels, run.cycles, 1, ADDED_MASS_STD), tests)
     static = Test("S1", 2, "recordings/S1.csv", "static", "tyre", values=dict(load))
     return CampaignPlan((only,), (static, *tests), (), (*notes, *_lift_off([only])))
 
@@ -319,7 +350,7 @@ def _whole(guess: Guess) -> bool:
 
 
 def _k1_assumed(tests: Sequence[Test], guess: Guess, earlier: _Earlier | None) -> bool:
-    """Whether the uncertainty of any K1 was taken as usual."""
+    """Whether the uncertainty of any K1 is the default one."""
     if guess.k1_std is not None:
         return False
     stated = all("u(K1)" in test.values for test in tests if test.kind == "dynamic")
@@ -327,74 +358,75 @@ def _k1_assumed(tests: Sequence[Test], guess: Guess, earlier: _Earlier | None) -
 
 
 def _tyre(test: Test, guess: Guess, earlier: _Earlier | None) -> _Tyre:
-    """K1, its standard uncertainty, K2 and C of a planned test."""
-    if test.kind == "calibration":
-        return 1.0, 0.0, 1.0, 1.0
+    """The tyre to expect in a planned test: the guess comes first, then tests.csv (K1), then the earlier results."""
     known = None if earlier is None or _whole(guess) else earlier.nearest(test)
-    k1, k2, c = guess.k1, guess.k2, guess.c
-    k1_std: float | None = None
-    if k1 is None:
-        k1, k1_std = test.value("K1"), test.value("u(K1)")
+    k1, k1_std = (guess.k1, None) if guess.k1 is not None else (test.value("K1"), test.value("u(K1)"))
+    k2, c = guess.k2, guess.c
     if known is not None:
-        if k1 is None:
-            k1, k1_std = known[:2]
-        k2, c = known[2] if k2 is None else k2, known[3] if c is None else c
-    for value, option in ((k1, "--k1"), (k2, "--k2"), (c, "--c")):
-        if value is None:
-            raise CampaignError(
-                f"tyre {test.tyre!r} is not known yet: guess it with --k1, --k2 and --c ({option} is missing); "
-                "results of an earlier analysis of the campaign serve too"
-            )
-    assert k1 is not None
-    assert k2 is not None
-    assert c is not None
+        k1, k1_std = (known.k1, known.k1_std) if k1 is None else (k1, k1_std)
+        k2, c = known.k2 if k2 is None else k2, known.c if c is None else c
+    if k1 is None or k2 is None or c is None:
+        missing = "--k1" if k1 is None else "--k2" if k2 is None else "--c"
+        raise CampaignError(
+            f"tyre {test.tyre!r} is not known yet: guess it with --k1, --k2 and --c ({missing} is missing); "
+            "results of an earlier analysis of the campaign serve too"
+        )
     if guess.k1_std is not None:
         k1_std = guess.k1_std * k1
-    return k1, _K1_STD * k1 if k1_std is None else k1_std, k2, c
+    return _Tyre(k1, _K1_STD * k1 if k1_std is None else k1_std, k2, c)
 
 
 @dataclass(frozen=True)
 class _Earlier:
-    """Tyres as an earlier analysis found them."""
+    """Tyres that an earlier analysis found: the condition and the frequency [Hz] of each test, and its tyre."""
 
-    rows: list[dict[str, Any]]
+    found: list[tuple[Condition, float, _Tyre]]
+    rule: Sameness
 
     @classmethod
-    def of(cls, folder: Path) -> _Earlier | None:
-        """From a results folder, if there is one."""
+    def of(cls, folder: Path, rule: Sameness) -> Self | None:
+        """The tyres in a results folder; None if there is no such folder."""
         if not (folder / "dynamic.csv").is_file():
             return None
-        wanted = (q.K1.head, q.K1.u_head, q.K2.head, q.C.head)
-        frame = read_results(folder).dynamic.drop_nulls(wanted)
-        frame = frame.filter(pl.all_horizontal(pl.col(name) > 0 for name in wanted if not name.startswith("u(")))
-        return cls(frame.to_dicts())
+        heads = (q.K1.head, q.K1.u_head, q.K2.head, q.C.head)
+        table = read_results(folder).dynamic.drop_nulls(heads)
+        table = table.filter(pl.all_horizontal(pl.col(one.head) > 0 for one in (q.K1, q.K2, q.C)))
+        tyres = [_Tyre(*row) for row in table.select(heads).iter_rows()]
+        return cls(list(zip(conditions_in(table, rule), table[q.FREQUENCY.head], tyres, strict=True)), rule)
 
-    def nearest(self, test: Test) -> tuple[float, float, float, float] | None:
-        """K1, u(K1), K2, C of the test of the same tyre whose pressure, preload and frequency are nearest."""
-        rows = [row for row in self.rows if row["tyre"] == test.tyre]
-        if not rows:
-            return None
+    def nearest(self, test: Test) -> _Tyre | None:
+        """The tyre of the test nearest in condition, then in frequency; None where there is none of the same tyre."""
+        mine = condition_of(test, self.rule)
+        frequency = test.value("frequency")
+        near = [
+            (round(self._distance(condition, mine), 3), _log_ratio(at, frequency), tyre)
+            for condition, at, tyre in self.found
+            if condition.specimen == test.tyre
+        ]
+        return min(near, key=lambda one: one[:2])[2] if near else None
 
-        def apart(row: dict[str, Any]) -> tuple[float, float]:
-            state = sum(_off(row[f"{name} [{unit}]"], test.value(name)) for name, unit in _STATE)
-            return round(state, 3), _off(row[q.FREQUENCY.head], test.value("frequency"))
-
-        row = min(rows, key=apart)
-        return row[q.K1.head], row[q.K1.u_head], row[q.K2.head], row[q.C.head]
-
-
-_STATE = (("pressure", "Pa"), ("preload", "N"))
+    def _distance(self, one: Condition, other: Condition) -> float:
+        return sum(_distance(*each) for each in zip(self.rule.axes, one.values, other.values, strict=True))
 
 
-def _off(one: float | None, other: float | None) -> float:
-    """How far two positive values are apart, in their logarithms."""
-    if not one or not other:
-        return 0.0 if one == other else 1.0
-    return abs(float(np.log(one / other)))
+def _distance(axis: Axis, one: Value, other: Value) -> float:
+    """Distance of two values on one axis: 0 if they are the same, 1 for a factor of e or where one is not stated."""
+    if axis.same(one, other):
+        return 0.0
+    if not isinstance(one, float) or not isinstance(other, float):
+        return 1.0
+    if axis.absolute:
+        return abs(one - other) / (_TOLERANCES_PER_E * axis.absolute)
+    return _log_ratio(one, other)
+
+
+def _log_ratio(one: float, other: float | None) -> float:
+    """Absolute value of ln(one/other); 1 where one of them is zero or not stated."""
+    return abs(float(np.log(one / other))) if one and other and one / other > 0 else 1.0
 
 
 def _lift_off(rigs: Sequence[RigPlan]) -> list[str]:
-    """Tests whose force would come near the load on the tyre."""
+    """A note on the tests whose dynamic force comes near the static load on the tyre; empty where there is none."""
     names = []
     for item in rigs:
         force = np.abs(planned_phasors(item.plan.tests, item.plan.rig).force_in)
@@ -407,15 +439,15 @@ def _lift_off(rigs: Sequence[RigPlan]) -> list[str]:
 
 
 def with_kg(mass: float) -> str:
-    """What the column ``plan`` says of a plan with all tests once more and a mass added."""
+    """Value of the column ``plan`` for the plan in which all tests are run once more with a mass added."""
     return f"with {mass:g} kg"
 
 
 def plan_table(planned: CampaignPlan, masses: Sequence[float]) -> pl.DataFrame:
-    """plan.csv: the uncertainty to expect of each test by each route, as stated and with each of some masses.
+    """The table of plan.csv: the uncertainty to expect of each test by each route, as stated and with added masses.
 
-    With a mass, every test that has none is run once more with it; the joint route then has a row for all of them,
-    each other route, for which nothing changes in the tests without it, for those with the mass.
+    With a mass, every test that has none is run once more with it. The joint route then has a row for all tests. Each
+    other route has a row for the tests with the mass, because the tests without it do not change.
 
     Parameters
     ----------
@@ -439,9 +471,7 @@ def plan_table(planned: CampaignPlan, masses: Sequence[float]) -> pl.DataFrame:
             for route in item.plan.routes:
                 which = range(0 if route == "joint" else count, len(tests))
                 rows += _rows(item, more, route, with_kg(mass), which, tests)
-    return pl.DataFrame(rows, infer_schema_length=None).with_columns(
-        pl.col(pl.Float64).fill_nan(None),
-    )
+    return pl.DataFrame(rows, infer_schema_length=None).cast({pl.Null: pl.Float64}).fill_nan(None)
 
 
 def _rows(
@@ -461,8 +491,8 @@ def _rows(
                 "rig": item.name,
                 "test": test.name,
                 "tyre": test.tyre,
-                q.PRESSURE.head: _float(test.value("pressure")),
-                q.PRELOAD.head: _float(test.value("preload")),
+                q.PRESSURE.head: test.value("pressure"),
+                q.PRELOAD.head: test.value("preload"),
                 q.ADDED_MASS.head: float(plan.tests.added_mass[at]),
                 q.FREQUENCY.head: float(plan.tests.frequency[at]),
                 "route": route,
@@ -477,7 +507,3 @@ def _rows(
             }
         )
     return rows
-
-
-def _float(value: float | None) -> float:
-    return float("nan") if value is None else float(value)

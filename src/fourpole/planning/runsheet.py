@@ -1,35 +1,45 @@
-"""The run sheet: a plan's tests in the order in which they are best run, as a tests.csv with instructions."""
+"""The run sheet: the tests of a plan in the order in which they are best run, as a tests.csv with instructions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.folder import Test
+from fourpole.campaign.folder import Test, condition_of
+from fourpole.core.condition import Sameness
 from fourpole.planning.plan import CampaignPlan
 
 __all__ = ["INSTRUCTION", "run_sheet"]
 
+_T = TypeVar("_T")
+
+#: Head of the column of instructions.
 INSTRUCTION = "instruction"
-#: Standard gravity [m/s²]: what a weighed mass weighs.
+#: Standard gravity [m/s²], for the weight of an added mass.
 _GRAVITY = 9.80665
+#: Number of load cycles before the recorded ones of a static test.
 _CONDITIONING = 5
+#: Duration of the warm-up of a tyre [min].
 _WARM_UP = 10
-#: Columns that are written only where a test states them, with their units.
-_OPTIONAL = {"u(added_mass)": "kg", "K1": "N/m", "u(K1)": "N/m", "temperature": "degC"}
+#: Columns that are written only where a test states them.
+_OPTIONAL = ("u(added_mass) [kg]", q.K1.head, q.K1.u_head, q.TEMPERATURE.head, "rig", q.WINDOW.head)
+#: Axes of a condition that are changed as rarely as possible, the slowest first.
+_SLOW = ("temperature", "pressure")
 
 
 @dataclass(frozen=True)
 class _Row:
+    """A row of the run sheet: a test, the number of its repeat, and the steps before it."""
+
     test: Test
     repeat: int | None = None
-    said: list[str] = field(default_factory=list)
+    steps: list[str] = field(default_factory=list)
 
 
 def run_sheet(
@@ -37,25 +47,25 @@ def run_sheet(
 ) -> pl.DataFrame:
     """All tests of a plan in the order in which they are to be run.
 
-    Each tyre is conditioned and measured statically, then warmed up. Its dynamic tests stand in blocks of one pressure,
-    preload and added mass, in random order; from one block to the next the masses run up and down in turn, so that
-    they are changed as rarely as can be. Within a block the frequencies stand in random order, each repeat in
-    another. Rigid blocks come last.
+    Each tyre is conditioned and measured statically, then warmed up. Its dynamic tests stand in blocks of one
+    condition and added mass, in random order; blocks of one temperature stand together, and so do those of one
+    pressure. The added masses rise and fall in turn from one block to the next, so that they are changed as rarely as
+    possible. The frequencies of a block stand in random order, which differs between repeats. Rigid blocks come last.
 
     Parameters
     ----------
     planned : CampaignPlan
     masses : sequence of float [kg]
-        Every test without an added mass is run once more with each of these.
+        Each test without an added mass is run once more with each of these masses.
     repeats : int
-        How often each dynamic test is run, >= 1.
+        Number of runs of each dynamic test, >= 1.
     seed : int
-        Of all that is random.
+        Seed of the random order.
 
     Returns
     -------
     polars.DataFrame
-        A tests.csv in the columns of the campaign folder, with ``repeat`` and ``instruction``, which pass through.
+        The rows of a tests.csv, with the further columns ``repeat`` and ``instruction``.
 
     Raises
     ------
@@ -74,111 +84,117 @@ def run_sheet(
     if repeats < 1:
         raise ValueError(f"repeats is {repeats}: each test is run at least once")
     rng = np.random.default_rng(seed)
-    rows = list(_ordered(planned.tests, masses, repeats, rng))
+    tests = [*planned.tests, *_with_masses(planned.tests, masses)]
+    rows: list[_Row] = []
+    for tyre in _shuffled(_distinct(test.tyre for test in tests if test.kind != "calibration"), rng):
+        mine = {kind: [one for one in tests if one.tyre == tyre and one.kind == kind] for kind in ("static", "dynamic")}
+        rows += _statics(mine["static"], mine["dynamic"], rng)
+        rows += _dynamics(mine["dynamic"], planned.rule, repeats, rng)
+    rigid = _shuffled([test for test in tests if test.kind == "calibration"], rng)
+    steps = ["fix the rigid block in place of the tyre, its mass weighed"]
+    rows += [_Row(test, 1, [] if number else steps) for number, test in enumerate(rigid)]
     return _frame(rows, planned.extra_columns)
 
 
-def _ordered(tests: Sequence[Test], masses: Sequence[float], repeats: int, rng: np.random.Generator) -> Iterator[_Row]:
-    dynamic = [test for test in tests if test.kind == "dynamic"]
-    more = [_with_mass(test, mass) for mass in masses for test in dynamic if not test.value("added_mass")]
-    dynamic += more
-    tyres = list(dict.fromkeys(test.tyre for test in tests if test.kind != "calibration"))
-    for at in rng.permutation(len(tyres)):
-        tyre = tyres[at]
-        mine = [test for test in dynamic if test.tyre == tyre]
-        yield from _statics([test for test in tests if test.kind == "static" and test.tyre == tyre], mine, rng)
-        yield from _dynamics(mine, repeats, rng)
-    rigid = [test for test in tests if test.kind == "calibration"]
-    for number, at in enumerate(rng.permutation(len(rigid))):
-        said = ["fix the rigid block in place of the tyre, its mass weighed"] if number == 0 else []
-        yield _Row(rigid[at], 1, said)
+def _shuffled(values: Sequence[_T], rng: np.random.Generator) -> list[_T]:
+    """The values in random order."""
+    return [values[at] for at in rng.permutation(len(values))]
 
 
-def _with_mass(test: Test, mass: float) -> Test:
-    name = f"{test.name}-{mass:g}kg"
-    return replace(test, name=name, file=_beside(test.file, f"-{mass:g}kg"), values={**test.values, "added_mass": mass})
+def _distinct(values: Iterable[_T]) -> list[_T]:
+    """Each value once, in the order of its first place."""
+    return list(dict.fromkeys(values))
 
 
-def _beside(file: str, more: str) -> str:
-    """The name of another recording in the same folder."""
-    path = PurePosixPath(file.replace("\\", "/"))
-    return str(path.with_name(f"{path.stem}{more}{path.suffix}"))
+def _with_masses(tests: Sequence[Test], masses: Sequence[float]) -> Iterator[Test]:
+    """Each dynamic test without an added mass once more with each of the masses."""
+    bare = [test for test in tests if test.kind == "dynamic" and not test.value("added_mass")]
+    for mass in masses:
+        for test in bare:
+            yield replace(_renamed(test, f"-{mass:g}kg"), values={**test.values, "added_mass": mass})
+
+
+def _renamed(test: Test, more: str) -> Test:
+    """The test with another name, and another recording in the same folder."""
+    path = PurePosixPath(test.file.replace("\\", "/"))
+    return replace(test, name=test.name + more, file=str(path.with_name(f"{path.stem}{more}{path.suffix}")))
 
 
 def _statics(tests: Sequence[Test], dynamic: Sequence[Test], rng: np.random.Generator) -> Iterator[_Row]:
-    """Static tests of a tyre, in random order of their pressures."""
-    for at in rng.permutation(len(tests)):
-        test = tests[at]
+    """The static tests of a tyre in random order."""
+    for test in _shuffled(tests, rng):
         loads = [load for other in (test, *dynamic) if (load := other.value("preload")) is not None]
         past = f"well past {max(loads):g} N" if loads else "well past the highest preload"
-        said = [
-            *_pressure(test),
+        steps = [
+            *_settings(test),
             f"condition: load {past} and unload {_CONDITIONING} times, slowly and evenly",
             "then record 3 more complete cycles without a pause",
         ]
-        yield _Row(test, None, said)
+        yield _Row(test, None, steps)
 
 
-def _pressure(test: Test) -> list[str]:
-    pressure = test.value("pressure")
-    return [] if pressure is None else [f"set {pressure / 1e5:.4g} bar"]
+def _settings(test: Test) -> list[str]:
+    """The steps that bring the tyre to the temperature and the pressure of a test."""
+    temperature, pressure = test.value("temperature"), test.value("pressure")
+    steps = [] if temperature is None else [f"bring the tyre to {temperature:.4g} °C"]
+    return steps if pressure is None else [*steps, f"set {pressure / 1e5:.4g} bar"]
 
 
-def _dynamics(tests: Sequence[Test], repeats: int, rng: np.random.Generator) -> Iterator[_Row]:
-    """Dynamic tests of a tyre: blocks in random order, the masses up and down in turn."""
-    states: dict[tuple[Any, ...], list[Test]] = {}
-    for test in tests:
-        states.setdefault((test.rig, test.value("pressure"), test.value("preload")), []).append(test)
-    keys = list(states)
-    order = _nested(keys, rng)
+def _dynamics(tests: Sequence[Test], rule: Sameness, repeats: int, rng: np.random.Generator) -> Iterator[_Row]:
+    """The dynamic tests of a tyre: conditions in random order, the masses rising and falling in turn."""
     fitted: float | None = None
-    for key in order:
+    for state in _conditions(tests, rule, rng):
         by_mass: dict[float, list[Test]] = {}
-        for test in states[key]:
+        for test in state:
             by_mass.setdefault(test.value("added_mass") or 0.0, []).append(test)
-        listed = sorted(by_mass)
-        if fitted is None:
-            listed = listed if rng.random() < 0.5 else listed[::-1]
-        elif abs(listed[-1] - fitted) < abs(listed[0] - fitted):
-            listed = listed[::-1]
-        for number, mass in enumerate(listed):
-            said = _block(by_mass[mass][0], mass, fitted, new_state=number == 0)
+        masses = sorted(by_mass)
+        falls = rng.random() >= 0.5 if fitted is None else abs(masses[-1] - fitted) < abs(masses[0] - fitted)
+        for number, mass in enumerate(masses[::-1] if falls else masses):
+            block = by_mass[mass]
+            steps = _block(block[0], mass, fitted, new_state=number == 0)
             if fitted is None:
-                said.append(_warm_up(tests))
+                steps.append(_warm_up(tests))
             for repeat in range(1, repeats + 1):
-                for at in rng.permutation(len(by_mass[mass])):
-                    yield _Row(_repeated(by_mass[mass][at], repeat), repeat, said)
-                    said = []
+                for test in _shuffled(block, rng):
+                    yield _Row(test if repeat == 1 else _renamed(test, f"-r{repeat}"), repeat, steps)
+                    steps = []
             fitted = mass
 
 
-def _nested(keys: Sequence[tuple[Any, ...]], rng: np.random.Generator) -> list[tuple[Any, ...]]:
-    """Keys in random order, but all of one rig together, and of one pressure."""
-    ranks: list[dict[Any, int]] = []
-    for level in (0, 1, 2):
-        values = list(dict.fromkeys(key[level] for key in keys))
-        drawn = rng.permutation(len(values))
-        ranks.append({value: int(rank) for value, rank in zip(values, drawn, strict=True)})
-    return sorted(keys, key=lambda key: tuple(ranks[level][key[level]] for level in (0, 1, 2)))
+def _conditions(tests: Sequence[Test], rule: Sameness, rng: np.random.Generator) -> list[list[Test]]:
+    """Tests of each condition, in random order; those of one rig, temperature and pressure stand together."""
+    slow = [Sameness(tuple(axis for axis in rule.axes if axis.name == name)) for name in _SLOW]
+    rules = (*slow, rule.without(*_SLOW))
+    groups = [each.groups([condition_of(test, each) for test in tests]).tolist() for each in rules]
+    found: dict[tuple[Any, ...], list[Test]] = {}
+    for test, *key in zip(tests, (test.rig for test in tests), *groups, strict=True):
+        found.setdefault(tuple(key), []).append(test)
+    levels = [_distinct(values) for values in zip(*found, strict=True)]
+    ranks = [dict(zip(values, rng.permutation(len(values)).tolist(), strict=True)) for values in levels]
+    order = sorted(found, key=lambda key: [rank[part] for rank, part in zip(ranks, key, strict=True)])
+    return [found[key] for key in order]
 
 
 def _block(test: Test, mass: float, fitted: float | None, *, new_state: bool) -> list[str]:
-    """What is to be done before a block of tests; `fitted` is the mass on the rig, None where nobody knows."""
-    said = _pressure(test) if new_state else []
+    """The steps before a block of tests; `fitted` is the mass on the rig [kg], None where it is not known."""
+    steps = _settings(test) if new_state else []
     load = test.value("preload")
     kept = f"the load on the tyre is {load:g} N" if load is not None else "the load on the tyre is as before"
-    on = fitted or 0.0
-    if mass != on or (fitted is None and mass == 0):
-        if mass > 0:
-            said.append(f"weigh {mass:g} kg and fix it rigidly to the moving mass" + (", all else off" if on else ""))
-        else:
-            said.append(f"take the {on:g} kg off" if on else "no added mass on the moving mass")
-    if mass != on:
-        more = "less" if mass > on else "more"
-        said.append(f"reset the preload spring ({abs(mass - on) * _GRAVITY:.1f} N {more} from it) so that {kept} again")
+    before = fitted or 0.0
+    if mass > 0 and mass != before:
+        steps.append(f"weigh {mass:g} kg and fix it rigidly to the moving mass" + (", all else off" if before else ""))
+    elif mass != before:
+        steps.append(f"take the {before:g} kg off")
+    elif fitted is None:
+        steps.append("no added mass on the moving mass")
+    if mass != before:
+        more = "less" if mass > before else "more"
+        steps.append(
+            f"reset the preload spring ({abs(mass - before) * _GRAVITY:.1f} N {more} from it) so that {kept} again"
+        )
     elif new_state:
-        said.append(f"set the preload spring so that {kept}")
-    return said
+        steps.append(f"set the preload spring so that {kept}")
+    return steps
 
 
 def _warm_up(tests: Sequence[Test]) -> str:
@@ -187,41 +203,29 @@ def _warm_up(tests: Sequence[Test]) -> str:
     return f"warm up: run at {at} for {_WARM_UP} minutes without recording, then check load and pressure again"
 
 
-def _repeated(test: Test, repeat: int) -> Test:
-    if repeat == 1:
-        return test
-    return replace(test, name=f"{test.name}-r{repeat}", file=_beside(test.file, f"-r{repeat}"))
-
-
 def _frame(rows: Sequence[_Row], extra: Sequence[str]) -> pl.DataFrame:
-    """Rows in the columns of tests.csv."""
-    tests = [row.test for row in rows]
+    """The rows in the columns of tests.csv, without the optional columns that no test states."""
+    frame = pl.DataFrame([_cells(row, extra) for row in rows], strict=False, infer_schema_length=None)
+    return frame.drop(head for head in _OPTIONAL if frame[head].null_count() == frame.height)
 
-    def numbers(name: str, scale: float = 1.0) -> list[float | None]:
-        return [None if (value := test.value(name)) is None else value / scale for test in tests]
 
-    columns: dict[str, Any] = {
-        "test": [test.name for test in tests],
-        "file": [test.file for test in tests],
-        "kind": [test.kind for test in tests],
-        "tyre": [test.tyre for test in tests],
-        q.PRESSURE.stated_head: [None if p is None else round(p, 10) for p in numbers("pressure", 1e5)],
-        q.PRELOAD.head: numbers("preload"),
-        q.FREQUENCY.head: numbers("frequency"),
-        q.ADDED_MASS.stated_head: [
-            None if test.kind == "static" else test.value("added_mass") or 0.0 for test in tests
-        ],
+def _cells(row: _Row, extra: Sequence[str]) -> dict[str, Any]:
+    """The cells of one row by the heads of their columns."""
+    test = row.test
+    pressure, window = test.value("pressure"), test.window
+    return {
+        "test": test.name,
+        "file": test.file,
+        "kind": test.kind,
+        "tyre": test.tyre,
+        q.PRESSURE.stated_head: None if pressure is None else round(pressure / 1e5, 10),
+        q.PRELOAD.head: test.value("preload"),
+        q.FREQUENCY.head: test.value("frequency"),
+        q.ADDED_MASS.stated_head: None if test.kind == "static" else test.value("added_mass") or 0.0,
+        **{head: test.value(head.partition(" [")[0]) for head in _OPTIONAL},
+        "rig": test.rig or None,
+        q.WINDOW.head: None if window is None else f"{window[0]:g}..{window[1]:g}",
+        **{name: test.extra.get(name, "") for name in extra},
+        "repeat": None if row.repeat is None else str(row.repeat),
+        INSTRUCTION: "; ".join(row.steps) or None,
     }
-    for name, unit in _OPTIONAL.items():
-        if any(name in test.values for test in tests):
-            columns[f"{name} [{unit}]"] = numbers(name)
-    if any(test.rig for test in tests):
-        columns["rig"] = [test.rig for test in tests]
-    if any(test.window is not None for test in tests):
-        columns[q.WINDOW.head] = ["" if (w := test.window) is None else f"{w[0]:g}..{w[1]:g}" for test in tests]
-    for name in extra:
-        if name not in ("repeat", INSTRUCTION):
-            columns[name] = [test.extra.get(name, "") for test in tests]
-    columns["repeat"] = [None if row.repeat is None else str(row.repeat) for row in rows]
-    columns[INSTRUCTION] = ["; ".join(row.said) or None for row in rows]
-    return pl.DataFrame(columns, strict=False, infer_schema_length=None)
