@@ -1,4 +1,4 @@
-"""Signals as files hold them: each with its own unit and its own time base."""
+"""Signals as a file holds them, each with its own unit and time base, and the interface of a file format."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fourpole.core.arrays import ByValue
 __all__ = ["MAX_FILE_BYTES", "FileInfo", "Format", "Request", "Signal", "SignalInfo"]
 
 MAX_FILE_BYTES = 64_000_000_000
-"""The largest file that is looked at, where what is read of it is a small part at a time."""
+"""Largest file of which a part is read at a time [byte]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,17 +24,17 @@ class Signal(ByValue):
     Attributes
     ----------
     name : str
-        As the file has it.
+        The name in the file.
     unit : str or None
-        As the file states it.
-    samples : (n,) float array
-        In that unit, scaled as the file says; not-a-number where a value is missing or marked invalid.
+        The unit that the file states.
+    samples : (n,) float array [unit]
+        The samples, scaled as the file says; not-a-number where a value is missing or marked invalid.
     start : float [s]
-        Time of the first sample, from the file's own zero.
+        Time of the first sample, counted from the file's own zero.
     rate : float or None [Hz]
-        Samples per second; None where `time` is given instead, or where the file knows neither.
+        Samples per second; None if `time` is given instead, or if the file states no times.
     time : (n,) float array or None [s]
-        Time of each sample, where the file states them one by one.
+        Time of each sample, if the file states each time.
     """
 
     name: str
@@ -47,20 +47,22 @@ class Signal(ByValue):
 
 @dataclass(frozen=True)
 class SignalInfo:
-    """What a file says of a channel, without its samples.
+    """The description of a channel in a file, without its samples.
 
     Attributes
     ----------
     name, unit : str, str or None
+        The name in the file, and the unit that the file states.
     group : str
-        What `file#group` would call it; empty where the file has no groups.
+        The name of its group, as in `file#group`; empty if the file has no groups.
     count : int
-        Samples.
+        Number of samples.
     rate : float or None [Hz]
+        Samples per second; None if the samples are not even in time, or the file states no times.
     start, duration : float or None [s]
-        None where the file has no time.
+        Time of the first sample, and from the first sample to the last one; None if the file states no times.
     note : str
-        What else the file says that a reader should know: scaling, comment, sensor.
+        Further statements of the file on the channel: scaling, comment, sensor.
     """
 
     name: str
@@ -72,18 +74,39 @@ class SignalInfo:
     duration: float | None
     note: str = ""
 
+    @classmethod
+    def timed(
+        cls,
+        name: str,
+        unit: str | None,
+        group: str,
+        count: int,
+        *,
+        rate: float | None = None,
+        start: float = 0.0,
+        ends: tuple[float, float] | None = None,
+        note: str = "",
+    ) -> SignalInfo:
+        """A description with the duration that follows from first and last time `ends` [s], or else from the rate."""
+        if ends is not None:
+            return cls(name, unit, group, count, rate, ends[0], ends[1] - ends[0], note)
+        if not rate:
+            return cls(name, unit, group, count, None, None, None, note)
+        return cls(name, unit, group, count, rate, start, max(count - 1, 0) / rate, note)
+
 
 @dataclass(frozen=True)
 class FileInfo:
-    """What a file holds.
+    """The description of a file, without its samples.
 
     Attributes
     ----------
     format : str
-        In words, with its version: ASAM MDF 4.10.
+        Name and version of the format, such as "ASAM MDF 4.10".
     signals : tuple of SignalInfo
+        One per channel, in the order of the file.
     notes : tuple of str
-        What the file says of itself as a whole: date, title, operator, and what a reader should know.
+        Statements of the file on the whole recording: date, title, operator; and warnings of its reader.
     """
 
     format: str
@@ -93,21 +116,22 @@ class FileInfo:
 
 @dataclass(frozen=True)
 class Request:
-    """What is wanted of a file.
+    """The channels that are to be read from a file.
 
     Attributes
     ----------
     path : Path
+        The file.
     names : tuple of str
-        The channels, as in the file; case does not matter where that is unambiguous.
+        Names of the channels in the file; another case is accepted if it is unambiguous.
     group : str
-        Where several groups have them; empty where one has.
+        The group that has the channels; empty if only one group has them.
     label : str
         The file's name in messages.
-    max_bytes : int
-        Nothing that needs more memory is read.
-    max_file_bytes : int
-        No larger file is read, in blocks or in part.
+    max_bytes : int [byte]
+        Largest memory that the samples may need; a request that needs more is refused.
+    max_file_bytes : int [byte]
+        Largest file that is read in chunks or in part; a larger one is refused.
     """
 
     path: Path
@@ -120,28 +144,29 @@ class Request:
 
 @dataclass(frozen=True)
 class Format:
-    """A kind of file: how to know it, what it says of itself, and how to read it.
+    """A file format and its reader.
 
     Attributes
     ----------
     name : str
-        In words.
+        The name of the format for messages.
     endings : tuple of str
-        Usual ends of a file's name, in lower case, with the dot.
+        Usual endings of a file's name, in lower case, with the dot.
     recognises : callable
-        Whether the first bytes of a file (up to 4096) are of this kind; content goes before the name.
+        Takes the first bytes of a file (up to 4096), and returns whether they are of this format. The content decides,
+        not the ending of the name.
     survey : callable
-        FileInfo of (path, label, max_bytes), without reading samples where the format allows.
+        Takes path, label and max_bytes, and returns a FileInfo; samples are not read if the format allows it.
     read : callable
-        One Signal per name of a Request, in its order.
+        Takes a Request, and returns one Signal per name, in the order of the request.
     extra : str
-        Extra of the package that must be installed for it; empty where none.
+        Extra of the package that must be installed for this format; empty if none.
     blocks : callable or None
-        Of a Request and a number of rows, the recording piece by piece: each time one Signal per name, in
-        the order of the request, with its next samples, `rows` of them at most, and their `start` and
-        `time`. Channels of different rates go on together in time; one that has ended gives empty pieces.
-        All pieces of a channel together are what `read` gives; memory goes with `rows`, not with the file.
-        None where the format cannot be read in part.
+        Takes a Request and a number of rows, and yields the recording in chunks. A chunk has one Signal per name, in
+        the order of the request, with its next samples (at most `rows`), their `start` and `time`. Channels of
+        different rates advance together in time; a channel that has ended gives empty signals. All chunks of a channel
+        together equal the result of `read`; the memory needed depends on `rows`, not on the file. None if the format
+        cannot be read in parts.
     """
 
     name: str

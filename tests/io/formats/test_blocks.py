@@ -22,7 +22,7 @@ from fourpole.io import columns as room
 from fourpole.io.formats import famos, hdf5, matlab, mdf, parquet, tdms, text, wav
 from fourpole.io.formats import mdf as mdf_room
 from fourpole.io.formats import tdms as tdms_room
-from fourpole.io.formats.pieces import Track, in_step
+from fourpole.io.formats.tracks import Track, in_step
 from fourpole.io.signals import Format, Request, Signal
 
 LIMIT = 10**9

@@ -1,9 +1,9 @@
-"""imc FAMOS (.dat, .raw), format 2: channels scaled as the file says, evenly spaced or with their times.
+"""imc FAMOS (.dat, .raw), format 2: channels scaled as the file says, evenly spaced or with a time per sample.
 
-A file is a row of keys, `|XX,version,length,content;`. A channel has its name in CN, its unit, factor and offset
-in CR, the kind of its samples in CP, the place of them in Cb, its time step in CD, its trigger in NT, and the
-samples in CS. Where channels were triggered at different times, the file's zero is the earliest trigger. Single
-bits of words are channels of 0 and 1. Of a set of two components the second is the abscissa.
+A file is a row of keys, `|XX,version,length,content;`. Key CN has the name of a channel, CR its unit, factor and
+offset, CP the type of its samples, Cb their place in the file, CD the time step, NT the trigger, and CS the samples.
+If channels were triggered at different times, the time zero of the file is the earliest trigger. Single bits of words
+are channels of 0 and 1. In a set of two components the second component is the abscissa.
 
 References
 ----------
@@ -15,20 +15,15 @@ from __future__ import annotations
 import codecs
 import datetime as dt
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, of_name, seconds, tidy
-from fourpole.io.formats.pieces import Part, Track, by_tracks, remembered
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, SignalInfo
-from fourpole.io.source import name_of, open_regular
+from fourpole.io.formats.guard import afford, find, of_name, seconds, tidy
+from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_format
+from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
 __all__ = ["FORMAT"]
@@ -45,12 +40,12 @@ _AT_ONCE = 1 << 20
 
 @dataclass
 class _Component:
-    """Where the samples of a channel, or of its abscissa, are, and how they are scaled."""
+    """The place, type and scaling of the samples of a channel, or of its abscissa."""
 
     width: int = 0
     kind: int = 0
     index: int = 0
-    """Of the block of samples."""
+    """Number of the block that holds the samples."""
     begin: int = 0
     size: int = 0
     factor: float = 1.0
@@ -58,11 +53,11 @@ class _Component:
     unit: str = ""
     start: float = 0.0
     later: float = 0.0
-    """Seconds from the stated trigger to the real one."""
+    """Time from the stated trigger to the real one [s]."""
     names: list[tuple[str, int, int, str]] = field(default_factory=list)
-    """Name, group, bit (0: the whole word) and comment of the channels."""
+    """Name, number of the group, bit (0: the whole word) and comment of each channel."""
     barred: str = ""
-    """Why it cannot be read; empty if it can."""
+    """The reason why it cannot be read; empty if it can."""
 
     @property
     def count(self) -> int:
@@ -79,7 +74,7 @@ class _Set:
     step_unit: str | None = None
     trigger: dt.datetime | None = None
     late: float = 0.0
-    """Of the trigger's second."""
+    """Seconds of the trigger's time of day, with their fraction."""
 
 
 @dataclass(frozen=True)
@@ -91,11 +86,11 @@ class _Channel:
     values: _Component
     owner: _Set
     since: float = 0.0
-    """Seconds from the file's zero to its trigger."""
+    """Time from the file's zero to the trigger of the channel [s]."""
 
     @property
     def abscissa(self) -> _Component | None:
-        """Where the times of a channel are."""
+        """The component that has the times of the channel; None if there is none."""
         if len(self.owner.components) != 2 or self.owner.dimension != 2:
             return None
         other = self.owner.components[1]
@@ -107,12 +102,12 @@ def _recognises(head: bytes) -> bool:
 
 
 def _fields(content: bytes, count: int) -> list[bytes]:
-    """The first fields of a content."""
+    """The first `count` fields of a key's content."""
     return [one.strip() for one in content.split(b",", count)[:count]]
 
 
 def _texts(content: bytes, skipped: int, count: int) -> list[bytes]:
-    """Texts behind some fields, each with its length before it."""
+    """The texts behind the `skipped` fields of a content; the length of each text stands before it."""
     rest = content.split(b",", skipped)[skipped]
     found = []
     for _ in range(count):
@@ -122,21 +117,22 @@ def _texts(content: bytes, skipped: int, count: int) -> list[bytes]:
     return found
 
 
-class _Reader:
-    """Goes through the keys of a file once."""
+class _Content:
+    """The channels of an open file, from one pass through its keys."""
 
-    def __init__(self, file: BinaryIO, name: str) -> None:
-        self._file, self.name = file, name
+    def __init__(self, opened: OpenFile) -> None:
+        file, name = opened.file, opened.name
+        self._file, self._name, self._max_bytes = file, name, opened.max_bytes
         self._end = os.fstat(file.fileno()).st_size
         self._set = _Set()
         self._sets: list[_Set] = []
         self._groups: dict[int, str] = {}
         self._page = "cp1252"
         self._text = 0
-        self.samples: dict[int, tuple[int, int]] = {}
-        """Where the blocks of samples are, and their sizes."""
-        self.order = "<"
-        self.notes: list[str] = []
+        self._samples: dict[int, tuple[int, int]] = {}
+        """Place and size of each block of samples [byte], by its number."""
+        self._order = "<"
+        self._notes: list[str] = []
         if not _recognises(file.read(16)):
             raise TableError(f"{name}: is not {_KIND}: it does not begin with '|CF,2,'; check what wrote it")
         at = count = 0
@@ -145,9 +141,10 @@ class _Reader:
             count += 1
             if count > _MOST_KEYS:
                 raise TableError(f"{name}: has more than {_MOST_KEYS} keys; split it")
+        self.channels = self._channels()
 
     def _key(self, at: int) -> int:
-        """Take one key; where the next one begins."""
+        """Read the key at byte `at`; returns where the next key begins."""
         self._file.seek(at)
         head = self._file.read(_LONGEST_KEY)
         blank = len(head) - len(head.lstrip(b"\r\n\t \x00\x1a"))
@@ -155,52 +152,54 @@ class _Reader:
             return at + blank
         parts = head.split(b",", 3)
         if len(parts) < 4 or len(parts[0]) != 3 or head[:1] != b"|":
-            raise TableError(f"{self.name}: is damaged: there is no key at byte {at}; copy or export it again")
+            raise TableError(f"{self._name}: is damaged: there is no key at byte {at}; copy or export it again")
         begin = at + len(head) - len(parts[3])
         length = int(parts[2])
         if length < 0 or begin + length + 1 > self._end:
-            raise TableError(f"{self.name}: is cut short in the key at byte {at}; copy or export it again")
+            raise TableError(f"{self._name}: is cut short in the key at byte {at}; copy or export it again")
         self._file.seek(begin)
         kind, version = parts[0][1:], int(parts[1])
         if kind == b"CS":
             index, comma, _ = self._file.read(min(length, _LONGEST_KEY)).partition(b",")
-            self.samples[int(index)] = begin + len(index) + len(comma), length - len(index) - len(comma)
+            self._samples[int(index)] = begin + len(index) + len(comma), length - len(index) - len(comma)
         elif length <= _LONGEST_CONTENT:
             self._text += length
             if self._text > _MOST_TEXT:
-                raise TableError(f"{self.name}: has more text than can be kept; split it")
+                raise TableError(f"{self._name}: has more text than can be kept; split it")
             self._take(kind, version, self._file.read(length))
         self._file.seek(begin + length)
         if self._file.read(1) != b";":
-            raise TableError(f"{self.name}: is damaged: the key at byte {at} does not end where it says; copy it again")
+            raise TableError(
+                f"{self._name}: is damaged: the key at byte {at} does not end where it says; copy it again"
+            )
         return begin + length + 1
 
     def _take(self, kind: bytes, version: int, content: bytes) -> None:
         if kind == b"CF":
             if version != 2:
-                raise TableError(f"{self.name}: is of FAMOS format {version}; save it in a newer FAMOS, or as CSV")
-            self.order = ">" if _fields(content, 1)[0] == b"2" else "<"
+                raise TableError(f"{self._name}: is of FAMOS format {version}; save it in a newer FAMOS, or as CSV")
+            self._order = ">" if _fields(content, 1)[0] == b"2" else "<"
         elif kind == b"NL":
             page = f"cp{_fields(content, 1)[0].decode('ascii', errors='replace')}"
             self._page = page if _is_encoding(page) else self._page
         elif kind == b"NO":
-            self.notes += [tidy(one) for one in map(self._told, _texts(content, 1, 2)) if one]
+            self._notes += [tidy(one) for one in map(self._decoded_text, _texts(content, 1, 2)) if one]
         elif kind == b"CB":
-            self._groups[int(_fields(content, 1)[0])] = self._told(_texts(content, 1, 1)[0])
+            self._groups[int(_fields(content, 1)[0])] = self._decoded_text(_texts(content, 1, 1)[0])
         elif kind == b"CG":
             self._set = _Set(dimension=int(_fields(content, 3)[2]))
             self._sets.append(self._set)
         elif kind == b"CD":
             self._set.step = float(_fields(content, 1)[0])
-            self._set.step_unit = self._told(_texts(content, 2, 1)[0]) or None
+            self._set.step_unit = self._decoded_text(_texts(content, 2, 1)[0]) or None
         elif kind == b"NT":
             self._trigger(content)
         elif kind == b"CC":
             self._set.components.append(_Component())
         elif self._set.components:
-            self._of_component(self._set.components[-1], kind, content)
+            self._describe(self._set.components[-1], kind, content)
 
-    def _told(self, text: bytes) -> str:
+    def _decoded_text(self, text: bytes) -> str:
         return text.decode(self._page, errors="replace").strip()
 
     def _trigger(self, content: bytes) -> None:
@@ -212,7 +211,7 @@ class _Reader:
         except ValueError:
             self._set.trigger = None
 
-    def _of_component(self, one: _Component, kind: bytes, content: bytes) -> None:
+    def _describe(self, one: _Component, kind: bytes, content: bytes) -> None:
         if kind == b"CP":
             _, width, type_, bits, mask, first, direct, distance = map(int, _fields(content, 8))
             one.width, one.kind = width, type_
@@ -231,13 +230,13 @@ class _Reader:
             transformed, factor, offset = _fields(content, 3)
             if transformed == b"1":
                 one.factor, one.offset = float(factor), float(offset)
-            one.unit = self._told(_texts(content, 4, 1)[0])
+            one.unit = self._decoded_text(_texts(content, 4, 1)[0])
         elif kind == b"CN":
             group, _, bit = map(int, _fields(content, 3))
-            called, comment = map(self._told, _texts(content, 3, 2))
+            called, comment = map(self._decoded_text, _texts(content, 3, 2))
             one.names.append((called, group, bit, comment))
 
-    def channels(self) -> list[_Channel]:
+    def _channels(self) -> list[_Channel]:
         """The channels of the file, in its order."""
         found: list[_Channel] = []
         for owner in self._sets:
@@ -251,15 +250,34 @@ class _Reader:
         triggers = [one.owner.trigger for one in found if one.owner.trigger is not None]
         if not found or len(triggers) < len(found):
             return found
-        since = [(one.owner.trigger or triggers[0]) - min(triggers) for one in found]
+        since = [trigger - min(triggers) for trigger in triggers]
         late = [gap.total_seconds() + one.owner.late + one.values.later for gap, one in zip(since, found, strict=True)]
         return [replace(one, since=after - min(late)) for one, after in zip(found, late, strict=True)]
 
-    def track(self, one: _Channel) -> Track:
-        """A channel, of which any part can be read."""
+    def info(self) -> FileInfo:
+        triggers = [one.owner.trigger for one in self.channels]
+        began = min((one for one in triggers if one is not None and one.year > 1980), default=None)
+        notes = [f"recorded {began.replace(tzinfo=None).isoformat()}"] if began else []
+        return FileInfo("imc FAMOS 2", tuple(map(self._info, self.channels)), (*notes, *self._notes[:20]))
+
+    def _info(self, one: _Channel) -> SignalInfo:
+        count, (rate, start), ends = one.values.count, _timing(one), None
+        if not rate and one.abscissa is not None and count and not one.values.barred:
+            time = self._track(one).time
+            ends = None if time is None else (float(time(0, 1)[0]), float(time(count - 1, count)[0]))
+        note = one.values.barred or one.note
+        return SignalInfo.timed(one.name, _unit(one), one.group, count, rate=rate, start=start, ends=ends, note=note)
+
+    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
+        chosen = [self.channels[at] for at in find([(one.group, one.name) for one in self.channels], request)]
+        if whole:
+            afford(16 * sum(one.values.count for one in chosen), self._max_bytes, self._name)
+        return [self._track(one) for one in chosen]
+
+    def _track(self, one: _Channel) -> Track:
         values = one.values
         if values.barred:
-            raise TableError(f"{self.name}: channel {shown(one.name)} {values.barred}")
+            raise TableError(f"{self._name}: channel {shown(one.name)} {values.barred}")
         rate, start = _timing(one)
         time = None
         if one.abscissa is not None:
@@ -267,24 +285,17 @@ class _Reader:
             time = remembered(lambda first, last: scale * times(first, last) + start)
             if one.abscissa.barred or one.abscissa.count != values.count:
                 raise TableError(
-                    f"{self.name}: channel {shown(one.name)} has not as many times as values; save it again"
+                    f"{self._name}: channel {shown(one.name)} has not as many times as values; save it again"
                 )
-        return Track(
-            one.name,
-            _unit(one),
-            values.count,
-            self._part(values, one.name, one.bit),
-            rate,
-            start if rate else 0.0,
-            time,
-        )
+        samples = self._part(values, one.name, one.bit)
+        return Track(one.name, _unit(one), values.count, samples, rate, start if rate else 0.0, time)
 
     def _part(self, one: _Component, name: str, bit: int) -> Part:
-        """What reads a part of the samples."""
-        place, held = self.samples.get(one.index, (0, 0))
+        """The function that reads a part of the samples of a component."""
+        place, held = self._samples.get(one.index, (0, 0))
         if one.begin < 0 or one.size < 0 or one.begin + one.size > held:
             what = f"declares {one.size} bytes from byte {one.begin} on, of {held}"
-            raise TableError(f"{self.name}: is cut short: channel {shown(name)} {what}; copy it again")
+            raise TableError(f"{self._name}: is cut short: channel {shown(name)} {what}; copy it again")
 
         def part(first: int, last: int) -> NDArray[np.float64]:
             values = np.empty(last - first)
@@ -301,9 +312,9 @@ class _Reader:
 
     def _decoded(self, raw: bytes, one: _Component) -> NDArray[np.generic]:
         if one.kind != _SIX_BYTES:
-            return np.frombuffer(raw, f"{self.order}{_TYPES[one.kind]}")
-        words = np.frombuffer(raw, f"{self.order}u2").reshape(-1, 3).astype(np.uint64)
-        low, middle, high = (words[:, at] for at in ((0, 1, 2) if self.order == "<" else (2, 1, 0)))
+            return np.frombuffer(raw, f"{self._order}{_TYPES[one.kind]}")
+        words = np.frombuffer(raw, f"{self._order}u2").reshape(-1, 3).astype(np.uint64)
+        low, middle, high = (words[:, at] for at in ((0, 1, 2) if self._order == "<" else (2, 1, 0)))
         return low + (middle << np.uint64(16)) + (high << np.uint64(32))
 
 
@@ -319,7 +330,7 @@ def _unit(one: _Channel) -> str | None:
 
 
 def _timing(one: _Channel) -> tuple[float | None, float]:
-    """Rate and start; a rate only where the step is one of time."""
+    """Rate [Hz] and start [s]; the rate is None if the samples are not even in time."""
     scale = seconds(one.owner.step_unit) if one.owner.step_unit else None
     if one.abscissa is not None or scale is None or one.owner.dimension != 1:
         return None, one.since
@@ -327,43 +338,4 @@ def _timing(one: _Channel) -> tuple[float | None, float]:
     return (float(f"{1 / step:.15g}"), start) if np.isfinite(start) and 1e-12 < step < 1e12 else (None, one.since)
 
 
-def _info(content: _Reader, one: _Channel) -> SignalInfo:
-    count = one.values.count
-    (rate, start), length, note = _timing(one), None, one.values.barred or one.note
-    if rate:
-        length = max(count - 1, 0) / rate
-    elif one.abscissa is not None and count and not one.values.barred and (time := content.track(one).time) is not None:
-        start = float(time(0, 1)[0])
-        length = float(time(count - 1, count)[0]) - start
-    known = length is not None
-    return SignalInfo(one.name, _unit(one), one.group, count, rate, start if known else None, length, note)
-
-
-def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    name = name_of(path, label)
-    with open_regular(path, max_bytes=max(max_bytes, MAX_FILE_BYTES), label=label) as file, Guard(name, _KIND):
-        content = _Reader(file, name)
-        channels = content.channels()
-        signals = tuple(_info(content, one) for one in channels)
-    triggers = {
-        one.owner.trigger for one in channels if one.owner.trigger is not None and one.owner.trigger.year > 1980
-    }
-    began = [f"recorded {min(triggers).replace(tzinfo=None).isoformat()}"] if triggers else []
-    return FileInfo("imc FAMOS 2", signals, (*began, *content.notes[:20]))
-
-
-@contextmanager
-def _tracks(request: Request, _: Guard, *, whole: bool) -> Iterator[list[Track]]:
-    """The channels of a request, of which any part can be read while the file is open."""
-    name = name_of(request.path, request.label)
-    with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
-        content = _Reader(file, name)
-        channels = content.channels()
-        chosen = [channels[at] for at in find([(one.group, one.name) for one in channels], request)]
-        if whole:
-            afford(16 * sum(one.values.count for one in chosen), request.max_bytes, name)
-        yield [content.track(one) for one in chosen]
-
-
-_read, _blocks = by_tracks(_KIND, "", _tracks)
-FORMAT = Format("imc FAMOS", (".dat", ".raw"), _recognises, _survey, _read, blocks=_blocks)
+FORMAT = track_format("imc FAMOS", (".dat", ".raw"), _recognises, _KIND, _Content)

@@ -1,6 +1,6 @@
-"""HDF5: one group per recording, in it one dataset per channel.
+"""HDF5: one group per recording, which holds one dataset per channel.
 
-The layout that says all it can::
+A file in the following layout states everything that is needed::
 
     /run1              a group, called `file#run1`; attributes rate, start and time count for all in it
     /run1/F1           (n,) numbers, with the attributes
@@ -10,31 +10,29 @@ The layout that says all it can::
                          start  0.0             seconds at the first sample, from the file's own zero
     /run1/t            (n,) numbers, its unit "s"
 
-Other files are read as far as they can be understood: any dataset with one row of numbers is a channel;
-`units`; `sample_rate`, `sampling_rate`, `fs`, or the step `dt`, `increment`; `t0`, `offset`; a dataset
-called `t` or `time` beside it and as long is its time. Datasets at the top are in no group.
+In other files any dataset with one row of numbers is a channel. Its attributes may be called `units`; `sample_rate`,
+`sampling_rate`, `fs`, or `dt`, `increment` for the step; `t0`, `offset`. A dataset called `t` or `time` in the same
+group and of the same length states its times. Datasets at the top of the file are in no group.
 
-Nothing is read outside the file: links to other files, samples kept in other files and datasets put
-together from other files are refused, and so are filters that are not part of HDF5 itself.
+Nothing is read outside the file: links to other files, samples kept in other files and virtual datasets are refused,
+and so are filters that are not part of HDF5 itself.
 """
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, is_time, of_name, seconds, tidy
-from fourpole.io.formats.pieces import Part, Track, by_tracks, remembered
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, SignalInfo
-from fourpole.io.source import name_of, open_regular
+from fourpole.io.formats.attributes import RATES, STEPS, UNITS
+from fourpole.io.formats.guard import Guard, afford, find, is_time, of_name, tidy, time_scale
+from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_format
+from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
 __all__ = ["FORMAT", "Leaf", "attributes", "is_elsewhere", "leaf_of", "leaves", "opened", "reader", "samples"]
@@ -44,9 +42,6 @@ _LIBRARY = "h5py"
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 _PLACES = (0, 512, 1024, 2048)
 _MATLAB = b"MATLAB 7.3"
-_UNITS = ("unit", "units", "Unit", "Units")
-_RATES = ("rate", "sample_rate", "sampling_rate", "samplerate", "fs", "Fs", "sampling_frequency")
-_STEPS = ("dt", "increment", "step", "sample_interval")
 _STARTS = ("start", "t0", "offset", "start_offset")
 _NOTES = ("note", "comment", "description", "title", "long_name")
 _MOST_OBJECTS = 100_000
@@ -54,25 +49,26 @@ _DEEPEST = 32
 _MOST_HOPS = 8
 _DEFLATE, _LZF = 1, 32000
 _FILTERS = frozenset({1, 2, 3, 4, 5, 6, _LZF})
-_MOST_INFLATED = 1100  # times: more than any of these filters can
+#: Largest ratio of unpacked to packed size: no known filter reaches it.
+_MOST_INFLATED = 1100
 _LONGEST_TEXT = 4096
 
 
 @dataclass(frozen=True)
 class Leaf:
-    """A dataset of a file, or what stands in its place."""
+    """A dataset of a file, or a link that cannot be followed."""
 
     group: str
     name: str
     dataset: Any
     barred: str
-    """Why it cannot be read; empty if it can."""
+    """The reason why it cannot be read; empty if it can."""
     inherited: dict[str, Any]
     """The attributes of its group."""
 
     @property
     def path(self) -> str:
-        """Its name from the top of the file."""
+        """The name of the dataset with those of its groups."""
         return f"{self.group}/{self.name}" if self.group else self.name
 
 
@@ -81,7 +77,7 @@ def _recognises(head: bytes) -> bool:
 
 
 def opened(guard: Guard, file: BinaryIO, name: str) -> Any:
-    """The file as the library sees it: through the open file alone, so that it can open no other."""
+    """The root of the file in the library. It gets the open file, not a path, so that it opens no other file."""
     head = file.read(4096)
     if not any(head[at : at + 8] == _MAGIC for at in _PLACES):
         raise TableError(f"{name}: is not {_KIND}: it does not begin as one; check what wrote it")
@@ -90,7 +86,7 @@ def opened(guard: Guard, file: BinaryIO, name: str) -> Any:
 
 
 def leaves(h5py: Any, root: Any, name: str) -> list[Leaf]:
-    """The datasets of a file, each once, without following a link out of it."""
+    """The datasets of a file, each of them once; no link out of the file is followed."""
     found: list[Leaf] = []
     seen = {h5py.h5o.get_info(root.id).addr}
     waiting: list[tuple[str, Any]] = [("", root)]
@@ -117,12 +113,12 @@ def leaves(h5py: Any, root: Any, name: str) -> list[Leaf]:
 
 
 def leaf_of(h5py: Any, dataset: Any) -> Leaf:
-    """A dataset that is reached by a reference, not by its name."""
+    """The leaf of a dataset that a reference, not a name, leads to."""
     return Leaf("", "", dataset, _barred(h5py, dataset), {})
 
 
 def _resolved(h5py: Any, root: Any, group: Any, key: str, hops: int = 0) -> tuple[Any, str]:
-    """What is behind a name, or why that is not looked at."""
+    """The object that a name leads to, and the reason why it is not opened (empty if it is)."""
     try:
         link = group.get(key, getlink=True)
         if isinstance(link, h5py.HardLink):
@@ -143,13 +139,13 @@ def _resolved(h5py: Any, root: Any, group: Any, key: str, hops: int = 0) -> tupl
 
 
 def is_elsewhere(h5py: Any, dataset: Any) -> bool:
-    """Whether the samples of a dataset are in other files."""
+    """Whether the samples of a dataset are stored in other files."""
     plan = dataset.id.get_create_plist()
     return bool(plan.get_layout() == h5py.h5d.VIRTUAL or plan.get_external_count() > 0)
 
 
 def _barred(h5py: Any, dataset: Any) -> str:
-    """Why a dataset is no channel, or must not be read."""
+    """The reason why a dataset is no channel, or must not be read; empty if there is none."""
     plan = dataset.id.get_create_plist()
     if is_elsewhere(h5py, dataset):
         return "has its samples in another file, which is not read; copy them into this one"
@@ -167,9 +163,9 @@ def _barred(h5py: Any, dataset: Any) -> str:
 
 
 def attributes(h5py: Any, thing: Any) -> dict[str, Any]:
-    """The attributes that are one short text or one number."""
+    """Those known attributes of an object whose value is one short text or one number."""
     found: dict[str, Any] = {}
-    for key in (*_UNITS, *_RATES, *_STEPS, *_STARTS, *_NOTES, "time", "MATLAB_class", "MATLAB_empty"):
+    for key in (*UNITS, *RATES, *STEPS, *_STARTS, *_NOTES, "time", "MATLAB_class", "MATLAB_empty"):
         if key in thing.attrs:
             value = _attribute(h5py, thing, key)
             if value is not None:
@@ -191,7 +187,7 @@ def _attribute(h5py: Any, thing: Any, key: str) -> str | float | None:
 
 
 def samples(leaf: Leaf, max_bytes: int, name: str) -> NDArray[np.float64]:
-    """The numbers of a dataset in its own shape, converted as they are read."""
+    """The numbers of a dataset in its own shape, as floats."""
     _check(leaf, max_bytes, name)
     shape = tuple(leaf.dataset.shape)
     afford(8 * int(np.prod(shape, dtype=object)), max_bytes, name, shown(leaf.path))
@@ -202,7 +198,7 @@ def samples(leaf: Leaf, max_bytes: int, name: str) -> NDArray[np.float64]:
 
 
 def reader(leaf: Leaf, max_bytes: int, name: str, *, row: int | None = None, axis: int = 0) -> Part:
-    """What reads a part of a single row of numbers, or of one row of a matrix, converted as it is read."""
+    """The function that reads a part of a dataset with one row, or of one `row` of a matrix along the other axis."""
     _check(leaf, max_bytes, name)
     dataset = leaf.dataset
     where: list[Any] = [0] * len(dataset.shape)
@@ -221,7 +217,7 @@ def reader(leaf: Leaf, max_bytes: int, name: str, *, row: int | None = None, axi
 
 
 def _check(leaf: Leaf, max_bytes: int, name: str) -> None:
-    """Refuse what must not be read, and what declares more than it holds."""
+    """TableError if a dataset must not be read, or declares more samples than it holds."""
     dataset = leaf.dataset
     if leaf.barred:
         raise TableError(f"{name}: channel {shown(leaf.path)} {leaf.barred}")
@@ -232,7 +228,7 @@ def _check(leaf: Leaf, max_bytes: int, name: str) -> None:
 
 
 def _check_chunks(dataset: Any, leaf: Leaf, max_bytes: int, name: str) -> None:
-    """Refuse chunks that declare, or inflate to, more than may be held, and samples that were never written."""
+    """FileError or TableError if chunks unpack to more memory than allowed, or samples were never written."""
     what = f"channel {shown(leaf.path)}"
     declared = int(np.prod(dataset.chunks, dtype=object)) * dataset.dtype.itemsize
     plan = dataset.id.get_create_plist()
@@ -240,13 +236,13 @@ def _check_chunks(dataset: Any, leaf: Leaf, max_bytes: int, name: str) -> None:
     packers = [one for one in squeezed if one in (_DEFLATE, 4, _LZF)]
     largest, large = 0, []
 
-    def look(one: Any) -> None:
+    def measure(one: Any) -> None:
         nonlocal largest
         largest = max(largest, one.size)
         if one.size * _MOST_INFLATED > max_bytes and not one.filter_mask:
             large.append(one.chunk_offset)
 
-    dataset.id.chunk_iter(look)
+    dataset.id.chunk_iter(measure)
     if dataset.size and not largest:
         raise TableError(f"{name}: {what} declares {dataset.size} samples and holds none")
     afford(2 * declared, max_bytes, name, f"a part of {what}")
@@ -261,7 +257,7 @@ def _check_chunks(dataset: Any, leaf: Leaf, max_bytes: int, name: str) -> None:
 
 
 def _inflates_to(packed: bytes, most: int) -> bool:
-    """Whether a deflated part keeps within what it should be, without holding it."""
+    """Whether deflated bytes unpack to at most `most` bytes; they are unpacked in small parts."""
     stream, total = zlib.decompressobj(), 0
     rest = packed
     while rest and not stream.eof:
@@ -296,10 +292,10 @@ def _number(stated: dict[str, Any], keys: Sequence[str]) -> float | None:
 
 
 def _timing(leaf: Leaf, own: dict[str, Any], beside: dict[str, Leaf], name: str) -> _Timing:
-    """The time base that a channel states, else that of its group, else the time beside it."""
+    """The time base that the channel states, or else its group, or else the dataset of times in the same group."""
     start = _number(own, _STARTS) or _number(leaf.inherited, _STARTS) or 0.0
     for stated in (own, leaf.inherited):
-        rate, step = _number(stated, _RATES), _number(stated, _STEPS)
+        rate, step = _number(stated, RATES), _number(stated, STEPS)
         if (rate := rate or (1.0 / step if step else None)) is not None and rate > 0:
             return _Timing(rate, start, None)
         if isinstance(stated.get("time"), str):
@@ -319,102 +315,78 @@ def _timing(leaf: Leaf, own: dict[str, Any], beside: dict[str, Leaf], name: str)
 
 
 def _unit(leaf: Leaf, own: dict[str, Any]) -> str | None:
-    return of_name(leaf.name, next((own[key] for key in _UNITS if isinstance(own.get(key), str)), None))
+    return of_name(leaf.name, next((own[key] for key in UNITS if isinstance(own.get(key), str)), None))
 
 
-def _beside(found: Sequence[Leaf]) -> dict[str, dict[str, Leaf]]:
-    groups: dict[str, dict[str, Leaf]] = {}
-    for leaf in found:
-        groups.setdefault(leaf.group, {})[leaf.name] = leaf
-    return groups
+class _Content:
+    """The datasets of an open file."""
 
+    def __init__(self, opened_file: OpenFile) -> None:
+        self._name, self._max_bytes = opened_file.name, opened_file.max_bytes
+        self._h5py = opened_file.guard.load(_LIBRARY)
+        self._root = opened_file.closing.enter_context(opened(opened_file.guard, opened_file.file, self._name))
+        self._leaves = leaves(self._h5py, self._root, self._name)
+        self._groups: dict[str, dict[str, Leaf]] = {}
+        for leaf in self._leaves:
+            self._groups.setdefault(leaf.group, {})[leaf.name] = leaf
 
-def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    name = name_of(path, label)
-    most = max(max_bytes, MAX_FILE_BYTES)
-    with open_regular(path, max_bytes=most, label=label) as file, Guard(name, _KIND, _LIBRARY) as guard:
-        h5py = guard.load(_LIBRARY)
-        with opened(guard, file, name) as root:
-            found = leaves(h5py, root, name)
-            groups = _beside(found)
-            signals = [_info(h5py, one, groups[one.group], max_bytes, name) for one in found if _is_row(one)]
-            notes = [f"{key}: {tidy(value)}" for key, value in attributes(h5py, root).items()]
-            notes += [f"{tidy(one.path)} {one.barred}" for one in found if one.barred][:20]
-            wide = [tidy(one.path) for one in found if not one.barred and not _is_row(one)]
-            if wide:
-                notes.append(f"not channels, since they are no single row: {', '.join(wide[:12])}")
-    return FileInfo("HDF5", tuple(signals), tuple(notes))
+    def info(self) -> FileInfo:
+        signals = [self._info(one) for one in self._leaves if _is_row(one)]
+        notes = [f"{key}: {tidy(value)}" for key, value in attributes(self._h5py, self._root).items()]
+        notes += [f"{tidy(one.path)} {one.barred}" for one in self._leaves if one.barred][:20]
+        wide = [tidy(one.path) for one in self._leaves if not one.barred and not _is_row(one)]
+        if wide:
+            notes.append(f"not channels, since they are no single row: {', '.join(wide[:12])}")
+        return FileInfo("HDF5", tuple(signals), tuple(notes))
 
+    def _info(self, leaf: Leaf) -> SignalInfo:
+        own = attributes(self._h5py, leaf.dataset)
+        timing = _timing(leaf, own, self._groups[leaf.group], self._name)
+        count, ends = _count(leaf), None
+        notes = [tidy(own[key]) for key in _NOTES if key in own]
+        if timing.time is not None and count:
+            time = self._seconds(timing.time)
+            ends = float(time(0, 1)[0]), float(time(count - 1, count)[0])
+            notes.append(f"time from {tidy(timing.time.name)}")
+        return SignalInfo.timed(
+            leaf.name,
+            _unit(leaf, own),
+            leaf.group,
+            count,
+            rate=timing.rate,
+            start=timing.start,
+            ends=ends,
+            note="; ".join(filter(None, notes)),
+        )
 
-def _info(h5py: Any, leaf: Leaf, beside: dict[str, Leaf], max_bytes: int, name: str) -> SignalInfo:
-    own = attributes(h5py, leaf.dataset)
-    timing = _timing(leaf, own, beside, name)
-    count = _count(leaf)
-    start = timing.start if timing.rate else None
-    duration = max(count - 1, 0) / timing.rate if timing.rate else None
-    note = "; ".join(tidy(own[key]) for key in _NOTES if key in own)
-    if timing.time is not None and count:
-        ends = _ends(h5py, timing.time, max_bytes, name)
-        start, duration = ends[0], ends[1] - ends[0]
-        note = "; ".join(part for part in (note, f"time from {tidy(timing.time.name)}") if part)
-    return SignalInfo(leaf.name, _unit(leaf, own), leaf.group, count, timing.rate, start, duration, note)
+    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
+        rows = [one for one in self._leaves if one.barred or _is_row(one)]
+        chosen = [rows[at] for at in find([(one.group, one.name) for one in rows], request)]
+        if whole:
+            declared = sum(_count(one) for one in chosen if not one.barred)
+            afford(16 * declared, self._max_bytes, self._name)
+        times: dict[str, Part] = {}
+        return [self._track(one, times) for one in chosen]
 
-
-def _ends(h5py: Any, leaf: Leaf, max_bytes: int, name: str) -> tuple[float, float]:
-    """First and last time."""
-    scale = _scale(h5py, leaf, name)
-    if leaf.dataset.chunks is not None:
-        _check_chunks(leaf.dataset, leaf, max_bytes, name)
-    flat = leaf.dataset.shape.index(max(leaf.dataset.shape))
-    first, last = ([0] * leaf.dataset.ndim for _ in range(2))
-    last[flat] = leaf.dataset.shape[flat] - 1
-    return float(leaf.dataset[tuple(first)]) * scale, float(leaf.dataset[tuple(last)]) * scale
-
-
-def _scale(h5py: Any, time: Leaf, name: str) -> float:
-    unit = _unit(time, attributes(h5py, time.dataset))
-    scale = seconds(unit)
-    if scale is None:
-        raise TableError(f"{name}: the time {shown(time.path)} has the unit {shown(unit)}; state it in s, ms or µs")
-    return scale
-
-
-@contextmanager
-def _tracks(request: Request, guard: Guard, *, whole: bool) -> Iterator[list[Track]]:
-    """The channels of a request, of which any part can be read while the file is open."""
-    name = name_of(request.path, request.label)
-    with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
-        h5py = guard.load(_LIBRARY)
-        with opened(guard, file, name) as root:
-            found = leaves(h5py, root, name)
-            rows = [one for one in found if one.barred or _is_row(one)]
-            chosen = [rows[at] for at in find([(one.group, one.name) for one in rows], request)]
-            if whole:
-                declared = sum(_count(one) for one in chosen if not one.barred)
-                afford(16 * declared, request.max_bytes, name)
-            yield list(_of_leaves(h5py, chosen, _beside(found), request.max_bytes, name))
-
-
-def _of_leaves(
-    h5py: Any, chosen: Sequence[Leaf], groups: dict[str, dict[str, Leaf]], max_bytes: int, name: str
-) -> Iterator[Track]:
-    times: dict[str, Part] = {}
-    for leaf in chosen:
-        values = reader(leaf, max_bytes, name)
-        own = attributes(h5py, leaf.dataset)
-        timing = _timing(leaf, own, groups[leaf.group], name)
+    def _track(self, leaf: Leaf, times: dict[str, Part]) -> Track:
+        """The track of a dataset; `times` has the functions that read times, by their paths, and is filled."""
+        values = reader(leaf, self._max_bytes, self._name)
+        own = attributes(self._h5py, leaf.dataset)
+        timing = _timing(leaf, own, self._groups[leaf.group], self._name)
         time = None
         if timing.time is not None:
             if timing.time.path not in times:
-                times[timing.time.path] = _seconds(h5py, timing.time, max_bytes, name)
+                times[timing.time.path] = self._seconds(timing.time)
             time = times[timing.time.path]
-        yield Track(leaf.name, _unit(leaf, own), _count(leaf), values, timing.rate, timing.start, time)
+        return Track(leaf.name, _unit(leaf, own), _count(leaf), values, timing.rate, timing.start, time)
+
+    def _seconds(self, time: Leaf) -> Part:
+        """The function that reads a part of a dataset of times [s]."""
+        scale = time_scale(_unit(time, attributes(self._h5py, time.dataset)), time.path, self._name)
+        values = reader(time, self._max_bytes, self._name)
+        return remembered(lambda first, last: scale * values(first, last))
 
 
-def _seconds(h5py: Any, time: Leaf, max_bytes: int, name: str) -> Part:
-    scale, values = _scale(h5py, time, name), reader(time, max_bytes, name)
-    return remembered(lambda first, last: scale * values(first, last))
-
-
-_read, _blocks = by_tracks(_KIND, _LIBRARY, _tracks)
-FORMAT = Format("HDF5", (".h5", ".hdf5", ".hdf", ".he5"), _recognises, _survey, _read, "formats", _blocks)
+FORMAT = track_format(
+    "HDF5", (".h5", ".hdf5", ".hdf", ".he5"), _recognises, _KIND, _Content, library=_LIBRARY, extra="formats"
+)

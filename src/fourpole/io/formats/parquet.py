@@ -1,12 +1,13 @@
-"""Parquet: each column of numbers is a channel, one of times the time of all the others.
+"""Parquet: each column of numbers is a channel; a column of times states the times of all others.
 
-A column's unit is the metadata `unit` or `units` of its Arrow field, else what the file's metadata `units` (a JSON
-object by columns, also as pandas keeps `DataFrame.attrs`) has for it, else that in its name: `F1 [N]`. Its time is a
-column of timestamps or durations, else one called `t` or `time`, if there is one of them; without one, the file's
-metadata `rate` (or `sample_rate`, ...; or the step `dt`, ...) counts. Timestamps become the seconds from the first.
+A column's unit is the metadata `unit` or `units` of its Arrow field, or else the file's metadata `units` (a JSON object
+by columns, also as pandas keeps `DataFrame.attrs`), or else the unit in its name, as in `F1 [N]`. The times are a
+column of timestamps or durations, or else a column called `t` or `time`, if there is exactly one of them. Without one,
+the file's metadata `rate` (or `sample_rate`, ...; or the step `dt`, ...) applies. Timestamps become seconds from the
+first one.
 
-Before polars sees the file, its footer is read here: columns must lie in the file and in no other, and a page
-must not unpack to more than may be held.
+The footer is read here before polars opens the file: columns must lie in this file, and a page must not unpack to more
+memory than allowed.
 
 References
 ----------
@@ -25,17 +26,16 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, is_time, of_name, seconds, tidy
-from fourpole.io.formats.pieces import Part, Track, by_tracks, remembered
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, SignalInfo
-from fourpole.io.source import name_of, open_regular
+from fourpole.io.formats.attributes import RATES, STEPS, UNITS
+from fourpole.io.formats.guard import afford, find, is_time, of_name, tidy, time_scale
+from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_format
+from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
 __all__ = ["FORMAT"]
@@ -46,9 +46,6 @@ _LARGEST_FOOTER = 1 << 26
 _MOST_PAGES = 1_000_000
 _LONGEST_PAGE_HEADER = 1 << 16
 _DEEPEST = 16
-_UNITS = ("unit", "units", "Unit", "Units")
-_RATES = ("rate", "sample_rate", "sampling_rate", "samplerate", "fs", "Fs", "sampling_frequency")
-_STEPS = ("dt", "increment", "step", "sample_interval")
 _TICKS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
@@ -126,13 +123,13 @@ class _Thrift:
 
 @dataclass(frozen=True)
 class _Footer:
-    """What the end of the file says of it."""
+    """The footer of the file: its rows, the places of its columns and its metadata."""
 
     rows: int
     groups: tuple[int, ...]
-    """Rows of each row group."""
+    """Number of rows of each row group."""
     chunks: dict[str, list[tuple[int, int]]]
-    """Where the parts of each column that is not nested are, and their length."""
+    """Place and length of the parts of each column that is not nested [byte]."""
     notes: dict[str, str]
     creator: str
 
@@ -151,38 +148,38 @@ def _footer(file: BinaryIO, name: str, max_bytes: int) -> _Footer:
     if length > _LARGEST_FOOTER:
         raise TableError(f"{name}: has too many parts; save it in larger row groups")
     file.seek(end - 8 - length)
-    said = _Thrift(file.read(length)).structure()
-    groups = tuple(int(one[3]) for one in said.get(4, []))
+    stated = _Thrift(file.read(length)).structure()
+    groups = tuple(int(one[3]) for one in stated.get(4, []))
     chunks: dict[str, list[tuple[int, int]]] = {}
-    for group, rows in zip(said.get(4, []), groups, strict=True):
+    for group, rows in zip(stated.get(4, []), groups, strict=True):
         for column in group[1]:
             _take(column, rows, chunks, end - 8 - length, name)
-    if min(groups, default=0) < 0 or sum(groups) != said[3]:
-        raise TableError(f"{name}: is damaged: declares {said[3]} rows and has {sum(groups)}; export it again")
-    notes = {_told(one.get(1)): _told(one.get(2)) for one in said.get(5, [])}
-    return _Footer(int(said[3]), groups, chunks, notes, _told(said.get(6)))
+    if min(groups, default=0) < 0 or sum(groups) != stated[3]:
+        raise TableError(f"{name}: is damaged: declares {stated[3]} rows and has {sum(groups)}; export it again")
+    notes = {_decoded(one.get(1)): _decoded(one.get(2)) for one in stated.get(5, [])}
+    return _Footer(int(stated[3]), groups, chunks, notes, _decoded(stated.get(6)))
 
 
 def _take(column: dict[int, Any], rows: int, chunks: dict[str, list[tuple[int, int]]], end: int, name: str) -> None:
-    """Add a part of a column, if it lies where it may."""
+    """Add a part of a column to `chunks`; TableError if it lies outside the file."""
     if column.get(1):
         raise TableError(f"{name}: has its samples in another file, which is not read; save it as one file")
-    said = column[3]
-    begin, length = min(said[9], said.get(11, said[9]) or said[9]), said[7]
+    stated = column[3]
+    begin, length = min(stated[9], stated.get(11, stated[9]) or stated[9]), stated[7]
     if not 4 <= begin <= begin + length <= end:
         raise TableError(f"{name}: is cut short or damaged: a column lies outside the file; copy or export it again")
-    if len(said[3]) == 1:
-        if said[5] != rows:
-            raise TableError(f"{name}: is damaged: a column has {said[5]} of {rows} values; export it again")
-        chunks.setdefault(_told(said[3][0]), []).append((begin, length))
+    if len(stated[3]) == 1:
+        if stated[5] != rows:
+            raise TableError(f"{name}: is damaged: a column has {stated[5]} of {rows} values; export it again")
+        chunks.setdefault(_decoded(stated[3][0]), []).append((begin, length))
 
 
-def _told(text: Any) -> str:
+def _decoded(text: Any) -> str:
     return text.decode("utf-8", errors="replace") if isinstance(text, bytes) else ""
 
 
 def _check_pages(file: BinaryIO, chunks: Sequence[tuple[int, int]], name: str, max_bytes: int) -> None:
-    """Walk over the pages of a column."""
+    """TableError or FileError if a page of a column lies outside it, or unpacks to more memory than allowed."""
     count = 0
     for begin, length in chunks:
         at = begin
@@ -202,7 +199,7 @@ def _check_pages(file: BinaryIO, chunks: Sequence[tuple[int, int]], name: str, m
 
 
 def _field_units(encoded: str) -> dict[str, str]:
-    """Units in the metadata of Arrow fields, by the fields' names."""
+    """Units in the metadata of Arrow fields, by the names of the fields; empty if the metadata cannot be read."""
     try:
         content = base64.b64decode(encoded, validate=True)
         table = _Table(content, 8 + _at(content, 8, "I")) if content[:4] == b"\xff" * 4 else None
@@ -211,7 +208,7 @@ def _field_units(encoded: str) -> dict[str, str]:
         found = {}
         for one in fields:
             stated = {pair.text(0): pair.text(1) for pair in one.tables(6)}
-            unit = next((stated[key] for key in _UNITS if stated.get(key)), "")
+            unit = next((stated[key] for key in UNITS if stated.get(key)), "")
             if unit:
                 found[one.text(0)] = unit
     except (binascii.Error, ValueError, struct.error, IndexError):
@@ -232,7 +229,7 @@ class _Table:
         self._content, self._start = content, at
 
     def _field(self, number: int) -> int:
-        """Where a field is; 0 where it is not stated."""
+        """Place of a field in the content; 0 if the table does not have it."""
         lengths = self._start - _at(self._content, self._start, "i")
         place = 4 + 2 * number
         offset = _at(self._content, lengths + place, "H") if place < _at(self._content, lengths, "H") else 0
@@ -259,11 +256,11 @@ class _Table:
 
 
 def _units(notes: dict[str, str]) -> dict[str, str]:
-    """Units by column, from all that the file's metadata say."""
+    """Units by column, from all places in the file's metadata that may state them."""
     found: dict[str, str] = {}
-    stated: list[Any] = [_json(notes[key]) for key in _UNITS if key in notes]
+    stated: list[Any] = [_json(notes[key]) for key in UNITS if key in notes]
     for attributes in (_json(notes.get("PANDAS_ATTRS", "")), _inner(_json(notes.get("pandas", "")), "attributes")):
-        stated += [_inner(attributes, key) for key in _UNITS]
+        stated += [_inner(attributes, key) for key in UNITS]
     for one in stated:
         if isinstance(one, dict):
             found |= {str(key): value for key, value in one.items() if isinstance(value, str)}
@@ -282,8 +279,8 @@ def _inner(value: Any, key: str) -> Any:
 
 
 def _rate(notes: dict[str, str]) -> float | None:
-    """The rate that the file's metadata state."""
-    for keys, inverse in ((_RATES, False), (_STEPS, True)):
+    """The rate that the file's metadata state [Hz]; None if they state none."""
+    for keys, inverse in ((RATES, False), (STEPS, True)):
         for key in keys:
             value = _json(notes.get(key, ""))
             if isinstance(value, int | float) and not isinstance(value, bool) and 1e-12 < value < 1e12:
@@ -299,18 +296,19 @@ class _Column:
     name: str
     unit: str | None
     kind: str
-    """numbers, moments (timestamps), lengths (of time) or other."""
+    """numbers, moments (timestamps), durations or other."""
     ticks: float
-    """Of moments and lengths, in a second."""
+    """Units of a stored moment or duration per second."""
 
 
-_LISTENING = threading.Lock()
+#: The standard error output belongs to the process: only one thread at a time may redirect it.
+_REDIRECTING = threading.Lock()
 
 
 @contextmanager
-def _unheard() -> Iterator[None]:
-    """Keep from the terminal what a library prints that is not written in Python."""
-    with _LISTENING, ExitStack() as stack:
+def _silenced() -> Iterator[None]:
+    """Discard what a library that is not written in Python prints to the standard error output."""
+    with _REDIRECTING, ExitStack() as stack:
         with suppress(OSError):
             kept = os.dup(2)
             stack.callback(os.close, kept)
@@ -321,18 +319,19 @@ def _unheard() -> Iterator[None]:
         yield
 
 
-class _File:
-    """A file that has passed the check of its footer."""
+class _Content:
+    """The columns of an open file whose footer has been checked."""
 
-    def __init__(self, path: Path, footer: _Footer, name: str) -> None:
+    def __init__(self, opened: OpenFile) -> None:
         import polars as pl
 
-        self._pl, self._name, self.footer = pl, name, footer
-        # The name is that of one file, however many signs it has that mean more than themselves.
-        self._scan = pl.scan_parquet(path, glob=False, hive_partitioning=False)
+        self._pl, self._name, self._opened = pl, opened.name, opened
+        self.footer = footer = _footer(opened.file, opened.name, opened.max_bytes)
+        # `glob=False`: characters such as * and [ in the file's name mean themselves.
+        self._scan = pl.scan_parquet(opened.path, glob=False, hive_partitioning=False)
         units = _units(footer.notes)
         self.columns = [self._column(one, kind, units) for one, kind in self.caught(self._scan.collect_schema).items()]
-        times = [one for one in self.columns if one.kind in ("moments", "lengths")]
+        times = [one for one in self.columns if one.kind in ("moments", "durations")]
         times = times or [one for one in self.columns if one.kind == "numbers" and is_time(one.name)]
         self.time = times[0] if len(times) == 1 else None
         self._firsts: dict[str, int] = {}
@@ -342,20 +341,22 @@ class _File:
         if name not in self.footer.chunks:
             return _Column(name, None, "other", 1.0)
         if isinstance(kind, pl.Datetime | pl.Duration):
-            return _Column(name, "s", "moments" if isinstance(kind, pl.Datetime) else "lengths", _TICKS[kind.time_unit])
+            return _Column(
+                name, "s", "moments" if isinstance(kind, pl.Datetime) else "durations", _TICKS[kind.time_unit]
+            )
         numeric = kind.is_numeric() or kind == pl.Boolean
         return _Column(name, of_name(name, units.get(name)), "numbers" if numeric else "other", 1.0)
 
     def caught(self, ask: Any, *arguments: Any, **more: Any) -> Any:
-        """What polars answers; a panic is no ordinary exception, and is told to whoever may listen."""
+        """The result of a function of polars; ValueError in place of its panic, which is no ordinary exception."""
         try:
-            with _unheard():
+            with _silenced():
                 return ask(*arguments, **more)
         except self._pl.exceptions.PanicException as error:
             raise ValueError(str(error)) from None
 
     def part(self, one: _Column, first: int, last: int) -> NDArray[np.float64]:
-        """Some values of a column; those that are missing are not-a-number."""
+        """Values of a column from row `first` up to `last`; a missing value is not-a-number."""
         if one.kind == "numbers":
             return self._taken(one, first, last, self._pl.Float64).fill_null(np.nan).to_numpy().astype(np.float64)
         cells = self._taken(one, first, last, self._pl.Int64)
@@ -372,19 +373,16 @@ class _File:
         asked = self._scan.select(self._pl.col(one.name).cast(kind)).slice(first, last - first)
         cells = self.caught(asked.collect).to_series()
         if len(cells) != last - first:
-            said = f"column {shown(one.name)} has {first + len(cells)} of {self.footer.rows} values"
-            raise TableError(f"{self._name}: is cut short: {said}; copy or export it again")
+            what = f"column {shown(one.name)} has {first + len(cells)} of {self.footer.rows} values"
+            raise TableError(f"{self._name}: is cut short: {what}; copy or export it again")
         return cells
 
     def seconds(self) -> Part | None:
-        """The times of all channels."""
+        """The function that reads times of all channels [s]; None if no column states them."""
         time = self.time
         if time is None:
             return None
-        scale = seconds(time.unit)
-        if scale is None:
-            what = f"has the unit {shown(time.unit)}; state it in s, ms or µs"
-            raise TableError(f"{self._name}: the time {shown(time.name)} {what}")
+        scale = time_scale(time.unit, time.name, self._name)
         return remembered(lambda first, last: scale * self.part(time, first, last))
 
     def track(self, one: _Column, time: Part | None) -> Track:
@@ -397,56 +395,47 @@ class _File:
         rate = _rate(self.footer.notes) if time is None else None
         return Track(one.name, one.unit, rows, samples, rate, 0.0, time)
 
+    def info(self) -> FileInfo:
+        rows, time, ends = self.footer.rows, self.seconds(), None
+        if self.time is not None and time is not None and rows:
+            self._check(self.time)
+            first, last = float(time(0, 1)[0]), float(time(rows - 1, rows)[0])
+            ends = (first, last) if np.isfinite((first, last)).all() else None
+        signals = tuple(self._info(one, ends) for one in self.columns)
+        hidden = ("ARROW:schema", "pandas", "PANDAS_ATTRS")
+        notes = [f"{tidy(key, 60)}: {tidy(value)}" for key, value in self.footer.notes.items() if key not in hidden]
+        written = [f"written by {tidy(self.footer.creator)}"] if self.footer.creator else []
+        return FileInfo("Parquet", signals, (*written, *notes[:20]))
+
+    def _info(self, one: _Column, ends: tuple[float, float] | None) -> SignalInfo:
+        name, unit, rows = one.name, one.unit, self.footer.rows
+        if one.kind == "other":
+            return SignalInfo.timed(name, unit, "", rows, note="no numbers")
+        if self.time is None or one == self.time:
+            rate = _rate(self.footer.notes) if self.time is None else None
+            note = "seconds from the first" if one.kind == "moments" else ""
+            return SignalInfo.timed(name, unit, "", rows, rate=rate, note=note)
+        return SignalInfo.timed(name, unit, "", rows, ends=ends, note=f"time from {tidy(self.time.name)}")
+
+    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
+        chosen = [self.columns[at] for at in find([("", one.name) for one in self.columns], request)]
+        for one in chosen:
+            if one.kind == "other":
+                raise TableError(f"{self._name}: column {shown(one.name)} holds no numbers; name another column")
+        rows = self.footer.rows if whole else max(self.footer.groups, default=0)
+        afford(24 * rows * max(len(chosen), 1), self._opened.max_bytes, self._name)
+        for one in {*chosen, *([self.time] if self.time else [])}:
+            self._check(one)
+        time = self.seconds()
+        return [self.track(one, time) for one in chosen]
+
+    def _check(self, one: _Column) -> None:
+        chunks = self.footer.chunks.get(one.name, [])
+        _check_pages(self._opened.file, chunks, self._name, self._opened.max_bytes)
+
 
 def _recognises(head: bytes) -> bool:
     return head[:4] == _MAGIC
 
 
-def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    name = name_of(path, label)
-    with open_regular(path, max_bytes=max(max_bytes, MAX_FILE_BYTES), label=label) as file, Guard(name, _KIND):
-        content = _File(path, _footer(file, name, max_bytes), name)
-        rows, rate = content.footer.rows, _rate(content.footer.notes)
-        start, length = (0.0, max(rows - 1, 0) / rate) if rate and content.time is None else (None, None)
-        if content.time is not None and rows and (time := content.seconds()) is not None:
-            _check_pages(file, content.footer.chunks[content.time.name], name, max_bytes)
-            ends = float(time(0, 1)[0]), float(time(rows - 1, rows)[0])
-            start, length = (ends[0], ends[1] - ends[0]) if np.isfinite(ends).all() else (None, None)
-        signals = []
-        for one in content.columns:
-            timed = one != content.time and one.kind != "other"
-            note = "no numbers" if one.kind == "other" else "seconds from the first" if one.kind == "moments" else ""
-            if timed and content.time is not None:
-                note = f"time from {tidy(content.time.name)}"
-            even = rate if timed and content.time is None else None
-            signals.append(
-                SignalInfo(
-                    one.name, one.unit, "", rows, even, start if timed else None, length if timed else None, note
-                )
-            )
-        hidden = ("ARROW:schema", "pandas", "PANDAS_ATTRS")
-        said = [f"{tidy(key, 60)}: {tidy(value)}" for key, value in content.footer.notes.items() if key not in hidden]
-        written = [f"written by {tidy(content.footer.creator)}"] if content.footer.creator else []
-        return FileInfo("Parquet", tuple(signals), (*written, *said[:20]))
-
-
-@contextmanager
-def _tracks(request: Request, _: Guard, *, whole: bool) -> Iterator[list[Track]]:
-    """The channels of a request, of which any part can be read."""
-    name = name_of(request.path, request.label)
-    with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
-        content = _File(request.path, _footer(file, name, request.max_bytes), name)
-        chosen = [content.columns[at] for at in find([("", one.name) for one in content.columns], request)]
-        for one in chosen:
-            if one.kind == "other":
-                raise TableError(f"{name}: column {shown(one.name)} holds no numbers; name another column")
-        rows = content.footer.rows if whole else max(content.footer.groups, default=0)
-        afford(24 * rows * max(len(chosen), 1), request.max_bytes, name)
-        for one in {*chosen, *([content.time] if content.time else [])}:
-            _check_pages(file, content.footer.chunks.get(one.name, []), name, request.max_bytes)
-        time = content.seconds()
-        yield [content.track(one, time) for one in chosen]
-
-
-_read, _blocks = by_tracks(_KIND, "", _tracks)
-FORMAT = Format("Parquet", (".parquet", ".pq"), _recognises, _survey, _read, blocks=_blocks)
+FORMAT = track_format("Parquet", (".parquet", ".pq"), _recognises, _KIND, _Content)

@@ -1,7 +1,7 @@
-"""NI TDMS: groups of channels, scaled as the file says, evenly spaced where it states an increment.
+"""NI TDMS: groups of channels, scaled as the file says, and evenly spaced in time if it states an increment.
 
-Only the named file is read, never the index beside it. Where channels were started at different times
-(`wf_start_time`), the file's zero is the earliest of them.
+Only the named file is read, never the index file beside it. If channels were started at different times
+(`wf_start_time`), the time zero of the file is the earliest start.
 """
 
 from __future__ import annotations
@@ -9,20 +9,17 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find, floats, of_name, tidy
-from fourpole.io.formats.pieces import Part, Track, by_tracks
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, SignalInfo
-from fourpole.io.source import name_of, open_regular
+from fourpole.io.formats.guard import afford, find, floats, of_name, tidy
+from fourpole.io.formats.tracks import OpenFile, Part, Track, track_format
+from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
 __all__ = ["FORMAT"]
@@ -35,7 +32,8 @@ _SCALE = re.compile(r"NI_Scale\[[0-9]+\]_Scale_Type")
 _LEAD_IN = 28
 _OPEN_END = 0xFFFFFFFFFFFFFFFF
 _METADATA, _NEW_LIST, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = (1 << bit for bit in (1, 2, 5, 6, 7))
-_AT_ONCE = 1 << 24  # bytes of a chunk that the library may hold
+#: Largest chunk of the file that the library may read whole [byte].
+_AT_ONCE = 1 << 24
 _SAMPLES_AT_ONCE = 1 << 20
 _SMALLEST_OBJECT = 12
 _MOST_ENTRIES = 20_000_000
@@ -47,7 +45,7 @@ def _recognises(head: bytes) -> bool:
 
 
 def _check(file: BinaryIO, name: str, max_bytes: int) -> None:
-    """Walk over the segments: a damaged or hostile list of objects is refused before it is built."""
+    """Walk over the segments; TableError if one is damaged or its list of objects is too long, before it is built."""
     end = os.fstat(file.fileno()).st_size
     lead = file.read(_LEAD_IN)
     if lead[:4] == b"TDSh":
@@ -85,7 +83,7 @@ def _unit(channel: Any) -> str | None:
 
 
 def _timing(channel: Any, zero: tuple[int, int] | None) -> tuple[float | None, float]:
-    """Rate and start; both of the waveform that the channel states."""
+    """Rate [Hz] and start [s] of the waveform that the channel states; (None, 0) if it states none."""
     try:
         increment = float(channel.properties.get("wf_increment", 0.0))
         start = float(channel.properties.get("wf_start_offset", 0.0))
@@ -100,7 +98,7 @@ def _timing(channel: Any, zero: tuple[int, int] | None) -> tuple[float | None, f
 
 
 def _begun(properties: Mapping[str, Any]) -> tuple[int, int] | None:
-    """Seconds and their fraction (of 2^64) at which a channel was started."""
+    """Time at which a channel was started: whole seconds, and the fraction of a second in units of 2^-64 s."""
     stamp = properties.get("wf_start_time")
     seconds, fraction = getattr(stamp, "seconds", None), getattr(stamp, "second_fractions", None)
     if seconds is None or fraction is None or (int(seconds), int(fraction)) == (0, 0):
@@ -109,86 +107,69 @@ def _begun(properties: Mapping[str, Any]) -> tuple[int, int] | None:
 
 
 def _zero(channels: Sequence[Any]) -> tuple[int, int] | None:
-    """The earliest start; None where only some channels state theirs, since they cannot be compared."""
+    """The earliest start; None if any channel states no start, since the starts cannot be compared then."""
     begun = [_begun(one.properties) for one in channels if "wf_increment" in one.properties]
     known = [one for one in begun if one is not None]
     return min(known) if known and len(known) == len(begun) else None
 
 
-def _info(guard: Guard, tdms: Any, channel: Any, zero: tuple[int, int] | None) -> SignalInfo:
+def _info(opened: OpenFile, tdms: Any, channel: Any, zero: tuple[int, int] | None) -> SignalInfo:
     rate, start = _timing(channel, zero)
-    count = len(channel)
     notes = [tidy(channel.properties[key]) for key in _NOTES if isinstance(channel.properties.get(key), str)]
     if channel.dtype.kind not in "fiub":
         notes.insert(0, "no numbers")
     if "NI_Number_Of_Scales" in channel.properties:
-        notes.append(_unscaled(guard, tdms, channel) or "scaled by the file")
-    return SignalInfo(
-        channel.name,
-        _unit(channel),
-        channel.group_name,
-        count,
-        rate,
-        start if rate else None,
-        max(count - 1, 0) / rate if rate else None,
-        "; ".join(note for note in notes if note),
-    )
+        notes.append(_unscaled(opened, tdms, channel) or "scaled by the file")
+    note = "; ".join(one for one in notes if one)
+    unit, group = _unit(channel), channel.group_name
+    return SignalInfo.timed(channel.name, unit, group, len(channel), rate=rate, start=start, note=note)
 
 
-def _channels(tdms: Any) -> list[Any]:
-    return [channel for group in tdms.groups() for channel in group.channels()]
+class _Content:
+    """The channels of an open file, as the library reads them."""
 
+    def __init__(self, opened: OpenFile) -> None:
+        _check(opened.file, opened.name, opened.max_bytes)
+        self._opened = opened
+        # The library gets the open file: if it had the path, it would read the index file beside it.
+        library = opened.guard.load(_LIBRARY).TdmsFile
+        self._tdms = opened.closing.enter_context(library.open(opened.file, raw_timestamps=True))
+        self._channels = [channel for group in self._tdms.groups() for channel in group.channels()]
+        self._zero = _zero(self._channels)
 
-def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    name = name_of(path, label)
-    most = max(max_bytes, MAX_FILE_BYTES)
-    with open_regular(path, max_bytes=most, label=label) as file, Guard(name, _KIND, _LIBRARY) as guard:
-        _check(file, name, max_bytes)
-        # A file that is open is read by itself; of a path, the library would read the index beside it.
-        with guard.load(_LIBRARY).TdmsFile.open(file, raw_timestamps=True) as tdms:
-            channels = _channels(tdms)
-            zero = _zero(channels)
-            notes = [f"{key}: {tidy(value)}" for key, value in tdms.properties.items()][:20]
-            version = {4712: "1.0", 4713: "2.0"}.get(tdms.tdms_version, "")
-            return FileInfo(
-                f"NI TDMS {version}".strip(), tuple(_info(guard, tdms, one, zero) for one in channels), tuple(notes)
-            )
+    def info(self) -> FileInfo:
+        notes = [f"{key}: {tidy(value)}" for key, value in self._tdms.properties.items()][:20]
+        version = {4712: "1.0", 4713: "2.0"}.get(self._tdms.tdms_version, "")
+        signals = tuple(_info(self._opened, self._tdms, one, self._zero) for one in self._channels)
+        return FileInfo(f"NI TDMS {version}".strip(), signals, tuple(notes))
 
+    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
+        places = [(one.group_name, one.name) for one in self._channels]
+        chosen = [self._channels[at] for at in find(places, request)]
+        if whole:
+            afford(16 * sum(map(len, chosen)), self._opened.max_bytes, self._opened.name)
+        return [self._track(one) for one in chosen]
 
-@contextmanager
-def _tracks(request: Request, guard: Guard, *, whole: bool) -> Iterator[list[Track]]:
-    """The channels of a request, of which any part can be read while the file is open."""
-    name = name_of(request.path, request.label)
-    with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
-        _check(file, name, request.max_bytes)
-        with guard.load(_LIBRARY).TdmsFile.open(file, raw_timestamps=True) as tdms:
-            channels = _channels(tdms)
-            chosen = [channels[one] for one in find([(one.group_name, one.name) for one in channels], request)]
-            if whole:
-                afford(16 * sum(map(len, chosen)), request.max_bytes, name)
-            zero = _zero(channels)
-            yield [_track(guard, tdms, file, channel, zero, name) for channel in chosen]
-
-
-def _track(guard: Guard, tdms: Any, file: BinaryIO, channel: Any, zero: tuple[int, int] | None, name: str) -> Track:
-    rate, start = _timing(channel, zero)
-    return Track(channel.name, _unit(channel), len(channel), _reader(guard, tdms, file, channel, name), rate, start)
+    def _track(self, channel: Any) -> Track:
+        rate, start = _timing(channel, self._zero)
+        samples = _reader(self._opened, self._tdms, channel)
+        return Track(channel.name, _unit(channel), len(channel), samples, rate, start)
 
 
 @dataclass(frozen=True)
 class _Run:
-    """Samples of a channel that lie evenly in the file."""
+    """Consecutive samples of a channel at equal distances in the file."""
 
     first: int
     last: int
     begin: int
     step: int
-    """Bytes from one sample to the next; 0 where the library reads them."""
+    """Distance from one sample to the next [byte]; 0 if the library reads these samples."""
     kind: Any
-    """Of a sample as it is stored."""
+    """numpy type of a stored sample."""
 
     def read(self, file: BinaryIO, first: int, last: int) -> NDArray[Any]:
-        """Some of them, as they are stored."""
+        """The samples from index `first` up to `last`, as they are stored."""
         file.seek(self.begin + (first - self.first) * self.step)
         if self.step == self.kind.itemsize:
             return np.frombuffer(file.read((last - first) * self.step), self.kind)
@@ -201,7 +182,7 @@ class _Run:
 
 
 def _runs(segments: Sequence[Any], path: str) -> list[_Run]:
-    """Where the samples of a channel are; the library holds each chunk whole, which large ones are too large for."""
+    """The runs of samples of a channel. The library reads a chunk whole; samples in larger chunks are read here."""
     runs, at = [], 0
     for segment in segments:
         held = [one for one in segment.ordered_objects if one.has_data]
@@ -232,9 +213,9 @@ def _runs(segments: Sequence[Any], path: str) -> list[_Run]:
     return runs
 
 
-def _unscaled(guard: Guard, tdms: Any, channel: Any) -> str:
-    """Why the samples cannot be scaled: of a way that it does not know the library gives them raw, with a warning."""
-    get_scaling = guard.load("nptdms.scaling").get_scaling
+def _unscaled(opened: OpenFile, tdms: Any, channel: Any) -> str:
+    """Why samples cannot be scaled; empty if they can. For an unknown scaling the library returns raw values."""
+    get_scaling = opened.guard.load("nptdms.scaling").get_scaling
     for stated in (channel.properties, tdms[channel.group_name].properties, tdms.properties):
         ways = [str(value) for key, value in stated.items() if _SCALE.fullmatch(key)]
         if stated.get("NI_Scaling_Status", "unscaled") == "scaled" or not ways:
@@ -243,13 +224,14 @@ def _unscaled(guard: Guard, tdms: Any, channel: Any) -> str:
     return ""
 
 
-def _reader(guard: Guard, tdms: Any, file: BinaryIO, channel: Any, name: str) -> Part:
-    """What reads a part of the scaled samples."""
+def _reader(opened: OpenFile, tdms: Any, channel: Any) -> Part:
+    """The function that reads a part of the scaled samples."""
+    guard, file, name = opened.guard, opened.file, opened.name
     if len(channel) and channel.dtype.kind not in "fiub":
         floats(np.empty(1, channel.dtype), channel.name, name)
-    if what := _unscaled(guard, tdms, channel):
+    if what := _unscaled(opened, tdms, channel):
         raise TableError(f"{name}: channel {shown(channel.name)} {what}; save its scaled values")
-    segments = tdms._reader._segments  # noqa: SLF001 - nothing public tells how large a chunk is
+    segments = tdms._reader._segments  # noqa: SLF001 - no public attribute has the size of a chunk
     holding = [one for one in segments if channel.path in one.object_index]
     if sum(one.num_chunks for one in holding) > _MOST_PIECES:
         what = f"channel {shown(channel.name)} is in more than {_MOST_PIECES} pieces"
@@ -278,12 +260,13 @@ def _reader(guard: Guard, tdms: Any, file: BinaryIO, channel: Any, name: str) ->
                 values[filled : filled + len(found)] = found
                 filled += len(found)
         if filled != len(values):
-            said = f"channel {shown(channel.name)} has {first + filled} of {len(channel)} samples"
-            raise TableError(f"{name}: is cut short: {said}; copy it again")
+            what = f"channel {shown(channel.name)} has {first + filled} of {len(channel)} samples"
+            raise TableError(f"{name}: is cut short: {what}; copy it again")
         return values
 
     return part
 
 
-_read, _blocks = by_tracks(_KIND, _LIBRARY, _tracks)
-FORMAT = Format("NI TDMS", (".tdms", ".tdms_index"), _recognises, _survey, _read, "formats", _blocks)
+FORMAT = track_format(
+    "NI TDMS", (".tdms", ".tdms_index"), _recognises, _KIND, _Content, library=_LIBRARY, extra="formats"
+)

@@ -1,30 +1,27 @@
-"""WAV: channels "1" to "n", their full scale 1 where the samples are integers, as they are where they are floats."""
+"""WAV: the channels are called "1" to "n"; the full scale of integer samples is 1, float samples are as stored."""
 
 from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import Guard, afford, find
-from fourpole.io.formats.pieces import Part, Track, by_tracks
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, SignalInfo
-from fourpole.io.source import name_of, open_regular
+from fourpole.io.formats.guard import afford, find
+from fourpole.io.formats.tracks import OpenFile, Part, Track, track_format
+from fourpole.io.signals import FileInfo, Request, SignalInfo
 
 __all__ = ["FORMAT"]
 
 _KIND = "a WAV file"
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _STREAMED = 0xFFFFFFFF
-_BLOCK = 1 << 20  # bytes that are decoded at a time
+#: Bytes that are decoded at a time.
+_BLOCK = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -34,9 +31,9 @@ class _Header:
     rate: int
     bits: int
     size: int
-    """Bytes of samples."""
+    """Size of all samples [byte]."""
     order: str
-    """Of bytes: little-endian (<) or big-endian (>)."""
+    """Byte order: little-endian (<) or big-endian (>)."""
 
     @property
     def count(self) -> int:
@@ -44,7 +41,7 @@ class _Header:
 
     @property
     def width(self) -> int:
-        """Bytes of a sample."""
+        """Size of a sample [byte]."""
         return (self.bits + 7) // 8
 
     @property
@@ -57,7 +54,7 @@ def _recognises(head: bytes) -> bool:
 
 
 def _header(file: BinaryIO, name: str) -> _Header:
-    """What the chunks say, held against the size of the file."""
+    """The header that the first chunks state; TableError if the file is smaller than they declare."""
     end = os.fstat(file.fileno()).st_size
     head = file.read(12)
     if not _recognises(head):
@@ -101,56 +98,49 @@ def _checked(form: tuple[int, int, int, int] | None, size: int, there: int, orde
     return header
 
 
-def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    name = name_of(path, label)
-    with open_regular(path, max_bytes=max(max_bytes, MAX_FILE_BYTES), label=label) as file, Guard(name, _KIND):
-        header = _header(file, name)
-    duration = max(header.count - 1, 0) / header.rate
-    signals = tuple(
-        SignalInfo(str(one), None, "", header.count, float(header.rate), 0.0, duration, header.words)
-        for one in range(1, header.channels + 1)
-    )
-    return FileInfo("WAV", signals, ("a WAV file states no units: state each channel's sensitivity",))
+class _Content:
+    """The channels of an open file."""
 
+    def __init__(self, opened: OpenFile) -> None:
+        self._file, self._name, self._max_bytes = opened.file, opened.name, opened.max_bytes
+        self._header = _header(opened.file, opened.name)
+        self._begin = opened.file.tell()
+        self._names = [str(number) for number in range(1, self._header.channels + 1)]
 
-@contextmanager
-def _tracks(request: Request, _: Guard, *, whole: bool) -> Iterator[list[Track]]:
-    """The channels of a request, of which any part can be read while the file is open."""
-    name = name_of(request.path, request.label)
-    with open_regular(request.path, max_bytes=request.max_file_bytes, label=request.label) as file:
-        header = _header(file, name)
-        begin = file.tell()
-        which = find([("", str(one)) for one in range(1, header.channels + 1)], request)
+    def info(self) -> FileInfo:
+        count, rate = self._header.count, float(self._header.rate)
+        signals = (SignalInfo.timed(one, None, "", count, rate=rate, note=self._header.words) for one in self._names)
+        return FileInfo("WAV", tuple(signals), ("a WAV file states no units: state each channel's sensitivity",))
+
+    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
+        which = find([("", one) for one in self._names], request)
         if whole:
-            afford(8 * header.count * len(which), request.max_bytes, name)
-        yield [
-            Track(str(one + 1), None, header.count, _channel(file, header, begin, one, name), float(header.rate))
-            for one in which
-        ]
+            afford(8 * self._header.count * len(which), self._max_bytes, self._name)
+        rate = float(self._header.rate)
+        return [Track(self._names[at], None, self._header.count, self._part(at), rate) for at in which]
 
+    def _part(self, channel: int) -> Part:
+        """The function that reads a part of one channel; integers are scaled to a full scale of 1."""
+        frame = self._header.channels * self._header.width
+        step = max(_BLOCK // frame, 1)
 
-def _channel(file: BinaryIO, header: _Header, begin: int, channel: int, name: str) -> Part:
-    """What reads a part of one channel: integers to a full scale of 1."""
-    frame = header.channels * header.width
-    step = max(_BLOCK // frame, 1)
+        def part(first: int, last: int) -> NDArray[np.float64]:
+            values = np.empty(last - first)
+            self._file.seek(self._begin + first * frame)
+            for at in range(0, last - first, step):
+                count = min(step, last - first - at)
+                held = self._file.read(count * frame)
+                if len(held) != count * frame:
+                    raise TableError(f"{self._name}: is cut short within its samples; copy or export it again")
+                table = np.frombuffer(held, dtype=np.uint8).reshape(count, self._header.channels, self._header.width)
+                values[at : at + count] = _decoded(table[:, channel], self._header)
+            return values
 
-    def part(first: int, last: int) -> NDArray[np.float64]:
-        values = np.empty(last - first)
-        file.seek(begin + first * frame)
-        for at in range(0, last - first, step):
-            count = min(step, last - first - at)
-            held = file.read(count * frame)
-            if len(held) != count * frame:
-                raise TableError(f"{name}: is cut short: it ends within its samples; copy or export it again")
-            table = np.frombuffer(held, dtype=np.uint8).reshape(count, header.channels, header.width)
-            values[at : at + count] = _decoded(table[:, channel], header)
-        return values
-
-    return part
+        return part
 
 
 def _decoded(raw: NDArray[np.uint8], header: _Header) -> NDArray[np.float64]:
-    """Samples of one channel of (samples, bytes) of each."""
+    """The samples of one channel from an array (samples, bytes of a sample)."""
     count, width = raw.shape
     if header.tag == _FLOAT:
         return np.ascontiguousarray(raw).view(f"{header.order}f{width}")[:, 0].astype(np.float64)
@@ -159,11 +149,10 @@ def _decoded(raw: NDArray[np.uint8], header: _Header) -> NDArray[np.float64]:
     wide = 2 if width == 2 else 4 if width <= 4 else 8
     filled = np.zeros((count, wide), dtype=np.uint8)
     if header.order == "<":
-        filled[:, wide - width :] = raw  # the bytes of most weight are last, so that the sign is where it must be
+        filled[:, wide - width :] = raw  # the most significant byte is last, so that the sign is kept
     else:
         filled[:, :width] = raw
     return filled.view(f"{header.order}i{wide}")[:, 0].astype(np.float64) * 2.0 ** (1 - 8 * wide)
 
 
-_read, _blocks = by_tracks(_KIND, "", _tracks)
-FORMAT = Format("WAV", (".wav", ".wave"), _recognises, _survey, _read, blocks=_blocks)
+FORMAT = track_format("WAV", (".wav", ".wave"), _recognises, _KIND, _Content)

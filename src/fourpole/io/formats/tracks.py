@@ -1,24 +1,25 @@
-"""Recordings in pieces: channels of which any part can be read go on together, each at its own rate."""
+"""Tracks: channels of which any part can be read, and formats whose channels are tracks, read whole or in chunks."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from pathlib import Path
+from typing import BinaryIO, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.io.formats.guard import Guard, guarded
-from fourpole.io.signals import Request, Signal
-from fourpole.io.source import name_of
+from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal
+from fourpole.io.source import name_of, open_regular
 
-__all__ = ["Part", "Track", "by_tracks", "in_step", "remembered"]
+__all__ = ["Content", "OpenFile", "Part", "Track", "in_step", "remembered", "track_format"]
 
 Part = Callable[[int, int], NDArray[np.float64]]
-"""Values from a first one to before a last one."""
+"""A function of two indices that returns the values from the first index up to, without, the second one."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,13 @@ class Track:
     Attributes
     ----------
     name, unit, rate, start
-        As of a `Signal`.
+        See `Signal`.
     count : int
-        Its samples.
-    samples : callable
-    time : callable or None [s]
-        Where the file states the times one by one; channels with the same times share it.
+        Number of samples.
+    samples : Part
+        Returns the samples from one index to another.
+    time : Part or None [s]
+        Returns their times, if the file states each time; channels with the same times share this function.
     """
 
     name: str
@@ -45,7 +47,7 @@ class Track:
     time: Part | None = None
 
     def part(self, first: int, last: int) -> Signal:
-        """Some of its samples."""
+        """The samples from index `first` up to `last`, as a signal."""
         samples = self.samples(first, last)
         if self.time is None:
             start = self.start if not self.rate else self.start + first / self.rate
@@ -55,12 +57,12 @@ class Track:
         return Signal(self.name, self.unit, samples, start, self.rate, time)
 
     def whole(self) -> Signal:
-        """All of them."""
+        """All samples, as a signal."""
         return self.part(0, self.count)
 
 
 def remembered(read: Part) -> Part:
-    """A part that is asked for again, as the times of several channels are, is read once."""
+    """The same function, which keeps its last result: channels with the same times do not read them again."""
     held: dict[tuple[int, int], NDArray[np.float64]] = {}
 
     def part(first: int, last: int) -> NDArray[np.float64]:
@@ -74,7 +76,7 @@ def remembered(read: Part) -> Part:
 
 @dataclass(frozen=True)
 class _Pace:
-    """When the samples of a channel are; where it has no time of its own, evenly over that of the others."""
+    """The times of a channel; a channel without times is spread evenly over the duration of the others."""
 
     count: int
     rate: float
@@ -87,7 +89,7 @@ class _Pace:
         return float(self.time(index, index + 1)[0])
 
     def until(self, limit: float, first: int, last: int) -> int:
-        """The first of some samples that is not before a time."""
+        """Index, from `first` to `last`, of the first sample whose time is not before `limit` [s]."""
         if self.time is None:
             return math.ceil(min(max((limit - self.start) * self.rate, first), last))
         reached = self.time(first, last) >= limit
@@ -107,9 +109,9 @@ def _paces(tracks: Sequence[Track]) -> list[_Pace]:
 
 
 def in_step(tracks: Sequence[Track], rows: int) -> Generator[list[Signal]]:
-    """All samples of some channels, piece by piece: `rows` of each at most, and of about the same time.
+    """All samples of some channels in chunks: at most `rows` samples of each channel, and of about the same time.
 
-    There is one piece at least.
+    There is at least one chunk.
     """
     rows = max(rows, 1)
     same = len({(one.count, one.rate, one.start, one.time) for one in tracks}) <= 1
@@ -126,7 +128,7 @@ def in_step(tracks: Sequence[Track], rows: int) -> Generator[list[Signal]]:
 
 
 def _together(paces: Sequence[_Pace], at: Sequence[int], ends: Sequence[int]) -> list[int]:
-    """Where pieces end so that none goes further in time than the one that is full first."""
+    """Ends of a chunk at which no channel is later in time than the channel that fills its rows first."""
     limits = [one.when(last) for one, last in zip(paces, ends, strict=True) if last < one.count]
     limit = min((one for one in limits if math.isfinite(one)), default=math.inf)
     if math.isinf(limit):
@@ -135,32 +137,79 @@ def _together(paces: Sequence[_Pace], at: Sequence[int], ends: Sequence[int]) ->
     return found if found != list(at) else list(ends)
 
 
-class Opening(Protocol):
-    """Opens a file under a guard, and gives the channels of a request while it is open."""
+@dataclass(frozen=True)
+class OpenFile:
+    """A file that is open for the reader of its format.
 
-    def __call__(self, request: Request, guard: Guard, /, *, whole: bool) -> AbstractContextManager[list[Track]]:
-        """`whole`: all of them will be held at once, which must be afforded."""
-
-
-def by_tracks(
-    kind: str, library: str, tracks: Opening
-) -> tuple[Callable[[Request], list[Signal]], Callable[[Request, int], Iterator[list[Signal]]]]:
-    """What `Format.read` and `Format.blocks` are for a format any part of whose channels can be read.
-
-    `kind` and `library` are those of its `Guard`.
+    Attributes
+    ----------
+    path : Path
+        Where the file is, for a library that must open it by name.
+    file : BinaryIO
+        The open file, at its beginning.
+    name : str
+        The file's name in messages.
+    max_bytes : int [byte]
+        Largest memory that may be needed.
+    guard : Guard
+        Loads the library, and is entered already.
+    closing : ExitStack
+        Closes whatever the reader adds to it, before the file itself is closed.
     """
+
+    path: Path
+    file: BinaryIO
+    name: str
+    max_bytes: int
+    guard: Guard
+    closing: ExitStack
+
+
+class Content(Protocol):
+    """The channels of an open file."""
+
+    def info(self) -> FileInfo:
+        """The description of the file and its channels."""
+
+    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
+        """The channels of a request; if `whole`, FileError if all their samples together need too much memory."""
+
+
+def track_format(
+    name: str,
+    endings: tuple[str, ...],
+    recognises: Callable[[bytes], bool],
+    kind: str,
+    content: Callable[[OpenFile], Content],
+    *,
+    library: str = "",
+    extra: str = "",
+) -> Format:
+    """A format whose channels can be read in any part; `kind` and `library` are those of its `Guard`."""
+
+    @contextmanager
+    def opened(path: Path, label: str, guard: Guard, max_bytes: int, max_file_bytes: int) -> Iterator[Content]:
+        with ExitStack() as closing:
+            file = closing.enter_context(open_regular(path, max_bytes=max_file_bytes, label=label))
+            yield content(OpenFile(path, file, name_of(path, label), max_bytes, guard, closing))
+
+    def survey(path: Path, label: str, max_bytes: int) -> FileInfo:
+        guard = Guard(name_of(path, label), kind, library)
+        with guard, opened(path, label, guard, max_bytes, max(max_bytes, MAX_FILE_BYTES)) as found:
+            return found.info()
 
     def read(request: Request) -> list[Signal]:
         guard = Guard(name_of(request.path, request.label), kind, library)
-        with guard, tracks(request, guard, whole=True) as opened:
-            return [one.whole() for one in opened]
+        limits = request.max_bytes, request.max_file_bytes
+        with guard, opened(request.path, request.label, guard, *limits) as found:
+            return [one.whole() for one in found.tracks(request, whole=True)]
 
-    def stretches(request: Request, rows: int, guard: Guard) -> Generator[list[Signal]]:
-        with tracks(request, guard, whole=False) as opened:
-            yield from in_step(opened, rows)
+    def chunks(request: Request, rows: int, guard: Guard) -> Generator[list[Signal]]:
+        with opened(request.path, request.label, guard, request.max_bytes, request.max_file_bytes) as found:
+            yield from in_step(found.tracks(request, whole=False), rows)
 
     def blocks(request: Request, rows: int) -> Iterator[list[Signal]]:
         guard = Guard(name_of(request.path, request.label), kind, library)
-        return guarded(stretches(request, rows, guard), guard)
+        return guarded(chunks(request, rows, guard), guard)
 
-    return read, blocks
+    return Format(name, endings, recognises, survey, read, extra, blocks)
