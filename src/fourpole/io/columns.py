@@ -31,6 +31,7 @@ from fourpole.io.layout import (
     is_aside,
     is_missing,
     number,
+    plain_numbers,
     split_lines,
     trimmed,
 )
@@ -611,12 +612,9 @@ def _check_moments(
 def _floats(chunk: list[tuple[int, list[str]]], index: int, layout: Layout, name: str) -> NDArray[np.float64]:
     """One column of some rows."""
     cells = [row[index] for _, row in chunk]
-    try:
-        values = np.array([float(cell) for cell in cells])
-        if np.isfinite(values).all() and not any("_" in cell for cell in cells):
-            return values
-    except ValueError:
-        pass
+    values = plain_numbers(cells)
+    if values is not None:
+        return values
     values = np.full(len(cells), np.nan)
     for at, cell in enumerate(cells):
         value = number(cell, layout.decimal)

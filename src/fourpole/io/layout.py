@@ -11,6 +11,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fourpole.errors import TableError
 from fourpole.io.clock import is_date, is_moment
 from fourpole.units import column_unit, is_unit, shown
@@ -22,6 +25,7 @@ __all__ = [
     "is_aside",
     "is_missing",
     "number",
+    "plain_numbers",
     "split_lines",
     "splitter",
     "trimmed",
@@ -86,6 +90,15 @@ def number(cell: str, decimal: str = ".") -> float | None:
         return None
     value = float(text)
     return value if math.isfinite(value) else None
+
+
+def plain_numbers(cells: Sequence[str]) -> NDArray[np.float64] | None:
+    """The numbers of some cells; None unless all of them are finite numbers with a decimal point."""
+    try:
+        values = np.array([float(cell) for cell in cells])
+    except ValueError:
+        return None
+    return values if np.isfinite(values).all() and not any("_" in cell for cell in cells) else None
 
 
 def splitter(delimiter: str) -> Callable[[str], list[str]]:

@@ -1,4 +1,4 @@
-"""LabVIEW measurement files (.lvm): a header, then segments of channels with their start and interval.
+"""LabVIEW measurement files (.lvm): a header, and segments of channels with their start and time step.
 
 References
 ----------
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import re
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from fourpole.errors import TableError
 from fourpole.io.formats.guard import afford, find, tidy
 from fourpole.io.layout import is_missing, number
+from fourpole.io.names import Place, numbered
 from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import decode, encoding_of, name_of, read_bytes
 from fourpole.units import column_unit, shown
@@ -33,13 +33,14 @@ _START_SPECIAL, _END_SPECIAL = b"\n***Start_Special***", b"\n***End_Special***"
 _SEPARATORS = {"tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
 _LONGEST_HEADER = 4_000_000
 _MOST_CHANNELS = 100_000
-_SHORTEST, _LONGEST = 1e-12, 1e6  # s, between samples
+#: Shortest and longest time step that is accepted [s].
+_SHORTEST, _LONGEST = 1e-12, 1e6
 _NULLS = ["NaN", "nan", "NAN", "-NaN", "Inf", "-Inf"]
 
 
 @dataclass(frozen=True)
 class _Channel:
-    """One column of a segment; `x_column` is that of its x values, None where there is none."""
+    """One column of a segment; `x_column` is the index of the column with its x values, None if there is none."""
 
     name: str
     unit: str | None
@@ -49,12 +50,12 @@ class _Channel:
     start: float
     step: float
     rounding: float
-    """The last digit of the step as it is written."""
+    """One unit in the last digit of the step as it is written."""
     is_time: bool
     note: str
 
     def rate(self, count: int, first: float | None, last: float | None) -> float:
-        """Samples per second: the step is rounded, mostly to six decimals; the last x value tells more of it."""
+        """Samples per second, from the first and the last x value if these agree with the step within its rounding."""
         if first is None or last is None or count < 2:
             return 1 / self.step
         found = (last - first) / (count - 1)
@@ -68,7 +69,7 @@ class _Channel:
 
 @dataclass(frozen=True)
 class _Segment:
-    """The channels of a part of the file, and where its rows are."""
+    """The channels of a part of the file, and the bytes that hold its rows."""
 
     channels: tuple[_Channel, ...]
     width: int
@@ -76,7 +77,7 @@ class _Segment:
     end: int
 
     def follows(self, before: _Segment) -> bool:
-        """Whether each channel goes on where it ended before."""
+        """Whether each channel continues in time the channel of the segment `before`."""
         return len(self.channels) == len(before.channels) and all(
             (one.name, one.unit, one.step) == (last.name, last.unit, last.step)
             and one.is_time
@@ -88,7 +89,7 @@ class _Segment:
 
 @dataclass(frozen=True)
 class _Measurement:
-    """What the file's header says, and its segments: those that follow on are one group."""
+    """The statements of the file's header, and its segments; segments that continue each other are one group."""
 
     tags: dict[str, str]
     separator: str
@@ -96,7 +97,7 @@ class _Measurement:
     groups: tuple[tuple[_Segment, ...], ...]
 
     @property
-    def places(self) -> list[tuple[str, str]]:
+    def places(self) -> list[Place]:
         """Group and name of each channel."""
         many = len(self.groups) > 1
         return [
@@ -111,7 +112,7 @@ def _recognises(head: bytes) -> bool:
 
 
 def _opened(path: Path, label: str, max_bytes: int) -> tuple[bytes, _Measurement, str]:
-    """The content of a file, in lines that end with a line feed, what its headers say, and its name."""
+    """The content of a file with line feeds as line ends, the statements of its headers, and its name in messages."""
     name = name_of(path, label)
     content = read_bytes(path, max_bytes=max_bytes, label=label)
     encoding, mark = encoding_of(content[:65536], name)
@@ -125,7 +126,7 @@ def _opened(path: Path, label: str, max_bytes: int) -> tuple[bytes, _Measurement
 
 
 def _without_special(content: bytes) -> bytes:
-    """The content without the blocks that are nobody else's."""
+    """The content without the blocks between Start_Special and End_Special, which have no defined meaning."""
     kept, at = [], 0
     while (begin := content.find(_START_SPECIAL, at)) >= 0 and (end := content.find(_END_SPECIAL, begin)) >= 0:
         kept.append(content[at:begin])
@@ -178,7 +179,7 @@ def _measurement(content: bytes, name: str) -> _Measurement:
 
 
 def _tags(header: str, separator: str) -> dict[str, list[str]]:
-    """The lines of a header: a tag, then its cells."""
+    """The cells of each line of a header, by the tag that begins the line."""
     lines = (line.split(separator) for line in header.split("\n") if line.strip())
     return {cells[0].strip(): [cell.strip() for cell in cells[1:]] for cells in lines}
 
@@ -186,20 +187,20 @@ def _tags(header: str, separator: str) -> dict[str, list[str]]:
 def _channels(
     head: dict[str, list[str]], names: list[str], columns: str, decimal: str, where: str
 ) -> tuple[_Channel, ...]:
-    """The channels of a segment by its header and its line of names."""
-    said = (head.get("Channels") or [""])[0]
-    if not said.isascii() or not said.isdigit() or not 0 < int(said[:9]) <= _MOST_CHANNELS:
-        raise TableError(f"{where}: says it has {shown(said)} channels; write the file again")
-    count, multi = int(said), columns == "multi"
+    """The channels of a segment, from its header and its line of names."""
+    stated = (head.get("Channels") or [""])[0]
+    if not stated.isascii() or not stated.isdigit() or not 0 < int(stated[:9]) <= _MOST_CHANNELS:
+        raise TableError(f"{where}: has {shown(stated)} as its number of channels; write the file again")
+    count, multi = int(stated), columns == "multi"
     places = [1 + at * (2 if multi else 1) for at in range(count)]
     if places[-1] >= len(names):
-        raise TableError(f"{where}: says it has {count} channels but names {len(names)} columns; it is cut off")
+        raise TableError(f"{where}: states {count} channels but names {len(names)} columns; it is cut off")
 
     def cell(tag: str, at: int) -> str:
         cells = head.get(tag, [])
         filled = [cells[place - 1] for place in places] if len(cells) >= places[-1] else cells
         if multi and not all(filled[:count]) and sum(map(bool, cells)) == count:
-            filled = [one for one in cells if one]  # one after the other, not above their columns
+            filled = [one for one in cells if one]  # the cells stand side by side, not above their columns
         return filled[at] if at < len(filled) else ""
 
     def interval(at: int) -> float:
@@ -207,17 +208,14 @@ def _channels(
         return step if _SHORTEST < step < _LONGEST else 0.0
 
     called = [names[place] or f"channel {at + 1}" for at, place in enumerate(places)]
-    often, seen = Counter(called), Counter[str]()
     channels = []
-    for at, place in enumerate(places):
-        seen[called[at]] += 1
-        own = f"{called[at]}.{seen[called[at]]}" if often[called[at]] > 1 else called[at]
+    for at, (name, place) in enumerate(zip(numbered(called), places, strict=True)):
         date = " ".join(filter(None, (cell("Date", at), cell("Time", at))))
         samples = cell("Samples", at)
         channels.append(
             _Channel(
-                name=own,
-                unit=cell("Y_Unit_Label", at) or column_unit(own)[1],
+                name=name,
+                unit=cell("Y_Unit_Label", at) or column_unit(name)[1],
                 column=place,
                 x_column=place - 1 if multi else 0 if columns == "one" else None,
                 samples=int(samples[:15]) if samples.isascii() and samples.isdigit() else 0,
@@ -232,7 +230,7 @@ def _channels(
 
 
 def _last_digit(cell: str) -> float:
-    """One in the last decimal of a number as it is written."""
+    """One unit in the last digit of a number as it is written; 0 if it is no number."""
     digits, _, exponent = cell.strip().replace(",", ".").upper().partition("E")
     try:
         power = int(exponent or "0") - len(digits.partition(".")[2])
@@ -244,22 +242,17 @@ def _last_digit(cell: str) -> float:
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     content, found, _ = _opened(path, label, max_bytes)
     infos: list[SignalInfo] = []
-    places = found.places
     for group in found.groups:
         rows = sum(_rows(content, found, part) for part in group)
         for at, first in enumerate(group[0].channels):
             count = max(sum(part.channels[at].samples for part in group), rows)
-            rate = None
-            if first.is_time and first.step > 0:
-                rate = first.rate(*_x_ends(content, found, group, at))
-            start, duration = (first.start, max(count - 1, 0) / rate) if rate else (None, None)
-            called = places[len(infos)][0]
-            infos.append(SignalInfo(first.name, first.unit, called, count, rate, start, duration, first.note))
-    notes = [
-        tidy(f"{tag}: {found.tags[tag]}")
-        for tag in ("Date", "Time", "Operator", "Description", "Project")
-        if found.tags.get(tag)
-    ]
+            rate = first.rate(*_x_ends(content, found, group, at)) if first.is_time and first.step > 0 else None
+            group_name, start = found.places[len(infos)][0], first.start
+            infos.append(
+                SignalInfo.timed(first.name, first.unit, group_name, count, rate=rate, start=start, note=first.note)
+            )
+    tags = ("Date", "Time", "Operator", "Description", "Project")
+    notes = [tidy(f"{tag}: {found.tags[tag]}") for tag in tags if found.tags.get(tag)]
     version = found.tags.get("Writer_Version", "")
     return FileInfo(tidy(f"LabVIEW measurement {version}".strip()), tuple(infos), tuple(notes))
 
@@ -267,7 +260,7 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
 def _x_ends(
     content: bytes, found: _Measurement, group: Sequence[_Segment], at: int
 ) -> tuple[int, float | None, float | None]:
-    """Rows of a group, and the first and the last x value of a channel, where they are written."""
+    """Number of rows of a group, and first and last x value of a channel (None if it is not written)."""
     parts = [content[one.begin : one.end].rstrip() for one in group]
     ends = []
     for segment, row in ((group[0], parts[0].partition(b"\n")[0]), (group[-1], parts[-1].rpartition(b"\n")[2])):
@@ -277,7 +270,7 @@ def _x_ends(
 
 
 def _rows(content: bytes, found: _Measurement, segment: _Segment) -> int:
-    """Lines of a segment where its header does not count them: one header may serve what was written later."""
+    """Number of lines of a segment if one header serves all segments, since it counts only the first; otherwise 0."""
     if found.tags.get("Multi_Headings", "No").lower() == "yes":
         return 0
     return content[segment.begin : segment.end].strip().count(b"\n") + 1
@@ -301,7 +294,7 @@ def _read(request: Request) -> Sequence[Signal]:
 
 
 def _signal(channel: _Channel, samples: NDArray[np.float64], x: NDArray[np.float64] | None) -> Signal:
-    """A channel on its time base: that of the header where the x values agree with it."""
+    """A channel with its time base: start and step of the header if the x values agree with them, else the x values."""
     if not channel.is_time:
         return Signal(channel.name, channel.unit, samples)
     if channel.step > 0:
@@ -316,7 +309,7 @@ def _signal(channel: _Channel, samples: NDArray[np.float64], x: NDArray[np.float
 def _columns(
     content: bytes, found: _Measurement, segment: _Segment, channel: _Channel, name: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """The samples of a channel in one segment and, where they are written, their x values."""
+    """The samples of a channel in one segment, and their x values (None if they are not written)."""
     import polars as pl
 
     wanted = sorted({channel.column, *(() if channel.x_column is None else (channel.x_column,))})
@@ -341,11 +334,11 @@ def _columns(
     known = np.flatnonzero(np.isfinite(values))
     count = int(known[-1]) + 1 if len(known) else 0
     if count < channel.samples <= len(values):
-        count = channel.samples  # the last ones are missing, and say so
+        count = channel.samples  # the last samples are stated as missing
     if count < channel.samples or not count:
-        said = f"{count} of the {channel.samples} samples" if channel.samples else "no samples"
+        what = f"{count} of the {channel.samples} samples" if channel.samples else "no samples"
         raise TableError(
-            f"{name}: channel {shown(channel.name)} has {said} that its header states; the file is cut off"
+            f"{name}: channel {shown(channel.name)} has {what} that its header states; the file is cut off"
         )
     x = columns[channel.x_column][:count] if channel.x_column is not None else None
     return values[:count], x if x is not None and np.isfinite(x).all() else None
@@ -354,7 +347,7 @@ def _columns(
 def _slowly(
     rows: bytes, found: _Measurement, wanted: Sequence[int], before: int, name: str
 ) -> dict[int, NDArray[np.float64]]:
-    """Columns cell by cell; TableError names the first that is no number."""
+    """The wanted columns, read cell by cell; TableError at the first cell that is no number."""
     columns: dict[int, list[float]] = {at: [] for at in wanted}
     for line, row in enumerate(_text(rows).split("\n"), before + 1):
         cells = row.split(found.separator)
@@ -367,10 +360,4 @@ def _slowly(
     return {at: np.array(column) for at, column in columns.items()}
 
 
-FORMAT = Format(
-    name="LabVIEW measurement",
-    endings=(".lvm",),
-    recognises=_recognises,
-    survey=_survey,
-    read=_read,
-)
+FORMAT = Format("LabVIEW measurement", (".lvm",), _recognises, _survey, _read)

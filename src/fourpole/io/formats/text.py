@@ -1,17 +1,17 @@
-"""Tables of text as signals: names in a header, a rate perhaps in the lines above it."""
+"""Tables of text: the header has the names of the channels; the lines above it may state a rate."""
 
 from __future__ import annotations
 
 import codecs
 import re
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from fourpole.errors import FourpoleError, TableError
+from fourpole.errors import FourpoleError
 from fourpole.io.columns import column_blocks, read_columns, survey_columns
 from fourpole.io.formats.guard import afford, seconds, tidy
 from fourpole.io.layout import number
+from fourpole.io.names import in_group, numbered
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.units import column_unit, quantity
 
@@ -30,19 +30,20 @@ _INTERVAL = re.compile(
     re.IGNORECASE,
 )
 _CATMAN_RATE = re.compile(r"[0-9.,]+ m?s \((?P<value>[0-9]+(?:[.,][0-9]+)?)\s?(?P<after>k?Hz)\)")
-_LOWEST, _HIGHEST = 1e-6, 1e12  # Hz
+#: Lowest and highest rate that is accepted [Hz].
+_LOWEST, _HIGHEST = 1e-6, 1e12
 _MOST_NOTES = 20
 
 
 def _recognises(head: bytes) -> bool:
-    """Text of any kind: what is to be tried when it is of no other."""
+    """Whether the first bytes are text of any kind: other formats are tried before this one."""
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return True
     return bool(head.strip()) and not any(byte < 9 or 13 < byte < 26 for byte in head.removeprefix(codecs.BOM_UTF8))
 
 
 def _rate(lines: Sequence[str]) -> float | None:
-    """Samples per second by the lines above the rows; None where none or several rates are stated."""
+    """The rate that the lines above the rows state [Hz]; None if they state none, or several."""
     found: set[float] = set()
     for line in lines:
         for pattern in (_RATE, _INTERVAL, _CATMAN_RATE):
@@ -54,7 +55,7 @@ def _rate(lines: Sequence[str]) -> float | None:
 
 
 def _hertz(match: re.Match[str], *, inverse: bool) -> float | None:
-    """The rate that a line states; a bare number is in hertz or seconds."""
+    """The rate that a line states [Hz]; a number without a unit is in Hz, or in s if it is a step (`inverse`)."""
     groups = match.groupdict()
     stated = groups.get("before") or groups.get("round") or groups.get("after")
     value = number(match["value"], "," if "," in match["value"] else ".")
@@ -74,39 +75,23 @@ def _hertz(match: re.Match[str], *, inverse: bool) -> float | None:
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     found = survey_columns(path, max_bytes=max(max_bytes, MAX_FILE_BYTES), label=label)
-    rate = _rate(found.above)
-    bare = [column_unit(one)[0] for one in found.layout.names]
-    often, seen = Counter(bare), Counter[str]()
+    rate, layout = _rate(found.above), found.layout
     signals = []
-    for index, one in enumerate(bare):
-        seen[one] += 1
-        if one:
-            clock = index in found.layout.clocks
-            signals.append(
-                SignalInfo(
-                    name=f"{one}.{seen[one]}" if often[one] > 1 else one,
-                    unit="s" if clock else found.layout.units[index],
-                    group="",
-                    count=found.rows,
-                    rate=rate,
-                    start=0.0 if rate else None,
-                    duration=(found.rows - 1) / rate if rate else None,
-                    note="times of day, read as seconds from the first" if clock else "",
-                )
-            )
-    notes = [tidy(line) for line in found.above[: found.layout.header_line - 1] if line.strip()]
-    kept = (
-        notes
-        if len(notes) <= _MOST_NOTES
-        else [*notes[: _MOST_NOTES - 1], f"{len(notes) - _MOST_NOTES + 1} more lines"]
-    )
-    between = {"\t": "tabs", " ": "blanks", ",": "commas", ";": "semicolons"}[found.layout.delimiter]
-    decimal = ", decimal commas" if found.layout.decimal == "," else ""
-    return FileInfo(f"text in {found.encoding}, {between} between the cells{decimal}", tuple(signals), tuple(kept))
+    for index, name in enumerate(numbered([column_unit(one)[0] for one in layout.names])):
+        is_clock = index in layout.clocks
+        unit, note = ("s", "times of day, read as seconds from the first") if is_clock else (layout.units[index], "")
+        if column_unit(layout.names[index])[0]:
+            signals.append(SignalInfo.timed(name, unit, "", found.rows, rate=rate, note=note))
+    notes = [tidy(line) for line in found.above[: layout.header_line - 1] if line.strip()]
+    if len(notes) > _MOST_NOTES:
+        notes = [*notes[: _MOST_NOTES - 1], f"{len(notes) - _MOST_NOTES + 1} more lines"]
+    between = {"\t": "tabs", " ": "blanks", ",": "commas", ";": "semicolons"}[layout.delimiter]
+    decimal = ", decimal commas" if layout.decimal == "," else ""
+    return FileInfo(f"text in {found.encoding}, {between} between the cells{decimal}", tuple(signals), tuple(notes))
 
 
 def _read(request: Request) -> Sequence[Signal]:
-    _check_group(request)
+    in_group([], request.group, request.label)
     most = request.max_file_bytes
     found = survey_columns(request.path, max_bytes=most, label=request.label)
     afford(8 * found.rows * max(len(request.names), 1), request.max_bytes, request.label)
@@ -116,7 +101,7 @@ def _read(request: Request) -> Sequence[Signal]:
 
 
 def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
-    _check_group(request)
+    in_group([], request.group, request.label)
     done = 0
     for block in column_blocks(
         request.path, request.names, rows, max_bytes=request.max_file_bytes, label=request.label
@@ -127,16 +112,5 @@ def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
         done += len(block)
 
 
-def _check_group(request: Request) -> None:
-    if request.group:
-        raise TableError(f"{request.label}: has no groups; leave out '#{tidy(request.group)}' after the file")
-
-
-FORMAT = Format(
-    name="text",
-    endings=(".csv", ".txt", ".asc", ".dat", ".tsv", ".prn"),
-    recognises=_recognises,
-    survey=_survey,
-    read=_read,
-    blocks=_blocks,
-)
+_ENDINGS = (".csv", ".txt", ".asc", ".dat", ".tsv", ".prn")
+FORMAT = Format("text", _ENDINGS, _recognises, _survey, _read, blocks=_blocks)

@@ -1,9 +1,9 @@
-"""UFF 58, also binary (58b): time signals as channels; other functions are listed as what they are.
+"""UFF 58, also binary (58b): time signals as channels; other functions are described but not read.
 
-A channel's name is the function's description (ID line 1) where all time signals have different ones,
-else its response: entity, node and direction, as in `12+Z`. Its unit is the label of its axis, or else
-what the kind of the ordinate is in the unit system of the file (data set 164), if that is stated. The
-header rounds the time step to six digits: a whole number of Hz that rounds to the same step is the rate.
+A channel is called by the function's description (ID line 1) if all time signals have different descriptions, or else
+by its response: entity, node and direction, as in `12+Z`. Its unit is the label of its axis, or else the unit that the
+file's unit system (data set 164) has for the kind of the ordinate. The header rounds the time step to six digits: if a
+whole number of Hz rounds to the same step, it is the rate.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ _KIND = "a UFF file"
 _LIBRARY = "pyuff"
 _MARK = re.compile(rb"    -1[ ]*(?=\r|\n|$)")
 _START = re.compile(rb"[\s\x00]*?[ ]{0,4}-1[ ]*\r?\n[ ]{0,5}[0-9]{1,6}(?:b|\s)", re.IGNORECASE)
-_HEADER = 13  # lines of a data set 58 before its values, the mark included
+#: Lines of a data set 58 before its values, with the mark.
+_HEADER = 13
 _LONGEST_HEADER = 1 << 14
 _MOST_SETS = 100_000
 _TIME_RESPONSE, _GENERAL = 1, 0
@@ -61,7 +62,7 @@ _ORDINATES = {5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 1
 
 @dataclass(frozen=True)
 class _Set:
-    """A data set: where it is in the file, and its header."""
+    """A data set: the bytes of the file that hold it, and its header."""
 
     start: int
     stop: int
@@ -95,7 +96,7 @@ def _recognises(head: bytes) -> bool:
 
 
 def _blocks(content: mmap.mmap, name: str) -> Iterator[tuple[int, int]]:
-    """Where the data sets are, from their first mark to their last."""
+    """First and last byte of each data set, with its marks."""
     position, number = 0, 0
     while (mark := _at_line_start(content, position)) is not None:
         number += 1
@@ -106,7 +107,7 @@ def _blocks(content: mmap.mmap, name: str) -> Iterator[tuple[int, int]]:
             raise TableError(f"{name}: is damaged: no data set begins at byte {mark.start()}; export it again")
         after = mark.end()
         binary = head[0][6:7].lower() == b"b"
-        if binary:  # samples may look like a mark: they are passed over, by their stated size
+        if binary:  # binary samples may contain the bytes of a mark, so they are skipped by their stated size
             size = int(head[0][31:43].strip() or b"0")
             after += sum(map(len, head[: _HEADER - 1])) + size
             if size < 0 or after > len(content):
@@ -127,7 +128,7 @@ def _at_line_start(content: mmap.mmap, position: int) -> re.Match[bytes] | None:
 
 @contextlib.contextmanager
 def _copied(parts: Sequence[bytes]) -> Iterator[str]:
-    """A file with some data sets alone: the library reads a file whole, and only by its name."""
+    """A temporary file that holds only some data sets: the library reads whole files, and only by name."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "sets.uff")
         with path.open("wb") as file:
@@ -136,7 +137,7 @@ def _copied(parts: Sequence[bytes]) -> Iterator[str]:
 
 
 def _headers(pyuff: Any, content: mmap.mmap, name: str) -> tuple[list[_Set], int]:
-    """The data sets 58 of a file, and the unit system it states (0: none)."""
+    """The data sets 58 of a file, and the number of the unit system that it states (0: none)."""
     places, heads, system = [], [], 0
     for start, stop in _blocks(content, name):
         lines = content[start : min(stop, start + _LONGEST_HEADER)].lstrip(b"\r\n").splitlines(keepends=True)
@@ -183,7 +184,7 @@ def _label(header: Mapping[str, Any], key: str) -> str:
 
 
 def _names(sets: Sequence[_Set]) -> list[str]:
-    """What the functions are called; see the module."""
+    """The names of the functions, by the rule that the module's docstring states."""
     titles = [_label(one.header, "id1") for one in sets]
     signals = [title for title, one in zip(titles, sets, strict=True) if one.is_signal]
     titled = all(signals) and len(set(signals)) == len(signals)
@@ -213,21 +214,15 @@ def _rate(header: Mapping[str, Any]) -> float | None:
 
 
 def _info(one: _Set, name: str, system: int) -> SignalInfo:
-    rate = _rate(one.header) if one.even and one.is_signal else None
-    said = [one.words, _label(one.header, "id1"), _dof(one.header)]
-    notes = list(dict.fromkeys(tidy(text) for text in said if text and text != name))
-    if one.is_signal and _label(one.header, "ordinate_axis_lab"):
-        notes.append(tidy(_label(one.header, "ordinate_axis_lab")))
-    return SignalInfo(
-        name,
-        _unit(one.header, system) if one.is_signal else None,
-        "",
-        one.count,
-        rate,
-        float(one.header["abscissa_min"]) if rate else None,
-        max(one.count - 1, 0) / rate if rate else None,
-        "; ".join(notes) if one.is_signal else f"no recording: {'; '.join(notes)}",
-    )
+    texts = [one.words, _label(one.header, "id1"), _dof(one.header)]
+    notes = list(dict.fromkeys(tidy(text) for text in texts if text and text != name))
+    if not one.is_signal:
+        return SignalInfo.timed(name, None, "", one.count, note=f"no recording: {'; '.join(notes)}")
+    if axis := _label(one.header, "ordinate_axis_lab"):
+        notes.append(tidy(axis))
+    rate, start = _rate(one.header) if one.even else None, float(one.header["abscissa_min"])
+    unit = _unit(one.header, system)
+    return SignalInfo.timed(name, unit, "", one.count, rate=rate, start=start, note="; ".join(notes))
 
 
 @contextlib.contextmanager
