@@ -18,7 +18,7 @@ from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, Signal
 from fourpole.io.stream import Chunk, Stream, surveyed_stream, times_of
 from fourpole.io.write import beside
-from fourpole.io.writers.plan import Block, FloatArray, Group, Told, Track, Writer
+from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel
 from fourpole.units import shown
 
 __all__ = ["Choice", "Converted", "convert", "writers"]
@@ -136,11 +136,11 @@ def convert(
         if not choice.force:
             raise FileError(f"{target.name}: is there already; name another file, or replace it with --force")
     places = chosen_of(found, choice.group, choice.channels, source.name)
-    told = Told(() if found.format == "WAV" else found.notes)  # of a WAV file they are the reader's own
-    places = places if choice.channels else _readable(source, found, places, told)
+    remarks = Remarks(() if found.format == "WAV" else found.notes)  # of a WAV file they are the reader's own
+    places = places if choice.channels else _readable(source, found, places, remarks)
     run = surveyed_stream(source, found, places, label=source.name)
     first = next(iter(run.chunks))
-    plan = _Plan(found, places, run, first, choice, told, source.name)
+    plan = _Plan(found, places, run, first, choice, remarks, source.name)
     if writer.one_table and len(plan.groups) > 1:
         bases = "; ".join(group.words for group in plan.groups[:_NAMED])
         bases += f"; and {len(plan.groups) - _NAMED} more" if len(plan.groups) > _NAMED else ""
@@ -149,9 +149,9 @@ def convert(
             f"{bases}. Choose with --group or --channels, or write .mf4, .tdms, .h5, .mat or .uff"
         )
     if (writer.one_table or writer.kind in ("mat", "uff")) and plan.groups[0].name and len(plan.groups) == 1:
-        told.lost.append(f"the name of the group, {plan.groups[0].name}, is not kept")
-    _write(target, writer, plan, chain([first], run.chunks), told, progress)
-    return Converted(writer.name, tuple(group.words for group in plan.counted()), tuple(dict.fromkeys(told.lost)))
+        remarks.lost.append(f"the name of the group, {plan.groups[0].name}, is not kept")
+    _write(target, writer, plan, chain([first], run.chunks), remarks, progress)
+    return Converted(writer.name, tuple(group.words for group in plan.counted()), tuple(dict.fromkeys(remarks.lost)))
 
 
 def _write(
@@ -159,11 +159,11 @@ def _write(
     writer: Writer,
     plan: _Plan,
     chunks: Iterable[Chunk],
-    told: Told,
+    remarks: Remarks,
     progress: Callable[[int, int], None] | None,
 ) -> None:
     done = 0
-    with beside(target) as path, writer.open(path, plan.groups, told) as sink:
+    with beside(target) as path, writer.open(path, plan.groups, remarks) as sink:
         for chunk in chunks:
             for at, block in plan.blocks(chunk):
                 sink.add(at, block)
@@ -187,7 +187,7 @@ def _writer(target: Path, kind: str) -> Writer:
     raise TableError(f"{target.name}: its ending is none of those that are written ({endings}); or state --to")
 
 
-def _readable(path: Path, found: FileInfo, places: Sequence[int], told: Told) -> list[int]:
+def _readable(path: Path, found: FileInfo, places: Sequence[int], remarks: Remarks) -> list[int]:
     """The channels that hold numbers; the others are said."""
     good: list[int] = []
     waiting = [list(places)] if places else []
@@ -200,14 +200,14 @@ def _readable(path: Path, found: FileInfo, places: Sequence[int], told: Told) ->
                 raise
             if len(some) == 1:
                 why = str(error).removeprefix(f"{path.name}: ")
-                told.lost.append(f"{found.signals[some[0]].name} is left out: {why}")
+                remarks.lost.append(f"{found.signals[some[0]].name} is left out: {why}")
                 continue
             half = len(some) // 2
             waiting += [some[half:], some[:half]]
         else:
             good += some
     if not good:
-        raise TableError(f"{path.name}: {told.lost[0] if told.lost else 'has no channel that can be converted'}")
+        raise TableError(f"{path.name}: {remarks.lost[0] if remarks.lost else 'has no channel that can be converted'}")
     return sorted(good)
 
 
@@ -221,7 +221,7 @@ class _Plan:
         run: Stream,
         first: Sequence[Signal],
         choice: Choice,
-        told: Told,
+        remarks: Remarks,
         label: str,
     ) -> None:
         self._window, self._label = choice.window, label
@@ -235,18 +235,18 @@ class _Plan:
                 bases.append(base := [])
             base.append(at)
         self._members = bases
-        self.groups = [self._group(found, places, first, base, told) for base in bases]
+        self.groups = [self._group(found, places, first, base, remarks) for base in bases]
         self._seen, self._kept = [0] * len(bases), [0] * len(bases)
         self._span = (np.inf, -np.inf)
 
     def _group(
-        self, found: FileInfo, places: Sequence[int], first: Sequence[Signal], base: Sequence[int], told: Told
+        self, found: FileInfo, places: Sequence[int], first: Sequence[Signal], base: Sequence[int], remarks: Remarks
     ) -> Group:
         infos, signal = [found.signals[places[at]] for at in base], first[base[0]]
         names = [tidy(one.name) for one in infos]
-        told.renamed([one.name for one in infos], names)
-        tracks = tuple(
-            Track(name, tidy(one.unit) if one.unit else None, _noted(one.note))
+        remarks.renamed([one.name for one in infos], names)
+        channels = tuple(
+            WrittenChannel(name, tidy(one.unit) if one.unit else None, _noted(one.note))
             for name, one in zip(names, infos, strict=True)
         )
         stamped = signal.time is not None
@@ -257,7 +257,7 @@ class _Plan:
         if self._window is not None and rate is not None:
             start += max(0, int(np.ceil((self._window[0] - start) * rate - _INTO_STEP))) / rate
             count = min(count, int((self._window[1] - self._window[0]) * rate) + 2)
-        return Group(infos[0].group, tracks, rate, start, stamped, count, off)
+        return Group(infos[0].group, channels, rate, start, stamped, count, off)
 
     def blocks(self, chunk: Chunk) -> Iterable[tuple[int, Block]]:
         """What is written of a chunk, by groups."""

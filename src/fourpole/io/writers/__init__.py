@@ -1,1 +1,1 @@
-"""Recordings in other formats: a file for each, which says what it cannot keep."""
+"""Writers of recordings in other formats: one file per format, which adds a remark on whatever it cannot keep."""

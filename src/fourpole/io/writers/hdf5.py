@@ -1,4 +1,4 @@
-"""HDF5 in the layout that `fourpole.io.formats.hdf5` describes: a dataset per channel, with unit, rate and start."""
+"""HDF5: a group per recording with a dataset per channel, whose attributes are unit, rate and start."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fourpole.io.formats.guard import need
-from fourpole.io.writers.plan import Block, FloatArray, Group, Told, Track, Writer, distinct, time_name
+from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel, names_in_group
 
 __all__ = ["WRITER"]
 
@@ -30,40 +30,36 @@ class _Sink:
 
 
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
     h5py = need("h5py", path.name, _KIND)
     with h5py.File(path, "w") as root:
-        if told.notes:
-            root.attrs["comment"] = "; ".join(told.notes)
-        yield _Sink([_datasets(root, group, groups, told) for group in groups], groups)
+        if remarks.notes:
+            root.attrs["comment"] = "; ".join(remarks.notes)
+        yield _Sink([_datasets(root, group, groups, remarks) for group in groups], groups)
 
 
-def _datasets(root: Any, group: Group, groups: Sequence[Group], told: Told) -> list[Any]:
-    """The datasets of a group, that of its times last where it has one."""
+def _datasets(root: Any, group: Group, groups: Sequence[Group], remarks: Remarks) -> list[Any]:
+    """The datasets of a group; the last one has the times, if the file states them."""
     place = root.require_group(group.name) if group.name else root
-    before = [track.name for track in group.tracks]
-    others = [track for one in groups if one.name == group.name for track in one.tracks]
-    time = distinct([time_name(others)], place)[0]
-    names = distinct([name.replace("/", "_").strip(".") or "_" for name in before], place)
-    told.renamed(before, names)
+    time, names = names_in_group(group, groups, place, remarks, lambda name: name.replace("/", "_").strip(".") or "_")
     made = []
     chunk = min(max(group.count, 1), _CHUNK)
-    for name, track in zip(names, group.tracks, strict=True):
-        dataset = _dataset(place, name, track, chunk)
+    for name, channel in zip(names, group.channels, strict=True):
+        dataset = _dataset(place, name, channel, chunk)
         if group.stamped:
             dataset.attrs["time"] = time
         elif group.rate is not None:
             dataset.attrs["rate"], dataset.attrs["start"] = group.rate, group.start
         made.append(dataset)
-    return [*made, _dataset(place, time, Track(time, "s"), chunk)] if group.stamped else made
+    return [*made, _dataset(place, time, WrittenChannel(time, "s"), chunk)] if group.stamped else made
 
 
-def _dataset(place: Any, name: str, track: Track, chunk: int) -> Any:
+def _dataset(place: Any, name: str, channel: WrittenChannel, chunk: int) -> Any:
     dataset = place.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(chunk,), dtype="f8")
-    if track.unit:
-        dataset.attrs["unit"] = track.unit
-    if track.note:
-        dataset.attrs["note"] = track.note
+    if channel.unit:
+        dataset.attrs["unit"] = channel.unit
+    if channel.note:
+        dataset.attrs["note"] = channel.note
     return dataset
 
 

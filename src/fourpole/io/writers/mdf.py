@@ -1,4 +1,4 @@
-"""ASAM MDF 4.10: a channel group per time base, its master the times."""
+"""ASAM MDF 4.10: a channel group per time base; the master of the group has the times."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from fourpole.errors import TableError
 from fourpole.io.formats.guard import need
-from fourpole.io.writers.plan import Block, Group, Told, Writer, distinct, time_name
+from fourpole.io.writers.plan import Block, Group, Remarks, Writer, check_timed, distinct, time_name
 
 __all__ = ["WRITER"]
 
@@ -31,32 +30,33 @@ class _Sink:
             parts = [times, *block.columns]
             self._mdf.extend(self._places[at], [(np.ascontiguousarray(part), None) for part in parts])
             return
-        master = (time_name(group.tracks), 1)
+        master = (time_name(group.channels), 1)
         self._places[at] = len(self._mdf.groups)
-        called = distinct([track.name for track in group.tracks], [master[0]])
+        called = distinct([channel.name for channel in group.channels], [master[0]])
         signals = [
             self._library.Signal(
-                samples, times, unit=track.unit or "", name=name, comment=track.note, master_metadata=master
+                samples, times, unit=channel.unit or "", name=name, comment=channel.note, master_metadata=master
             )
-            for name, track, samples in zip(called, group.tracks, block.columns, strict=True)
+            for name, channel, samples in zip(called, group.channels, block.columns, strict=True)
         ]
         self._mdf.append(signals, acq_name=self._names[at] or None, common_timebase=True)
 
 
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
     asammdf = need("asammdf", path.name, _KIND)
+    check_timed(groups, path, "MDF")
     for group in groups:
-        if not group.timed:
-            raise TableError(f"{path.name}: MDF needs times, and these have none: {group.words}; write .csv or .h5")
-        names = [track.name for track in group.tracks]
-        told.renamed(names, distinct(names, [time_name(group.tracks)]))
+        names = [channel.name for channel in group.channels]
+        remarks.renamed(names, distinct(names, [time_name(group.channels)]))
     named = [group.name[:60] for group in groups]
-    names = distinct([name or "recording" for name in named]) if len(groups) > 1 else named
-    told.renamed(named if len(groups) == 1 else [name or "recording" for name in named], names)
+    if len(groups) > 1:
+        named = [name or "recording" for name in named]
+    names = distinct(named)
+    remarks.renamed(named, names)
     with asammdf.MDF(version="4.10") as mdf:
-        mdf.header.start_time = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)  # of the recording nothing is known
-        mdf.header.comment = "\n".join(told.notes)
+        mdf.header.start_time = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)  # the date of the recording is not known
+        mdf.header.comment = "\n".join(remarks.notes)
         yield _Sink(asammdf, mdf, groups, names)
         mdf.save(path.with_suffix(".mf4"), overwrite=True)
     path.with_suffix(".mf4").rename(path)

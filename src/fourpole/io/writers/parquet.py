@@ -1,4 +1,4 @@
-"""Parquet: a column of times, names with their units in brackets."""
+"""Parquet: a column of times, and names with their units in brackets."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from fourpole.io.writers.plan import Block, Group, Told, Writer
+from fourpole.io.writers.plan import Block, Group, Remarks, Writer
 from fourpole.io.writers.text import columns
 
 __all__ = ["WRITER"]
 
 
 class _Sink:
-    """Stretches go to files beside the one that is written: polars writes a table at once, or from files."""
+    """Each block goes to a file of its own, and the files are joined at the end: polars cannot append to a file."""
 
     def __init__(self, path: Path, group: Group, heads: list[str]) -> None:
         self._path, self._group, self._heads = path, group, heads
@@ -22,10 +22,8 @@ class _Sink:
     def add(self, _at: int, block: Block, /) -> None:
         import polars as pl
 
-        times = block.times(self._group)
-        cells = block.columns if times is None else [times, *block.columns]
         part = self._path.with_name(f"{self._path.name}.{len(self._parts)}")
-        pl.DataFrame(dict(zip(self._heads, cells, strict=True))).write_parquet(part)
+        pl.DataFrame(dict(zip(self._heads, block.table(self._group), strict=True))).write_parquet(part)
         self._parts.append(part)
 
     def finish(self) -> None:
@@ -38,8 +36,8 @@ class _Sink:
 
 
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
-    sink = _Sink(path, groups[0], columns(groups[0], told))
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
+    sink = _Sink(path, groups[0], columns(groups[0], remarks))
     yield sink
     sink.finish()
 

@@ -1,4 +1,4 @@
-"""What a writer is told of a recording before its samples come, and how they come."""
+"""What a writer gets: groups of channels, then blocks of samples; and the remarks on what it does not keep."""
 
 from __future__ import annotations
 
@@ -12,19 +12,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.core.arrays import ByValue
+from fourpole.errors import TableError
 from fourpole.units import column_unit
 
-__all__ = ["Block", "Group", "Sink", "Told", "Track", "Writer", "distinct", "time_name", "titled"]
+__all__ = [
+    "Block",
+    "Group",
+    "Remarks",
+    "Sink",
+    "Writer",
+    "WrittenChannel",
+    "check_timed",
+    "distinct",
+    "names_in_group",
+    "time_name",
+    "titled",
+]
 
 FloatArray = NDArray[np.float64]
 
-#: Of a step: what no one misses of a time.
+#: Largest deviation of a time from its rate, as a fraction of the time step, that needs no remark.
 _EXACT = 1e-6
 
 
 @dataclass(frozen=True)
-class Track:
-    """A channel that is to be written."""
+class WrittenChannel:
+    """Name, unit and note of a channel that is to be written."""
 
     name: str
     unit: str | None
@@ -38,20 +51,21 @@ class Group:
     Attributes
     ----------
     name : str
-        Of the group in the file that is read; several may have the same.
-    tracks : tuple of Track
+        Name of the group in the file that is read; several groups may have the same name.
+    channels : tuple of WrittenChannel
+        At least one.
     rate, start : float or None, float [Hz], [s]
-        Of even times. None: they are not even, or not known.
+        Rate and first time of even times. None if the times are not even, or not known.
     stamped : bool
-        Whether each block has its times, as the file that is read states them.
+        Whether each block has the times that the file states.
     count : int
-        Samples of a channel, as far as is known before.
+        Samples of a channel, as the header of the file states them.
     off : float [s]
-        How far the times that the file states are from those of the rate.
+        Largest difference between the times that the file states and those of the rate.
     """
 
     name: str
-    tracks: tuple[Track, ...]
+    channels: tuple[WrittenChannel, ...]
     rate: float | None
     start: float
     stamped: bool
@@ -60,13 +74,13 @@ class Group:
 
     @property
     def timed(self) -> bool:
-        """Whether it is known when the samples were taken."""
+        """Whether the times of the samples are known."""
         return self.stamped or self.rate is not None
 
     @property
     def words(self) -> str:
-        """What it is, for messages."""
-        names = ", ".join(track.name for track in self.tracks[:6]) + (", ..." if len(self.tracks) > 6 else "")
+        """Samples, rate and channels of the group, as a phrase for messages."""
+        names = ", ".join(channel.name for channel in self.channels[:6]) + (", ..." if len(self.channels) > 6 else "")
         when = f"at {self.rate:.10g} Hz" if self.rate else "at uneven times" if self.stamped else "without times"
         return f"{f'{self.name}: ' if self.name else ''}{self.count} samples {when} ({names})"
 
@@ -83,78 +97,84 @@ class Block(ByValue):
         return len(self.columns[0]) if self.columns else 0
 
     def times(self, group: Group) -> FloatArray | None:
-        """When they were taken [s]; None where that is not known."""
+        """The times of the samples [s]; None if they are not known."""
         if self.stamps is not None or group.rate is None:
             return self.stamps
         return group.start + (self.first + np.arange(len(self))) / group.rate
 
+    def table(self, group: Group) -> list[FloatArray]:
+        """The columns of a table: the times, if they are known, then the channels."""
+        times = self.times(group)
+        return self.columns if times is None else [times, *self.columns]
+
 
 class Sink(Protocol):
-    """What takes samples."""
+    """A file that is being written, which takes samples."""
 
     def add(self, at: int, block: Block, /) -> None:
-        """Take the next samples of the group of this number."""
+        """Write the next samples of group number `at`."""
 
 
 @dataclass
-class Told:
-    """What is known of the whole, and what is to be said of the file that is written.
+class Remarks:
+    """The notes of the file that is read, and remarks on what the written file changes or does not keep.
 
     Attributes
     ----------
     notes : tuple of str
-        Of the file that is read.
+        Notes of the file that is read.
     lost : list of str
-        Sentences on what is changed or cannot be kept; writers add theirs before the first sample comes.
+        Sentences on what is changed or not kept; a writer adds its own before the first sample.
     """
 
     notes: tuple[str, ...] = ()
     lost: list[str] = field(default_factory=list)
 
     def renamed(self, before: Sequence[str], after: Sequence[str]) -> None:
-        """Say which names were changed."""
+        """Add a remark on each name that differs after the change."""
         for old, new in zip(before, after, strict=True):
             if old != new:
                 self.lost.append(f"{old} is called {new} there")
 
     def by_rate(self, group: Group) -> None:
-        """Say that a rate stands for times, where that changes them."""
+        """Add a remark that a rate replaces the times, if this changes the times."""
         if group.stamped and group.rate is not None and group.off * group.rate > _EXACT:
-            said = f"{group.rate:.10g} Hz from {group.start:.10g} s on, up to {group.off:.2g} s off"
-            self.lost.append(f"the times are kept as a rate: {said}")
+            rate = f"{group.rate:.10g} Hz from {group.start:.10g} s on, up to {group.off:.2g} s off"
+            self.lost.append(f"the times are kept as a rate: {rate}")
 
-    def no_notes(self, tracks: Iterable[Track]) -> None:
-        """Say that notes are lost."""
-        said = len(self.notes), sum(bool(track.note) for track in tracks)
-        what = [f"{count} {name}" for count, name in zip(said, ("of the file", "of channels"), strict=True) if count]
+    def no_notes(self, channels: Iterable[WrittenChannel]) -> None:
+        """Add a remark that notes are not kept, if there are any."""
+        counts = len(self.notes), sum(bool(channel.note) for channel in channels)
+        what = [f"{count} {name}" for count, name in zip(counts, ("of the file", "of channels"), strict=True) if count]
         if what:
             self.lost.append(f"notes are not kept ({' and '.join(what)})")
 
 
 @dataclass(frozen=True)
 class Writer:
-    """A format that recordings are written in.
+    """A format in which recordings are written.
 
     Attributes
     ----------
     kind, name : str
-        As on the command line, and in words.
+        Name on the command line, and name in messages.
     endings : tuple of str
+        Endings of a file's name that select this writer.
     one_table : bool
         Whether all channels must have the same times.
     open : callable
-        A Sink of (path, groups, told), to be entered; the file is complete when it is left.
+        Takes path, groups and remarks, and returns a context with a Sink; the file is complete when the context ends.
     """
 
     kind: str
     name: str
     endings: tuple[str, ...]
     one_table: bool
-    open: Callable[[Path, Sequence[Group], Told], AbstractContextManager[Sink]]
+    open: Callable[[Path, Sequence[Group], Remarks], AbstractContextManager[Sink]]
 
 
 def distinct(names: Sequence[str], taken: Iterable[str] = (), longest: int = 1000) -> list[str]:
-    """Names of which none is there twice in whatever case: later ones get a number."""
+    """The names, cut to `longest`; a number is appended to a name that is taken or repeated, in any case."""
     seen = {one.casefold() for one in taken}
     result = []
     for name in names:
@@ -167,14 +187,34 @@ def distinct(names: Sequence[str], taken: Iterable[str] = (), longest: int = 100
     return result
 
 
-def titled(track: Track) -> str:
+def titled(channel: WrittenChannel) -> str:
     """A channel's name with its unit in brackets."""
-    bare, own = column_unit(track.name)
-    unit = track.unit or own
+    bare, own = column_unit(channel.name)
+    unit = channel.unit or own
     return f"{bare} [{unit}]" if unit else bare
 
 
-def time_name(tracks: Sequence[Track]) -> str:
-    """What the column of times is called: t, where no channel is called so."""
-    taken = {column_unit(track.name)[0].casefold() for track in tracks}
+def time_name(channels: Sequence[WrittenChannel]) -> str:
+    """Name of the column of times: t, or else time, time_2, ..., so that no channel has it."""
+    taken = {column_unit(channel.name)[0].casefold() for channel in channels}
     return next(name for name in ("t", "time", *(f"time_{at}" for at in range(2, 1000))) if name not in taken)
+
+
+def names_in_group(
+    group: Group, groups: Sequence[Group], taken: Iterable[str], remarks: Remarks, allowed: Callable[[str], str] = str
+) -> tuple[str, list[str]]:
+    """Names of the times and of the channels of a group; none is taken, and `allowed` replaces forbidden characters."""
+    others = [channel for one in groups if one.name == group.name for channel in one.channels]
+    taken = list(taken)
+    time = distinct([time_name(others)], taken)[0]
+    before = [channel.name for channel in group.channels]
+    after = distinct([allowed(name) for name in before], taken)
+    remarks.renamed(before, after)
+    return time, after
+
+
+def check_timed(groups: Sequence[Group], path: Path, name: str) -> None:
+    """TableError if a group has no times, for a format that needs them."""
+    for group in groups:
+        if not group.timed:
+            raise TableError(f"{path.name}: {name} needs times, and these have none: {group.words}; write .csv or .h5")

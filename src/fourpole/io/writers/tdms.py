@@ -1,4 +1,4 @@
-"""NI TDMS: groups of channels with their unit, increment and offset; times that are not even are a channel."""
+"""NI TDMS: groups of channels with their unit, increment and offset; uneven times are a channel of their own."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fourpole.io.formats.guard import need
-from fourpole.io.writers.plan import Block, Group, Told, Writer, distinct, time_name
+from fourpole.io.writers.plan import Block, Group, Remarks, Writer, names_in_group
 
 __all__ = ["WRITER"]
 
@@ -35,36 +35,32 @@ class _Sink:
         self._file.write_segment(objects)
 
     def _properties(self, at: int, number: int) -> dict[str, str | float]:
-        """What is stated of a channel, once."""
+        """The properties of a channel, in its first block only."""
         if at in self._begun:
             return {}
-        group, track = self._groups[at], self._groups[at].tracks[number]
+        group, channel = self._groups[at], self._groups[at].channels[number]
         stated: dict[str, str | float] = {}
         if group.rate is not None:
             stated |= {"wf_increment": 1.0 / group.rate, "wf_start_offset": float(group.start)}
-        if track.unit:
-            stated["unit_string"] = track.unit
-        if track.note:
-            stated["description"] = track.note
+        if channel.unit:
+            stated["unit_string"] = channel.unit
+        if channel.note:
+            stated["description"] = channel.note
         return stated
 
 
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
     nptdms = need("nptdms", path.name, _KIND)
     names: list[list[str]] = []
     taken: dict[str, list[str]] = {}
     for group in groups:
         there = taken.setdefault(group.name or _NO_GROUP, [])
-        before = [track.name for track in group.tracks]
-        others = [track for one in groups if one.name == group.name for track in one.tracks]
-        time = distinct([time_name(others)], there)[0]
-        after = distinct(before, there)
-        told.renamed(before, after)
+        time, after = names_in_group(group, groups, there, remarks)
         there += [time, *after] if group.stamped and group.rate is None else after
         names.append([time, *after])
-        told.by_rate(group)
-    root = nptdms.RootObject({f"note {at}": note for at, note in enumerate(told.notes, 1)})
+        remarks.by_rate(group)
+    root = nptdms.RootObject({f"note {at}": note for at, note in enumerate(remarks.notes, 1)})
     with nptdms.TdmsWriter(path) as file:
         file.write_segment([root])
         yield _Sink(nptdms, file, groups, names)

@@ -1,4 +1,4 @@
-"""CSV: a column of times, names with their units in brackets, all digits."""
+"""CSV: a column of times, names with their units in brackets, and numbers with all their digits."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from fourpole.io.writers.plan import Block, Group, Told, Writer, distinct, time_name, titled
+from fourpole.io.writers.plan import Block, Group, Remarks, Writer, distinct, time_name, titled
 
 __all__ = ["WRITER", "columns"]
 
 
-def columns(group: Group, told: Told) -> list[str]:
-    """The heads of a table's columns, that of the times first where they are known."""
-    told.no_notes(group.tracks)
-    heads = [titled(track) for track in group.tracks]
+def columns(group: Group, remarks: Remarks) -> list[str]:
+    """The heads of a table's columns; the first is that of the times, if they are known."""
+    remarks.no_notes(group.channels)
+    heads = [titled(channel) for channel in group.channels]
     found = distinct(heads)
-    told.renamed(heads, found)
-    return [f"{time_name(group.tracks)} [s]", *found] if group.timed else found
+    remarks.renamed(heads, found)
+    return [f"{time_name(group.channels)} [s]", *found] if group.timed else found
 
 
 class _Sink:
@@ -28,17 +28,15 @@ class _Sink:
     def add(self, _at: int, block: Block, /) -> None:
         import polars as pl
 
-        times = block.times(self._group)
-        cells = block.columns if times is None else [times, *block.columns]
-        frame = pl.DataFrame(dict(zip(self._heads, cells, strict=True))).fill_nan(None)
+        frame = pl.DataFrame(dict(zip(self._heads, block.table(self._group), strict=True))).fill_nan(None)
         frame.write_csv(self._file, include_header=not self._begun)
         self._begun = True
 
 
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
     with path.open("wb") as file:
-        yield _Sink(file, groups[0], columns(groups[0], told))
+        yield _Sink(file, groups[0], columns(groups[0], remarks))
 
 
 WRITER = Writer("csv", "CSV", (".csv",), True, _open)

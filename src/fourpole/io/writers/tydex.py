@@ -1,4 +1,4 @@
-"""TYDEX 1.3: a table with RUNTIME, to thirteen digits; names of eight letters, the full ones as descriptions."""
+"""TYDEX 1.3: a table with RUNTIME and thirteen digits; names have eight letters, descriptions the full names."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ import numpy as np
 
 from fourpole.errors import TableError
 from fourpole.io.formats.tydex import TydexChannel, TydexFile, meaning, write_tydex
-from fourpole.io.writers.plan import Block, FloatArray, Group, Told, Track, Writer, distinct
+from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel, distinct
 
 __all__ = ["WRITER"]
 
 _NAME, _DESCRIPTION, _UNIT = 8, 30, 9
-_MOST = 500_000_000  # bytes of samples that are held, and written as text
+#: Largest size of the samples, which are held in memory and written as text [byte].
+_MOST = 500_000_000
 _PLAIN = str.maketrans({"µ": "u", "μ": "u", "°": "deg", "²": "^2", "³": "^3", "·": "*", "Ω": "Ohm", "–": "-", "−": "-"})
 
 
@@ -26,23 +27,22 @@ class _Sink:
         self.parts: list[FloatArray] = []
 
     def add(self, _at: int, block: Block, /) -> None:
-        times = block.times(self._group)
-        self.parts.append(np.stack(block.columns if times is None else [times, *block.columns], axis=1))
+        self.parts.append(np.stack(block.table(self._group), axis=1))
 
 
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
     group = groups[0]
-    needed = 8 * group.count * (len(group.tracks) + 1)
+    needed = 8 * group.count * (len(group.channels) + 1)
     if needed > _MOST:
         raise TableError(f"{path.name}: TYDEX is text, and these are {needed / 1e6:.4g} MB of numbers; write .parquet")
-    told.lost.append("numbers are kept to 13 digits")
-    channels = _channels(group.tracks, told)
+    remarks.lost.append("numbers are kept to 13 digits")
+    channels = _channels(group.channels, remarks)
     if group.timed:
         channels.insert(0, TydexChannel("RUNTIME", "s", meaning("RUNTIME")))
-    comments = tuple(_plain(note) for note in told.notes)
-    if comments != told.notes:
-        told.lost.append("notes are kept in ASCII")
+    comments = tuple(_plain(note) for note in remarks.notes)
+    if comments != remarks.notes:
+        remarks.lost.append("notes are kept in ASCII")
     sink = _Sink(group)
     yield sink
     data = np.concatenate(sink.parts)
@@ -52,25 +52,24 @@ def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
 
 
 def _plain(text: str) -> str:
-    """A text in printable ASCII that opens no section."""
+    """A text in printable ASCII that does not begin with *, which would open a section."""
     return text.translate(_PLAIN).encode("ascii", "replace").decode().strip().lstrip("*")
 
 
-def _channels(tracks: Sequence[Track], told: Told) -> list[TydexChannel]:
-    before = [track.name for track in tracks]
+def _channels(written: Sequence[WrittenChannel], remarks: Remarks) -> list[TydexChannel]:
+    before = [one.name for one in written]
     after = distinct([_short(name) for name in before], ["RUNTIME"], _NAME)
-    told.renamed(before, after)
-    channels = []
-    for name, track in zip(after, tracks, strict=True):
-        unit = _plain(track.unit or "").replace(" ", "*")
+    remarks.renamed(before, after)
+    found = []
+    for name, one in zip(after, written, strict=True):
+        unit = _plain(one.unit or "").replace(" ", "*")
         if len(unit) > _UNIT:
-            told.lost.append(
-                f"the unit of {track.name}, {track.unit}, has more than {_UNIT} characters and is left out"
-            )
+            what = f"the unit of {one.name}, {one.unit}, has more than {_UNIT} characters and is left out"
+            remarks.lost.append(what)
             unit = ""
-        described = "" if track.name == name else _plain(track.name)[:_DESCRIPTION].strip()
-        channels.append(TydexChannel(name, unit, described))
-    return channels
+        described = "" if one.name == name else _plain(one.name)[:_DESCRIPTION].strip()
+        found.append(TydexChannel(name, unit, described))
+    return found
 
 
 def _short(name: str) -> str:

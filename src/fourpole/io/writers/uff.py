@@ -1,6 +1,6 @@
-"""UFF 58b: a time response per channel in double precision, its times even where the header can say so exactly.
+"""UFF 58b: a time response per channel in double precision.
 
-The header has six digits of the time step and of the start; where they do not say them, each sample has its time.
+The header states time step and start with six digits. If these digits are not exact, each sample has its own time.
 
 References
 ----------
@@ -17,8 +17,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from fourpole.errors import TableError, UnitError
-from fourpole.io.writers.plan import Block, FloatArray, Group, Told, Track, Writer, distinct
+from fourpole.errors import UnitError
+from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel, check_timed, distinct
 from fourpole.units import channel_scale
 
 __all__ = ["WRITER"]
@@ -30,7 +30,7 @@ _COPIED = 1 << 24
 
 
 class _Sink:
-    """Each channel's samples go to a file of their own, for the format has one channel after the other."""
+    """Writes the samples of each channel to a file of its own, since the format has one channel after the other."""
 
     def __init__(self, groups: Sequence[Group], files: Sequence[list[BinaryIO]]) -> None:
         self._groups, self._files = groups, files
@@ -50,7 +50,7 @@ def _paired(times: FloatArray, samples: FloatArray) -> FloatArray:
 
 
 def _is_even(group: Group) -> bool:
-    """Whether six digits say rate and start, as a reader understands them."""
+    """Whether a reader gets rate and start back from the six digits of the header."""
     if group.rate is None:
         return False
     step = float(f"{1.0 / group.rate:.5e}")
@@ -60,24 +60,23 @@ def _is_even(group: Group) -> bool:
 
 
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
+    check_timed(groups, path, "UFF 58")
     for group in groups:
-        if not group.timed:
-            raise TableError(f"{path.name}: UFF 58 needs times, and these have none: {group.words}; write .csv or .h5")
         if _is_even(group):
-            told.by_rate(group)
-    tracks = [track for group in groups for track in group.tracks]
-    names = _names(groups, told)
-    for track in tracks:
-        if track.unit and len(track.unit.encode()) > _LONGEST_UNIT:
-            told.lost.append(f"the unit of {track.name} is cut to {_LONGEST_UNIT} characters")
-    if len(told.notes) > 4:
-        told.lost.append(f"of {len(told.notes)} notes of the file the first 4 are kept")
+            remarks.by_rate(group)
+    channels = [channel for group in groups for channel in group.channels]
+    names = _names(groups, remarks)
+    for channel in channels:
+        if channel.unit and len(channel.unit.encode()) > _LONGEST_UNIT:
+            remarks.lost.append(f"the unit of {channel.name} is cut to {_LONGEST_UNIT} characters")
+    if len(remarks.notes) > 4:
+        remarks.lost.append(f"of {len(remarks.notes)} notes of the file the first 4 are kept")
     with ExitStack() as stack:
         spools: list[list[BinaryIO]] = [
             [
                 stack.enter_context(path.with_name(f"{path.name}.{at}.{one}").open("w+b"))
-                for one in range(len(group.tracks))
+                for one in range(len(group.channels))
             ]
             for at, group in enumerate(groups)
         ]
@@ -86,8 +85,8 @@ def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
         number = 0
         with path.open("wb") as file:
             for at, group in enumerate(groups):
-                for track, spool in zip(group.tracks, spools[at], strict=True):
-                    file.write(_header(names[number], number + 1, track, group, sink.counts[at], told.notes))
+                for channel, spool in zip(group.channels, spools[at], strict=True):
+                    file.write(_header(names[number], number + 1, channel, group, sink.counts[at], remarks.notes))
                     spool.seek(0)
                     while part := spool.read(_COPIED):
                         file.write(part)
@@ -95,18 +94,18 @@ def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
                     number += 1
 
 
-def _names(groups: Sequence[Group], told: Told) -> list[str]:
-    """Names of all functions, with their group where it takes that to tell them apart."""
-    both = [(group.name, track.name) for group in groups for track in group.tracks]
+def _names(groups: Sequence[Group], remarks: Remarks) -> list[str]:
+    """Names of all functions; a name that several groups have is preceded by its group."""
+    both = [(group.name, channel.name) for group in groups for channel in group.channels]
     often = Counter(name for _, name in both)
     wanted = [f"{group}/{name}" if often[name] > 1 and group else name for group, name in both]
     found = distinct([_line(name, _LONGEST_NAME) for name in wanted])
-    told.renamed([name for _, name in both], found)
+    remarks.renamed([name for _, name in both], found)
     return found
 
 
 def _line(text: str, longest: int) -> str:
-    """A text that fits in its columns; an empty one is NONE."""
+    """A text cut to `longest` bytes; NONE if it is empty."""
     return text.encode()[:longest].decode(errors="ignore").strip() or "NONE"
 
 
@@ -118,7 +117,7 @@ def _ordinate(unit: str | None) -> int:
 
 
 def _fixed(text: str, width: int) -> str:
-    """A text with blanks to a number of bytes."""
+    """A text filled with blanks to `width` bytes."""
     return text + " " * (width - len(text.encode()))
 
 
@@ -126,12 +125,12 @@ def _axis(kind: int, label: str, unit: str) -> str:
     return f"{kind:10}{0:5}{0:5}{0:5} {label:20} {_fixed(unit, _LONGEST_UNIT)}"
 
 
-def _header(name: str, number: int, track: Track, group: Group, count: int, notes: Sequence[str]) -> bytes:
+def _header(name: str, number: int, channel: WrittenChannel, group: Group, count: int, notes: Sequence[str]) -> bytes:
     even = _is_even(group)
     step, start = (1.0 / (group.rate or 1.0), group.start) if even else (0.0, 0.0)
     texts = [name, *(_line(note, _LONGEST_NAME) for note in (*notes, "", "", "", "")[:4])]
     size = 8 * count * (1 if even else 2)
-    unit = _line(track.unit or "", _LONGEST_UNIT)
+    unit = _line(channel.unit or "", _LONGEST_UNIT)
     lines = [
         "    -1",
         f"{58:6}b{1:6}{2:6}{11:12}{size:12}{0:6}{0:6}{0:12}{0:12}",
@@ -139,7 +138,7 @@ def _header(name: str, number: int, track: Track, group: Group, count: int, note
         f"{_TIME_RESPONSE:5}{number:10}{0:5}{0:10} {'NONE':>10}{number:10}{0:4} {'NONE':>10}{0:10}{0:4}",
         f"{_DOUBLE:10}{count:10}{int(even):10}{start:13.5e}{step:13.5e}{0.0:13.5e}",
         _axis(_TIME, "Time", "s"),
-        _axis(_ordinate(track.unit), "NONE", unit),
+        _axis(_ordinate(channel.unit), "NONE", unit),
         _axis(0, "NONE", "NONE"),
         _axis(0, "NONE", "NONE"),
     ]

@@ -1,4 +1,4 @@
-"""WAV: samples in 64-bit floats, which lose nothing; names and units in a comment only."""
+"""WAV: samples as 64-bit floats, which are exact; names and units stand in a comment only."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import BinaryIO
 import numpy as np
 
 from fourpole.errors import TableError
-from fourpole.io.writers.plan import Block, Group, Told, Writer, titled
+from fourpole.io.writers.plan import Block, Group, Remarks, Writer, titled
 
 __all__ = ["WRITER"]
 
@@ -30,18 +30,18 @@ class _Sink:
 
 
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
     group = groups[0]
     rate = _whole(group, path.name)
-    frame = _WIDTH * len(group.tracks)
-    if frame * group.count > _MOST or len(group.tracks) > 0xFFFF // _WIDTH:
-        much = f"{frame * group.count / 1e9:.3g} GB in {len(group.tracks)} channels"
+    frame = _WIDTH * len(group.channels)
+    if frame * group.count > _MOST or len(group.channels) > 0xFFFF // _WIDTH:
+        much = f"{frame * group.count / 1e9:.3g} GB in {len(group.channels)} channels"
         raise TableError(f"{path.name}: a WAV file holds 4 GB; these are {much}: choose --channels or --window")
-    _say(group, told)
-    comment = "; ".join(f"{at} = {titled(track)}" for at, track in enumerate(group.tracks, 1)).encode()
-    comment += b"\0" * (2 - len(comment) % 2)  # it ends with a zero, and evenly
+    _add_remarks(group, remarks)
+    comment = "; ".join(f"{at} = {titled(channel)}" for at, channel in enumerate(group.channels, 1)).encode()
+    comment += b"\0" * (2 - len(comment) % 2)  # a comment ends with a zero, and has an even length
     said = b"INFOICMT" + struct.pack("<I", len(comment)) + comment
-    form = struct.pack("<HHIIHHH", _FLOAT, len(group.tracks), rate, rate * frame & _HIGHEST, frame, 8 * _WIDTH, 0)
+    form = struct.pack("<HHIIHHH", _FLOAT, len(group.channels), rate, rate * frame & _HIGHEST, frame, 8 * _WIDTH, 0)
     with path.open("wb") as file:
 
         def head(count: int) -> bytes:
@@ -57,7 +57,7 @@ def _open(path: Path, groups: Sequence[Group], told: Told) -> Iterator[_Sink]:
 
 
 def _whole(group: Group, name: str) -> int:
-    """The rate, if a WAV file can state it."""
+    """The rate as a whole number of Hz; TableError if it is none."""
     if group.rate is None:
         why = "these are not even" if group.stamped else "there are none"
         raise TableError(f"{name}: a WAV file needs a rate in place of times, and {why}: write .csv or .h5")
@@ -66,13 +66,13 @@ def _whole(group: Group, name: str) -> int:
     return int(group.rate)
 
 
-def _say(group: Group, told: Told) -> None:
-    names = ", ".join(f"{at} = {titled(track)}" for at, track in enumerate(group.tracks, 1))
-    told.lost.append(f"names and units are kept in a comment only, channels are called by number: {names}")
+def _add_remarks(group: Group, remarks: Remarks) -> None:
+    names = ", ".join(f"{at} = {titled(channel)}" for at, channel in enumerate(group.channels, 1))
+    remarks.lost.append(f"names and units are kept in a comment only, channels are called by number: {names}")
     if group.start:
-        told.lost.append(f"the start is not kept: the first sample is at 0 s, not at {group.start:.10g} s")
-    told.by_rate(group)
-    told.no_notes(group.tracks)
+        remarks.lost.append(f"the start is not kept: the first sample is at 0 s, not at {group.start:.10g} s")
+    remarks.by_rate(group)
+    remarks.no_notes(group.channels)
 
 
 WRITER = Writer("wav", "WAV", (".wav",), True, _open)
