@@ -116,7 +116,7 @@ def test_an_x_that_is_no_time(tmp_path: Path) -> None:
         (PLAIN.replace("1.5", "1.x"), r"row \d+: '1\.x' is no number"),
         (PLAIN[: PLAIN.index("\t2.0\t-3E0")], "has 2 of the 3 samples that its header states; the file is cut off"),
         (PLAIN.replace("Samples\t3", "Samples\t999999999999"), "has 3 of the 999999999999 samples"),
-        (PLAIN.replace("Channels\t2", "Channels\t999999999"), "says it has '999999999' channels"),
+        (PLAIN.replace("Channels\t2", "Channels\t999999999"), "has '999999999' as its number of channels"),
         (PLAIN.replace("Channels\t2", "Channels\t20"), "20 channels but names 4 columns"),
         (PLAIN.replace("Channels\t2", "Channels\t٣"), "write the file again"),
         (PLAIN.replace("Channels", "Chanels"), "no segment of channels"),
