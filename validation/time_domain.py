@@ -71,8 +71,7 @@ def run(number: int) -> dict[str, Any]:
         "routes": sorted(set(rows["route"].to_list())),
         "remarks": sorted({str(remark) for remark in rows["remarks"].drop_nulls().to_list() if remark})[:5],
         "joint": [
-            {name: record[name] for name in ("chi2", "dof", "fits", "inflation", "scatter")}
-            for record in study.joint.values()
+            {name: getattr(rig, name) for name in ("chi2", "dof", "fits", "inflation", "scatter")} for rig in study.rigs
         ],
         "z": {},
         "relative": {},

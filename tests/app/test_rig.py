@@ -1,4 +1,4 @@
-"""`fourpole rig`: what the joint route learned, on a terminal and for programs."""
+"""`fourpole rig`: the rig as found, on a terminal and for programs."""
 
 import json
 from dataclasses import replace
@@ -6,12 +6,12 @@ from dataclasses import replace
 import polars as pl
 import pytest
 from tests.plot.conftest import results_of
-from tests.plot.learned import MISFIT, VALUES, rig_table, with_learned
+from tests.plot.rig_found import MISFIT, VALUES, rig_table, with_rig_found
 
 
 @pytest.fixture(scope="module")
-def learned_results():
-    return with_learned(results_of(pressures=(170e3,), preloads=(1000.0,)))
+def rig_results():
+    return with_rig_found(results_of(pressures=(170e3,), preloads=(1000.0,)))
 
 
 @pytest.fixture
@@ -29,8 +29,8 @@ def folder(tmp_path):
     return written
 
 
-def test_values_fit_unseen_and_limits_are_shown(run, folder, learned_results):
-    ran = run("rig", folder(learned_results))
+def test_values_fit_unseen_and_limits_are_shown(run, folder, rig_results):
+    ran = run("rig", folder(rig_results))
     assert (ran.exit_code, ran.stderr) == (0, "")
     said = " ".join(ran.stdout.split())
     for text in (
@@ -47,8 +47,8 @@ def test_values_fit_unseen_and_limits_are_shown(run, folder, learned_results):
     assert "does not fit" not in said
 
 
-def test_a_misfit_is_told_with_its_candidates(run, folder, learned_results):
-    results = with_learned(learned_results, **MISFIT)
+def test_a_misfit_is_told_with_its_candidates(run, folder, rig_results):
+    results = with_rig_found(rig_results, **MISFIT)
     rows = results.residuals.with_columns(
         pl.when(pl.col("test") == "D3").then(60.0).otherwise(1.0).alias("outlier [1]")
     )
@@ -59,8 +59,8 @@ def test_a_misfit_is_told_with_its_candidates(run, folder, learned_results):
     assert "Tests that do not go with the others: - D3 (variance enlarged 60 times)" in said
 
 
-def test_programs_get_one_document_in_si(run, folder, learned_results):
-    ran = run("rig", folder(learned_results), "--json")
+def test_programs_get_one_document_in_si(run, folder, rig_results):
+    ran = run("rig", folder(rig_results), "--json")
     said = json.loads(ran.stdout)
     assert (ran.exit_code, ran.stderr) == (0, "")
     (rig,) = said["rigs"]
@@ -95,21 +95,21 @@ def test_a_folder_that_is_none_is_exit_2(run, tmp_path):
     assert "no such folder of results" in ran.stderr
 
 
-def test_texts_of_files_steer_no_terminal_and_are_no_markup(run, folder, learned_results):
+def test_texts_of_files_steer_no_terminal_and_are_no_markup(run, folder, rig_results):
     hostile = "[bold]\x1b]0;owned\x07[/nothing]"
     values = {hostile: VALUES["gain V1"], **VALUES}
     rig = rig_table(values, hostile).with_columns(pl.lit(hostile).alias("remarks"))
-    record = {**learned_results.record, "joint": {hostile: {**MISFIT, "notes": [hostile]}}}
-    ran = run("rig", folder(replace(learned_results, rig=rig, record=record)))
+    record = {**rig_results.record, "joint": {hostile: {**MISFIT, "notes": [hostile]}}}
+    ran = run("rig", folder(replace(rig_results, rig=rig, record=record)))
     assert ran.exit_code == 0
     assert "\x1b" not in ran.stdout
     assert "\x07" not in ran.stdout
     assert "[bold] ]0;owned [/nothing]" in ran.stdout
 
 
-def test_two_rigs_are_told_apart(run, folder, learned_results):
+def test_two_rigs_are_told_apart(run, folder, rig_results):
     rigs = pl.when(pl.col("test") == "D1").then(pl.lit("old")).otherwise(pl.lit("new")).alias("rig")
-    both = with_learned(replace(learned_results, dynamic=learned_results.dynamic.with_columns(rigs)))
+    both = with_rig_found(replace(rig_results, dynamic=rig_results.dynamic.with_columns(rigs)))
     said = run("rig", folder(both)).stdout
     assert "Rig old" in said
     assert "Rig new" in said

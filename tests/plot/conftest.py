@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
-from tests.plot.learned import with_learned
+from tests.plot.rig_found import with_rig_found
 
 from fourpole.core.rig import Rig
 from fourpole.core.tyre import mobility, transmissibility, zener_stiffness
@@ -127,7 +127,7 @@ def results_of(
         previews=pl.DataFrame(previews),
         record={"title": "closed formulas", "stated": {"rigs": STATED}},
     )
-    return with_learned(results, route="mobility")
+    return with_rig_found(results, route="mobility")
 
 
 def empty_results() -> Results:

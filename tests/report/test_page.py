@@ -19,8 +19,8 @@ import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.plot.learned import MISFIT, VALUES, budget_table, residual_table, rig_table, with_learned
 from tests.plot.modelled import study_with_models
+from tests.plot.rig_found import MISFIT, VALUES, budget_table, residual_table, rig_table, with_rig_found
 
 from fourpole.report.cards import ALPHABET, embedded, make_cards, packed
 from fourpole.report.digits import number, spread, with_std
@@ -335,7 +335,7 @@ def test_everything_that_was_found_and_stated_is_there():
 
 
 def test_the_rig_and_the_sensors_stand_as_stated_and_as_found():
-    said = on_page(with_learned(campaign(4)))
+    said = on_page(with_rig_found(campaign(4)))
     for text in (
         "The rig and the sensors, as found",
         "Of 6 shared values 4 were found by your data",
@@ -351,7 +351,7 @@ def test_the_rig_and_the_sensors_stand_as_stated_and_as_found():
 
 
 def test_a_rig_that_does_not_fit_has_a_box_of_its_own():
-    results = with_learned(campaign(4), **MISFIT)
+    results = with_rig_found(campaign(4), **MISFIT)
     said = on_page(results)
     assert "No value of this rig is called calibrated." in said
     assert "a moving mass 0.81 kg larger than stated" in said
@@ -359,7 +359,7 @@ def test_a_rig_that_does_not_fit_has_a_box_of_its_own():
 
 
 def test_outliers_lead_to_their_cards():
-    results = with_learned(campaign(4))
+    results = with_rig_found(campaign(4))
     rows = residual_table(results.dynamic, **{"outlier [1]": 60.0})
     text = render_report(replace(results, residuals=rows.filter(pl.col("test") == "D2")), findings=(), figures={})
     assert re.search(r'This test does not go with the others.*<a href="#dynamic-2" title="D2">', text)
@@ -367,14 +367,14 @@ def test_outliers_lead_to_their_cards():
 
 def test_a_campaign_of_another_route_has_no_such_section():
     text = render_report(campaign(2), findings=(), figures={})
-    assert 'id="learned"' not in text
+    assert 'id="rig-as-found"' not in text
     assert 'id="limits"' not in text
 
 
 def test_each_rig_is_told_apart():
     results = campaign(4)
     rigs = pl.when(pl.col("test") == "D1").then(pl.lit("old rig")).otherwise(pl.lit("new rig")).alias("rig")
-    said = on_page(with_learned(replace(results, dynamic=results.dynamic.with_columns(rigs))))
+    said = on_page(with_rig_found(replace(results, dynamic=results.dynamic.with_columns(rigs))))
     assert "Rig old rig 120 tests" in said
     assert "Rig new rig : K2 is known to 7.3 % (median of 3 tests)." in said
 
@@ -610,15 +610,15 @@ def test_a_table_sorts_by_its_heads(visit):
 
 
 def test_the_contents_lead_to_the_rig_and_to_what_limits(visit):
-    page = visit(with_learned(varied(), **MISFIT))
-    for name, place in (("Rig and sensors, as found", "learned"), ("What limits me", "limits")):
+    page = visit(with_rig_found(varied(), **MISFIT))
+    for name, place in (("Rig and sensors, as found", "rig-as-found"), ("What limits me", "limits")):
         page.get_by_role("navigation").get_by_role("link", name=name).click()
         assert page.url.endswith(f"#{place}")
         assert page.locator(f"#{place}").is_visible()
     box = page.get_by_role("note")
     assert "do not go with these tests" in box.inner_text()
     assert box.locator("li").count() == 2
-    assert page.locator("#learned tbody th[scope=row]").count() == len(VALUES)
+    assert page.locator("#rig-as-found tbody th[scope=row]").count() == len(VALUES)
 
 
 @pytest.mark.parametrize("width", [360, 1280])
@@ -647,16 +647,16 @@ def test_models_stand_out_in_light_and_dark(visit, scheme):
 
 @pytest.mark.parametrize("width", [360, 1280])
 def test_the_table_of_the_rig_scrolls_by_itself_on_a_narrow_screen(visit, width):
-    page = visit(with_learned(varied(), **MISFIT), viewport={"width": width, "height": 800})
+    page = visit(with_rig_found(varied(), **MISFIT), viewport={"width": width, "height": 800})
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.get_by_role("region", name="Shared values").bounding_box()["width"] <= width
 
 
 def test_an_outlier_opens_its_card(visit):
-    results = with_learned(varied())
+    results = with_rig_found(varied())
     rows = residual_table(results.dynamic.filter(pl.col("test") == "D2"), **{"outlier [1]": 60.0})
     page = visit(replace(results, residuals=rows))
-    page.locator("#learned").get_by_role("link", name="D2").click()
+    page.locator("#rig-as-found").get_by_role("link", name="D2").click()
     assert page.locator("details#dynamic-2[open]").count() == 1
 
 

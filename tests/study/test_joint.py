@@ -78,8 +78,8 @@ def test_one_weighed_mass_in_place_of_good_sensors(rough):
     # 32 tests share their gains and their mass: five standard uncertainties of every value are out of all luck
     for _, _, std in PAIRS:
         assert found[std].max() < 5.0
-    gained = study.joint[""]["gain_of_masses"]
-    assert gained["with"]["K'"] < 0.01 * gained["without"]["K'"]
+    gained = study.rigs[0].mass_gain
+    assert gained["K'"][1] < 0.01 * gained["K'"][0]
 
 
 def test_without_the_mass_the_uncertainty_is_large_and_honest(tmp_path):
@@ -139,7 +139,7 @@ def test_every_route_has_a_budget(rough, route):
     whole = study.dynamic.join(of.agg((pl.col("u") ** 2).sum().sqrt().alias("whole")), on="test")
     np.testing.assert_allclose(whole["whole"], whole["u(Im K*) [N/m]"], rtol=1e-9)
     assert study.rig.height == study.residuals.height == 0
-    assert study.joint == {}
+    assert study.rigs == ()
 
 
 @pytest.mark.parametrize(
@@ -156,10 +156,10 @@ def test_an_undeclared_part_is_seen_and_no_value_is_calibrated(tmp_path, part, n
     stated = {"moving_mass": 0.1, "preload_stiffness": 100.0, "preload_damping": 0.5}
     folder = simulated(tmp_path, seed=9, undeclared=part, rig_std=stated)
     study = analyse(folder)
-    assert study.joint[""]["fits"] is False
-    best = study.joint[""]["candidates"][0]
-    assert best["name"] == named
-    assert words in best["text"]
+    assert study.rigs[0].fits is False
+    best = study.rigs[0].candidates[0]
+    assert best.name == named
+    assert words in best.text
     assert "no value is called calibrated" in study.notes[0]
     assert not {"found"} & set(study.rig["finding"])
     mass = study.rig.filter(pl.col("value") == "moving_mass").row(0, named=True)
@@ -173,7 +173,7 @@ def test_declared_parts_are_handled(tmp_path):
     parts = {"tyre_mass": 1.0, "frame_stiffness": 2e5, "preload_loss_factor": 0.1, "input_mass": 0.5}
     folder = simulated(tmp_path, seed=9, declared=parts, rig_std=LOOSE)
     study = analyse(folder)
-    assert study.joint[""]["fits"]
+    assert study.rigs[0].fits
     assert set(parts) <= set(study.rig["value"])
     assert max(errors(study, folder)[std].max() for _, _, std in PAIRS) < 4.0
 
@@ -254,7 +254,7 @@ def test_each_rig_is_found_by_itself(tmp_path):
     named = [rows[0] + ",rig", *(f"{row},{'north' if i % 2 else 'south'}" for i, row in enumerate(rows[1:]))]
     (folder / "tests.csv").write_text("\n".join(named) + "\n")
     study = analyse(folder)
-    assert set(study.joint) == {"north", "south"}
+    assert [rig.rig for rig in study.rigs] == ["north", "south"]
     assert study.rig["rig"].unique(maintain_order=True).to_list() == ["north", "south"]
     (folder / "tests.csv").write_text(
         "\n".join([named[0], *(row for row in named[1:] if row.endswith("south"))]) + "\n"
@@ -297,7 +297,8 @@ def test_what_is_written_is_read_back(rough, tmp_path):
         assert again.columns == kept.columns
         blank = pl.col(pl.String).fill_null("")
         assert again.with_columns(blank).equals(kept.with_columns(blank))
-    assert read.record["joint"] == json.loads(json.dumps(study.joint))
+    assert read.rigs == study.results.rigs == study.rigs
+    assert read.record["joint"] == json.loads(json.dumps(study.record["joint"]))
 
 
 def test_a_run_by_another_route_leaves_no_old_tables(rough, tmp_path):

@@ -362,7 +362,7 @@ def rig(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote.")],
     as_json: JsonFlag = False,
 ) -> None:
-    """What the joint route learned: the rig's values and the sensors, as stated and as found, and what limits you.
+    """The rig and the sensors as stated and as the joint route found them, and what limits you.
 
     Says too whether the rig as stated fits, what would explain a misfit, and which errors these data cannot show.
     """

@@ -1,4 +1,4 @@
-"""The command on what the joint route learned: rig, sensors, and what limits the results."""
+"""The command on the rigs and sensors as the joint route found them, and on what limits the results."""
 
 from __future__ import annotations
 
@@ -14,18 +14,21 @@ from rich.text import Text
 from fourpole.app.console import out, print_json, table_console
 from fourpole.errors import CampaignError
 from fourpole.report.stated import mapping
-from fourpole.report.words.learned import Learned, learned
 from fourpole.report.words.limits import limit_rows, limits
-from fourpole.report.words.shared import GROUPS, Value
+from fourpole.report.words.rig import RigInWords, rigs_in_words
+from fourpole.report.words.shared_values import GROUPS, ShownValue
 from fourpole.study.results import Results, read_results
+from fourpole.study.rig_estimate import Finding
 
 __all__ = ["run_rig"]
+
+_STYLES = {Finding.FOUND: "green", Finding.CONTRADICTED: "bold red", Finding.NOT_CALIBRATED: "yellow"}
 
 
 def run_rig(folder: Path, *, as_json: bool) -> None:
     """Show each shared value as stated and as found, the fit, what stays unseen, and what limits K2 and C."""
     results = read_results(folder)
-    found = learned(results)
+    found = rigs_in_words(results)
     if not found:
         route = str(mapping(results.record, "settings").get("route") or "another")
         raise CampaignError(
@@ -44,7 +47,7 @@ def run_rig(folder: Path, *, as_json: bool) -> None:
     _listed("What limits me", lines)
 
 
-def _show(console: Console, about: Learned) -> None:
+def _show(console: Console, about: RigInWords) -> None:
     """One rig."""
     if about.rig:
         out(f"Rig {_plain(about.rig)}")
@@ -69,7 +72,7 @@ def _listed(heading: str, lines: Iterable[str]) -> None:
         out(f"  - {_plain(line)}")
 
 
-def _table(values: Iterable[Value]) -> Table:
+def _table(values: Iterable[ShownValue]) -> Table:
     """Values by group; texts of files stand in it as they are, without markup."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     table.add_column("value of", no_wrap=True)
@@ -89,9 +92,9 @@ def _table(values: Iterable[Value]) -> Table:
             _pair(*value.found_words),
             value.ratio_words,
             value.pull_words,
-            value.seen_words,
+            value.detection_words,
         ]
-        table.add_row(*(Text(_plain(cell)) for cell in cells), Text(_plain(value.sentence), style=_style(value)))
+        table.add_row(*(Text(_plain(cell)) for cell in cells), Text(_plain(value.value.remark), style=_style(value)))
     return table
 
 
@@ -99,8 +102,8 @@ def _pair(value: str, std: str) -> str:
     return f"{value} ± {std}" if std else value
 
 
-def _style(value: Value) -> str:
-    return {"found": "green", "contradicted": "bold red", "not calibrated": "yellow"}.get(value.finding, "")
+def _style(value: ShownValue) -> str:
+    return _STYLES.get(value.finding, "")
 
 
 def _plain(text: str) -> str:
@@ -108,16 +111,15 @@ def _plain(text: str) -> str:
     return "".join(sign if sign.isprintable() else " " for sign in text)
 
 
-def _document(results: Results, found: list[Learned]) -> dict[str, Any]:
+def _document(results: Results, found: list[RigInWords]) -> dict[str, Any]:
     """The same for programs, values in SI."""
-    rows = results.rig.to_dicts() if "rig" in results.rig.columns else []
     return {
         "rigs": [
             {
                 **mapping(results.record, "joint", about.rig),
                 "rig": about.rig,
                 "fits": about.fits,
-                "values": [row for row in rows if str(row["rig"] or "") == about.rig],
+                "values": about.estimate.rows,
                 "outliers": [{"test": item.test, "factor": item.factor} for item in about.outliers],
                 "misfit": list(about.misfit),
                 "unseen": list(about.unseen),

@@ -1,13 +1,11 @@
-"""The rig and the sensors: what the rig leaves unexplained, what was learned of it, what an added mass gained."""
+"""Figures of the rig as found: its residuals, its shared values, and the gain of an added mass."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -24,7 +22,7 @@ from fourpole.plot.sheet import Sheet, floats, grouped, read_sheet
 from fourpole.plot.stiffness import rig_stated
 from fourpole.plot.style import Marker, Style, plain_text
 from fourpole.study.results import Results
-from fourpole.study.rigestimate import RigEstimate, rig_estimates
+from fourpole.study.rig_estimate import Finding, RigEstimate, SharedValue
 
 __all__ = ["found", "mass_gain", "residual", "value_label"]
 
@@ -32,18 +30,12 @@ _MOST_RIGS = 4
 #: Added masses that have one marker.
 _MASS = Axis("added mass", relative=1e-3)
 _MASS_MARKERS: tuple[Marker, ...] = ("o", "^", "s", "D", "v", "P")
-#: What a value was found to be: mark, filled, colour of the palette (grey where it is None).
-_FINDINGS: dict[str, tuple[Marker, bool, str | None]] = {
-    "found": ("o", True, "#0072B2"),
-    "not determined": ("o", False, None),
-    "contradicted": ("D", True, "#D55E00"),
-    "not calibrated": ("s", False, "#E69F00"),
-}
-_FINDING_LABELS = {
-    "found": "found",
-    "not determined": "not determined: as stated",
-    "contradicted": "contradicts the statement",
-    "not calibrated": "not calibrated: the rig does not fit",
+#: Marker of each finding, whether it is filled, its colour (grey where None), and its label in the key.
+_FINDINGS: dict[Finding, tuple[Marker, bool, str | None, str]] = {
+    Finding.FOUND: ("o", True, "#0072B2", "found"),
+    Finding.NOT_DETERMINED: ("o", False, None, "not determined: as stated"),
+    Finding.CONTRADICTED: ("D", True, "#D55E00", "contradicts the statement"),
+    Finding.NOT_CALIBRATED: ("s", False, "#E69F00", "not calibrated: the rig does not fit"),
 }
 _NAMES = {
     "moving_mass": "moving mass m",
@@ -172,8 +164,8 @@ def _as_stated(results: Results, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
 
 
 def _of_rig(results: Results, rig: str) -> RigEstimate:
-    """What is known of a rig; nothing but its name where the joint route left nothing."""
-    return next((found for found in rig_estimates(results) if found.rig == rig), RigEstimate(rig))
+    """The rig as found; one with defaults where the joint route left none of this name."""
+    return next((found for found in results.rigs if found.rig == rig), RigEstimate(rig))
 
 
 def _residual_panel(
@@ -246,29 +238,30 @@ def _residual_key(key: Key, tests: _Tests, sheet: Sheet, known: BoolArray, style
 
 
 def found(results: Results, style: Style) -> Figure | None:
-    """Each shared value as stated and as found, in what is stated of its uncertainty; a panel per rig."""
-    if "rig" not in results.rig.columns or results.rig.is_empty():
+    """Each shared value as stated and as found, in its stated standard uncertainty; a panel per rig."""
+    rigs = [rig for rig in results.rigs if rig.values]
+    if not rigs:
         return None
-    rigs = list(dict.fromkeys(str(name or "") for name in results.rig["rig"].to_list()))
     notes, key = Notes(), Key()
     notes.chosen(min(len(rigs), _MOST_RIGS), len(rigs), "rigs are")
-    tables = [_rows_of(results.rig, rig) for rig in rigs[:_MOST_RIGS]]
-    most = max(len(rows) + sum(group != before for group, before in _changes(rows)) for rows in tables)
-    grid = Grid.of(len(tables), 1, panel_height=_ROW * (most + 1), style=style)
-    seen: set[str] = set()
-    for ax, rig, rows in zip(grid.panels, rigs, tables, strict=False):
-        seen |= _found_panel(ax, rows, style)
-        if rig:
-            ax.set_title(f"rig {plain_text(rig)}", loc="left", pad=4.5)
+    rigs = rigs[:_MOST_RIGS]
+    grouped_values = [_by_group(rig.values) for rig in rigs]
+    most = max(len(groups) + sum(map(len, groups.values())) for groups in grouped_values)
+    grid = Grid.of(len(rigs), 1, panel_height=_ROW * (most + 1), style=style)
+    for ax, rig, groups in zip(grid.panels, rigs, grouped_values, strict=False):
+        _found_panel(ax, groups, style)
+        if rig.rig:
+            ax.set_title(f"rig {plain_text(rig.rig)}", loc="left", pad=4.5)
         ax.text(1.015, 1.0, "u found /\nu stated", transform=ax.transAxes, va="bottom", fontsize=7.0,
                 color=style.look.muted)  # fmt: skip
     stated = Line2D([], [], color=style.look.grid, linewidth=5.0)
     key.add(stated, "as stated, ± u")
-    for finding, (marker, filled, colour) in _FINDINGS.items():
-        if finding in seen:
+    present = {value.finding for rig in rigs for value in rig.values}
+    for finding, (marker, filled, colour, label) in _FINDINGS.items():
+        if finding in present:
             handle = Line2D([], [], marker=marker, color=colour or style.look.muted)
             handle.set_markerfacecolor((colour or style.look.muted) if filled else style.look.paper)
-            key.add(handle, _FINDING_LABELS[finding])
+            key.add(handle, label)
     figure = grid.finish(
         key=key, notes=notes, x_label="found less stated, in stated standard uncertainties [1]", y_labels=[""]
     )
@@ -276,31 +269,23 @@ def found(results: Results, style: Style) -> Figure | None:
     return figure
 
 
-def _group(row: Mapping[str, Any]) -> Role:
-    role = Source.read(str(row["value"])).role
-    return role if role in _GROUPS else Role.RIG
+def _by_group(values: Sequence[SharedValue]) -> dict[Role, list[SharedValue]]:
+    """The values by group; an unstated part, or a value of an unknown kind, stands with the rig's values."""
+    groups: dict[Role, list[SharedValue]] = {role: [] for role in _GROUPS}
+    for value in values:
+        groups[value.source.role if value.source.role in groups else Role.RIG].append(value)
+    return {role: members for role, members in groups.items() if members}
 
 
-def _rows_of(table: pl.DataFrame, rig: str) -> list[dict[str, Any]]:
-    rows = [row for row in table.rows(named=True) if str(row["rig"] or "") == rig]
-    return sorted(rows, key=lambda row: list(_GROUPS).index(_group(row)))
-
-
-def _changes(rows: list[dict[str, Any]]) -> list[tuple[Role, Role | None]]:
-    groups = [_group(row) for row in rows]
-    return list(zip(groups, [None, *groups[:-1]], strict=True))
-
-
-def _found_panel(ax: Axes, rows: list[dict[str, Any]], style: Style) -> set[str]:
-    """Dots and whiskers from the top down under the names of their groups; the findings that occur."""
+def _found_panel(ax: Axes, groups: Mapping[Role, Sequence[SharedValue]], style: Style) -> None:
+    """Dots and whiskers from the top down under the names of their groups."""
     at, labels, reach = 0, [], 1.6
-    for row, (group, before) in zip(rows, _changes(rows), strict=True):
-        if group != before:
-            labels.append((at, _GROUPS[group], True))
-            at += 1
-        labels.append((at, value_label(Source.read(str(row["value"]))), False))
-        reach = max(reach, _dot(ax, at, row, style))
-        at += 1
+    for group, values in groups.items():
+        labels.append((at, _GROUPS[group], True))
+        for place, value in enumerate(values, at + 1):
+            labels.append((place, value_label(value.source), False))
+            reach = max(reach, _dot(ax, place, value, style))
+        at += 1 + len(values)
     ax.axvline(0.0, color=style.look.ink, linewidth=0.8, zorder=1.0)
     ax.set_yticks([place for place, _, _ in labels], [text for _, text, _ in labels])
     for tick, (_, _, heading) in zip(ax.get_yticklabels(), labels, strict=True):
@@ -313,13 +298,12 @@ def _found_panel(ax: Axes, rows: list[dict[str, Any]], style: Style) -> set[str]
     edge = min(reach, _EDGE) * 1.06
     ax.set_xlim(style.xlim or (-edge, edge))
     ax.xaxis.set_major_locator(MaxNLocator(7, steps=[1, 2, 5, 10]))
-    return {str(row["finding"]) for row in rows} & set(_FINDINGS)
 
 
-def _dot(ax: Axes, at: int, row: dict[str, Any], style: Style) -> float:
-    """One value; how far it reaches."""
-    numbers = (row["stated"], row["found"], row[q.STATED.u_head], row[q.FOUND.u_head], row[q.POSTERIOR.head])
-    stated, value, prior, std, ratio = (np.nan if x is None else float(x) for x in numbers)
+def _dot(ax: Axes, at: int, shared: SharedValue, style: Style) -> float:
+    """Draw one value, and return the distance from zero that its marks reach [stated standard uncertainties]."""
+    numbers = (shared.stated, shared.found, shared.stated_std, shared.found_std, shared.ratio)
+    stated, value, prior, std, ratio = (np.nan if x is None else x for x in numbers)
     if np.isfinite(ratio):
         ax.text(1.015, at, f"{ratio:.2g}", transform=ax.get_yaxis_transform(), va="center", fontsize=7.0,
                 color=style.look.ink)  # fmt: skip
@@ -329,7 +313,7 @@ def _dot(ax: Axes, at: int, row: dict[str, Any], style: Style) -> float:
     off, wide = (value - stated) / prior, std / prior
     if not np.isfinite(off):
         return 1.0
-    marker, filled, colour = _FINDINGS.get(str(row["finding"]), ("o", False, None))
+    marker, filled, colour, _ = _FINDINGS.get(shared.finding, _FINDINGS[Finding.NOT_DETERMINED])
     colour = colour or style.look.muted
     beyond = abs(off) > _EDGE
     place = float(np.clip(off, -_EDGE, _EDGE))
@@ -348,7 +332,7 @@ def mass_gain(results: Results, style: Style) -> Figure | None:
     """Median relative uncertainty of K2 and C without and with the weighed mass, a panel per rig."""
     gains = {
         found.rig: {plain_text(name, 12).replace(", K1", ",\nK1"): pair for name, pair in found.mass_gain.items()}
-        for found in rig_estimates(results)
+        for found in results.rigs
         if found.mass_gain
     }
     if not gains:
@@ -358,7 +342,7 @@ def mass_gain(results: Results, style: Style) -> Figure | None:
     shown = list(gains.items())[:_MOST_RIGS]
     most = max(len(pairs) for _, pairs in shown)
     grid = Grid.of(len(shown), min(2, len(shown)), panel_height=0.25 + 0.5 * most, style=style)
-    looks = ((style.look.muted, "without the weighed mass"), (_FINDINGS["found"][2] or "", "with it"))
+    looks = ((style.look.muted, "without the weighed mass"), (_FINDINGS[Finding.FOUND][2] or "", "with it"))
     for ax, (rig, pairs) in zip(grid.panels, shown, strict=True):
         _gain_panel(ax, pairs, [colour for colour, _ in looks], len(shown))
         if rig:

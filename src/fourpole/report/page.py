@@ -19,7 +19,7 @@ from fourpole.io.write import write_text
 from fourpole.report.cards import embedded, make_cards
 from fourpole.report.models import models_section
 from fourpole.report.rows import DYNAMIC, STATIC, VERDICTS, ResultTable, result_rows
-from fourpole.report.section import learned_section
+from fourpole.report.section import rig_sections
 from fourpole.report.stated import channel_rows, mapping, rig_rows, tested, texts, verdict_counts
 from fourpole.report.words.limits import limits
 from fourpole.study.results import Results
@@ -135,7 +135,7 @@ def render_report(results: Results, *, findings: Sequence[Said], figures: Mappin
         rigs=rig_rows(record),
         channels=channel_rows(record),
         sample_rate=mapping(record, "stated").get("sample_rate [Hz]"),
-        learned=learned_section(results, where),
+        rigs_found=rig_sections(results, where),
         limits=limits(results),
         models=models_section(results),
         faults=list(results.faults),

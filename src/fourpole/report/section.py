@@ -1,4 +1,4 @@
-"""The section on the rig and the sensors: what was learned, with links to the tests that stand out."""
+"""The section on the rig and the sensors: as found, with links to the tests that stand out."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fourpole.report.digits import number
-from fourpole.report.words.learned import Learned, learned
-from fourpole.report.words.shared import GROUPS, Value
+from fourpole.report.words.rig import RigInWords, rigs_in_words
+from fourpole.report.words.shared_values import GROUPS, ShownValue
 from fourpole.study.results import Results
 
-__all__ = ["RigSection", "learned_section"]
+__all__ = ["RigSection", "rig_sections"]
 
 #: Outliers named one by one.
 _NAMED = 12
@@ -22,7 +22,7 @@ class RigSection:
 
     Attributes
     ----------
-    about : Learned
+    about : RigInWords
     groups : list of (heading, values)
         Values by group; groups without values are left out.
     outliers : list of (test, card, factor)
@@ -31,18 +31,18 @@ class RigSection:
         Outliers that are not named.
     """
 
-    about: Learned
-    groups: list[tuple[str, list[Value]]]
+    about: RigInWords
+    groups: list[tuple[str, list[ShownValue]]]
     outliers: list[tuple[str, str, str]]
     more: int
 
 
-def learned_section(results: Results, where: Mapping[str, str]) -> list[RigSection]:
+def rig_sections(results: Results, where: Mapping[str, str]) -> list[RigSection]:
     """What the page shows of each rig; `where` has the card of each test."""
-    return [_of_rig(found, where) for found in learned(results)]
+    return [_of_rig(found, where) for found in rigs_in_words(results)]
 
 
-def _of_rig(found: Learned, where: Mapping[str, str]) -> RigSection:
+def _of_rig(found: RigInWords, where: Mapping[str, str]) -> RigSection:
     groups = [(heading, [value for value in found.values if value.group == group]) for group, heading in GROUPS.items()]
     named = [(item.test, where.get(item.test, ""), number(item.factor, 2)) for item in found.outliers[:_NAMED]]
     return RigSection(

@@ -57,15 +57,15 @@ def _calibration_checks(test: Test) -> list[Check]:
 
 
 def _convergence_checks(found: Identified) -> list[Check]:
-    joint = found.group.result.joint
+    joint = found.group.joint
     if joint is None or joint.converged:
         return []
     return [told(Code.CONVERGENCE, "warning")]
 
 
 def _outlier_checks(found: Identified) -> list[Check]:
-    learned = found.group.learned
-    factor = learned.outliers.get(found.group.names[found.at], 1.0) if learned is not None else 1.0
+    joint = found.group.joint
+    factor = float(joint.outlier[found.at]) if joint is not None else 1.0
     if factor <= 1:
         return []
     return [told(Code.AGREEMENT, "warning", factor, 1.0, times=np.sqrt(factor))]

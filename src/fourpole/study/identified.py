@@ -9,20 +9,22 @@ from typing import Any
 import numpy as np
 
 from fourpole.campaign.folder import Campaign, Test, condition_of
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import Code, worst_verdict
 from fourpole.core.identification import Identification
 from fourpole.core.identify import identify, variance_by_source
-from fourpole.core.joint import solve_joint
-from fourpole.core.joint.outputs import identification, outputs
+from fourpole.core.joint import Joint, solve_joint
+from fourpole.core.joint.outputs import Outputs, identification, outputs
 from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_source
 from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_route
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
-from fourpole.study.learned import Learned, learn
-from fourpole.study.outcome import Point
+from fourpole.fitting.rows import Key
+from fourpole.study.outcome import Point, point_keys
+from fourpole.study.rig_estimate import RigEstimate, mass_gain
+from fourpole.study.rig_solution import relative_uncertainties, rig_estimate
 from fourpole.study.static import StaticStiffness
 
 __all__ = ["Group", "Identified", "Setup", "identify_tests", "possible_route", "setup_of"]
@@ -49,6 +51,11 @@ class Setup(ByValue):
     family: np.ndarray
     nominal: FloatArray
 
+    def part(self, rows: BoolArray) -> Setup:
+        """The same for some of the tests."""
+        names = ("k1", "k1_std", "added", "added_std", "family", "nominal")
+        return replace(self, channels=self.channels.part(rows), **{name: getattr(self, name)[rows] for name in names})
+
 
 @dataclass(frozen=True)
 class Identified:
@@ -69,8 +76,8 @@ class Group(ByValue):
 
     Attributes
     ----------
-    names : tuple of str
-        The tests.
+    keys : tuple of (str, int)
+        Test and point of each row.
     setup : Setup
     phasors : Phasors
     route : str
@@ -80,18 +87,21 @@ class Group(ByValue):
         Of each of `core.identify.OUTPUTS`, by its source; K1 in its parts.
     intervals : dict of int to (Interval, Interval)
         Of K2 and C, for the tests where linear propagation fails.
-    learned : Learned or None
-        What the joint route says of rig and channels.
+    joint : Joint or None
+        The joint solution; None for another route.
+    estimate : RigEstimate or None
+        The rig as found; None for another route.
     """
 
-    names: tuple[str, ...]
+    keys: tuple[Key, ...]
     setup: Setup
     phasors: Phasors
     route: str
     result: Identification
     variance: dict[Source, FloatArray]
     intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
-    learned: Learned | None = None
+    joint: Joint | None = None
+    estimate: RigEstimate | None = None
 
 
 def possible_route(campaign: Campaign, route: str) -> tuple[str, str]:
@@ -128,6 +138,7 @@ def identify_tests(
     """
     found: dict[int, Identified] = {}
     notes: list[str] = []
+    keys = point_keys(test.name for test in tests)
     for rig_name in dict.fromkeys(test.rig for test in tests):
         members = [i for i, test in enumerate(tests) if test.rig == rig_name and _usable(test, points[i], route)]
         if not members:
@@ -136,17 +147,17 @@ def identify_tests(
         phasors = Phasors.stack([phasors for i in members if (phasors := _phasors(points[i], route)) is not None])
         setup = _with_responses(setup, [points[i] for i in members])
         used, note = _route_of(setup, phasors, route)
-        names, parts = tuple(tests[i].name for i in members), [stiffness[i].parts for i in members]
+        group_keys, parts = tuple(keys[i] for i in members), [stiffness[i].parts for i in members]
         try:
-            group = _identified(names, setup, phasors, used, parts)
+            group = _identified(group_keys, setup, phasors, used, parts)
         except np.linalg.LinAlgError as error:
             note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
-            group = _identified(names, setup, phasors, "mobility", parts)
+            group = _identified(group_keys, setup, phasors, "mobility", parts)
         if note:
             notes.append(f"{_where(rig_name)}: {note}")
         group = _with_intervals(group, draws, seed)
-        if group.learned is not None:
-            notes += [f"{_where(rig_name)}: {line}" for line in group.learned.notes]
+        if group.estimate is not None:
+            notes += [f"{_where(rig_name)}: {group.estimate.note(code)}" for code in group.estimate.notes]
         found.update({i: Identified(group, at) for at, i in enumerate(members)})
     return found, notes
 
@@ -227,25 +238,14 @@ def _families(campaign: Campaign, tests: Sequence[Test]) -> np.ndarray:
 
 
 def _identified(
-    names: tuple[str, ...], setup: Setup, phasors: Phasors, route: str, parts: Sequence[Mapping[Source, float]]
+    keys: tuple[Key, ...], setup: Setup, phasors: Phasors, route: str, parts: Sequence[Mapping[Source, float]]
 ) -> Group:
     if route == "joint":
-        assert setup.rig is not None
-        joint = solve_joint(
-            phasors,
-            setup.rig,
-            setup.k1,
-            family=setup.family,
-            nominal_frequency=setup.nominal,
-            added_mass=setup.added,
-            added_mass_std=setup.added_std,
-            channels=setup.channels,
-        )
-        found = outputs(joint, phasors, setup.k1)
-        result = identification(joint, phasors, setup.k1, setup.k1_std, found)
-        variance = joint_variance_by_source(joint, found, setup.k1_std)
-        learned = learn(joint, names, phasors, setup.rig, setup.channels, (setup.family, setup.nominal), found, result)
-        return Group(names, setup, phasors, route, result, _k1_apart(variance, parts), learned=learned)
+        joint, found, result = _joint(setup, phasors)
+        estimate = rig_estimate(setup.rig_name, keys, joint)
+        estimate = replace(estimate, mass_gain=_mass_gain(joint, setup, phasors, found, result))
+        variance = _k1_apart(joint_variance_by_source(joint, found, setup.k1_std), parts)
+        return Group(keys, setup, phasors, route, result, variance, joint=joint, estimate=estimate)
     arguments: dict[str, Any] = {
         "k1_std": setup.k1_std,
         "route": route,
@@ -255,7 +255,39 @@ def _identified(
     }
     result = identify(phasors, setup.rig, setup.k1, **arguments)
     variance = variance_by_source(phasors, setup.rig, setup.k1, **arguments)
-    return Group(names, setup, phasors, route, result, _k1_apart(variance, parts))
+    return Group(keys, setup, phasors, route, result, _k1_apart(variance, parts))
+
+
+def _joint(setup: Setup, phasors: Phasors) -> tuple[Joint, Outputs, Identification]:
+    """The joint solution of some tests, and what it gives for each of them."""
+    assert setup.rig is not None
+    joint = solve_joint(
+        phasors,
+        setup.rig,
+        setup.k1,
+        family=setup.family,
+        nominal_frequency=setup.nominal,
+        added_mass=setup.added,
+        added_mass_std=setup.added_std,
+        channels=setup.channels,
+    )
+    found = outputs(joint, phasors, setup.k1)
+    return joint, found, identification(joint, phasors, setup.k1, setup.k1_std, found)
+
+
+def _mass_gain(
+    joint: Joint, setup: Setup, phasors: Phasors, found: Outputs, result: Identification
+) -> dict[str, tuple[float, float]]:
+    """Median relative uncertainties of the tests without an added mass, from these tests alone and from all tests."""
+    bare = (setup.added == 0) & (joint.condition >= 0)
+    if bare.all() or not bare.any():
+        return {}
+    fewer, fewer_phasors = setup.part(bare), phasors.part(bare)
+    alone, alone_found, alone_result = _joint(fewer, fewer_phasors)
+    exact = identification(alone, fewer_phasors, fewer.k1, 0.0, alone_found)
+    without = relative_uncertainties(alone_result, exact, np.ones(fewer.k1.size, dtype=bool))
+    exact = identification(joint, phasors, setup.k1, 0.0, found)
+    return mass_gain(without, relative_uncertainties(result, exact, bare))
 
 
 def _k1_apart(variance: dict[Source, FloatArray], parts: Sequence[Mapping[Source, float]]) -> dict[Source, FloatArray]:
@@ -276,7 +308,8 @@ def _with_intervals(group: Group, draws: int, seed: int) -> Group:
     Each test has draws of its own, whatever the others are and in whatever order.
     """
     for at in np.flatnonzero(_skew(group.result)) if draws else ():
-        rng = np.random.default_rng([seed, *group.names[at].encode()])
+        test, point = group.keys[at]
+        rng = np.random.default_rng([seed, *test.encode(), *((point,) if point > 1 else ())])
         stiffness = _drawn(group, int(at), draws, rng)
         k1 = group.result.k1[at] + np.nan_to_num(group.result.k1_std[at]) * rng.standard_normal(draws)
         group.intervals[int(at)] = arm_intervals(stiffness, k1, float(2 * np.pi * group.result.frequency[at]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from fourpole.core.arrays import FloatArray
@@ -9,8 +11,9 @@ from fourpole.core.checks import Check
 from fourpole.core.demodulation.corrections import Correction, response_std
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
+from fourpole.fitting.rows import Key
 
-__all__ = ["Point", "Reduced"]
+__all__ = ["Point", "Reduced", "point_keys"]
 
 
 @dataclass(frozen=True)
@@ -48,3 +51,19 @@ class Reduced:
 
     points: tuple[Point, ...]
     sha256: str = ""
+
+
+def point_keys(tests: Iterable[str]) -> list[Key]:
+    """Test and point of each row, where the name of a test stands once per point.
+
+    Examples
+    --------
+    >>> point_keys(["D1", "D2", "D2"])
+    [('D1', 1), ('D2', 1), ('D2', 2)]
+    """
+    seen: Counter[str] = Counter()
+    keys = []
+    for name in tests:
+        seen[name] += 1
+        keys.append((name, seen[name]))
+    return keys

@@ -16,6 +16,7 @@ from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
 from fourpole.io.source import read_bytes, sha256_of
 from fourpole.quantities import POINT, TEMPERATURE, TYRE
+from fourpole.study.rig_estimate import RigEstimate, read_rig_estimates
 from fourpole.study.tables import DYNAMIC, TABLES, Tables, TableSpec
 
 __all__ = ["Results", "read_results"]
@@ -67,6 +68,11 @@ class Results(Tables):
         values = {"tables": held, "record": record or {}, "models": models, "maps": maps, "faults": faults}
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    @property
+    def rigs(self) -> tuple[RigEstimate, ...]:
+        """The rigs as found by the joint route, in the order of rig.csv; none where another route was used."""
+        return read_rig_estimates(self.rig, self.residuals, self.record.get("joint"))
 
     def apart(self, *, texts_only: bool = False) -> Results:
         """The same with specimens named apart: "radial at 60 °C" where one was tested at several temperatures.

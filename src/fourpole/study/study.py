@@ -31,6 +31,7 @@ from fourpole.study.load import MOST_BYTES
 from fourpole.study.outcome import Reduced
 from fourpole.study.reduce import jobs_of, reduce_tests, response_hashes
 from fourpole.study.results import Results
+from fourpole.study.rig_estimate import RigEstimate
 from fourpole.study.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
 from fourpole.study.tables import TABLES, Analysed, Tables
 
@@ -58,8 +59,8 @@ class Study(Tables):
         `budget`, `corrections`, `phasors`, `covariance` and `previews`.
     route : str
         How K* was found.
-    joint : dict
-        Of each rig, what the joint route says of its fit.
+    rigs : tuple of RigEstimate
+        The rigs as found by the joint route; none where another route was used.
     monte_carlo : int
         Draws where linear propagation fails.
     notes : tuple of str
@@ -80,7 +81,7 @@ class Study(Tables):
     campaign: Campaign
     tables: Mapping[str, pl.DataFrame]
     route: str
-    joint: dict[str, dict[str, Any]] = field(default_factory=dict)
+    rigs: tuple[RigEstimate, ...] = ()
     monte_carlo: int = DRAWS
     notes: tuple[str, ...] = ()
     sha256: dict[str, str] = field(default_factory=dict)
@@ -197,7 +198,7 @@ class Study(Tables):
             "versions": {"python": platform.python_version(), **{name: version(name) for name in packages}},
             "verdicts": self.counts,
             "assumptions": list(self.notes),
-            **({"joint": self.joint} if self.joint else {}),
+            **({"joint": {rig.rig: rig.record for rig in self.rigs}} if self.rigs else {}),
             "sha256": self.sha256,
         }
 
@@ -284,12 +285,11 @@ def analyse(
     checks = [dynamic_checks(dynamic[i], points[i], stiffness[i], found.get(i), route) for i in range(len(dynamic))]
     cells = [dynamic_cells(points[i], found.get(i), route, checks[i]) for i in range(len(dynamic))]
     analysed = Analysed(campaign, statics, dynamic, points, checks, cells, found)
-    groups = [group for group, _ in analysed.groups]
     return Study(
         campaign=campaign,
         tables={name: spec.of(analysed) for name, spec in TABLES.items()},
         route=route,
-        joint={group.setup.rig_name: group.learned.record for group in groups if group.learned is not None},
+        rigs=tuple(group.estimate for group, _ in analysed.groups if group.estimate is not None),
         monte_carlo=monte_carlo,
         notes=(*([note] if note else []), *remarks, *campaign.stated.assumptions(), *_assumed(dynamic)),
         sha256=hashes,

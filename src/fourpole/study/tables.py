@@ -6,7 +6,6 @@ A row of a dynamic test is known by its test and its point: one recording may gi
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,7 +28,8 @@ from fourpole.fitting.measured import COVARIANCE_COLUMNS
 from fourpole.fitting.rows import KEY
 from fourpole.quantities import DERIVED, QUANTITIES, Quantity
 from fourpole.study.identified import Group, Identified, budget_columns
-from fourpole.study.outcome import Point
+from fourpole.study.outcome import Point, point_keys
+from fourpole.study.rig_solution import residual_rows
 from fourpole.study.static import StaticTest
 
 __all__ = [
@@ -76,12 +76,7 @@ class Analysed:
     @cached_property
     def keys(self) -> list[dict[str, Any]]:
         """Test and point of each of `tests`, as cells."""
-        seen: Counter[str] = Counter()
-        keys = []
-        for test in self.tests:
-            seen[test.name] += 1
-            keys.append(dict(zip(KEY, (test.name, seen[test.name]), strict=True)))
-        return keys
+        return [dict(zip(KEY, key, strict=True)) for key in point_keys(test.name for test in self.tests)]
 
     @cached_property
     def groups(self) -> list[tuple[Group, list[dict[str, Any]]]]:
@@ -251,16 +246,16 @@ def _derived_cells(row: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _rig_table(analysed: Analysed) -> pl.DataFrame:
-    learned = [(group.setup.rig_name, group.learned) for group, _ in analysed.groups if group.learned is not None]
-    return _frame(({q.RIG.head: rig, **row} for rig, found in learned for row in found.values), RIG.columns)
+    estimates = (group.estimate for group, _ in analysed.groups if group.estimate is not None)
+    return _frame((row for estimate in estimates for row in estimate.rows), RIG.columns)
 
 
 def _residual_table(analysed: Analysed) -> pl.DataFrame:
     rows = [
         {q.RIG.head: group.setup.rig_name, **row, **key}
         for group, keys in analysed.groups
-        if group.learned is not None
-        for row, key in zip(group.learned.residuals, keys, strict=True)
+        if group.joint is not None
+        for row, key in zip(residual_rows(group.joint, group.phasors), keys, strict=True)
     ]
     return _frame(rows, RESIDUALS.columns)
 

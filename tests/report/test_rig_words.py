@@ -5,18 +5,18 @@ from dataclasses import replace
 import polars as pl
 import pytest
 from tests.plot.conftest import blank, empty_results, results_of
-from tests.plot.learned import JOINT, MASSED, MISFIT, VALUES, rig_table, with_learned
+from tests.plot.rig_found import JOINT, MASSED, MISFIT, VALUES, rig_table, with_rig_found
 
-from fourpole.report.words.learned import learned
 from fourpole.report.words.limits import limits
-from fourpole.report.words.shared import DASH, shared_values
+from fourpole.report.words.rig import rigs_in_words
+from fourpole.report.words.shared_values import DASH
 
 NOT_DETERMINED = "not determined by your data, taken from your statement"
 
 
 @pytest.fixture(scope="module")
 def plain():
-    return with_learned(results_of(pressures=(170e3,), preloads=(1000.0,)))
+    return with_rig_found(results_of(pressures=(170e3,), preloads=(1000.0,)))
 
 
 def with_values(results, values, **joint):
@@ -31,7 +31,7 @@ def changed(name, values=VALUES, **cells):
 
 
 def of(results):
-    (found,) = learned(results)
+    (found,) = rigs_in_words(results)
     return found
 
 
@@ -49,26 +49,24 @@ def test_values_have_the_digits_and_units_of_people(plain):
     assert by["gain F1/V1"].name == "gain of F1 over V1"
     assert by["moving_mass"].ratio_words == "0.10"
     assert by["gain F1"].pull_words == "+0.60"
-    assert by["preload_stiffness"].seen_words == "0.061 kN/m"
-    assert by["gain V1"].seen_words == "at no size"
+    assert by["preload_stiffness"].detection_words == "0.061 kN/m"
+    assert by["gain V1"].detection_words == "at no size"
 
 
 def test_what_is_no_number_is_a_dash(plain):
     nothing = ("kg", 15.0, float("nan"), float("nan"), float("nan"), float("nan"), float("nan"), "found")
-    (value,) = shared_values(rig_table({"moving_mass": nothing}), "")
+    (value,) = of(with_values(plain, {"moving_mass": nothing})).values
     assert value.found_words == (DASH, "")
     assert value.stated_words == ("15.000", "")
     assert value.ratio_words == value.pull_words == DASH
 
 
-def test_a_value_that_was_not_determined_is_said_so_in_the_same_words(plain):
-    by = {value.source.text: value for value in of(plain).values}
-    assert by["gain V1"].sentence == NOT_DETERMINED
-    silent, other = (plain.rig.with_columns(pl.lit(text).alias("remarks")) for text in ("", "V1 stands alone"))
-    assert {v.sentence for v in shared_values(silent, "") if v.finding == "not determined"} == {NOT_DETERMINED}
-    assert {v.sentence for v in shared_values(other, "") if v.finding == "not determined"} == {
-        f"{NOT_DETERMINED}; V1 stands alone"
-    }
+def test_what_is_said_of_a_value_goes_by_its_finding_and_not_by_its_remark(plain):
+    other = replace(plain, rig=plain.rig.with_columns(pl.lit("worded in another way").alias("remarks")))
+    for results in (plain, other):
+        by = {value.source.text: value.value.remark for value in of(results).values}
+        assert by["gain V1"] == NOT_DETERMINED
+        assert by["gain F1"] == "found in part from your data, in part from your statement"
 
 
 def test_the_summary_counts_what_was_found(plain):
@@ -95,8 +93,8 @@ def test_values_that_are_all_exact_leave_nothing_to_find(plain):
     assert of(with_values(plain, {})).summary == "All values were stated as exact: there was nothing to find."
 
 
-def test_another_route_learned_nothing():
-    assert learned(empty_results()) == []
+def test_another_route_has_no_rig_as_found():
+    assert rigs_in_words(empty_results()) == []
     assert limits(empty_results()) == []
 
 
@@ -126,7 +124,7 @@ def test_where_the_rig_does_not_fit_nothing_is_called_calibrated(plain):
             "data hardly tell the two apart"
         ),
     )
-    said = " ".join([found.summary, *found.misfit, *(value.sentence for value in found.values)])
+    said = " ".join([found.summary, *found.misfit, *(value.value.remark for value in found.values)])
     assert "found from" not in said
 
 
@@ -140,15 +138,10 @@ def test_a_statement_that_was_set_aside_is_named(plain):
     assert not any("enlarged" in text for text in found.misfit)
     # It was seen, so it is not among what stays unseen.
     assert not any("moving mass m" in text for text in found.unseen)
-    assert found.values[0].seen_words == DASH
+    assert found.values[0].detection_words == DASH
 
 
 def test_scatter_search_and_notes_are_told_once(plain):
-    notes = [
-        "K* of repeated tests of one condition scatters by 0.01 of its value beyond the noise: look",
-        "2 tests do not go with the others and hardly count",
-        "one test only: rig and channels are taken as you stated them",
-    ]
     found = of(
         with_values(
             plain,
@@ -156,8 +149,7 @@ def test_scatter_search_and_notes_are_told_once(plain):
             scatter=0.012,
             converged=False,
             reason="no step helps",
-            notes=notes,
-            note_codes=["scatter", "outliers", "one test"],
+            tests=1,
         )
     )
     assert found.remarks == (
@@ -170,10 +162,12 @@ def test_scatter_search_and_notes_are_told_once(plain):
     )
 
 
-def test_what_is_told_of_a_note_goes_by_its_code_and_not_by_its_words(plain):
-    for code, told in (("scatter", False), ("outliers", False), ("misfit", False), ("noise", True), ("", True)):
-        found = of(with_values(plain, VALUES, notes=["worded in another way"], note_codes=[code]))
-        assert found.remarks == (("Worded in another way.",) if told else ())
+def test_a_note_goes_by_its_code_and_not_by_its_words(plain):
+    for code, told in (("masses without a common condition", True), ("outliers", False), ("", False)):
+        (*remarks,) = of(with_values(plain, VALUES, notes=["worded in another way"], note_codes=[code])).remarks
+        assert [text[:45] for text in remarks] == ["No condition was tested with two masses, so t"] * told
+    (noise,) = of(with_values(plain, VALUES, inflation=1.5)).remarks
+    assert noise.startswith("Noise counts as 1.5 times what each recording by itself says")
 
 
 def test_outliers_are_named_the_worst_first(plain):
@@ -242,7 +236,7 @@ def test_what_the_weighed_mass_gained_is_told(plain):
 
 def test_a_record_that_is_not_ours_breaks_nothing(plain):
     for joint in ({"": 1}, [], None, {"": {"candidates": "x", "notes": 3, "chi2": [], "dof": "y", "fits": "no"}}):
-        (found,) = learned(replace(plain, record={"joint": joint}))
+        (found,) = rigs_in_words(replace(plain, record={"joint": joint}))
         assert found.values
     broken = {"": {**MISFIT, "candidates": [1, {}, {"text": "x", "explains": "y", "value": 0, "std": None}]}}
     assert of(replace(plain, record={"joint": broken})).candidates == ("x",)
@@ -257,7 +251,7 @@ def limit(results, quantity="K2"):
 
 
 def only(results, source, share=0.8, **joint):
-    return limit(with_learned(results, shares={source: share, "frequency": 1 - share}, **joint))
+    return limit(with_rig_found(results, shares={source: share, "frequency": 1 - share}, **joint))
 
 
 def test_the_largest_source_is_named_with_its_share_and_its_remedy(plain):
@@ -309,14 +303,14 @@ def test_a_misfit_comes_before_everything_that_it_makes_larger(plain):
 def test_a_mass_that_was_used_already_is_not_asked_for_again(plain):
     massed = replace(plain, dynamic=plain.dynamic.with_columns(pl.lit(10.0).alias("added mass [kg]")))
     assert only(massed, "gain V1").remedy.startswith("repeat the tests with the weighed mass, or record them longer")
-    other = with_learned(massed, shares={"phase F1": 1.0}, route="mobility")
+    other = with_rig_found(massed, shares={"phase F1": 1.0}, route="mobility")
     assert limit(other).remedy == "use the joint route: with the weighed mass it needs no calibrated sensor"
 
 
 def test_another_route_is_told_of_the_joint_one(plain):
-    other = with_learned(plain, shares={"moving_mass": 1.0}, route="mobility")
+    other = with_rig_found(plain, shares={"moving_mass": 1.0}, route="mobility")
     assert limit(other).remedy.startswith("use the joint route, which finds it from V2")
-    blind = with_learned(blank(plain, "V2 [m/s]"), shares={"moving_mass": 1.0}, route="mobility")
+    blind = with_rig_found(blank(plain, "V2 [m/s]"), shares={"moving_mass": 1.0}, route="mobility")
     assert limit(blind).remedy.endswith("or measure V2 too and use the joint route")
 
 

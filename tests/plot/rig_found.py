@@ -63,6 +63,7 @@ MISFIT: dict[str, Any] = {
     "candidates": [
         {
             "name": "tyre mass",
+            "part": "mass",
             "value": 0.81,
             "std": 0.01,
             "unit": "kg",
@@ -71,6 +72,7 @@ MISFIT: dict[str, Any] = {
         },
         {
             "name": "sensor F1",
+            "part": "gain F1",
             "value": 0.045,
             "std": 0.001,
             "unit": "1",
@@ -130,7 +132,7 @@ def budget_table(dynamic: pl.DataFrame, shares: Mapping[str, float] = SHARES) ->
     return frame(rows, BUDGET_COLUMNS)
 
 
-def with_learned(
+def with_rig_found(
     results: Results,
     values: Mapping[str, tuple[Any, ...]] = VALUES,
     shares: Mapping[str, float] = SHARES,

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 from matplotlib.colors import to_hex
 from tests.plot.conftest import results_of
-from tests.plot.learned import MASSED, MISFIT, VALUES, rig_table, with_learned
+from tests.plot.rig_found import MASSED, MISFIT, VALUES, rig_table, with_rig_found
 from tests.plot.test_figures import lines, points, said, texts
 
 from fourpole.core.sources import Kind, Source
@@ -54,7 +54,7 @@ def test_the_residual_is_that_of_the_table_in_real_and_imaginary_part(small):
 def test_a_misfit_is_drawn_with_the_rig_as_stated(small):
     # A rig that is stated 1 kg too light: what is left of it is -j omega.
     light = {"": {**small.record["stated"]["rigs"][""], "moving_mass": {"value": 14.0}}}
-    hurt = with_learned(small, route="mobility", **MISFIT)
+    hurt = with_rig_found(small, route="mobility", **MISFIT)
     hurt = replace(hurt, record={**hurt.record, "stated": {"rigs": light}})
     figure = draw(hurt, "rig-residual")
     real, imaginary = figure.axes
@@ -102,7 +102,7 @@ def test_tests_without_v2_are_counted(small):
     )
 
 
-# ---- what was learned
+# ---- the shared values
 
 
 def test_values_stand_as_far_from_their_statement_as_the_table_says(small):
@@ -152,8 +152,8 @@ def test_the_gain_of_a_mass_stands_beside_its_bars(small):
     assert shown[0] == "5.6 %"
     assert shown[1].startswith("0.037 %, ")
     assert shown[1].endswith("times smaller")
-    assert draw(with_learned(small, gain_of_masses={}), "mass-gain") is None
-    assert draw(with_learned(small, gain_of_masses="no table"), "mass-gain") is None
+    assert draw(with_rig_found(small, gain_of_masses={}), "mass-gain") is None
+    assert draw(with_rig_found(small, gain_of_masses="no table"), "mass-gain") is None
 
 
 def test_the_budget_adds_up_source_by_source(small):
@@ -172,7 +172,7 @@ def test_the_budget_adds_up_source_by_source(small):
 
 def test_small_sources_go_together_and_rejected_tests_do_not_count(small):
     many = {f"source {at}": 0.1 for at in range(10)}
-    results = with_learned(small, shares=many)
+    results = with_rig_found(small, shares=many)
     hurt = results.dynamic.with_columns(pl.when(pl.col("tyre") == "cross-ply").then(pl.lit("rejected"))
                                         .otherwise(pl.col("verdict")).alias("verdict"))  # fmt: skip
     figure = draw(replace(results, dynamic=hurt), "budget")
@@ -183,7 +183,7 @@ def test_small_sources_go_together_and_rejected_tests_do_not_count(small):
 
 def test_a_source_has_one_colour_whatever_else_there_is(small):
     style = Style()
-    fewer = draw(with_learned(small, shares={"gain V1": 0.5, "K1 fit": 0.5}), "budget")
+    fewer = draw(with_rig_found(small, shares={"gain V1": 0.5, "K1 fit": 0.5}), "budget")
     both = draw(small, "budget")
     for figure in (fewer, both):
         (part,) = [part for part in figure.axes[0].collections if part.get_label() == "_gain V1"]

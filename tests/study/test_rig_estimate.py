@@ -4,18 +4,19 @@ from dataclasses import replace
 
 import pytest
 from tests.plot.conftest import empty_results, results_of
-from tests.plot.learned import MISFIT, VALUES, rig_table, with_learned
+from tests.plot.rig_found import MISFIT, VALUES, rig_table, with_rig_found
 
-from fourpole.study.rigestimate import Candidate, Note, Outlier, rig_estimates
+from fourpole.core.sources import Kind, Source
+from fourpole.study.rig_estimate import NoteCode, Outlier
 
 
 @pytest.fixture(scope="module")
 def plain():
-    return with_learned(results_of(pressures=(170e3,), preloads=(1000.0,)))
+    return with_rig_found(results_of(pressures=(170e3,), preloads=(1000.0,)))
 
 
 def test_fit_gain_and_counts_are_numbers(plain):
-    (found,) = rig_estimates(plain)
+    (found,) = plain.rigs
     assert (found.rig, found.fits, found.converged) == ("", True, True)
     assert (found.tests, found.conditions, found.shared) == (120, 60, 6)
     assert found.chi2_per_dof == 250.0 / 240.0
@@ -23,16 +24,18 @@ def test_fit_gain_and_counts_are_numbers(plain):
 
 
 def test_a_misfit_has_its_candidates_and_what_was_enlarged(plain):
-    record = {"joint": {"": {**MISFIT, "notes": ["a", "b"], "note_codes": ["misfit"]}}}
-    (found,) = rig_estimates(replace_record(plain, record))
+    record = {"joint": {"": MISFIT}}
+    (found,) = replace_record(plain, record).rigs
     assert (found.fits, found.rig_error, found.inflation) == (False, 0.02, 1.5)
-    assert found.candidates[1] == Candidate("a gain of F1 off by +4.5 %", 0.045, 0.001, 2000.0)
-    assert found.notes == (Note("misfit", "a"), Note("", "b"))
+    second = found.candidates[1]
+    assert (second.text, second.value, second.std) == ("a gain of F1 off by +4.5 %", 0.045, 0.001)
+    assert (second.explains, second.source) == (2000.0, Source(Kind.GAIN, "F1"))
+    assert found.notes == (NoteCode.MISFIT,)
 
 
 def test_a_value_that_is_not_calibrated_makes_a_rig_that_does_not_fit(plain):
     values = {name: (*cells[:7], "not calibrated") for name, cells in VALUES.items()}
-    (found,) = rig_estimates(replace(plain, tables={**plain.tables, "rig": rig_table(values)}))
+    (found,) = replace(plain, tables={**plain.tables, "rig": rig_table(values)}).rigs
     assert not found.fits
 
 
@@ -40,14 +43,14 @@ def test_outliers_are_those_with_an_enlarged_variance(plain):
     rows = plain.residuals.to_dicts()
     rows[3]["outlier [1]"] = 90.0
     table = type(plain.residuals)(rows, schema=plain.residuals.schema)
-    (found,) = rig_estimates(replace(plain, tables={**plain.tables, "residuals": table}))
+    (found,) = replace(plain, tables={**plain.tables, "residuals": table}).rigs
     assert found.outliers == (Outlier(rows[3]["test"], 90.0),)
 
 
 def test_another_route_leaves_no_estimate_and_a_strange_record_its_defaults(plain):
-    assert rig_estimates(empty_results()) == []
+    assert empty_results().rigs == ()
     for joint in ({"": 1}, [], None, {"": {"candidates": "x", "notes": 3, "chi2": [], "dof": "y", "fits": "no"}}):
-        (found,) = rig_estimates(replace_record(plain, {"joint": joint}))
+        (found,) = replace_record(plain, {"joint": joint}).rigs
         assert (found.fits, found.chi2_per_dof, found.candidates, found.notes) == (True, None, (), ())
 
 

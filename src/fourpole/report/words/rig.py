@@ -1,24 +1,21 @@
-"""What the joint route learned of a rig and its sensors, in words, and what it could not learn."""
+"""A rig and its sensors as the joint route found them, in words, and the errors that the tests do not show."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import polars as pl
-
-from fourpole import quantities as q
+from fourpole.core.joint.misfit import Candidate
 from fourpole.core.sources import Kind, Role
 from fourpole.findings.facts import natural
 from fourpole.report.digits import known, number
 from fourpole.report.words.phrases import counted, joined, percent
-from fourpole.report.words.shared import DECLARED, Value, shared_values
+from fourpole.report.words.shared_values import DECLARED, ShownValue, shown_values
 from fourpole.report.words.sources import source_in_words
-from fourpole.study.notecode import NoteCode
 from fourpole.study.results import Results
-from fourpole.study.rigestimate import Candidate, Outlier, RigEstimate, rig_estimates
+from fourpole.study.rig_estimate import Finding, NoteCode, Outlier, RigEstimate
 
-__all__ = ["Learned", "learned"]
+__all__ = ["RigInWords", "rigs_in_words"]
 
 #: An undeclared error that would show only above this is told, per cent or degrees; a rig's value likewise in per cent.
 _LATE = {"%": 5.0, "°": 3.0}
@@ -27,40 +24,42 @@ _AS_WELL = 0.9
 _MOST_CANDIDATES = 4
 #: Two gains whose errors F1/V2 alone cannot tell apart.
 _BLIND = {(Kind.GAIN, "F1"), (Kind.GAIN, "V2")}
-_MASS = "a repeat with a weighed mass"
 #: Notes that the sentences here say already.
 _SAID = (NoteCode.MISFIT, NoteCode.OUTLIERS, NoteCode.NOT_CONVERGED, NoteCode.SCATTER)
 
 
 @dataclass(frozen=True)
-class Learned:
-    """One rig and its sensors after the joint route.
+class RigInWords:
+    """One rig as found, with its sentences.
 
     Attributes
     ----------
-    rig : str
-        Empty where the campaign has one rig without a name.
-    fits : bool
-        Whether rig and channels as stated go with the tests.
+    estimate : RigEstimate
+        The rig as found, in numbers.
+    values : tuple of ShownValue
+        In the order of rig.csv.
     fit : str
         Tests, conditions and chi-square.
     summary : str
-        How many values were found, and how many not.
-    values : tuple of Value
-        As in rig.csv.
-    misfit, candidates, remarks, unseen : tuples of str
-        What does not fit and what was done about it; what would explain it, the best first; scatter, search, notes;
-        errors that the data cannot show.
+        How many values were found, and how many were not.
+    misfit : tuple of str
+        What does not fit, and what follows for the results; empty where the rig fits.
+    candidates : tuple of str
+        Parts that would explain the misfit, the best first.
+    remarks : tuple of str
+        Scatter, convergence and notes.
+    unseen : tuple of str
+        Errors that the tests do not show.
     outliers : tuple of Outlier
+        The largest factor first.
     gain : str
-        What the weighed mass gained.
+        How much the weighed mass reduced the uncertainties.
     """
 
-    rig: str
-    fits: bool
+    estimate: RigEstimate
+    values: tuple[ShownValue, ...]
     fit: str
     summary: str
-    values: tuple[Value, ...]
     misfit: tuple[str, ...]
     candidates: tuple[str, ...]
     remarks: tuple[str, ...]
@@ -68,34 +67,33 @@ class Learned:
     outliers: tuple[Outlier, ...]
     gain: str
 
+    @property
+    def rig(self) -> str:
+        """Name of the rig; empty where the campaign has one rig without a name."""
+        return self.estimate.rig
 
-def learned(results: Results) -> list[Learned]:
-    """What was learned of each rig; nothing where another route was used.
-
-    Parameters
-    ----------
-    results : Results
-
-    Returns
-    -------
-    list of Learned
-        In the order of rig.csv.
-    """
-    return [_of_rig(results, estimate) for estimate in rig_estimates(results)]
+    @property
+    def fits(self) -> bool:
+        """Whether rig and channels as stated fit the tests."""
+        return self.estimate.fits
 
 
-def _of_rig(results: Results, found: RigEstimate) -> Learned:
-    values, fits = shared_values(results.rig, found.rig), found.fits
-    return Learned(
-        rig=found.rig,
-        fits=fits,
+def rigs_in_words(results: Results) -> list[RigInWords]:
+    """Each rig as found, in the order of rig.csv; none where another route was used."""
+    return [_in_words(found) for found in results.rigs]
+
+
+def _in_words(found: RigEstimate) -> RigInWords:
+    values = shown_values(found)
+    return RigInWords(
+        found,
+        values,
         fit=_fit(found),
-        summary=_summary(values, fits=fits),
-        values=values,
-        misfit=() if fits else tuple(_misfit(found, values)),
-        candidates=() if fits else tuple(_candidates(found)),
+        summary=_summary(values, fits=found.fits),
+        misfit=() if found.fits else tuple(_misfit(found, values)),
+        candidates=() if found.fits else tuple(_candidates(found)),
         remarks=tuple(_remarks(found)),
-        unseen=tuple(_unseen(values, fits=fits, massed=_massed(results.residuals, found.rig, values))),
+        unseen=tuple(_unseen(found, values)),
         outliers=tuple(sorted(found.outliers, key=lambda outlier: (-outlier.factor, natural(outlier.test)))),
         gain=_gain(found),
     )
@@ -118,17 +116,19 @@ def _fit(found: RigEstimate) -> str:
     )
 
 
-def _summary(values: Sequence[Value], *, fits: bool) -> str:
+def _summary(values: Sequence[ShownValue], *, fits: bool) -> str:
     own = [value for value in values if value.group is not Role.RATIO]
     if not own:
         return "All values were stated as exact: there was nothing to find."
-    count = {finding: sum(value.finding == finding for value in own) for finding in ("found", "not determined")}
+    count = {
+        finding: sum(value.finding is finding for value in own) for finding in (Finding.FOUND, Finding.NOT_DETERMINED)
+    }
     of = f"Of {counted(len(own), 'shared value')}"
     if not fits:
         return f"{of} none is called calibrated, because the rig as stated does not fit."
-    text = f"{of} {_was(count['found'])} found by your data"
-    if count["not determined"]:
-        text += f"; {_was(count['not determined'])} not determined by your data, taken from your statement"
+    text = f"{of} {_was(count[Finding.FOUND])} found by your data"
+    if count[Finding.NOT_DETERMINED]:
+        text += f"; {_was(count[Finding.NOT_DETERMINED])} not determined by your data, taken from your statement"
     return f"{text}."
 
 
@@ -136,11 +136,11 @@ def _was(count: int) -> str:
     return f"{count or 'none'} {'was' if count <= 1 else 'were'}"
 
 
-def _misfit(found: RigEstimate, values: Sequence[Value]) -> Iterable[str]:
+def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     ratio = found.chi2_per_dof
     per = f": chi-square is {_rounded(ratio, 2)} per degree of freedom, not 1" if ratio is not None else ""
     yield f"The rig and the sensors as stated do not go with these tests{per}."
-    against = [value.name for value in values if value.finding == "contradicted"]
+    against = [value.name for value in values if value.finding is Finding.CONTRADICTED]
     if against:
         yield (
             f"The data contradict what you state of the {joined(against)}: "
@@ -163,18 +163,19 @@ def _enlarged(found: RigEstimate) -> Iterable[str]:
 
 def _candidates(found: RigEstimate) -> Iterable[str]:
     """What would explain the misfit, the best first, and what cannot be told from it."""
-    best = found.candidates[0].explains if found.candidates else None
+    best = known(found.candidates[0].explains) if found.candidates else None
     for at, candidate in enumerate(found.candidates[:_MOST_CANDIDATES]):
         text = f"{candidate.text}{_give_or_take(candidate)}"
-        if candidate.explains is not None:
-            text += f": chi-square would fall by {_rounded(candidate.explains)}"
-            if at and best and candidate.explains >= _AS_WELL * best:
+        explains = known(candidate.explains)
+        if explains is not None:
+            text += f": chi-square would fall by {_rounded(explains)}"
+            if at and best and explains >= _AS_WELL * best:
                 text += ", so nearly as much that the data hardly tell the two apart"
         yield text
 
 
 def _give_or_take(candidate: Candidate) -> str:
-    value, std = candidate.value, candidate.std
+    value, std = known(candidate.value), known(candidate.std)
     return f" (known to {percent(std / abs(value))})" if value and std else ""
 
 
@@ -187,15 +188,16 @@ def _remarks(found: RigEstimate) -> Iterable[str]:
             f"Tests at the same condition differ in K* by {percent(found.scatter)} more than their noise explains; "
             "this scatter is in the uncertainties. Look at temperature, conditioning and amplitude."
         )
-    for note in found.notes:
-        if note.code not in _SAID:
-            yield f"{note.text[:1].upper()}{note.text[1:].rstrip('.')}."
+    for code in found.notes:
+        if code not in _SAID:
+            text = found.note(code)
+            yield f"{text[:1].upper()}{text[1:]}."
 
 
 def _gain(found: RigEstimate) -> str:
     """By how much the weighed mass made K2 and C better known."""
     parts = []
-    for name, (before, after) in (found.mass_gain or {}).items():
+    for name, (before, after) in found.mass_gain.items():
         what = name.replace(", K1 known", " (if K1 were exact)")
         parts.append(f"{what} to {percent(after)} instead of {percent(before)}")
     if not parts:
@@ -203,22 +205,16 @@ def _gain(found: RigEstimate) -> str:
     return f"With the weighed mass the tests without it give {joined(parts)} (median standard uncertainties)."
 
 
-def _massed(residuals: pl.DataFrame, rig: str, values: Sequence[Value]) -> bool:
-    """Whether tests with an added mass are among those of a rig."""
-    if any(value.group is Role.MASS for value in values):
-        return True
-    if q.ADDED_MASS.head not in residuals.columns:
-        return False
-    here = residuals.filter(pl.col("rig").fill_null("") == rig)[q.ADDED_MASS.head].to_list()
-    return any((known(mass) or 0.0) > 0 for mass in here)
-
-
-def _unseen(values: Sequence[Value], *, fits: bool, massed: bool) -> Iterable[str]:
-    """Which undeclared errors these data cannot show, and what would show them."""
-    groups = (
-        (Role.RIG, Role.CHANNEL) if fits else (Role.CHANNEL,)
-    )  # where the rig does not fit, an error of it did show
-    hidden = [value for value in values if value.hidden and value.group in groups and value.finding != "contradicted"]
+def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
+    """Undeclared errors that the tests do not show, and what would show them."""
+    massed = found.massed or any(value.group is Role.MASS for value in values)
+    # Where the rig does not fit, the tests did show an error of it.
+    groups = (Role.RIG, Role.CHANNEL) if found.fits else (Role.CHANNEL,)
+    hidden = [
+        value
+        for value in values
+        if value.hidden and value.group in groups and value.finding is not Finding.CONTRADICTED
+    ]
     common = [value for value in hidden if massed and value.group is Role.CHANNEL and _ratios_seen(value, values)]
     if common:
         yield (
@@ -227,36 +223,38 @@ def _unseen(values: Sequence[Value], *, fits: bool, massed: bool) -> Iterable[st
         )
     hidden = [value for value in hidden if value not in common]
     if hidden:
-        many = len(hidden) > 1
-        yield (
-            f"{'Errors' if many else 'An error'} of {_possessives(hidden)} beyond "
-            f"{'their statements' if many else 'its statement'} would not show in these data; "
-            f"{_what_would(hidden, massed=massed)} would show {'them' if many else 'it'}."
-        )
-    if not massed and _BLIND.issubset(
-        (value.source.kind, value.source.of) for value in values if not value.source.under
-    ):
+        yield _hidden_errors(hidden, massed=massed)
+    if not massed and {(value.source.kind, value.source.of) for value in values if not value.source.under} >= _BLIND:
         yield (
             "These data hold F1/V2 against the rig: they cannot tell an error of F1's gain from one of V2's, nor from "
             "the moving mass and the preload spring off together."
         )
     yield from _trusted_masses(values)
-    told = any(value.group is Role.CHANNEL for value in hidden)
-    late = [
-        value
-        for value in values
-        if _late(value) and (value.group in groups or (value.group is Role.RATIO and not told)) and value not in common
-    ]
+    if not any(value.group is Role.CHANNEL for value in hidden):
+        groups = (*groups, Role.RATIO)
+    late = [value for value in values if _late(value) and value.group in groups and value not in common]
     if late:
-        sizes = joined(f"{value.seen_words} for {_possessive(value)}" for value in late)
+        sizes = joined(f"{value.detection_words} for {_possessive(value)}" for value in late)
         yield f"Errors beyond what is stated would show only from a size of {sizes}; smaller ones stay unseen."
 
 
-def _trusted_masses(values: Sequence[Value]) -> Iterable[str]:
+def _hidden_errors(hidden: Sequence[ShownValue], *, massed: bool) -> str:
+    """Values of which no error shows, and the cheapest thing that would show errors of them."""
+    errors, statement, them = "An error", "its statement", "it"
+    if len(hidden) > 1:
+        errors, statement, them = "Errors", "their statements", "them"
+    remedy = "a calibration" if all(value.group is Role.CHANNEL for value in hidden) else "a measurement of its own"
+    return (
+        f"{errors} of {_possessives(hidden)} beyond {statement} would not show in these data; "
+        f"{remedy if massed else 'a repeat with a weighed mass'} would show {them}."
+    )
+
+
+def _trusted_masses(values: Sequence[ShownValue]) -> Iterable[str]:
     """That the scale of all results is the weight of a mass, and from which size an error of it would show."""
     for value in values:
-        if value.group is Role.MASS and value.finding == "not determined":
-            below = "" if value.seen is None or value.hidden else f" below {value.seen_words}"
+        if value.group is Role.MASS and value.finding is Finding.NOT_DETERMINED:
+            below = "" if value.detection_limit is None or value.hidden else f" below {value.detection_words}"
             yield (
                 f"The scale of the sensors, and so of K*, rests on the weight of the {value.name}: an undeclared error "
                 f"of it{below} would not show, and moves K* by its share and K2 and C by several times that. Weigh it "
@@ -264,34 +262,27 @@ def _trusted_masses(values: Sequence[Value]) -> Iterable[str]:
             )
 
 
-def _ratios_seen(value: Value, values: Sequence[Value]) -> bool:
+def _ratios_seen(value: ShownValue, values: Sequence[ShownValue]) -> bool:
     """Whether all ratios of this kind of value would show an error."""
     ratios = [other for other in values if other.group is Role.RATIO and other.source.kind is value.source.kind]
     return bool(ratios) and not any(other.hidden or _late(other) for other in ratios)
 
 
-def _late(value: Value) -> bool:
+def _late(value: ShownValue) -> bool:
     """Whether only a large undeclared error would show, much larger than the statement allows for."""
-    if value.seen is None or value.hidden or value.group is Role.MASS:
+    if value.detection_limit is None or value.hidden or value.group is Role.MASS:
         return False
-    if value.seen < DECLARED * (value.stated_std or 0.0):
+    if value.detection_limit < DECLARED * (value.stated_std or 0.0):
         return False
     if value.unit in _LATE:
-        return value.seen > _LATE[value.unit]
-    return bool(value.stated) and value.seen > 0.01 * _LATE["%"] * abs(value.stated or 0.0)
+        return value.detection_limit > _LATE[value.unit]
+    return bool(value.stated) and value.detection_limit > 0.01 * _LATE["%"] * abs(value.stated or 0.0)
 
 
-def _possessive(value: Value) -> str:
+def _possessive(value: ShownValue) -> str:
     """V1's gain, the moving mass m."""
     return source_in_words(value.source) if value.group is Role.CHANNEL else f"the {value.name}"
 
 
-def _possessives(values: Sequence[Value]) -> str:
+def _possessives(values: Sequence[ShownValue]) -> str:
     return joined(_possessive(value) for value in values)
-
-
-def _what_would(hidden: Sequence[Value], *, massed: bool) -> str:
-    """The cheapest thing that would show errors of these values."""
-    if not massed:
-        return _MASS
-    return "a calibration" if all(value.group is Role.CHANNEL for value in hidden) else "a measurement of its own"

@@ -1,0 +1,174 @@
+"""The values that all tests of a rig share, in the units and digits that people use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, pi
+
+from fourpole.core.sources import Kind, Role, Source
+from fourpole.report.digits import number, with_std
+from fourpole.report.stated import RIG_VALUES
+from fourpole.study.rig_estimate import Finding, RigEstimate, SharedValue
+
+__all__ = ["DASH", "DECLARED", "GROUPS", "ShownValue", "in_words", "shown_values"]
+
+DASH = "–"
+#: Groups of values with their headings.
+GROUPS = {
+    Role.RIG: "Rig",
+    Role.CHANNEL: "Channels, measured over true",
+    Role.RATIO: "What K* needs of the channels",
+    Role.MASS: "Added masses",
+}
+#: An error of up to this many stated standard uncertainties counts as declared.
+DECLARED = 6.0
+#: Largest error that is plausible, by the unit shown; for a value of the rig it is the value itself.
+_MOST = {"%": 100.0, "°": 90.0}
+
+
+@dataclass(frozen=True)
+class ShownValue:
+    """One shared value as people read it; numbers are in the unit shown, a gain as its departure from 1.
+
+    Attributes
+    ----------
+    value : SharedValue
+        In SI.
+    name, unit : str
+        In words; the unit shown.
+    scale, zero : float
+        Size of the unit shown, and the SI value that is shown as zero.
+    """
+
+    value: SharedValue
+    name: str
+    unit: str
+    scale: float
+    zero: float
+
+    @classmethod
+    def of(cls, value: SharedValue) -> ShownValue:
+        """The value with its name and unit."""
+        return cls(value, *in_words(value.source, value.unit))
+
+    @property
+    def source(self) -> Source:
+        """The value itself."""
+        return self.value.source
+
+    @property
+    def finding(self) -> Finding:
+        """What the tests say of it."""
+        return self.value.finding
+
+    @property
+    def group(self) -> Role:
+        """One of `GROUPS`; an unstated part, or a value of an unknown kind, stands with the rig's values."""
+        return self.source.role if self.source.role in GROUPS else Role.RIG
+
+    def _shown(self, value: float | None, zero: float = 0.0) -> float | None:
+        return None if value is None else (value - zero) / self.scale
+
+    @property
+    def stated(self) -> float | None:
+        """Value as stated."""
+        return self._shown(self.value.stated, self.zero)
+
+    @property
+    def stated_std(self) -> float | None:
+        """Standard uncertainty as stated."""
+        return self._shown(self.value.stated_std)
+
+    @property
+    def detection_limit(self) -> float | None:
+        """The smallest undeclared error that the tests would show; None where they show none."""
+        return self._shown(self.value.detection_limit)
+
+    def _pair(self, value: float | None, std: float | None) -> tuple[str, str]:
+        text, about = with_std(value, std, 5)
+        departure = self.group in (Role.CHANNEL, Role.RATIO)
+        if departure and value is not None and value > 0 and text.strip("0."):
+            text = f"+{text}"
+        return text or DASH, about
+
+    @property
+    def stated_words(self) -> tuple[str, str]:
+        """Value as stated, and its standard uncertainty."""
+        return self._pair(self.stated, self.stated_std)
+
+    @property
+    def found_words(self) -> tuple[str, str]:
+        """Value as found, and its standard uncertainty."""
+        return self._pair(self._shown(self.value.found, self.zero), self._shown(self.value.found_std))
+
+    @property
+    def ratio_words(self) -> str:
+        """Standard uncertainty after the tests over that before."""
+        ratio = self.value.ratio
+        return number(ratio, 3 if ratio is not None and 0.9 < ratio < 1 else 2) or DASH
+
+    @property
+    def pull_words(self) -> str:
+        """Found less stated, in the standard uncertainty of that difference."""
+        pull = self.value.pull
+        if pull is None:
+            return DASH
+        text = f"{pull:+.2f}" if abs(pull) < 10 else f"{pull:+.0f}"
+        return text.replace("-", "−") if text.strip("+-0.") else "0.00"
+
+    @property
+    def detection_words(self) -> str:
+        """The size from which an undeclared error shows."""
+        if self.finding in (Finding.CONTRADICTED, Finding.UNSTATED):
+            return DASH
+        return (
+            "at no size"
+            if self.hidden
+            else f"{number(self.detection_limit, 2)} {self.unit}".rstrip().replace(" °", "°")
+        )
+
+    @property
+    def mark(self) -> str:
+        """The finding as a class of the page: letters and dashes."""
+        return self.finding.replace(" ", "-") or "unknown"
+
+    @property
+    def hidden(self) -> bool:
+        """Whether the tests would show no plausible error of the value."""
+        if self.finding is Finding.UNSTATED:
+            return False
+        if self.detection_limit is None:
+            return True
+        most = _MOST.get(self.unit, abs(self.stated or 0.0) or inf)
+        return self.detection_limit > max(most, DECLARED * (self.stated_std or 0.0))
+
+
+def shown_values(found: RigEstimate) -> tuple[ShownValue, ...]:
+    """The shared values of one rig, in the order of rig.csv."""
+    return tuple(ShownValue.of(value) for value in found.values)
+
+
+def in_words(source: Source, unit: str = "") -> tuple[str, str, float, float]:
+    """Name, unit shown, SI value of that unit, and what is subtracted first.
+
+    Examples
+    --------
+    >>> in_words(Source(Kind.RIG_VALUE, "preload_stiffness"), "N/m")
+    ('preload spring K3', 'kN/m', 1000.0, 0.0)
+    >>> in_words(Source(Kind.GAIN, "V1"), "1"), in_words(Source(Kind.GAIN, "F1", "V1"), "1")[0]
+    (('gain of V1', '%', 0.01, 1.0), 'gain of F1 over V1')
+    """
+    of, under = source.of, source.under
+    match source.kind:
+        case Kind.RIG_VALUE:
+            return *RIG_VALUES[of], 0.0
+        case Kind.GAIN:
+            return f"gain of {of} over {under}" if under else f"gain of {of}", "%", 0.01, 1.0
+        case Kind.PHASE:
+            return f"phase of {of} less {under}" if under else f"phase of {of}", "°", pi / 180, 0.0
+        case Kind.DELAY:
+            return f"delay of {of}", "ms", 1e-3, 0.0
+        case Kind.RESPONSE_GAIN | Kind.RESPONSE_PHASE:
+            what = "gain" if source.kind is Kind.RESPONSE_GAIN else "phase"
+            return f"calibrated response of {of}, {what}, in its u", "", 1.0, 0.0
+    return source.text.replace("_", " "), "" if unit == "1" else unit, 1.0, 0.0

@@ -1,0 +1,440 @@
+"""The rig as found: what the joint route says of one rig and its channels, as typed values.
+
+The type is built from a joint solution, or read from a results folder; both ways give the same values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.core.joint.misfit import Candidate
+from fourpole.core.sources import Kind, Role, Source
+from fourpole.fitting.rows import keys_of
+
+__all__ = ["Finding", "NoteCode", "Outlier", "RigEstimate", "SharedValue", "read_rig_estimates"]
+
+#: A found value whose uncertainty is above this share of the stated uncertainty rests in part on the statement.
+_HALF = 0.5
+#: Noise that counts as more than this times what the recordings say is worth a note.
+_WORTH_SAYING = 1.2
+_MASS, _SPRING = Source(Kind.RIG_VALUE, "moving_mass"), Source(Kind.RIG_VALUE, "preload_stiffness")
+#: The part of the rig that acts as a part of the value before it, so that no test distinguishes the two.
+_HIDDEN_IN = {_MASS: Source(Kind.RIG_VALUE, "tyre_mass"), _SPRING: Source(Kind.RIG_VALUE, "frame_stiffness")}
+_HIDDEN_WORDS = {
+    _HIDDEN_IN[_MASS]: "; whatever else moves with V2, such as the tyre's own moving part, is in it",
+    _HIDDEN_IN[_SPRING]: "; whatever gives way with the spring, such as the frame, is in it",
+}
+#: Columns of rig.csv by the name of the field.
+_CELLS = {
+    "stated": q.STATED.head,
+    "stated_std": q.STATED.u_head,
+    "found": q.FOUND.head,
+    "found_std": q.FOUND.u_head,
+    "ratio": q.POSTERIOR.head,
+    "pull": q.PULL.head,
+    "detection_limit": q.DETECTION_LIMIT.head,
+}
+#: Fields that study.json has under their own names, before notes and candidates.
+_RECORDED = (
+    "tests", "conditions", "shared", "chi2", "dof", "fits", "rig_error", "inflation", "scatter", "unsteady",
+    "converged", "reason", "steps",
+)  # fmt: skip
+
+
+class Finding(StrEnum):
+    """What the tests say of a shared value, as column `finding` has it; empty where it is none of these."""
+
+    FOUND = "found"
+    NOT_DETERMINED = "not determined"
+    CONTRADICTED = "contradicted"
+    NOT_CALIBRATED = "not calibrated"
+    UNSTATED = "unstated"
+    UNKNOWN = ""
+
+
+_REMARKS = {
+    Finding.NOT_DETERMINED: "not determined by your data, taken from your statement",
+    Finding.CONTRADICTED: "contradicts your statement: look for the cause before you use it",
+    Finding.NOT_CALIBRATED: "the rig as stated does not fit: not calibrated",
+    Finding.UNSTATED: "not stated by you: the tests want it; look for its cause and state it",
+    Finding.UNKNOWN: "",
+}
+
+
+class NoteCode(StrEnum):
+    """A note on the joint solution of a rig, as study.json has it."""
+
+    NOT_CONVERGED = "not converged"
+    MISFIT = "misfit"
+    NOISE = "noise"
+    UNSTEADY = "unsteady drive"
+    SCATTER = "scatter"
+    OUTLIERS = "outliers"
+    UNSHARED_MASSES = "masses without a common condition"
+    ONE_TEST = "one test"
+
+
+@dataclass(frozen=True)
+class SharedValue:
+    """One value that all tests of a rig share; numbers are in its unit, None where unknown.
+
+    Attributes
+    ----------
+    source : Source
+        The value: of the rig, of a channel, a ratio of two channels, or an added mass.
+    unit : str
+        SI.
+    stated, stated_std, found, found_std : float or None
+        Value and standard uncertainty before and after the tests.
+    ratio : float or None [1]
+        Standard uncertainty after the tests over that before.
+    pull : float or None [1]
+        Found less stated, in the standard uncertainty of that difference.
+    detection_limit : float or None
+        The smallest undeclared error that the tests would show; None where they show none.
+    finding : Finding
+    hides : Source or None
+        A part that nobody stated and that the value may contain, because no test distinguishes the two.
+    """
+
+    source: Source
+    unit: str
+    stated: float | None
+    stated_std: float | None
+    found: float | None
+    found_std: float | None
+    ratio: float | None
+    pull: float | None
+    detection_limit: float | None
+    finding: Finding
+    hides: Source | None = None
+
+    @property
+    def remark(self) -> str:
+        """What rig.csv says of the value."""
+        if self.finding is not Finding.FOUND:
+            return _REMARKS[self.finding]
+        part, rest = (" in part", ", in part from your statement") if (self.ratio or 0.0) > _HALF else ("", "")
+        return f"found{part} from your data{rest}{_HIDDEN_WORDS[self.hides] if self.hides else ''}"
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """The row of rig.csv, without the name of the rig."""
+        return {
+            q.VALUE.head: self.source.text,
+            q.UNIT.head: self.unit,
+            **{head: getattr(self, name) for name, head in _CELLS.items()},
+            q.FINDING.head: str(self.finding),
+            q.REMARKS.head: self.remark,
+        }
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A test that does not agree with the others; its variance was enlarged by `factor`."""
+
+    test: str
+    factor: float
+    point: int = 1
+
+
+@dataclass(frozen=True)
+class RigEstimate:
+    """The rig and the channels as the joint route found them; what an analysis did not record has its default.
+
+    Attributes
+    ----------
+    rig : str
+        Name of the rig; empty where the campaign has one rig without a name.
+    values : tuple of SharedValue
+        In the order of rig.csv, ratios of channels last.
+    fits : bool
+        Whether rig and channels as stated fit the tests.
+    converged : bool
+        Whether the search for the most probable values converged.
+    reason : str
+        Why the search ended.
+    steps : int
+        Steps of the search.
+    tests, conditions, shared : int
+        Number of tests, of conditions, and of shared values that are not exactly known.
+    chi2, dof : float or None [1]
+        Chi-square of the rig as stated, and its degrees of freedom.
+    rig_error : float [1]
+        Error added to the rig's impedance in each test, relative to its largest part; 0 where the rig fits.
+    inflation : float [1]
+        Factor by which the standard uncertainty of all noise was enlarged.
+    scatter : float [1]
+        Relative scatter of K* between tests of one condition beyond the noise.
+    unsteady : float [1]
+        Relative error added to the frequency of each test, because the drive is unsteady.
+    candidates : tuple of Candidate
+        Unstated parts that would lower a misfit, the best first.
+    outliers : tuple of Outlier
+        In the order of residuals.csv.
+    massed : bool
+        Whether a test has an added mass.
+    unshared_masses : bool
+        Whether tests have different masses, but no two of them the same condition.
+    mass_gain : mapping of str to (float, float) [1]
+        Median relative uncertainty of each quantity without and with the weighed mass.
+    """
+
+    rig: str
+    values: tuple[SharedValue, ...] = ()
+    fits: bool = True
+    converged: bool = True
+    reason: str = ""
+    steps: int = 0
+    tests: int = 0
+    conditions: int = 0
+    shared: int = 0
+    chi2: float | None = None
+    dof: float | None = None
+    rig_error: float = 0.0
+    inflation: float = 1.0
+    scatter: float = 0.0
+    unsteady: float = 0.0
+    candidates: tuple[Candidate, ...] = ()
+    outliers: tuple[Outlier, ...] = ()
+    massed: bool = False
+    unshared_masses: bool = False
+    mass_gain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def chi2_per_dof(self) -> float | None:
+        """Chi-square per degree of freedom; None where there are no degrees of freedom."""
+        return self.chi2 / self.dof if self.chi2 is not None and self.dof else None
+
+    @property
+    def contradicted(self) -> tuple[SharedValue, ...]:
+        """The values whose statement the tests contradict."""
+        return tuple(value for value in self.values if value.finding is Finding.CONTRADICTED)
+
+    @property
+    def notes(self) -> tuple[NoteCode, ...]:
+        """What the user must know, the gravest first; the numbers of each note are in the fields here."""
+        true = {
+            NoteCode.NOT_CONVERGED: not self.converged,
+            NoteCode.MISFIT: not self.fits,
+            NoteCode.NOISE: self.fits and self.inflation > _WORTH_SAYING,
+            NoteCode.UNSTEADY: self.unsteady > 0,
+            NoteCode.SCATTER: self.scatter > 0,
+            NoteCode.OUTLIERS: bool(self.outliers),
+            NoteCode.UNSHARED_MASSES: self.unshared_masses,
+            NoteCode.ONE_TEST: self.tests == 1,
+        }
+        return tuple(code for code, holds in true.items() if holds)
+
+    def note(self, code: NoteCode) -> str:
+        """The sentence of a note, with its numbers."""
+        many = len(self.outliers) > 1
+        return _NOTES[code].format(
+            found=self,
+            misfit=self._misfit() if code is NoteCode.MISFIT else "",
+            strange=f"{len(self.outliers)} tests do" if many else "1 test does",
+            counts="count" if many else "counts",
+        )
+
+    def _misfit(self) -> str:
+        """What does not fit, and the best candidate for its cause."""
+        against = [
+            f"{value.source.text} is stated as {_short(value.stated, value.unit)}, "
+            f"the tests want {_short(value.found, value.unit)}"
+            for value in self.contradicted
+            if value.source.role is not Role.RATIO
+        ]
+        chi2 = f"chi-square is {self.chi2 or 0.0:.3g} for {self.dof or 0.0:.0f} degrees of freedom"
+        best = f"; best explained by {self.candidates[0].text}" if self.candidates else ""
+        return f"({'; '.join(against) or chi2}){best}"
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows of rig.csv."""
+        return [{q.RIG.head: self.rig, **value.row} for value in self.values]
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """What study.json has of the rig."""
+        record = {name: getattr(self, name) for name in _RECORDED}
+        record["notes"] = [self.note(code) for code in self.notes]
+        record["note_codes"] = [str(code) for code in self.notes]
+        record["candidates"] = [_candidate_record(candidate) for candidate in self.candidates]
+        if self.mass_gain:
+            sides = zip(("without", "with"), zip(*self.mass_gain.values(), strict=True), strict=True)
+            record["gain_of_masses"] = {side: dict(zip(self.mass_gain, found, strict=True)) for side, found in sides}
+        return record
+
+
+#: Sentence of each note; `found` is the estimate.
+_NOTES = {
+    NoteCode.NOT_CONVERGED: "the joint route did not converge: {found.reason}; use --route relative",
+    NoteCode.MISFIT: (
+        "rig and channels as stated do not fit their tests {misfit}; "
+        "uncertainties are enlarged and no value is called calibrated"
+    ),
+    NoteCode.NOISE: (
+        "noise counts as {found.inflation:.2g} times what each recording by itself says: the tests differ by more, "
+        "and nothing unstated explains it (an unsteady drive would)"
+    ),
+    NoteCode.UNSTEADY: (
+        "the drive is unsteady: the tests scatter as if each frequency were off by {found.unsteady:.1g} of it, and "
+        "the uncertainties hold that"
+    ),
+    NoteCode.SCATTER: (
+        "K* of repeated tests of one condition scatters by {found.scatter:.2g} of its value beyond the noise: look at "
+        "temperature, conditioning and amplitude; the uncertainties hold this scatter"
+    ),
+    NoteCode.OUTLIERS: "{strange} not go with the others and hardly {counts}",
+    NoteCode.UNSHARED_MASSES: (
+        "no condition was tested with two masses, so the added mass tells nothing of the sensors: tyre, pressure "
+        "(2 %), preload (1 %), temperature (5 K) and frequency (1 %) must be the same without and with it"
+    ),
+    NoteCode.ONE_TEST: "one test only: rig and channels are taken as you stated them",
+}
+
+
+def _short(value: float | None, unit: str) -> str:
+    return "unknown" if value is None else f"{value:.5g}" + (f" {unit}" if unit != "1" else "")
+
+
+def _candidate_record(candidate: Candidate) -> dict[str, Any]:
+    """A candidate for study.json, where its source stands as text."""
+    part = candidate.source.of if candidate.of_rig else candidate.source.text
+    return {"part" if name == "source" else name: value for name, value in vars(candidate).items()} | {"part": part}
+
+
+def hidden_in(source: Source, stated: set[Source]) -> Source | None:
+    """The part that a value may contain, where it is not among those stated."""
+    part = _HIDDEN_IN.get(source)
+    return None if part in stated else part
+
+
+def mass_gain(without: Mapping[str, Any], both: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Median relative uncertainties without and with the weighed mass, of the quantities that have both."""
+    pairs = {str(name): (number(value), number(both.get(name))) for name, value in without.items()}
+    return {name: (a, b) for name, (a, b) in pairs.items() if a is not None and b is not None and a > 0 and b > 0}
+
+
+def number(value: object) -> float | None:
+    """A finite number, or None."""
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+
+
+# ---- read from a results folder
+
+
+def read_rig_estimates(rig: pl.DataFrame, residuals: pl.DataFrame, joint: object) -> tuple[RigEstimate, ...]:
+    """The estimate of each rig, in the order of rig.csv; none where another route was used.
+
+    Parameters
+    ----------
+    rig, residuals : polars.DataFrame
+        rig.csv and residuals.csv.
+    joint : object
+        The record of study.json by the name of the rig; an entry of another form counts as missing.
+    """
+    records = _mapping(joint)
+    names = [str(name or "") for name in rig[q.RIG.head].to_list()] if q.RIG.head in rig.columns else []
+    names += [name for name, record in records.items() if isinstance(record, dict)]
+    return tuple(_read(name, _of(rig, name), _of(residuals, name), records.get(name)) for name in dict.fromkeys(names))
+
+
+def _read(name: str, rig: pl.DataFrame, residuals: pl.DataFrame, recorded: object) -> RigEstimate:
+    record = _mapping(recorded)
+    values = _values(rig)
+    gain = _mapping(record.get("gain_of_masses"))
+    masses = residuals[q.ADDED_MASS.head].to_list() if q.ADDED_MASS.head in residuals.columns else []
+    return RigEstimate(
+        name,
+        values,
+        fits=record.get("fits") is not False and not any(one.finding is Finding.NOT_CALIBRATED for one in values),
+        converged=record.get("converged") is not False,
+        reason=str(record.get("reason") or ""),
+        **{one: int(number(record.get(one)) or 0) for one in ("steps", "tests", "conditions", "shared")},
+        chi2=number(record.get("chi2")),
+        dof=number(record.get("dof")),
+        rig_error=number(record.get("rig_error")) or 0.0,
+        inflation=number(record.get("inflation")) or 1.0,
+        scatter=number(record.get("scatter")) or 0.0,
+        unsteady=number(record.get("unsteady")) or 0.0,
+        candidates=tuple(_candidates(record.get("candidates"))),
+        outliers=_outliers(residuals),
+        massed=any((number(mass) or 0.0) > 0 for mass in masses),
+        unshared_masses=NoteCode.UNSHARED_MASSES in _list(record.get("note_codes")),
+        mass_gain=mass_gain(_mapping(gain.get("without")), _mapping(gain.get("with"))),
+    )
+
+
+def _of(table: pl.DataFrame, rig: str) -> pl.DataFrame:
+    """The rows of one rig."""
+    if q.RIG.head not in table.columns:
+        return pl.DataFrame()
+    return table.filter(pl.col(q.RIG.head).fill_null("") == rig)
+
+
+def _mapping(value: object) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _list(value: object) -> list[Any]:
+    return value if isinstance(value, list) else []
+
+
+def _values(rows: pl.DataFrame) -> tuple[SharedValue, ...]:
+    sources = [Source.read(str(text or "")) for text in rows[q.VALUE.head]] if q.VALUE.head in rows.columns else []
+    stated = set(sources)
+    return tuple(
+        SharedValue(
+            source,
+            str(row.get(q.UNIT.head) or ""),
+            **{name: number(row.get(head)) for name, head in _CELLS.items()},
+            finding=_finding(row.get(q.FINDING.head)),
+            hides=hidden_in(source, stated),
+        )
+        for source, row in zip(sources, rows.rows(named=True), strict=True)
+    )
+
+
+def _finding(text: object) -> Finding:
+    return next((finding for finding in Finding if finding == text), Finding.UNKNOWN)
+
+
+def _candidates(listed: object) -> list[Candidate]:
+    found = [item for item in _list(listed) if isinstance(item, dict) and item.get("text")]
+    return [
+        Candidate(
+            str(item.get("name") or ""),
+            _or_nan(item.get("value")),
+            _or_nan(item.get("std")),
+            str(item.get("unit") or ""),
+            _or_nan(item.get("explains")),
+            _candidate_source(str(item.get("part") or "")),
+            _or_nan(item.get("size")),
+            str(item["text"]),
+        )
+        for item in found
+    ]
+
+
+def _candidate_source(part: str) -> Source:
+    unstated = Source.read(f"{Kind.UNSTATED.text}{part}")
+    return unstated if unstated.kind is Kind.UNSTATED else Source.read(part)
+
+
+def _or_nan(value: object) -> float:
+    found = number(value)
+    return math.nan if found is None else found
+
+
+def _outliers(residuals: pl.DataFrame) -> tuple[Outlier, ...]:
+    factors = residuals[q.OUTLIER.head].to_list() if q.OUTLIER.head in residuals.columns else []
+    known = [(key, number(factor) or 0.0) for key, factor in zip(keys_of(residuals), factors, strict=False)]
+    return tuple(Outlier(test, factor, point) for (test, point), factor in known if factor > 1)

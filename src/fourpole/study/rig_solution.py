@@ -1,0 +1,217 @@
+"""From a joint solution to the rig as found, and to the rows of residuals.csv."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fourpole import quantities as q
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.identification import Identification
+from fourpole.core.joint import Joint
+from fourpole.core.joint.misfit import pulls
+from fourpole.core.phasor import Phasors
+from fourpole.core.sources import RATIOS, Kind, Role, Source
+from fourpole.fitting.rows import Key
+from fourpole.study.rig_estimate import Finding, Outlier, RigEstimate, SharedValue, hidden_in, number
+
+__all__ = ["relative_uncertainties", "residual_rows", "rig_estimate"]
+
+#: A value is not determined by the tests if its uncertainty after them is more than this share of the stated one.
+NOT_DETERMINED = 0.9
+#: Information below this share of the statement's own is round-off.
+_ROUND_OFF = 1e-8
+#: Number of standard uncertainties at which an undeclared error shows.
+_SHOWS = 3.0
+#: A value further from its statement than this many stated uncertainties may contain an unstated part.
+_FAR = 2.0
+#: Roles of shared values in the order of rig.csv.
+_ORDER = (Role.RIG, Role.UNSTATED, Role.CHANNEL, Role.MASS)
+#: Candidates that are kept.
+_CANDIDATES = 6
+
+
+def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint) -> RigEstimate:
+    """The rig as found, from a joint solution of the tests with these keys."""
+    misfit, solution = joint.misfit, joint.solution
+    factors = zip(keys, joint.outlier.tolist(), strict=True)
+    return RigEstimate(
+        rig,
+        (*_values(joint), *_ratios(joint)),
+        fits=misfit.fits,
+        converged=solution.converged,
+        reason=solution.reason,
+        steps=solution.steps,
+        tests=len(keys),
+        conditions=joint.problem.conditions.count,
+        shared=len(joint.stated),
+        chi2=misfit.chi2,
+        dof=misfit.dof,
+        rig_error=misfit.rig_error,
+        inflation=misfit.inflation,
+        scatter=misfit.scatter,
+        unsteady=misfit.unsteady,
+        candidates=tuple(
+            replace(candidate, explains=min(candidate.explains, misfit.chi2))
+            for candidate in misfit.candidates[:_CANDIDATES]
+        ),
+        outliers=tuple(Outlier(test, factor, point) for (test, point), factor in factors if factor > 1),
+        massed=bool(np.any(_added(joint) > 0)),
+        unshared_masses=_unshared_masses(joint),
+    )
+
+
+def _values(joint: Joint) -> list[SharedValue]:
+    """The shared values in the order of rig.csv."""
+    parameters = joint.stated.parameters
+    pull, found, std = pulls(joint.solution), joint.found, _enlarged_std(joint)
+    stated = {parameter.source for parameter in parameters}
+    values = []
+    for at, parameter in enumerate(parameters):
+        prior = float(joint.stated.std[at])
+        conflict, unstated = at in joint.misfit.conflicts, parameter.source.role is Role.UNSTATED
+        if conflict:
+            pull[at] = (found[at] - parameter.stated) / prior
+        value = SharedValue(
+            Source.read(parameter.source.text),  # with the digits that rig.csv has
+            parameter.unit,
+            parameter.stated,
+            prior,
+            float(found[at]),
+            float(std[at]),
+            ratio=float(std[at] / prior),
+            pull=number(float(pull[at])),
+            detection_limit=number(_detection_limit(joint, at)),
+            finding=Finding.UNSTATED if unstated else _finding(joint, std[at] / prior, conflict=conflict),
+            hides=hidden_in(parameter.source, stated),
+        )
+        if unstated:
+            value = replace(value, stated=None, stated_std=None, ratio=None, pull=None, detection_limit=None,
+                            found_std=float(joint.found_std[at]))  # fmt: skip
+        values.append(value)
+    return sorted(values, key=lambda value: _ORDER.index(value.source.role))
+
+
+def _enlarged_std(joint: Joint) -> FloatArray:
+    """Standard uncertainty of each value, enlarged where the value may contain an error of the model.
+
+    Where the rig does not fit, no uncertainty is below the stated one, or below the distance from the statement. The
+    moving part of a tyre acts as a part of the moving mass, and a frame as a part of the spring. Where these parts are
+    not stated, a mass or spring that is far from its statement may contain them.
+    """
+    std = joint.found_std.copy()
+    parameters, fits = joint.stated.parameters, joint.misfit.fits
+    stated = {parameter.source for parameter in parameters}
+    off = np.abs(joint.found - np.array([parameter.stated for parameter in parameters]))
+    for at, parameter in enumerate(parameters):
+        far = off[at] > _FAR * joint.stated.std[at]
+        if at in joint.misfit.conflicts or not fits or (hidden_in(parameter.source, stated) and far):
+            std[at] = max(float(np.hypot(std[at], off[at])), 0.0 if fits else joint.stated.std[at])
+    return std
+
+
+def _detection_limit(joint: Joint, at: int) -> float:
+    """The smallest undeclared error that the tests would show; not-a-number where they show none."""
+    information = 1.0 / joint.solution.covariance[at, at] - 1.0
+    if information < _ROUND_OFF:
+        return float("nan")
+    return float(_SHOWS * np.sqrt(1.0 + 1.0 / information) * joint.problem.shared.std[at])
+
+
+def _finding(joint: Joint, ratio: float, *, conflict: bool) -> Finding:
+    if conflict:
+        return Finding.CONTRADICTED
+    if ratio > NOT_DETERMINED:
+        return Finding.NOT_DETERMINED
+    return Finding.FOUND if joint.misfit.fits else Finding.NOT_CALIBRATED
+
+
+def _ratios(joint: Joint) -> list[SharedValue]:
+    """Ratios of the channels' gains and differences of their phases, on which K* depends."""
+    at = {parameter.source: i for i, parameter in enumerate(joint.stated.parameters)}
+    values = []
+    for over, under in RATIOS:
+        for kind, unit, centre in ((Kind.GAIN, "1", 1.0), (Kind.PHASE, "rad", 0.0)):
+            weights = np.zeros(len(joint.stated))
+            for of, weight in ((over, 1.0), (under, -1.0)):
+                if Source(kind, of) in at:
+                    weights[at[Source(kind, of)]] = weight
+            if weights.any():
+                values.append(_combined(joint, Source(kind, over, under), unit, centre, weights))
+    return values
+
+
+def _combined(joint: Joint, source: Source, unit: str, centre: float, weights: FloatArray) -> SharedValue:
+    """A weighted sum of shared values as one value; gains are summed as logarithms."""
+    scaled = weights * joint.problem.shared.std
+    std = float(np.sqrt(scaled @ joint.solution.covariance @ scaled))
+    if not joint.misfit.fits:
+        std = max(std, float(np.linalg.norm(weights * _enlarged_std(joint))))
+    stated = float(np.linalg.norm(weights * joint.stated.std))
+    ratio, off = std / stated, float(scaled @ joint.solution.z)
+    pull = off / np.sqrt(max(stated**2 - std**2, 1e-12 * stated**2)) if ratio < 1 else None
+    limit = _SHOWS * stated / np.sqrt(max(1 - ratio**2, _ROUND_OFF)) if ratio <= 1 - _ROUND_OFF else None
+    return SharedValue(
+        source,
+        unit,
+        centre,
+        stated,
+        float(np.exp(off)) if centre else off,
+        std,
+        ratio=ratio,
+        pull=None if pull is None else float(pull),
+        detection_limit=None if limit is None else float(limit),
+        finding=_finding(joint, ratio, conflict=any(weights[i] for i in joint.misfit.conflicts)),
+    )
+
+
+def _added(joint: Joint) -> FloatArray:
+    """Added mass of each test [kg], in the order of the tests."""
+    mass_at = joint.problem.observed.mass_at[np.argsort(joint.order)]
+    return np.append(joint.problem.shared.masses, 0.0)[mass_at]
+
+
+def residual_rows(joint: Joint, phasors: Phasors) -> list[dict[str, Any]]:
+    """The rows of residuals.csv in the order of the tests, without test and rig."""
+    left, problem = joint.residuals, joint.problem
+    impedance = problem.columns("impedance", joint.solution.z, joint.solution.stiffness)[np.argsort(joint.order)]
+    std = np.sqrt(np.diagonal(left.impedance_covariance, 0, 1, 2))
+    columns = {
+        q.ADDED_MASS.head: _added(joint),
+        q.FREQUENCY.head: phasors.frequency,
+        q.RESIDUAL_RE.head: left.impedance.real,
+        q.RESIDUAL_IM.head: left.impedance.imag,
+        q.RESIDUAL_RE.u_head: std[:, 0],
+        q.RESIDUAL_IM.u_head: std[:, 1],
+        q.ZR.parts[0]: impedance.real,
+        q.ZR.parts[1]: impedance.imag,
+        q.CHI2.head: left.rig,
+        q.DOF.head: left.rig_dof,
+        q.OUTLIER.head: joint.outlier,
+    }
+    rows = zip(*(np.asarray(column, dtype=float).tolist() for column in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in rows]
+
+
+def _unshared_masses(joint: Joint) -> bool:
+    """Whether tests have different masses, but no two of them the same condition."""
+    mass_at, label = joint.problem.observed.mass_at, joint.problem.conditions.label
+    pairs = {(int(c), int(m)) for c, m in zip(label, mass_at, strict=True) if c >= 0}
+    return len({m for _, m in pairs}) > 1 and len({c for c, _ in pairs}) == len(pairs)
+
+
+def relative_uncertainties(result: Identification, exact: Identification, rows: BoolArray) -> dict[str, float]:
+    """Median relative uncertainties [1] of K' (over the modulus of K*), of K2 and of C.
+
+    K2 and C stand with the uncertainty of K1, and without it as `exact` has them.
+    """
+    with np.errstate(invalid="ignore"):
+        relative = {"K'": np.sqrt(result.stiffness_covariance[rows, 0, 0]) / np.abs(result.stiffness[rows])}
+        for found, words in ((result, "{}"), (exact, "{}, K1 known")):
+            arm = np.sqrt(np.diagonal(found.arm_covariance[rows], 0, 1, 2))
+            relative |= {words.format("K2"): arm[:, 0] / found.k2[rows], words.format("C"): arm[:, 1] / found.c[rows]}
+    known = {name: value[np.isfinite(value)] for name, value in relative.items()}
+    return {name: float(np.median(value)) for name, value in known.items() if value.size}
