@@ -156,7 +156,7 @@ def test_added_mass_and_rig_make_a_set_up_of_their_own():
         for f, mass in ((17.0, 0.0), (14.0, 10.0))
     ]
     both = Results(parts[0].static, pl.concat([part.dynamic for part in parts]), parts[0].previews)
-    masses = {each.conditions.setup.added_mass for each in findings(both) if each.kind == "resonance"}
+    masses = {each.conditions.setup.added_mass for each in findings(both) if isinstance(each.detail, Resonance)}
     assert masses == {0.0, 10.0}
 
 
@@ -184,7 +184,7 @@ def test_noise_is_not_taken_for_a_finding():
     wrong = 0
     for seed in range(40):
         found = found_in({"A": Tyre(), "B": Tyre()}, noise=0.01, seed=seed, loads=LOADS)
-        wrong += any(each.holds not in none for each in found if each.kind in ("comparison", "trend"))
+        wrong += any(each.holds not in none for each in found if isinstance(each.detail, Comparison | Trend))
     assert wrong <= 8  # four or so are due
 
 

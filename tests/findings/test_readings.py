@@ -6,8 +6,8 @@ import pytest
 
 from fourpole.findings import readings
 from fourpole.findings.facts import Curve, Measured
-from fourpole.findings.readings import LackError, Need
-from fourpole.quantities import K1, K2, C
+from fourpole.findings.readings import Lack, LackError, Need
+from fourpole.quantities import K1, K2, NONLINEARITY, C
 
 LOADS, BAND = (1000.0, 2000.0), (14.0, 17.5, 22.0)
 
@@ -16,8 +16,9 @@ def known(values, u=1e-6):
     return {key: Measured(value, u * value) for key, value in values.items()}
 
 
-def tyre(role="cross-ply", **values):
-    return SimpleNamespace(role=role, **values)
+def tyre(role="cross-ply", values=None, **more):
+    """A tyre with the values of some quantities, by their keys."""
+    return SimpleNamespace(role=role, values=(values or {}).get, **more)
 
 
 def over(f, pressures, loads=LOADS, frequencies=(10.0, 12.0, 14.0)):
@@ -27,22 +28,23 @@ def over(f, pressures, loads=LOADS, frequencies=(10.0, 12.0, 14.0)):
 @pytest.mark.parametrize(("more", "holds"), [(1.001, True), (1.0, False), (0.999, False)])
 def test_above_means_above_at_every_condition(more, holds):
     lower = known({(1e5, 1000.0): 100.0, (2e5, 1000.0): 100.0})
-    found = readings.above(K1, known({(1e5, 1000.0): 100.0 * more, (2e5, 1000.0): 150.0}), lower)
+    upper = known({(1e5, 1000.0): 100.0 * more, (2e5, 1000.0): 150.0})
+    found = readings.above(K1, tyre(values={K1: upper}), tyre(values={K1: lower}))
     assert found.holds is holds
     with pytest.raises(LackError) as lack:
-        readings.above(K1, lower, {})
-    assert (lack.value.need, lack.value.quantity) == (Need.BOTH, K1)
+        readings.above(K1, tyre(values={K1: lower}), tyre(values={K1: {}}))
+    assert lack.value.lack == Lack(Need.BOTH, K1)
 
 
 @pytest.mark.parametrize(("u", "sure"), [(0.01, True), (0.05, False)])
 def test_above_is_sure_where_each_difference_is_beyond_its_uncertainty(u, sure):
     values = ({(1e5, 1000.0): x} for x in (110.0, 100.0))
-    assert readings.above(K1, *(known(v, u) for v in values)).sure is sure
+    assert readings.above(K1, *(tyre(values={K1: known(v, u)}) for v in values)).sure is sure
 
 
 @pytest.mark.parametrize(("times", "holds"), [(3.001, True), (2.999, False)])
 def test_markedly_non_linear_is_more_than_three_times(times, holds):
-    a, b = (tyre(nonlinearity=known({(1e5,): x, (2e5,): x})) for x in (0.01 * times, 0.01))
+    a, b = (tyre(values={NONLINEARITY: known({(1e5,): x, (2e5,): x})}) for x in (0.01 * times, 0.01))
     assert readings.nonlinear(a, b).holds is holds
 
 
@@ -52,7 +54,7 @@ def test_rising_means_rising_on_every_line(slope, holds):
     assert readings.rising(C, values, "frequency").holds is holds
     with pytest.raises(LackError) as lack:
         readings.rising(C, over(lambda *_: 1.0, (1e5, 2e5)), "pressure", "cross-ply")
-    assert (lack.value.need, lack.value.tyre) == (Need.THREE_PRESSURES, "cross-ply")
+    assert lack.value.lack == Lack(Need.THREE_PRESSURES, C, "cross-ply")
 
 
 def test_the_band_of_claim_6_allows_for_the_tolerance_of_a_frequency():
@@ -63,7 +65,7 @@ def test_the_band_of_claim_6_allows_for_the_tolerance_of_a_frequency():
 @pytest.mark.parametrize(("top", "holds"), [(156.1e3, True), (155.9e3, False), (179.9e3, True), (180.1e3, False)])
 def test_the_optimum_is_within_12_kpa_of_168(top, holds):
     pressures = sorted({100e3, 130e3, top, 200e3, 240e3})
-    found = readings.optimum(tyre(c=over(lambda p, *_: 1000.0 - abs(p - top) / 1e3, pressures)))
+    found = readings.optimum(tyre(values={C: over(lambda p, *_: 1000.0 - abs(p - top) / 1e3, pressures)}))
     assert found.holds is holds
     assert (found.effect, found.unit) == (pytest.approx(top), "Pa")
 
@@ -71,8 +73,8 @@ def test_the_optimum_is_within_12_kpa_of_168(top, holds):
 @pytest.mark.parametrize("pressures", [(156.1e3, 170e3, 240e3), (100e3, 170e3, 179.9e3), (100e3, 200e3)])
 def test_an_optimum_needs_pressures_on_both_sides(pressures):
     with pytest.raises(LackError) as lack:
-        readings.optimum(tyre(c=over(lambda *_: 1000.0, pressures)))
-    assert lack.value.need is Need.OPTIMUM
+        readings.optimum(tyre(values={C: over(lambda *_: 1000.0, pressures)}))
+    assert lack.value.lack.need is Need.OPTIMUM
 
 
 @pytest.mark.parametrize(
@@ -81,14 +83,15 @@ def test_an_optimum_needs_pressures_on_both_sides(pressures):
 )
 def test_loads_are_apart_by_three_per_cent_and_hardly_is_a_third_of_it(low, high, holds):
     gap = {1e5: low, 2e5: high}
-    each = [tyre(c=over(lambda p, load, f: 1000.0 * (1 + gap[p] * (load == 1000.0)), (1e5, 2e5))) for _ in range(2)]
-    assert readings.loads_apart(*each).holds is holds
+    c = over(lambda p, load, f: 1000.0 * (1 + gap[p] * (load == 1000.0)), (1e5, 2e5))
+    assert readings.loads_apart(*(tyre(values={C: c}) for _ in range(2))).holds is holds
 
 
 def turning_tyre(slopes, frequencies=BAND):
     slope = dict(zip(frequencies, slopes, strict=True))
     pressures = (100e3, 150e3, 200e3)
-    return tyre(k2=over(lambda p, load, f: 100e3 + slope[f] * (p - 150e3), pressures, frequencies=frequencies))
+    k2 = over(lambda p, load, f: 100e3 + slope[f] * (p - 150e3), pressures, frequencies=frequencies)
+    return tyre(values={K2: k2})
 
 
 @pytest.mark.parametrize(
@@ -113,7 +116,7 @@ def test_k2_turns_where_it_falls_then_hardly_changes_then_rises(slopes, holds):
 def test_the_bands_of_claim_8_have_edges(frequencies):
     with pytest.raises(LackError) as lack:
         readings.turning(turning_tyre((-0.1, 0.0, 0.1), frequencies))
-    assert (lack.value.need, lack.value.quantity) == (Need.BANDS, K2)
+    assert lack.value.lack == Lack(Need.BANDS, K2, "cross-ply")
     assert readings.turning(turning_tyre((-0.1, 0.0, 0.1), (16.0, 18.5, 19.1))).holds
 
 
@@ -122,7 +125,7 @@ def test_like_the_radial_ply_means_all_three_parts():
         def k2(p, load, f):
             return level + rise * (f - 10.0) + {14.0: -0.1, 17.5: 0.0, 22.0: 0.1}[f] * (p - 150e3)
 
-        return tyre(k2=over(k2, (100e3, 150e3, 200e3), frequencies=BAND))
+        return tyre(values={K2: over(k2, (100e3, 150e3, 200e3), frequencies=BAND)})
 
     assert readings.likewise(both(200e3, 3e3), both(100e3, 3e3)).holds
     assert not readings.likewise(both(100e3, 3e3), both(200e3, 3e3)).holds
@@ -141,7 +144,7 @@ def test_tr_is_compared_only_clear_of_the_crossing(f, told):
     else:
         with pytest.raises(LackError) as lack:
             readings.isolation(*pair)
-        assert lack.value.need is Need.SIDES
+        assert lack.value.lack.need is Need.SIDES
 
 
 def test_tr_is_compared_at_the_pressures_nearest_to_the_papers():

@@ -8,6 +8,7 @@ import polars as pl
 import pytest
 
 from fourpole import analyse
+from fourpole.findings.table import FINDING_COLUMNS
 from fourpole.fitting.rows import KEY, key_of, keyed
 from fourpole.quantities import meaning_of
 from fourpole.study.results import Results, read_results
@@ -31,6 +32,8 @@ def described():
         lines += ["", f"## {files}{'' if spec.always else ' *'}", "", f"A row: {spec.about}. Known by {key}.", ""]
         lines += ["| column | holds |", "|---|---|"]
         lines += [f"| `{head}` | {meaning_of(head)} |" for head in spec.columns]
+    lines += ["", "## `findings.csv`", "", "A row: a finding. Other than above, a head has no unit: `unit` has it.", ""]
+    lines += ["| column | holds |", "|---|---|", *(f"| `{head}` | {text} |" for head, text in FINDING_COLUMNS.items())]
     return "\n".join(lines) + "\n"
 
 

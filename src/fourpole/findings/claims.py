@@ -1,32 +1,23 @@
-"""The twelve conclusions of the 1982 paper, read on a campaign of a cross-ply and a radial-ply tyre."""
+"""The twelve conclusions of the 1982 paper, examined on a campaign of a cross-ply and a radial-ply tyre."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from itertools import product
 
 from fourpole.findings import readings
 from fourpole.findings.facts import Facts
 from fourpole.findings.finding import Conditions, Finding, Holds, Topic
-from fourpole.findings.readings import LackError, Need, Reading, Tyre
+from fourpole.findings.readings import Evidence, Lack, LackError, Reading, Tyre
 from fourpole.quantities import K1, K2, NONLINEARITY, TR, C, Quantity
 
-__all__ = ["CROSS", "RADIAL", "Claim", "Lack", "claims", "pair_of_the_paper"]
+__all__ = ["CROSS", "RADIAL", "Claim", "claims", "pair_of_the_paper"]
 
-#: What the paper's two tyres are called.
+#: Roles of the paper's two tyres.
 CROSS, RADIAL = "cross-ply", "radial-ply"
 _WORDS = (re.compile(r"cross[- ]?ply|bias[- ]?ply|diagonal", re.I), re.compile(r"radial", re.I))
-
-
-@dataclass(frozen=True)
-class Lack:
-    """What a campaign lacks to tell: what is needed, of which quantity, of which of the two tyres."""
-
-    need: Need
-    quantity: Quantity | None = None
-    tyre: str = ""
 
 
 @dataclass(frozen=True)
@@ -38,26 +29,43 @@ class Claim:
     number : int
         1 to 12, in the paper's order.
     names : (str, str)
-        What the campaign calls the cross-ply and the radial-ply.
-    found : object or Lack
-        The numbers, as the function in `readings` that reads this claim says; or what is needed to tell.
+        The campaign's names of the cross-ply and the radial-ply.
+    states : (str, str)
+        What the names have besides where a tyre was tested at several temperatures: " at 20 °C".
+    found : Evidence or Lack
+        The numbers that decide, or the measurements that the campaign lacks.
     """
 
-    kind: ClassVar[str] = "claim"
     number: int
     names: tuple[str, str]
-    found: Any
+    states: tuple[str, str]
+    found: Evidence | Lack
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind in findings.csv, with the number of the claim."""
+        return f"claim {self.number}"
 
 
 def pair_of_the_paper(facts: Facts) -> tuple[str, str] | None:
-    """The cross-ply and the radial-ply, where the campaign has one of each and no other tyre."""
-    if len(facts.tyres) != 2:
+    """The cross-ply and the radial-ply; None unless the campaign has one of each and no other tyre.
+
+    Where they were tested at several temperatures these are the two in the same state, the nearest in temperature.
+    """
+    cross, radial = ([tyre for tyre in facts.tyres if _role(facts, tyre) == role] for role in (0, 1))
+    stated = [{facts.stated[tyre] for tyre in names} for names in (cross, radial)]
+    if [*map(len, stated)] != [1, 1] or len(cross) + len(radial) < len(facts.tyres):
         return None
-    kinds = [[bool(word.search(facts.constructions.get(tyre, ""))) for word in _WORDS] for tyre in facts.tyres]
-    for cross, radial in ((0, 1), (1, 0)):
-        if kinds[cross] == [True, False] and kinds[radial] == [False, True]:
-            return facts.tyres[cross], facts.tyres[radial]
-    return None
+    if len(cross) == len(radial) == 1:
+        return cross[0], radial[0]
+    warmer = {pair: kelvin for pair in product(cross, radial) if (kelvin := facts.warmer(*pair)) is not None}
+    return min(warmer, key=lambda pair: warmer[pair], default=None)
+
+
+def _role(facts: Facts, tyre: str) -> int | None:
+    """0 for a cross-ply, 1 for a radial-ply, None for a construction that names neither or both."""
+    kinds = [bool(word.search(facts.constructions.get(tyre, ""))) for word in _WORDS]
+    return kinds.index(True) if sum(kinds) == 1 else None
 
 
 def claims(facts: Facts) -> list[Finding]:
@@ -66,42 +74,41 @@ def claims(facts: Facts) -> list[Finding]:
     if names is None or not (facts.used_static or facts.used_dynamic):
         return []
     cross, radial = (Tyre(role, name, facts) for role, name in zip((CROSS, RADIAL), names, strict=True))
-    return [_claim(facts, names, number, *each) for number, each in enumerate(_readings(cross, radial), start=1)]
+    return [_claim(cross, radial, number, *each) for number, each in enumerate(_readings(cross, radial), start=1)]
 
 
 Read = Callable[[], Reading]
 
 
 def _readings(cross: Tyre, radial: Tyre) -> tuple[tuple[Quantity, tuple[Tyre, ...], Read], ...]:
-    """Of each claim its quantity, the tyres it is about, and what reads it."""
+    """The quantity of each claim, the tyres it concerns, and the function that examines it."""
     both = cross, radial
     return (
-        (K1, both, lambda: readings.above(K1, cross.k1, radial.k1)),
-        (NONLINEARITY, both, lambda: readings.nonlinear(cross, radial)),
+        (K1, both, lambda: readings.above(K1, *both)),
+        (NONLINEARITY, both, lambda: readings.nonlinear(*both)),
         (C, (cross,), lambda: readings.optimum(cross)),
-        (C, (radial,), lambda: readings.rising(C, radial.c, "pressure")),
-        (C, both, lambda: readings.loads_apart(cross, radial)),
-        (C, (radial,), lambda: readings.rising(C, readings.in_band(radial.c), "frequency")),
-        (C, both, lambda: readings.above(C, cross.c, radial.c)),
+        (C, (radial,), lambda: readings.rising(C, radial.values(C), "pressure")),
+        (C, both, lambda: readings.loads_apart(*both)),
+        (C, (radial,), lambda: readings.rising(C, readings.in_band(radial.values(C)), "frequency")),
+        (C, both, lambda: readings.above(C, *both)),
         (K2, (radial,), lambda: readings.turning(radial)),
-        (K2, (radial,), lambda: readings.rising(K2, radial.k2, "frequency")),
-        (K2, both, lambda: readings.likewise(cross, radial)),
-        (TR, both, lambda: readings.isolation(cross, radial)),
-        (TR, both, lambda: readings.resonance(cross, radial)),
+        (K2, (radial,), lambda: readings.rising(K2, radial.values(K2), "frequency")),
+        (K2, both, lambda: readings.likewise(*both)),
+        (TR, both, lambda: readings.isolation(*both)),
+        (TR, both, lambda: readings.resonance(*both)),
     )
 
 
-def _claim(
-    facts: Facts, names: tuple[str, str], number: int, quantity: Quantity, tyres: tuple[Tyre, ...], read: Read
-) -> Finding:
-    about = tuple(tyre.name for tyre in tyres)
-    rows = facts.used_static if "frequency" not in quantity.over else facts.used_dynamic
-    tests = tuple(dict.fromkeys(row["test"] for row in rows if row["tyre"] in about))
+def _claim(cross: Tyre, radial: Tyre, number: int, quantity: Quantity, tyres: tuple[Tyre, ...], read: Read) -> Finding:
+    facts, about = cross.facts, tuple(tyre.name for tyre in tyres)
+    tests = tuple(dict.fromkeys(row["test"] for row in facts.used(quantity) if row["tyre"] in about))
+    stated = (facts.stated[cross.name], facts.stated[radial.name])
+    states = (cross.name.removeprefix(stated[0]), radial.name.removeprefix(stated[1]))
     try:
         found = read()
-    except LackError as lack:
-        detail = Claim(number, names, Lack(lack.need, lack.quantity, lack.tyre))
+    except LackError as error:
+        detail = Claim(number, stated, states, error.lack)
         return Finding(Topic.CLAIMS, quantity, about, Holds.UNTOLD, detail, tests=tests)
     holds = Holds.FALSE if not found.holds else Holds.TRUE if found.sure else Holds.TRUE_UNSURE
-    detail, size = Claim(number, names, found.evidence), (found.effect, found.std, found.unit)
+    detail, size = Claim(number, stated, states, found.evidence), (found.effect, found.std, found.unit)
     return Finding(Topic.CLAIMS, quantity, about, holds, detail, Conditions(), *size, tests)

@@ -1,4 +1,4 @@
-"""Which of two specimens has more of a quantity, by how much and where."""
+"""Comparison of two specimens: which has more of a quantity, by how much, and at which conditions."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from typing import ClassVar
 import numpy as np
 
 from fourpole.findings.evidence import Effect, between, mean_effect
-from fourpole.findings.facts import Measured, common, tests_of
-from fourpole.findings.finding import Finding, Holds, Key, Topic, conditions
+from fourpole.findings.facts import Values, common, finding_on
+from fourpole.findings.finding import Finding, Holds, Key
 from fourpole.quantities import Quantity
 
 __all__ = ["Comparison", "compare", "differences"]
-
-Values = Mapping[Key, Measured]
 
 
 @dataclass(frozen=True)
@@ -28,7 +26,7 @@ class Comparison:
     upper, lower : str
         The specimen with the larger and with the smaller values, by the mean of their logarithms.
     effects : mapping
-        How far the upper is above the lower, relative to the lower, by condition.
+        Difference of upper less lower, relative to the lower, by condition.
     """
 
     kind: ClassVar[str] = "comparison"
@@ -38,53 +36,37 @@ class Comparison:
 
     @property
     def mean(self) -> Effect:
-        """Mean over the conditions."""
+        """Mean difference over the conditions."""
         return mean_effect(list(self.effects.values()))
 
     @property
-    def mixed(self) -> bool:
-        """Whether the order depends on the condition, or stands at single conditions only."""
-        return any(effect.sign == -1 for effect in self.effects.values()) or not self.mean.claimed()
-
-    @property
-    def seen(self) -> bool:
-        """Whether any difference is beyond its uncertainty."""
-        looks = len(self.effects)
-        return self.mean.claimed() or any(effect.claimed(looks) for effect in self.effects.values())
+    def holds(self) -> Holds:
+        """ABOVE: the upper exceeds the lower; MIXED: the order depends on the condition; or NO_DIFFERENCE."""
+        searched, claimed = len(self.effects), self.mean.claimed()
+        if not claimed and not any(effect.claimed(searched) for effect in self.effects.values()):
+            return Holds.NO_DIFFERENCE
+        opposed = any(effect.sign == -1 for effect in self.effects.values())
+        return Holds.MIXED if opposed or not claimed else Holds.ABOVE
 
 
 def differences(first: Values, second: Values) -> dict[Key, Effect]:
-    """How far the second is above the first, at each condition in common."""
+    """Second less first, relative to the first, at each condition in common."""
     return {key: between(first[key].pair, second[key].pair) for key in common(first, second)}
 
 
 def compare(quantity: Quantity, names: tuple[str, str], values: tuple[Values, Values]) -> Finding | None:
-    """The comparison of two specimens; None where they have no condition in common."""
-    keys = common(*values)
+    """The comparison of two specimens; None where they have no condition in common.
+
+    The effect is first less second, relative to the second; the effects of the detail are relative to the lower.
+    """
+    first, second = values
+    keys = common(first, second)
     if not keys:
         return None
-    more = float(np.mean([log(values[1][key].value / values[0][key].value) for key in keys])) > 0.0
+    more = float(np.mean([log(second[key].value / first[key].value) for key in keys])) > 0.0
     upper, lower = (1, 0) if more else (0, 1)
     found = Comparison(names[upper], names[lower], differences(values[lower], values[upper]))
-    holds = Holds.ABOVE if upper == 0 else Holds.BELOW
-    if not found.seen:
-        holds = Holds.NO_DIFFERENCE
-    elif found.mixed:
-        holds = Holds.MIXED
-    return Finding(
-        Topic(quantity.topic),
-        quantity,
-        names,
-        holds,
-        found,
-        conditions(quantity.over, keys),
-        # The table gives the first specimen against the second; the detail is relative to the lower one.
-        *_first_above_second(values, keys),
-        "1",
-        tests_of(*([each[key] for key in keys] for each in values)),
-    )
-
-
-def _first_above_second(values: tuple[Values, Values], keys: list[Key]) -> tuple[float, float]:
-    mean = mean_effect([between(values[1][key].pair, values[0][key].pair) for key in keys])
-    return mean.value, mean.std
+    holds = Holds.BELOW if found.holds is Holds.ABOVE and more else found.holds
+    effect = mean_effect(list(differences(second, first).values()))
+    both = dict(zip(names, values, strict=True))
+    return finding_on(quantity, both, keys, holds, found, effect.value, effect.std)

@@ -1,19 +1,19 @@
-"""When a difference or a slope may be claimed: the one rule behind the words.
+"""When a difference or a slope may be claimed.
 
-The tables give each value y its standard uncertainty u(y), most of which tests have in common (rig, gains, K1), so
-that it neither averages out over tests nor acts in full on their differences. Hence three plain rules:
+The tables give each value y its standard uncertainty u(y). Tests have most of it in common (rig, gains, K1). A common
+error does not average out over tests, and it acts only in part on their differences. Hence three rules:
 
-- **Along a line of three points or more** (K2 against frequency, say) what each test has of its own shows in its
-  scatter about the straight line, the bend of the curve included, and counts with Student's factor; what the tests
-  share is taken from the column u, as an error of one sign that grows and shrinks along the line as u does. Where
-  the points are so few that scatter says little, u counts in full as each test's own, unless the scatter is larger.
-- **Between two single values** (two tyres, two loads) nothing shows what is shared: both u count in full.
-- **A mean over conditions** is held to be no surer than one of them.
+- **A line of three points or more**, as K2 against frequency: the random part of each test is the scatter about the
+  straight line, and counts with Student's factor. The scatter includes the bend of the curve. The shared part is u(y),
+  as an error of one sign that varies along the line as u(y) does. With fewer than three degrees of freedom u(y) counts
+  in full as each test's own, unless the scatter is larger.
+- **Two single values**, as of two tyres or two loads: both u count in full.
+- **A mean over conditions** has the uncertainty of one of them.
 
-An effect is claimed where it exceeds two standard uncertainties, or Student's factor of the same probability (4.6 %)
-where they come from scatter; where several effects are searched for any that stands out, chance is held to 1 % in all.
-What this cannot see: an error that follows the pressure or the frequency itself and is not in u as such, like a
-hysteresis that biases K1 more at one end of the pressures than at the other.
+An effect is claimed if it exceeds two standard uncertainties, a chance of 4.6 %; if they come from scatter, Student's
+factor of the same chance takes the place of two. If several effects are searched for any claim, the chance of a false
+one is 1 % in all. The rule misses an error that follows the pressure or the frequency and is not in u(y) as such. An
+example is a hysteresis that biases K1 more at one end of the pressures than at the other.
 """
 
 from __future__ import annotations
@@ -31,22 +31,25 @@ __all__ = ["Effect", "along", "between", "factor", "mean_effect", "residual_squa
 
 FloatArray = NDArray[np.float64]
 
-_CHANCE = 0.0455  # outside of two standard uncertainties
-_CHANCE_OF_ANY = 0.01  # where several effects are searched
-
+#: Probability that a normal error exceeds two standard uncertainties.
+_CHANCE = 0.0455
+#: Probability of any false claim where several effects are searched.
+_CHANCE_OF_ANY = 0.01
+#: No relative effect below this is claimed, because it may be round-off.
 _ROUND_OFF = 1e-9
-_FEW = 3.0  # degrees of freedom below which Student's factor is too large to be of use
+#: Below this many degrees of freedom Student's factor is too large to be of use.
+_FEW = 3.0
 
 
 @dataclass(frozen=True)
 class Effect:
-    """A difference, relative to the level where it was seen.
+    """A relative difference with its uncertainty.
 
     Attributes
     ----------
     value : float [1]
     own, shared : float [1]
-        Standard uncertainty from what each test has of its own, and from what the tests share.
+        Standard uncertainty from errors of each test, and from errors that tests share.
     dof : float
         Degrees of freedom of `own`.
     """
@@ -58,32 +61,32 @@ class Effect:
 
     @property
     def std(self) -> float:
-        """Half of the interval that `claimed` looks at, so that twice this is what a claim must exceed."""
+        """Half of the value that a claim must exceed [1]."""
         return 0.5 * self.reach()
 
     def reach(self, looks: int = 1) -> float:
-        """What the value must exceed where `looks` effects are searched."""
+        """The value that an effect must exceed to be claimed [1], where `looks` effects are searched."""
         return max(hypot(factor(self.dof, looks) * self.own, factor(inf, looks) * self.shared), _ROUND_OFF)
 
     def claimed(self, looks: int = 1) -> bool:
-        """Whether the value is beyond its uncertainty."""
+        """Whether the value exceeds its uncertainty, where `looks` effects are searched."""
         return abs(self.value) > self.reach(looks)
 
     @property
     def sign(self) -> int:
-        """1 or -1 where claimed, else 0."""
+        """1 or -1 for a claimed effect, else 0."""
         return int(np.sign(self.value)) if self.claimed() else 0
 
 
 @lru_cache(maxsize=1000)
 def factor(dof: float = inf, looks: int = 1) -> float:
-    """Standard uncertainties beyond which chance is held to be excluded."""
+    """Coverage factor [1] that a claim must exceed, of Student's distribution with `dof` degrees of freedom."""
     chance = 0.5 * (_CHANCE if looks == 1 else _CHANCE_OF_ANY / looks)
     return float(stats.norm.isf(chance) if dof == inf else stats.t.isf(chance, dof))
 
 
 def along(x: FloatArray, y: FloatArray, u: FloatArray, variance: float, dof: float) -> Effect:
-    """Relative change of the straight line from first to last x; `variance` is that of the relative residuals."""
+    """Relative change of the straight line over the range of x; `variance` is that of the relative residuals."""
     level = float(np.mean(y))
     offset = x - x.mean()
     weights = offset / float(offset @ offset) * float(np.ptp(x)) / level
@@ -104,13 +107,13 @@ def residual_squares(x: FloatArray, y: FloatArray, order: int = 1) -> float:
 
 
 def between(first: tuple[float, float], second: tuple[float, float]) -> Effect:
-    """How far the second value is above the first, relative to the first; each with its u, which counts in full."""
+    """Second value less the first, relative to the first; each is a pair of value and standard uncertainty."""
     (a, u_a), (b, u_b) = first, second
     return Effect(b / a - 1.0, b / a * hypot(u_a / a, u_b / b))
 
 
 def mean_effect(effects: Sequence[Effect]) -> Effect:
-    """Mean over conditions, no surer than one of them."""
+    """Mean over conditions, with the uncertainty of one of them."""
     value = float(np.mean([effect.value for effect in effects]))
     own = sqrt(float(np.mean([effect.own**2 for effect in effects])))
     return Effect(value, own, float(np.mean([effect.shared for effect in effects])), min(e.dof for e in effects))

@@ -1,33 +1,38 @@
-"""The tables of results by specimen and nominal condition: the numbers that findings are computed from."""
+"""The tables of results by specimen and nominal condition: the numbers from which findings are computed."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
 from math import isfinite, sqrt
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
-from fourpole.findings.finding import UNSTATED, Key, Setup
+from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis, Condition, Sameness, Value
+from fourpole.findings.finding import UNSTATED, Conditions, Detail, Finding, Holds, Key, Setup, Topic
+from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 
-__all__ = ["Curve", "Facts", "Measured", "common", "natural", "tests_of"]
+__all__ = ["Curve", "Facts", "Measured", "Values", "common", "finding_on", "known", "natural", "pairs"]
 
 _AXES = {"pressure": PRESSURE, "load": PRELOAD, "frequency": FREQUENCY}
-#: A value without a stated uncertainty is taken to be known to this.
+Name = TypeVar("Name", bound=Hashable)
+#: Relative standard uncertainty of a value for which the tables have none.
 _UNSTATED_STD = 0.02
+#: With more specimens than these only those with the lowest and the highest mean are compared.
+_MOST_PAIRED = 3
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A value with its standard uncertainty; repeats are averaged, at no gain in certainty."""
+    """A value with its standard uncertainty, and the tests it is from; repeats are averaged."""
 
     value: float
     std: float
@@ -50,7 +55,7 @@ class Curve:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Lowest and highest frequency."""
+        """Lowest and highest frequency [Hz]."""
         return self.frequency[0], self.frequency[-1]
 
 
@@ -59,39 +64,71 @@ Values = Mapping[Key, Measured]
 
 @dataclass(frozen=True)
 class Facts:
-    """Results with nominal conditions; `used` leaves out the rejected tests.
+    """Results with nominal conditions.
 
     Attributes
     ----------
     results : Results
-    nominal : dict
-        By axis, the value that stands for each value of the tables.
+        Specimens have names of their own for each temperature: "radial at 60 °C".
+    stated : mapping of str to str
+        The campaign's name of each specimen: "radial".
+    nominal : mapping
+        By axis, the nominal value of each value of the tables: the median of all values that are the same.
     """
 
     results: Results
+    stated: Mapping[str, str] = field(default_factory=dict)
     nominal: Mapping[str, Mapping[float, float]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, results: Results) -> Facts:
-        """With specimens named apart by temperature and the campaign's own axes of a condition."""
-        results = results.apart()
+        """The facts of results; temperature and the campaign's own axes tell specimens apart."""
+        stated, results = results, results.apart()
+        pairs = zip((stated.static, stated.dynamic), (results.static, results.dynamic), strict=True)
+        names = {
+            new: old or "" for before, after in pairs for new, old in zip(after["tyre"], before["tyre"], strict=True)
+        }
         nominal = {
-            name: _clustered([v for table in (results.static, results.dynamic) for v in _column(table, axis)], axis)
+            name: _nominal([v for table in (results.static, results.dynamic) for v in _column(table, axis)], axis)
             for name, axis in _AXES.items()
         }
-        return cls(results, {**nominal, "frequency": {f: _snapped(n) for f, n in nominal["frequency"].items()}})
+        return cls(results, names, {**nominal, "frequency": {f: _snapped(n) for f, n in nominal["frequency"].items()}})
 
     @cached_property
     def tyres(self) -> tuple[str, ...]:
-        """All tyres that were tested, in the order of their names."""
-        names = {name for table in (self.results.static, self.results.dynamic) for name in table["tyre"].to_list()}
+        """Names of all tyres that were tested, sorted."""
+        names = {name for table in self.tables for name in table["tyre"].to_list()}
         return tuple(sorted(names, key=natural))
 
     @cached_property
     def constructions(self) -> dict[str, str]:
-        """What the campaign calls each tyre's construction."""
+        """The construction of each tyre as the campaign states it."""
         rows = pl.concat([table.select("tyre", "construction") for table in self.tables]).unique().sort("construction")
         return {tyre: text or "" for tyre, text in rows.rows()}
+
+    @cached_property
+    def _states(self) -> dict[str, Condition]:
+        """Each specimen's value on each axis but pressure and preload: a median, or a text."""
+        rule = self._rule
+        rows: dict[str, list[Condition]] = {}
+        for table in self.tables:
+            for tyre, one in zip(table["tyre"], conditions_in(table, rule), strict=True):
+                rows.setdefault(tyre, []).append(one)
+        columns = {tyre: zip(*(one.values for one in found), strict=True) for tyre, found in rows.items()}
+        return {tyre: Condition("", tuple(map(_middle, each))) for tyre, each in columns.items()}
+
+    @cached_property
+    def _rule(self) -> Sameness:
+        return rule_in(self.results.record).without(PRESSURE.name, PRELOAD.name)
+
+    def warmer(self, one: str, other: str) -> float | None:
+        """Difference in temperature of two specimens [K], 0 if none is stated; None if their states differ."""
+        first, second = self._states[one], self._states[other]
+        if not self._rule.same(first, second):
+            return None
+        at = [axis.column for axis in self._rule.axes].index(q.TEMPERATURE.head)
+        a, b = first.values[at], second.values[at]
+        return abs(a - b) if isinstance(a, float) and isinstance(b, float) else 0.0
 
     @property
     def tables(self) -> tuple[pl.DataFrame, pl.DataFrame]:
@@ -101,52 +138,76 @@ class Facts:
     @cached_property
     def used_static(self) -> list[dict[str, Any]]:
         """Rows of static tests that were not rejected."""
-        return self._used(self.results.static)
+        return _used(self.results.static)
 
     @cached_property
     def used_dynamic(self) -> list[dict[str, Any]]:
         """Rows of dynamic tests that were not rejected."""
-        return self._used(self.results.dynamic)
+        return _used(self.results.dynamic)
 
-    def _used(self, table: pl.DataFrame) -> list[dict[str, Any]]:
-        rows = table.filter(pl.col("verdict") != "rejected").rows(named=True)
-        return sorted(rows, key=lambda row: natural(row["test"]))
+    def used(self, quantity: Quantity) -> list[dict[str, Any]]:
+        """Rows of tests that were not rejected, from the table in which a quantity stands."""
+        return self.used_dynamic if "frequency" in quantity.over else self.used_static
 
     def key(self, row: Mapping[str, Any], axes: Iterable[str]) -> Key:
-        """Nominal condition of a row."""
+        """Nominal condition of a row: its value on each axis, in SI."""
         return tuple(self.nominal[axis].get(_number(row.get(_AXES[axis].column)), UNSTATED) for axis in axes)
 
     def values(self, quantity: Quantity, tyre: str) -> dict[Key, Measured]:
-        """A quantity of a tyre by nominal condition; blanks, and what is not positive, are left out."""
-        static = "frequency" not in quantity.over
+        """A quantity of a tyre by nominal condition; values that are blank or not positive are left out."""
         groups: dict[Key, list[tuple[float, float, str]]] = {}
-        for row in self.used_static if static else self.used_dynamic:
-            value = _number(row.get(quantity.head))
-            if row["tyre"] == tyre and value > 0.0:
-                std = _number(row.get(quantity.u_head))
-                known = value, std if std >= 0.0 else _UNSTATED_STD * value, row["test"]
-                groups.setdefault(self.key(row, quantity.over), []).append(known)
+        for row in self.used(quantity):
+            if row["tyre"] == tyre and (found := known(row, quantity)):
+                groups.setdefault(self.key(row, quantity.over), []).append((*found, row["test"]))
         return {key: _averaged(groups[key]) for key in sorted(groups)}
 
     @cached_property
     def curves(self) -> dict[tuple[str, Setup], dict[Key, Curve]]:
         """Measured transmissibility by (tyre, set-up) and (pressure, load)."""
-        points: dict[tuple[str, Setup], dict[Key, dict[float, list[tuple[float, float, float]]]]] = {}
-        tests: dict[tuple[str, Setup, Key], list[str]] = {}
+        points: dict[tuple[str, Setup], dict[Key, list[tuple[float, float, float, str]]]] = {}
         for row in self.used_dynamic:
-            tr, std, frequency = (
-                _number(row.get(name)) for name in (q.TR_MEASURED.head, q.TR.u_head, q.FREQUENCY.head)
-            )
-            if tr > 0.0 and frequency > 0.0:
-                who, key = (row["tyre"], _setup(row)), self.key(row, ("pressure", "load"))
-                line = points.setdefault(who, {}).setdefault(key, {})
-                tests.setdefault((*who, key), []).append(row["test"])
-                point = frequency, tr, std if std >= 0.0 else _UNSTATED_STD * tr
-                line.setdefault(self.nominal["frequency"][frequency], []).append(point)
-        return {
-            who: {key: _curve(lines[key], tests[*who, key]) for key in sorted(lines)}
-            for who, lines in sorted(points.items())
-        }
+            frequency, tr = _number(row.get(q.FREQUENCY.head)), known(row, q.TR_MEASURED)
+            if tr and frequency > 0.0:
+                lines = points.setdefault((row["tyre"], _setup(row)), {})
+                key = self.key(row, ("pressure", "load"))
+                lines.setdefault(key, []).append((frequency, *tr, row["test"]))
+        return {who: {key: self._curve(lines[key]) for key in sorted(lines)} for who, lines in sorted(points.items())}
+
+    def _curve(self, points: Sequence[tuple[float, float, float, str]]) -> Curve:
+        """A curve of points (frequency, TR, uncertainty, test); those of one nominal frequency are averaged."""
+        repeats: dict[float, list[tuple[float, ...]]] = {}
+        for frequency, tr, std, _ in points:
+            repeats.setdefault(self.nominal["frequency"][frequency], []).append((frequency, tr, std))
+        means = sorted(np.mean(each, axis=0).tolist() for each in repeats.values())
+        at, heights, stds = zip(*means, strict=True)
+        return Curve(at, heights, stds, tuple(test for *_, test in points))
+
+
+def finding_on(
+    quantity: Quantity,
+    values: Mapping[str, Mapping[Key, Measured] | Mapping[Key, Curve]],
+    keys: Iterable[Key],
+    holds: Holds,
+    detail: Detail,
+    effect: float | None = None,
+    std: float | None = None,
+    *,
+    unit: str = "1",
+    topic: str = "",
+    setup: Setup | None = None,
+) -> Finding:
+    """A finding on a quantity of some specimens at conditions that all of them have; it names the tests used there."""
+    keys = tuple(sorted(keys))
+    tests = tuple(sorted({test for each in values.values() for key in keys for test in each[key].tests}, key=natural))
+    about = Conditions(quantity.over[: len(keys[0])], keys, setup or Setup())
+    topic = Topic(topic or quantity.topic)
+    return Finding(topic, quantity, tuple(values), holds, detail, about, effect, std, unit, tests)
+
+
+def known(row: Mapping[str, Any], quantity: Quantity) -> tuple[float, float] | None:
+    """Value and standard uncertainty of a row; None where the value is blank or not positive."""
+    value, std = (_number(row.get(head)) for head in quantity.heads)
+    return (value, std if std >= 0.0 else _UNSTATED_STD * value) if value > 0.0 else None
 
 
 def common(first: Mapping[Key, Any], second: Mapping[Key, Any]) -> list[Key]:
@@ -154,23 +215,25 @@ def common(first: Mapping[Key, Any], second: Mapping[Key, Any]) -> list[Key]:
     return sorted(set(first) & set(second))
 
 
-def tests_of(*values: Iterable[Measured | Curve]) -> tuple[str, ...]:
-    """All tests that some values rest on, each once, sorted."""
-    return tuple(sorted({test for some in values for each in some for test in each.tests}, key=natural))
+def pairs(means: Mapping[Name, float]) -> list[tuple[Name, Name]]:
+    """All pairs of up to three specimens; of more, the one with the lowest and the highest mean."""
+    if len(means) <= _MOST_PAIRED:
+        return list(combinations(means, 2))
+    order = sorted(means, key=lambda name: means[name])
+    return [(order[0], order[-1])]
 
 
 def natural(name: str) -> tuple[Any, ...]:
-    """Sorts D2 before D10."""
+    """A key that sorts D2 before D10."""
     parts = re.split(r"([0-9]+)", name)
     return tuple(
         (0, len(part.lstrip("0")), part.lstrip("0")) if part.isdecimal() else (1, 0, part) for part in parts
     ), name
 
 
-def _curve(line: Mapping[float, Sequence[tuple[float, float, float]]], tests: Sequence[str]) -> Curve:
-    points = sorted(tuple(np.mean(repeats, axis=0).tolist()) for repeats in line.values())
-    frequency, tr, std = zip(*points, strict=True)
-    return Curve(frequency, tr, std, tuple(tests))
+def _used(table: pl.DataFrame) -> list[dict[str, Any]]:
+    rows = table.filter(pl.col("verdict") != "rejected").rows(named=True)
+    return sorted(rows, key=lambda row: natural(row["test"]))
 
 
 def _setup(row: Mapping[str, Any]) -> Setup:
@@ -179,7 +242,7 @@ def _setup(row: Mapping[str, Any]) -> Setup:
 
 
 def _averaged(repeats: Sequence[tuple[float, float, str]]) -> Measured:
-    """Mean of repeats: their scatter, or the stated uncertainty, whichever is larger."""
+    """Mean of repeats; its uncertainty is that of their scatter or the mean stated one, whichever is larger."""
     values = np.array([value for value, _, _ in repeats])
     stated = float(np.mean([std for _, std, _ in repeats]))
     scatter = float(values.std(ddof=1)) / sqrt(values.size) if values.size > 1 else 0.0
@@ -191,12 +254,18 @@ def _column(table: pl.DataFrame, axis: Axis) -> list[float]:
     return [v for v in values if v is not None and isfinite(v) and v > 0.0]
 
 
+def _middle(values: Iterable[Value]) -> Value:
+    """The middle one of the stated values; None if there is none."""
+    stated = sorted((value for value in values if value is not None), key=lambda value: (isinstance(value, str), value))
+    return stated[len(stated) // 2] if stated else None
+
+
 def _number(value: Any) -> float:
     return float(value) if isinstance(value, (int, float)) else float("nan")
 
 
-def _clustered(values: Sequence[float], axis: Axis) -> dict[float, float]:
-    """Value -> median of those that are the same on an axis."""
+def _nominal(values: Sequence[float], axis: Axis) -> dict[float, float]:
+    """Each value with the median of those that are the same on an axis."""
     groups: dict[int, list[float]] = {}
     for value, group in zip(values, axis.groups(values).tolist(), strict=True):
         groups.setdefault(group, []).append(value)
@@ -204,6 +273,6 @@ def _clustered(values: Sequence[float], axis: Axis) -> dict[float, float]:
 
 
 def _snapped(frequency: float) -> float:
-    """The nearest half hertz, where it is near enough to be what was meant."""
+    """The nearest half hertz if it is within 0.6 % of the frequency, else the frequency."""
     nearest = round(2.0 * frequency) / 2.0
     return nearest if abs(frequency - nearest) <= 0.006 * nearest else frequency

@@ -1,23 +1,22 @@
-"""One finding as data: what it is about, under which conditions, how large, how sure, and what holds."""
+"""One finding as data: its quantity, specimens and conditions, its effect with uncertainty, and what holds."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 from fourpole.quantities import Quantity
 
-__all__ = ["UNSTATED", "Conditions", "Detail", "Finding", "Holds", "Key", "Setup", "Topic", "conditions"]
+__all__ = ["UNSTATED", "Conditions", "Detail", "Finding", "Holds", "Key", "Setup", "Topic"]
 
-#: A pressure or load that nobody stated.
+#: The value of a pressure, load or frequency that the campaign does not state.
 UNSTATED = -1.0
 Key = tuple[float, ...]
 
 
 class Topic(StrEnum):
-    """What findings are grouped by, in the order of the report."""
+    """The headings under which findings stand, in the order of the report."""
 
     TRUST = "trust"
     STATIC = "static stiffness"
@@ -31,7 +30,7 @@ class Topic(StrEnum):
 
 
 class Holds(StrEnum):
-    """What is found to hold, as findings.csv says it."""
+    """The outcome of a finding, in the words of findings.csv."""
 
     ALL_USED = "all used"
     SOME_USED = "some used"
@@ -68,7 +67,7 @@ class Holds(StrEnum):
 
 @dataclass(frozen=True, order=True)
 class Setup:
-    """What a transmissibility curve depends on besides the specimen: the rig and the added mass [kg]."""
+    """The rig and the added mass [kg]: a transmissibility curve depends on both besides the specimen."""
 
     rig: str = ""
     added_mass: float = 0.0
@@ -76,28 +75,29 @@ class Setup:
 
 @dataclass(frozen=True)
 class Conditions:
-    """Nominal conditions: for each key its pressure [Pa], load [N] and frequency [Hz], as far as `axes` names them."""
+    """Nominal conditions: each key has the values of `axes`, which are pressure [Pa], load [N] and frequency [Hz]."""
 
     axes: tuple[str, ...] = ()
     keys: tuple[Key, ...] = ()
     setup: Setup = Setup()
 
     def values(self, axis: str) -> list[float]:
-        """Distinct stated values of one axis, rising."""
+        """Distinct stated values of one axis in SI, rising."""
         at = self.axes.index(axis)
         return sorted({key[at] for key in self.keys if key[at] != UNSTATED})
 
 
 class Detail(Protocol):
-    """What one kind of finding has besides; frozen and free of arrays, so that findings compare."""
+    """The numbers that only one kind of finding has; frozen and free of arrays, so that findings compare."""
 
-    #: Name of the kind in findings.csv.
-    kind: ClassVar[str]
+    @property
+    def kind(self) -> str:
+        """Name of the kind in findings.csv: comparison, trend with pressure, claim 3."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a campaign shows.
+    """One result that a campaign shows.
 
     Attributes
     ----------
@@ -107,17 +107,17 @@ class Finding:
     specimens : tuple of str
         Names as in the campaign.
     holds : Holds
-        What is found.
+        The outcome.
     detail : Detail
         The numbers of this kind of finding; `detail.kind` names the kind.
     conditions : Conditions
-        Where it was looked at.
+        The conditions at which the quantity was measured.
     effect, std : float or None
         Size of the effect and its standard uncertainty, in `unit`.
     unit : str
-        SI; 1 for a relative effect.
+        SI unit; "1" for a relative effect.
     tests : tuple of str
-        The tests it rests on, sorted.
+        Names of the tests that the finding uses, sorted.
     """
 
     topic: Topic
@@ -133,10 +133,5 @@ class Finding:
 
     @property
     def kind(self) -> str:
-        """Name of its kind: comparison, trend, claim ..."""
+        """Name of its kind: comparison, trend with pressure, claim 3."""
         return self.detail.kind
-
-
-def conditions(axes: Iterable[str], keys: Iterable[Key], setup: Setup = Setup()) -> Conditions:
-    """Conditions in order."""
-    return Conditions(tuple(axes), tuple(sorted(keys)), setup)

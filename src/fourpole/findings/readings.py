@@ -1,4 +1,4 @@
-"""What a campaign shows of each of the 1982 paper's conclusions, in numbers."""
+"""The numbers by which a campaign supports or contradicts each conclusion of the 1982 paper."""
 
 from __future__ import annotations
 
@@ -6,32 +6,32 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from fourpole.findings.comparisons import differences
 from fourpole.findings.evidence import Effect, between, mean_effect
-from fourpole.findings.facts import Curve, Facts, Measured, common
+from fourpole.findings.facts import Curve, Facts, Measured, Values, common
 from fourpole.findings.finding import Holds, Key
 from fourpole.findings.resonances import peak
 from fourpole.findings.trends import Lines, Trend, lines_along
-from fourpole.quantities import K1, K2, NONLINEARITY, C, Quantity
+from fourpole.quantities import K2, NONLINEARITY, C, Quantity
 
-__all__ = ["LackError", "Need", "Reading", "Tyre"]
+__all__ = ["Evidence", "Lack", "LackError", "Need", "Reading", "Tyre"]
 
 #: Relative tolerance of a frequency at the edge of a band of claim 8.
 _EDGE = 1e-6
 #: Band of claim 6 [Hz], 10 to 24 Hz with the tolerance of one frequency.
 _RISE = (10.0 * 0.98, 24.0 * 1.02)
-#: Claim 3: the stated pressure of the maximum and how far from it the maximum may lie [Pa].
+#: Claim 3: the stated pressure of the maximum, and the largest distance of the maximum from it [Pa].
 _OPTIMUM, _NEAR = 168e3, 12e3
-#: Claim 11: the pressures of the paper's figure [Pa], the stated crossing and how far from it TR is compared [Hz].
+#: Claim 11: the pressures of the paper's figure [Pa], the stated crossing, and the least distance from it at which TR
+#: is compared [Hz].
 _TR_PRESSURES, _TR_CROSSING, _TR_CLEAR = (100e3, 168e3), 18.0, 1.2
-#: Claim 5: C at the low load exceeds that at the high load by more than the first at the highest pressure; at the
-#: lowest pressure the difference is less than the second, relative to that at the highest.
+#: Claim 5: at the highest pressure C under the low load exceeds C under the high load by more than the first constant.
+#: At the lowest pressure this difference is less than the second constant times that at the highest.
 _SPREAD, _NEGLIGIBLE = 0.03, 1.0 / 3.0
-#: Claim 8: the largest slope in the middle band over the mean slope outside it is below this.
+#: Claim 8: the largest slope in the middle band is below this fraction of the mean slope outside it.
 _FLAT = 0.5
 #: Claim 8: bands of frequency [Hz] in which K2 falls, hardly changes and rises with pressure.
 _BANDS: tuple[Callable[[float], bool], ...] = (
@@ -41,11 +41,10 @@ _BANDS: tuple[Callable[[float], bool], ...] = (
 )
 #: Claim 2: the cross-ply departs from a straight line more than this many times as much as the radial-ply.
 _TIMES = 3.0
-Values = Mapping[Key, Measured]
 
 
 class Need(StrEnum):
-    """What is missing where a claim cannot be told."""
+    """The measurements that a campaign lacks where a claim cannot be examined."""
 
     BOTH = "values of both tyres at a condition in common"
     CURVES = "load-deflection curves of both tyres at a pressure in common"
@@ -59,53 +58,43 @@ class Need(StrEnum):
     PEAKS = "TR of both tyres at three frequencies or more"
 
 
+@dataclass(frozen=True)
+class Lack:
+    """The measurements that a campaign lacks, their quantity, and the role of the tyre that lacks them."""
+
+    need: Need
+    quantity: Quantity | None = None
+    tyre: str = ""
+
+
 class LackError(Exception):
-    """A claim cannot be told: what is needed, of which quantity, of which of the two tyres."""
+    """A claim cannot be examined; `lack` says which measurements the campaign lacks."""
 
     def __init__(self, need: Need, quantity: Quantity | None = None, tyre: str = "") -> None:
         super().__init__(need)
-        self.need, self.quantity, self.tyre = need, quantity, tyre
+        self.lack = Lack(need, quantity, tyre)
 
 
 @dataclass(frozen=True)
 class Tyre:
-    """One of the two tyres: which of the paper's it is, its name, and its values by condition."""
+    """One of the two tyres: its role in the paper, its name, and its values by condition."""
 
     role: str
     name: str
     facts: Facts
 
-    def _values(self, quantity: Quantity) -> Values:
+    def values(self, quantity: Quantity) -> Values:
+        """A quantity of the tyre by nominal condition, in SI."""
         return self.facts.values(quantity, self.name)
 
     @cached_property
-    def k1(self) -> Values:
-        """By (pressure, load)."""
-        return self._values(K1)
-
-    @cached_property
-    def k2(self) -> Values:
-        """By (pressure, load, frequency)."""
-        return self._values(K2)
-
-    @cached_property
-    def c(self) -> Values:
-        """By (pressure, load, frequency)."""
-        return self._values(C)
-
-    @cached_property
-    def nonlinearity(self) -> Values:
-        """By (pressure,)."""
-        return self._values(NONLINEARITY)
-
-    @cached_property
     def curves(self) -> Mapping[Key, Curve]:
-        """By (pressure, load), of the first set-up."""
+        """TR by (pressure, load), of the first set-up."""
         return next((lines for (tyre, _), lines in self.facts.curves.items() if tyre == self.name), {})
 
     @cached_property
-    def tr(self) -> dict[Key, Measured]:
-        """By (pressure, load, frequency)."""
+    def tr(self) -> Values:
+        """TR by (pressure, load, frequency)."""
         nominal = self.facts.nominal["frequency"]
         return {
             (*key, nominal.get(f, f)): Measured(tr, std)
@@ -115,57 +104,16 @@ class Tyre:
 
 
 @dataclass(frozen=True)
-class Reading:
-    """What a campaign shows of one claim.
-
-    Attributes
-    ----------
-    holds, sure : bool
-        Whether the claim holds; whether what decides it is beyond the uncertainty.
-    evidence : object
-        The numbers, frozen: what the function that reads the claim says.
-    effect, std : float, float or None
-        Size of the effect and its standard uncertainty, as in findings.csv.
-    unit : str
-    """
-
-    holds: bool
-    sure: bool
-    evidence: Any
-    effect: float
-    std: float | None = None
-    unit: str = "1"
-
-
-def _mean(effects: Iterable[Effect]) -> tuple[float, float]:
-    mean = mean_effect(list(effects))
-    return mean.value, mean.std
-
-
-@dataclass(frozen=True)
 class Above:
-    """How far one tyre is above the other, by condition."""
+    """Relative difference of one tyre less the other, by condition."""
 
     axes: tuple[str, ...]
     effects: Mapping[Key, Effect]
 
     @property
     def against(self) -> list[Key]:
-        """Conditions at which it is not above."""
+        """Conditions at which the first tyre is not above the second."""
         return [key for key, effect in self.effects.items() if effect.value <= 0.0]
-
-
-def above(quantity: Quantity, upper: Values, lower: Values) -> Reading:
-    """Whether the upper is above the lower at every condition in common: `Above`."""
-    effects = differences(lower, upper)
-    if not effects:
-        raise LackError(Need.BOTH, quantity)
-    found = Above(quantity.over, effects)
-    return Reading(not found.against, _all_claimed(effects.values()), found, *_mean(effects.values()))
-
-
-def _all_claimed(effects: Iterable[Effect]) -> bool:
-    return all(effect.claimed() for effect in effects)
 
 
 @dataclass(frozen=True)
@@ -177,129 +125,39 @@ class Nonlinear:
 
     @property
     def ratios(self) -> list[float]:
-        """Cross-ply over radial-ply."""
+        """Departure of the cross-ply over that of the radial-ply."""
         return [a / b for a, b in zip(self.cross, self.radial, strict=True)]
-
-
-def nonlinear(cross: Tyre, radial: Tyre) -> Reading:
-    """Whether the cross-ply departs from a straight line several times as much as the radial-ply: `Nonlinear`."""
-    keys = common(cross.nonlinearity, radial.nonlinearity)
-    if not keys:
-        raise LackError(Need.CURVES)
-    found = Nonlinear(*(tuple(tyre.nonlinearity[key].value for key in keys) for tyre in (cross, radial)))
-    return Reading(min(found.ratios) > _TIMES, True, found, min(found.ratios))
-
-
-def _lines(quantity: Quantity, tyre: str, values: Values, axis: str) -> Lines:
-    found = lines_along(values, quantity.over, axis)
-    if found is None or not found.is_line:
-        need = Need.THREE_PRESSURES if axis == "pressure" else Need.THREE_FREQUENCIES
-        raise LackError(need, quantity, tyre)
-    return found
-
-
-def rising(quantity: Quantity, values: Values, axis: str, tyre: str = "") -> Reading:
-    """Whether a quantity rises along an axis on every line: `Trend`."""
-    found = _lines(quantity, tyre, values, axis).trend()
-    effects = found.effects.values()
-    return Reading(all(effect.value > 0.0 for effect in effects), _all_claimed(effects), found, *_mean(effects))
-
-
-def in_band(values: Values) -> Values:
-    """Values at the frequencies of claim 6."""
-    return {key: found for key, found in values.items() if _RISE[0] <= key[2] <= _RISE[1]}
-
-
-def _means(values: Values) -> dict[tuple[float, float], Measured]:
-    """Mean by pressure and load over the frequencies that all of them have."""
-    tested: dict[Key, set[float]] = {}
-    for key in values:
-        tested.setdefault(key[:2], set()).add(key[2])
-    shared = set.intersection(*tested.values()) if tested else set()
-    return {
-        (p, load): Measured(
-            float(np.mean([values[p, load, f].value for f in shared])),
-            float(np.mean([values[p, load, f].std for f in shared])),
-        )
-        for p, load in sorted(tested)
-        if shared
-    }
 
 
 @dataclass(frozen=True)
 class OptimumAt:
-    """Under one load [N]: the pressure of the largest C [Pa], and how far C at each end is below it, relative."""
+    """Under one load [N]: the pressure of the largest C [Pa], and the relative drop of C at each end of pressures."""
 
     load: float
     pressure: float
     drops: Mapping[float, float]
 
 
-def optimum(cross: Tyre) -> Reading:
-    """Whether C of the cross-ply, averaged over frequency, has its maximum near 1.68 bar: `OptimumAt` by load."""
-    means = _means(cross.c)
-    pressures = sorted({p for p, _ in means})
-    if len(pressures) < 3 or pressures[0] > _OPTIMUM - _NEAR or pressures[-1] < _OPTIMUM + _NEAR:
-        raise LackError(Need.OPTIMUM, C, cross.role)
-    loads = sorted({load for _, load in means})
-    lines = [{p: means[p, load].value for p in pressures if (p, load) in means} for load in loads]
-    tops = tuple(_largest(load, line) for load, line in zip(loads, lines, strict=True))
-    inside = (min(line) < at.pressure < max(line) for at, line in zip(tops, lines, strict=True))
-    near = all(abs(at.pressure - _OPTIMUM) <= _NEAR for at in tops)
-    sure = all(_has_maximum(cross.c, load) for load in loads)
-    return Reading(all(inside) and near, sure, tops, float(np.mean([at.pressure for at in tops])), unit="Pa")
-
-
-def _largest(load: float, line: Mapping[float, float]) -> OptimumAt:
-    top = max(line, key=lambda p: line[p])
-    return OptimumAt(load, top, {p: 1 - line[p] / line[top] for p in (min(line), max(line)) if p != top})
-
-
-def _has_maximum(values: Values, load: float) -> bool:
-    """Whether C under one load has a maximum against pressure beyond the scatter."""
-    lines = lines_along({key: found for key, found in values.items() if key[1] == load}, C.over, "pressure")
-    extremum = lines.extremum() if lines is not None else None
-    return extremum is not None and extremum.holds is Holds.MAXIMUM
-
-
 @dataclass(frozen=True)
 class ApartAt:
-    """C of one tyre under the lowest load above that under the highest, at the lowest and at the highest pressure."""
+    """Relative difference of C under the lowest load less the highest, at the lowest and the highest pressure."""
 
     tyre: str
-    load: float
-    against_load: float
+    loads: tuple[float, float]
     pressures: tuple[float, float]
     low: Effect
     high: Effect
 
 
-def loads_apart(cross: Tyre, radial: Tyre) -> Reading:
-    """How far C at the lowest load exceeds that at the highest, at the ends of the pressures: `ApartAt` by tyre."""
-    parts = tuple(_apart(tyre) for tyre in (cross, radial))
-    holds = all(at.high.value > _SPREAD and abs(at.low.value) < _NEGLIGIBLE * at.high.value for at in parts)
-    high = [at.high for at in parts]
-    return Reading(holds, _all_claimed(high), parts, *_mean(high))
-
-
-def _apart(tyre: Tyre) -> ApartAt:
-    means = _means(tyre.c)
-    pressures, loads = sorted({p for p, _ in means}), sorted({load for _, load in means})
-    if len(pressures) < 2 or len(loads) < 2:
-        raise LackError(Need.LOADS, C)
-    ends, first, last = (pressures[0], pressures[-1]), loads[0], loads[-1]
-    if any((p, load) not in means for p in ends for load in (first, last)):
-        raise LackError(Need.CORNERS, C)
-    low, high = (between(means[p, last].pair, means[p, first].pair) for p in ends)
-    return ApartAt(tyre.role, first, last, ends, low, high)
-
-
 @dataclass(frozen=True)
 class TurningAt:
-    """Under one load [N]: the change of K2 with pressure in the low, the middle and the high band, by frequency."""
+    """Under one load [N]: the change of K2 with pressure in the low, the middle and the high band, by frequency.
+
+    `flatness` is the largest slope in the middle band over the mean slope outside it.
+    """
 
     load: float
-    bands: tuple[tuple[Effect, ...], tuple[Effect, ...], tuple[Effect, ...]]
+    bands: tuple[tuple[Effect, ...], ...]
     flatness: float
 
     @property
@@ -311,82 +169,35 @@ class TurningAt:
 
     @property
     def sure(self) -> bool:
-        """Whether the mean fall and the mean rise are beyond the uncertainty."""
+        """Whether the mean fall and the mean rise exceed their uncertainty."""
         low, _, high = self.bands
         return mean_effect(low).sign == -1 and mean_effect(high).sign == 1
 
 
 @dataclass(frozen=True)
 class Turning:
-    """The change of K2 with pressure below, at and above the frequencies where it turns."""
+    """The change of K2 from the lowest to the highest pressure [Pa], by load."""
 
     ends: tuple[float, float]
     loads: tuple[TurningAt, ...]
 
 
-def turning(tyre: Tyre) -> Reading:
-    """Whether the change of K2 with pressure turns from fall to rise between 16 and 19 Hz: `Turning`."""
-    lines = _lines(K2, tyre.role, tyre.k2, "pressure")
-    trend = lines.trend()
-    loads = tuple(_turning_at(tyre, lines, trend, load) for load in sorted({key[0] for key in trend.effects}))
-    rises = _mean(effect for at in loads for effect in at.bands[2])
-    return Reading(all(at.turns for at in loads), all(at.sure for at in loads), Turning(trend.ends, loads), *rises)
-
-
-def _turning_at(tyre: Tyre, lines: Lines, trend: Trend, load: float) -> TurningAt:
-    effects = {key[1]: effect for key, effect in trend.effects.items() if key[0] == load}
-    low, flat, high = ([f for f in effects if inside(f)] for inside in _BANDS)
-    if not (low and flat and high):
-        raise LackError(Need.BANDS, K2, tyre.role)
-    slopes = {f: abs(float(np.polyfit(*lines.lines[load, f][:2], 1)[0])) for f in effects}
-    flatness = max(slopes[f] for f in flat) / float(np.mean([slopes[f] for f in (*low, *high)]))
-    bands = tuple(tuple(effects[f] for f in band) for band in (low, flat, high))
-    return TurningAt(load, bands, flatness)  # type: ignore[arg-type]
-
-
 @dataclass(frozen=True)
 class Likewise:
-    """The cross-ply's K2: whether it turns, how it rises with frequency, how far it is above the radial-ply's."""
+    """K2 of the cross-ply: whether it turns, its `Trend` with frequency, how far it is `Above` the radial-ply's."""
 
     turns: bool
-    rising: Trend
-    above: Above
-
-
-def likewise(cross: Tyre, radial: Tyre) -> Reading:
-    """Whether the cross-ply's K2 does what the radial-ply's is said to do, at a higher level: `Likewise`."""
-    turns, rises = turning(cross), rising(K2, cross.k2, "frequency", cross.role)
-    higher = above(K2, cross.k2, radial.k2)
-    found = Likewise(turns.holds, rises.evidence, higher.evidence)
-    parts = (turns, rises, higher)
-    holds, sure = all(part.holds for part in parts), all(part.sure for part in parts)
-    return Reading(holds, sure, found, higher.effect, higher.std)
+    rising: Evidence
+    above: Evidence
 
 
 @dataclass(frozen=True)
 class Isolation:
-    """TR of the radial-ply above that of the cross-ply below the crossing, and the reverse beyond it."""
+    """TR of the radial-ply relative to the cross-ply below the crossing, and the reverse beyond it."""
 
     pressures: tuple[float, ...]
     below: tuple[Effect, ...]
     beyond: tuple[Effect, ...]
-
-
-def isolation(cross: Tyre, radial: Tyre) -> Reading:
-    """Whose TR is the lower on either side of the stated crossing: `Isolation`."""
-    tested = sorted({key[0] for key in cross.tr})
-    near = {min(tested, key=lambda p: abs(p - wanted)) for wanted in _TR_PRESSURES} if tested else set()
-    keys = [key for key in common(cross.tr, radial.tr) if key[0] in near]
-
-    def higher(upper: Tyre, lower: Tyre, side: float) -> tuple[Effect, ...]:
-        there = (key for key in keys if side * (key[2] - _TR_CROSSING) > _TR_CLEAR)
-        return tuple(between(lower.tr[key].pair, upper.tr[key].pair) for key in there)
-
-    found = Isolation(tuple(sorted(near)), higher(radial, cross, -1.0), higher(cross, radial, 1.0))
-    if not (found.below and found.beyond):
-        raise LackError(Need.SIDES)
-    effects = (*found.below, *found.beyond)
-    return Reading(all(effect.value > 0.0 for effect in effects), _all_claimed(effects), found, *_mean(effects))
 
 
 @dataclass(frozen=True)
@@ -398,8 +209,190 @@ class Order:
     gaps: tuple[float, ...]
 
 
+Evidence = (
+    Above | Nonlinear | Trend | tuple[OptimumAt, ...] | tuple[ApartAt, ...] | Turning | Likewise | Isolation | Order
+)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a campaign shows of one claim.
+
+    Attributes
+    ----------
+    holds, sure : bool
+        Whether the claim holds; whether the deciding differences exceed their uncertainty.
+    evidence : Evidence
+        The numbers that decide.
+    effect, std : float, float or None
+        Size of the effect and its standard uncertainty, as in findings.csv.
+    unit : str
+    """
+
+    holds: bool
+    sure: bool
+    evidence: Evidence
+    effect: float
+    std: float | None = None
+    unit: str = "1"
+
+
+def _all_up(evidence: Evidence, effects: Iterable[Effect]) -> Reading:
+    """The claim that all effects are positive."""
+    effects = list(effects)
+    return Reading(all(effect.value > 0.0 for effect in effects), _sure(effects), evidence, *_mean(effects))
+
+
+def _sure(effects: Iterable[Effect]) -> bool:
+    return all(effect.claimed() for effect in effects)
+
+
+def _mean(effects: Iterable[Effect]) -> tuple[float, float]:
+    """Mean of effects and its standard uncertainty."""
+    mean = mean_effect(list(effects))
+    return mean.value, mean.std
+
+
+def above(quantity: Quantity, upper: Tyre, lower: Tyre) -> Reading:
+    """Whether a quantity of the upper tyre is above that of the lower at every condition in common."""
+    effects = differences(lower.values(quantity), upper.values(quantity))
+    if not effects:
+        raise LackError(Need.BOTH, quantity)
+    return _all_up(Above(quantity.over, effects), effects.values())
+
+
+def nonlinear(cross: Tyre, radial: Tyre) -> Reading:
+    """Whether the cross-ply departs from a straight line more than three times as much as the radial-ply."""
+    values = cross.values(NONLINEARITY), radial.values(NONLINEARITY)
+    keys = common(*values)
+    if not keys:
+        raise LackError(Need.CURVES)
+    found = Nonlinear(*(tuple(each[key].value for key in keys) for each in values))
+    return Reading(min(found.ratios) > _TIMES, True, found, min(found.ratios))
+
+
+def _lines(quantity: Quantity, tyre: str, values: Values, axis: str) -> Lines:
+    """Lines of three points or more."""
+    found = lines_along(values, quantity.over, axis)
+    if found is None or not found.is_line:
+        need = Need.THREE_PRESSURES if axis == "pressure" else Need.THREE_FREQUENCIES
+        raise LackError(need, quantity, tyre)
+    return found
+
+
+def rising(quantity: Quantity, values: Values, axis: str, tyre: str = "") -> Reading:
+    """Whether a quantity rises along an axis on every line."""
+    found = _lines(quantity, tyre, values, axis).trend()
+    return _all_up(found, found.effects.values())
+
+
+def in_band(values: Values) -> Values:
+    """Values at the frequencies of claim 6."""
+    return {key: found for key, found in values.items() if _RISE[0] <= key[2] <= _RISE[1]}
+
+
+def _means(values: Values) -> dict[tuple[float, float], Measured]:
+    """Mean by pressure and load over the frequencies that all of them have."""
+    tested: dict[tuple[float, float], set[float]] = {}
+    for p, load, f in values:
+        tested.setdefault((p, load), set()).add(f)
+    shared = set.intersection(*tested.values()) if tested else set()
+    found = {at: zip(*(values[*at, f].pair for f in shared), strict=True) for at in sorted(tested) if shared}
+    means = {at: [float(np.mean(part)) for part in parts] for at, parts in found.items()}
+    return {at: Measured(value, std) for at, (value, std) in means.items()}
+
+
+def optimum(cross: Tyre) -> Reading:
+    """Whether C of the cross-ply, averaged over frequency, has its maximum near 1.68 bar."""
+    values = cross.values(C)
+    means = _means(values)
+    pressures = sorted({p for p, _ in means})
+    if len(pressures) < 3 or pressures[0] > _OPTIMUM - _NEAR or pressures[-1] < _OPTIMUM + _NEAR:
+        raise LackError(Need.OPTIMUM, C, cross.role)
+    tops, inside = [], []
+    for load in sorted({load for _, load in means}):
+        line = {p: means[p, load].value for p in pressures if (p, load) in means}
+        ends, top = (min(line), max(line)), max(line, key=lambda p: line[p])
+        inside.append(top not in ends)
+        tops.append(OptimumAt(load, top, {p: 1 - line[p] / line[top] for p in ends if p != top}))
+    holds = all(inside) and all(abs(at.pressure - _OPTIMUM) <= _NEAR for at in tops)
+    sure = all(_has_maximum(values, at.load) for at in tops)
+    return Reading(holds, sure, tuple(tops), float(np.mean([at.pressure for at in tops])), unit="Pa")
+
+
+def _has_maximum(values: Values, load: float) -> bool:
+    """Whether C under one load has a maximum against pressure beyond the scatter."""
+    lines = lines_along({key: found for key, found in values.items() if key[1] == load}, C.over, "pressure")
+    extremum = lines.extremum() if lines is not None else None
+    return extremum is not None and extremum.holds is Holds.MAXIMUM
+
+
+def loads_apart(cross: Tyre, radial: Tyre) -> Reading:
+    """Whether the loads differ in C at the highest pressure, and hardly at the lowest."""
+    parts = tuple(_apart(tyre) for tyre in (cross, radial))
+    holds = all(at.high.value > _SPREAD and abs(at.low.value) < _NEGLIGIBLE * at.high.value for at in parts)
+    high = [at.high for at in parts]
+    return Reading(holds, _sure(high), parts, *_mean(high))
+
+
+def _apart(tyre: Tyre) -> ApartAt:
+    means = _means(tyre.values(C))
+    pressures, loads = ([*dict.fromkeys(sorted(key[i] for key in means))] for i in (0, 1))
+    if len(pressures) < 2 or len(loads) < 2:
+        raise LackError(Need.LOADS, C)
+    ends, ends_of_load = (pressures[0], pressures[-1]), (loads[0], loads[-1])
+    if any((p, load) not in means for p in ends for load in ends_of_load):
+        raise LackError(Need.CORNERS, C)
+    low, high = (between(means[p, loads[-1]].pair, means[p, loads[0]].pair) for p in ends)
+    return ApartAt(tyre.role, ends_of_load, ends, low, high)
+
+
+def turning(tyre: Tyre) -> Reading:
+    """Whether the change of K2 with pressure turns from fall to rise between 16 and 19 Hz."""
+    lines = _lines(K2, tyre.role, tyre.values(K2), "pressure")
+    trend = lines.trend()
+    loads = tuple(_turning_at(tyre, lines, trend, load) for load in sorted({key[0] for key in trend.effects}))
+    rises = _mean(effect for at in loads for effect in at.bands[2])
+    return Reading(all(at.turns for at in loads), all(at.sure for at in loads), Turning(trend.ends, loads), *rises)
+
+
+def _turning_at(tyre: Tyre, lines: Lines, trend: Trend, load: float) -> TurningAt:
+    effects = {key[1]: effect for key, effect in trend.effects.items() if key[0] == load}
+    bands = [[f for f in effects if inside(f)] for inside in _BANDS]
+    if not all(bands):
+        raise LackError(Need.BANDS, K2, tyre.role)
+    low, flat, high = ([abs(float(np.polyfit(*lines.lines[load, f][:2], 1)[0])) for f in band] for band in bands)
+    flatness = max(flat) / float(np.mean([*low, *high]))
+    return TurningAt(load, tuple(tuple(effects[f] for f in band) for band in bands), flatness)
+
+
+def likewise(cross: Tyre, radial: Tyre) -> Reading:
+    """Whether K2 of the cross-ply turns with pressure, rises with frequency, and is above that of the radial-ply."""
+    turns, rises = turning(cross), rising(K2, cross.values(K2), "frequency", cross.role)
+    higher = above(K2, cross, radial)
+    parts = (turns, rises, higher)
+    holds, sure = all(part.holds for part in parts), all(part.sure for part in parts)
+    return Reading(holds, sure, Likewise(turns.holds, rises.evidence, higher.evidence), higher.effect, higher.std)
+
+
+def isolation(cross: Tyre, radial: Tyre) -> Reading:
+    """Whether TR of the cross-ply is the lower below the stated crossing, and that of the radial-ply beyond it."""
+    tested = sorted({key[0] for key in cross.tr})
+    near = {min(tested, key=lambda p: abs(p - wanted)) for wanted in _TR_PRESSURES} if tested else set()
+    keys = [key for key in common(cross.tr, radial.tr) if key[0] in near]
+
+    def higher(upper: Tyre, lower: Tyre, side: float) -> tuple[Effect, ...]:
+        there = (key for key in keys if side * (key[2] - _TR_CROSSING) > _TR_CLEAR)
+        return tuple(between(lower.tr[key].pair, upper.tr[key].pair) for key in there)
+
+    found = Isolation(tuple(sorted(near)), higher(radial, cross, -1.0), higher(cross, radial, 1.0))
+    if not (found.below and found.beyond):
+        raise LackError(Need.SIDES)
+    return _all_up(found, (*found.below, *found.beyond))
+
+
 def resonance(cross: Tyre, radial: Tyre) -> Reading:
-    """Whose largest measured TR stands at the lower frequency: `Order`."""
+    """Whether the largest measured TR of the radial-ply stands at the lower frequency."""
     pairs = [(peak(cross.curves[key]), peak(radial.curves[key])) for key in common(cross.curves, radial.curves)]
     peaks = [(a, b) for a, b in pairs if a is not None and b is not None]
     if not peaks:

@@ -1,11 +1,11 @@
-"""Transmissibility: resonances, where the curves of two specimens cross, measured against predicted."""
+"""Transmissibility: resonances, crossings of the curves of two specimens, and measured against predicted TR."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import combinations, pairwise
-from math import hypot, isfinite, sqrt
+from itertools import pairwise
+from math import hypot, sqrt
 from typing import ClassVar
 
 import numpy as np
@@ -14,8 +14,8 @@ from scipy.interpolate import PchipInterpolator
 from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY
 from fourpole.findings.evidence import FloatArray, factor
-from fourpole.findings.facts import Curve, Facts, common, natural, tests_of
-from fourpole.findings.finding import Finding, Holds, Key, Setup, Topic, conditions
+from fourpole.findings.facts import Curve, Facts, common, finding_on, known, natural, pairs
+from fourpole.findings.finding import Detail, Finding, Holds, Key, Setup, Topic
 from fourpole.quantities import TR
 
 __all__ = [
@@ -24,7 +24,6 @@ __all__ = [
     "Peak",
     "Prediction",
     "Resonance",
-    "ResonanceAtEnd",
     "ResonanceOrder",
     "Who",
     "crossings",
@@ -32,17 +31,14 @@ __all__ = [
     "transmissibility",
 ]
 
-_AXES = ("pressure", "load")
-#: With more specimens than these only those with the lowest and the highest resonance are compared.
-_MOST_PAIRED = 3
 #: Relative distance of neighbouring tested frequencies up to which a crossing between them counts as resolved.
 _FINE = 0.15
-#: A parabola finds the resonance where the three highest points lie within half power of the largest.
+#: A parabola locates the resonance if the three highest points are at least this fraction of the largest TR.
 _HALF_POWER = sqrt(0.5)
-#: A resonance or a crossing needs this many tested frequencies.
+#: A resonance or a crossing needs at least this many tested frequencies.
 _FEWEST_POINTS = 3
-#: A test whose TR or predicted TR has no uncertainty is taken to be known to this, relative.
-_UNSTATED_STD = 0.02
+#: The order in which the largest values of curves are reported: by whether they stand inside or at an end.
+_SIDES = {0: Holds.INSIDE, -1: Holds.AT_LOWEST, 1: Holds.AT_HIGHEST}
 Who = tuple[str, Setup]
 
 
@@ -53,13 +49,13 @@ class Peak:
     Attributes
     ----------
     frequency, tr : float [Hz], [1]
-        Of the largest measured value.
+        Frequency and value of the largest measured TR.
     low, high : float [Hz]
-        Between these the resonance lies; equal to `frequency` at an end of the tested range.
+        The interval in which the resonance lies; both are `frequency` at an end of the tested range.
     at : float or None [Hz]
-        Where a parabola has its top, if the three points round the largest resolve it.
+        The top of a parabola, if the three points round the largest TR resolve it.
     side : {-1, 0, 1}
-        The largest value stands at the lowest (-1) or highest (1) tested frequency.
+        -1 if the largest TR is at the lowest tested frequency, 1 if it is at the highest, else 0.
     """
 
     frequency: float
@@ -71,19 +67,29 @@ class Peak:
 
     @property
     def best(self) -> float:
-        """The frequency to compare."""
+        """Best estimate of the resonance [Hz]: the top of the parabola, else the tested frequency of the largest TR."""
         return self.frequency if self.at is None else self.at
 
     @property
     def doubt(self) -> float:
-        """How far the resonance may lie from `best`: a tenth of the step where a parabola found it."""
+        """Largest distance of the resonance from `best` [Hz]: half the interval, or a tenth of that with a parabola."""
         width = 0.5 * (self.high - self.low)
         return 0.1 * width if self.at is not None else width
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where two curves cross: about there, surely between two tested frequencies, and who is higher below."""
+    """A crossing of two curves.
+
+    Attributes
+    ----------
+    at : float [Hz]
+        Interpolated frequency of the crossing.
+    low, high : float [Hz]
+        The tested frequencies between which it lies.
+    sign : {-1, 1}
+        1 if the second curve is the higher one below the crossing.
+    """
 
     at: float
     low: float
@@ -92,45 +98,31 @@ class Crossing:
 
     @property
     def resolved(self) -> bool:
-        """Whether the tested frequencies are near enough to say where."""
+        """Whether the two tested frequencies are within 15 % of each other."""
         return self.high <= (1.0 + _FINE) * self.low
 
 
 @dataclass(frozen=True)
 class Resonance:
-    """Resonances of one specimen under one load, by (pressure, load), between the ends of the tested frequencies."""
+    """Largest TR of one specimen by (pressure, load): under one load inside the tested frequencies, or at one end."""
 
     kind: ClassVar[str] = "resonance"
-    who: Who
-    load: float
-    peaks: Mapping[Key, Peak]
-
-
-@dataclass(frozen=True)
-class ResonanceAtEnd:
-    """Curves of one specimen whose largest value stands at the same end of the tested frequencies."""
-
-    kind: ClassVar[str] = "resonance"
-    who: Who
     peaks: Mapping[Key, Peak]
 
 
 @dataclass(frozen=True)
 class ResonanceOrder:
-    """Whose resonance lies lower.
+    """The order of the resonances of two specimens.
 
     Attributes
     ----------
-    first, second : Who
     gaps : mapping
         Resonance of the second less that of the first [Hz], by condition.
     doubts : mapping
-        How far each gap may be off [Hz].
+        Largest error of each gap [Hz].
     """
 
     kind: ClassVar[str] = "order of resonances"
-    first: Who
-    second: Who
     gaps: Mapping[Key, float]
     doubts: Mapping[Key, float]
 
@@ -140,20 +132,15 @@ class ResonanceOrder:
         return float(np.mean(list(self.gaps.values())))
 
     @property
-    def lower_upper(self) -> tuple[Who, Who]:
-        """The one with the lower resonance on average, then the other."""
-        return (self.first, self.second) if self.mean > 0 else (self.second, self.first)
-
-    @property
     def counts(self) -> tuple[int, int]:
-        """Conditions at which the gap is beyond its doubt: in the direction of the mean, and against it."""
+        """Number of conditions at which the gap exceeds its error: in the direction of the mean gap, and against it."""
         sign = 1.0 if self.mean > 0 else -1.0
         clear = [sign * gap for key, gap in self.gaps.items() if abs(gap) > self.doubts[key]]
         return sum(gap > 0 for gap in clear), sum(gap < 0 for gap in clear)
 
     @property
     def holds(self) -> Holds:
-        """ABOVE or BELOW where the first is above or below the second at every condition."""
+        """ABOVE or BELOW if the first is above or below the second at every condition, else MIXED or NO_DIFFERENCE."""
         clear, against = self.counts
         if clear == len(self.gaps):
             return Holds.BELOW if self.mean > 0 else Holds.ABOVE
@@ -162,11 +149,9 @@ class ResonanceOrder:
 
 @dataclass(frozen=True)
 class Crossings:
-    """Where the TR curves of two specimens cross, by condition; none where the list is empty."""
+    """The crossings of the TR curves of two specimens, by condition; the tuple is empty where they do not cross."""
 
     kind: ClassVar[str] = "crossing"
-    first: Who
-    second: Who
     at: Mapping[Key, tuple[Crossing, ...]]
 
     @property
@@ -181,7 +166,7 @@ class Crossings:
 
     @property
     def holds(self) -> Holds:
-        """Whether there is none, at most one at each condition, or more."""
+        """NO_CROSSING, ONE_CROSSING if no condition has more than one, or SEVERAL_CROSSINGS."""
         if self.several:
             return Holds.SEVERAL_CROSSINGS
         return Holds.ONE_CROSSING if self.single else Holds.NO_CROSSING
@@ -189,14 +174,14 @@ class Crossings:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Measured TR against that predicted from K* and the rig.
+    """Measured TR against the TR predicted from K* and the rig.
 
     Attributes
     ----------
     off : mapping
         Measured over predicted less 1, by test.
     beyond : tuple of str
-        The tests in which this is beyond the uncertainty, chance held to 1 % over all of them.
+        The tests in which this exceeds the uncertainty; the chance of any by noise alone is 1 %.
     """
 
     kind: ClassVar[str] = "prediction"
@@ -205,7 +190,7 @@ class Prediction:
 
     @property
     def mean(self) -> float:
-        """Mean over the tests."""
+        """Mean departure over the tests."""
         return float(np.mean(list(self.off.values())))
 
     @property
@@ -215,7 +200,7 @@ class Prediction:
 
 
 def peak(curve: Curve) -> Peak | None:
-    """Resonance of a curve of three points or more."""
+    """The largest TR of a curve; None for a curve of fewer than three points."""
     f, tr = np.array(curve.frequency), np.array(curve.tr)
     if f.size < _FEWEST_POINTS:
         return None
@@ -229,7 +214,10 @@ def peak(curve: Curve) -> Peak | None:
 
 
 def _vertex(f: FloatArray, tr: FloatArray) -> float | None:
-    """Lowest point of 1/TR², which for a spring under a mass is a parabola in f²; None unless within half power."""
+    """Frequency [Hz] at which 1/TR² is lowest; it is a parabola in f² for a spring under a mass.
+
+    None if one of the three points is below half power of the largest.
+    """
     if min(tr) < _HALF_POWER * max(tr):
         return None
     a, b, _ = np.polyfit(f**2 - f[1] ** 2, 1.0 / tr**2, 2)
@@ -243,77 +231,66 @@ def transmissibility(facts: Facts) -> list[Finding]:
         who: {key: found for key, curve in lines.items() if (found := peak(curve)) is not None}
         for who, lines in sorted(facts.curves.items(), key=lambda item: (natural(item[0][0]), item[0][1]))
     }
-    pairs = _pairs(peaks)
-    orders = (_order(facts, peaks, a, b) for a, b in pairs)
-    findings = [found for found in orders if found is not None]
-    for who, each in peaks.items():
-        findings += [*_inside(facts, who, each), *_at_an_end(facts, who, each)]
-    crossed = (_crossings(facts, a, b) for a, b in pairs)
-    findings += [found for found in crossed if found is not None]
-    return findings + _measured_against_predicted(facts)
+    both = _pairs(peaks)
+    orders = [one for pair in both for one in _order(facts, peaks, *pair)]
+    inside = [one for who, each in peaks.items() for one in _resonances(facts, who, each)]
+    crossed = [one for pair in both for one in _crossings(facts, *pair)]
+    return [*orders, *inside, *crossed, *_measured_against_predicted(facts)]
 
 
 def _pairs(peaks: Mapping[Who, Mapping[Key, Peak]]) -> list[tuple[Who, Who]]:
-    """Pairs of specimens in the same set-up; of many, those with the lowest and the highest resonance on average."""
-    pairs: list[tuple[Who, Who]] = []
-    for setup in sorted({who[1] for who in peaks}):
-        order = [who for who in peaks if who[1] == setup and peaks[who]]
-        if len(order) > _MOST_PAIRED:
-            order.sort(key=lambda who: float(np.mean([found.best for found in peaks[who].values()])))
-            order = [order[0], order[-1]]
-        pairs += combinations(order, 2)
-    return pairs
+    """Pairs of specimens in the same set-up."""
+    means = {who: float(np.mean([one.best for one in found.values()])) for who, found in peaks.items() if found}
+    setups = sorted({setup for _, setup in means})
+    return [pair for setup in setups for pair in pairs({who: best for who, best in means.items() if who[1] == setup})]
 
 
-def _tests(facts: Facts, keys: Sequence[Key], *who: Who) -> tuple[str, ...]:
-    return tests_of(*([facts.curves[each][key] for key in keys] for each in who))
+def _resonances(facts: Facts, who: Who, peaks: Mapping[Key, Peak]) -> list[Finding]:
+    """A finding per load on the resonances inside the tested frequencies; one on those at each end.
 
-
-def _inside(facts: Facts, who: Who, peaks: Mapping[Key, Peak]) -> list[Finding]:
-    """One finding per load on the resonances between the ends of the tested frequencies; the effect is their mean."""
-    inside = {key: found for key, found in peaks.items() if not found.side}
+    The effect is the mean frequency, its uncertainty inside is the mean doubt.
+    """
+    groups: dict[tuple[int, float], dict[Key, Peak]] = {}
+    for key, one in peaks.items():
+        groups.setdefault((list(_SIDES).index(one.side), 0.0 if one.side else key[1]), {})[key] = one
     findings = []
-    for load in sorted({key[1] for key in inside}):
-        each = {key: found for key, found in inside.items() if key[1] == load}
-        best, doubt = (float(np.mean(x)) for x in zip(*((p.best, p.doubt) for p in each.values()), strict=True))
-        about, tests = conditions(_AXES, each, who[1]), _tests(facts, list(each), who)
-        detail = Resonance(who, load, each)
-        findings.append(Finding(Topic.RESONANCE, TR, (who[0],), Holds.INSIDE, detail, about, best, doubt, "Hz", tests))
+    for _, each in sorted(groups.items()):
+        found, holds = list(each.values()), _SIDES[next(iter(each.values())).side]
+        best, doubt = (float(np.mean(x)) for x in ([one.best for one in found], [one.doubt for one in found]))
+        size = best, doubt if holds is Holds.INSIDE else None
+        findings.append(_on_curves(facts, (who,), each, Topic.RESONANCE, holds, Resonance(each), *size))
     return findings
 
 
-def _at_an_end(facts: Facts, who: Who, peaks: Mapping[Key, Peak]) -> list[Finding]:
-    """Curves whose largest value stands at an end of the tested frequencies; the effect is that end."""
-    findings = []
-    for side, holds in ((-1, Holds.AT_LOWEST), (1, Holds.AT_HIGHEST)):
-        each = {key: found for key, found in peaks.items() if found.side == side}
-        if each:
-            end = float(np.mean([found.frequency for found in each.values()]))
-            about, tests = conditions(_AXES, each, who[1]), _tests(facts, list(each), who)
-            detail = ResonanceAtEnd(who, each)
-            findings.append(Finding(Topic.RESONANCE, TR, (who[0],), holds, detail, about, end, None, "Hz", tests))
-    return findings
+def _on_curves(
+    facts: Facts,
+    whose: tuple[Who, ...],
+    keys: Iterable[Key],
+    topic: Topic,
+    holds: Holds,
+    detail: Detail,
+    effect: float | None,
+    std: float | None = None,
+) -> Finding:
+    """A finding on the TR curves of specimens in one set-up; the effect is a frequency [Hz]."""
+    curves, setup = {who[0]: facts.curves[who] for who in whose}, whose[0][1]
+    return finding_on(TR, curves, keys, holds, detail, effect, std, unit="Hz", topic=topic, setup=setup)
 
 
-def _order(facts: Facts, peaks: Mapping[Who, Mapping[Key, Peak]], first: Who, second: Who) -> Finding | None:
-    """Whose resonance lies lower, where both lie inside the tested frequencies; the effect is first less second."""
+def _order(facts: Facts, peaks: Mapping[Who, Mapping[Key, Peak]], first: Who, second: Who) -> list[Finding]:
+    """The order of two resonances inside the tested frequencies; the effect is first less second [Hz]."""
     a, b = peaks[first], peaks[second]
     keys = [key for key in common(a, b) if not (a[key].side or b[key].side)]
     if not keys:
-        return None
-    found = ResonanceOrder(
-        first,
-        second,
-        {key: b[key].best - a[key].best for key in keys},
-        {key: hypot(a[key].doubt, b[key].doubt) for key in keys},
-    )
-    names, doubt = (first[0], second[0]), max(found.doubts.values())
-    about, tests = conditions(_AXES, keys, first[1]), _tests(facts, keys, first, second)
-    return Finding(Topic.RESONANCE, TR, names, found.holds, found, about, -found.mean, doubt, "Hz", tests)
+        return []
+    gaps = {key: b[key].best - a[key].best for key in keys}
+    found = ResonanceOrder(gaps, {key: hypot(a[key].doubt, b[key].doubt) for key in keys})
+    size = -found.mean, max(found.doubts.values())
+    return [_on_curves(facts, (first, second), keys, Topic.RESONANCE, found.holds, found, *size)]
 
 
 def crossings(first: Curve, second: Curve) -> list[Crossing]:
-    """Where the curves change places between tested frequencies at which they differ beyond their uncertainty."""
+    """Crossings of two curves, between tested frequencies where they differ by more than two standard uncertainties."""
     order = np.array(first.frequency)
     tested = np.array([f for f in order if np.min(np.abs(np.array(second.frequency) / f - 1.0)) < FREQUENCY.relative])
     if tested.size < _FEWEST_POINTS:
@@ -331,43 +308,42 @@ def crossings(first: Curve, second: Curve) -> list[Crossing]:
 
 
 def _gap(first: Curve, second: Curve, f: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Second less first, and its uncertainty."""
+    """TR of the second less that of the first, and its standard uncertainty."""
     (y_1, u_1), (y_2, u_2) = (_between(curve, np.clip(f, *curve.ends)) for curve in (first, second))
     return y_2 - y_1, np.hypot(u_1, u_2)
 
 
 def _between(curve: Curve, f: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """TR and its uncertainty between the tested frequencies; 1/TR² is the smooth one."""
+    """TR and its uncertainty between the tested frequencies; 1/TR² is interpolated because it is smoother than TR."""
     tested = np.array(curve.frequency)
     tr = 1.0 / np.sqrt(PchipInterpolator(tested, 1.0 / np.array(curve.tr) ** 2)(f))
     return tr, np.interp(f, tested, np.array(curve.std))
 
 
-def _crossings(facts: Facts, first: Who, second: Who) -> Finding | None:
-    """Where two curves cross; the effect is the mean frequency of the single crossings."""
+def _crossings(facts: Facts, first: Who, second: Who) -> list[Finding]:
+    """The crossings of the curves of two specimens; the effect is the mean frequency of the single crossings [Hz]."""
     a, b = facts.curves[first], facts.curves[second]
     keys = [key for key in common(a, b) if min(len(a[key].frequency), len(b[key].frequency)) >= _FEWEST_POINTS]
     if not keys:
-        return None
-    found = Crossings(first, second, {key: tuple(crossings(a[key], b[key])) for key in keys})
+        return []
+    found = Crossings({key: tuple(crossings(a[key], b[key])) for key in keys})
     at = [one.at for one in found.single.values()]
     mean = float(np.mean(at)) if at else None
-    names, about, tests = (first[0], second[0]), conditions(_AXES, keys, first[1]), _tests(facts, keys, first, second)
-    return Finding(Topic.TRANSMISSIBILITY, TR, names, found.holds, found, about, mean, None, "Hz", tests)
+    return [_on_curves(facts, (first, second), keys, Topic.TRANSMISSIBILITY, found.holds, found, mean)]
 
 
 def _measured_against_predicted(facts: Facts) -> list[Finding]:
-    """How far the measured TR is from the predicted one; the effect is the mean departure."""
-    columns = (q.TR_MEASURED.head, q.TR_PREDICTED.head, q.TR.u_head)
-    rows = [(row["test"], *(row[name] for name in columns)) for row in facts.used_dynamic]
-    known = [row for row in rows if all(v is not None and isfinite(v) and v > 0 for v in row[1:3])]
-    if not known:
+    """The measured TR against the predicted one; the effect is the mean departure, relative to the prediction."""
+    off, std = {}, {}
+    for row in facts.used_dynamic:
+        measured, predicted = known(row, q.TR_MEASURED), known(row, q.TR_PREDICTED)
+        if measured and predicted:
+            off[row["test"]] = measured[0] / predicted[0] - 1.0
+            std[row["test"]] = predicted[1] / predicted[0]
+    if not off:
         return []
-    reach = factor(looks=len(known))
-    off = {test: tr / predicted - 1.0 for test, tr, predicted, _ in known}
-    limits = {test: reach * (_UNSTATED_STD if u is None else u / predicted) for test, _, predicted, u in known}
-    beyond = tuple(sorted((test for test in off if abs(off[test]) > limits[test]), key=natural))
-    found = Prediction(off, beyond)
-    holds, tests = Holds.BEYOND if beyond else Holds.WITHIN, tuple(sorted(off, key=natural))
-    names = facts.tyres
-    return [Finding(Topic.TRANSMISSIBILITY, TR, names, holds, found, effect=found.mean, unit="1", tests=tests)]
+    reach = factor(looks=len(off))
+    beyond = tuple(sorted((test for test in off if abs(off[test]) > reach * std[test]), key=natural))
+    found, tests = Prediction(off, beyond), tuple(sorted(off, key=natural))
+    holds = Holds.BEYOND if beyond else Holds.WITHIN
+    return [Finding(Topic.TRANSMISSIBILITY, TR, facts.tyres, holds, found, effect=found.mean, unit="1", tests=tests)]

@@ -6,13 +6,22 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from fourpole.findings.claims import Claim
 from fourpole.findings.finding import Conditions, Finding
-from fourpole.findings.trends import Trend
 
 __all__ = ["FINDING_COLUMNS", "findings_table"]
 
-FINDING_COLUMNS = ("kind", "quantity", "specimens", "condition", "effect", "u(effect)", "unit", "holds", "tests")
+#: Heads of findings.csv, each with its meaning.
+FINDING_COLUMNS = {
+    "kind": "level, comparison, trend with an axis, resonance, claim with its number, or another kind of finding",
+    "quantity": "name of the quantity; blank where the finding is about tests",
+    "specimens": "names of the specimens",
+    "condition": "lowest to highest pressure, load and frequency, the rig, and the added mass",
+    "effect": "size of the effect",
+    "u(effect)": "its standard uncertainty",
+    "unit": "unit of the effect, 1 for a relative one",
+    "holds": "the outcome",
+    "tests": "names of the tests that the finding uses",
+}
 _UNITS = {"pressure": "Pa", "load": "N", "frequency": "Hz"}
 
 
@@ -30,37 +39,29 @@ def findings_table(found: Sequence[Finding]) -> pl.DataFrame:
         separated by "; ".
     """
     rows = [
-        {
-            "kind": _kind(each),
-            "quantity": each.quantity.column if each.quantity else "",
-            "specimens": "; ".join(each.specimens),
-            "condition": _condition(each.conditions),
-            "effect": each.effect,
-            "u(effect)": each.std,
-            "unit": each.unit,
-            "holds": str(each.holds),
-            "tests": "; ".join(each.tests),
-        }
+        (
+            each.kind,
+            each.quantity.column if each.quantity else "",
+            "; ".join(each.specimens),
+            _condition(each.conditions),
+            each.effect,
+            each.std,
+            each.unit,
+            str(each.holds),
+            "; ".join(each.tests),
+        )
         for each in found
     ]
     numbers = ("effect", "u(effect)")
     schema = {name: pl.Float64 if name in numbers else pl.String for name in FINDING_COLUMNS}
-    return pl.DataFrame(rows, schema=schema)
-
-
-def _kind(finding: Finding) -> str:
-    """The kind, with the number of a claim and the axis of a trend."""
-    if isinstance(finding.detail, Claim):
-        return f"{finding.kind} {finding.detail.number}"
-    return f"{finding.kind} with {finding.detail.axis}" if isinstance(finding.detail, Trend) else finding.kind
+    return pl.DataFrame(rows, schema=schema, orient="row")
 
 
 def _condition(about: Conditions) -> str:
     """Lowest to highest setting of each axis in SI, and the set-up."""
     parts = []
     for axis in about.axes:
-        values = about.values(axis)
-        if values:
+        if values := about.values(axis):
             span = f"{values[0]:.6g}" if len(values) == 1 else f"{values[0]:.6g} to {values[-1]:.6g}"
             parts.append(f"{axis} {span} {_UNITS[axis]}")
     if about.setup.rig:

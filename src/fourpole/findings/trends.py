@@ -1,23 +1,22 @@
-"""How a quantity goes with pressure, load and frequency."""
+"""Trends: the change of a quantity with pressure, load and frequency."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby, pairwise
-from typing import ClassVar
 
 import numpy as np
 
 from fourpole.findings.evidence import Effect, FloatArray, along, between, mean_effect, residual_squares
-from fourpole.findings.facts import Measured, tests_of
-from fourpole.findings.finding import Finding, Holds, Key, Topic, conditions
+from fourpole.findings.facts import Values, finding_on
+from fourpole.findings.finding import Finding, Holds, Key
 from fourpole.quantities import Quantity
 
 __all__ = ["Extremum", "Lines", "Trend", "lines_along", "trend_of"]
 
-#: The other axes, in the order in which a trend is looked at value by value along them.
+#: For a trend along each axis: the other axes, the first of which that was varied splits the trend.
 _SPLIT_BY = {"pressure": ("frequency", "load"), "load": ("pressure", "frequency"), "frequency": ("pressure", "load")}
 #: An extremum needs at least this many points on a line.
 _FEWEST_POINTS = 4
@@ -33,7 +32,7 @@ class Extremum:
     holds : Holds
         MAXIMUM or MINIMUM.
     at : float
-        Where on the axis, in SI.
+        Its place on the axis, in SI.
     first, last : Effect
         The values at the two ends relative to the extremum, less 1.
     """
@@ -60,11 +59,10 @@ class Trend:
     effects : mapping
         Relative change from the first to the last point, by the values of the other axes.
     split_by : str or None
-        The other axis along which the change is looked at value by value.
+        The other axis at whose values the change is given one by one.
     extremum : Extremum or None
     """
 
-    kind: ClassVar[str] = "trend"
     axis: str
     rest: tuple[str, ...]
     ends: tuple[float, float]
@@ -74,13 +72,18 @@ class Trend:
     extremum: Extremum | None = None
 
     @property
+    def kind(self) -> str:
+        """Name of the kind in findings.csv, with the axis."""
+        return f"trend with {self.axis}"
+
+    @property
     def mean(self) -> Effect:
-        """Mean change over all lines."""
+        """Mean relative change over all lines."""
         return mean_effect(list(self.effects.values()))
 
     @cached_property
     def parts(self) -> dict[float, Effect]:
-        """Mean change at each value of the axis `split_by`; of all lines where there is no such axis."""
+        """Mean relative change at each value of the axis `split_by`; one mean of all lines if there is no such axis."""
         if self.split_by is None:
             return {0.0: self.mean}
         at = self.rest.index(self.split_by)
@@ -89,19 +92,22 @@ class Trend:
 
     @property
     def holds(self) -> Holds:
-        """RISES or FALLS, MIXED where the direction depends on the other axis, an extremum, or NO_CHANGE."""
+        """MAXIMUM or MINIMUM, RISES or FALLS, MIXED if the direction depends on the other axis, or NO_CHANGE."""
         if self.extremum is not None:
             return self.extremum.holds
-        standing = any(effect.claimed(len(self.parts)) for effect in self.parts.values())
-        if not standing and not self.mean.claimed():
+        single = any(effect.claimed(len(self.parts)) for effect in self.parts.values())
+        if not single and not self.mean.claimed():
             return Holds.NO_CHANGE
-        if {1, -1} <= {effect.sign for effect in self.parts.values()} or (standing and not self.mean.claimed()):
+        if {1, -1} <= {effect.sign for effect in self.parts.values()} or not self.mean.claimed():
             return Holds.MIXED
         return Holds.RISES if self.mean.value > 0 else Holds.FALLS
 
     @property
     def zero(self) -> float | None:
-        """Where the change passes zero between values at which it is claimed either way; None if not exactly once."""
+        """The value of `split_by`, in SI, at which the change passes zero; None if it does not pass zero exactly once.
+
+        The change must be claimed upwards at one value and downwards at another.
+        """
         order, parts = sorted(self.parts), self.parts
         turns = [(a, b) for a, b in pairwise(order) if parts[a].value * parts[b].value < 0.0]
         claimed = {parts[value].sign for value in order if parts[value].sign}
@@ -141,7 +147,10 @@ class Lines:
         return {key: along(*line, variance, dof) for key, line in self.lines.items()}
 
     def scatter(self, order: int) -> tuple[float, float]:
-        """Relative variance about polynomials, and its degrees of freedom: lines at several frequencies share a K1."""
+        """Relative variance of the residuals about polynomials of an order, and its degrees of freedom.
+
+        Lines at several frequencies use the same K1, so only one of them counts for the degrees of freedom.
+        """
         free = {key: max(line[0].size - order - 1, 0) for key, line in self.lines.items()}
         squares = sum(residual_squares(line[0], line[1], order) for key, line in self.lines.items() if free[key])
         own: dict[Key, int] = {}
@@ -151,18 +160,16 @@ class Lines:
         return squares / max(sum(free.values()), 1), float(max(sum(own.values()), 1))
 
     def trend(self) -> Trend:
-        """The change along the axis as data."""
-        ends = min(float(x[0]) for x, _, _ in self.lines.values()), max(float(x[-1]) for x, _, _ in self.lines.values())
-        return Trend(self.axis, self.rest, ends, self.is_line, self.effects(), self._split_by(), self.extremum())
-
-    def _split_by(self) -> str | None:
-        for axis in _SPLIT_BY[self.axis]:
-            if axis in self.rest and len({key[self.rest.index(axis)] for key in self.lines}) > 1:
-                return axis
-        return None
+        """The relative change along the axis, with its extremum."""
+        x = np.concatenate([line[0] for line in self.lines.values()])
+        settings = zip(self.rest, zip(*self.lines, strict=True), strict=True)
+        varied = {axis for axis, values in settings if len({*values}) > 1}
+        split_by = next((axis for axis in _SPLIT_BY[self.axis] if axis in varied), None)
+        ends = float(x.min()), float(x.max())
+        return Trend(self.axis, self.rest, ends, self.is_line, self.effects(), split_by, self.extremum())
 
     def extremum(self) -> Extremum | None:
-        """Maximum or minimum between the ends of the mean curve, where both ends are off it beyond the scatter."""
+        """Maximum or minimum inside the mean curve; None unless both ends differ from it by more than the scatter."""
         full = max(x.size for x, _, _ in self.lines.values())
         grid = next(x for x, _, _ in self.lines.values() if x.size == full)
         lines = [line for line in self.lines.values() if np.array_equal(line[0], grid)]
@@ -171,23 +178,17 @@ class Lines:
         curve = np.mean([y / y.mean() for _, y, _ in lines], axis=0)
         std = np.mean([u / y.mean() for _, y, u in lines], axis=0)
         variance, dof = self.scatter(2)
-        for holds, sign in ((Holds.MAXIMUM, 1.0), (Holds.MINIMUM, -1.0)):
-            top = int(np.argmax(sign * curve))
-            first, last = (
-                Effect(
-                    float(curve[end] / curve[top] - 1.0), (2 * variance) ** 0.5, float(abs(std[end] - std[top])), dof
-                )
-                for end in (0, -1)
-            )
-            off = all(drop.claimed(full) and drop.value * sign < 0 for drop in (first, last))
-            if 0 < top < full - 1 and off:
-                return Extremum(holds, float(grid[top]), first, last)
+        for holds, top in ((Holds.MAXIMUM, int(np.argmax(curve))), (Holds.MINIMUM, int(np.argmin(curve)))):
+            change, shared = curve / curve[top] - 1.0, np.abs(std - std[top])
+            ends = [Effect(float(change[at]), (2 * variance) ** 0.5, float(shared[at]), dof) for at in (0, -1)]
+            if 0 < top < full - 1 and all(end.claimed(full) for end in ends):
+                return Extremum(holds, float(grid[top]), *ends)
         return None
 
 
-def lines_along(values: Mapping[Key, Measured], axes: Sequence[str], axis: str) -> Lines | None:
-    """Lines of three points or more along an axis; where there are none, those of two; else None."""
-    at = list(axes).index(axis)
+def lines_along(values: Values, axes: tuple[str, ...], axis: str) -> Lines | None:
+    """Lines of three points or more along an axis; if there are none, lines of two points; else None."""
+    at = axes.index(axis)
     points: dict[Key, list[tuple[float, float, float]]] = {}
     for key, found in sorted(values.items(), key=lambda item: item[0]):
         if key[at] > 0:
@@ -200,22 +201,10 @@ def lines_along(values: Mapping[Key, Measured], axes: Sequence[str], axis: str) 
     return Lines(axis, rest, {key: tuple(np.array(line).T) for key, line in kept.items()})  # type: ignore[misc]
 
 
-def trend_of(quantity: Quantity, tyre: str, values: Mapping[Key, Measured], axis: str) -> Finding | None:
-    """The trend of a quantity of one specimen along one axis; None where it was not varied."""
+def trend_of(quantity: Quantity, tyre: str, values: Values, axis: str) -> Finding | None:
+    """The trend of a quantity of one specimen along one axis; None if no line has two points on it."""
     lines = lines_along(values, quantity.over, axis)
     if lines is None:
         return None
     found = lines.trend()
-    mean = found.mean
-    return Finding(
-        Topic(quantity.topic),
-        quantity,
-        (tyre,),
-        found.holds,
-        found,
-        conditions(quantity.over, values),
-        mean.value,
-        mean.std,
-        "1",
-        tests_of(values.values()),
-    )
+    return finding_on(quantity, {tyre: values}, values, found.holds, found, found.mean.value, found.mean.std)

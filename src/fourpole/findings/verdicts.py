@@ -1,19 +1,20 @@
-"""How many tests were used, and which tests not to trust, by reason."""
+"""The number of tests that were used; the tests that were rejected or used with a warning, by reason."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import polars as pl
 
-from fourpole.core.checks import Code
+from fourpole.core.checks import VERDICTS, Code, worst_verdict
 from fourpole.findings.facts import Facts, natural
 from fourpole.findings.finding import Finding, Holds, Topic
 
-__all__ = ["Doubt", "ShortCheck", "Tally", "short_checks", "verdicts"]
+__all__ = ["CheckRow", "Doubt", "Tally", "checks_by_test", "verdicts"]
 
+#: Characters of a remark that stand for it where no check has a short form.
 _LONGEST = 160
 
 
@@ -28,12 +29,12 @@ class Tally:
 
     @property
     def total(self) -> int:
-        """All tests."""
+        """Number of all tests."""
         return self.ok + self.warning + self.rejected
 
     @property
     def holds(self) -> Holds:
-        """How many of them were used."""
+        """Whether all, some or none of the tests were used."""
         if not self.total:
             return Holds.NO_TESTS
         if self.rejected == self.total:
@@ -43,60 +44,70 @@ class Tally:
 
 @dataclass(frozen=True)
 class Doubt:
-    """Why some tests were rejected, or are used with a warning."""
+    """Why tests were rejected or have a warning: the code of a check, or the begin of the remark if there is none."""
 
     kind: ClassVar[str] = "doubt"
-    reason: str
+    code: Code | None
+    remark: str = ""
 
 
 @dataclass(frozen=True)
-class ShortCheck:
-    """A check with something to say: its verdict, its cause in a few words (empty where it has none), what to do."""
+class CheckRow:
+    """A check that gave a warning or a rejection, or could not be made: its verdict, code and remedy."""
 
     verdict: str
-    cause: str
+    code: Code | None
     remedy: str
+
+    @property
+    def cause(self) -> str:
+        """The cause in a few words; empty if the check has no short form."""
+        return self.code.short(self.verdict) if self.code else ""
 
 
 def verdicts(facts: Facts) -> list[Finding]:
-    """How many tests were used; then the rejected and the warned ones by reason, the commonest reason first."""
-    worst: dict[str, str] = {}
-    reasons: dict[str, dict[str, set[str]]] = {"rejected": {}, "warning": {}}
-    short = short_checks(facts.results.checks)
-    for test, verdict, remarks in _rows(facts):
-        if verdict == "rejected" or worst.get(test) != "rejected":
-            worst[test] = verdict if verdict != "ok" else worst.get(test, "ok")
-        causes = [one.cause for one in short.get(test, []) if one.verdict == verdict and one.cause]
-        for reason in causes or [_beginning(remarks or "")] if verdict in reasons else ():
-            reasons[verdict].setdefault(reason, set()).add(test)
-    counts = list(worst.values())
-    tally = Tally(*(counts.count(verdict) for verdict in ("ok", "warning", "rejected")))
+    """The number of tests by verdict; then the rejected and the warned ones by reason, the commonest reason first."""
+    rows = pl.concat([table.select("test", "verdict", "remarks") for table in facts.tables]).rows()
+    by_test: dict[str, list[str]] = {}
+    for test, verdict, _ in rows:
+        by_test.setdefault(test, []).append(verdict)
+    worst = {test: worst_verdict(found) for test, found in by_test.items()}
+    tally = Tally(*(list(worst.values()).count(verdict) for verdict in VERDICTS))
     used = tuple(sorted((test for test, verdict in worst.items() if verdict != "rejected"), key=natural))
     found = [Finding(Topic.TRUST, None, facts.tyres, tally.holds, tally, tests=used)]
-    for verdict, by_reason in reasons.items():
-        for reason, tests in sorted(by_reason.items(), key=lambda item: (-len(item[1]), item[0])):
-            names = tuple(sorted(tests, key=natural))
-            found.append(Finding(Topic.TRUST, None, (), Holds(verdict), Doubt(reason), tests=names))
+    checks = checks_by_test(facts.results.checks)
+    for holds in (Holds.REJECTED, Holds.WARNING):
+        reasons: dict[Doubt, set[str]] = {}
+        for test, verdict, remarks in rows:
+            for doubt in _doubts(checks.get(test, ()), verdict, remarks or "") if verdict == holds else ():
+                reasons.setdefault(doubt, set()).add(test)
+        order = sorted(reasons, key=lambda one: (-len(reasons[one]), one.code.text if one.code else "", one.remark))
+        found += [Finding(Topic.TRUST, None, (), holds, one, tests=_sorted(reasons[one])) for one in order]
     return found
 
 
-def _rows(facts: Facts) -> Iterable[tuple[str, str, str]]:
-    return pl.concat([table.select("test", "verdict", "remarks") for table in facts.tables]).iter_rows()
+def _sorted(tests: set[str]) -> tuple[str, ...]:
+    return tuple(sorted(tests, key=natural))
 
 
-def short_checks(checks: pl.DataFrame) -> dict[str, list[ShortCheck]]:
-    """The checks of checks.csv that have something to say, by test; none where the results are of an older version."""
-    found: dict[str, list[ShortCheck]] = {}
+def _doubts(checks: Sequence[CheckRow], verdict: str, remarks: str) -> list[Doubt]:
+    """The reasons of a verdict: the checks that gave it, or the first remark if no check has a short form."""
+    found = [Doubt(one.code) for one in checks if one.verdict == verdict and one.cause]
+    return found or [Doubt(None, _beginning(remarks))]
+
+
+def checks_by_test(checks: pl.DataFrame) -> dict[str, list[CheckRow]]:
+    """The rows of checks.csv that are not plainly ok, by test; empty if the results have no checks.csv."""
+    found: dict[str, list[CheckRow]] = {}
     for row in checks.rows(named=True):
         if row["verdict"] != "ok" or row["statistic"] is None:
-            code = Code.read(row["code"])
-            short = ShortCheck(row["verdict"], code.short(row["verdict"]) if code else "", row["remedy"] or "")
-            found.setdefault(row["test"], []).append(short)
+            one = CheckRow(row["verdict"], Code.read(row["code"]), row["remedy"] or "")
+            found.setdefault(row["test"], []).append(one)
     return found
 
 
 def _beginning(remarks: str) -> str:
-    """The first of the remarks of a test, cut where it is long; it stands where no check has a short form."""
+    """The first remark on a test, cut after 160 characters."""
     first = remarks.split("; ", maxsplit=1)[0].rstrip(".")
     if len(first) > _LONGEST:
         first = first[:_LONGEST].rstrip() + " ..."

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup
 
-from fourpole.findings.verdicts import ShortCheck, short_checks
+from fourpole.findings.verdicts import CheckRow, checks_by_test
 from fourpole.io.write import write_text
 from fourpole.report.cards import embedded, make_cards
 from fourpole.report.models import models_section
@@ -141,7 +141,7 @@ def render_report(results: Results, *, findings: Sequence[Said], figures: Mappin
         faults=list(results.faults),
         assumptions=texts(record.get("assumptions")),
         figures=_numbered(list(figures.values())),
-        remarks=_remarks([*dynamic.rows, *static.rows], short_checks(results.checks)),
+        remarks=_remarks([*dynamic.rows, *static.rows], checks_by_test(results.checks)),
         settings={str(name): str(value) for name, value in mapping(record, "settings").items()},
         versions={str(name): str(value) for name, value in mapping(record, "versions").items()},
         hashes={str(name): str(value) for name, value in mapping(record, "sha256").items()},
@@ -186,14 +186,14 @@ def _topics(findings: Sequence[Said], where: Mapping[str, str]) -> dict[str, lis
     return topics
 
 
-def _remarks(rows: Sequence[Any], short: Mapping[str, Sequence[ShortCheck]]) -> list[_Remark]:
+def _remarks(rows: Sequence[Any], short: Mapping[str, Sequence[CheckRow]]) -> list[_Remark]:
     """Remarks of the checks, the gravest first, each with the tests that it was made on.
 
     Checks of one cause stand together, in its short form; the figures of each test are in its row and on its card.
     """
     groups: dict[tuple[str, str], dict[str, str]] = {}
     for row in rows:
-        for one in short.get(row.test) or [ShortCheck(row.verdict, "", "")]:
+        for one in short.get(row.test) or [CheckRow(row.verdict, None, "")]:
             text = "; ".join(part for part in (one.cause, one.remedy) if part) if one.cause else row.remarks
             if row.remarks:
                 groups.setdefault((one.verdict, text), {})[row.test] = row.card

@@ -1,4 +1,4 @@
-"""The finding in words: one template per kind of finding, filled with its numbers; nothing is computed here."""
+"""Findings in words: each kind of finding has one template, which is filled with its numbers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fourpole.findings.claims import Claim
 from fourpole.findings.comparisons import Comparison
 from fourpole.findings.finding import Finding, Topic
 from fourpole.findings.levels import CycleLoss, Departure, Level
-from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceAtEnd, ResonanceOrder
+from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Trend
 from fourpole.findings.verdicts import Doubt, Tally
 from fourpole.report.words import resonances
@@ -31,8 +31,7 @@ _TEMPLATES: dict[type, Callable[[Finding, Any], str]] = {
     Level: level,
     Trend: trend,
     Departure: linearity,
-    Resonance: resonances.inside,
-    ResonanceAtEnd: resonances.at_an_end,
+    Resonance: resonances.resonance,
     ResonanceOrder: resonances.order,
     Crossings: resonances.crossings,
     Prediction: resonances.prediction,
@@ -47,9 +46,9 @@ class Sentence:
     Attributes
     ----------
     topic : str
-        What it is about, see `fourpole.findings.Topic`.
+        The heading under which it stands, see `fourpole.findings.Topic`.
     text : str
-        Plain text with figures and units; names of tyres and tests stand in it as the campaign has them.
+        Plain text with figures and units, and with names of tyres and tests as in the campaign.
     tests : tuple of str
         The tests that it names; empty where it concerns all.
     """
@@ -70,29 +69,28 @@ def sentences(findings: Sequence[Finding]) -> list[Sentence]:
     Returns
     -------
     list of Sentence
-        In the same order; what a static cycle loses stands in one sentence for all specimens.
+        In the same order; the energy loss of a static cycle stands in one sentence for all specimens.
 
     Examples
     --------
     >>> from fourpole import read_results  # doctest: +SKIP
     >>> from fourpole.findings import findings  # doctest: +SKIP
-    >>> for said in sentences(findings(read_results("campaign/results"))):  # doctest: +SKIP
-    ...     print(said.topic, said.text)
+    >>> for one in sentences(findings(read_results("campaign/results"))):  # doctest: +SKIP
+    ...     print(one.topic, one.text)
     """
-    said: list[Sentence] = []
-    losses = [(finding, finding.detail) for finding in findings if isinstance(finding.detail, CycleLoss)]
+    made: list[Sentence] = []
+    losses = [finding for finding in findings if isinstance(finding.detail, CycleLoss)]
     for finding in findings:
         if not isinstance(finding.detail, CycleLoss):
-            said.append(
-                Sentence(finding.topic, _TEMPLATES[type(finding.detail)](finding, finding.detail), _named(finding))
-            )
-        elif finding is losses[0][0]:
-            said.append(Sentence(finding.topic, cycle_loss(losses)))
-    return said
+            text = _TEMPLATES[type(finding.detail)](finding, finding.detail)
+            made.append(Sentence(finding.topic, text, _named(finding)))
+        elif finding is losses[0]:
+            made.append(Sentence(finding.topic, cycle_loss(losses)))
+    return made
 
 
 def headline(findings: Sequence[Finding]) -> list[str]:
-    """The sentences that come first, at most eight.
+    """The most important sentences, at most eight.
 
     Parameters
     ----------
@@ -101,12 +99,12 @@ def headline(findings: Sequence[Finding]) -> list[str]:
     Returns
     -------
     list of str
-        How many tests were used, the first sentence of each topic, and how many of the paper's claims hold.
+        The number of tests used, the first sentence of each topic, and the number of the paper's claims that hold.
     """
-    said = sentences(findings)
-    texts = [said[0].text]
+    made = sentences(findings)
+    texts = [made[0].text]
     for topic in _HEADLINE:
-        texts += [each.text for each in said if each.topic == topic][:1]
+        texts += [each.text for each in made if each.topic == topic][:1]
     summary = claims_summary(findings)
     return [*texts, *([summary] if summary else [])][:_MOST_IN_HEADLINE]
 

@@ -6,10 +6,22 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from fourpole.findings.claims import CROSS, RADIAL, Claim, Lack
+from fourpole.findings.claims import CROSS, RADIAL, Claim
 from fourpole.findings.evidence import Effect
 from fourpole.findings.finding import Finding, Holds
-from fourpole.findings.readings import Above, ApartAt, Isolation, Likewise, Need, Nonlinear, OptimumAt, Order, Turning
+from fourpole.findings.readings import (
+    Above,
+    ApartAt,
+    Evidence,
+    Isolation,
+    Lack,
+    Likewise,
+    Need,
+    Nonlinear,
+    OptimumAt,
+    Order,
+    Turning,
+)
 from fourpole.findings.trends import Trend
 from fourpole.report.words.phrases import (
     bar,
@@ -42,14 +54,14 @@ Labels = Mapping[str, str]
 
 
 def claim(finding: Finding, found: Claim) -> str:
-    """One claim, whether it holds, and by which figures."""
-    labels = {role: _label(role, name) for role, name in zip((CROSS, RADIAL), found.names, strict=True)}
-    statement, figures_of = _CLAIMS[found.number]
-    statement = statement.format(a=labels[CROSS], b=labels[RADIAL])
+    """One claim, whether it holds, and the numbers that decide, as a sentence."""
+    roles = zip((CROSS, RADIAL), found.names, found.states, strict=True)
+    labels = {role: _label(role, name, state) for role, name, state in roles}
+    statement = _CLAIMS[found.number].format(a=labels[CROSS], b=labels[RADIAL])
     head = f"Claim {found.number} of the paper ({statement})"
     if isinstance(found.found, Lack):
         return f"{head} cannot be told here: it needs {_lack(found.found, labels)}."
-    figures = figures_of(found.found, labels)
+    figures = _figures(found.found, labels)
     if finding.holds is Holds.FALSE:
         return f"{head} does not hold here: {figures}."
     unsure = ", though not beyond the uncertainty" if finding.holds is Holds.TRUE_UNSURE else ""
@@ -57,7 +69,7 @@ def claim(finding: Finding, found: Claim) -> str:
 
 
 def claims_summary(findings: Sequence[Finding]) -> str:
-    """How many of the paper's claims hold; blank where there are none."""
+    """The number of the paper's claims that hold, as a sentence; empty where none was examined."""
     numbers: dict[Holds, list[str]] = {}
     for finding in findings:
         if isinstance(finding.detail, Claim):
@@ -78,8 +90,10 @@ def claims_summary(findings: Sequence[Finding]) -> str:
     return text + "."
 
 
-def _label(role: str, name: str) -> str:
-    return f"the {role}" if role.replace("-", "") in re.sub(r"[^a-z]", "", name.lower()) else f"the {role} ({name})"
+def _label(role: str, name: str, state: str) -> str:
+    """The tyre by its role, with its name in the campaign if that differs, and its temperature if it had several."""
+    named = role.replace("-", "") in re.sub(r"[^a-z]", "", name.lower())
+    return f"the {role}{state}" if named else f"the {role} ({name}{state})"
 
 
 def _lack(lack: Lack, labels: Labels) -> str:
@@ -115,23 +129,15 @@ def _rising(found: Trend, _: Labels) -> str:
     return f"{text} and falls at {falling} of them" if falling else text
 
 
-def _optimum(found: Sequence[OptimumAt], _: Labels) -> str:
-    return f"averaged over frequency, {'; '.join(map(_optimum_at, found))}"
-
-
-def _optimum_at(at: OptimumAt) -> str:
+def _optimum_at(at: OptimumAt, _: Labels) -> str:
     ends = joined(f"{percent(drop)} below it at {bar(p)}" for p, drop in at.drops.items())
     return f"at {newton(at.load)} it is largest at {bar(at.pressure)} and {ends}"
-
-
-def _loads_apart(found: Sequence[ApartAt], labels: Labels) -> str:
-    return "; ".join(_apart(at, labels) for at in found)
 
 
 def _apart(at: ApartAt, labels: Labels) -> str:
     low, high = (bar(p) for p in at.pressures)
     return (
-        f"C of {labels[at.tyre]} at {newton(at.load)} exceeds that at {newton(at.against_load)} by "
+        f"C of {labels[at.tyre]} at {newton(at.loads[0])} exceeds that at {newton(at.loads[1])} by "
         f"{percent(at.high.value)} at {high} (standard uncertainty {percent(at.high.std)}) and by "
         f"{percent(at.low.value)} at {low}"
     )
@@ -152,8 +158,8 @@ def _turning(found: Turning, _: Labels) -> str:
 def _likewise(found: Likewise, labels: Labels) -> str:
     return (
         f"its change with pressure {'turns' if found.turns else 'does not turn'} from fall to rise between 16 and "
-        f"19 Hz; with frequency, {_rising(found.rising, labels)}; against {labels[RADIAL]}, "
-        f"{_above(found.above, labels)}"
+        f"19 Hz; with frequency, {_figures(found.rising, labels)}; against {labels[RADIAL]}, "
+        f"{_figures(found.above, labels)}"
     )
 
 
@@ -173,18 +179,39 @@ def _order(found: Order, labels: Labels) -> str:
     )
 
 
-#: Per claim: what the paper concludes, a and b being its cross-ply and radial-ply; the template of the figures.
-_CLAIMS: dict[int, tuple[str, Callable[[Any, Labels], str]]] = {
-    1: ("K1 of {a} is above that of {b}", _above),
-    2: ("{a} is markedly non-linear under static load, {b} nearly linear", _nonlinear),
-    3: ("C of {a} has its maximum near 1.68 bar", _optimum),
-    4: ("C of {b} rises with pressure", _rising),
-    5: ("at high pressure C is higher under the low load, at low pressure the loads hardly differ", _loads_apart),
-    6: ("C of {b} rises with frequency from 10 to 24 Hz", _rising),
-    7: ("C of {a} is above that of {b}", _above),
-    8: ("K2 of {b} falls with pressure up to 16 Hz, hardly varies round 17.5 Hz and rises above 19 Hz", _turning),
-    9: ("K2 of {b} rises with frequency", _rising),
-    10: ("K2 of {a} behaves like that of {b}, at a higher level", _likewise),
-    11: ("TR of {a} is the lower below 18 Hz, that of {b} above", _isolation),
-    12: ("the resonance of {b} lies below that of {a}", _order),
+_WORDS: dict[type, Callable[[Any, Labels], str]] = {
+    Above: _above,
+    Nonlinear: _nonlinear,
+    Trend: _rising,
+    OptimumAt: _optimum_at,
+    ApartAt: _apart,
+    Turning: _turning,
+    Likewise: _likewise,
+    Isolation: _isolation,
+    Order: _order,
+}
+
+
+def _figures(found: Evidence, labels: Labels) -> str:
+    """The numbers that decide a claim, in words."""
+    if isinstance(found, tuple):
+        first = "averaged over frequency, " if isinstance(found[0], OptimumAt) else ""
+        return first + "; ".join(_WORDS[type(one)](one, labels) for one in found)
+    return _WORDS[type(found)](found, labels)
+
+
+#: The conclusions of the paper by number; a is its cross-ply and b its radial-ply.
+_CLAIMS = {
+    1: "K1 of {a} is above that of {b}",
+    2: "{a} is markedly non-linear under static load, {b} nearly linear",
+    3: "C of {a} has its maximum near 1.68 bar",
+    4: "C of {b} rises with pressure",
+    5: "at high pressure C is higher under the low load, at low pressure the loads hardly differ",
+    6: "C of {b} rises with frequency from 10 to 24 Hz",
+    7: "C of {a} is above that of {b}",
+    8: "K2 of {b} falls with pressure up to 16 Hz, hardly varies round 17.5 Hz and rises above 19 Hz",
+    9: "K2 of {b} rises with frequency",
+    10: "K2 of {a} behaves like that of {b}, at a higher level",
+    11: "TR of {a} is the lower below 18 Hz, that of {b} above",
+    12: "the resonance of {b} lies below that of {a}",
 }

@@ -11,13 +11,14 @@ from fourpole.report.words.phrases import combinations, condition, opening, perc
 
 __all__ = ["comparison"]
 
+#: With more conditions than these their number is given instead of a list.
 _MOST_NAMED = 6
 Effects = Mapping[Key, Effect]
 Axes = tuple[str, ...]
 
 
 def comparison(finding: Finding, found: Comparison) -> str:
-    """Who has more, by how much and where; or that there is no difference."""
+    """The specimen that has more, by how much and where; or that no difference exceeds the uncertainty."""
     said, axes, mean = finding.quantity, finding.conditions.axes, found.mean
     assert said is not None
     where = _where(axes, list(found.effects), each=all(effect.sign == 1 for effect in found.effects.values()))

@@ -1,4 +1,4 @@
-"""Sentences on single quantities of single specimens: their level, their linearity, what a cycle loses."""
+"""Sentences on one quantity of one specimen: its level, its linearity, the energy loss of a static cycle."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LINEAR = {
 
 
 def level(finding: Finding, found: Level) -> str:
-    """Lowest and highest value, where, and how well they are known."""
+    """The lowest and the highest value, their conditions and their standard uncertainty, as a sentence."""
     axes, values = finding.conditions.axes, found.values
     low, high = found.lowest, found.highest
     least, most = (shown(finding.quantity, values[key].value) for key in (low, high))
@@ -32,19 +32,20 @@ def level(finding: Finding, found: Level) -> str:
 
 
 def linearity(finding: Finding, found: Departure) -> str:
-    """How far the load-deflection curves are from straight lines."""
-    count = len(found.shares)
+    """The departure of the load-deflection curves from straight lines, as a sentence."""
+    count = len(found.values)
     curves = "curve departs" if count == 1 else "curves depart"
     return (
         f"Under static load {finding.specimens[0]} is {_LINEAR[finding.holds]}: its load-deflection {curves} from a "
-        f"straight line by {percents(found.shares)} of the load span ({counted(count, 'pressure')})."
+        f"straight line by {percents(found.numbers)} of the load span ({counted(count, 'pressure')})."
     )
 
 
-def cycle_loss(findings: Sequence[tuple[Finding, CycleLoss]]) -> str:
-    """What a static cycle of all specimens loses, in one sentence."""
+def cycle_loss(findings: Sequence[Finding]) -> str:
+    """The energy that a static cycle of each specimen loses, as one sentence."""
     parts = (
-        f"{ranged(found.losses, 'J')} in {finding.specimens[0]} ({counted(len(found.losses), 'pressure')})"
-        for finding, found in findings
+        f"{ranged(found.detail.numbers, 'J')} in {found.specimens[0]} ({counted(len(found.detail.values), 'pressure')})"
+        for found in findings
+        if isinstance(found.detail, CycleLoss)
     )
     return f"A static cycle of loading and unloading loses {joined(parts)}."

@@ -6,17 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fourpole.findings.finding import Finding, Holds, Key, Setup
-from fourpole.findings.resonances import (
-    Crossing,
-    Crossings,
-    Peak,
-    Prediction,
-    Resonance,
-    ResonanceAtEnd,
-    ResonanceOrder,
-    Who,
-)
+from fourpole.findings.finding import Finding, Holds, Key
+from fourpole.findings.resonances import Crossing, Crossings, Peak, Prediction, Resonance, ResonanceOrder
 from fourpole.report.words.phrases import (
     bar,
     condition,
@@ -31,37 +22,51 @@ from fourpole.report.words.phrases import (
     some,
 )
 
-__all__ = ["at_an_end", "crossings", "inside", "order", "prediction"]
+__all__ = ["crossings", "order", "prediction", "resonance"]
 
 _AXES = ("pressure", "load")
+#: With more resonances or conditions than these their range or their number is given instead of a list.
 _MOST_NAMED = 8
 
 
-def _named(who: Who) -> str:
-    tyre, setup = who
-    return tyre if setup == Setup() else f"{tyre} ({_setup(setup)})"
-
-
-def _setup(setup: Setup) -> str:
+def _names(finding: Finding) -> list[str]:
+    """The specimens, each with its rig and added mass where there are any."""
+    setup = finding.conditions.setup
     parts = [f"rig {setup.rig}"] if setup.rig else []
-    return " and ".join([*parts, *([f"{setup.added_mass:g} kg added"] if setup.added_mass > 0.0 else [])])
+    if setup.added_mass > 0.0:
+        parts.append(f"{setup.added_mass:g} kg added")
+    about = f" ({' and '.join(parts)})" if parts else ""
+    return [f"{name}{about}" for name in finding.specimens]
 
 
-def inside(_: Finding, found: Resonance) -> str:
+def resonance(finding: Finding, found: Resonance) -> str:
+    """The largest TR of a specimen: as resonances under one load, or at an end of the tested frequencies."""
+    if finding.holds is Holds.INSIDE:
+        return _inside(finding, found)
+    at = [f"{number(one.tr)} at {hertz(one.frequency)} ({condition(_AXES, key)})" for key, one in found.peaks.items()]
+    return (
+        f"The largest TR of {_names(finding)[0]} stands at the "
+        f"{'lowest' if finding.holds is Holds.AT_LOWEST else 'highest'} tested frequency, beyond which the resonance "
+        f"may lie: {some(at, _MOST_NAMED)}."
+    )
+
+
+def _inside(finding: Finding, found: Resonance) -> str:
     """The resonances of a specimen under one load, pressure by pressure."""
     peaks = found.peaks.values()
-    name = f"{_named(found.who)}{f' at {newton(found.load)}' if found.load > 0 else ''} resonates"
-    f, tr = [each.best for each in peaks], [each.tr for each in peaks]
+    load = next(iter(found.peaks))[1]
+    name = f"{_names(finding)[0]}{f' at {newton(load)}' if load > 0 else ''} resonates"
+    if len(peaks) > _MOST_NAMED:
+        span = ranged([each.best for each in peaks], "Hz")
+        heights = ranged([each.tr for each in peaks])
+        return f"{name} at {span} over {len(peaks)} pressures; the largest TR is {heights}."
     where = [f" ({bar(key[0])})" if key[0] > 0 else "" for key in found.peaks]
-    heights = joined(f"{number(height)}{at}" for height, at in zip(tr, where, strict=True))
-    largest = f"the largest measured TR is {heights}"
-    if len(f) > _MOST_NAMED:
-        said = f"at {ranged(f, 'Hz')} over {len(f)} pressures; the largest TR is {ranged(tr)}"
-    elif all(each.at is not None for each in peaks):
-        said = f"at about {joined(f'{number(v)} Hz{at}' for v, at in zip(f, where, strict=True))}; {largest}"
+    if all(each.at is not None for each in peaks):
+        at = f"at about {joined(f'{number(each.best)} Hz{p}' for each, p in zip(peaks, where, strict=True))}"
     else:
-        said = f"{joined(f'{_at(each)}{at}' for each, at in zip(peaks, where, strict=True))}; {largest}"
-    return f"{name} {said}."
+        at = joined(f"{_at(each)}{p}" for each, p in zip(peaks, where, strict=True))
+    heights = joined(f"{number(each.tr)}{p}" for each, p in zip(peaks, where, strict=True))
+    return f"{name} {at}; the largest measured TR is {heights}."
 
 
 def _at(found: Peak) -> str:
@@ -70,21 +75,10 @@ def _at(found: Peak) -> str:
     return f"between the tested frequencies {number(found.low)} and {number(found.high)} Hz"
 
 
-def at_an_end(finding: Finding, found: ResonanceAtEnd) -> str:
-    """The curves whose largest value stands at an end of the tested frequencies."""
-    said = [
-        f"{number(each.tr)} at {hertz(each.frequency)} ({condition(_AXES, key)})" for key, each in found.peaks.items()
-    ]
-    return (
-        f"The largest TR of {_named(found.who)} stands at the "
-        f"{'lowest' if finding.holds is Holds.AT_LOWEST else 'highest'} tested frequency, beyond which the resonance "
-        f"may lie: {some(said, _MOST_NAMED)}."
-    )
-
-
 def order(finding: Finding, found: ResonanceOrder) -> str:
-    """Whose resonance lies lower."""
-    lower, upper = (_named(who) for who in found.lower_upper)
+    """Which of two specimens has the lower resonance, as a sentence."""
+    first, second = _names(finding)
+    lower, upper = (first, second) if found.mean > 0 else (second, first)
     count, (clear, against) = len(found.gaps), found.counts
     if finding.holds in (Holds.ABOVE, Holds.BELOW):
         gaps = [abs(gap) for gap in found.gaps.values()]
@@ -94,7 +88,7 @@ def order(finding: Finding, found: ResonanceOrder) -> str:
         )
     if finding.holds is Holds.NO_DIFFERENCE:
         return (
-            f"The resonances of {_named(found.first)} and {_named(found.second)} cannot be told apart at "
+            f"The resonances of {first} and {second} cannot be told apart at "
             f"{each_of(count)} in common: the tested frequencies resolve them to "
             f"{number(max(found.doubts.values()), 2)} Hz."
         )
@@ -105,8 +99,9 @@ def order(finding: Finding, found: ResonanceOrder) -> str:
 
 
 def crossings(finding: Finding, found: Crossings) -> str:
-    """Where the curves of two specimens cross, and who is lower below."""
-    names = f"The TR curves of {_named(found.first)} and {_named(found.second)}"
+    """The frequencies at which the TR curves of two specimens cross, and which curve is lower on either side."""
+    first, second = _names(finding)
+    names = f"The TR curves of {first} and {second}"
     if finding.holds is Holds.NO_CROSSING:
         return f"{names} do not cross beyond their uncertainty at {each_of(len(found.at))} in common."
     texts = []
@@ -114,7 +109,7 @@ def crossings(finding: Finding, found: Crossings) -> str:
         at = each_of(len(found.at))
         if len(found.single) < len(found.at):
             at = f"{len(found.single)} of {counted(len(found.at), 'condition')}"
-        texts.append(f"cross once at {at} in common, {_crossed(found.single)}{_below(found)}")
+        texts.append(f"cross once at {at} in common, {_crossed(found.single)}{_below(found, first, second)}")
     if found.several:
         listed = [f"{joined(map(_crossing, at))} ({condition(_AXES, key)})" for key, at in found.several.items()]
         texts.append(f"cross more than once, at {some(listed, _MOST_NAMED)}")
@@ -122,7 +117,7 @@ def crossings(finding: Finding, found: Crossings) -> str:
 
 
 def _crossing(found: Crossing) -> str:
-    """'18.2 Hz', or the tested frequencies on either side."""
+    """The frequency, as '18.2 Hz', if the crossing is resolved; else the tested frequencies on either side."""
     return f"{number(found.at)} Hz" if found.resolved else f"{number(found.low)} to {number(found.high)} Hz"
 
 
@@ -140,16 +135,17 @@ def _crossed(single: Mapping[Key, Crossing]) -> str:
     )
 
 
-def _below(found: Crossings) -> str:
+def _below(found: Crossings, first: str, second: str) -> str:
+    """Which curve is lower below the crossing and above it; empty if that depends on the condition."""
     signs = {one.sign for one in found.single.values()}
     if len(signs) > 1:
         return ""
-    lower, upper = (found.first, found.second) if signs == {1} else (found.second, found.first)
-    return f"; below it {_named(lower)} has the lower TR, above it {_named(upper)}"
+    lower, upper = (first, second) if signs == {1} else (second, first)
+    return f"; below it {lower} has the lower TR, above it {upper}"
 
 
 def prediction(_: Finding, found: Prediction) -> str:
-    """How far the measured TR is from the predicted one."""
+    """The departure of the measured TR from the predicted one, as a sentence."""
     mean, count, worst = percent(found.mean), len(found.off), found.worst
     opening = f"The measured TR of test {worst} differs from the predicted one by {mean}"
     if count > 1:

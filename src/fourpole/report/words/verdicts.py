@@ -1,4 +1,4 @@
-"""Sentences on how many tests were used, and which not to trust."""
+"""Sentences on the number of tests used, and on rejected and warned tests."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from fourpole.report.words.phrases import counted, some
 
 __all__ = ["doubt", "tally"]
 
+#: Tests that one sentence names; more are counted.
 _MOST_NAMED = 10
 
 
 def tally(finding: Finding, found: Tally) -> str:
-    """How many tests were used."""
+    """The number of tests used, with a warning, and rejected, as a sentence."""
     many = found.total > 1
     if finding.holds is Holds.NO_TESTS:
         return "The campaign has no tests."
@@ -29,8 +30,9 @@ def tally(finding: Finding, found: Tally) -> str:
 
 
 def doubt(finding: Finding, found: Doubt) -> str:
-    """Which tests not to trust, or to use with care, and why."""
-    said = "Do not trust" if finding.holds is Holds.REJECTED else "Use with care"
+    """The tests that were rejected, or used with a warning, for one reason, as a sentence."""
+    advice = "Do not trust" if finding.holds is Holds.REJECTED else "Use with care"
     count = len(finding.tests)
     of = f" ({count} tests)" if count > _MOST_NAMED else ""
-    return f"{said} {some(finding.tests, _MOST_NAMED)}{of}: {found.reason}."
+    reason = found.code.short(finding.holds) if found.code else found.remark
+    return f"{advice} {some(finding.tests, _MOST_NAMED)}{of}: {reason}."
