@@ -7,7 +7,6 @@ themselves are in `fourpole.core.routes`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -95,7 +94,7 @@ def identify(
     >>> found.k2.round(-2), found.c.round(0)
     (array([120000.]), array([700.]))
     """
-    answers = _answers(
+    answers = _Answers(
         phasors,
         rig,
         k1,
@@ -133,84 +132,6 @@ def identify(
         )
 
 
-@dataclass(frozen=True)
-class _Answers:
-    """Values of N tests with what they are computed from and their derivatives by all inputs.
-
-    `jacobian` (N, 6, inputs) is in the order of `OUTPUTS`; `covariance` (N, inputs, inputs) is that of the inputs.
-    """
-
-    omega: FloatArray
-    amplitudes: ComplexArray
-    added: FloatArray
-    channels: ChannelUncertainty
-    mobility: ComplexArray
-    by_mobility: FloatArray
-    stiffness: ComplexArray
-    loss_factor: FloatArray
-    k1: FloatArray
-    k1_std: FloatArray
-    k2: FloatArray
-    c: FloatArray
-    tr_measured: FloatArray
-    tr_predicted: FloatArray
-    jacobian: FloatArray
-    covariance: FloatArray
-
-
-def _answers(
-    phasors: Phasors,
-    rig: Rig | None,
-    k1: ArrayLike = np.nan,
-    *,
-    k1_std: ArrayLike = 0.0,
-    route: str = "mobility",
-    added_mass: ArrayLike = 0.0,
-    added_mass_std: ArrayLike = 0.0,
-    channels: ChannelUncertainty | None = None,
-) -> _Answers:
-    """Values and derivatives for the arguments of `identify`."""
-    _check_route(route, rig)
-    count = np.size(phasors.frequency)
-    omega, amplitudes = phasors.omega.reshape(count), phasors.amplitudes.reshape(count, 3)
-    channels = channels or ChannelUncertainty()
-    k1, k1_std, added, added_std = (
-        np.broadcast_to(np.asarray(x, dtype=float), count) for x in (k1, k1_std, added_mass, added_mass_std)
-    )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        state = _Linear(amplitudes, omega, rig, added)
-        mobility, by_mobility = state.mobility()
-        stiffness, by_stiffness = state.stiffness(route)
-        loss, by_loss = _loss_factor(stiffness, by_stiffness)
-        k2, c, by_arm = _arm(stiffness, by_stiffness, k1, omega)
-        measured, predicted, by_tr = state.transmissibility(stiffness, by_stiffness)
-
-    covariance = np.zeros((count, _INPUTS, _INPUTS))
-    covariance[:, :6, :6] = phasors.covariance.reshape(count, 6, 6) + channels.covariance(amplitudes, omega)
-    of_rig = np.tile(rig.uncertainties if rig is not None else np.zeros(len(PARAMETERS)), (count, 1))
-    omega_std = 2 * np.pi * np.asarray(phasors.frequency_std).reshape(count)
-    std = np.column_stack([of_rig, added_std, np.nan_to_num(k1_std), omega_std])
-    covariance[:, range(6, _INPUTS), range(6, _INPUTS)] = std**2
-    return _Answers(
-        omega=omega,
-        amplitudes=amplitudes,
-        added=added,
-        channels=channels,
-        mobility=mobility,
-        by_mobility=parts(by_mobility, axis=-2),
-        stiffness=stiffness,
-        loss_factor=loss,
-        k1=k1,
-        k1_std=k1_std,
-        k2=k2,
-        c=c,
-        tr_measured=measured,
-        tr_predicted=predicted,
-        jacobian=np.concatenate([parts(by_stiffness, axis=-2), by_loss[:, None], by_arm, by_tr[:, None]], axis=1),
-        covariance=covariance,
-    )
-
-
 def _shared(answers: _Answers) -> FloatArray:
     """Change of Re and Im of K* per standard uncertainty of each error that tests share, (N, 2, p) [N/m].
 
@@ -240,7 +161,7 @@ def variance_by_source(
         Sensor noise, frequency, each error of each channel, each of the rig's values, added mass, K1. Their sum is the
         square of the uncertainty that `identify` gives, because the inputs are independent.
     """
-    answers = _answers(phasors, rig, k1, **stated)
+    answers = _Answers(phasors, rig, k1, **stated)
     count = answers.k1.size
 
     def alone(block: FloatArray, at: slice) -> FloatArray:
@@ -260,6 +181,7 @@ def variance_by_source(
 
 
 def _check_route(route: str, rig: Rig | None) -> None:
+    """Raise an error if there is no such route, or if the rig does not allow it."""
     if route not in ROUTES:
         raise ValueError(f"no route {route!r}: choose one of {', '.join(ROUTES)}")
     if rig is None and route != "relative":
@@ -268,19 +190,61 @@ def _check_route(route: str, rig: Rig | None) -> None:
         raise RigError("a blocked rig has no motion beyond the specimen: use the mobility route")
 
 
-class _Linear:
-    """Complex values of N tests, each with its derivatives (N, inputs) by every real input."""
+class _Answers:
+    """Values of N tests for the arguments of `identify`, with their derivatives by every real input.
 
-    def __init__(self, amplitudes: ComplexArray, omega: FloatArray, rig: Rig | None, added: FloatArray) -> None:
-        self.omega, self.rig, self.added = omega, rig, added
-        self.cell_force, self.v1, self.v2 = amplitudes.T
-        jw = 1j * omega
+    `jacobian` (N, 6, inputs) is in the order of `OUTPUTS`; `covariance` (N, inputs, inputs) is that of the inputs.
+    """
+
+    def __init__(
+        self,
+        phasors: Phasors,
+        rig: Rig | None,
+        k1: ArrayLike = np.nan,
+        *,
+        k1_std: ArrayLike = 0.0,
+        route: str = "mobility",
+        added_mass: ArrayLike = 0.0,
+        added_mass_std: ArrayLike = 0.0,
+        channels: ChannelUncertainty | None = None,
+    ) -> None:
+        _check_route(route, rig)
+        count = np.size(phasors.frequency)
+        self.rig, self.channels = rig, channels or ChannelUncertainty()
+        self.omega, self.amplitudes = phasors.omega.reshape(count), phasors.amplitudes.reshape(count, 3)
+        self.k1, self.k1_std, self.added, added_std = (
+            np.broadcast_to(np.asarray(x, dtype=float), count) for x in (k1, k1_std, added_mass, added_mass_std)
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self._identify(route)
+        self.covariance = np.zeros((count, _INPUTS, _INPUTS))
+        noise = phasors.covariance.reshape(count, 6, 6)
+        self.covariance[:, :6, :6] = noise + self.channels.covariance(self.amplitudes, self.omega)
+        of_rig = np.tile(rig.uncertainties if rig is not None else np.zeros(len(PARAMETERS)), (count, 1))
+        omega_std = 2 * np.pi * np.asarray(phasors.frequency_std).reshape(count)
+        std = np.column_stack([of_rig, added_std, np.nan_to_num(self.k1_std), omega_std])
+        self.covariance[:, range(6, _INPUTS), range(6, _INPUTS)] = std**2
+
+    def _identify(self, route: str) -> None:
+        """Set all values and derivatives."""
+        jw = 1j * self.omega
+        self.cell_force, self.v1, self.v2 = self.amplitudes.T
         self.by_cell_force, self.by_v1, self.by_v2 = (self._phasor(i) for i in range(3))
-        input_mass = rig.input_mass if rig is not None else 0.0
+        input_mass = self.rig.input_mass if self.rig is not None else 0.0
         self.f1 = self.cell_force - jw * input_mass * self.v1
         self.by_f1 = self.by_cell_force - (jw * input_mass)[:, None] * self.by_v1
         self.by_f1[:, _INPUT_MASS_AT] -= jw * self.v1
         self.by_f1[:, _OMEGA_AT] -= 1j * input_mass * self.v1
+
+        self.mobility, by_mobility = _ratio(self.v1, self.by_v1, self.cell_force, self.by_cell_force)
+        self.by_mobility = parts(by_mobility, axis=-2)
+        self.stiffness, by_stiffness = self._stiffness(route)
+        by_stiffness[:, _OMEGA_AT] += self.stiffness / self.omega  # the factor jw of every route's formula
+        self.loss_factor, by_loss = _loss_factor(self.stiffness, by_stiffness)
+        self.k2, self.c, by_arm = _arm(self.stiffness, by_stiffness, self.k1, self.omega)
+        self.tr_measured, self.tr_predicted, by_tr = self._transmissibility(by_stiffness)
+        rows = [parts(by_stiffness, axis=-2), by_loss[:, None], by_arm, by_tr[:, None]]
+        self.jacobian = np.concatenate(rows, axis=1)
 
     def _phasor(self, index: int) -> ComplexArray:
         """Derivatives of the amplitude of F1, V1 or V2, by its index."""
@@ -298,16 +262,6 @@ class _Linear:
         by[:, _OMEGA_AT] = -(mobility**2) * self.rig.impedance_slope(self.omega, self.added)
         return mobility, by
 
-    def mobility(self) -> tuple[ComplexArray, ComplexArray]:
-        """V1/F1 as recorded [m/(N s)], and its derivatives."""
-        return _ratio(self.v1, self.by_v1, self.cell_force, self.by_cell_force)
-
-    def stiffness(self, route: str) -> tuple[ComplexArray, ComplexArray]:
-        """K* by a route [N/m], and its derivatives."""
-        value, by = self._stiffness(route)
-        by[:, _OMEGA_AT] += value / self.omega
-        return value, by
-
     def _stiffness(self, route: str) -> tuple[ComplexArray, ComplexArray]:
         """K* by a route [N/m], and its derivatives with the factor jw of the formula held constant."""
         jw = 1j * self.omega
@@ -324,9 +278,7 @@ class _Linear:
         value = transmissibility_route(t, 1.0 / rig, self.omega)
         return value, value[:, None] * (by_t / (t * (1 - t))[:, None] - by_rig / rig[:, None])
 
-    def transmissibility(
-        self, stiffness: ComplexArray, by_stiffness: ComplexArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _transmissibility(self, by_stiffness: ComplexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """abs(V2/V1) as measured, and as predicted by K* and the rig; derivatives of the prediction.
 
         Without a rig that moves, the prediction is not-a-number and the derivatives are those of the measured value.
@@ -337,8 +289,8 @@ class _Linear:
             return np.abs(measured), nothing, _modulus(measured, by_measured)
         rig, by_rig = self._rig()
         jw = 1j * self.omega
-        joined = stiffness * rig
-        by_joined = by_stiffness * rig[:, None] + stiffness[:, None] * by_rig
+        joined = self.stiffness * rig
+        by_joined = by_stiffness * rig[:, None] + self.stiffness[:, None] * by_rig
         predicted = joined / (joined + jw)
         by_predicted = (jw / (joined + jw) ** 2)[:, None] * by_joined
         by_predicted[:, _OMEGA_AT] -= 1j * joined / (joined + jw) ** 2

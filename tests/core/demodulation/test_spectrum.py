@@ -1,9 +1,11 @@
 """What a residual holds: lines that are real, no others, and the noise beside a frequency."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from fourpole.core.demodulation.spectrum import Left, find_lines, noise_beside, strongest_line
+from fourpole.core.demodulation.spectrum import find_lines, noise_beside, strongest_line
 
 RATE, SAMPLES = 1000.0, 2000
 TIME = np.arange(SAMPLES) / RATE
@@ -13,7 +15,17 @@ NO_LINES = np.empty(0)
 
 def left(residual, present, dof, lines=NO_LINES):
     samples = residual.shape[1]
-    return Left(residual, present, (np.arange(samples) - 0.5 * (samples - 1)) / RATE, lines, dof)
+    time = (np.arange(samples) - 0.5 * (samples - 1)) / RATE
+    return SimpleNamespace(
+        residual=residual,
+        present=present,
+        time=time,
+        lines=2 * np.pi * lines,
+        dof=dof,
+        course=None,
+        rate=RATE,
+        resolution=RATE / samples,
+    )
 
 
 @pytest.mark.parametrize("frequency", [3.7, 10.0, 10.13, 10.25, 44.4])

@@ -12,7 +12,6 @@ from fourpole.core.demodulation.preview import Preview, preview
 from fourpole.core.demodulation.sinefit import SineFit, fit_sines, refine
 from fourpole.core.demodulation.spectrum import (
     LINE_GAP,
-    Left,
     Noise,
     find_lines,
     noise_beside,
@@ -170,15 +169,9 @@ def _fitted(
         fits, _ = refine(fits, informing=informing)
     fits = _remove_lines(fits, informing, mains, free=free)
 
-    noise = noise_beside([_left(fit) for fit in fits], fits[0].omega / (2 * np.pi))
+    noise = noise_beside(fits, fits[0].omega / (2 * np.pi))
     fits, omega_std = refine(fits, informing=informing, free=free, weights=_weights(fits, noise))
     return _assemble(recording, tracks, fits, noise, omega_std)
-
-
-def _left(fit: SineFit) -> Left:
-    """The residual of a fit in the form that the estimate of noise takes."""
-    turn = None if fit.course is None else fit.course.turn
-    return Left(fit.residual, fit.present, fit.time, fit.lines / (2 * np.pi), fit.dof, turn)
 
 
 def _weights(fits: list[SineFit], noise: Noise) -> list[FloatArray]:
@@ -270,7 +263,7 @@ def _remove_lines(fits: list[SineFit], informing: list[BoolArray], mains: float 
 
 def _with_lines(fit: SineFit, mains: float | None) -> SineFit | None:
     """The fit with the lines of its residual and of `mains`; None if there are no lines or too few samples."""
-    rate = _left(fit).rate
+    rate = fit.rate
     stated = np.empty(0) if mains is None else mains * np.arange(1, max(1, min(5, int(0.45 * rate / mains))) + 1)
     size = np.hypot(*fit.coefficients[:2])
     shown = find_lines(fit.residual, rate, _NEGLIGIBLE * size)
@@ -286,7 +279,7 @@ def _foreign(lines: FloatArray, fit: SineFit, mains: float | None) -> FloatArray
     """Lines [Hz] that are not sidebands of a followed drive: those of the mains, and those far from any harmonic."""
     fundamental = fit.omega / (2 * np.pi)
     beside = off_multiples(lines, fundamental) < _SIDE * fundamental
-    gap = LINE_GAP * _left(fit).resolution
+    gap = LINE_GAP * fit.resolution
     hum = [off_multiples(lines, base) < gap for base in (50.0, 60.0, mains or 50.0)]
     return lines[~beside | np.any(hum, axis=0)]
 

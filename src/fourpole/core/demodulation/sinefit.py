@@ -86,6 +86,17 @@ class SineFit(ByValue):
         """Number of samples minus number of fitted parameters."""
         return int(self.present.sum()) - self.basis.shape[0]
 
+    @property
+    def resolution(self) -> float:
+        """Width of a bin, 1/T [Hz]."""
+        size = self.time.size
+        return float((size - 1) / (self.time[-1] - self.time[0]) / size)
+
+    @property
+    def rate(self) -> float:
+        """Samples per second [Hz]."""
+        return self.resolution * self.time.size
+
     def amplitudes(self) -> ComplexArray:
         """Complex amplitudes X (channels, harmonics) of x(t) = Re(X e^{jwt}), with t from the middle of the record."""
         pairs = self.coefficients[: 2 * self.harmonics]

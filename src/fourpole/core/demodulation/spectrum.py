@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.demodulation.sinefit import SineFit
 
-__all__ = ["Left", "Noise", "find_lines", "noise_beside", "off_multiples", "strongest_line"]
+__all__ = ["Noise", "find_lines", "noise_beside", "off_multiples", "strongest_line"]
 
 
 #: Power over the local noise at which a line is real: one false line in some ten thousand records of 10 000 bins.
@@ -120,75 +121,38 @@ def _floor(power: FloatArray, block: int = _BLOCK) -> FloatArray:
     return level[:, np.minimum(np.arange(bins) // size, level.shape[1] - 1)]
 
 
-@dataclass(frozen=True, eq=False)
-class Left(ByValue):
-    """The residual of a fit to channels that share their times.
-
-    Attributes
-    ----------
-    residual : (channels, N) float
-    present : (N,) bool
-    time : (N,) float [s]
-        Uniform times from the middle of the record.
-    lines : (L,) float [Hz]
-        Interfering lines that were removed.
-    dof : int
-        Number of samples minus number of fitted parameters.
-    turn : (N,) float [rad], optional
-        Phase of the fundamental minus that of its mean speed.
-    """
-
-    residual: FloatArray
-    present: BoolArray
-    time: FloatArray
-    lines: FloatArray
-    dof: int
-    turn: FloatArray | None = None
-
-    @property
-    def resolution(self) -> float:
-        """Width of a bin, 1/T [Hz]."""
-        size = self.time.size
-        return float((size - 1) / (self.time[-1] - self.time[0]) / size)
-
-    @property
-    def rate(self) -> float:
-        """Samples per second [Hz]."""
-        return self.resolution * self.time.size
-
-
-def noise_beside(parts: Sequence[Left], frequency: float) -> Noise:
+def noise_beside(fits: Sequence[SineFit], frequency: float) -> Noise:
     """Cross-spectrum of the residuals in the bins beside a frequency [Hz].
 
     At most 16 bins on each side and within 0.4 of the frequency are used, without the bins next to the frequency and to
     removed lines. If fewer than four bins remain, the noise is assumed to be white and taken from the whole residual.
     """
-    resolution, rate = parts[0].resolution, min(part.rate for part in parts)
+    resolution, rate = fits[0].resolution, min(fit.rate for fit in fits)
     reach = min(_MOST_BINS, int(_BAND * frequency / resolution), int((0.5 * rate - frequency) / resolution) - 1)
     offsets = np.arange(2, reach + 1)
     offsets = np.concatenate([-offsets[::-1], offsets])
     places = frequency + offsets * resolution
-    lines = np.concatenate([part.lines for part in parts])
+    lines = np.concatenate([fit.lines / (2 * np.pi) for fit in fits])
     if lines.size:
         offsets = offsets[np.min(np.abs(places[:, None] - lines), axis=1) > 1.5 * resolution]
     if offsets.size < _FEWEST_BINS:
-        return _white(parts, rate)
-    bins = np.concatenate([_bins(part, frequency, offsets) for part in parts])
+        return _white(fits, rate)
+    bins = np.concatenate([_bins(fit, frequency, offsets) for fit in fits])
     covariance = bins @ bins.conj().T / offsets.size
     band = (frequency + float(offsets.min()) * resolution, frequency + float(offsets.max()) * resolution)
     return Noise(covariance, band, 2.0 * offsets.size)
 
 
-def _bins(part: Left, frequency: float, offsets: np.ndarray) -> ComplexArray:
+def _bins(fit: SineFit, frequency: float, offsets: np.ndarray) -> ComplexArray:
     """Amplitudes (channels, offsets) of the residual, whole bins beside the fundamental, at the record's middle."""
-    phase = 2 * np.pi * frequency * part.time
-    shifted = part.residual * np.exp(-1j * (phase if part.turn is None else phase + part.turn))
-    to_middle = np.exp(-2j * np.pi * offsets * part.resolution * part.time[0])
-    return np.asarray(np.fft.fft(shifted, axis=1)[:, offsets] * (2.0 / part.present.sum()) * to_middle)
+    phase = 2 * np.pi * frequency * fit.time
+    shifted = fit.residual * np.exp(-1j * (phase if fit.course is None else phase + fit.course.turn))
+    to_middle = np.exp(-2j * np.pi * offsets * fit.resolution * fit.time[0])
+    return np.asarray(np.fft.fft(shifted, axis=1)[:, offsets] * (2.0 / fit.present.sum()) * to_middle)
 
 
-def _white(parts: Sequence[Left], rate: float) -> Noise:
-    """White noise of the level of each part's residual, without correlation between parts."""
-    blocks = [part.residual @ part.residual.T / max(part.dof, 1) * (4.0 / part.present.sum()) for part in parts]
-    dof = min(part.dof for part in parts)
+def _white(fits: Sequence[SineFit], rate: float) -> Noise:
+    """White noise of the level of each fit's residual, without correlation between fits."""
+    blocks = [fit.residual @ fit.residual.T / max(fit.dof, 1) * (4.0 / fit.present.sum()) for fit in fits]
+    dof = min(fit.dof for fit in fits)
     return Noise(linalg.block_diag(*blocks).astype(complex), (0.0, 0.5 * rate), float(max(dof, 1)))

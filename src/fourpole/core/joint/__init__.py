@@ -1,8 +1,8 @@
-"""The joint route: all tests of a rig at once, its values and the channels' gains found along with K*.
+"""The joint route: all tests of a rig at once, with estimates of its values and of the channels' gains besides K*.
 
-``identify_joint`` is the face; ``shared`` says what the tests have in common, ``conditions`` which tests see the same
-tyre, ``model`` what the phasors should be and how they change, ``solve`` finds the most probable values, ``misfit``
-asks whether the rig as stated can be true.
+``identify_joint`` is the entry. ``shared`` has the values that all tests share, ``conditions`` groups tests of the same
+tyre in the same state, ``model`` gives the phasors and their derivatives, ``solve`` finds the most probable values,
+``misfit`` tests whether the stated rig agrees with the tests, and ``reconcile`` applies remedies where it does not.
 """
 
 from __future__ import annotations

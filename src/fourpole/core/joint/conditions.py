@@ -1,4 +1,4 @@
-"""Which tests see the same tyre in the same state, and how K* changes from one frequency to the next."""
+"""Groups of tests with one K*, and the change of K* from the mean frequency of a group to that of a test."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from fourpole.core.routes import maxwell_arm
 
 __all__ = ["Conditions", "group_conditions"]
 
-#: Frequencies closer than this to the next are one condition, up to the whole width.
+#: Largest ratio of successive frequencies in one condition, and of its highest to its lowest frequency.
 _STEP, _WIDTH = 1.0105, 1.0161
-#: Nominal frequencies are the same up to the digits that are written.
+#: Largest ratio of equal nominal frequencies, which allows for rounding in tests.csv.
 _SAME = 1.0005
-#: Closer than this to K1 the arm is too soft to say how it changes.
-_HARDLY_AN_ARM = 1e-3
+#: If K* is closer to K1 than this share of |K*|, the arm is too soft to interpolate K2 and C.
+_SOFT_ARM = 1e-3
 
 
 def group_conditions(family: np.ndarray, frequency: FloatArray, nominal: FloatArray | None = None) -> np.ndarray:
     """Number the conditions: tests of a family at the same nominal frequency, or within about 1 % of each other.
 
-    A sweep in steps finer than that is told from repeats by its nominal frequencies only.
+    Only nominal frequencies distinguish a sweep in finer steps from repeats.
 
     Parameters
     ----------
     family : (N,) int array
-        Same tyre, pressure and preload; negative for tests without a tyre, which keep -1.
+        Number of tyre, pressure and preload; negative for tests without a tyre.
     frequency : (N,) float array [Hz]
-        As found.
+        Frequency as found.
     nominal : (N,) float array, optional [Hz]
-        As stated; not-a-number where it is not. It counts where it is stated for all tests of a family.
+        Frequency as stated, or not-a-number. It is used in families for which it is stated for all tests.
 
     Returns
     -------
     (N,) int array
-        From 0, in the order of family and frequency.
+        Numbers from 0, in the order of family and frequency; -1 for tests without a tyre.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def group_conditions(family: np.ndarray, frequency: FloatArray, nominal: FloatAr
 
 
 def _named(family: np.ndarray, nominal: FloatArray | None) -> np.ndarray:
-    """Tests of families whose nominal frequencies are all stated."""
+    """Flags (N,) of the tests of families whose nominal frequencies are all stated."""
     if nominal is None:
         return np.zeros(family.size, dtype=bool)
     lacking = np.unique(family[~np.isfinite(nominal)])
@@ -67,7 +67,7 @@ def _named(family: np.ndarray, nominal: FloatArray | None) -> np.ndarray:
 
 
 class Conditions:
-    """Conditions of tests that are sorted by condition, those without a tyre first.
+    """Conditions of tests that are sorted by condition; tests without a tyre come first.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Conditions:
     family : (N,) int array
         Tyre, pressure and preload of each test.
     frequency, k1 : (N,) float arrays [Hz], [N/m]
-        K1 is not-a-number where unknown.
+        Frequency and static stiffness of each test; K1 is not-a-number if unknown.
     """
 
     def __init__(self, label: np.ndarray, family: np.ndarray, frequency: FloatArray, k1: FloatArray) -> None:
@@ -103,11 +103,11 @@ class Conditions:
         return self.sum(values) / self.sizes.reshape(-1, *[1] * (values.ndim - 1))
 
     def carried(self, stiffness: ComplexArray) -> ComplexArray:
-        r"""K* of each test over K* of its condition: from the mean frequency to the test's own.
+        r"""K* of each test over K* of its condition, which is at the mean frequency.
 
-        Where K1 is known, 1/K2 and 1/C are carried over the neighbouring frequencies, for they stay finite where K2
-        or C do not: as powers of frequency, or in proportion to its logarithm where they are not all positive. Else
-        K* is carried as a power.
+        If K1 is known, 1/K2 and 1/C are interpolated over the neighbouring frequencies, because they stay finite where
+        K2 or C do not. They are interpolated as powers of frequency, or linearly in its logarithm if they are not all
+        positive. If K1 is unknown, K* is interpolated as a power of frequency.
 
         Parameters
         ----------
@@ -129,23 +129,23 @@ class Conditions:
             k2, c = maxwell_arm(stiffness, self.k1, 2 * np.pi * self.mean_frequency)
             compliance = self._moved(1 / k2) + self._moved(1 / c) / (1j * omega)
             by_arm = (self.k1[label] + 1 / compliance) / stiffness[label]
-            fit = np.abs(stiffness - self.k1) > _HARDLY_AN_ARM * np.abs(stiffness)
+            fit = np.abs(stiffness - self.k1) > _SOFT_ARM * np.abs(stiffness)
         use = fit[label] & np.isfinite(by_arm) & (np.abs(by_arm - ratio[here]) < 0.1)
         ratio[here] = np.where(use, by_arm, ratio[here])
         return ratio
 
     def lead(self, slope: FloatArray) -> FloatArray:
-        """How log `carried` follows the shared values, as the K* of the neighbours do.
+        """Derivative of log `carried` by the shared values, through K* of the neighbouring conditions.
 
         Parameters
         ----------
         slope : (count, 2, p) float array
-            Fall of log K* of each condition with the shared values.
+            Fall of Re and Im of log K* of each condition per unit of the shared values.
 
         Returns
         -------
         (N, 2, p) float array
-            0 for tests without a tyre, and at the mean frequency of a condition.
+            0 for tests without a tyre, and for tests at the mean frequency of their condition.
         """
         lead = np.zeros((self.label.size, *slope.shape[1:]))
         if self.count:
@@ -153,13 +153,13 @@ class Conditions:
         return lead
 
     def _moved(self, values: FloatArray) -> FloatArray:
-        """Real values of the conditions, at each test's own frequency."""
+        """Real values (c,) of the conditions, interpolated at the frequency of each test."""
         label = self.label[self.first :]
         power = values[label] * np.exp(self._slopes(np.log(values))[label] * self._apart)
         return np.where(np.isfinite(power), power, values[label] + self._slopes(values)[label] * self._apart)
 
     def _slopes(self, values: np.ndarray) -> np.ndarray:
-        """Slope of each value by log frequency, over the neighbours in its family; 0 where it has none."""
+        """Slope of each condition's value by log frequency, over its neighbours in the family; 0 without neighbours."""
         at = np.arange(values.shape[0])
         below = np.where((at > 0) & (self.family == np.roll(self.family, 1)), at - 1, at)
         above = np.where((at < values.shape[0] - 1) & (self.family == np.roll(self.family, -1)), at + 1, at)

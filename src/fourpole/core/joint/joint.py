@@ -1,4 +1,4 @@
-"""All tests of a rig at once: the most probable K* of each condition, the rig's values and the channels' gains."""
+"""The joint solution of all tests of a rig: K* of each condition, the rig's values and the channels' gains."""
 
 from __future__ import annotations
 
@@ -25,23 +25,24 @@ __all__ = ["Joint", "solve_joint"]
 
 @dataclass(frozen=True, eq=False)
 class Joint(ByValue):
-    """Result of the joint route, test by test in the order given.
+    """Result of the joint route, for each test in the order given.
 
     Attributes
     ----------
     problem, solution : Problem, Solution
         The tests sorted by condition, and the most probable values.
     order : (N,) int array
-        Which of the tests given each row of `problem` is.
+        Index of the given test for each row of `problem`.
     condition : (N,) int array
-        Of each test given; -1 for a rigid block.
+        Number of the condition of each test; -1 for a rigid block.
     stated : Shared
-        What was stated of the shared values; last, with their size for an uncertainty, parts that nobody stated.
+        Shared values as stated, and after them the unstated parts, with their size as standard uncertainty.
     residuals : Residuals
-        Of each test given.
+        Residuals of each test.
     outlier : (N,) float array [1]
-        By how much the noise of a test that does not go with the others was taken larger; 1 for the others.
+        Factor by which the variance of an outlier was enlarged; 1 for the other tests.
     misfit : Misfit
+        Agreement of the statement with the tests.
     """
 
     problem: Problem
@@ -65,7 +66,7 @@ class Joint(ByValue):
 
     @property
     def found_std(self) -> FloatArray:
-        """Their standard uncertainties, if the rig as stated is true but for what was set aside."""
+        """Standard uncertainties of `found`, if all statements that were not set aside are true."""
         return np.sqrt(np.diag(self.solution.covariance)) * self.problem.shared.std
 
 
@@ -103,27 +104,26 @@ def solve_joint(
     start = closed_form_start(problem.observed, problem.conditions, stated, channels)
     problem = _with_frequency_noise(problem, start)
     solution = solve(problem, start)
-    if not solution.converged:  # K2 and C near their poles change too fast to carry: K* does not
+    if not solution.converged:  # K2 and C may vary too fast near their poles; without K1, K* itself is interpolated
         smooth = np.full(count, np.nan)
         problem = replace(problem, conditions=Conditions(label[order], family[order], sorted_phasors.frequency, smooth))
         solution = solve(problem, start)
     problem, solution, outlier, misfit = reconcile(problem, solution)
     back = np.argsort(order)
-    left = residuals(problem, solution)
     return Joint(
         problem=problem,
         solution=solution,
         order=order,
         condition=label,
         stated=replace(stated, parameters=(*stated.parameters, *problem.shared.parameters[len(stated) :])),
-        residuals=Residuals(*(getattr(left, name)[back] for name in left.__dataclass_fields__)),
+        residuals=residuals(problem, solution).part(back),
         outlier=outlier[back],
         misfit=misfit,
     )
 
 
 def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarray, FloatArray]:
-    """The distinct added masses, which of them each test has (-1: none), and their uncertainties."""
+    """The distinct added masses [kg], the index of each test's mass (-1 for none), and their standard uncertainties."""
     masses, at = np.unique(added, return_inverse=True)
     spread = np.zeros(masses.size)
     np.maximum.at(spread, at, std)
@@ -133,7 +133,7 @@ def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarra
 
 
 def _with_frequency_noise(problem: Problem, stiffness: ComplexArray) -> Problem:
-    """Weights that count what the uncertainty of the frequency does to the amplitudes."""
+    """The problem with the effect of the frequency's uncertainty on the amplitudes added to the noise."""
     observed = problem.observed
     if not np.any(observed.frequency_std > 0):
         return problem

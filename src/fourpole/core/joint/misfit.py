@@ -1,14 +1,13 @@
-"""Whether the rig as stated can be true: residuals test by test, their chi-square, and what would explain them."""
+"""Agreement of the stated rig with the tests: residuals of each test, their chi-square, and possible causes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 from fourpole.core.joint.model import (
     Linear,
     Observed,
@@ -26,30 +25,31 @@ from fourpole.core.sources import PARTS, Kind, Source
 
 __all__ = ["Candidate", "Residuals", "candidates", "pulls", "residuals"]
 
-#: A chi-square less likely than this is a misfit.
+#: A chi-square that chance exceeds with a smaller probability than this is a misfit.
 UNLIKELY = 1e-3
-#: A part of which no more than this share is left, when all that is free is fitted out of it, cannot be told.
-_SEEN = 1e-20
+#: A candidate is not identifiable when less than this fraction of its squared column norm remains after projecting out
+#: the free parameters.
+_IDENTIFIABLE = 1e-20
 
 
 @dataclass(frozen=True, eq=False)
-class Residuals(ByValue):
-    """What the fit leaves, test by test, in the order of the problem.
+class Residuals(ByRows):
+    """Residuals of each test.
 
     Attributes
     ----------
     impedance : (N,) complex array [N s/m]
-        F1/V2 - Zr, corrected for the gains found; not-a-number where F1 or V2 is absent.
+        F1/V2 - Zr, corrected for the gains found; not-a-number if F1 or V2 is absent.
     impedance_covariance : (N, 2, 2) float array
-        Of its Re and Im, from the noise.
+        Covariance of its Re and Im from the noise.
     rig, rig_dof : (N,) float arrays [1]
-        Squared normalised residual that no K* could explain, and its degrees of freedom.
+        Squared normalised residual that no K* can explain, and its degrees of freedom.
     tyre : (N,) float array [1]
-        The rest: how far K* of this test is from that of its condition.
+        Squared normalised residual that another K* for this test alone would explain.
     tyre_part, tyre_weight : (N, 2) float array, (N, 2, 2) float array
-        What it says of log K*: its derivative, and how it weighs a change.
+        Half the fall of the squared residual per change of Re and Im of log K*, and half its second derivative.
     rig_part, rig_weight : (N, 2) float array, (N, 2, 2) float array
-        What the rig's part says of Zr, in the same way.
+        The same for Re and Im of Zr, from the residual that no K* can explain.
     """
 
     impedance: ComplexArray
@@ -64,12 +64,12 @@ class Residuals(ByValue):
 
     @property
     def whole(self) -> FloatArray:
-        """Both parts."""
+        """Squared normalised residual of rig and tyre together (N,) [1]."""
         return self.rig + self.tyre
 
 
 def residuals(problem: Problem, solution: Solution) -> Residuals:
-    """Residuals of a solution."""
+    """Residuals of a solution, in the order of the problem."""
     parts = [
         _of_chunk(problem.observed.part(rows), linear)
         for rows, _, linear in problem.linearised(solution.z, solution.stiffness)
@@ -78,6 +78,7 @@ def residuals(problem: Problem, solution: Solution) -> Residuals:
 
 
 def _of_chunk(observed: Observed, linear: Linear) -> tuple[np.ndarray, ...]:
+    """The fields of `Residuals` for some tests."""
     by_k, tyre_weight = linear.by_stiffness, _gram(linear.by_stiffness)
     basis, _ = cholesky_qr(by_k)
     tyre = _across(basis, linear.residual)
@@ -90,10 +91,10 @@ def _of_chunk(observed: Observed, linear: Linear) -> tuple[np.ndarray, ...]:
     off = (covariance @ rig_part[..., None])[..., 0]
     present = np.abs(observed.amplitudes) > 0
     dof = 2 * present.sum(axis=1) - np.where(observed.rigid, 2, 4)
-    seen = present[:, 0] & present[:, 2]
+    both = present[:, 0] & present[:, 2]
     return (
-        np.where(seen, off[:, 0] + 1j * off[:, 1], np.nan),
-        np.where(seen[:, None, None], covariance, np.nan),
+        np.where(both, off[:, 0] + 1j * off[:, 1], np.nan),
+        np.where(both[:, None, None], covariance, np.nan),
         np.sum(rest**2, axis=1),
         np.maximum(dof, 0),
         np.sum(tyre**2, axis=1),
@@ -105,17 +106,19 @@ def _of_chunk(observed: Observed, linear: Linear) -> tuple[np.ndarray, ...]:
 
 
 def _gram(columns: FloatArray) -> FloatArray:
+    """A^T A (N, k, k) of columns A (N, 6, k)."""
     return np.swapaxes(columns, 1, 2) @ columns
 
 
 def _across(columns: FloatArray, vector: FloatArray) -> FloatArray:
+    """A^T v (N, k) of columns A (N, 6, k) and vectors v (N, 6)."""
     return np.einsum("nij,ni->nj", columns, vector)
 
 
 def pulls(solution: Solution) -> FloatArray:
-    """How far each shared value is drawn from what is stated, in the uncertainty of that distance.
+    """Departure of each shared value from its statement, in standard uncertainties of that departure (p,) [1].
 
-    Not-a-number where the tests say nothing of it.
+    Not-a-number for a value that the tests do not improve.
     """
     gained = 1.0 - np.diag(solution.covariance)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -123,7 +126,7 @@ def pulls(solution: Solution) -> FloatArray:
 
 
 def is_unlikely(chi2: float, dof: float) -> bool:
-    """Whether chance gives such a chi-square less than once in a thousand."""
+    """Whether chance exceeds a chi-square less than once in a thousand times."""
     return bool(dof > 0 and stats.chi2.sf(chi2, dof) < UNLIKELY)
 
 
@@ -134,16 +137,17 @@ class Candidate:
     Attributes
     ----------
     name : str
-        tyre mass, frame, leaf friction, sensor ...
+        Name of the part, as in tyre mass, frame, leaf friction or sensor F1.
     value, std : float
-        Its size by the data, and the standard uncertainty of that, in the unit.
+        Its estimated size and standard uncertainty, in the unit.
     unit : str
+        SI unit of `value`.
     explains : float [1]
-        By how much chi-square would fall.
+        Fall of chi-square with this part.
     source : Source
-        An unstated part of the rig, or an error of a channel.
+        The unstated part of the rig, or the error of a channel.
     size : float
-        Its size in the model's terms.
+        Its estimated size in the unit of `core.sources.PARTS`, or of the error of the channel.
     text : str
         The part in words, with its size.
     """
@@ -159,32 +163,35 @@ class Candidate:
 
     @property
     def of_rig(self) -> bool:
-        """Whether it is a part of the rig, not a sensor."""
+        """Whether it is a part of the rig and not an error of a channel."""
         return self.source.kind is Kind.UNSTATED
 
 
 def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
-    """Unstated parts, by how much of the misfit each alone would explain, best first."""
+    """Unstated parts that could explain a misfit, each by itself; the largest fall of chi-square comes first."""
     p = len(problem.shared)
     _, _, slope = _with_extras(problem, solution, np.zeros((problem.conditions.count, 2, p + len(_EXTRAS))))
     triangle, size, _ = _with_extras(problem, solution, slope)
     block, target = triangle[p:-1, p:-1], triangle[p:-1, -1]
     weight, pull = np.sum(block**2, axis=0), block.T @ target
     found = []
-    for at, (source, words) in enumerate(_EXTRAS.items()):
-        if weight[at] > _SEEN * size[at] and (said := words(float(pull[at] / weight[at]))) is not None:
-            relative = float(np.sqrt(weight[at]) / abs(pull[at]))
-            name, value, unit, text = said
+    for at, source in enumerate(_EXTRAS):
+        if not weight[at] > _IDENTIFIABLE * size[at]:
+            continue
+        estimate = float(pull[at] / weight[at])
+        if (described := _described(source, estimate)) is not None:
+            name, value, unit, text = described
+            std = abs(value) * float(np.sqrt(weight[at]) / abs(pull[at]))
             explains = min(float(pull[at] ** 2 / weight[at]), solution.objective)
-            std = abs(value) * relative
-            found.append(Candidate(name, value, std, unit, explains, source, float(pull[at] / weight[at]), text))
+            found.append(Candidate(name, value, std, unit, explains, source, estimate, text))
     return sorted(found, key=lambda candidate: -candidate.explains)
 
 
 def _with_extras(problem: Problem, solution: Solution, slope: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Triangle of shared values, extra parts and residual; size of the parts' columns; slope of log K* with all.
+    """Triangle of shared values, extra parts and residual; squared norms of the parts' columns; slope of log K*.
 
-    `slope` is that of the neighbours, whose K* each test's is carried by.
+    `slope` (c, 2, p + extras) is the fall of log K* of each condition per unit of the shared values and parts, with
+    which K* of each test follows its neighbours.
     """
     shared = problem.shared
     p, rig = len(shared), shared.rig_at(solution.z)
@@ -205,7 +212,7 @@ def _with_extras(problem: Problem, solution: Solution, slope: FloatArray) -> tup
 
 
 def _extra_columns(observed: Observed, linear: Linear, rig: Rig) -> FloatArray:
-    """Derivatives (N, 6, extras) by each part of `_EXTRAS`, the drive fitted out."""
+    """Derivatives (N, 6, extras) by each part of `_EXTRAS`, with the drive projected out."""
     omega = observed.omega
     shapes = part_shapes(omega, rig, np.abs(linear.drive * linear.ratio), observed.rigid)
     changes = np.stack([shapes[part] for part in PARTS], axis=-1)
@@ -219,67 +226,40 @@ def _extra_columns(observed: Observed, linear: Linear, rig: Rig) -> FloatArray:
     return np.concatenate([columns, projected(linear.frame)(whitened(observed.whiten, sensor))], axis=2)
 
 
-_Said = tuple[str, float, str, str] | None
-
-
-def _mass(change: float) -> _Said:
-    if change > 0:
-        text = f"a moving mass {change:.3g} kg larger than stated, as an undeclared tyre mass would make it"
-        return "tyre mass", change, "kg", text
-    return "moving mass", change, "kg", f"a moving mass {-change:.3g} kg smaller than stated"
-
-
-def _frame(compliance: float) -> _Said:
-    if compliance <= 0:
-        return None
-    text = f"a frame of {1 / compliance:.3g} N/m behind the preload spring, or a spring softer by as much"
-    return "frame", 1 / compliance, "N/m", text
-
-
-def _spring(change: float) -> _Said:
-    if change <= 0:
-        return None
-    return "preload spring", change, "N/m", f"a preload spring {change:.3g} N/m stiffer than stated"
-
-
-def _loss(factor: float) -> _Said:
-    return (
-        ("leaf friction", factor, "1", f"a loss factor of {factor:.3g} in the preload spring") if factor > 0 else None
-    )
-
-
-def _friction(force: float) -> _Said:
-    return ("leaf friction", force, "N", f"dry friction of {force:.3g} N in the preload spring") if force > 0 else None
-
-
-def _gain(symbol: str) -> Callable[[float], _Said]:
-    return lambda gain: (f"sensor {symbol}", gain, "1", f"a gain of {symbol} off by {100 * gain:+.2g} %")
-
-
-def _phase(symbol: str) -> Callable[[float], _Said]:
-    return lambda phase: (
-        f"sensor {symbol}",
-        phase,
-        "rad",
-        f"a phase of {symbol} off by {np.degrees(phase):+.2g} degrees at all frequencies",
-    )
-
-
-def _delay(symbol: str) -> Callable[[float], _Said]:
-    return lambda delay: (
-        f"sensor {symbol}",
-        delay,
-        "s",
-        f"{symbol} {abs(delay) * 1e3:.3g} ms {'late' if delay > 0 else 'early'}",
-    )
-
-
 _SYMBOLS = tuple(SYMBOLS[role] for role in CHANNELS)
-_WORDS = {"mass": _mass, "spring": _spring, "frame": _frame, "loss": _loss, "friction": _friction}
-#: Each extra part with its words, in the order of `_extra_columns`.
-_EXTRAS: dict[Source, Callable[[float], _Said]] = {
-    **{Source(Kind.UNSTATED, part): _WORDS[part] for part in PARTS},
-    **{Source(Kind.GAIN, symbol): _gain(symbol) for symbol in _SYMBOLS},
-    **{Source(Kind.PHASE, symbol): _phase(symbol) for symbol in _SYMBOLS},
-    **{Source(Kind.DELAY, symbol): _delay(symbol) for symbol in _SYMBOLS},
-}
+#: The parts and errors that are tried as explanations, in the order of `_extra_columns`.
+_EXTRAS = (
+    *(Source(Kind.UNSTATED, part) for part in PARTS),
+    *(Source(kind, symbol) for kind in (Kind.GAIN, Kind.PHASE, Kind.DELAY) for symbol in _SYMBOLS),
+)
+
+
+def _described(source: Source, size: float) -> tuple[str, float, str, str] | None:
+    """Name, value, unit and words of a part or error; None for a part whose size has an impossible sign."""
+    of = source.of
+    if source.kind is Kind.UNSTATED:
+        return _described_part(of, size)
+    if source.kind is Kind.GAIN:
+        unit, text = "1", f"a gain of {of} off by {100 * size:+.2g} %"
+    elif source.kind is Kind.PHASE:
+        unit, text = "rad", f"a phase of {of} off by {np.degrees(size):+.2g} degrees at all frequencies"
+    else:
+        unit, text = "s", f"{of} {abs(size) * 1e3:.3g} ms {'late' if size > 0 else 'early'}"
+    return f"sensor {of}", size, unit, text
+
+
+def _described_part(part: str, size: float) -> tuple[str, float, str, str] | None:
+    """Name, value, unit and words of a part of the rig; only a moving mass may be smaller than stated."""
+    if size <= 0:
+        text = f"a moving mass {-size:.3g} kg smaller than stated"
+        return ("moving mass", size, "kg", text) if part == "mass" else None
+    larger = "a moving mass {:.3g} kg larger than stated, as an undeclared tyre mass would make it"
+    behind = "a frame of {:.3g} N/m behind the preload spring, or a spring softer by as much"
+    name, value, unit, text = {
+        "mass": ("tyre mass", size, "kg", larger),
+        "spring": ("preload spring", size, "N/m", "a preload spring {:.3g} N/m stiffer than stated"),
+        "frame": ("frame", 1 / size, "N/m", behind),  # its size is a compliance
+        "loss": ("leaf friction", size, "1", "a loss factor of {:.3g} in the preload spring"),
+        "friction": ("leaf friction", size, "N", "dry friction of {:.3g} N in the preload spring"),
+    }[part]
+    return name, value, unit, text.format(value)

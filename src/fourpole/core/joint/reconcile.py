@@ -1,9 +1,10 @@
-"""Reconcile statement and tests: outliers, contradicted values, missing parts, scatter and noise, round by round."""
+"""Reconcile the statement with the tests: outliers, contradicted values, missing parts, scatter and noise."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -16,61 +17,63 @@ from fourpole.core.sources import PARTS, Kind
 
 __all__ = ["Misfit", "largest_part", "reconcile"]
 
-#: A stated value drawn further than this from what is stated, in standard uncertainties, contradicts the tests; it may
-#: still be true by bad luck, so until luck is out of the question only the uncertainties are those without it.
-_CONFLICT, _IMPOSSIBLE = 3.0, 5.0
-#: A test whose squared residual is this many times the usual one does not belong with the others.
+#: A stated value contradicts the tests if it departs from its estimate by more than this many standard uncertainties.
+_CONFLICT = 3.0
+#: Beyond this many, chance is excluded and the statement is set aside; below, it still counts for the estimates.
+_IMPOSSIBLE = 5.0
+#: A test is an outlier if its squared residual is this many times the usual one.
 _OUTLIER = 50.0
-#: More outliers than this share are no outliers: the rig as stated is wrong.
+#: Largest share of outliers among all tests, and among the tests with one mass; with more, the statement is wrong.
 _FEW, _FEW_OF_A_KIND = 0.1, 0.35
-#: A stated value is to blame where nothing unstated would explain much more than it does, and so is any other that
-#: is drawn nearly as far: the tests cannot tell them apart.
-_AS_GOOD, _AS_FAR = 0.8, 0.9
-#: A part that explains less than this share of a misfit is not its cause.
+#: A stated value is blamed if it explains at least this share of what the best unstated part explains.
+_AS_GOOD = 0.8
+#: A stated value is blamed together with the worst one if its departure is at least this share of the worst departure.
+_AS_FAR = 0.9
+#: A part is a cause of the misfit if it explains at least this share of it.
 _WORTH_NAMING = 0.3
-#: An error of Zr smaller than this, relative to its largest part, is no fault of a rig but noise: no rig is built so.
+#: An error of Zr below this share of its largest part counts as noise, because no rig is built that accurately.
 _TRIFLE = 1e-4
-#: An unstated part is plain where its size is this many times its uncertainty, though all else may hide in the noise.
+#: An unstated part is significant if its size is this many standard uncertainties, even without a misfit.
 _PLAIN = 5.0
-#: Noise may be this many times what each recording by itself says before the rig is doubted.
+#: The noise may be this many times what each recording gives before the statement of the rig counts as wrong.
 _NOISE_IN_DOUBT = 2.0
-#: A cause that explains more than this share of a misfit is it.
+#: An unsteady drive is the cause of the misfit if it explains more than this share of it.
 _MOSTLY = 0.7
-#: Degrees of freedom with which the noise of a test follows that of all.
+#: Degrees of freedom of the prior for the noise of one test about the noise of all tests.
 _KNOWN = 4.0
 _MOST_ROUNDS = 12
 
 
 @dataclass(frozen=True)
 class Misfit:
-    """Whether rig and channels as stated go together with the tests.
+    """Agreement of the stated rig and channels with the tests.
 
     Attributes
     ----------
     chi2, dof : float [1]
-        Of what no tyre could explain: F1/V2 - Zr of all tests, and the shared values against what is stated; with the
-        statement as it is.
+        Chi-square that no tyre can explain, and its degrees of freedom, with the statement unchanged. It includes
+        F1/V2 - Zr of all tests, and the departure of the shared values from the statement.
     fits : bool
-        False where a stated value contradicts, where a part of the rig is missing, or where the misfit is far larger
+        False if the tests contradict a stated value, if a part of the rig is missing, or if the misfit is far larger
         than noise could be.
     rig_error : float [1]
-        Relative error that had to be granted to Zr, of its largest part, in each test; 0 where the rig fits.
+        Model discrepancy of the rig: relative error of Zr, of its largest part, in each test; 0 if the rig fits.
     inflation : float [1]
-        By how much all noise had to be taken larger than each recording by itself says; 1 where it is as it says.
+        Factor of all noise over the noise that each recording gives; 1 if the recordings' noise explains the residuals.
     scatter : float [1]
-        Relative scatter of K* between tests of one condition beyond the noise; 0 where there is none.
+        Relative scatter of K* between tests of one condition in addition to the noise; 0 for none.
     unsteady : float [1]
-        Relative error that had to be granted to the frequency of each test, whose drive has no one speed; 0 for none.
+        Relative error of the frequency of each test, from a drive without a steady speed; 0 for none.
     conflicts : tuple of int
-        Shared values that the tests contradict; where chance is out of the question their statement was set aside.
+        Indices of the shared values that the tests contradict. If chance is excluded, their statement was set aside.
     parts : tuple of str
-        Unstated parts, of `core.sources.PARTS`, that the rig was granted; their sizes are among the shared values.
+        Unstated parts, of `core.sources.PARTS`, that were added to the rig; their sizes are among the shared values.
     candidates : tuple of Candidate
-        Unstated parts that would explain a misfit, the best first; empty where all fits.
+        Unstated parts that would explain a misfit, the best first; empty if there is no misfit.
     """
 
-    chi2: float
-    dof: float
+    chi2: float = 0.0
+    dof: float = 0.0
     fits: bool = True
     rig_error: float = 0.0
     inflation: float = 1.0
@@ -83,45 +86,45 @@ class Misfit:
 
 @dataclass
 class _State:
-    """How things stand after some rounds."""
+    """The problem, its solution and the misfit after some rounds.
+
+    `doubtful` are conflicts that chance may explain; with `trifle`, the noise hides no error of Zr that matters.
+    """
 
     problem: Problem
     solution: Solution
     outlier: FloatArray
-    misfit: Misfit | None = None
-    conflicts: list[int] = field(default_factory=list)
+    misfit: Misfit = field(default_factory=Misfit)
     doubtful: list[int] = field(default_factory=list)
-    parts: list[str] = field(default_factory=list)
-    rig_error: float = 0.0
-    inflation: float = 1.0
-    scatter: float = 0.0
-    unsteady: float = 0.0
     trifle: bool = True
     finished: bool = True
 
     @property
     def fits(self) -> bool:
-        """Whether rig and channels as stated go together with the tests."""
-        as_stated = not (self.conflicts or self.parts or self.rig_error)
-        return self.finished and as_stated and (self.trifle or self.inflation <= _NOISE_IN_DOUBT)
+        """Whether rig and channels as stated agree with the tests."""
+        as_stated = not (self.misfit.conflicts or self.misfit.parts or self.misfit.rig_error)
+        return self.finished and as_stated and (self.trifle or self.misfit.inflation <= _NOISE_IN_DOUBT)
 
-    def solve(self, problem: Problem) -> None:
+    def solve(self, problem: Problem, **misfit: Any) -> None:
+        """Solve a changed problem from the present solution, and note what the misfit has become."""
+        self.misfit = replace(self.misfit, **misfit)
         self.problem = problem
         self.solution = solve(problem, self.solution.stiffness, self.solution.z)
 
 
 def reconcile(problem: Problem, solution: Solution) -> tuple[Problem, Solution, FloatArray, Misfit]:
-    """Repeat until all that is left can be chance: outliers, contradicted statements, scatter of the tyre, the rig.
+    """Repeat remedies until chance explains the residuals: outliers, contradictions, missing parts, scatter, noise.
 
     Returns
     -------
     problem, solution : Problem, Solution
-        With the weights and priors of the last round.
+        The problem with the weights and priors of the last round, and its solution.
     outlier : (N,) float array [1]
-        By how much the variance of each test was enlarged because it does not go with the others.
+        Factor by which the variance of each test was enlarged as an outlier; 1 for the others.
     misfit : Misfit
     """
     state = _State(problem, solution, np.ones(problem.observed.omega.size))
+    diagnosed = False
     for _ in range(_MOST_ROUNDS):
         left = residuals(state.problem, state.solution)
         strange = _outliers(state, left)
@@ -129,36 +132,30 @@ def reconcile(problem: Problem, solution: Solution) -> tuple[Problem, Solution, 
             factor = np.where(strange, np.maximum(left.whole / 2, 1.0), 1.0)
             state.outlier = state.outlier * factor
             state.solve(state.problem.rewhitened(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
-        elif not _mend(state, left):
+            continue
+        if not diagnosed:
+            state.misfit, diagnosed = _unchanged(state.solution, left), True
+        if not _remedied(state, left):
             break
     else:
         state.finished = False
-    # Doubtful values stay where luck would have them; how well they are known does not rest on luck.
+    # Doubtful values keep their estimates; their uncertainties are those without the doubtful statement.
     for at in state.doubtful:
         _set_aside(state, at, _IMPOSSIBLE)
     if state.doubtful:
         state.solution = spread(state.problem, state.solution)
-    misfit = state.misfit or _as_it_is(state.solution, residuals(state.problem, state.solution))
-    return (
-        state.problem,
-        state.solution,
-        state.outlier,
-        replace(
-            misfit,
-            rig_error=state.rig_error,
-            inflation=state.inflation,
-            scatter=state.scatter,
-            unsteady=state.unsteady,
-            conflicts=tuple(state.conflicts),
-            parts=tuple(state.parts),
-            fits=state.fits,
-        ),
-    )
+    if not diagnosed:
+        state.misfit = _unchanged(state.solution, residuals(state.problem, state.solution))
+    return state.problem, state.solution, state.outlier, replace(state.misfit, fits=state.fits)
 
 
 @dataclass(frozen=True)
 class _Diagnosis:
-    """What chance cannot explain, and what would."""
+    """Misfit of a solution that chance cannot explain, and its possible causes.
+
+    `drawn` is the departure of each shared value from its statement, in standard uncertainties of that departure;
+    `size` is the largest part of Zr of each test; `effect` is the change of Zr, over `size`, by the best candidate.
+    """
 
     left: Residuals
     rig_chi2: float
@@ -169,6 +166,11 @@ class _Diagnosis:
     named: list[Candidate]
     size: FloatArray
     effect: float
+
+    @property
+    def bad(self) -> bool:
+        """Whether chance cannot explain the residuals of rig or tyre."""
+        return self.rig_bad or self.tyre_bad
 
     @property
     def rig_bad(self) -> bool:
@@ -184,38 +186,38 @@ class _Diagnosis:
 
     @property
     def pull(self) -> float:
-        """Of the statement drawn furthest away."""
+        """Largest departure of a shared value from its statement, in standard uncertainties."""
         return float(self.drawn.max(initial=0.0))
 
     @property
     def explained(self) -> float:
-        """By the best unstated part."""
+        """Fall of chi-square by the best unstated part."""
         return self.named[0].explains if self.named else 0.0
 
     @property
     def rest(self) -> float:
-        """Chi-square per degree of freedom that the statement drawn furthest away does not explain; at least 1."""
-        if not (self.rig_bad or self.tyre_bad):
+        """Chi-square per degree of freedom without the statement of largest departure; at least 1."""
+        if not self.bad:
             return 1.0
         dof = max(self.rig_dof + self.tyre_dof - 1, 1.0)
         return max((self.rig_chi2 + self.tyre_chi2 - self.pull**2) / dof, 1.0)
 
     @property
     def contradicted(self) -> bool:
-        """Whether a statement is drawn too far, and nothing unstated would explain much more."""
+        """Whether a shared value departs too far from its statement, and no unstated part explains much more."""
         best = max(self.explained, self.pull**2)
         return self.pull > _CONFLICT * np.sqrt(self.rest) and self.pull**2 >= _AS_GOOD * best
 
     @property
     def scattered(self) -> bool:
-        """Whether the tyre differs between tests of one condition, and no gain or part explains it."""
+        """Whether K* differs between tests of one condition, and no gain or part of the rig explains it."""
         best = max(self.explained, self.pull**2)
         more_tyre = self.tyre_chi2 - self.tyre_dof > self.rig_chi2 - self.rig_dof
         return self.tyre_bad and best < 0.5 * self.excess and more_tyre
 
     @property
     def part_missing(self) -> bool:
-        """Whether one unstated part of the rig explains a good share of a misfit, or is plain by itself."""
+        """Whether one unstated part of the rig explains much of the misfit, or is significant by itself."""
         if not self.named or not self.named[0].of_rig or self.effect < _TRIFLE:
             return False
         plain = self.explained > _PLAIN**2 * self.rest
@@ -223,13 +225,14 @@ class _Diagnosis:
 
     @cached_property
     def level(self) -> float:
-        """Relative random error of Zr that would make the misfit of the rig what chance would."""
+        """Relative random error of Zr with which chance explains the misfit of the rig; 0 without a misfit."""
         if not self.rig_bad:
             return 0.0
         return _level(self.left.rig_part, self.left.rig_weight, self.rig_dof, self.size)
 
 
 def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
+    """The diagnosis of the present solution, from its residuals."""
     problem, solution = state.problem, state.solution
     named = candidates(problem, solution)
     size = largest_part(problem, solution)
@@ -252,51 +255,71 @@ def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
     )
 
 
-def _mend(state: _State, left: Residuals) -> bool:
-    """One remedy for the worst of what chance cannot explain; False where there is nothing more to do."""
-    found = _diagnosed(state, left)
-    state.misfit = state.misfit or _as_it_is(state.solution, left)
-    problem, solution = state.problem, state.solution
-    if state.rig_error == 0 and found.contradicted:
-        _name(state, found.named)
-        blamed = np.flatnonzero(found.drawn >= _AS_FAR * found.pull).tolist()
-        state.conflicts += blamed
-        if found.pull > _IMPOSSIBLE:
-            for at in blamed:
-                _set_aside(state, at, found.pull)
-            state.solve(state.problem)
-        else:
-            state.doubtful += blamed
+def _remedied(state: _State, left: Residuals) -> bool:
+    """Apply one remedy to the worst misfit that chance cannot explain; False if there is none."""
+    found, misfit = _diagnosed(state, left), state.misfit
+    if misfit.rig_error == 0 and found.contradicted:
+        _blame(state, found)
     elif found.scattered:
-        scatter = _level(left.tyre_part, left.tyre_weight, found.tyre_dof, np.ones(left.tyre.size))
-        state.scatter = float(np.hypot(state.scatter, scatter))
-        state.solve(problem.widened(problem.columns("by_stiffness", solution.z, solution.stiffness) * scatter))
-    elif found.part_missing and found.named[0].source.of not in state.parts:
+        _add_scatter(state, found)
+    elif found.part_missing and found.named[0].source.of not in misfit.parts:
         _name(state, found.named)
         _add_part(state, found.named[0])
-    elif found.rig_bad and state.parts and found.level > _TRIFLE and state.rig_error < 1:
-        state.rig_error = float(np.hypot(state.rig_error, found.level))
-        columns = problem.columns("by_impedance", solution.z, solution.stiffness)
-        state.solve(problem.widened(columns * (found.level * found.size)[:, None, None]))
-    elif found.rig_bad and state.unsteady == 0 and (drive := _unsteady_drive(state, left, found)) is not None:
-        state.unsteady, columns = drive
-        state.solve(problem.widened(columns))
-    elif found.rig_bad or found.tyre_bad:
-        if found.level > _TRIFLE and found.explained > _WORTH_NAMING * found.excess:
-            _name(state, found.named)
-        state.trifle = state.trifle and found.level <= _TRIFLE
-        ratio = (found.rig_chi2 + found.tyre_chi2) / (found.rig_dof + found.tyre_dof)
-        state.inflation *= float(np.sqrt(ratio))
-        state.solve(problem.rewhitened(problem.observed.whiten / np.sqrt(_each(left, ratio))[:, None, None]))
+    elif found.rig_bad and misfit.parts and found.level > _TRIFLE and misfit.rig_error < 1:
+        _add_rig_error(state, found)
+    elif found.rig_bad and misfit.unsteady == 0 and (drive := _unsteady_drive(state, left, found)) is not None:
+        state.solve(state.problem.widened(drive[1]), unsteady=drive[0])
+    elif found.bad:
+        _enlarge_noise(state, found)
     else:
         return False
     return True
 
 
-def _unsteady_drive(state: _State, left: Residuals, found: _Diagnosis) -> tuple[float, FloatArray] | None:
-    """A random error of each frequency, relative, and its columns (N, 6, 1), where it explains most of the misfit.
+def _blame(state: _State, found: _Diagnosis) -> None:
+    """Note the statements that contradict the tests, and set them aside if chance is excluded."""
+    _name(state, found.named)
+    blamed = np.flatnonzero(found.drawn >= _AS_FAR * found.pull).tolist()
+    conflicts = (*state.misfit.conflicts, *blamed)
+    if found.pull > _IMPOSSIBLE:
+        for at in blamed:
+            _set_aside(state, at, found.pull)
+        state.solve(state.problem, conflicts=conflicts)
+    else:
+        state.misfit = replace(state.misfit, conflicts=conflicts)
+        state.doubtful += blamed
 
-    A drive whose speed wanders has no one frequency, and the inertia of the rig goes with its square.
+
+def _add_scatter(state: _State, found: _Diagnosis) -> None:
+    """Add a random error of K* to each test, of the size that chance then explains."""
+    problem, solution, left = state.problem, state.solution, found.left
+    scatter = _level(left.tyre_part, left.tyre_weight, found.tyre_dof, np.ones(left.tyre.size))
+    columns = problem.columns("by_stiffness", solution.z, solution.stiffness) * scatter
+    state.solve(problem.widened(columns), scatter=float(np.hypot(state.misfit.scatter, scatter)))
+
+
+def _add_rig_error(state: _State, found: _Diagnosis) -> None:
+    """Add a random error of Zr to each test, of the size that chance then explains."""
+    problem, solution = state.problem, state.solution
+    columns = problem.columns("by_impedance", solution.z, solution.stiffness)
+    widened = problem.widened(columns * (found.level * found.size)[:, None, None])
+    state.solve(widened, rig_error=float(np.hypot(state.misfit.rig_error, found.level)))
+
+
+def _enlarge_noise(state: _State, found: _Diagnosis) -> None:
+    """Enlarge the noise of all tests until chance explains the residuals."""
+    if found.level > _TRIFLE and found.explained > _WORTH_NAMING * found.excess:
+        _name(state, found.named)
+    state.trifle = state.trifle and found.level <= _TRIFLE
+    ratio = (found.rig_chi2 + found.tyre_chi2) / (found.rig_dof + found.tyre_dof)
+    whiten = state.problem.observed.whiten / np.sqrt(_each(found.left, ratio))[:, None, None]
+    state.solve(state.problem.rewhitened(whiten), inflation=state.misfit.inflation * float(np.sqrt(ratio)))
+
+
+def _unsteady_drive(state: _State, left: Residuals, found: _Diagnosis) -> tuple[float, FloatArray] | None:
+    """Relative random error of each frequency, and its columns (N, 6, 1), if it explains most of the misfit.
+
+    A drive with a wandering speed has no single frequency, and the inertia of the rig is proportional to its square.
     """
     problem, solution = state.problem, state.solution
     by_k, residual = (problem.columns(name, solution.z, solution.stiffness) for name in ("by_stiffness", "residual"))
@@ -304,41 +327,40 @@ def _unsteady_drive(state: _State, left: Residuals, found: _Diagnosis) -> tuple[
     by_frequency = problem.by_log_frequency(solution.z, solution.stiffness)
     rest, along = (projected(basis)(columns[..., None])[..., 0] for columns in (residual, by_frequency))
     weight = np.sum(along**2, axis=1)
-    seen = (left.rig_dof > 0) & (weight > 0)
+    used = (left.rig_dof > 0) & (weight > 0)
     part = np.sum(along * rest, axis=1)
-    mine = float(np.sum(part[seen] ** 2 / weight[seen])) - float(seen.sum())
-    if mine < _MOSTLY * (found.rig_chi2 - found.rig_dof):
+    explained = float(np.sum(part[used] ** 2 / weight[used])) - float(used.sum())
+    if explained < _MOSTLY * (found.rig_chi2 - found.rig_dof):
         return None
-    level = _level(part[seen, None], weight[seen, None, None], float(seen.sum()), np.ones(int(seen.sum())))
+    level = _level(part[used, None], weight[used, None, None], float(used.sum()), np.ones(int(used.sum())))
     return (level, (by_frequency * level)[:, :, None]) if level < _TRIFLE else None
 
 
 def _each(left: Residuals, ratio: float) -> FloatArray:
-    """By how much the variance of each test is larger: all by the ratio on average, a test that is far off by more.
+    """Factor (N,) of each test's variance: the ratio on average, and more for a test with a large residual.
 
-    The mean of a variance that is itself drawn, with `_KNOWN` degrees of freedom about the ratio, given the residual
-    of the test: where noise is larger than the recordings say, it seldom is so in all of them alike.
+    It is the posterior mean of a variance whose prior has `_KNOWN` degrees of freedom about the ratio. Noise that is
+    larger than the recordings give is seldom equally large in all of them.
     """
     return ratio * (_KNOWN + left.rig / ratio) / (_KNOWN + left.rig_dof)
 
 
 def _name(state: _State, named: list[Candidate]) -> None:
-    """Keep the candidates of the first misfit: later ones are judged with the noise enlarged already."""
-    assert state.misfit is not None
+    """Keep the candidates of the first misfit; those of later rounds are judged with enlarged noise."""
     if not state.misfit.candidates:
         state.misfit = replace(state.misfit, candidates=tuple(named))
 
 
-def _as_it_is(solution: Solution, left: Residuals) -> Misfit:
-    """The misfit of a solution, before anything is done about it."""
+def _unchanged(solution: Solution, left: Residuals) -> Misfit:
+    """The misfit of a solution before any remedy."""
     return Misfit(float(left.rig.sum() + solution.z @ solution.z), float(left.rig_dof.sum()))
 
 
 def _outliers(state: _State, left: Residuals) -> BoolArray:
-    """The few tests that do not go with the others, the worst of each condition at a time.
+    """Flags (N,) of the tests that do not agree with the others, the worst of each condition first.
 
-    They are few in all, and never most of the tests with one mass, or of the rigid blocks: what concerns these
-    together is no outlier but what they are there to show.
+    No test is flagged if too many of all tests, of the tests with one mass or of the rigid blocks would be: what such a
+    group has in common is information about the rig.
     """
     whole, label = left.whole, state.problem.conditions.label
     limit = _OUTLIER * max(1.0, float(np.median(whole)) / 1.4)  # 1.4: the median of chi-square with 2 degrees
@@ -359,15 +381,15 @@ def _outliers(state: _State, left: Residuals) -> BoolArray:
 
 
 def _drawn(state: _State) -> FloatArray:
-    """How far each statement is drawn away, but for those set aside and for what nobody stated."""
+    """Departure of each shared value from its statement; 0 for known conflicts and for unstated parts."""
     pull = np.abs(np.nan_to_num(pulls(state.solution)))
-    pull[state.conflicts] = 0.0
+    pull[list(state.misfit.conflicts)] = 0.0
     pull[[at for at, one in enumerate(state.problem.shared.parameters) if one.source.kind is Kind.UNSTATED]] = 0.0
     return pull
 
 
 def _set_aside(state: _State, at: int, pull: float) -> None:
-    """Make a statement so wide that it hardly pulls any more, and count z in the new uncertainty."""
+    """Enlarge the uncertainty of a statement until it has hardly any weight, and scale z accordingly."""
     shared, z = state.problem.shared, state.solution.z.copy()
     wider = 10.0 * max(pull, 1.0)
     listed = list(shared.parameters)
@@ -378,17 +400,18 @@ def _set_aside(state: _State, at: int, pull: float) -> None:
 
 
 def _add_part(state: _State, candidate: Candidate) -> None:
-    """Let the rig have a part that nobody stated, as large as the tests want it, and as uncertain."""
+    """Add an unstated part to the rig: its stated size is 0, with the estimated size as standard uncertainty."""
     shared = state.problem.shared
     source, size = candidate.source, abs(candidate.size)
-    part = SharedParameter(source, PARTS[source.of], len(state.parts), 0.0, size)
-    state.parts.append(source.of)
+    parts = state.misfit.parts
+    part = SharedParameter(source, PARTS[source.of], len(parts), 0.0, size)
     state.solution = replace(state.solution, z=np.append(state.solution.z, 1.0))
-    state.solve(replace(state.problem, shared=replace(shared, parameters=(*shared.parameters, part))))
+    wider = replace(state.problem, shared=replace(shared, parameters=(*shared.parameters, part)))
+    state.solve(wider, parts=(*parts, source.of))
 
 
 def largest_part(problem: Problem, solution: Solution) -> FloatArray:
-    """Size of the largest part of Zr [N s/m], of mass or spring: Zr itself may vanish, what is wrong with it not."""
+    """Modulus of the larger part of Zr, mass or spring (N,) [N s/m]; unlike Zr it does not vanish at resonance."""
     rig, omega = problem.shared.rig_at(solution.z), problem.observed.omega
     impedance = problem.columns("impedance", solution.z, solution.stiffness)
     spring = rig.preload_stiffness / omega
@@ -396,7 +419,7 @@ def largest_part(problem: Problem, solution: Solution) -> FloatArray:
 
 
 def _level(part: FloatArray, weight: FloatArray, dof: float, size: FloatArray) -> float:
-    """Random error, relative to `size`, that makes the squared residual in two directions what chance would."""
+    """Random error, relative to `size`, with which the squared residual in two directions equals `dof`."""
     values, vectors = np.linalg.eigh(weight * (size**2)[:, None, None])
     drawn = np.einsum("nij,ni->nj", vectors, part * size[:, None]) ** 2
     usable = values > 1e-12 * max(float(values.max(initial=0.0)), 1e-300)

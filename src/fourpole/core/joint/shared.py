@@ -1,4 +1,4 @@
-"""What all tests of a rig have in common: the rig's values, the channels' gains and phases, the weighed masses."""
+"""Shared parameters of all tests of a rig: the rig's values, the channels' gains and phases, the weighed masses."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ __all__ = ["Shared", "SharedParameter"]
 
 @dataclass(frozen=True)
 class SharedParameter:
-    """One value that all tests of a rig share, and what is stated of it.
+    """One value that all tests of a rig share, as stated.
 
     Attributes
     ----------
     source : Source
-        The value that is not exactly known.
+        The uncertain value.
     unit : str
-        SI.
+        SI unit.
     index : int
-        Its place, by the role of the source: in `core.rig.PARAMETERS`, in the list that
-        `core.channelerrors.ChannelUncertainty.errors` returns, or in the distinct masses.
+        Index of the value, by the role of the source: in `core.rig.PARAMETERS`, in the list of errors from
+        `core.channelerrors.ChannelUncertainty.errors`, or in the distinct masses.
     stated, std : float
-        Most probable value and standard uncertainty before the tests, in the unit.
+        Stated value and standard uncertainty, in the unit.
     """
 
     source: Source
@@ -41,22 +41,22 @@ class SharedParameter:
 
     @property
     def is_gain(self) -> bool:
-        """Whether it is a factor, 1 where nothing is wrong."""
+        """Whether the value is a gain, which is 1 for a channel without error."""
         return self.source.kind is Kind.GAIN
 
 
 @dataclass(frozen=True, eq=False)
 class Shared(ByValue):
-    """The shared values that are not exactly known; a vector z counts them in their stated uncertainties.
+    """The uncertain shared values; a vector z has their departures from the statement, in stated uncertainties.
 
     Parameters
     ----------
     rig : Rig
-        As stated.
+        The rig as stated.
     parameters : tuple of SharedParameter
-        Those with an uncertainty, in the order of z.
+        The values with an uncertainty, in the order of z.
     masses : (k,) float array [kg]
-        The distinct masses that `SharedParameter.index` counts.
+        The distinct added masses, in the order of `SharedParameter.index`.
     """
 
     rig: Rig
@@ -65,7 +65,7 @@ class Shared(ByValue):
 
     @classmethod
     def stated(cls, rig: Rig, errors: Sequence[ChannelError], masses: FloatArray, masses_std: FloatArray) -> Shared:
-        """What is stated of a rig, the errors of its channels, and the distinct masses."""
+        """The shared values of a rig, of the errors of its channels, and of the distinct masses, as stated."""
         listed = [
             SharedParameter(Source(Kind.RIG_VALUE, name), unit, at, getattr(rig, name), float(std))
             for at, ((name, unit), std) in enumerate(zip(PARAMETERS.items(), rig.uncertainties, strict=True))
@@ -84,11 +84,11 @@ class Shared(ByValue):
 
     @cached_property
     def std(self) -> FloatArray:
-        """Stated standard uncertainties, each in its unit."""
+        """Stated standard uncertainties (p,), each in its unit."""
         return np.array([parameter.std for parameter in self.parameters])
 
     def _offsets(self, z: FloatArray, role: Role, count: int) -> FloatArray:
-        """How far the values of a role are from the stated ones."""
+        """Departures (count,) of the values of a role from their statement, each in its unit."""
         offsets = np.zeros(count)
         for value, parameter in zip(z * self.std, self.parameters, strict=True):
             if parameter.source.role is role:
@@ -96,26 +96,26 @@ class Shared(ByValue):
         return offsets
 
     def rig_at(self, z: FloatArray) -> Rig:
-        """The rig with the values that z stands for."""
+        """The rig with the values at z."""
         names = list(PARAMETERS)
         moved = self._offsets(z, Role.RIG, len(names))
         return self.rig.shifted(**{name: getattr(self.rig, name) + moved[at] for at, name in enumerate(names)})
 
     def channels_at(self, z: FloatArray, count: int) -> FloatArray:
-        """The errors of the channels, each in its unit."""
+        """The errors of the channels at z, each in its unit."""
         return self._offsets(z, Role.CHANNEL, count)
 
     def masses_at(self, z: FloatArray) -> FloatArray:
-        """The distinct masses [kg]."""
+        """The distinct masses at z [kg]."""
         return self.masses + self._offsets(z, Role.MASS, self.masses.size)
 
     def extra_at(self, z: FloatArray) -> dict[str, float]:
-        """Sizes of the unstated parts, by name."""
+        """Sizes of the unstated parts at z, by name, in the units of `core.sources.PARTS`."""
         sizes = zip(z * self.std, self.parameters, strict=True)
         return {one.source.of: float(value) for value, one in sizes if one.source.kind is Kind.UNSTATED}
 
     def found(self, z: FloatArray) -> FloatArray:
-        """Values at z, each in its unit."""
+        """Values at z (p,), each in its unit."""
         moved = z * self.std
         gain = np.array([parameter.is_gain for parameter in self.parameters], dtype=bool)
         stated = np.array([parameter.stated for parameter in self.parameters])

@@ -1,4 +1,4 @@
-"""The most probable shared values and K* of all conditions, by their structure: cost linear in the tests."""
+"""The most probable shared values and K* of all conditions, at a cost that is linear in the number of tests."""
 
 from __future__ import annotations
 
@@ -14,39 +14,40 @@ from fourpole.core.joint.shared import Shared
 
 __all__ = ["Problem", "Solution", "solve", "spread", "with_columns", "without_stiffness"]
 
-#: Tests worked on at once: what fits into the processor's cache many times over, so that memory stays bounded.
+#: Number of tests in a chunk, which bounds the memory.
 _CHUNK = 4096
+#: Rows of a block in the first step of a QR decomposition.
 _BLOCK = 6 * 64
 _MOST_STEPS = 60
-#: A step below this share of every uncertainty ends the search.
+#: The search has converged if a step is below this share of every standard uncertainty.
 _SMALL = 1e-5
-#: Where it does not, a step below this share of every uncertainty is near enough.
+#: If no such step is found, a last step below this share of every standard uncertainty is also accepted.
 _CLOSE = 1e-2
-#: The objective may rise by this: K* is carried within a condition by slopes of the step before.
+#: Allowed rise of the objective, relative and absolute, because K* follows slopes of the step before.
 _LAGGED = 1e-3
-#: Where a step raises the objective, K* alone is mended this often before the step is halved.
-_MENDED = 4
+#: Steps of K* alone that are tried before a step that raises the objective is halved.
+_CORRECTIONS = 4
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Tests sorted by condition, with what they share."""
+    """Tests sorted by condition, their conditions, and the values that they share."""
 
     observed: Observed
     conditions: Conditions
     shared: Shared
 
     def rewhitened(self, whiten: FloatArray) -> Problem:
-        """The same tests with other weights."""
+        """The same tests with another matrix of weights."""
         return replace(self, observed=replace(self.observed, whiten=whiten))
 
     def widened(self, columns: FloatArray) -> Problem:
-        """The same tests with noise that has `columns` (N, 6, k), in units of the present noise, in addition."""
+        """The same tests with additional noise along `columns` (N, 6, k), in units of the present noise."""
         covariance = np.eye(6) + columns @ np.swapaxes(columns, 1, 2)
         return self.rewhitened(np.linalg.solve(np.linalg.cholesky(covariance), self.observed.whiten))
 
     def chunks(self) -> Iterator[tuple[slice, slice]]:
-        """Tests and conditions that are worked on together: whole conditions, rigid blocks by themselves."""
+        """Slices of tests and of conditions that form a chunk: whole conditions, or rigid blocks alone."""
         conditions = self.conditions
         for first in range(0, conditions.first, _CHUNK):
             yield slice(first, min(first + _CHUNK, conditions.first)), slice(0, 0)
@@ -58,7 +59,7 @@ class Problem:
             at = to
 
     def linearised(self, z: FloatArray, stiffness: ComplexArray) -> Iterator[tuple[slice, slice, Linear]]:
-        """The model, chunk by chunk, at shared values z and K* of each condition."""
+        """The linearised model of each chunk at shared values z and K* of each condition."""
         carried = self.conditions.carried(stiffness)
         label = self.conditions.label
         for rows, group in self.chunks():
@@ -66,11 +67,11 @@ class Problem:
             yield rows, group, linearise(self.observed.part(rows), self.shared, z, own)
 
     def columns(self, name: str, z: FloatArray, stiffness: ComplexArray) -> np.ndarray:
-        """One part of the linearised model for all tests, by its name in `Linear`."""
+        """One field of the linearised model for all tests, by its name in `Linear`."""
         return np.concatenate([getattr(linear, name) for _, _, linear in self.linearised(z, stiffness)])
 
     def by_log_frequency(self, z: FloatArray, stiffness: ComplexArray) -> FloatArray:
-        """Derivative (N, 6) of the residual by log frequency: by a difference, whose error is far below its use."""
+        """Derivative (N, 6) of the residual by log frequency, by a central difference."""
         step = 1e-5
         omega = self.observed.omega
         above, below = (
@@ -82,30 +83,31 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Solution(ByValue):
-    r"""The most probable values, and their joint Gaussian around them.
+    r"""The most probable values, and the normal distribution about them.
 
-    The error of log K* of condition c is :math:`\epsilon_c - B_c\,\delta z` with :math:`\epsilon_c` of covariance
-    `own` (what the noise would leave if the shared values were known) and :math:`\delta z` of covariance `covariance`.
+    The error of log K* of condition c is :math:`\epsilon_c - B_c\,\delta z`. The covariance of :math:`\epsilon_c`, from
+    the noise for known shared values, is `own`; the covariance of :math:`\delta z` is `covariance`.
 
     Attributes
     ----------
     z : (p,) float array
-        Shared values, in their stated uncertainties from what is stated.
+        Departures of the shared values from the statement, in stated standard uncertainties.
     stiffness : (c,) complex array [N/m]
         K* of each condition.
     covariance : (p, p) float array
-        Of z.
+        Covariance of z.
     own : (c, 2, 2) float array
         Covariance of Re, Im of log K* for known shared values.
     slope : (c, 2, p) float array
         B_c.
     objective : float
-        Sum of squared residuals, of the tests and of what is stated.
+        Sum of squared residuals of the tests and of the statement.
     steps : int
-        Steps taken.
+        Number of steps.
     converged : bool
-        False where the search did not come to rest; `reason` says why.
+        Whether the search converged.
     reason : str
+        Why the search did not converge; empty if it did.
     """
 
     z: FloatArray
@@ -121,7 +123,7 @@ class Solution(ByValue):
 
 @dataclass(frozen=True)
 class _Step:
-    """What one sweep over all tests gives: the objective here, and the best step from here."""
+    """Result of one sweep over all tests: the objective at a point, and the Gauss-Newton step from it."""
 
     objective: float
     dz: FloatArray
@@ -133,15 +135,17 @@ class _Step:
 
     @property
     def covariance(self) -> FloatArray:
+        """Covariance (p, p) of z."""
         root = np.linalg.inv(self.triangle) if self.triangle.size else self.triangle
         return root @ root.T
 
     @property
     def own(self) -> FloatArray:
+        """Covariance (c, 2, 2) of log K* for known shared values."""
         return self.own_root @ np.swapaxes(self.own_root, 1, 2)
 
     def size(self) -> float:
-        """Largest change, in its uncertainty."""
+        """Largest change of a value, in its standard uncertainty [1]."""
         covariance = self.covariance
         shared = np.abs(self.dz) / np.sqrt(np.diag(covariance))
         spread = np.sqrt(np.diagonal(self.own + self.slope @ covariance @ np.swapaxes(self.slope, 1, 2), 0, 1, 2))
@@ -150,27 +154,27 @@ class _Step:
 
 
 def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) -> Solution:
-    """Gauss-Newton on the drive-free residuals, steps halved where they do not help.
+    """Gauss-Newton iteration on the residuals without the drive; a step that does not help is halved.
 
     Parameters
     ----------
     problem : Problem
         The tests and their weights.
     start : (c,) complex array [N/m]
-        K* of each condition to start from.
+        First value of K* of each condition.
     z : (p,) float array, optional
-        Shared values to start from; as stated without it.
+        First shared values; by default as stated.
 
     Returns
     -------
     Solution
-        `converged` is False, with a reason, where no rest was found; the values are the best that were met.
+        The values with the smallest objective found. If the search did not converge, `reason` says why.
     """
     z = np.zeros(len(problem.shared)) if z is None else z
     first = _sweep(problem, z, start)
     stiffness, step, share = start, _sweep(problem, z, start, first.slope), 1.0
     before = (z, stiffness, step)
-    reason = f"the search did not come to rest in {_MOST_STEPS} steps"
+    reason = f"the search did not converge in {_MOST_STEPS} steps"
     converged = False
     count = 0
     for count in range(1, _MOST_STEPS + 1):  # noqa: B007 - the number of steps is reported
@@ -188,8 +192,8 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
         z = z0 + share * best.dz
         stiffness = _moved(k0, share * best.dlog_k)
         step = _sweep(problem, z, stiffness, best.slope)
-        for _ in range(_MENDED):
-            # a step along the shared values is long where they are hardly known: K* does not follow in a straight line
+        for _ in range(_CORRECTIONS):
+            # Steps of poorly known shared values are long, and K* does not follow them linearly.
             if _no_worse(step, best):
                 break
             stiffness = _moved(stiffness, step.own_step)
@@ -201,24 +205,25 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
 
 
 def _no_worse(step: _Step, before: _Step) -> bool:
+    """Whether the objective does not rise by more than the allowance."""
     return bool(step.objective <= before.objective * (1 + _LAGGED) + _LAGGED)
 
 
 def _moved(stiffness: ComplexArray, dlog_k: FloatArray) -> ComplexArray:
-    """K* changed by so much of its logarithm, but by no more than 1."""
+    """K* with changes (c, 2) of Re and Im of its logarithm, each limited to a modulus of 1."""
     change = dlog_k[:, 0] + 1j * dlog_k[:, 1]
     return np.asarray(stiffness * np.exp(change / np.maximum(1.0, np.abs(change))))
 
 
 def spread(problem: Problem, solution: Solution) -> Solution:
-    """The same values with the uncertainties that another problem gives them."""
+    """The same values with the uncertainties from another problem."""
     first = _sweep(problem, solution.z, solution.stiffness)
     step = _sweep(problem, solution.z, solution.stiffness, first.slope)
     return replace(solution, covariance=step.covariance, own=step.own, slope=step.slope)
 
 
 def _sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray | None = None) -> _Step:
-    """One look at all tests; `before` is the slope of log K* as last known, which the carried K* follow."""
+    """Objective and step from all tests; `before` (c, 2, p) is the slope of log K* from the step before."""
     p = len(problem.shared)
     lead = np.zeros((problem.conditions.label.size, 2, p)) if before is None else problem.conditions.lead(before)
     triangle = np.hstack([np.eye(p), -z[:, None]])
@@ -244,7 +249,7 @@ def _sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: Flo
 
 
 def with_columns(triangle: FloatArray, columns: FloatArray) -> FloatArray:
-    """R of a triangle (k, k) on top of the columns (N, 6, k); in small blocks, which need no threads to be quick."""
+    """R of the QR decomposition of a triangle (k, k) above the columns (N, 6, k), computed in small blocks."""
     k = columns.shape[2]
     rows = columns.reshape(-1, k)
     whole = rows.shape[0] // _BLOCK * _BLOCK
@@ -255,14 +260,14 @@ def with_columns(triangle: FloatArray, columns: FloatArray) -> FloatArray:
 def without_stiffness(
     by_stiffness: FloatArray, columns: FloatArray, starts: np.ndarray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fit K* of each condition out of the columns: R^-1, Q^T columns (c, 2, k), and the columns left (N, 6, k)."""
+    """Project K* of each condition out of columns: R^-1 (c, 2, 2), Q^T columns (c, 2, k), and the rest (N, 6, k)."""
 
     def sums(values: FloatArray) -> FloatArray:
         return np.add.reduceat(values, starts, axis=0)
 
     sizes = np.diff(np.append(starts, by_stiffness.shape[0]))
     basis, root = by_stiffness, np.eye(2)
-    for _ in range(2):  # twice: the first leaves the square of the conditioning in the basis
+    for _ in range(2):  # twice, because one pass amplifies round-off by the squared condition number
         inverse = inverse_upper(upper_factor(sums(np.swapaxes(basis, 1, 2) @ basis)))
         basis = basis @ np.repeat(inverse, sizes, axis=0)
         root = root @ inverse
