@@ -1,7 +1,7 @@
-"""Before testing: the uncertainty to expect of a plan, and what reaches a wanted one at least effort.
+"""Planning: the expected uncertainty of planned tests, and the cheapest changes that reach a wanted uncertainty.
 
-``expect`` says what the analysis would state of tests that went as planned; ``remedies`` lists what can be done about
-it, and what each costs; ``advise`` finds the cheapest that do.
+``expect`` gives the result that the analysis would state for tests as planned. ``remedies`` lists possible changes of a
+plan with their cost. ``advise`` finds the cheapest changes that are sufficient.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which remedies reach a wanted uncertainty of K2 and C, the cheapest first."""
+"""Remedies that reach a wanted uncertainty of K2 and C, in the order of their cost."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from fourpole.core.plan.remedies import MASSES, Effort, Plan, Remedy, k1_remedie
 
 __all__ = ["Advice", "Outcome", "advise"]
 
-#: Uncertainties that differ by less count as equal.
+#: Uncertainties count as equal within this ratio.
 _AS_GOOD = 1.02
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What some remedies together lead to.
+    """Expected result of some remedies together.
 
     Attributes
     ----------
     remedies : tuple of Remedy
-        Empty for the plan as it is.
+        The remedies; empty for the plan without changes.
     k2, c : float [1]
         Expected relative standard uncertainties of K2 and C: medians over the planned tests.
     """
@@ -36,41 +36,41 @@ class Outcome:
 
     @property
     def worst(self) -> float:
-        """The larger of the two [1]."""
+        """The larger of the expected relative uncertainties of K2 and C [1]."""
         return max(self.k2, self.c)
 
     @property
     def minutes(self) -> float:
-        """What they cost together [min]."""
+        """Cost of the remedies together [min]."""
         return sum(remedy.minutes for remedy in self.remedies)
 
     @property
     def text(self) -> str:
-        """The remedies in words."""
+        """The remedies as a text."""
         return "; ".join(remedy.text for remedy in self.remedies) or "the plan as it is"
 
 
 @dataclass(frozen=True)
 class Advice:
-    """What to do for a wanted uncertainty.
+    """Advice for reaching a wanted uncertainty.
 
     Attributes
     ----------
     wanted : float [1]
-        Of K2 and of C, relative.
+        Wanted relative standard uncertainty of K2 and of C.
     route : str
-        The route that all numbers here are for.
+        Name of the route by which all values are expected.
     now : Outcome
-        The plan as it is.
+        Result of the plan without changes.
     alone : tuple of Outcome
-        For each kind of remedy, the cheapest that reaches what is wanted, or else the one that comes nearest to it.
+        For each kind of remedy, the cheapest one that is sufficient; without one, the remedy that comes nearest.
     reaching : tuple of Outcome
-        Remedies and their combinations that reach it, one for each set of kinds, the cheapest first; empty where the
-        plan does already, or where nothing does.
+        Sufficient remedies and combinations, one for each set of kinds, the cheapest first. Empty if the plan is
+        sufficient without changes, or if no combination is.
     nearest : Outcome
-        The smallest that any combination leads to, within 2 %, by the cheapest of them.
+        The cheapest combination whose uncertainty is within 2 % of the smallest possible.
     of_k1 : float [1]
-        What K1, as planned, leaves in K2 or C however good the dynamic tests are: the larger of the two medians.
+        Relative uncertainty of K2 or C, the larger median, that the planned uncertainty of K1 alone causes.
     """
 
     wanted: float
@@ -83,12 +83,12 @@ class Advice:
 
     @property
     def reached(self) -> bool:
-        """Whether the plan as it is does."""
+        """Whether the plan without changes is sufficient."""
         return self.now.worst <= self.wanted
 
 
 def advise(plan: Plan, wanted: float, *, masses: Sequence[float] = MASSES, effort: Effort | None = None) -> Advice:
-    """Look for what brings the expected uncertainty of K2 and C to a wanted one at least effort.
+    """Find the changes of a plan that reach a wanted uncertainty of K2 and C with the least effort.
 
     Parameters
     ----------
@@ -96,9 +96,9 @@ def advise(plan: Plan, wanted: float, *, masses: Sequence[float] = MASSES, effor
     wanted : float [1]
         Relative standard uncertainty, > 0, of K2 and of C: median over the planned tests.
     masses : sequence of float [kg]
-        Masses that could be added.
+        Masses that are available.
     effort : Effort, optional
-        What things cost.
+        Costs of the remedies.
 
     Returns
     -------
@@ -111,8 +111,8 @@ def advise(plan: Plan, wanted: float, *, masses: Sequence[float] = MASSES, effor
 
     Notes
     -----
-    Every combination of one remedy each for noise, sensors, rig and K1 is tried; a mass or further frequencies stand
-    in the place of better sensors and rig, with noise and K1.
+    All combinations of one remedy each for noise, sensors, rig and K1 are compared. Combinations with an added mass or
+    further frequencies have one remedy each for noise and K1, and none for sensors and rig.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def advise(plan: Plan, wanted: float, *, masses: Sequence[float] = MASSES, effor
     by_k1 = arm_by_k1(plan.tests)
     of_k1 = k1_remedies(plan, effort)
     outcomes = []
-    for chosen, variance in _tried(plan, remedies(plan, effort, masses), route):
+    for chosen, variance in _combinations(plan, remedies(plan, effort, masses), route):
         for better in (None, *of_k1):
             listed = chosen if better is None else (*chosen, better)
             outcomes.append(_outcome(plan, listed, variance, by_k1))
@@ -152,14 +152,16 @@ def advise(plan: Plan, wanted: float, *, masses: Sequence[float] = MASSES, effor
     )
 
 
-def _tried(plan: Plan, listed: dict[str, list[Remedy]], route: str) -> Iterator[tuple[tuple[Remedy, ...], FloatArray]]:
-    """Combinations with the variance of K2 and C of the planned tests that they lead to, K1 apart; none first."""
-    surely = replace(plan, tests=replace(plan.tests, k1_std=np.zeros(len(plan.tests))))
+def _combinations(
+    plan: Plan, listed: dict[str, list[Remedy]], route: str
+) -> Iterator[tuple[tuple[Remedy, ...], FloatArray]]:
+    """Combinations, each with the variance (N, 2) of K2 and C for an exact K1; the first has no remedy."""
+    exact_k1 = replace(plan, tests=replace(plan.tests, k1_std=np.zeros(len(plan.tests))))
     either = [*product((None, *listed["sensors"]), (None, *listed["rig"])), *((more,) for more in listed["more tests"])]
     for part in either:
         for noise in (None, *listed["noise"]):
             chosen = tuple(remedy for remedy in (*part, noise) if remedy is not None)
-            changed = surely
+            changed = exact_k1
             for remedy in chosen:
                 changed = remedy.change(changed)
             found = changed.expect(route)
@@ -167,6 +169,7 @@ def _tried(plan: Plan, listed: dict[str, list[Remedy]], route: str) -> Iterator[
 
 
 def _outcome(plan: Plan, chosen: tuple[Remedy, ...], variance: FloatArray, by_k1: FloatArray) -> Outcome:
+    """The outcome of remedies, from the variance (N, 2) of K2 and C for an exact K1."""
     tests = plan.tests
     k1_std = np.minimum(tests.k1_std, min((remedy.k1 for remedy in chosen), default=np.inf) * tests.k1)
     std = np.sqrt(variance + (by_k1 * k1_std[:, None]) ** 2)
@@ -174,22 +177,18 @@ def _outcome(plan: Plan, chosen: tuple[Remedy, ...], variance: FloatArray, by_k1
     return Outcome(chosen, float(k2), float(c))
 
 
-def _kinds(outcome: Outcome) -> frozenset[str]:
-    return frozenset(remedy.kind for remedy in outcome.remedies)
-
-
 def _cheapest(outcomes: Sequence[Outcome]) -> Iterator[Outcome]:
-    """One for each set of kinds, and none that does more kinds of things than a cheaper one needs."""
+    """The cheapest outcome of each set of kinds, unless a cheaper one needs only some of these kinds."""
     kept: list[frozenset[str]] = []
     for outcome in sorted(outcomes, key=lambda outcome: (outcome.minutes, outcome.worst)):
-        kinds = _kinds(outcome)
+        kinds = frozenset(remedy.kind for remedy in outcome.remedies)
         if not any(fewer <= kinds for fewer in kept):
             kept.append(kinds)
             yield outcome
 
 
 def _alone(outcomes: Sequence[Outcome], wanted: float) -> Iterator[Outcome]:
-    """For each kind of remedy the best of those that do nothing else."""
+    """The best single remedy of each kind."""
     single = [outcome for outcome in outcomes if len(outcome.remedies) == 1]
     for kind in dict.fromkeys(outcome.remedies[0].kind for outcome in single):
         of_kind = [outcome for outcome in single if outcome.remedies[0].kind == kind]
@@ -201,6 +200,6 @@ def _alone(outcomes: Sequence[Outcome], wanted: float) -> Iterator[Outcome]:
 
 
 def _nearest(outcomes: Sequence[Outcome]) -> Outcome:
-    """The cheapest of those that lead as far as any, but for what nobody would notice."""
+    """The cheapest outcome whose uncertainty equals the smallest one."""
     limit = _AS_GOOD * min(outcome.worst for outcome in outcomes)
     return min((outcome for outcome in outcomes if outcome.worst <= limit), key=lambda outcome: outcome.minutes)

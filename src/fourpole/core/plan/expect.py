@@ -1,9 +1,9 @@
 r"""The uncertainty that the analysis of planned tests would state, before any of them is run.
 
-A guessed tyre on the stated rig gives the phasors that the tests would show without noise. They are identified like
-measured ones, with the covariance that the noise would give them: so plan and analysis share every formula. For the
-joint route the residual is then zero and its covariance the inverse of the Fisher information of tests and statements
-together, the bound of Cramér, Rao and van Trees.
+An assumed tyre on the stated rig gives the phasors that the tests would show without noise. They are identified like
+measured phasors, with the covariance of the expected noise, so that plan and analysis share every formula. For the
+joint route the residual is zero, and the covariance is the inverse of the Fisher information of tests and statements
+together: the bound of Cramér, Rao and van Trees.
 """
 
 from __future__ import annotations
@@ -36,32 +36,32 @@ __all__ = [
 
 #: Every route, in the order of tables and figures.
 PLAN_ROUTES = (*ROUTES, "joint")
-#: Which of F1, V1, V2 a route cannot do without.
+#: Indices of the channels F1, V1, V2 that each route needs.
 _NEEDS = {"mobility": (0, 1), "relative": (0, 1, 2), "transmissibility": (1, 2)}
 _ALL = (True, True, True)
 
 
 @dataclass(frozen=True, eq=False)
 class PlannedTests(ByValue):
-    """N planned dynamic tests of a rig, with the tyre as guessed; make it with `of`.
+    """N planned dynamic tests of a rig, with an assumed tyre; `of` makes it.
 
     Attributes
     ----------
     frequency : (N,) float array [Hz]
-        > 0.
+        Excitation frequency, > 0.
     k1, k1_std, k2, c : (N,) float arrays [N/m], [N/m], [N/m], [N s/m]
-        The tyre as guessed, > 0, and what the static tests will leave of K1.
+        Assumed values of the tyre, > 0, and the expected standard uncertainty of K1.
     family : (N,) int array
-        Tests with the same number have the same tyre, pressure and preload; negative: a rigid block in place of the
-        tyre, its mass within `added_mass`.
+        Number of tyre, pressure and preload. A negative number is a rigid block in place of the tyre, whose mass is
+        part of `added_mass`.
     added_mass, added_mass_std : (N,) float arrays [kg]
-        Fixed to the moving mass; one error common to all tests with the same mass.
+        Mass fixed to the moving mass, and its standard uncertainty; tests with the same mass share one error.
     eccentricity : (N,) float array [m]
         Amplitude of the motion of the contact.
     noise : (N,) float array [1]
-        Standard uncertainty of Re and of Im of each amplitude over its modulus.
+        Standard uncertainty of Re and of Im of each amplitude, relative to its modulus.
     present : (F1, V1, V2) of bool
-        The channels that will be recorded.
+        Channels that will be recorded.
     """
 
     frequency: FloatArray
@@ -92,7 +92,7 @@ class PlannedTests(ByValue):
         noise: ArrayLike = 1e-4,
         present: tuple[bool, bool, bool] = _ALL,
     ) -> PlannedTests:
-        """From one value per test, or one for all.
+        """Planned tests from one value per test, or one value for all.
 
         Raises
         ------
@@ -116,12 +116,12 @@ class PlannedTests(ByValue):
 
     @property
     def rigid(self) -> BoolArray:
-        """True for a rigid block in place of the tyre."""
+        """Flags (N,) of the tests with a rigid block in place of the tyre."""
         return np.asarray(self.family < 0)
 
     @property
     def bare(self) -> np.ndarray:
-        """Which tests have a tyre and no added mass."""
+        """Indices of the tests with a tyre and without an added mass."""
         return np.flatnonzero(~self.rigid & (self.added_mass == 0))
 
     def __len__(self) -> int:
@@ -129,24 +129,24 @@ class PlannedTests(ByValue):
 
     @property
     def stiffness(self) -> ComplexArray:
-        """K* of the guessed tyre [N/m]."""
+        """K* of the assumed tyre (N,) [N/m]."""
         return np.asarray(zener_stiffness(self.k1, self.k2, self.c, 2 * np.pi * self.frequency))
 
     def part(self, which: ArrayLike) -> PlannedTests:
-        """Some of the tests."""
+        """Some of the tests, by an index array or flags."""
         rows = np.asarray(which)
         columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in _COLUMNS}
         return replace(self, **columns)
 
     def with_mass(self, mass: float, std: float, which: ArrayLike) -> PlannedTests:
-        """All tests, and after them some of them once more with a mass fixed to the moving mass.
+        """All tests, followed by repeats of some of them with a mass fixed to the moving mass.
 
         Parameters
         ----------
         mass, std : float [kg]
             The mass and its standard uncertainty.
         which : (n,) int or (N,) bool array
-            The tests that are run once more.
+            The tests to repeat.
 
         Examples
         --------
@@ -154,12 +154,11 @@ class PlannedTests(ByValue):
         [0.0, 0.0, 10.0]
         """
         more = self.part(which)
-        size = len(more)
-        more = replace(more, added_mass=np.full(size, mass), added_mass_std=np.full(size, std))
-        return self.followed_by(more)
+        same = np.ones(len(more))
+        return self.followed_by(replace(more, added_mass=mass * same, added_mass_std=std * same))
 
     def followed_by(self, *others: PlannedTests) -> PlannedTests:
-        """These tests, and after them others."""
+        """These tests, followed by others."""
         parts = (self, *others)
         columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS}
         return replace(self, **columns)
@@ -169,7 +168,7 @@ _COLUMNS = tuple(field.name for field in fields(PlannedTests) if field.name != "
 
 
 def possible_routes(rig: Rig, present: tuple[bool, bool, bool] = _ALL) -> tuple[str, ...]:
-    """Routes that a rig and the channels recorded allow, in the order of `PLAN_ROUTES`.
+    """Routes that are possible with a rig and the recorded channels, in the order of `PLAN_ROUTES`.
 
     Examples
     --------
@@ -185,7 +184,7 @@ def possible_routes(rig: Rig, present: tuple[bool, bool, bool] = _ALL) -> tuple[
 
 
 def planned_phasors(tests: PlannedTests, rig: Rig) -> Phasors:
-    r"""Phasors that planned tests would show without noise, with the covariance that it will give them.
+    r"""Phasors that planned tests would show without noise, with the covariance of the expected noise.
 
     .. math:: V_1 = j\omega e, \quad V_2 = T V_1, \quad F_1 = (Z_r T + j\omega m_{in})\,V_1,
         \qquad T = \frac{K^*}{K^* + j\omega Z_r}
@@ -198,7 +197,7 @@ def planned_phasors(tests: PlannedTests, rig: Rig) -> Phasors:
     Returns
     -------
     Phasors
-        Not-a-number where a channel is not recorded.
+        Amplitudes are not-a-number for channels that are not recorded.
 
     Examples
     --------
@@ -227,23 +226,23 @@ def planned_phasors(tests: PlannedTests, rig: Rig) -> Phasors:
 def expect(
     tests: PlannedTests, rig: Rig, route: str = "joint", *, channels: ChannelUncertainty | None = None
 ) -> Identification:
-    """What the analysis would state of planned tests: the guessed tyre, with the uncertainties to expect.
+    """The expected result of planned tests: the assumed tyre with the uncertainties that the analysis would state.
 
     Parameters
     ----------
     tests : PlannedTests
     rig : Rig
-        As stated, with its uncertainties.
+        The rig as stated, with its uncertainties.
     route : {"mobility", "relative", "transmissibility", "joint"}
         One of `possible_routes`.
     channels : ChannelUncertainty, optional
-        What is not known of the channels; without it they count as exact.
+        Uncertainties of the channels; without it the channels count as exact.
 
     Returns
     -------
     Identification
-        By the joint route, tests of a family at one frequency share their K*; by the others, each test is alone.
-        Not-a-number for rigid blocks.
+        The joint route gives one K* for all tests of a family at one frequency; the other routes treat each test by
+        itself. Values are not-a-number for rigid blocks.
 
     Raises
     ------
@@ -254,8 +253,8 @@ def expect(
 
     Notes
     -----
-    By linear propagation: it holds where the expected uncertainty of K* - K1 is small against it. Beyond some 30 %
-    the scatter has tails that no standard uncertainty describes.
+    The propagation is linear, so it holds for an uncertainty of K* - K1 that is small against K* - K1. Beyond some
+    30 % the distribution has tails that no standard uncertainty describes.
 
     Examples
     --------
@@ -266,32 +265,15 @@ def expect(
     True
     """
     phasors = planned_phasors(tests, rig)
-    if route != "joint":
-        phasors.amplitudes[tests.rigid] = np.nan
-        return identify(
-            phasors,
-            rig,
-            tests.k1,
-            k1_std=tests.k1_std,
-            route=route,
-            added_mass=tests.added_mass,
-            added_mass_std=tests.added_mass_std,
-            channels=channels,
-        )
-    return identify_joint(
-        phasors,
-        rig,
-        tests.k1,
-        k1_std=tests.k1_std,
-        family=tests.family,
-        added_mass=tests.added_mass,
-        added_mass_std=tests.added_mass_std,
-        channels=channels,
-    )
+    stated: dict[str, Any] = {name: getattr(tests, name) for name in ("k1_std", "added_mass", "added_mass_std")}
+    if route == "joint":
+        return identify_joint(phasors, rig, tests.k1, family=tests.family, channels=channels, **stated)
+    phasors.amplitudes[tests.rigid] = np.nan
+    return identify(phasors, rig, tests.k1, route=route, channels=channels, **stated)
 
 
 def relative_uncertainties(found: Identification) -> FloatArray:
-    """Standard uncertainties of K*, K2, C and TR over their values, (N, 4); that of K* is of the complex number."""
+    """Relative standard uncertainties (N, 4) of K*, K2, C and TR; that of K* includes Re and Im."""
     with np.errstate(divide="ignore", invalid="ignore"):
         stiffness = np.sqrt(np.trace(found.stiffness_covariance, axis1=1, axis2=2)) / np.abs(found.stiffness)
         arm = np.sqrt(np.diagonal(found.arm_covariance, 0, 1, 2)) / np.stack([found.k2, found.c], axis=1)
@@ -299,14 +281,14 @@ def relative_uncertainties(found: Identification) -> FloatArray:
 
 
 def arm_by_k1(tests: PlannedTests) -> FloatArray:
-    """Derivatives of K2 and C by K1 (N, 2), K* held: what a better dynamic test cannot mend.
+    """Derivatives (N, 2) of K2 and C by K1 for constant K*, which no dynamic test changes.
 
     Examples
     --------
     >>> arm_by_k1(PlannedTests.of(10.0, 110e3, 100e3, 800.0)).round(3)
     array([[ 2.958, -0.016]])
     """
-    # differences: the closed form is smooth, and its error here far below the use
+    # The error of these central differences is far below what a plan needs.
     step = 1e-5 * np.abs(tests.stiffness - tests.k1)
     omega = 2 * np.pi * tests.frequency
     below, above = (np.stack(maxwell_arm(tests.stiffness, tests.k1 + side * step, omega)) for side in (-1, 1))

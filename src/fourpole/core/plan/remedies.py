@@ -1,9 +1,10 @@
-"""What can be done about an uncertainty that is too large: each remedy, what it changes in a plan, what it costs."""
+"""Remedies for an uncertainty that is too large: each with its change of a plan and its cost."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,36 +18,36 @@ from fourpole.core.rig import Rig
 
 __all__ = ["MASSES", "Effort", "Plan", "Remedy", "k1_remedies", "remedies"]
 
-#: Added masses that are looked at where none are named [kg].
+#: Added masses that are compared by default [kg].
 MASSES = (2.0, 5.0, 10.0, 20.0)
 _MORE_CYCLES = (4.0, 16.0)
 _REPEATS = 3
-#: Gain [1] and phase [rad] that a calibration leaves, the order in `Effort.sensor`.
+#: Standard uncertainties of gain [1] and phase [rad] after a calibration, in the order of `Effort.sensor`.
 _SENSORS = tuple((gain, np.radians(phase)) for gain, phase in ((0.005, 0.25), (0.002, 0.1), (0.001, 0.05)))
-#: What is left of the rig's values [1], the order in `Effort.rig`.
+#: Relative standard uncertainties of the rig's values after a measurement [1], in the order of `Effort.rig`.
 _RIG = (0.005, 0.001)
-#: What is left of K1 [1], the order in `Effort.k1`.
+#: Relative standard uncertainties of K1 with a better static rig [1], in the order of `Effort.k1`.
 _K1 = (0.01, 0.005, 0.002, 0.001)
 
 
 @dataclass(frozen=True)
 class Effort:
-    """What things cost in minutes of one person at the rig; rough, and meant to be put right for one's own rig.
+    """Costs in minutes of one person at the rig; the defaults are rough estimates.
 
     Attributes
     ----------
     settle : float [min]
-        To set the frequency of a test and let it settle; the cycles come on top.
+        Time to set the frequency of a test and reach a steady state; the recorded cycles are extra.
     mount, mount_per_kg : float [min], [min/kg]
-        To fix a mass, reset the preload and take both back, in each condition of the tyre.
+        Time to fix a mass, reset the preload and undo both, in each condition of the tyre.
     sensor : 3 floats [min]
-        To calibrate one channel to 0.5 %, 0.2 %, 0.1 % and 0.25, 0.1, 0.05 degrees.
+        Time to calibrate one channel to 0.5 %, 0.2 %, 0.1 % and 0.25, 0.1, 0.05 degrees.
     rig : 2 floats [min]
-        To weigh the moving mass and measure the preload spring to 0.5 %, 0.1 %.
+        Time to weigh the moving mass and measure the preload spring to 0.5 %, 0.1 %.
     k1 : 4 floats [min]
-        To bring the static rig to 1 %, 0.5 %, 0.2 %, 0.1 % in K1.
+        Time to improve the static rig to 1 %, 0.5 %, 0.2 %, 0.1 % in K1.
     static : float [min]
-        One static test, with its conditioning.
+        Time for one static test with its conditioning.
     """
 
     settle: float = 0.5
@@ -60,19 +61,19 @@ class Effort:
 
 @dataclass(frozen=True)
 class Plan:
-    """Planned tests of a rig, with all that decides how well the tyre will be known.
+    """Planned tests of a rig, with everything that determines the expected uncertainty.
 
     Attributes
     ----------
     tests : PlannedTests
     rig : Rig
-        As stated, with its uncertainties.
+        The rig as stated, with its uncertainties.
     channels : ChannelUncertainty
-        What is not known of F1, V1, V2.
+        Uncertainties of the channels F1, V1, V2.
     cycles : float [1]
-        Recorded in each test; `tests.noise` is that after so many.
+        Recorded cycles of each test, to which `tests.noise` refers.
     statics : int
-        Static tests, one for each tyre and pressure.
+        Number of static tests, one for each tyre and pressure.
     mass_std : float [1]
         Relative standard uncertainty of a mass that is weighed.
     """
@@ -86,16 +87,16 @@ class Plan:
 
     @property
     def routes(self) -> tuple[str, ...]:
-        """Routes that rig and channels allow."""
+        """Routes that are possible with the rig and the channels."""
         return possible_routes(self.rig, self.tests.present)
 
     @property
     def best_route(self) -> str:
-        """The one that knows most: joint where rig and channels allow it."""
+        """The route with the smallest uncertainty: the joint route if it is possible."""
         return self.routes[-1]
 
     def expect(self, route: str) -> Identification:
-        """What the analysis would state; see `fourpole.core.plan.expect`."""
+        """The expected result by a route; see `fourpole.core.plan.expect`."""
         return expect(self.tests, self.rig, route, channels=self.channels)
 
     def minutes(self, tests: PlannedTests, effort: Effort) -> float:
@@ -103,26 +104,26 @@ class Plan:
         return float(np.sum(effort.settle + self.cycles / tests.frequency / 60.0))
 
     def with_mass(self, mass: float, which: np.ndarray | None = None) -> Plan:
-        """With some of the tests once more, a mass added; without `which`, all tests that have none."""
+        """The plan with repeats of some tests with an added mass; by default of all tests without one."""
         rows = self.tests.bare if which is None else which
         return replace(self, tests=self.tests.with_mass(mass, self.mass_std * mass, rows))
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """One thing that can be done.
+    """One possible change of a plan.
 
     Attributes
     ----------
     kind : {"cycles", "repeats", "sensors", "rig", "K1", "mass", "frequencies"}
     text : str
-        In words.
+        Description.
     minutes : float [min]
-        What it costs.
+        Cost.
     change : callable (Plan) -> Plan
-        What it does; tests that it adds stand after the others.
+        Function that makes the change; tests that it adds come after the others.
     k1 : float [1]
-        For K1: the relative standard uncertainty that it leaves.
+        Relative standard uncertainty of K1 afterwards, for a remedy of kind K1.
     """
 
     kind: str
@@ -133,7 +134,7 @@ class Remedy:
 
 
 def remedies(plan: Plan, effort: Effort, masses: Sequence[float] = MASSES) -> dict[str, list[Remedy]]:
-    """All that can be done about the dynamic tests, by what may stand together: noise, sensors, rig, more tests.
+    """Remedies for the dynamic tests in groups, of which a combination takes at most one remedy each.
 
     Examples
     --------
@@ -153,68 +154,62 @@ frequencies as well']
 
 
 def _longer(plan: Plan, effort: Effort) -> Iterator[Remedy]:
+    """More cycles in each test, or repeats of all tests."""
     if not np.any(plan.tests.noise > 0):
         return
     turning = plan.cycles * float(np.sum(1.0 / plan.tests.frequency)) / 60.0
     for factor in _MORE_CYCLES:
         text = f"{factor * plan.cycles:g} cycles in place of {plan.cycles:g}"
-        yield Remedy("cycles", text, (factor - 1) * turning, _quieter(factor, factor * plan.cycles))
+        yield Remedy("cycles", text, (factor - 1) * turning, partial(_quieter, factor, factor * plan.cycles))
     whole = plan.minutes(plan.tests, effort)
-    yield Remedy("repeats", f"each test {_REPEATS} times", (_REPEATS - 1) * whole, _quieter(_REPEATS, plan.cycles))
+    yield Remedy(
+        "repeats", f"each test {_REPEATS} times", (_REPEATS - 1) * whole, partial(_quieter, _REPEATS, plan.cycles)
+    )
 
 
-def _quieter(factor: float, cycles: float) -> Callable[[Plan], Plan]:
-    """Noise that is white falls with the root of the cycles, in one test or in several of a condition."""
-
-    def change(plan: Plan) -> Plan:
-        return replace(plan, tests=replace(plan.tests, noise=plan.tests.noise / np.sqrt(factor)), cycles=cycles)
-
-    return change
+def _quieter(factor: float, cycles: float, plan: Plan) -> Plan:
+    """The plan with white noise reduced by the root of a factor, from more cycles or more tests of a condition."""
+    return replace(plan, tests=replace(plan.tests, noise=plan.tests.noise / np.sqrt(factor)), cycles=cycles)
 
 
 def _sensors(plan: Plan, effort: Effort) -> Iterator[Remedy]:
+    """Calibrations of single channels, and of all channels that are worse than the calibration."""
     recorded = [at for at in range(3) if plan.tests.present[at] and not (plan.rig.blocked and at == 2)]
     for (gain, phase), minutes in zip(_SENSORS, effort.sensor, strict=True):
         worse = [at for at in recorded if plan.channels.gain[at] > gain or plan.channels.phase[at] > phase]
         for which in [*([at] for at in worse), *([worse] if len(worse) > 1 else [])]:
             names = " and ".join(SYMBOLS[CHANNELS[at]] for at in which) if len(which) < 3 else "F1, V1 and V2"
             text = f"{names} calibrated to {100 * gain:g} % and {np.degrees(phase):g}°"
-            yield Remedy("sensors", text, minutes * len(which), _calibrated(which, gain, phase))
+            yield Remedy("sensors", text, minutes * len(which), partial(_calibrated, which, gain, phase))
 
 
-def _calibrated(which: Sequence[int], gain: float, phase: float) -> Callable[[Plan], Plan]:
-    def change(plan: Plan) -> Plan:
-        gains, phases = np.array(plan.channels.gain, float), np.array(plan.channels.phase, float)
-        at = list(which)
-        gains[at], phases[at] = np.minimum(gains[at], gain), np.minimum(phases[at], phase)
-        return replace(plan, channels=replace(plan.channels, gain=gains, phase=phases))
-
-    return change
+def _calibrated(which: list[int], gain: float, phase: float, plan: Plan) -> Plan:
+    """The plan with at most these uncertainties of gain and phase of some channels."""
+    gains, phases = np.array(plan.channels.gain, float), np.array(plan.channels.phase, float)
+    gains[which], phases[which] = np.minimum(gains[which], gain), np.minimum(phases[which], phase)
+    return replace(plan, channels=replace(plan.channels, gain=gains, phase=phases))
 
 
 def _better_rig(plan: Plan, effort: Effort) -> Iterator[Remedy]:
+    """Measurements of the rig's values."""
     if plan.rig.blocked:
         return
     for level, minutes in zip(_RIG, effort.rig, strict=True):
         if any(std > level * abs(getattr(plan.rig, name)) for name, std in plan.rig.std.items()):
-            yield Remedy("rig", f"the rig's values measured to {100 * level:g} %", minutes, _measured(level))
+            yield Remedy("rig", f"the rig's values measured to {100 * level:g} %", minutes, partial(_measured, level))
 
 
-def _measured(level: float) -> Callable[[Plan], Plan]:
-    def change(plan: Plan) -> Plan:
-        std = {name: min(std, level * abs(getattr(plan.rig, name))) for name, std in plan.rig.std.items()}
-        return replace(plan, rig=replace(plan.rig, std=std))
-
-    return change
+def _measured(level: float, plan: Plan) -> Plan:
+    """The plan with at most this relative uncertainty of the rig's values."""
+    std = {name: min(std, level * abs(getattr(plan.rig, name))) for name, std in plan.rig.std.items()}
+    return replace(plan, rig=replace(plan.rig, std=std))
 
 
 def _masses(plan: Plan, effort: Effort, masses: Sequence[float]) -> Iterator[Remedy]:
     """A weighed mass at one, three or all frequencies of one condition of the tyre, or in every condition."""
-    if "joint" not in plan.routes:
-        return
     tests = plan.tests
     free = tests.bare
-    if not free.size:
+    if "joint" not in plan.routes or not free.size:
         return
     families, counts = np.unique(tests.family[free], return_counts=True)
     fullest = free[tests.family[free] == families[np.argmax(counts)]]
@@ -236,21 +231,18 @@ def _masses(plan: Plan, effort: Effort, masses: Sequence[float]) -> Iterator[Rem
             mounted = np.unique(tests.family[list(which)]).size
             minutes = mounted * (effort.mount + effort.mount_per_kg * mass)
             minutes += plan.minutes(tests.part(list(which)), effort)
-            yield Remedy("mass", f"{mass:g} kg added {words}", minutes, _heavier(mass, np.array(which)))
-
-
-def _heavier(mass: float, which: np.ndarray) -> Callable[[Plan], Plan]:
-    return lambda plan: plan.with_mass(mass, which)
+            heavier = partial(Plan.with_mass, mass=mass, which=np.array(which))
+            yield Remedy("mass", f"{mass:g} kg added {words}", minutes, heavier)
 
 
 def _distinct(rows: np.ndarray, *keys: np.ndarray) -> list[int]:
-    """Of rows with equal keys, the first; in the order of the keys, the first of them counting most."""
+    """The first row of each set of rows with equal keys, in the order of the keys; the first key counts most."""
     _, first = np.unique(np.stack([key[rows] for key in keys]), axis=1, return_index=True)
     return [int(row) for row in rows[first]]
 
 
 def _halfway(plan: Plan, effort: Effort) -> Iterator[Remedy]:
-    """Further frequencies between those planned; they help where tests share what is not known."""
+    """Further tests at frequencies halfway between those planned."""
     tests = plan.tests
     free = tests.bare
     new: list[PlannedTests] = []
@@ -265,16 +257,17 @@ def _halfway(plan: Plan, effort: Effort) -> Iterator[Remedy]:
             new.append(replace(tests.part(rows[:-1]), frequency=between, **guess))
     if new:
         added = new[0].followed_by(*new[1:])
-        minutes = plan.minutes(added, effort)
-        yield Remedy("frequencies", "tests halfway between the frequencies as well", minutes, _further(added))
+        text = "tests halfway between the frequencies as well"
+        yield Remedy("frequencies", text, plan.minutes(added, effort), partial(_further, added))
 
 
-def _further(added: PlannedTests) -> Callable[[Plan], Plan]:
-    return lambda plan: replace(plan, tests=plan.tests.followed_by(added))
+def _further(added: PlannedTests, plan: Plan) -> Plan:
+    """The plan with added tests."""
+    return replace(plan, tests=plan.tests.followed_by(added))
 
 
 def k1_remedies(plan: Plan, effort: Effort) -> list[Remedy]:
-    """Better static tests; kept apart, for what K1 leaves in K2 and C is independent of the dynamic tests."""
+    """Better static tests. They are separate, because their effect on K2 and C does not depend on the dynamic tests."""
     relative: FloatArray = np.where(plan.tests.rigid, 0.0, plan.tests.k1_std / plan.tests.k1)
     listed = []
     for level, minutes in zip(_K1, effort.k1, strict=True):
