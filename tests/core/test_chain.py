@@ -47,7 +47,7 @@ def test_a_calibration_runs_straight_and_knows_its_ends():
 
 def test_links_multiply_in_any_order_and_are_on_record():
     channel = Channel(np.zeros(9), "velocity", delay=1e-3, chain=(HighPass(0.5), LowPass(300.0, 2)))
-    rows = corrections_of("motion_in", channel, 2 * np.pi * 12.0)
+    rows = corrections_of(Recording(1.0, {"motion_in": channel}), ["motion_in"], 2 * np.pi * 12.0)
     assert [row.name for row in rows] == ["delay", "high-pass", "low-pass"]
     whole = np.prod([link.at(12.0) for link in links_of(channel)])
     assert np.prod([row.gain * np.exp(1j * row.phase) for row in rows]) == pytest.approx(whole, rel=1e-14)

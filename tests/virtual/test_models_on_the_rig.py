@@ -250,7 +250,7 @@ def test_a_campaign_of_models_has_their_stiffness_at_rest(campaign):
         (lambda: ModelTyre("s", Structural(), (1e5, 0.1)).element(10.0, 1e5, 1e3), ModelError, "is not causal"),
         (lambda: ModelTyre("s", Spring(), (-1.0,)), ModelError, "K = -1 N/m"),
         (lambda: ModelTyre("s", GeneralisedMaxwell(1), (0.0, 1e5, 0.01)), ValueError, "carries no load"),
-        (lambda: run(Cam(10.0), on_the_rig("spring", 10.0), Bench(), duration=0.1), ValueError, "no settled motion"),
+        (lambda: run(Cam(10.0), on_the_rig("spring", 10.0), Bench(), duration=0.1), ValueError, "no steady motion"),
         (
             lambda: run(Cam(10.0), GeneralisedMaxwell(1).state_space((1e5, 1e5, 1e4)), BENCH, duration=0.1),
             ValueError,
@@ -264,7 +264,7 @@ def test_a_campaign_of_models_has_their_stiffness_at_rest(campaign):
                 duration=0.1,
             ),
             ValueError,
-            "no settled motion",
+            "no steady motion",
         ),
         (lambda: Conditions(10.0, stiffness=np.nan).spread(), ValueError, "finite and not zero"),
         (lambda: Conditions(10.0, stiffness=0.0).spread(), ValueError, "finite and not zero"),

@@ -83,5 +83,5 @@ def test_converter_rounds_to_its_steps_and_clips():
 
 @pytest.mark.parametrize("times", [np.array([-0.1]), np.array([99.0]), np.array([START + 1.5 * STEP])])
 def test_times_beyond_the_signal_are_refused(times):
-    with pytest.raises(ValueError, match="samples are asked for"):
+    with pytest.raises(ValueError, match="reaches from"):
         sample(FINE, start=START, step=STEP, times=times)

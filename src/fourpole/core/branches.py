@@ -12,24 +12,25 @@ from fourpole.core.arrays import BoolArray, FloatArray
 __all__ = ["Branches", "in_contact", "split_branches"]
 
 
-#: A turn counts once the deflection has come back by this share of its whole range.
+#: A turn is accepted if the deflection then returns by this share of its whole range.
 _TURN = 0.3
-#: A branch is complete if it covers this share of the median branch.
+#: A branch is complete if its length is at least this share of the median length.
 _COMPLETE = 0.9
-#: Free travel: over this share of the deflection, below this share of the load, with this share of the mean slope.
+#: Free travel covers at least this share of the deflection, below this share of the load span, with a slope below this
+#: share of the mean slope.
 _FREE_TRAVEL, _LIGHT, _FLAT = 0.05, 0.01, 0.02
 
 
 @dataclass(frozen=True)
 class Branches:
-    """Where each branch starts and ends (both included), and which pairs make complete cycles.
+    """The branches of a record, and the pairs of them that are complete cycles.
 
     Attributes
     ----------
     ends : tuple of (int, int)
-        First and last sample of each branch.
+        Indices of the first and the last sample of each branch.
     rising : tuple of bool
-        Whether the deflection rises along it.
+        Whether the deflection rises along each branch.
     cycles : tuple of (int, int)
         Indices of the two branches of each complete cycle.
     """
@@ -41,7 +42,7 @@ class Branches:
     def of_cycle(
         self, cycle: int, deflection: FloatArray, load: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        """Deflection, load and side (+1 loading, -1 unloading) of a cycle; without any, the longest branch and None."""
+        """Deflection, load and side (+1 loading, -1 unloading) of a cycle; without one, the longest branch and None."""
         if not self.cycles:
             lengths = [abs(deflection[b] - deflection[a]) for a, b in self.ends]
             first, last = self.ends[int(np.argmax(lengths))]
@@ -59,8 +60,9 @@ class Branches:
 def split_branches(deflection: FloatArray) -> Branches:
     """Split a deflection record at its turns.
 
-    A cycle is a loading branch and the unloading branch after it (the other way round where the record starts
-    loaded and holds no such pair), both complete. Points in no order, more turns than a third of them, are one branch.
+    A cycle is a complete loading branch with the complete unloading branch after it. If a record has no such pair, a
+    cycle is an unloading branch with the loading branch after it. Unordered points, with more turns than a third of
+    their number, are one branch.
     """
     turns = _turning_points(deflection)
     if len(turns) > 2 + deflection.size // 3:
@@ -76,12 +78,12 @@ def split_branches(deflection: FloatArray) -> Branches:
 
 
 def _pairs(rising: tuple[bool, ...], complete: BoolArray, *, first: bool) -> tuple[tuple[int, int], ...]:
-    """Neighbouring complete branches of which the former rises (`first`) or falls."""
+    """Pairs of neighbouring complete branches whose first one rises (if `first`) or falls."""
     return tuple((i, i + 1) for i in range(len(rising) - 1) if rising[i] is first and complete[i] and complete[i + 1])
 
 
 def _turning_points(deflection: FloatArray) -> list[int]:
-    """First extreme, every turn of more than `_TURN` of the range, last extreme."""
+    """Indices of the first extreme, of every turn of more than `_TURN` of the range, and of the last extreme."""
     threshold = _TURN * float(np.ptp(deflection))
     x = deflection.tolist()
     turns: list[int] = []
@@ -103,7 +105,7 @@ def _turning_points(deflection: FloatArray) -> list[int]:
 
 
 def in_contact(deflection: FloatArray, load: FloatArray) -> BoolArray:
-    """Which points belong to the loaded specimen: a flat start without load, before it touches, is left out."""
+    """Flags of the points with the specimen in contact; a flat start without load, before contact, is excluded."""
     everything = np.ones(load.size, dtype=bool)
     span, reach = float(np.ptp(load)), float(np.ptp(deflection))
     light = load < load.min() + _LIGHT * span

@@ -1,6 +1,7 @@
-"""Measurement chains: what a sensor, its amplifier and its filters make of an amplitude, and how that is undone.
+"""Measurement chains: the frequency responses of sensors, amplifiers and filters.
 
-Each link has `at(frequency)`, recorded over true, e^{+jwt}; the links of a channel are multiplied.
+Each link has `at(frequency)`, the recorded over the true amplitude for the time factor e^{+jwt}. The response of a
+channel is the product of its links.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ class Link(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is, for records."""
+        """Name of the link in tables."""
 
     def at(self, frequency: ArrayLike) -> ComplexArray:
         """Recorded over true [1] at frequencies (...,) [Hz], > 0."""
@@ -30,7 +31,7 @@ class Link(Protocol):
 
 @dataclass(frozen=True)
 class Delay:
-    r"""A channel whose samples come late: :math:`H = e^{-j\omega\tau}`.
+    r"""A delay of a channel: :math:`H = e^{-j\omega\tau}`.
 
     Parameters
     ----------
@@ -58,9 +59,9 @@ class HighPass:
     Parameters
     ----------
     corner : float [Hz]
-        Where the amplitude has fallen by 3 dB; > 0.
+        Frequency at which the amplitude has fallen by 3 dB; > 0.
     order : int
-        >= 1.
+        Order of the filter; >= 1.
 
     References
     ----------
@@ -88,9 +89,9 @@ class LowPass:
     Parameters
     ----------
     corner : float [Hz]
-        Where the amplitude has fallen by 3 dB; > 0.
+        Frequency at which the amplitude has fallen by 3 dB; > 0.
     order : int
-        >= 1.
+        Order of the filter; >= 1.
 
     Examples
     --------
@@ -122,9 +123,9 @@ class Geophone:
     Parameters
     ----------
     natural_frequency : float [Hz]
-        f0 > 0.
+        f0; > 0.
     damping : float [1]
-        Zeta, of critical; > 0.
+        Damping ratio zeta; > 0.
 
     References
     ----------
@@ -148,18 +149,19 @@ class Geophone:
 
 @dataclass(frozen=True, eq=False)
 class Calibrated(ByValue):
-    """A response as a calibration laboratory states it, between whose frequencies gain and phase run straight.
+    """A calibrated response, with linear interpolation of gain and phase between its frequencies.
 
     Parameters
     ----------
     frequency : (n,) float array [Hz]
-        Rising, n >= 1.
+        Frequencies of the calibration, rising; n >= 1.
     gain, phase : (n,) float arrays [1], [rad]
-        Recorded over true; the phase without jumps.
+        Modulus and phase of recorded over true amplitude; the phase has no jumps.
     gain_std, phase_std : (n,) float arrays [1], [rad]
-        Relative and phase standard uncertainty; one error at all frequencies, in these proportions.
+        Standard uncertainties of gain (relative) and phase; one error of each applies to all frequencies, in proportion
+        to these values.
     name : str
-        For records and messages.
+        Name of the link in tables and messages.
 
     Raises
     ------
@@ -187,18 +189,18 @@ class Calibrated(ByValue):
             raise RecordingError(f"{self.name}: its gains must be positive; a reversed sensor has invert = true")
 
     def at(self, frequency: ArrayLike) -> ComplexArray:
-        """Recorded over true [1]; beyond the ends as at the ends, for harmonics."""
+        """Recorded over true [1]; frequencies beyond the ends, as of harmonics, have the values at the ends."""
         at = np.asarray(frequency, dtype=float)
         gain, phase = (np.interp(at, self.frequency, part) for part in (self.gain, self.phase))
         return np.asarray(gain * np.exp(1j * phase), dtype=complex)
 
     def std_at(self, frequency: float) -> tuple[float, float]:
-        """Relative [1] and phase [rad] standard uncertainty.
+        """Standard uncertainty of the gain, relative [1], and of the phase [rad].
 
         Raises
         ------
         RecordingError
-            If the frequency lies outside what was calibrated.
+            If the frequency lies outside the range of the calibration.
         """
         low, high = float(self.frequency[0]), float(self.frequency[-1])
         if not low * (1 - 1e-9) <= frequency <= high * (1 + 1e-9):

@@ -1,4 +1,4 @@
-"""Decimation: a channel of many samples at a lower rate, piece by piece, amplitudes and times kept."""
+"""Decimation: a channel at a lower sampling rate, chunk by chunk, with unchanged amplitudes and times."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from fourpole.core.arrays import FloatArray
 
 __all__ = ["Decimator"]
 
-#: What the filter leaves of what would fold onto the band, and how flat the band is [dB].
+#: Attenuation of components that alias onto the band, and flatness of the band [dB].
 _ATTENUATION = 160.0
-#: The band kept, and where what is folded onto it must have gone, as shares of the new rate.
+#: Ends of the pass band and start of the stop band, as shares of the new rate.
 _PASS, _STOP = 0.45, 0.55
 
 
 class Decimator:
-    r"""Every n-th sample of a channel after a linear-phase low-pass, fed with one piece after the other.
+    r"""Every n-th sample of a channel after a linear-phase low-pass, from successive chunks.
 
-    The filter is flat within 1e-8 up to 0.45 of the new rate, and what folds onto that band is 1e-8 of what it was.
-    Its delay is known exactly, and is in `shift`.
+    The filter is flat within 1e-8 up to 0.45 of the new rate, and attenuates components that alias onto that band by a
+    factor of 1e-8. Its delay is exact, and `shift` includes it.
 
     Parameters
     ----------
@@ -45,11 +45,11 @@ class Decimator:
 
     @property
     def shift(self) -> float:
-        """Where the first sample that comes out lies, counted in samples that went in."""
+        """Position of the first output sample, in input samples."""
         return 0.5 * (self._taps.size - 1)
 
     def feed(self, piece: FloatArray) -> None:
-        """The next samples; not-a-number where one is missing, which makes those missing that it would touch."""
+        """Add samples; a missing one (not-a-number) makes all output samples missing that depend on it."""
         if self.factor == 1:
             self._parts.append(np.asarray(piece, dtype=float))
             return
@@ -63,15 +63,16 @@ class Decimator:
         if not known.all():
             gaps = np.concatenate([[0], np.cumsum(~known)])
             smooth[gaps[self._taps.size :] > gaps[: -self._taps.size]] = np.nan
-        self._parts.append(smooth[self._skip :: self.factor].copy())  # a view would keep all of it
+        self._parts.append(smooth[self._skip :: self.factor].copy())  # a view would keep the whole array in memory
         self._skip = (self._skip - outputs) % self.factor
         self._held = run[outputs:].copy()
 
     def samples(self) -> FloatArray:
-        """All that has come out."""
+        """All output samples so far."""
         return np.concatenate([np.empty(0), *self._parts])
 
 
 def _taps(factor: int) -> FloatArray:
+    """Coefficients of the low-pass for a factor."""
     count, beta = signal.kaiserord(_ATTENUATION, 2 * (_STOP - _PASS) / factor)
     return np.asarray(signal.firwin(count | 1, (_PASS + _STOP) / factor, window=("kaiser", beta)))

@@ -6,8 +6,8 @@ last complete cycle. Both branches are fitted at once,
 .. math:: F = P(x) + s\,H(x), \qquad s = +1 \text{ loading}, -1 \text{ unloading},
 
 so that P is the mean and H half the gap at equal deflection, whatever the deflections that each branch sampled.
-H is as rich as the samples allow; the order of P is the one of least BIC, its sample count reduced for the
-correlation of the residual. Data that are an exact polynomial are met exactly.
+H has as many terms as the samples allow. The order of P is the one of least BIC, for a sample count that is reduced for
+the correlation of the residual. The fit reproduces data that are an exact polynomial.
 """
 
 from __future__ import annotations
@@ -27,31 +27,33 @@ __all__ = ["LoadCurve", "Secant", "Tangent"]
 
 
 _FEWEST_POINTS = 5
-#: How far past the fitted deflections a load that *was* measured may lie on the mean of the branches.
+#: A measured load may lie on the mean of the branches up to this share of the span beyond the fitted deflections.
 _EDGE = 0.02
-#: A curve whose least load is below this share of its span reaches zero load.
+#: A curve reaches zero load if its least load is below this share of its span.
 _ZERO = 0.005
-#: A point this many standard scatters off the curve is an outlier, unless more than this share of them are.
+#: A point is an outlier beyond this many standard deviations, unless more than this share of the points are.
 _FAR_OFF, _MOST_OUTLIERS = 10.0, 0.02
-#: A load that stands at its largest value over more than this share of the deflection, at more points, is clipped.
+#: A load is clipped if it has its largest value over more than this share of the deflection, at more than this many
+#: points.
 _FLAT_TOP, _FEWEST_AT_TOP = 0.03, 4
+#: Standard deviation of a uniform distribution over its width.
 _UNIFORM = 1.0 / np.sqrt(12.0)
 
 
 @dataclass(frozen=True)
 class Tangent:
-    """Static stiffness K1 at a load, with the parts of its standard uncertainty; all [N/m] but the loads.
+    """Static stiffness K1 at a load, with the contributions to its standard uncertainty.
 
     Attributes
     ----------
     load : float [N]
-        Where it was taken.
+        Load at which K1 was evaluated.
     deflection : float [m]
-        Deflection there, from the curve's own zero.
+        Deflection at this load, from the zero of the record.
     stiffness : float [N/m]
         K1.
     fit : float [N/m]
-        Uncertainty of the fit and of the choice of its order.
+        Standard uncertainty from the fit and from the choice of its order.
     branches : float [N/m]
         Gap between the tangents of the two branches, over the square root of 12.
     cycles : float [N/m]
@@ -70,7 +72,7 @@ class Tangent:
 
     @property
     def std(self) -> float:
-        """Standard uncertainty of K1, without that of the channels' gains [N/m]."""
+        """Standard uncertainty of K1 without the contribution of the channels' gains [N/m]."""
         return float(np.sqrt(self.fit**2 + self.branches**2 + self.cycles**2))
 
     def std_with_gains(self, load_gain: float, deflection_gain: float) -> float:
@@ -81,7 +83,7 @@ class Tangent:
 
 @dataclass(frozen=True)
 class Secant:
-    """Load over deflection from the point of zero load [N/m]; not-a-number, with a reason, where there is none."""
+    """Load over deflection from the point of zero load [N/m]; not-a-number, with a reason, without such a point."""
 
     stiffness: float
     reason: str = ""
@@ -94,14 +96,14 @@ class LoadCurve(ByValue):
     Parameters
     ----------
     deflection : (N,) float array [m]
-        From any zero.
+        Deflection from any zero.
     load : (N,) float array [N]
-        Points with a missing value are left out.
+        Load; points with a missing value are removed.
 
     Raises
     ------
     LoadCurveError
-        If fewer than 5 points are there, or load or deflection do not change, or one falls as the other rises.
+        If there are fewer than 5 points, if load or deflection do not change, or if one falls as the other rises.
 
     References
     ----------
@@ -151,9 +153,11 @@ class LoadCurve(ByValue):
 
     @cached_property
     def _last(self) -> MeanCurve:
+        """The mean curve of the last complete cycle."""
         return self._fit(-1)
 
     def _fit(self, cycle: int) -> MeanCurve:
+        """The mean curve of a cycle without its outliers."""
         x, f, side = self._cycle(cycle)
         curve = fit_mean_curve(x, f, side)
         off = _off_the_curve(curve, f)
@@ -162,22 +166,22 @@ class LoadCurve(ByValue):
         return fit_mean_curve(x[~off], f[~off], None if side is None else side[~off])
 
     def _cycle(self, cycle: int) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        """Deflection, load and side of the points of a cycle in which the specimen is loaded."""
+        """Deflection [m], load [N] and side of those points of a cycle at which the specimen is in contact."""
         x, f, side = self.branches.of_cycle(cycle, self.deflection, self.load)
         held = in_contact(x, f)
         return x[held], f[held], None if side is None else side[held]
 
     @cached_property
     def outliers(self) -> int:
-        """Points of the last cycle that lie far off the curve and were left out of it."""
+        """Number of outliers in the last cycle, which the fit leaves out."""
         x, f, side = self._cycle(-1)
-        # The turns do not count: they belong to both branches, which friction keeps apart there.
+        # The turns are not counted: they belong to both branches, and friction separates the branches there.
         inside = (x > x.min()) & (x < x.max())
         return int((inside & _off_the_curve(fit_mean_curve(x, f, side), f)).sum())
 
     @cached_property
     def _last_but_one(self) -> MeanCurve | None:
-        """The cycle before the last, if it is not the first, which conditions the rubber."""
+        """The mean curve of the cycle before the last; None if it is the first, which conditions the rubber."""
         return self._fit(-2) if self.cycles > 2 else None
 
     @property
@@ -187,7 +191,7 @@ class LoadCurve(ByValue):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a reader of the result must know."""
+        """Remarks on the quality of the curve, for the reader of the result."""
         found = []
         if self.cycles == 0:
             found.append("one branch only: its own tangent, without the mean of loading and unloading")
@@ -208,7 +212,7 @@ class LoadCurve(ByValue):
 
     @cached_property
     def flat_top(self) -> float:
-        """Share of the deflection over which the load stands at its largest, as a clipped load cell's does [1]."""
+        """Share of the deflection over which the load has its largest value, as with a clipped load cell [1]."""
         x, f, _ = self.branches.of_cycle(-1, self.deflection, self.load)
         top = x[f >= f.max() - 1e-9 * np.ptp(f)]
         return float(np.ptp(top) / np.ptp(x)) if top.size > _FEWEST_AT_TOP else 0.0
@@ -220,6 +224,7 @@ class LoadCurve(ByValue):
         return float(f.min()), float(f.max())
 
     def _deflection_at(self, curve: MeanCurve, load: float) -> float:
+        """Deflection [m] on a mean curve at a measured load [N]."""
         low, high = self.measured_loads
         slack = 1e-9 * (high - low)
         if not low - slack <= load <= high + slack:
@@ -237,7 +242,7 @@ class LoadCurve(ByValue):
         Returns
         -------
         Tangent
-            K1 and the parts of its uncertainty.
+            K1 and the contributions to its uncertainty.
 
         Raises
         ------
@@ -285,7 +290,7 @@ class LoadCurve(ByValue):
         Returns
         -------
         Secant
-            Not-a-number, with the reason, where the curve does not reach zero load.
+            Not-a-number, with the reason, if the curve does not reach zero load.
 
         Raises
         ------
@@ -331,7 +336,7 @@ class LoadCurve(ByValue):
 
     @property
     def nonlinearity(self) -> float:
-        """Largest departure from the straight line through 10 and 90 % of the load span, over that span [1]."""
+        """Largest departure of the mean curve from the line through 10 and 90 % of the load span, over the span [1]."""
         curve = self._last
         x = np.linspace(*curve.span, 401)
         f = curve.value(x)
@@ -346,7 +351,7 @@ class LoadCurve(ByValue):
 
 
 def _off_the_curve(curve: MeanCurve, load: FloatArray) -> BoolArray:
-    """Points whose residual is far beyond the scatter of the others and matters, if they are few."""
+    """Flags of the points whose residual is far beyond the scatter of the others, if they are few."""
     scatter = 1.4826 * float(np.median(np.abs(curve.residual)))
     limit = max(_FAR_OFF * scatter, 0.01 * float(np.ptp(load)))
     off = np.abs(curve.residual) > limit

@@ -1,4 +1,4 @@
-"""The mean of the loading and unloading branches as a polynomial whose order the data choose."""
+"""The mean of the loading and unloading branches, as a polynomial whose order is selected by BIC."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["MeanCurve", "fit_mean_curve"]
 _HIGHEST_ORDER = 9
 _GAP_ORDER = 8
 _ROUND_GAP_ORDER = 3
-#: Correlated residuals count as at least this many independent ones.
+#: Least number of independent residuals that correlated ones count as.
 _FEWEST_INDEPENDENT = 20
 _ROUND_OFF = 1e-13
 
@@ -28,15 +28,15 @@ class MeanCurve(ByValue):
     Attributes
     ----------
     centre, half : float [m]
-        The deflections lie within centre ± half.
+        Centre and half width of the deflections.
     fits : dict of int to (float array, float array)
-        For each order tried, the Chebyshev coefficients of P and their covariance.
+        Chebyshev coefficients of P and their covariance, by the order.
     weights : dict of int to float
-        Akaike-type weight of each order, from BIC.
+        Weight of each order, from its BIC; the sum of all weights is 1.
     gap, round_gap : float arrays
-        Chebyshev coefficients of H, plain and those that multiply the half circle over the span.
+        Chebyshev coefficients of the plain part of H, and of the part that a half circle over the span multiplies.
     residual : (N,) float [N]
-        What the fit leaves of each point.
+        Load minus fit at each point.
     """
 
     centre: float
@@ -61,21 +61,21 @@ class MeanCurve(ByValue):
         return (np.asarray(deflection, dtype=float) - self.centre) / self.half
 
     def value(self, deflection: ArrayLike) -> FloatArray:
-        """P [N]."""
+        """Mean load P at a deflection [m], in N."""
         return chebyshev.chebval(self._place(deflection), self.fits[self.order][0])
 
     def slope(self, deflection: float, order: int | None = None) -> float:
-        """P' [N/m], by the chosen order or another."""
+        """Slope P' [N/m] at a deflection [m], for the order of least BIC or another one."""
         coefficients = self.fits[self.order if order is None else order][0]
         return float(chebyshev.chebval(self._place(deflection), chebyshev.chebder(coefficients))) / self.half
 
     def bend(self, deflection: float) -> float:
-        """P'' [N/m²]."""
+        """Second derivative P'' [N/m²] at a deflection [m]."""
         coefficients = chebyshev.chebder(self.fits[self.order][0], 2)
         return float(chebyshev.chebval(self._place(deflection), coefficients)) / self.half**2
 
     def slope_std(self, deflection: float) -> float:
-        """Standard uncertainty of P' from the scatter of the points and from the choice of the order [N/m]."""
+        """Standard uncertainty of P' [N/m] from the scatter of the points and the choice of the order."""
         _, covariance = self.fits[self.order]
         by_coefficient = chebyshev.chebval(self._place(deflection), chebyshev.chebder(np.eye(covariance.shape[0])))
         scatter = float(by_coefficient @ covariance @ by_coefficient) / self.half**2
@@ -84,7 +84,7 @@ class MeanCurve(ByValue):
         return float(np.sqrt(max(scatter, 0.0) + choice))
 
     def slope_gap(self, deflection: float) -> float:
-        """Tangent of the loading less that of the unloading branch, 2 H' [N/m]."""
+        """Slope of the loading branch minus that of the unloading branch, 2 H' [N/m]."""
         step = 1e-4
         at = np.clip(self._place(deflection), -1 + 2 * step, 1 - 2 * step) + np.array([-step, step])
         half_gap = chebyshev.chebval(at, self.gap) + np.sqrt(1 - at**2) * chebyshev.chebval(at, self.round_gap)
@@ -98,7 +98,7 @@ def fit_mean_curve(deflection: FloatArray, load: FloatArray, side: FloatArray | 
     place = np.clip((deflection - centre) / half, -1.0, 1.0)
     gap_columns, plain = _gap_columns(place, side)
 
-    # Half as many as there are places: few points by hand must still show a bend.
+    # Half the number of deflections allows a few points read by hand to show a curvature.
     highest = int(max(1, min(_HIGHEST_ORDER, np.unique(place).size // 2)))
     columns = np.concatenate([gap_columns, chebyshev.chebvander(place, highest).T])
     squares, independent = _residuals(columns, load, gap_columns.shape[0])
@@ -131,7 +131,7 @@ def fit_mean_curve(deflection: FloatArray, load: FloatArray, side: FloatArray | 
 
 
 def _gap_columns(place: FloatArray, side: FloatArray | None) -> tuple[FloatArray, int]:
-    """Columns of H, as many as the branches can carry, and how many of them are plain polynomials."""
+    """Columns of H, limited by the number of points on a branch, and the number of plain polynomials among them."""
     if side is None:
         return np.empty((0, place.size)), 0
     fewest = int(min(np.sum(side > 0), np.sum(side < 0)))
@@ -145,7 +145,7 @@ def _gap_columns(place: FloatArray, side: FloatArray | None) -> tuple[FloatArray
 
 
 def _residuals(columns: FloatArray, load: FloatArray, first: int) -> tuple[dict[int, float], float]:
-    """Squared residual for each order of P, and how many independent points the last residual is worth."""
+    """Sum of squared residuals for each order of P, and the effective number of independent points."""
     residual = load.copy()
     basis = np.empty_like(columns)
     squares: dict[int, float] = {}
@@ -166,7 +166,7 @@ def _residuals(columns: FloatArray, load: FloatArray, first: int) -> tuple[dict[
 
 
 def _least_squares(columns: FloatArray, load: FloatArray, independent: float) -> tuple[FloatArray, FloatArray]:
-    """Coefficients and covariance; the points count as `independent` ones."""
+    """Coefficients and their covariance, for an effective number of `independent` points."""
     coefficients, _, rank, _ = np.linalg.lstsq(columns.T, load, rcond=1e-10)
     residual = load - coefficients @ columns
     dof = max(load.size - int(rank), 1)

@@ -1,4 +1,4 @@
-"""A recording: channels in SI units, each on its time base, with what is known of each channel."""
+"""A recording: channels in SI units, each with its time base and the properties of its measurement chain."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from fourpole.errors import RecordingError
 __all__ = ["DERIVATIVES", "Channel", "CrossTalk", "Recording", "uniform_time"]
 
 
-#: How many times a motion must be differentiated to become a velocity; a force is taken as it is.
+#: Number of differentiations that turn a motion into a velocity; 0 for a force.
 DERIVATIVES = {"force": 0, "displacement": 1, "velocity": 0, "acceleration": -1}
 
 
 @dataclass(frozen=True)
 class CrossTalk:
-    """What a channel shows of another one.
+    """Cross-talk of another channel in a channel.
 
     Attributes
     ----------
     source : str
-        The other channel's role.
+        Role of the other channel.
     quantity : str
-        As what it counts: force, displacement, velocity or acceleration.
+        Quantity of the source that causes it: force, displacement, velocity or acceleration.
     coefficient : float
         This channel's SI unit per SI unit of that quantity.
     """
@@ -41,28 +41,28 @@ class CrossTalk:
 
 @dataclass(frozen=True, eq=False)
 class Channel(ByValue):
-    """Samples of one sensor in SI units, gain, offset and inversion already applied.
+    """Samples of one sensor in SI units, after gain, offset and inversion.
 
     Parameters
     ----------
     samples : (N,) float array [N], [m], [m/s] or [m/s²]
-        Not-a-number where a sample is missing.
+        Samples; not-a-number for a missing one.
     quantity : {"force", "displacement", "velocity", "acceleration"}
-        What was measured.
+        Measured quantity.
     delay : float [s]
-        How late the samples are: ``recorded(t) = true(t - delay)``.
+        Delay of the samples: ``recorded(t) = true(t - delay)``.
     limits : (float, float), optional
-        Values at which the channel is at its full scale, in the units of `samples`.
+        Values of the full scale, in the units of `samples`.
     rate : float [Hz], optional
         Samples per second; by default the recording's.
     start : float [s]
         Time of the first sample.
     chain : tuple of Link
-        What the measurement does to an amplitude besides the delay: filters, a calibrated response.
+        Links of the measurement chain besides the delay: filters, a calibrated response.
     crosstalk : tuple of CrossTalk
-        What it shows of other channels, before its own chain.
+        Cross-talk of other channels, before the chain of this one.
     clipped : float [1], optional
-        Share of the samples at full scale, where `samples` no longer show it.
+        Share of the samples at full scale, if `samples` no longer show it.
 
     Raises
     ------
@@ -99,12 +99,12 @@ class Recording:
     sample_rate : float [Hz]
         Samples per second of the channels that do not state their own.
     channels : mapping of str to Channel
-        ``motion_in`` and, where measured, ``force_in`` and ``motion_out``; those of the same rate and start have the
+        ``motion_in`` and, if measured, ``force_in`` and ``motion_out``. Channels of the same rate and start have the
         same length.
     label : str
-        Where it comes from, for messages.
+        Name of the recording in messages.
     reference : Reference, optional
-        How the excitation really turned.
+        Phase of the excitation over time.
 
     Raises
     ------
@@ -157,9 +157,9 @@ class Recording:
         force_in, motion_in, motion_out : (N,) float arrays
             F1 [N], and the motion at the contact and beyond the tyre.
         motion : {"displacement", "velocity", "acceleration"}
-            What the motions are, [m], [m/s] or [m/s²].
+            Quantity of the motions [m], [m/s] or [m/s²].
         label : str
-            For messages.
+            Name of the recording in messages.
 
         Raises
         ------
@@ -189,13 +189,13 @@ class Recording:
         return cls(1.0 / step, channels, label)
 
     def without(self, name: str) -> Recording:
-        """The same recording less one channel."""
+        """The recording without one channel."""
         kept = {key: channel for key, channel in self.channels.items() if key != name}
         return replace(self, channels=kept)
 
     @property
     def span(self) -> tuple[float, float]:
-        """From when to when all channels were sampled, and the reference turned, half an interval either side [s]."""
+        """Start and end of the time that all channels and the reference cover, half an interval beyond samples [s]."""
         spans = []
         for name, channel in self.channels.items():
             rate, start = self.base(name)
@@ -206,12 +206,12 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """How long all channels were sampled, one sampling interval per sample [s]."""
+        """Length of the time that all channels and the reference cover [s]."""
         first, last = self.span
         return last - first
 
     def between(self, first: float, last: float) -> Recording:
-        """The samples from one time to another [s]."""
+        """The recording cut to the time between `first` and `last` [s]."""
         cut = {}
         for name, channel in self.channels.items():
             rate, start = self.base(name)
@@ -222,10 +222,10 @@ class Recording:
 
 
 def uniform_time(time: FloatArray) -> tuple[float, str]:
-    """Sampling interval of a time column, and what is wrong with it.
+    """Sampling interval of a time column, with a remark on its uniformity.
 
-    Stamps may be off the uniform grid by what their own decimals explain. Up to half an interval they are
-    taken for the jitter of a clock on uniform samples, and that is said; beyond, no interval exists.
+    Departures from a uniform grid that the rounding of the stamps explains are accepted. Departures of up to half an
+    interval are treated as clock jitter, with a remark. Larger departures are an error.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
     step : float [s]
         Mean interval.
     remark : str
-        Empty where the stamps are uniform.
+        Remark on clock jitter; empty for uniform stamps.
 
     Raises
     ------
@@ -284,7 +284,7 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
 
 
 def _grid(time: FloatArray) -> tuple[float, FloatArray]:
-    """Interval of the uniform grid nearest to the stamps (least squares), and how far each stamp is off it [s]."""
+    """Interval of the uniform grid nearest to the stamps (least squares), and distance of each stamp from it [s]."""
     index = np.arange(time.size) - 0.5 * (time.size - 1)
     since = time - time[0]
     step = float(index @ since / (index @ index))
@@ -292,7 +292,7 @@ def _grid(time: FloatArray) -> tuple[float, FloatArray]:
 
 
 def _resolution(time: FloatArray, step: float) -> float:
-    """Step of the decimals in which the stamps were written: the coarsest power of ten that all of them keep [s]."""
+    """Resolution of the stamps: the largest power of ten of which all stamps are multiples [s]; 0 if none."""
     probe = time[:: max(1, time.size // 1000)]
     for exponent in range(int(np.floor(np.log10(step))), -16, -1):
         unit = 10.0**exponent

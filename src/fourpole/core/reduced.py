@@ -1,4 +1,4 @@
-"""Reduced tables: a frequency and one complex number per row become K*, K2, C and TR, as the paper's FORTRAN did."""
+"""Reduced tables: K*, K2, C and TR from a frequency and one complex number per row, as in the paper's program."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["ReducedResult", "identify_mobility", "identify_stiffness", "predict"
 
 @dataclass(frozen=True, eq=False)
 class ReducedResult(ByValue):
-    """Tyre properties row by row; not-a-number where a value does not exist.
+    """Tyre properties for each row; not-a-number for a value that does not exist.
 
     Attributes
     ----------
@@ -31,9 +31,9 @@ class ReducedResult(ByValue):
     loss_factor : (N,) float [1]
     k2, c : (N,) float [N/m], [N s/m]
     tr : (N,) float [1]
-        abs(V2/V1) by K* and the rig; not-a-number without a rig.
+        abs(V2/V1) from K* and the rig; not-a-number without a rig.
     reasons : tuple of N str
-        Why K2 and C are blank; empty where they are not.
+        Reason why K2 and C are blank; empty if they are not.
     """
 
     frequency: FloatArray
@@ -61,7 +61,7 @@ def identify_mobility(
     k1 : (N,) float array [N/m]
         Static stiffness.
     rig : Rig, optional
-        The rig to take away; without one the specimen's far side does not move.
+        The rig to remove; without it, the far side of the specimen does not move.
 
     Returns
     -------
@@ -101,7 +101,7 @@ def identify_stiffness(
     k1 : (N,) float array [N/m]
         Static stiffness.
     rig : Rig, optional
-        The rig on which R, I and TR are wanted.
+        The rig for which R, I and TR are computed.
 
     Returns
     -------

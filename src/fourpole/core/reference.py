@@ -1,7 +1,7 @@
-r"""A reference of the drive: tacho pulses or an encoder's angle say how the excitation really turned.
+r"""A reference of the drive: the phase of the excitation over time, from tacho pulses or an encoder's angle.
 
-The phase is taken once per revolution, from all pulses or angles of it, so that unequal teeth and what the speed does
-within a revolution, which the force answers as harmonics, are left alone; a smooth curve joins the revolutions.
+The phase has one point per revolution, the mean over its pulses or angles. Unequal teeth and variations of the speed
+within a revolution therefore have no influence; the latter are harmonics of the force. A smooth curve joins the points.
 """
 
 from __future__ import annotations
@@ -18,13 +18,18 @@ from fourpole.errors import RecordingError
 
 __all__ = ["PulseTrain", "Reference"]
 
-_FEWEST = 4  # points that a cubic goes through
+#: Fewest revolutions, which is the number of points of a cubic.
+_FEWEST = 4
 _FEWEST_SMOOTHED = 8
 _TREND = 3
-_WEIGHTS = np.logspace(-2, 14, 81)  # of the second differences
-_HYSTERESIS = 0.2  # of the pulse's height, either side of its middle
-_TICKS = 16  # angles of an encoder's revolution
-_LONG, _SHORT = 1.5, 0.5  # of the usual gap: a pulse is missing, or one too many
+#: Weights of the second differences that are compared in the smoothing.
+_WEIGHTS = np.logspace(-2, 14, 81)
+#: Half width of the hysteresis about the middle of a pulse, as a share of its height.
+_HYSTERESIS = 0.2
+#: Angles per revolution that are read from an encoder.
+_TICKS = 16
+#: A pulse is missing or doubled if a gap is longer or shorter than these multiples of the usual gap.
+_LONG, _SHORT = 1.5, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +39,9 @@ class Reference(ByValue):
     Parameters
     ----------
     time : (n,) float array [s]
-        About one per revolution, rising, n >= 4.
+        Times, about one per revolution, rising; n >= 4.
     phase : (n,) float array [rad]
-        Of the excitation's fundamental, without jumps.
+        Phase of the excitation's fundamental, without jumps.
 
     Examples
     --------
@@ -54,11 +59,11 @@ class Reference(ByValue):
         Parameters
         ----------
         times : (n,) float array [s]
-            See `PulseTrain`.
+            Times of the pulses, as `PulseTrain` gives them.
         pulses : int
-            Per revolution.
+            Pulses per revolution.
         cycles : float
-            Of the excitation per revolution.
+            Cycles of the excitation per revolution.
 
         Raises
         ------
@@ -87,15 +92,16 @@ class Reference(ByValue):
         Parameters
         ----------
         time : (n,) float array [s]
+            Times of the angles.
         angle : (n,) float array [rad]
-            With or without jumps of whole revolutions, turning either way.
+            Rising or falling angle, with or without jumps of whole revolutions.
         cycles : float
-            Of the excitation per revolution.
+            Cycles of the excitation per revolution.
 
         Raises
         ------
         RecordingError
-            If it does not turn, or less than four revolutions.
+            If there are fewer than five revolutions.
 
         Examples
         --------
@@ -118,7 +124,7 @@ class Reference(ByValue):
 
     @property
     def span(self) -> tuple[float, float]:
-        """From when to when the phase is known, half a revolution beyond the first and last point [s]."""
+        """Start and end of the known phase [s], half a revolution beyond the first and the last point."""
         return (
             float(self.time[0] - 0.5 * (self.time[1] - self.time[0])),
             float(self.time[-1] + 0.5 * (self.time[-1] - self.time[-2])),
@@ -126,7 +132,7 @@ class Reference(ByValue):
 
     @cached_property
     def curve(self) -> Callable[..., FloatArray]:
-        """Phase [rad] of time [s], with its derivatives by a second argument: a spline through smoothed times."""
+        """Phase [rad] as a function of time [s]; a second argument is the order of a derivative by time."""
         time = _smoothed(self.time)
         spline = interpolate.make_interp_spline(time, self.phase)
 
@@ -136,18 +142,18 @@ class Reference(ByValue):
         return phase
 
     def omega(self, first: float, last: float) -> float:
-        """Mean speed between two times [rad/s]: phase turned over time."""
+        """Mean speed between two times [s], in rad/s."""
         low, high = self.curve(np.array([first, last]))
         return float((high - low) / (last - first))
 
 
 def _smoothed(time: FloatArray) -> FloatArray:
-    """Times of equal steps of the phase, freed of what generalised cross-validation takes for jitter.
+    """Times of equal steps of the phase without jitter, whose size generalised cross-validation estimates.
 
-    Penalised second differences, solved by cosine transforms of the times turned about their ends.
+    Second differences are penalised; cosine transforms of the times, mirrored at both ends, solve the equations.
     """
     index = np.arange(float(time.size))
-    # a cubic first: at its ends the smoothed curve would lose the bend that a speed which rises has
+    # A cubic is subtracted first, because smoothing removes curvature at the ends, as of a rising speed.
     trend = np.polynomial.Polynomial.fit(index, time, min(_TREND, time.size - 1))(index)
     beyond = time - trend
     if time.size < _FEWEST_SMOOTHED or np.max(np.abs(beyond)) < 1e-9 * (time[-1] - time[0]):
@@ -165,13 +171,13 @@ def _smoothed(time: FloatArray) -> FloatArray:
 
 
 def _check_steady(times: FloatArray, pulses: int) -> None:
-    """Refuse a train in which pulses are missing or doubled."""
+    """Raise RecordingError if pulses are missing or doubled."""
     gaps = np.diff(times)
     if gaps.size < 2 * pulses:
         return
     usual = np.median(gaps)
     strange = np.flatnonzero((gaps > _LONG * usual) | (gaps < _SHORT * usual))
-    # a tooth left out as a mark makes one long gap in every revolution
+    # A missing tooth as a mark gives one long gap in every revolution.
     marks = pulses > 1 and strange.size >= times.size // pulses - 1 and bool(np.all(np.diff(strange) == pulses))
     if strange.size and not marks:
         at = int(strange[0])
@@ -182,10 +188,10 @@ def _check_steady(times: FloatArray, pulses: int) -> None:
 
 
 class PulseTrain:
-    """The pulses of a tacho, fed with one piece of its samples after the other.
+    """The pulses of a tacho, from successive chunks of its samples.
 
-    A pulse rises through the middle of its height, as the first piece shows it, after it has been well below; its time
-    lies on a straight line between the samples before and after.
+    The time of a pulse is that of its rise through the middle between the extremes of the first chunk, by linear
+    interpolation. Before the rise, the signal must have been below a hysteresis band.
 
     Examples
     --------
@@ -202,7 +208,7 @@ class PulseTrain:
         self._parts: list[FloatArray] = []
 
     def feed(self, samples: FloatArray, rate: float, start: float) -> None:
-        """The next samples, in any unit, the first at a time [s]; RecordingError if the first piece is constant."""
+        """Add samples in any unit, the first at time `start` [s]; RecordingError if the first chunk is constant."""
         known = samples[np.isfinite(samples)]
         if self._levels is None:
             low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
@@ -221,11 +227,11 @@ class PulseTrain:
         self._held = run[at[-1] :].copy() if at.size else run
 
     def times(self) -> FloatArray:
-        """Of all pulses so far [s]."""
+        """Times of all pulses so far [s]."""
         return np.concatenate([np.empty(0), *self._parts])
 
 
 def _crossing(samples: FloatArray, before: int, after: int, level: float) -> float:
-    """Where samples that are below a level at one index and above it at another last rise through it."""
+    """Fractional index of the last rise of samples through a level between two indices."""
     below = before + int(np.flatnonzero(samples[before:after] <= level)[-1])
     return below + float((level - samples[below]) / (samples[below + 1] - samples[below]))

@@ -5,8 +5,8 @@ From the force cell to the foundation::
     F1, V1 ── input mass ── TYRE ── tyre mass ── moving mass (+ added mass) ── preload spring ── frame ── fixed
                                  └ V2 is measured here
 
-The preload spring has a damper and a loss factor of its own. What is not stated is absent: no input or tyre
-mass, a rigid frame. With ``blocked=True`` the far side of the specimen does not move at all.
+The preload spring has a damper and a loss factor. Parts that are not stated are absent: no input or tyre mass, a rigid
+frame. With ``blocked=True`` the far side of the specimen does not move.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ PARAMETERS: dict[str, str] = {
 
 @dataclass(frozen=True)
 class Rig:
-    r"""What stands between the tyre and the foundation, and between the force cell and the tyre.
+    r"""The parts between the tyre and the foundation, and between the force cell and the tyre.
 
-    Its impedance at the tyre is :math:`Z_r = j\omega m + c_3 + K_3/(j\omega)` with the paper's parts, and that of
-    the whole chain with more.
+    With the paper's parts, the impedance at the tyre is :math:`Z_r = j\omega m + c_3 + K_3/(j\omega)`. `impedance` has
+    the formula with all parts.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Rig:
     blocked : bool
         True for a rig whose output side does not move (elastomer benches): V2 = 0, its mobility is 0.
     std : mapping of str to float
-        Standard uncertainty of each value named, in its unit; absent is 0.
+        Standard uncertainty of each value by its name, in its unit; 0 for values without an entry.
 
     Raises
     ------
@@ -117,7 +117,7 @@ class Rig:
 
     @property
     def _held(self) -> bool:
-        """Whether anything joins the mass to the foundation."""
+        """Whether a spring or damper joins the mass to the foundation."""
         return self.preload_stiffness > 0 or self.preload_damping > 0
 
     def chain(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
@@ -189,7 +189,7 @@ class Rig:
         Returns
         -------
         (..., 8) complex array
-            In the order of `PARAMETERS`, then the added mass; zero where a part is absent or the rig blocked.
+            In the order of `PARAMETERS`, then the added mass; zero for absent parts and for a blocked rig.
         """
         omega, added_mass = np.broadcast_arrays(np.asarray(omega, dtype=float), added_mass)
         gradient = np.zeros((*omega.shape, len(PARAMETERS) + 1), dtype=complex)
@@ -219,7 +219,7 @@ class Rig:
         return np.asarray(slope)[()]
 
     def shifted(self, **values: float) -> Rig:
-        """The same rig with other values, which need not be possible: an estimate near zero may fall below it."""
+        """The rig with other values, which are not checked: an estimate near zero may be negative."""
         rig = copy(self)
         for name, value in values.items():
             object.__setattr__(rig, name, value)

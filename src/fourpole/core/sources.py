@@ -1,4 +1,4 @@
-"""`Source`: what an uncertainty, or a misfit, comes from; its text on disk is made and read here alone."""
+"""`Source`: the source of an uncertainty or a misfit, with its text on disk, which only this module makes and reads."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from fourpole.core.rig import PARAMETERS
 
 __all__ = ["PARTS", "RATIOS", "Kind", "Role", "Source"]
 
-#: Parts that a rig may have and its owner not know of, with the SI unit of their size.
+#: Parts of a rig that its statement may lack, with the SI unit of their size.
 PARTS = {"mass": "kg", "spring": "N/m", "frame": "m/N", "loss": "1", "friction": "N"}
-#: Pairs of channels whose ratio of gains, and difference of phases, K* rests on: over, under.
+#: Pairs of channels (over, under) whose ratio of gains and difference of phases K* depends on.
 RATIOS = (("F1", "V1"), ("V2", "V1"))
 
 
 class Role(Enum):
-    """What a source is an error of."""
+    """The object that a source is an error of."""
 
     TEST = "one test"
     RIG = "the rig as stated"
@@ -60,7 +60,7 @@ class Kind(Enum):
         self.role = role
 
 
-#: What stands between the two channels of a ratio.
+#: Sign between the two channels in the text of a ratio or difference.
 _BETWEEN = {Kind.GAIN: "/", Kind.PHASE: "-"}
 _MASS = re.compile(r"added mass (\S+) kg")
 
@@ -73,14 +73,14 @@ class Source:
     ----------
     kind : Kind
     of : str
-        The channel (F1, V1, V2), the rig's value (of `core.rig.PARAMETERS`) or the unstated part (of `PARTS`); of a
-        source of kind OTHER its whole text.
+        The channel (F1, V1, V2), the rig's value (of `core.rig.PARAMETERS`) or the unstated part (of `PARTS`). For a
+        source of kind OTHER it is the whole text.
     under : str
-        The second channel of a ratio or a difference.
+        The second channel of a ratio or a difference; empty for a single channel.
     mass : float, optional [kg]
-        The added mass; None for any.
+        The added mass; None for all masses.
     rig : str
-        Name of the rig; empty where there is one without a name.
+        Name of the rig; empty for a rig without a name.
 
     Examples
     --------
@@ -98,19 +98,19 @@ class Source:
 
     @property
     def role(self) -> Role:
-        """What it is an error of."""
+        """The object that it is an error of."""
         return Role.RATIO if self.under else self.kind.role
 
     @property
     def text(self) -> str:
-        """As it stands in budget.csv and rig.csv, without the rig."""
+        """Its text in budget.csv and rig.csv, without the rig."""
         if self.mass is not None:
             return f"{self.kind.text} {self.mass:g} kg"
         return f"{self.kind.text}{self.of}{_BETWEEN[self.kind] if self.under else ''}{self.under}"
 
     @classmethod
     def read(cls, text: str, rig: str = "") -> Source:
-        """The source that a text on disk stands for; of kind OTHER where the text is not one of ours."""
+        """The source of a text on disk; of kind OTHER for an unknown text."""
         kind, of, under = _KNOWN.get(text, (Kind.OTHER, text, ""))
         if kind is Kind.OTHER and (weighed := _MASS.fullmatch(text)):
             try:
@@ -122,7 +122,7 @@ class Source:
 
 
 def _known() -> dict[str, tuple[Kind, str, str]]:
-    """Kind, `of` and `under` by the text; all but the added masses, whose number has no end."""
+    """Kind, `of` and `under` by the text, for all sources except single added masses."""
     single = [(kind, of, "") for kind in Kind if kind is not Kind.OTHER for of in kind.of or ("",)]
     paired = [(kind, over, under) for kind in _BETWEEN for over, under in RATIOS]
     return {Source(*one).text: one for one in (*single, *paired)}

@@ -1,20 +1,19 @@
-"""The cam that drives the dynamic rig: a motion known at every instant."""
+"""The cam that drives the dynamic rig: its motion is known at every instant."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fourpole.core.arrays import ComplexArray, FloatArray
 
 __all__ = ["Cam"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Cam:
-    r"""A disc with an eccentricity, its profile errors, and the unsteady speed at which it turns.
+    r"""An eccentric disc with profile errors, which turns at an unsteady speed.
 
     .. math::
 
@@ -27,13 +26,13 @@ class Cam:
     frequency : float [Hz]
         Mean revolutions per second; > 0.
     eccentricity : float [m]
-        e, the amplitude of the motion.
+        e: amplitude of the motion.
     profile : tuple of (order, fraction [1], phase [rad])
         n, a_n and phi_n: harmonics of the profile, relative to the eccentricity.
     ripple : tuple of (order, fraction [1], phase [rad])
         n, r_n and psi_n: the speed varies by the fraction r_n, n times per revolution.
     wander, wander_period, wander_phase : float [1], [s], [rad]
-        w, T, psi_w: the speed varies slowly by the fraction w; over whole periods its mean is `frequency`.
+        w, T, psi_w: the speed varies slowly by the fraction w. Its mean over whole periods is `frequency`.
 
     Examples
     --------
@@ -69,7 +68,7 @@ class Cam:
         return self.eccentricity * (bend * speed * speed + slope * rate)
 
     def _turning(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The angle [rad] and its two derivatives."""
+        """Angle [rad] of the cam and its first two derivatives by time [rad/s], [rad/s^2]."""
         omega = 2.0 * np.pi * self.frequency
         angle = omega * time
         speed = np.full_like(angle, omega)
@@ -89,7 +88,7 @@ class Cam:
         return angle, speed, rate
 
     def _shape(self, angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The profile over the eccentricity, and its two derivatives by the angle."""
+        """Profile relative to the eccentricity [1], and its first two derivatives by the angle."""
         turns = _multiples(angle, max((order for order, _, _ in self.profile), default=1))
         x, slope, bend = turns[0].imag.copy(), turns[0].real.copy(), -turns[0].imag
         for order, fraction, phase in self.profile:
@@ -100,8 +99,8 @@ class Cam:
         return x, slope, bend
 
 
-def _multiples(angle: FloatArray, highest: int) -> list[NDArray[np.complex128]]:
-    """e^{jna} for n = 1 ... highest, by multiplication: much faster than that many exponentials."""
+def _multiples(angle: FloatArray, highest: int) -> list[ComplexArray]:
+    """e^{jna} for n = 1 ... highest, by multiplication, which is much faster than an exponential for each n."""
     first = np.empty(angle.shape, dtype=complex)
     first.real, first.imag = np.cos(angle), np.sin(angle)
     powers = [first]

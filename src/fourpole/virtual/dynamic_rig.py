@@ -6,26 +6,24 @@ from dataclasses import dataclass, replace
 from math import ceil, inf, isfinite, isinf
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fourpole.core.arrays import ByValue
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.models.interface import StateSpace
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.march import held_force, recur, respond
 
 __all__ = ["Bench", "Motion", "Zener", "amplification", "run", "run_block", "state_matrices"]
 
-FloatArray = NDArray[np.float64]
 
-#: A transient has gone when it has fallen by this many e-foldings: e^-37 is below round-off.
+#: A transient has decayed after this many time constants: e^-37 is below round-off.
 _SETTLED = 37.0
-#: States times steps that a run-up may take: 160 MB.
+#: Largest number of states times steps of a run-up, which is 160 MB.
 _LONGEST = 2e7
-#: A frame that follows its spring faster than this [rad/s] follows at once.
+#: A frame that follows its spring at a rate above this is treated as quasi-static [rad/s].
 _AT_ONCE = 1e9
-#: The sign of the friction is smoothed over this share of the amplitude of v2 without friction.
+#: The sign of the friction is smoothed over this share of the amplitude that v2 has without friction.
 _SMOOTHED = 0.05
-#: The motion with friction is found when it changes by less than this share of its peak, within so many rounds.
+#: The iteration for friction has converged if the motion changes by less than this share of its peak; most iterations.
 _CONVERGED, _ITERATIONS = 1e-11, 500
 
 
@@ -36,6 +34,7 @@ class Zener:
     Parameters
     ----------
     k1, k2, c : float [N/m], [N/m], [N s/m]
+        Spring K1, spring K2 and damper C.
     """
 
     k1: float
@@ -43,11 +42,11 @@ class Zener:
     c: float
 
     def state_space(self) -> StateSpace:
-        r"""The element as a set of equations: its state q [N] is the force in the arm K2-C.
+        r"""The element in state space: its state q [N] is the force in the arm of K2 and C.
 
         .. math:: \dot q = K_2 v - (K_2/C)\,q, \qquad F = K_1 x + q
 
-        What stretches the spring is what the damper has not yet given way to.
+        The deflection of the spring K2 is that of the arm minus that of the damper.
 
         Raises
         ------
@@ -63,7 +62,7 @@ class Zener:
 
 @dataclass(frozen=True)
 class Bench:
-    r"""What stands on the tyre: a moving mass, and a leaf spring and damper from it to a fixed foundation.
+    r"""The rig above the tyre: a moving mass, with a leaf spring and a damper to a fixed foundation.
 
     Parameters
     ----------
@@ -72,14 +71,14 @@ class Bench:
     tyre_mass : float [kg]
         Moving part of the tyre, lumped with the moving mass; >= 0.
     frame_stiffness : float [N/m]
-        Of the frame in series with leaf spring and damper; > 0, default rigid.
+        Stiffness of the frame in series with leaf spring and damper; > 0, by default rigid.
     preload_loss_factor : float [1]
-        eta of the leaf spring; >= 0. In the time domain it is the damper K3 eta/omega that loses as much at the
-        mean frequency of the cam; at n times that frequency it loses n times too much.
+        eta of the leaf spring; >= 0. In the time domain it becomes the damper K3 eta/omega, which has the same loss at
+        the mean frequency of the cam, and n times the loss at n times that frequency.
     leaf_friction : float [N]
         Coulomb friction F_f between the moving mass and the foundation; >= 0.
     input_mass : float [kg]
-        Between force cell and contact, so that its inertia is in F1; >= 0.
+        Mass between force cell and contact, whose inertia is part of F1; >= 0.
 
     Examples
     --------
@@ -97,7 +96,7 @@ class Bench:
     input_mass: float = 0.0
 
     def damped_at(self, frequency: float) -> Bench:
-        """The bench whose losses at `frequency` [Hz] are those of a damper alone."""
+        """The bench with its loss factor replaced by a damper of the same loss at `frequency` [Hz]."""
         if not self.preload_loss_factor:
             return self
         structural = self.preload_stiffness * self.preload_loss_factor / (2.0 * np.pi * frequency)
@@ -107,24 +106,25 @@ class Bench:
         """Raise a ValueError if a value is out of its range."""
         least = (self.preload_stiffness, self.preload_damping, self.tyre_mass, self.preload_loss_factor)
         if not (self.mass > 0.0 and min(*least, self.leaf_friction, self.input_mass) >= 0.0):
-            raise ValueError("the moving mass must be > 0 and all else of the rig >= 0")
+            raise ValueError("the moving mass must be > 0 and all other values of the rig >= 0")
         if not self.frame_stiffness > 0.0:
             raise ValueError("frame_stiffness must be > 0; infinite where the frame is rigid")
 
 
 @dataclass(frozen=True, eq=False)
 class Motion(ByValue):
-    """The settled motion of the rig on a uniform, fine time base.
+    """The steady motion of the rig on a uniform, fine time base.
 
     Parameters
     ----------
     time : (n,) float array [s]
+        Uniform times.
     x1, v1 : (n,) float arrays [m], [m/s]
-        Of the contact, as the cam prescribes it.
+        Displacement and velocity of the contact, which the cam prescribes.
     x2, v2 : (n,) float arrays [m], [m/s]
-        Of the moving mass.
+        Displacement and velocity of the moving mass.
     force : (n,) float array [N]
-        F1 at the contact, without the preload; positive as it pushes the tyre towards the mass.
+        F1 at the contact without the preload; positive if it pushes the tyre towards the mass.
     """
 
     time: FloatArray
@@ -138,7 +138,7 @@ class Motion(ByValue):
 def state_matrices(tyre: Zener | StateSpace, bench: Bench) -> tuple[FloatArray, FloatArray]:
     r"""Matrices A, B of the equations of motion y' = A y + B u with y = (x2, v2, z) and u = (x1, v1).
 
-    The tyre has states z and a force F that follow from its deflection and the rate of it:
+    The states z of the tyre and its force F follow from its deflection and deflection rate:
 
     .. math::
 
@@ -146,14 +146,14 @@ def state_matrices(tyre: Zener | StateSpace, bench: Bench) -> tuple[FloatArray, 
         F = C_t z + D_t \begin{bmatrix} x_1 - x_2 \\ v_1 - v_2 \end{bmatrix} \\
         m\,\dot v_2 &= F - K_3 x_2 - c_3 v_2
 
-    On a frame that gives way, its motion x3 is the last state; the force on the mass then is that of the frame:
+    For a compliant frame, its motion x3 is the last state, and the force on the mass is that of the frame:
 
     .. math::
 
         m\,\dot v_2 &= F - K_f x_3 \\
         c_3\,\dot x_3 &= c_3 v_2 + K_3 (x_2 - x_3) - K_f x_3
 
-    Friction is no part of these; a loss factor must have been turned into a damper by `Bench.damped_at`.
+    These equations have no friction. `Bench.damped_at` must have replaced a loss factor by a damper.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def state_matrices(tyre: Zener | StateSpace, bench: Bench) -> tuple[FloatArray, 
     ((3, 3), (3, 2), True)
     """
     if bench.preload_loss_factor:
-        raise ValueError("a loss factor has no equation of motion: turn it into a damper by Bench.damped_at")
+        raise ValueError("a loss factor has no equation of motion: replace it by a damper with Bench.damped_at")
     tyre = _equations(tyre)
     m = bench.mass + bench.tyre_mass
     k3, c3, frame = _leaf(bench)
@@ -185,18 +185,20 @@ def state_matrices(tyre: Zener | StateSpace, bench: Bench) -> tuple[FloatArray, 
         a[1, -1] = -frame / m
         a[-1, [0, 1, -1]] = k3 / c3, 1.0, -(k3 + frame) / c3
         b = np.pad(b, ((0, 1), (0, 0)))
-    return a + 0.0, b  # no zero is negative
+    return a + 0.0, b  # the sum changes negative zeros into positive ones
 
 
 def _equations(tyre: Zener | StateSpace) -> StateSpace:
+    """The tyre in state space."""
     return tyre if isinstance(tyre, StateSpace) else tyre.state_space()
 
 
 def _leaf(bench: Bench) -> tuple[float, float, float]:
-    """K3, c3 and the frame behind them, which is rigid where leaf and frame are as good as one spring and damper.
+    """K3 [N/m], c3 [N s/m] and the stiffness of the frame behind them [N/m].
 
-    They are where the damper lets the frame follow at once: then (1 + leaf/frame)^-1 is all but real, and what is
-    left out is (omega c3)^2 / (K3 (K3 + frame)) of the stiffness, 1e-11 at 24 Hz for a frame 500 times stiffer.
+    If the damper is so weak that the frame follows at once, leaf and frame become one spring and damper on a rigid
+    frame. The relative error of the stiffness is (omega c3)^2 / (K3 (K3 + frame)), which is 1e-11 at 24 Hz for a frame
+    500 times stiffer.
     """
     k3, c3, frame = bench.preload_stiffness, bench.preload_damping, bench.frame_stiffness
     if isinf(frame) or k3 + frame <= _AT_ONCE * c3:
@@ -215,47 +217,46 @@ def run(
     oversampling: int = 5,
     guard: int = 8,
 ) -> Motion:
-    r"""Run the rig until it has settled, then for `duration` more, and return that last part.
+    r"""Steady motion of the rig over a `duration`, after the transients of its start.
 
-    Between the points of the fine time base the prescribed motion is held as the cubic that has its values
-    and its velocities at both ends; the equations of motion are then solved exactly, by a matrix exponential.
-    What remains is the error of that cubic, at most (omega h)^4/384 of the motion: 2e-9 at 24 Hz in steps of
-    0.2 ms. Where a model has masses of its own that follow within a step, their share of the force is off by
-    (omega h)^2/12, as the cubic's acceleration is at its ends.
+    Between the points of the fine time base, the prescribed motion is the cubic with its values and velocities at both
+    ends. A matrix exponential then solves the equations of motion exactly. The error of the cubic is at most
+    (omega h)^4/384 of the motion, which is 2e-9 at 24 Hz in steps of 0.2 ms. If a model has masses that follow within
+    a step, the relative error of their force is (omega h)^2/12, like that of the cubic's acceleration at its ends.
 
     Parameters
     ----------
     cam : Cam
     tyre : Zener or StateSpace
-        The element of one frequency, or any model as it is in time: `fourpole.models.chain.in_time`.
+        The element for one frequency, or any model in the time domain from `fourpole.models.chain.in_time`.
     bench : Bench
     duration, sample_rate : float [s], [Hz]
-        Of the record that is wanted.
+        Length and sampling rate of the record.
     oversampling : int
         Fine points per sample; >= 1.
     guard : int
-        Fine points kept before time 0 and after the end, for sensors that are late or early.
+        Fine points before time 0 and after the end, for sensors with a delay.
 
     Returns
     -------
     Motion
-        From -guard to (samples - 1) * oversampling + guard in steps of 1/(sample_rate * oversampling).
+        Points -guard to (samples - 1) * oversampling + guard, in steps of 1/(sample_rate * oversampling).
 
     Raises
     ------
     ValueError
-        If a constant is out of its range, or tyre and rig lose so little energy that no settled motion is found.
+        If a constant is out of its range, or if tyre and rig have so little damping that no steady motion is found.
 
     Notes
     -----
-    Friction is the force :math:`-F_f \tanh(v_2/v_s)` on the mass, its sign smoothed over v_s, 5 % of the amplitude
-    that v2 has without it, so that the time base resolves each reversal: its first harmonic is 4/pi F_f to 0.5 %,
-    and the mass creeps where it should stick. It is meant for friction up to about a fourth of what would hold the
-    mass, |K*| e, where this first harmonic alone no longer tells the motion.
+    Friction is the force :math:`-F_f \tanh(v_2/v_s)` on the mass. Its sign is smoothed over v_s, which is 5 % of the
+    amplitude of v2 without friction, so that the time base resolves each reversal. The first harmonic is 4/pi F_f to
+    0.5 %, and the mass creeps instead of sticking. The friction may be up to about a fourth of |K*| e, the force that
+    would hold the mass. A larger friction needs more than this first harmonic.
 
-    It is found by iteration over the whole record. A damper d = F_f/(2 v_s) is added to the equations of motion
-    and taken back from the friction, whose slope then is within +-d; as no passive rig moves faster than 1/d per
-    newton on top of that damper, each step comes nearer, whatever the friction.
+    The motion with friction is found by iteration over the whole record. A damper d = F_f/(2 v_s) is added to the
+    equations of motion and subtracted from the friction, whose slope then is within +-d. The iteration converges for
+    any friction, because the mobility of a passive rig with this damper is at most 1/d.
 
     Examples
     --------
@@ -271,7 +272,7 @@ def run(
     a, b = state_matrices(tyre, bench)
     step = 1.0 / (sample_rate * oversampling)
     run_up = _run_up(a, step)
-    if bench.leaf_friction:  # held by its steepest slope, the mass may take longer
+    if bench.leaf_friction:  # the steepest slope of the friction may slow the decay of transients
         width = _SMOOTHED * cam.eccentricity * 2.0 * np.pi * cam.frequency * amplification(tyre, bench, cam.frequency)
         damper = 0.5 * bench.leaf_friction / width
         run_up = max(run_up, _run_up(_with_damper(a, 2.0 * damper, bench), step))
@@ -280,12 +281,12 @@ def run(
     x1, v1 = cam.motion(time)
     kept = slice(run_up, None)
     if bench.leaf_friction:
-        states = _rubbed(_with_damper(a, damper, bench), b, bench, width, np.stack([x1, v1]), step)[:, kept]
+        states = _with_friction(_with_damper(a, damper, bench), b, bench, width, np.stack([x1, v1]), step)[:, kept]
     else:
         states = respond(a, b, x1, v1, step, kept)
     x2, v2 = states[:2]
     inner = states[2 : 2 + tyre.a.shape[0]]
-    # einsum, not matmul, for the reason that `march.recur` has
+    # einsum, because the threads that matmul starts cost more time here than they save
     force = tyre.d[0] * (x1[kept] - x2) + np.einsum("i,ij->j", tyre.c, inner) + tyre.d[1] * (v1[kept] - v2)
     if bench.input_mass:
         force += bench.input_mass * cam.acceleration(time[kept])
@@ -301,15 +302,15 @@ def run_block(
     oversampling: int = 5,
     guard: int = 8,
 ) -> Motion:
-    """Run the rig with a rigid block in place of the tyre, for a calibration: x2 is x1.
+    """Steady motion of the rig with a rigid block in place of the tyre, for a calibration: x2 is x1.
 
     Parameters
     ----------
     cam : Cam
     bench : Bench
-        Its mass is that of moving mass and block; its tyre mass is left out.
+        Its mass is that of moving mass and block; its tyre mass has no effect.
     duration, sample_rate, oversampling, guard
-        As in `run`.
+        The same as for `run`.
 
     Returns
     -------
@@ -331,7 +332,7 @@ def run_block(
     bench = bench.damped_at(cam.frequency)
     k3, c3, frame = _leaf(bench)
     step = 1.0 / (sample_rate * oversampling)
-    behind = np.zeros((1, 1)) if isinf(frame) else np.array([[-(k3 + frame) / c3]])  # the frame's own motion
+    behind = np.zeros((1, 1)) if isinf(frame) else np.array([[-(k3 + frame) / c3]])  # the motion of the frame
     run_up = 0 if isinf(frame) else _run_up(behind, step)
     points = (round(duration * sample_rate) - 1) * oversampling + 1 + 2 * guard
     time: FloatArray = np.arange(-guard - run_up, points - guard, dtype=float) * step
@@ -349,6 +350,7 @@ def run_block(
 
 
 def _check_times(cam: Cam, duration: float, sample_rate: float, oversampling: int, guard: int) -> None:
+    """Raise ValueError if a value is out of its range."""
     if not min(cam.frequency, cam.eccentricity, duration, sample_rate) > 0.0:
         raise ValueError("frequency, eccentricity, duration and sample_rate must be > 0")
     if oversampling < 1 or guard < 0:
@@ -356,18 +358,18 @@ def _check_times(cam: Cam, duration: float, sample_rate: float, oversampling: in
 
 
 def _run_up(a: FloatArray, step: float) -> int:
-    """Steps until the slowest transient has gone."""
+    """Number of steps until the slowest transient has decayed."""
     decay = -float(np.linalg.eigvals(a).real.max())
     if not decay * step * _LONGEST > _SETTLED * a.shape[0]:
         raise ValueError(
-            f"no settled motion: the slowest transient of tyre and rig must fall faster than by {decay:.3g} a second; "
+            f"no steady motion: the slowest transient of tyre and rig decays too slowly, at {decay:.3g} per second; "
             "give the tyre or the preload spring a damper, or leave out long relaxation times"
         )
     return ceil(_SETTLED / decay / step)
 
 
 def amplification(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> float:
-    """|V2/V1| [1]: the equations of motion solved for one `frequency` [Hz] and a unit motion of the contact.
+    """|V2/V1| [1] at one `frequency` [Hz], from the equations of motion.
 
     Examples
     --------
@@ -386,10 +388,10 @@ def _with_damper(a: FloatArray, damper: float, bench: Bench) -> FloatArray:
     return damped
 
 
-def _rubbed(
+def _with_friction(
     damped: FloatArray, b: FloatArray, bench: Bench, width: float, contact: FloatArray, step: float
 ) -> FloatArray:
-    """States of a rig with friction, by iteration; `damped` has the damper of half the steepest slope."""
+    """States of a rig with friction, by iteration; `damped` includes a damper of half the steepest slope."""
     damper = 0.5 * bench.leaf_friction / width
     whole = slice(0, None)
     on_mass = np.zeros((b.shape[0], 1))
@@ -404,4 +406,6 @@ def _rubbed(
         states = nearer
         if change <= _CONVERGED * np.abs(states[1]).max():
             return states
-    raise ValueError(f"leaf_friction of {bench.leaf_friction:g} N: no settled motion found; it all but holds the mass")
+    raise ValueError(
+        f"leaf_friction of {bench.leaf_friction:g} N: no steady motion, it nearly holds the mass; use less"
+    )

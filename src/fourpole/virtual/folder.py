@@ -9,9 +9,10 @@ from math import isnan
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fourpole import quantities as q
+from fourpole.core.arrays import FloatArray
+from fourpole.core.rig import PARAMETERS
 from fourpole.errors import FileError
 from fourpole.virtual.plan import Test
 from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
@@ -20,18 +21,6 @@ from fourpole.virtual.tyres import Tyre
 
 __all__ = ["finish", "prepare", "write_recording"]
 
-FloatArray = NDArray[np.float64]
-
-#: Unit of a rig's value in campaign.toml, and how many SI units it is.
-_UNITS = {
-    "moving_mass": ("kg", 1.0),
-    "preload_stiffness": ("kN/m", 1e3),
-    "preload_damping": ("N s/m", 1.0),
-    "tyre_mass": ("kg", 1.0),
-    "frame_stiffness": ("kN/m", 1e3),
-    "preload_loss_factor": ("1", 1.0),
-    "input_mass": ("kg", 1.0),
-}
 
 _NOISY_CHANNELS = """\
 [channels]
@@ -55,7 +44,7 @@ deflection = { column = "x", unit = "mm", exact = true }
 
 
 def prepare(folder: Path, tests: Sequence[Test]) -> Path:
-    """Make the folder ready, or refuse it: nothing that is not a virtual campaign is ever touched."""
+    """Make the folder ready; FileError if it holds anything but a virtual campaign, which stays unchanged."""
     try:
         if folder.exists() and not folder.is_dir():
             raise FileError(
@@ -68,7 +57,7 @@ def prepare(folder: Path, tests: Sequence[Test]) -> Path:
             )
         recordings = folder / "recordings"
         recordings.mkdir(parents=True, exist_ok=True)
-        # from here on an interrupted run leaves a folder that says what it is, and nobody takes for complete
+        # An interrupted run leaves truth.csv, which marks a virtual campaign, without tests.csv, which completes it.
         (folder / "truth.csv").touch()
         (folder / "tests.csv").unlink(missing_ok=True)
         wanted = {f"{test.name}.csv" for test in tests}
@@ -83,7 +72,7 @@ def prepare(folder: Path, tests: Sequence[Test]) -> Path:
 
 
 def _is_virtual(folder: Path) -> bool:
-    """An earlier virtual campaign, finished or not."""
+    """Whether a folder is a virtual campaign, complete or not."""
     truth = folder / "truth.csv"
     if not truth.is_file():
         return False
@@ -95,7 +84,7 @@ def _is_virtual(folder: Path) -> bool:
 def finish(
     folder: Path, tests: Sequence[Test], rows: Sequence[tuple[object, ...]], statement: Statement, seed: int
 ) -> None:
-    """Write what makes the recordings a campaign: truth.csv, campaign.toml and, last, tests.csv."""
+    """Write truth.csv, campaign.toml and, last, tests.csv, which make the recordings a campaign."""
     import polars as pl
 
     columns = (*TRUTH_COLUMNS, *MORE_COLUMNS)[: len(rows[0])]
@@ -122,6 +111,7 @@ def finish(
 
 
 def _campaign_toml(tyres: dict[str, Tyre], statement: Statement, seed: int) -> str:
+    """The text of campaign.toml."""
     clean = statement.clean
     gain, phase = 100.0 * statement.std_gain, float(np.rad2deg(statement.std_phase))
     noisy = _NOISY_CHANNELS.format(
@@ -142,33 +132,34 @@ def _campaign_toml(tyres: dict[str, Tyre], statement: Statement, seed: int) -> s
 
 
 def _rig_line(name: str, value: float, std: float, clean: bool) -> str:
-    unit, size = _UNITS[name]
+    """The line of campaign.toml for a value of the rig in SI units."""
+    unit, size = ("kN/m", 1e3) if name.endswith("stiffness") else (PARAMETERS[name], 1.0)
     accuracy = "exact = true" if clean else f"std = {_short(std / size)}"
     return f'{name:<17} = {{ value = {float(_short(value / size))!r}, unit = "{unit}", {accuracy} }}\n'
 
 
 def _short(number: float) -> str:
-    """The fewest digits that say it: 1.7, 1000."""
+    """A number with the fewest digits, as in 1.7 or 1000."""
     return f"{number:.12g}"
 
 
 def _cell(number: float) -> str | None:
-    """The same, or a blank for not-a-number."""
+    """A number with the fewest digits; None for not-a-number."""
     return None if isnan(number) else _short(number)
 
 
 def write_recording(columns: Sequence[tuple[str, FloatArray]], path: Path, decimals: int | None) -> None:
-    """Write named columns with so many decimals, or with all digits."""
+    """Write named columns with a number of decimals; with all digits if `decimals` is None."""
     import polars as pl
 
     table = pl.DataFrame(dict(columns))
-    if decimals is not None:  # the time has few digits of its own, and is not to be padded with zeros
+    if decimals is not None:  # the time has few digits and needs no trailing zeros
         table = table.with_columns(pl.col("t").cast(pl.String))
     _replace(path, table.write_csv(float_precision=decimals))
 
 
 def _replace(path: Path, text: str) -> None:
-    """Write beside, then rename: a reader sees the old file or the new one, never half of one."""
+    """Write a temporary file, then rename it, so that a reader never finds an incomplete file."""
     part = path.with_name(f".{path.name}.part")
     try:
         part.write_bytes(text.encode())

@@ -1,20 +1,19 @@
-"""Linear equations of motion z' = A z + B u, marched exactly in equal steps; each input a polynomial in a step."""
+"""Exact solution of z' = A z + B u in equal steps, for inputs u that are polynomials within a step."""
 
 from __future__ import annotations
 
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
+
+from fourpole.core.arrays import FloatArray
 
 __all__ = ["exponential", "held_force", "march", "recur", "respond"]
 
-FloatArray = NDArray[np.float64]
-
 
 def held_force(a: FloatArray, column: FloatArray, step: float) -> FloatArray:
-    """What a force adds to the states in one step, by its values at both ends, straight between them."""
+    """Change of the states in one step (n, 2) per unit of a force at both ends of the step, linear between them."""
     size = a.shape[0]
     chain = np.zeros((size + 2, size + 2))
     chain[:size, :size] = a * step
@@ -24,13 +23,13 @@ def held_force(a: FloatArray, column: FloatArray, step: float) -> FloatArray:
 
 
 def respond(a: FloatArray, b: FloatArray, x1: FloatArray, v1: FloatArray, step: float, kept: slice) -> FloatArray:
-    """States (n, kept) from rest at the first point, the input held as a cubic between the points."""
-    # a cubic is a chain of integrators started at its derivatives: append it to the system and exponentiate
+    """States (n, kept) from rest at the first point; the input is a cubic between the points."""
+    # A cubic is the output of a chain of integrators; one exponential of the system with this chain gives the step.
     size = a.shape[0]
     chain = np.zeros((size + 4, size + 4))
     chain[:size, :size] = a * step
     chain[:size, size] = b[:, 0] * step
-    chain[:size, size + 1] = b[:, 1]  # the chain's time runs from 0 to 1, so its slope is step * v1
+    chain[:size, size + 1] = b[:, 1]  # the time of the chain runs from 0 to 1, so its slope is step * v1
     chain[[size, size + 1, size + 2], [size + 1, size + 2, size + 3]] = 1.0
     held = exponential(chain)[:size]
     derivatives = np.array(  # of the cubic at the start of a step, from x and step * v at its ends
@@ -42,13 +41,13 @@ def respond(a: FloatArray, b: FloatArray, x1: FloatArray, v1: FloatArray, step: 
 
 
 def recur(a: FloatArray, push: FloatArray, ends: FloatArray, step: float, kept: slice) -> FloatArray:
-    """States (n, kept) from rest: in each step the modes decay, and what stands at its `ends` pushes them."""
+    """States (n, kept) from rest: in each step the modes decay, and `push` times the input at its `ends` is added."""
     values, vectors = np.linalg.eig(a)
     if np.linalg.cond(vectors / np.abs(vectors).max(axis=1, keepdims=True)) > 1e9:
         return march(exponential(a * step), push @ ends)[:, kept]
-    keep = values.imag >= 0.0  # one of each conjugate pair stands for both
+    keep = values.imag >= 0.0  # one mode of each conjugate pair is sufficient
     modal_push = np.linalg.solve(vectors, push.astype(complex))[keep]
-    # einsum, not matmul: threads of a matrix library cost more here than they save
+    # einsum, because the threads that matmul starts cost more time here than they save
     drives = np.einsum("ij,jk->ik", np.vstack([modal_push.real, modal_push.imag]), ends)
     half = modal_push.shape[0]
     modes, weights = [], []
@@ -66,7 +65,7 @@ def recur(a: FloatArray, push: FloatArray, ends: FloatArray, step: float, kept: 
 
 
 def exponential(matrix: FloatArray) -> FloatArray:
-    """e^matrix of a small matrix by halving, Taylor's series and squaring; 2^-18/18! is below round-off."""
+    """Exponential of a small matrix by scaling, a Taylor series and squaring; its error is below round-off."""
     halvings = max(0, ceil(np.log2(2.0 * np.abs(np.linalg.eigvals(matrix)).max() + 1e-300)))
     scaled = matrix / 2**halvings
     term = total = np.eye(matrix.shape[0])
@@ -79,7 +78,7 @@ def exponential(matrix: FloatArray) -> FloatArray:
 
 
 def march(transition: FloatArray, pushes: FloatArray) -> FloatArray:
-    """The same recursion step by step, for the rare system whose modes coincide."""
+    """States (n, steps + 1) by the recursion step by step, for the rare system whose modes coincide."""
     states = np.zeros((pushes.shape[0], pushes.shape[1] + 1))
     for index in range(pushes.shape[1]):
         states[:, index + 1] = transition @ states[:, index] + pushes[:, index]

@@ -5,23 +5,25 @@ The equations of motion of the whole chain are solved at one frequency per test,
     F1, V1 ── input mass ── TYRE ── tyre mass + moving mass + added mass ── leaf spring ── frame ── fixed
                                  └ V2 is measured here
 
-It is as exact as the time domain and a thousand times faster, for validations that need thousands of campaigns.
+The solution is as exact as in the time domain and a thousand times faster, for validations with thousands of campaigns.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
-from fourpole.core.phasor import Phasors
+from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
+from fourpole.core.phasor import SYMBOLS, Phasors
+from fourpole.core.rig import PARAMETERS
 
 __all__ = [
     "CHANNELS",
+    "FAULTS",
     "RIG_VALUES",
     "Conditions",
     "DrawnLaboratory",
@@ -31,51 +33,40 @@ __all__ = [
     "simulate_phasors",
 ]
 
-#: What a laboratory states of its rig, in the order in which it is drawn.
-RIG_VALUES = (
-    "moving_mass",
-    "preload_stiffness",
-    "preload_damping",
-    "preload_loss_factor",
-    "tyre_mass",
-    "frame_stiffness",
-    "input_mass",
-)
+#: The values of a rig that a laboratory states, in the order in which their truth is drawn.
+RIG_VALUES = tuple(PARAMETERS)
 #: The channels, in the order of all triples.
-CHANNELS = ("F1", "V1", "V2")
-
-_UNDECLARED = (
-    *RIG_VALUES,
-    "leaf_friction",
-    *(f"{what} {channel}" for what in ("gain", "phase") for channel in CHANNELS),
-)
+CHANNELS = tuple(SYMBOLS.values())
+#: Names of the errors of the channels.
+FAULTS = tuple(f"{what} {channel}" for what in ("gain", "phase") for channel in CHANNELS)
+_UNDECLARED = (*RIG_VALUES, "leaf_friction", *FAULTS)
 
 
 @dataclass(frozen=True)
 class Laboratory:
-    """What a laboratory states of its rig and its sensors, and what it does not know of.
+    """The statement of a laboratory about its rig and sensors, and the errors that it does not know.
 
     Parameters
     ----------
     moving_mass, preload_stiffness, preload_damping : (value, std) [kg], [N/m], [N s/m]
         m, K3 and c3 with their standard uncertainties.
     preload_loss_factor, tyre_mass, frame_stiffness, input_mass : (value, std) [1], [kg], [N/m], [kg]
-        Absent by default; a frame of infinite stiffness is rigid.
+        Further parts of the rig with their standard uncertainties; by default absent, with a rigid frame.
     std_gain, std_phase : (F1, V1, V2) [1], [rad]
-        Standard uncertainties of the channels' gains, relative, and phases.
+        Standard uncertainties of the channels' gains (relative) and phases.
     noise : float [1]
-        Rms of the noise of Re and of Im of each phasor over its modulus; >= 0.
+        Standard deviation of the noise of Re and of Im of each phasor, relative to its modulus; >= 0.
     std_added : float [1]
-        Relative standard uncertainty of each added mass: one error for all tests with that mass.
+        Relative standard uncertainty of each added mass; all tests with that mass share one error.
     undeclared : mapping of str to float
-        The truth of what is not as stated, in place of what would be drawn: any of the rig's values [SI];
-        ``leaf_friction`` [N], Coulomb friction between the moving mass and the foundation; ``gain F1`` ...
-        [1] and ``phase F1`` ... [rad], the error of a channel.
+        True values that replace drawn ones: any of the rig's values [SI]; ``leaf_friction`` [N], the Coulomb friction
+        between the moving mass and the foundation; ``gain F1`` ... [1] and ``phase F1`` ... [rad], the errors of a
+        channel.
 
     Raises
     ------
     ValueError
-        If `undeclared` names something else, or noise is negative.
+        If `undeclared` has an unknown name, or noise is negative.
 
     Examples
     --------
@@ -106,18 +97,18 @@ class Laboratory:
 
 @dataclass(frozen=True, eq=False)
 class DrawnLaboratory(ByValue):
-    """The truth of one laboratory: what all its tests share.
+    """The true values of one laboratory, which all its tests share.
 
     Parameters
     ----------
     moving_mass, ..., input_mass : float
-        The rig as it is, in the units of `Laboratory`.
+        True values of the rig, in the units of `Laboratory`.
     leaf_friction : float [N]
         Coulomb friction between the moving mass and the foundation.
     gain, phase : (3,) float arrays [1], [rad]
         Errors of F1, V1, V2: measured = true (1 + gain) e^{j phase}.
     added_mass : mapping of float to float [kg]
-        Each added mass as weighed, and as it is; 0 is 0.
+        True value of each added mass by its weighed value; 0 is exact.
 
     Examples
     --------
@@ -140,24 +131,24 @@ class DrawnLaboratory(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class Conditions(ByValue):
-    """What is run: one value per test, or one for all.
+    """Conditions of N tests: one value per test, or one value for all.
 
     Parameters
     ----------
     frequency : (N,) float array [Hz]
-        > 0.
+        Excitation frequency; > 0.
     k1, k2, c : (N,) float arrays [N/m], [N/m], [N s/m]
-        The tyre, > 0; not read in a calibration.
+        Values of the tyre, > 0; a calibration does not use them.
     added_mass : (N,) float array [kg]
-        Fixed to the moving mass, as weighed; in a calibration the mass of the rigid block.
+        Mass fixed to the moving mass, as weighed; for a calibration, the mass of the rigid block.
     eccentricity : (N,) float array [m]
         Amplitude of the motion of the contact; > 0.
     calibration : (N,) bool array
-        A rigid block in place of the tyre, so that V1 = V2.
+        True for a rigid block in place of the tyre, so that V1 = V2.
     has_motion_out : (N,) bool array
-        Whether V2 was measured.
+        Whether V2 is measured.
     stiffness : (N,) complex array [N/m], optional
-        K* of the tyre in place of K1, K2 and C: of any model, causal or not; not zero. K2 and C then are unknown.
+        K* of the tyre in place of K1, K2 and C, not zero. It may come from any model, causal or not.
 
     Examples
     --------
@@ -176,7 +167,7 @@ class Conditions(ByValue):
     stiffness: ArrayLike | None = None
 
     def spread(self) -> _Tests:
-        """Every value for every test.
+        """The conditions with an array of N values for each quantity.
 
         Raises
         ------
@@ -185,7 +176,7 @@ class Conditions(ByValue):
         """
         calibration, has_motion_out = (np.asarray(flag, dtype=bool) for flag in (self.calibration, self.has_motion_out))
         parts = [np.asarray(value, dtype=float) for value in (self.k1, self.k2, self.c)]
-        if self.stiffness is not None:  # all of it is the spring, beside an arm whose damper holds nothing
+        if self.stiffness is not None:  # K1 is K*, and the arm has no damper
             parts = [np.asarray(self.stiffness, dtype=complex), np.ones(()), np.zeros(())]
         tyre = [np.where(calibration, 1.0, part) for part in parts]
         others = (np.asarray(value, dtype=float) for value in (self.added_mass, self.eccentricity))
@@ -203,9 +194,9 @@ class Conditions(ByValue):
         return tests
 
 
-@dataclass(frozen=True)
-class _Tests:
-    """The conditions, each an array of N; K1 is complex where it is all of K*."""
+@dataclass(frozen=True, eq=False)
+class _Tests(ByRows):
+    """Conditions of N tests, one array for each quantity; if K* is given, `k1` has it and is complex."""
 
     frequency: FloatArray
     k1: FloatArray | ComplexArray
@@ -216,28 +207,25 @@ class _Tests:
     calibration: BoolArray
     has_motion_out: BoolArray
 
-    def only(self, chosen: BoolArray) -> _Tests:
-        return _Tests(*(getattr(self, each.name)[chosen] for each in fields(self)))
-
 
 @dataclass(frozen=True, eq=False)
 class PhasorCampaign(ByValue):
-    """N tests as measured, and their truth.
+    """N measured tests, and their true values.
 
     Parameters
     ----------
     phasors : Phasors
-        Of N tests, as measured: with the errors of the channels and noise; V2 not-a-number where not measured.
+        Phasors of N tests with the errors of the channels and noise; V2 is not-a-number if not measured.
     true_amplitudes : (N, 3) complex array [N], [m/s], [m/s]
-        F1, V1, V2 as they are.
+        True F1, V1, V2.
     stiffness : (N,) complex array [N/m]
-        K* of the tyre; not-a-number in a calibration, as are K2 and C.
+        True K* of the tyre; not-a-number for a calibration.
     k2, c : (N,) float arrays [N/m], [N s/m]
-        Not-a-number where the conditions state K* itself.
+        True K2 and C; not-a-number for a calibration, and if the conditions state K* itself.
     transmissibility : (N,) float array [1]
         TR = |V2/V1|.
     truth : DrawnLaboratory
-        What the tests share.
+        True values that the tests share.
     """
 
     phasors: Phasors
@@ -250,17 +238,16 @@ class PhasorCampaign(ByValue):
 
 
 def draw(laboratory: Laboratory, rng: np.random.Generator, *, added_masses: Sequence[float] = ()) -> DrawnLaboratory:
-    """The truth of one laboratory, drawn from what it states: normal, without limits.
+    """True values of one laboratory, drawn from normal distributions about its statement.
 
-    The same numbers are taken from `rng` whatever the laboratory states, so that laboratories which differ in one
-    value have all else in common.
+    `rng` gives the same numbers for every statement, so that laboratories which differ in one value have equal errors.
 
     Parameters
     ----------
     laboratory : Laboratory
     rng : numpy.random.Generator
     added_masses : sequence of float [kg]
-        The masses in use, as weighed; each gets one error.
+        The added masses as weighed; each has one error.
 
     Returns
     -------
@@ -303,19 +290,19 @@ def simulate_phasors(
 
     .. math:: X_{measured} = X\,(1 + \epsilon)\,e^{j\phi} + noise
 
-    with e^{+jwt}, amplitudes 0-to-peak, V1 and V2 positive from the contact towards the foundation, F1 positive as
-    it pushes that way. The cam prescribes V1, which is real and positive.
+    The time factor is e^{+jwt}, amplitudes are 0-to-peak. V1 and V2 are positive from the contact towards the
+    foundation, and so is a pushing force F1. The cam prescribes V1, which is real and positive.
 
     Parameters
     ----------
     laboratory : Laboratory
-        As stated.
+        The statement of the laboratory.
     conditions : Conditions
-        N tests.
+        Conditions of the N tests.
     rng : numpy.random.Generator
-        First the truth is drawn, then the noise.
+        Source of the true values and, after them, of the noise.
     truth : DrawnLaboratory
-        In place of the one that is drawn; it must know every added mass.
+        True values in place of drawn ones; they must include every added mass.
 
     Returns
     -------
@@ -328,9 +315,9 @@ def simulate_phasors(
 
     Notes
     -----
-    Coulomb friction F_f is taken by its first harmonic, an impedance of :math:`4 F_f / (\pi |V_2|)` beside the leaf
-    spring: the motion is nearly a sine where the friction is small against the forces on the mass. The modulus
-    |V2| at which it belongs is found in closed form.
+    Coulomb friction F_f is represented by its first harmonic, an impedance of :math:`4 F_f / (\pi |V_2|)` parallel to
+    the leaf spring. The motion is nearly a sine if the friction is small against the forces on the mass. The modulus
+    |V2| follows in closed form.
 
     Examples
     --------
@@ -365,20 +352,20 @@ def simulate_phasors(
 
 
 def _amplitudes(tests: _Tests, truth: DrawnLaboratory) -> ComplexArray:
-    """F1, V1, V2 (N, 3) as they are."""
+    """True F1, V1, V2 (N, 3)."""
     s = 2j * np.pi * tests.frequency
     x1 = -1j * tests.eccentricity  # so that V1 is real
     added = np.array([truth.added_mass[float(mass)] for mass in tests.added_mass])
     mass = truth.moving_mass + added + np.where(tests.calibration, 0.0, truth.tyre_mass)
     leaf = truth.preload_stiffness * (1.0 + 1j * truth.preload_loss_factor) + s * truth.preload_damping
-    held = leaf / (1.0 + leaf * (1.0 / truth.frame_stiffness))  # leaf and frame give way in a row
+    held = leaf / (1.0 + leaf * (1.0 / truth.frame_stiffness))  # leaf spring and frame in series
     above = np.asarray(s * s * mass + held, dtype=complex)
-    rubbing = 4.0 * truth.leaf_friction / np.pi  # N, the first harmonic of the friction
+    rubbing = 4.0 * truth.leaf_friction / np.pi  # first harmonic of the friction [N]
     through = above * x1 + rubbing * 1j * x1 / np.abs(x1)  # with a rigid block
     x2 = x1.copy()
     on = ~tests.calibration
     if on.any():
-        through[on], x2[on] = _over_tyres(s[on], tests.only(on), x1[on], above[on], rubbing)
+        through[on], x2[on] = _over_tyres(s[on], tests.part(on), x1[on], above[on], rubbing)
     f1 = through + s * s * truth.input_mass * x1
     return np.stack([f1, s * x1, s * x2], axis=-1)
 
@@ -386,17 +373,17 @@ def _amplitudes(tests: _Tests, truth: DrawnLaboratory) -> ComplexArray:
 def _over_tyres(
     s: ComplexArray, tests: _Tests, x1: ComplexArray, above: ComplexArray, rubbing: float
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Force [N] into the tyre and motion x2 [m] of what stands on it, for the motion x1 of the contact.
+    """Force on the tyre [N] and motion x2 of the moving mass [m], for the motion x1 of the contact.
 
-    Two equations of motion: of the point between K2 and C, which has no mass, and of the moving mass.
+    There are two equations of motion: one for the massless point between K2 and C, one for the moving mass.
     """
     k1, k2, damper = tests.k1, tests.k2, s * tests.c
     matrix = np.empty((s.size, 2, 2), dtype=np.complex128)
     matrix[:, 0, 0], matrix[:, 0, 1] = k2 + damper, -damper
     matrix[:, 1, 0], matrix[:, 1, 1] = -damper, k1 + damper + above
     forces = np.zeros((s.size, 2, 2), dtype=np.complex128)
-    forces[:, 0, 0], forces[:, 1, 0] = k2 * x1, k1 * x1  # by the cam
-    forces[:, 1, 1] = -1.0  # by a unit of friction, which opposes the motion of the mass
+    forces[:, 0, 0], forces[:, 1, 0] = k2 * x1, k1 * x1  # from the motion of the cam
+    forces[:, 1, 1] = -1.0  # a unit of friction, which opposes the motion of the mass
     moved: ComplexArray = np.linalg.solve(matrix, forces)
     inner, x2 = moved[:, 0, 0], moved[:, 1, 0]
     if rubbing:
@@ -406,9 +393,10 @@ def _over_tyres(
 
 
 def _friction(free: ComplexArray, per_force: ComplexArray, rubbing: float) -> ComplexArray:
-    r"""Friction j g x2/|x2| on a mass that moves by `free` without it, and by `per_force` more for each N of it.
+    r"""Friction j g x2/|x2| on a mass with motion `free` without friction, and h = `per_force` more per newton.
 
-    With x2 = A u, A > 0, \|u\| = 1: (A - j g h) u = free, so that \|A - j g h\| = \|free\| is a square to solve.
+    With x2 = A u, A > 0, \|u\| = 1, the motion is (A - j g h) u = free. Then \|A - j g h\| = \|free\| is a quadratic
+    equation for A.
     """
     turned = 1j * rubbing * per_force
     room = np.abs(free) ** 2 - turned.imag**2
@@ -419,7 +407,7 @@ def _friction(free: ComplexArray, per_force: ComplexArray, rubbing: float) -> Co
 
 
 def _stiffness(tests: _Tests) -> ComplexArray:
-    """K* [N/m]: force per motion of the contact while the far side is held."""
+    """K* (N,) [N/m]: force per motion of the contact with a fixed far side."""
     damper = 2j * np.pi * tests.frequency * tests.c
     inner = tests.k2 / (tests.k2 + damper)
     return np.asarray(tests.k1 + damper * inner, dtype=np.complex128)

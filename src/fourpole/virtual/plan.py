@@ -1,9 +1,10 @@
-"""What a virtual campaign runs: its tests, in their order."""
+"""The tests of a virtual campaign, in their order."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import isclose, nan
 from typing import Literal
 
@@ -17,12 +18,15 @@ PRESSURES = (100e3, 135e3, 170e3, 205e3, 240e3)
 PRELOADS = (1000.0, 2000.0)
 FREQUENCIES = (10.0, 12.0, 14.0, 16.0, 17.0, 18.0, 19.0, 20.0, 22.0, 24.0)
 
+#: Tyre, pressure [Pa] and preload [N].
+_Condition = tuple[Tyre, float, float]
+
 
 @dataclass(frozen=True)
 class Test:
-    """One row of tests.csv; not-a-number where it has no such value, and a calibration has no tyre."""
+    """One row of tests.csv, in SI units; not-a-number for a value that it does not have. A calibration has no tyre."""
 
-    __test__ = False  # no matter for a test runner
+    __test__ = False  # pytest must not collect this class
 
     name: str
     kind: Literal["static", "dynamic", "calibration"]
@@ -34,7 +38,7 @@ class Test:
 
     @property
     def mounted(self) -> Tyre:
-        """The tyre, which must be there."""
+        """The tyre; ValueError for a calibration."""
         if self.tyre is None:
             raise ValueError(f"test {self.name} is a calibration: a rigid block stands in the place of the tyre")
         return self.tyre
@@ -63,21 +67,15 @@ def plan_tests(
     >>> [test.name for test in plan_tests([RADIAL_PLY], [170e3], [1000.0], [10.0, 24.0], calibration_masses=[10.0])]
     ['S1', 'D1', 'D2', 'C1', 'C2']
     """
-    conditions = [(tyre, pressure, preload) for tyre in tyres for pressure in pressures for preload in preloads]
-    chosen = [added_mass_at is None or _is_at(condition, added_mass_at) for condition in conditions]
-    if added_mass_at is not None and not any(chosen):
-        raise ValueError(f"added_mass_at = {added_mass_at} is no condition (tyre, pressure, preload) of this campaign")
     if not all(mass > 0.0 for mass in calibration_masses):
         raise ValueError(f"calibration_masses = {tuple(calibration_masses)}: the mass of a block must be > 0 kg")
+    static = product(tyres, pressures)
     dynamic = [
         (*condition, frequency, mass)
-        for condition, with_mass in zip(conditions, chosen, strict=True)
-        for mass in added_masses
-        if with_mass or mass == 0.0
-        for frequency in frequencies
+        for condition, masses in _with_masses([*product(tyres, pressures, preloads)], added_masses, added_mass_at)
+        for mass, frequency in product(masses, frequencies)
     ]
-    static = [(tyre, pressure) for tyre in tyres for pressure in pressures]
-    blocks = [(mass, frequency) for mass in calibration_masses for frequency in frequencies]
+    blocks = product(calibration_masses, frequencies)
     return [
         *(Test(f"S{number}", "static", *row) for number, row in enumerate(static, start=1)),
         *(Test(f"D{number}", "dynamic", *row) for number, row in enumerate(dynamic, start=1)),
@@ -88,7 +86,20 @@ def plan_tests(
     ]
 
 
-def _is_at(condition: tuple[Tyre, float, float], wanted: tuple[str, float, float]) -> bool:
+def _with_masses(
+    conditions: Sequence[_Condition], added_masses: Sequence[float], at: tuple[str, float, float] | None
+) -> list[tuple[_Condition, Sequence[float]]]:
+    """Each condition with its added masses: all of them at the condition `at` (None: at each), elsewhere 0 only."""
+    if at is None:
+        return [(condition, added_masses) for condition in conditions]
+    if not any(_is_at(condition, at) for condition in conditions):
+        raise ValueError(f"added_mass_at = {at} is no condition (tyre, pressure, preload) of this campaign")
+    none = [mass for mass in added_masses if mass == 0.0]
+    return [(condition, added_masses if _is_at(condition, at) else none) for condition in conditions]
+
+
+def _is_at(condition: _Condition, wanted: tuple[str, float, float]) -> bool:
+    """Whether a condition has this tyre name, pressure [Pa] and preload [N]."""
     tyre, *numbers = condition
     return tyre.name == wanted[0] and all(isclose(a, b) for a, b in zip(numbers, wanted[1:], strict=True))
 

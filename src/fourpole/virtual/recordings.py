@@ -1,14 +1,15 @@
-"""What the two rigs and their sensors leave of a test: the columns of its recording."""
+"""Recordings of virtual tests: the columns that the sensors of both rigs record."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fourpole.core.arrays import FloatArray
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import Motion, run, run_block
 from fourpole.virtual.plan import Test, element
@@ -18,29 +19,32 @@ from fourpole.virtual.truth import Truth, bench_of
 
 __all__ = ["F1_GAIN", "V1_DELAY", "cam_frequency", "record_dynamic", "record_static"]
 
-FloatArray = NDArray[np.float64]
 
-F1_GAIN, V1_DELAY = 1.02, 0.2e-3  # declared in campaign.toml
-
-_SAMPLE_RATE = 1000.0  # Hz, dynamic tests
-_DURATION = 4.096  # s: no whole number of turns at the usual frequencies, nor of mains cycles
-_STATIC_RATE = 50.0  # Hz
-_SPEED_ERROR = 3e-3  # the cam runs this much faster or slower than the test sheet says, at most
+#: Gain of F1 [1] and delay of V1 [s], as declared in campaign.toml.
+F1_GAIN, V1_DELAY = 1.02, 0.2e-3
+#: Sampling rate of dynamic tests [Hz].
+_SAMPLE_RATE = 1000.0
+#: Length of dynamic tests [s]; it is no multiple of the period of the usual frequencies or of the mains.
+_DURATION = 4.096
+#: Sampling rate of static tests [Hz].
+_STATIC_RATE = 50.0
+#: Largest relative departure of the cam's frequency from the stated one.
+_SPEED_ERROR = 3e-3
 
 
 def cam_frequency(test: Test, rng: np.random.Generator, clean: bool) -> float:
-    """How fast the cam turns [Hz]; not-a-number in a static test."""
+    """True frequency of the cam [Hz]; not-a-number for a static test."""
     if clean or test.kind == "static":
         return test.frequency
     return test.frequency * (1.0 + rng.uniform(-_SPEED_ERROR, _SPEED_ERROR))
 
 
 def record_static(test: Test, truth: Truth, rng: np.random.Generator, clean: bool) -> list[tuple[str, FloatArray]]:
-    """Time, deflection [mm] and load [N] of a static test."""
+    """Columns of a static test: time [s], deflection [mm] and load [N]."""
     cycles = load_cycles(test.mounted, test.pressure, sample_rate=_STATIC_RATE)
     deflection, load = Sensor(scale=1e3), Sensor()
     if not clean:
-        # the deflection transducer stands where it stands; the force cell was zeroed
+        # The deflection transducer has an arbitrary zero; the force cell is zeroed before the test.
         deflection = Sensor(
             scale=1e3,
             gain_error=truth.gain_errors["x"],
@@ -70,7 +74,7 @@ def record_static(test: Test, truth: Truth, rng: np.random.Generator, clean: boo
 def record_dynamic(
     test: Test, frequency: float, truth: Truth, rng: np.random.Generator, clean: bool
 ) -> list[tuple[str, FloatArray]]:
-    """Time, F1, V1 and V2 of a dynamic test or of a calibration, whose cam turns at `frequency` [Hz]."""
+    """Columns t, F1, V1 and V2 of a dynamic test or a calibration at the true `frequency` of the cam [Hz]."""
     cam = Cam(frequency) if clean else _worn_cam(frequency, rng)
     late = {channel: -phase / (2.0 * np.pi * frequency) for channel, phase in truth.phase_errors.items()}
     oversampling = 10 if clean else 5
@@ -94,12 +98,13 @@ def record_dynamic(
 def _recorded(
     sensor: Sensor, signal: FloatArray, motion: Motion, times: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
+    """The record of a signal on the time base of a motion."""
     start, step = float(motion.time[0]), (motion.time[-1] - motion.time[0]) / (motion.time.size - 1)
     return sensor.record(signal, start=start, step=float(step), times=times, rng=rng)
 
 
 def _worn_cam(frequency: float, rng: np.random.Generator) -> Cam:
-    """A cam at a random angle of its slow wander, with the same profile errors each time."""
+    """A cam with fixed profile errors and random phases of ripple and wander."""
     angle = rng.uniform(0.0, 2.0 * np.pi, 3)
     return Cam(
         frequency,
@@ -111,55 +116,58 @@ def _worn_cam(frequency: float, rng: np.random.Generator) -> Cam:
     )
 
 
+#: Sensors of a dynamic test in a laboratory, in the units of the file; their offset is the largest one.
+_SENSORS = {
+    "F1": Sensor(  # kN
+        scale=1e-3 / F1_GAIN,
+        offset=4e-3,
+        drift=8e-4,
+        drift_period=17.0,
+        hum=6e-4,
+        noise=2.0e-4,
+        pink=1.0e-4,
+        full_scale=1.0,
+        bits=16,
+    ),
+    "V1": Sensor(  # m/s
+        delay=V1_DELAY,
+        offset=1e-3,
+        drift=1e-4,
+        drift_period=13.0,
+        hum=2e-4,
+        noise=1.0e-4,
+        pink=0.5e-4,
+        full_scale=0.25,
+        bits=16,
+    ),
+    "V2": Sensor(  # m/s
+        invert=True,
+        offset=2e-3,
+        drift=2e-4,
+        drift_period=19.0,
+        hum=2e-4,
+        noise=1.5e-4,
+        pink=0.7e-4,
+        full_scale=0.5,
+        bits=16,
+    ),
+}
+
+
 def _laboratory_sensors(
     gain: Mapping[str, float], late: Mapping[str, float], rng: np.random.Generator
 ) -> dict[str, Sensor]:
-    """Each channel in the units of the file; a phase error is the lateness that gives it here."""
+    """The sensors of a test with their errors of gain [1], delays [s], offsets and phases of drift and hum."""
     phase = rng.uniform(0.0, 2.0 * np.pi, 6)
     sign = rng.uniform(-1.0, 1.0, 3)
     return {
-        "F1": Sensor(  # kN
-            scale=1e-3 / F1_GAIN,
-            gain_error=gain["F1"],
-            delay=late["F1"],
-            offset=4e-3 * sign[0],
-            drift=8e-4,
-            drift_period=17.0,
-            drift_phase=phase[0],
-            hum=6e-4,
-            hum_phase=phase[1],
-            noise=2.0e-4,
-            pink=1.0e-4,
-            full_scale=1.0,
-            bits=16,
-        ),
-        "V1": Sensor(  # m/s
-            gain_error=gain["V1"],
-            delay=V1_DELAY + late["V1"],
-            offset=1e-3 * sign[1],
-            drift=1e-4,
-            drift_period=13.0,
-            drift_phase=phase[2],
-            hum=2e-4,
-            hum_phase=phase[3],
-            noise=1.0e-4,
-            pink=0.5e-4,
-            full_scale=0.25,
-            bits=16,
-        ),
-        "V2": Sensor(  # m/s
-            gain_error=gain["V2"],
-            delay=late["V2"],
-            invert=True,
-            offset=2e-3 * sign[2],
-            drift=2e-4,
-            drift_period=19.0,
-            drift_phase=phase[4],
-            hum=2e-4,
-            hum_phase=phase[5],
-            noise=1.5e-4,
-            pink=0.7e-4,
-            full_scale=0.5,
-            bits=16,
-        ),
+        channel: replace(
+            sensor,
+            gain_error=gain[channel],
+            delay=sensor.delay + late[channel],
+            offset=sensor.offset * sign[at],
+            drift_phase=phase[2 * at],
+            hum_phase=phase[2 * at + 1],
+        )
+        for at, (channel, sensor) in enumerate(_SENSORS.items())
     }

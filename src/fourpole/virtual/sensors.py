@@ -1,46 +1,45 @@
-"""Sensors: what stands between a motion and the number in the file."""
+"""Sensors: the measurement chain from a motion or force to the numbers in a file."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fourpole.core.arrays import FloatArray
 
 __all__ = ["Sensor", "sample"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Sensor:
-    r"""A channel with the faults of a channel; the perfect one by default.
+    r"""A channel with its errors; by default it has none.
 
     .. math:: r(t) = \pm (1 + \epsilon)\,s\,y(t - \tau) + r_0 + drift + hum + noise
 
-    then clipped at the full scale and rounded to the steps of the converter. `scale` s turns SI into what is
-    recorded; all other amplitudes are in units as recorded.
+    The result is clipped at the full scale and rounded to the steps of the converter. `scale` s converts SI units to
+    the recorded unit; all other amplitudes are in the recorded unit.
 
     Parameters
     ----------
     scale : float [recorded/SI]
-        1e-3 for a force recorded in kN.
+        Recorded value per SI value: 1e-3 for a force recorded in kN.
     gain_error : float [1]
         epsilon.
     delay : float [s]
-        tau, how late the samples are; may be negative.
+        tau: the delay of the samples, which may be negative.
     invert : bool
-        The sign is turned over.
+        Whether the sign is inverted.
     offset : float
         r_0.
     drift, drift_period, drift_phase : float, float [s], float [rad]
         Amplitude, period and phase of a slow sine.
     hum, hum_phase : float, float [rad]
-        Amplitude and phase of the mains at 50 Hz; a third of it at 150 Hz.
+        Amplitude and phase of mains hum at 50 Hz; a third of the amplitude is added at 150 Hz.
     noise, pink : float
-        Rms of white noise and of 1/f noise.
+        Root mean square of white noise and of 1/f noise.
     full_scale, bits : float, int
-        The converter reaches from -full_scale to +full_scale in 2**bits steps; bits = 0: no converter.
+        The converter has 2**bits steps from -full_scale to +full_scale; with bits = 0 there is no converter.
 
     Examples
     --------
@@ -75,16 +74,18 @@ class Sensor:
         times: FloatArray,
         rng: np.random.Generator | None = None,
     ) -> FloatArray:
-        """What this channel writes down of a `signal` that begins at `start` and is given every `step`.
+        """The record of a `signal` that begins at `start` and has a sample every `step`.
 
         Parameters
         ----------
         signal : (n,) float array [SI]
+            Samples of the motion or force.
         start, step : float [s]
+            Time of the first sample, and sampling interval.
         times : (k,) float array [s]
-            Uniform.
+            Uniform times of the record.
         rng : numpy.random.Generator
-            Needed where there is noise.
+            Source of the noise; a sensor with noise needs it.
 
         Returns
         -------
@@ -93,7 +94,7 @@ class Sensor:
         Raises
         ------
         ValueError
-            If `times` with the delay reach beyond the signal, or noise is asked for without `rng`.
+            If `times` with the delay lie outside the signal, or if a sensor with noise has no `rng`.
         """
         factor = self.scale * (1.0 + self.gain_error) * (-1.0 if self.invert else 1.0)
         recorded = factor * sample(signal, start=start, step=step, times=times - self.delay)
@@ -118,7 +119,7 @@ class Sensor:
 
 
 def sample(signal: FloatArray, *, start: float, step: float, times: FloatArray) -> FloatArray:
-    """Values of a smooth, finely and uniformly sampled `signal` at other `times` [s]: six-point Lagrange.
+    """Values of a smooth, finely sampled `signal` at other `times` [s], by six-point Lagrange interpolation.
 
     The error is at most (omega step)^6/200 of the amplitude: 4e-12 at 24 Hz in steps of 0.2 ms.
 
@@ -130,7 +131,7 @@ def sample(signal: FloatArray, *, start: float, step: float, times: FloatArray) 
     """
     position = (times - start) / step
     nearest = np.rint(position)
-    if np.abs(position - nearest).max() < 1e-6:  # on the grid, but for the round-off of the times
+    if np.abs(position - nearest).max() < 1e-6:  # the times lie on the grid, apart from round-off
         index = nearest.astype(int)
         if index.min() < 0 or index.max() >= signal.size:
             raise ValueError(_beyond(signal, start, step, times))
@@ -152,15 +153,16 @@ def sample(signal: FloatArray, *, start: float, step: float, times: FloatArray) 
 
 
 def _beyond(signal: FloatArray, start: float, step: float, times: FloatArray) -> str:
+    """The message for times outside a signal."""
     end = start + (signal.size - 1) * step
     return (
-        f"samples are asked for from {times.min():.6g} to {times.max():.6g} s, "
-        f"the signal is there from {start:.6g} to {end:.6g} s, and between its points three more are needed"
+        f"samples from {times.min():.6g} to {times.max():.6g} s are needed, the signal reaches from {start:.6g} "
+        f"to {end:.6g} s, and interpolation needs three points more on each side; make the signal longer"
     )
 
 
 def _pink(count: int, rng: np.random.Generator) -> FloatArray:
-    """Noise of unit rms whose power falls as 1/f."""
+    """Noise (count,) of unit root mean square, whose power is proportional to 1/f."""
     spectrum = np.fft.rfft(rng.standard_normal(count))
     spectrum[0] = 0.0
     spectrum[1:] /= np.sqrt(np.arange(1, spectrum.size))

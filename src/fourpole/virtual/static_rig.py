@@ -1,20 +1,18 @@
-"""The static rig: slow load cycles, rate-independent hysteresis, a first cycle that conditions the rubber."""
+"""The static rig: slow load cycles with rate-independent hysteresis; the first cycles condition the rubber."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fourpole.core.arrays import ByValue
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.virtual.tyres import Tyre
 
 __all__ = ["StaticCycles", "load_cycles"]
 
-FloatArray = NDArray[np.float64]
 
-#: Share of the tyre's conditioning that is left in the first, second ... cycle; none from the third on.
+#: Share of the tyre's conditioning effect in the first and in the second cycle; it is 0 in later cycles.
 _CONDITIONING_LEFT = (1.0, 0.15)
 
 
@@ -25,9 +23,9 @@ class StaticCycles(ByValue):
     Parameters
     ----------
     time : (n,) float array [s]
-        From the start of the first cycle.
+        Time from the start of the first cycle.
     deflection, load : (n,) float arrays [m], [N]
-        Positive in compression; both are 0 between cycles.
+        Deflection and load, positive in compression; both are 0 between cycles.
     """
 
     time: FloatArray
@@ -50,18 +48,18 @@ def load_cycles(
 
     .. math:: F = F_{mean}(x) \pm h\,F_p\,4u(1-u) + \mu_n\,F_{mean}(x)\,(1-u^2)
 
-    with + while loading and - while unloading, so that the mean of the branches at equal deflection is the
-    tyre's law. The last term is there only while loading, and only in the first two cycles: rubber that has
-    not yet seen this deflection is stiffer (Mullins). No term depends on the rate.
+    with + for loading and - for unloading, so that the mean of the branches at equal deflection is the tyre's law. The
+    last term is present only for loading, and only in the first two cycles: rubber is stiffer in its first deflections
+    (Mullins effect). No term depends on the rate.
 
     Parameters
     ----------
     tyre : VirtualTyre or ModelTyre
     pressure : float [Pa]
     peak_load : float [N]
-        Mean load at the deepest point; > 0.
+        Mean load at the largest deflection; > 0.
     cycles : int
-        Complete cycles; >= 1.
+        Number of complete cycles; >= 1.
     period, sample_rate : float [s], [Hz]
         Duration of one cycle; samples per second; both > 0.
 

@@ -1,4 +1,4 @@
-"""What a virtual campaign states, and the truth that its statements only approximate."""
+"""The statement of a virtual campaign, and the true values that differ from it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.models.interface import StateSpace
 from fourpole.virtual.dynamic_rig import Bench, Zener, amplification
-from fourpole.virtual.phasor_rig import Conditions, Laboratory, simulate_phasors
+from fourpole.virtual.phasor_rig import CHANNELS, FAULTS, Conditions, Laboratory, simulate_phasors
 from fourpole.virtual.plan import Test, element
 
 __all__ = [
@@ -44,36 +44,37 @@ TRUTH_COLUMNS = (
     "preload stiffness [N/m]",
     "preload damping [N s/m]",
 )
-#: What follows where a campaign departs from the plain rig and sensors.
+#: Further columns for a campaign with other parts of the rig or other sensors than the usual ones.
 MORE_COLUMNS = (
     "tyre mass [kg]",
     "frame stiffness [N/m]",
     "preload loss factor [1]",
     "input mass [kg]",
     "leaf friction [N]",
-    *(f"gain error {channel} [1]" for channel in ("F1", "V1", "V2")),
-    *(f"phase error {channel} [rad]" for channel in ("F1", "V1", "V2")),
+    *(f"gain error {channel} [1]" for channel in CHANNELS),
+    *(f"phase error {channel} [rad]" for channel in CHANNELS),
 )
 
 STD_GAIN, STD_PHASE = 2e-4, float(np.deg2rad(0.01))
-#: kg, N/m, N s/m: as stated, and its std.
+#: Stated values of the usual rig with their standard uncertainties [kg], [N/m], [N s/m].
 _PLAIN_RIG = {"moving_mass": (15.0, 0.01), "preload_stiffness": (12440.0, 20.0), "preload_damping": (15.0, 0.5)}
 _FURTHER = ("tyre_mass", "frame_stiffness", "preload_loss_factor", "input_mass")
+#: Relative standard uncertainty of a further part that is declared.
 _FURTHER_STD = 0.02
-_CHANNELS = ("F1", "V1", "V2")
-_FAULTS = tuple(f"{what} {channel}" for what in ("gain", "phase") for channel in _CHANNELS)
 
 
 @dataclass(frozen=True)
 class Statement:
-    """What campaign.toml says of the rig and of the accuracy of F1, V1 and V2.
+    """The content of campaign.toml about the rig and the accuracy of F1, V1 and V2.
 
     Parameters
     ----------
     rig : mapping of name to (value, std) [SI]
+        Stated values of the rig with their standard uncertainties.
     std_gain, std_phase : float [1], [rad]
+        Standard uncertainties of the gain and of the phase of each channel.
     clean : bool
-        All is exact.
+        Whether all values are stated as exact.
     """
 
     rig: Mapping[str, tuple[float, float]]
@@ -84,7 +85,7 @@ class Statement:
 
 @dataclass(frozen=True)
 class Truth:
-    """What the stated values only approximate: the rig, and the gain and phase of each channel."""
+    """True rig, and true errors of gain [1] and phase [rad] of each channel."""
 
     bench: Bench
     gain_errors: Mapping[str, float]
@@ -116,13 +117,14 @@ def state(
     if min(*sensors, *rig_std.values()) < 0.0:
         raise ValueError("the uncertainties in sensors and rig_std must be zero or positive")
     if not all(0.0 < value < inf for value in declared.values()):
-        raise ValueError("what is declared must be positive and finite; leave out what the rig does not have")
+        raise ValueError("declared values must be positive and finite; leave out parts that the rig does not have")
     rig = {name: (value, rig_std.get(name, std)) for name, (value, std) in _PLAIN_RIG.items()}
     rig |= {name: (declared[name], _FURTHER_STD * declared[name]) for name in _FURTHER if name in declared}
     return Statement(rig, *sensors, clean=clean)
 
 
 def _known(where: str, given: Mapping[str, float], known: Sequence[str] | Mapping[str, object]) -> None:
+    """Raise ValueError for a name that is not known."""
     for name in given:
         if name not in known:
             raise ValueError(f"{where} has {name!r}; it may have {', '.join(known)}")
@@ -135,20 +137,19 @@ def draw_truth(
     rig_error: Mapping[str, float] | None = None,
     undeclared: Mapping[str, float] | None = None,
 ) -> Truth:
-    """The truth, drawn from what is stated, within two standard uncertainties.
+    """True values drawn about the statement, within two standard uncertainties.
 
-    The same numbers are taken from `rng` whatever is stated: campaigns that differ in one value have all else in
-    common.
+    `rng` gives the same numbers for every statement, so that campaigns which differ in one value have equal errors.
 
     Raises
     ------
     ValueError
-        If a name is unknown, or something undeclared is stated.
+        If a name is unknown, or an undeclared part is also stated.
     """
     rig_error, undeclared = rig_error or {}, undeclared or {}
     _known("rig_error", rig_error, statement.rig)
     unstated = [name for name in _FURTHER if name not in statement.rig]
-    _known("undeclared", undeclared, (*unstated, "leaf_friction", *_FAULTS))
+    _known("undeclared", undeclared, (*unstated, "leaf_friction", *FAULTS))
 
     def near(stated: float, std: float) -> float:
         return stated if statement.clean else stated + std * float(np.clip(rng.standard_normal(), -2.0, 2.0))
@@ -159,13 +160,13 @@ def draw_truth(
         return {name: value for name, value in (drawn | misstated).items() if name in statement.rig}
 
     rig = of_rig(tuple(_PLAIN_RIG))
-    gains = {channel: near(0.0, statement.std_gain) for channel in _CHANNELS}
+    gains = {channel: near(0.0, statement.std_gain) for channel in CHANNELS}
     gains |= {channel: near(0.0, STD_GAIN) for channel in ("F", "x")}
-    phases = {channel: near(0.0, statement.std_phase) for channel in _CHANNELS}
+    phases = {channel: near(0.0, statement.std_phase) for channel in CHANNELS}
     rig["mass"] = rig.pop("moving_mass")
     rig |= of_rig(_FURTHER)
-    rig |= {name: value for name, value in undeclared.items() if name not in _FAULTS}
-    for channel in _CHANNELS:
+    rig |= {name: value for name, value in undeclared.items() if name not in FAULTS}
+    for channel in CHANNELS:
         gains[channel] = undeclared.get(f"gain {channel}", gains[channel])
         phases[channel] = undeclared.get(f"phase {channel}", phases[channel])
     bench = Bench(**rig)
@@ -174,19 +175,19 @@ def draw_truth(
 
 
 def bench_of(test: Test, truth: Truth) -> Bench:
-    """The rig with what was added to it in this test."""
+    """The rig with the added mass of a test."""
     return replace(truth.bench, mass=truth.bench.mass + test.added_mass)
 
 
 def truth_rows(
     test: Test, truth: Truth, *, preloads: Sequence[float], frequency: float, more: bool
 ) -> list[tuple[object, ...]]:
-    """Rows of truth.csv: one per test, of a static test one per preload; with `more` also of `MORE_COLUMNS`."""
+    """Rows of truth.csv: one per test, or one per preload for a static test; with `MORE_COLUMNS` if `more`."""
     bench = truth.bench
     shared: tuple[object, ...] = (bench.mass, bench.preload_stiffness, bench.preload_damping)
     if more:
         parts = (bench.tyre_mass, bench.frame_stiffness, bench.preload_loss_factor, bench.input_mass)
-        errors = (errors[channel] for errors in (truth.gain_errors, truth.phase_errors) for channel in _CHANNELS)
+        errors = (errors[channel] for errors in (truth.gain_errors, truth.phase_errors) for channel in CHANNELS)
         shared = (*shared, *parts, bench.leaf_friction, *errors)
     if test.kind == "static":
         return [(*_static_row(test, preload), *shared) for preload in preloads]
@@ -218,7 +219,7 @@ def _dynamic_row(test: Test, frequency: float, truth: Truth) -> tuple[object, ..
 
 
 def _two_parts(tyre: Zener | StateSpace, frequency: float) -> tuple[float, float]:
-    """Storage and loss stiffness [N/m]; of the element, from the relaxation time of its arm."""
+    """Storage and loss stiffness of a tyre [N/m]."""
     if isinstance(tyre, StateSpace):
         stiffness = complex(tyre.stiffness(2.0 * np.pi * frequency))
         return stiffness.real, stiffness.imag
@@ -227,7 +228,7 @@ def _two_parts(tyre: Zener | StateSpace, frequency: float) -> tuple[float, float
 
 
 def _transmissibility(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> float:
-    """|V2/V1| [1]; with friction that of its first harmonic."""
+    """|V2/V1| [1]; with friction, that of its first harmonic."""
     if not bench.leaf_friction:
         return amplification(tyre, bench.damped_at(frequency), frequency)
     names = (*_FURTHER, "preload_stiffness", "preload_damping")

@@ -1,6 +1,6 @@
-"""Tyres in software: a load-deflection law, and K2 and C as functions of frequency, pressure and preload.
+"""Virtual tyres: a load-deflection law, with K2 and C as functions of frequency, pressure and preload.
 
-Or any model that is causal, with a straight law.
+A virtual tyre may also be any causal model, with a linear load-deflection law.
 """
 
 from __future__ import annotations
@@ -8,36 +8,36 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fourpole.core.arrays import FloatArray
 from fourpole.models.chain import in_time
 from fourpole.models.interface import Model, StateSpace
 from fourpole.virtual.dynamic_rig import Zener
 
 __all__ = ["CROSS_PLY", "RADIAL_PLY", "ModelTyre", "Tyre", "VirtualTyre"]
 
-FloatArray = NDArray[np.float64]
 
-_PRESSURE_MID, _PRESSURE_HALF = (
-    170e3,
-    70e3,
-)  # Pa: centre and half width of the 1.0 to 2.4 bar that the laws cover
-_LOAD_MID, _LOAD_SPAN = 1500.0, 1000.0  # N: centre and span of the two preloads
-#: A model's arms hold from this share of the cam's frequency to as many times it.
+#: Centre and half width of the pressures from 1.0 to 2.4 bar that the laws cover [Pa].
+_PRESSURE_MID, _PRESSURE_HALF = 170e3, 70e3
+#: Centre and span of the two preloads [N].
+_LOAD_MID, _LOAD_SPAN = 1500.0, 1000.0
+#: Arms that approximate a model are valid from the cam's frequency over this factor to this factor times it.
 _BEYOND = 5.0
-_F_MID, _F_FLAT, _F_HALF = 18.0, 17.5, 7.5  # Hz: reference, where K2 ignores the pressure, half width
+#: Reference frequency, frequency at which K2 does not depend on the pressure, and half width of the band [Hz].
+_F_MID, _F_FLAT, _F_HALF = 18.0, 17.5, 7.5
 
 
 @dataclass(frozen=True)
 class VirtualTyre:
-    r"""A tyre whose true radial properties are known, because they were designed.
+    r"""A tyre whose true radial properties are known by design.
 
-    These are **not** the data of the 1982 paper, of which no numbers survive: they are smooth laws with
-    round coefficients, chosen so that what the paper says of its two tyres is true of these two.
+    These are **not** the data of the 1982 paper, whose numbers are lost. They are smooth laws with round coefficients,
+    chosen so that the statements of the paper about its two tyres are true for these two.
 
-    As in the paper's model, K2 and C are functions of the frequency at which the rig runs. Each dynamic test
-    is therefore run on a Zener element with constants taken at its drive frequency: a C that rises with
-    frequency lies outside any single relaxation model, so no one element can serve all frequencies.
+    As in the paper's model, K2 and C are functions of the excitation frequency. Each dynamic test therefore has a Zener
+    element with the constants of its frequency. No single element holds for all frequencies, because C rises with
+    frequency, which contradicts any model with one relaxation time.
 
     With p the pressure, P the preload, f the frequency, :math:`q = (p - 170\,kPa)/70\,kPa`,
     :math:`l = (P - 1500\,N)/1000\,N` and :math:`g = ((p - 100\,kPa)/140\,kPa)^2`
@@ -51,13 +51,13 @@ class VirtualTyre:
     Parameters
     ----------
     name, construction : str
-        Name in the tables, and what the tyre is, in words.
+        Name in the tables, and a description of the tyre.
     a0, a_p, b : float [N/m], [N/(m Pa)], [N/m^2]
         The load-deflection law; `b` >= 0.
     hysteresis : float [1]
-        Half the widest gap of the loading and unloading branches over the peak load of the cycle.
+        Half the largest gap of the loading and unloading branches, relative to the peak load of the cycle.
     conditioning : float [1]
-        How much more the first loading takes than a conditioned one, over the load.
+        Excess load of the first loading over a conditioned one, relative to the load.
     k, n, k_p, k_l : float [N/m], [1], [1], [1]
         The law of K2.
     c_level, r, c_p, c_q, c_l : float [N s/m], [1], [1], [1], [1]
@@ -65,11 +65,11 @@ class VirtualTyre:
 
     Notes
     -----
-    Meant for 10 to 24 Hz, 1.0 to 2.4 bar and 1000 to 2000 N; beyond, the laws go on but mean nothing.
+    The laws are valid for 10 to 24 Hz, 1.0 to 2.4 bar and 1000 to 2000 N.
 
     References
     ----------
-    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982: the model and what the curves show.
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982: the model and the trends of the curves.
 
     Examples
     --------
@@ -97,7 +97,7 @@ class VirtualTyre:
     c_l: float
 
     def load(self, deflection: ArrayLike, pressure: ArrayLike) -> FloatArray:
-        """Mean load F [N] at `deflection` [m] and `pressure` [Pa]: halfway between the branches.
+        """Mean load F of both branches [N] at `deflection` [m] and `pressure` [Pa].
 
         Examples
         --------
@@ -157,7 +157,7 @@ class VirtualTyre:
         return np.asarray(self.c_level * (f / _F_MID) ** self.r * by_pressure * (1.0 - self.c_l * g * _l(preload)))
 
     def element(self, frequency: float, pressure: float, preload: float) -> Zener:
-        """What stands on the dynamic rig, with constants taken at the `frequency` [Hz] of the cam."""
+        """The element on the dynamic rig, with the constants of the cam's `frequency` [Hz]."""
         at = (pressure, preload)
         return Zener(float(self.static_stiffness(*at)), float(self.k2(frequency, *at)), float(self.c(frequency, *at)))
 
@@ -170,25 +170,28 @@ class VirtualTyre:
 class ModelTyre:
     """A tyre that is a causal model, the same at every pressure and preload.
 
-    Its load-deflection law is the straight line of its static stiffness; K2 and C it has only as its K* has them, so
-    that the truth leaves them blank.
+    Its load-deflection law is linear, with the model's static stiffness. The truth has no K2 and C for such a tyre,
+    because the model does not contain them.
 
     Parameters
     ----------
     name : str
+        Name in the tables.
     model : Model
+        The model of K*.
     values : tuple of float
-        Its parameters.
+        Parameters of the model.
     construction : str
+        A description of the tyre.
     hysteresis, conditioning : float [1]
-        As of a `VirtualTyre`.
+        The same as for a `VirtualTyre`.
 
     Raises
     ------
     ModelError
         If a value is out of its range.
     ValueError
-        If it has no stiffness at rest, so that it carries no load.
+        If its static stiffness is not positive, so that it carries no load.
 
     Examples
     --------
@@ -211,6 +214,7 @@ class ModelTyre:
 
     @property
     def _at_rest(self) -> float:
+        """Static stiffness of the model [N/m]."""
         return float(self.model.static_stiffness(self.values))
 
     def load(self, deflection: ArrayLike, pressure: ArrayLike) -> FloatArray:  # noqa: ARG002
@@ -226,25 +230,25 @@ class ModelTyre:
         return np.full(np.broadcast_shapes(np.shape(pressure), np.shape(preload)), self._at_rest)
 
     def element(self, frequency: float, pressure: float, preload: float) -> StateSpace:  # noqa: ARG002
-        """What stands on the dynamic rig: the model in time; arms, if it takes them, hold over the cam's harmonics."""
+        """The model in the time domain; if it needs an approximation by arms, it holds for the cam's harmonics."""
         return in_time(self.model, self.values, (frequency / _BEYOND, frequency * _BEYOND))
 
 
-#: What a virtual campaign may test.
+#: The tyres that a virtual campaign may test.
 Tyre = VirtualTyre | ModelTyre
 
 
 def _q(pressure: ArrayLike) -> FloatArray:
-    """Pressure on the scale where 1.0 bar is -1 and 2.4 bar is +1."""
+    """Normalised pressure [1]: -1 at 1.0 bar, +1 at 2.4 bar."""
     return np.asarray((np.asarray(pressure, dtype=float) - _PRESSURE_MID) / _PRESSURE_HALF)
 
 
 def _l(preload: ArrayLike) -> FloatArray:
-    """Preload on the scale where 1000 N is -1/2 and 2000 N is +1/2."""
+    """Normalised preload [1]: -1/2 at 1000 N, +1/2 at 2000 N."""
     return np.asarray((np.asarray(preload, dtype=float) - _LOAD_MID) / _LOAD_SPAN)
 
 
-#: The stiffer, more damped tyre with the curved load-deflection law; its C is largest at 1.7 bar.
+#: The stiffer tyre with more damping and a curved load-deflection law; its C is largest at 1.7 bar.
 CROSS_PLY = VirtualTyre(
     name="cross-ply",
     construction="cross-ply (virtual)",

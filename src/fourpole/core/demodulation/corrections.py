@@ -46,14 +46,15 @@ def links_of(channel: Channel) -> tuple[Link, ...]:
     return (*((Delay(channel.delay),) if channel.delay else ()), *channel.chain)
 
 
-def corrections_of(role: str, channel: Channel, omega: float) -> list[Correction]:
-    """Corrections for a channel's chain at omega [rad/s]; RecordingError outside the range of a calibration."""
+def corrections_of(recording: Recording, names: Sequence[str], omega: float) -> list[Correction]:
+    """Corrections for the chains of some channels at omega [rad/s]; RecordingError outside a calibration's range."""
     frequency = omega / (2 * np.pi)
     rows = []
-    for link in links_of(channel):
-        response = complex(link.at(frequency))
-        std = link.std_at(frequency) if isinstance(link, Calibrated) else (0.0, 0.0)
-        rows.append(Correction(role, link.name, abs(response), float(np.angle(response)), *std))
+    for name in names:
+        for link in links_of(recording.channels[name]):
+            response = complex(link.at(frequency))
+            std = link.std_at(frequency) if isinstance(link, Calibrated) else (0.0, 0.0)
+            rows.append(Correction(name, link.name, abs(response), float(np.angle(response)), *std))
     return rows
 
 

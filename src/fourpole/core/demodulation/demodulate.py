@@ -346,7 +346,6 @@ def _assemble(
     waves = [wave for track, fit in zip(tracks, fits, strict=True) for wave in _waves(recording, track, fit)]
     names = [wave.role for wave in waves]
     at = [CHANNELS.index(name) for name in names]
-    corrections = [row for name in names for row in corrections_of(name, recording.channels[name], omega)]
     mixed, talk = without_crosstalk(recording, names, omega)
     to_true = mixed * np.array([wave.inflation * (wave.true[0] / wave.recorded[0]) for wave in waves])
 
@@ -376,7 +375,7 @@ def _assemble(
         missing=1.0 - min(float(np.mean(fit.present)) for fit in fits),
         channels=tuple(names[i] for i in order),
         preview=preview(fits, order),
-        corrections=(*corrections, *talk),
+        corrections=(*corrections_of(recording, names, omega), *talk),
     )
 
 

@@ -1,4 +1,4 @@
-"""The joint route in the form of every route's answer."""
+"""The joint route with the result type of every route."""
 
 from __future__ import annotations
 
@@ -29,41 +29,42 @@ def identify_joint(
 ) -> Identification:
     r"""Find K* of every condition, the rig's values and the channels' gains from all tests of a rig together.
 
-    Maximises the posterior of: per test a free drive, per condition K* (carried to each test's own frequency by the
-    slopes of 1/K2 and 1/C, or of log K* where K1 is unknown), and the shared values with what is stated of them as
-    priors. See `fourpole.core.joint.model` for the model.
+    The result maximises the posterior of a free drive for each test, K* for each condition, and the shared values with
+    their statements as priors. K* is interpolated to the frequency of each test by the slopes of 1/K2 and 1/C, or of
+    log K* if K1 is unknown. `fourpole.core.joint.model` documents the model.
 
     Parameters
     ----------
     phasors : Phasors
-        N tests; not-a-number where a channel is absent, at least two of the three per test.
+        Phasors of N tests; not-a-number for an absent channel. Each test needs at least two of the three channels.
     rig : Rig
-        As stated, with its uncertainties.
+        The rig as stated, with its uncertainties.
     k1, k1_std : (N,) float arrays [N/m]
-        Static stiffness and its standard uncertainty; not-a-number where unknown: K* is found all the same.
+        Static stiffness and its standard uncertainty. Not-a-number if unknown; K* does not need it.
     family : (N,) int array
-        Tests with the same number have the same tyre, pressure and preload; negative: a rigid block in place of the
-        tyre, its mass within `added_mass`.
+        Number of tyre, pressure and preload. A negative number is a rigid block in place of the tyre, whose mass is
+        part of `added_mass`.
     nominal_frequency : (N,) float array [Hz]
-        As stated, which tells repeats from a fine sweep; not-a-number where it is not.
+        Frequency as stated, which distinguishes repeats from a fine sweep; not-a-number if not stated.
     added_mass, added_mass_std : (N,) float arrays [kg]
-        Mass fixed to the moving mass; one error common to all tests with the same mass.
+        Mass fixed to the moving mass, and its standard uncertainty; tests with the same mass share one error.
     channels : ChannelUncertainty, optional
-        What is not known of the channels; without it they count as exact.
+        Uncertainties of the channels; without it the channels count as exact.
 
     Returns
     -------
     Identification
-        One row per test, K* blank for rigid blocks; its `joint` has the rig's values and the channels' gains as found.
+        One row per test, with K* not-a-number for rigid blocks. `joint` has the estimates of the rig's values and of
+        the channels' gains.
 
     Raises
     ------
     RigError
-        If the rig is blocked, so that there is nothing to join.
+        If the rig is blocked, so that there is no V2.
 
     Examples
     --------
-    A moving mass stated as 15.0 ± 0.3 kg, that is 15.2 kg:
+    A moving mass of 15.2 kg that is stated as 15.0 ± 0.3 kg:
 
     >>> omega = 2 * np.pi * np.array([10.0, 12.0])
     >>> impedance = Rig(moving_mass=15.2, preload_stiffness=12440.0).impedance(omega)

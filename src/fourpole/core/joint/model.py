@@ -1,11 +1,11 @@
-r"""What the three phasors of a test should be, and how they change with K* and the shared values.
+r"""Model of the three phasors of a test, and its derivatives by K* and the shared values.
 
 With the drive d (the true V1), T = K*/(K* + jw Zr) and the channels' gains g:
 
 .. math:: (F_1, V_1, V_2) = d\,\bigl(g_F (Z_r T + j\omega m_{in}),\; g_1,\; g_2 T\bigr)
 
-A rigid block in place of the tyre has T = 1. The drive is free in every test, so that it is fitted out of
-everything else before anything else is asked.
+A rigid block in place of the tyre has T = 1. The drive is free in every test, so it is projected out of residual and
+derivatives first.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
-from fourpole.core.channelerrors import ChannelError
+from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
+from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.joint.shared import Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
@@ -34,28 +34,28 @@ __all__ = [
     "whitened",
 ]
 
-#: Relative uncertainty of any amplitude: what single precision, in a file or a sensor's electronics, holds at best.
+#: Least relative uncertainty of an amplitude, which is the resolution of single precision.
 FLOOR = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Observed(ByValue):
-    """The tests' phasors, ready to be compared with a model; every array has one row per test.
+class Observed(ByRows):
+    """Phasors of N tests with their weights, for comparison with a model.
 
     Attributes
     ----------
     omega, frequency_std : (N,) float arrays [rad/s], [Hz]
-        Frequency and its uncertainty.
+        Angular frequency, and standard uncertainty of the frequency.
     amplitudes : (N, 3) complex array
-        As measured, 0 where a channel is absent.
+        Measured amplitudes; 0 for an absent channel.
     whiten : (N, 6, 6) float array
-        W with W S W^T = 1 for the covariance S of what is present; rows of absent channels are 0.
+        W with W S W^T = 1 for the covariance S of the channels present; rows of absent channels are 0.
     mass_at : (N,) int array
-        Which of the distinct masses is fixed to the moving mass; -1 for none.
+        Index of the distinct mass that is fixed to the moving mass; -1 for none.
     rigid : (N,) bool array
         True for a rigid block in place of the tyre.
     turns : (N, 3, e) complex array
-        Change of the logarithm of each amplitude per unit of each of the channels' errors.
+        Change of the logarithm of each amplitude per unit of each error of the channels.
     """
 
     omega: FloatArray
@@ -70,7 +70,7 @@ class Observed(ByValue):
     def of(
         cls, phasors: Phasors, mass_at: np.ndarray, rigid: BoolArray, errors: Sequence[ChannelError] = ()
     ) -> Observed:
-        """From phasors of N tests, and the errors of their channels in the same order."""
+        """The phasors of N tests, with the errors of their channels for the same tests."""
         amplitudes = phasors.amplitudes
         present = np.isfinite(amplitudes) & (amplitudes != 0)
         amplitudes = np.where(present, amplitudes, 0.0)
@@ -84,18 +84,14 @@ class Observed(ByValue):
         """Complex gains of F1, V1, V2 in each test, measured over true: exp(a + j phi), (N, 3)."""
         return np.asarray(np.exp(self.turns @ shared.channels_at(z, self.turns.shape[-1])))
 
-    def part(self, rows: slice) -> Observed:
-        """Some of the tests."""
-        return Observed(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
-
 
 def whitening(covariance: FloatArray, amplitudes: ComplexArray, present: BoolArray) -> FloatArray:
-    """W with W S W^T = 1, the inverse of S's Cholesky factor."""
+    """W with W S W^T = 1: the inverse of the Cholesky factor of the covariance S."""
     both = np.repeat(present, 2, axis=-1)
     at = np.arange(6)
     kept = np.where(both[:, :, None] & both[:, None, :], covariance, 0.0)
     kept[:, at, at] += np.where(both, (FLOOR * np.repeat(np.abs(amplitudes), 2, axis=-1)) ** 2, 1.0)
-    # scaled to a unit diagonal first: forces and velocities are of very different size
+    # The matrix is scaled to a unit diagonal first, because forces and velocities differ much in size.
     scale = 1.0 / np.sqrt(kept[:, at, at])
     factor = np.linalg.cholesky(kept * scale[:, :, None] * scale[:, None, :])
     inverse = np.linalg.inv(factor) * scale[:, None, :]
@@ -104,28 +100,28 @@ def whitening(covariance: FloatArray, amplitudes: ComplexArray, present: BoolArr
 
 @dataclass(frozen=True, eq=False)
 class Linear(ByValue):
-    """Whitened residual and derivatives of some tests, the drive fitted out of all.
+    """Whitened residual and derivatives of some tests, with the drive projected out.
 
     Attributes
     ----------
     residual : (N, 6) float array
-        Measured less model.
+        Measured minus model.
     by_stiffness : (N, 6, 2) float array
         Derivatives of the model by Re and Im of log K*; 0 for rigid blocks.
     by_impedance : (N, 6, 2) float array
-        The same by Re and Im of Zr [N s/m].
+        Derivatives of the model by Re and Im of Zr [N s/m].
     by_shared : (N, 6, p) float array
-        By the shared values, in their stated uncertainties.
+        Derivatives of the model by the shared values, per stated standard uncertainty.
     drive : (N,) complex array [m/s]
-        V1.
+        True V1, as estimated.
     impedance, ratio : (N,) complex arrays [N s/m], [1]
-        Zr and T = V2/V1.
+        Zr, and T = V2/V1.
     impedance_by_shared : (N, p) complex array
         dZr/dz.
     predicted : (N, 3) complex array
-        F1, V1, V2 as the channels would record them.
+        F1, V1, V2 as the channels would record them, by the model.
     frame : (N, 6, 2) float array
-        Orthonormal columns of what the drive can do.
+        Orthonormal basis of the changes by the drive.
     """
 
     residual: FloatArray
@@ -191,9 +187,9 @@ def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray, rigid: BoolArray
     omega : (N,) float array [rad/s]
     rig : Rig
     speed : (N,) float array [m/s]
-        Amplitude of V2, on which dry friction depends; 0 where unknown, where it is left out.
+        Amplitude of V2, on which dry friction depends; 0 if unknown, and then the derivative is 0.
     rigid : (N,) bool array
-        Rigid blocks in place of the tyre, which have no tyre's mass.
+        True for a rigid block in place of the tyre, which has no mass of a tyre.
     """
     support = np.asarray(rig.impedance(omega)) - 1j * omega * (rig.moving_mass + rig.tyre_mass)
     dry = np.divide(4 / np.pi, speed, out=np.zeros(omega.size), where=speed > 0)
@@ -207,7 +203,7 @@ def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray, rigid: BoolArray
 
 
 def _impedance_by_shared(observed: Observed, shared: Shared, rig: Rig, gradient: ComplexArray) -> ComplexArray:
-    """dZr/dz of each test, (N, p)."""
+    """Derivatives of Zr by z (N, p) [N s/m]."""
     shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]), observed.rigid)
     change = np.zeros((observed.omega.size, len(shared)), dtype=complex)
     for at, parameter in enumerate(shared.parameters):
@@ -231,7 +227,7 @@ def _by_shared(
     predicted: ComplexArray,
     by_input_mass: ComplexArray,
 ) -> ComplexArray:
-    """Derivatives of the three amplitudes by z, (N, 3, p)."""
+    """Derivatives of the three amplitudes by z (N, 3, p)."""
     change = by_zr[:, :, None] * zr_by_shared[:, None, :]
     for at, parameter in enumerate(shared.parameters):
         if parameter.source.role is Role.CHANNEL:
@@ -241,15 +237,9 @@ def _by_shared(
     return change
 
 
-def _interleaved(values: ComplexArray) -> FloatArray:
-    """(N, 3, ...) complex as (N, 6, ...): Re and Im of each in turn."""
-    pairs = np.stack([values.real, values.imag], axis=2)
-    return pairs.reshape(values.shape[0], 6, *values.shape[2:])
-
-
 def whitened(whiten: FloatArray, values: ComplexArray) -> FloatArray:
-    """(N, 3, k) complex changes of the amplitudes as (N, 6, k), in units of the noise."""
-    return np.matmul(whiten, _interleaved(values))
+    """Complex changes (N, 3, k) of the amplitudes as Re and Im in turn (N, 6, k), in units of the noise."""
+    return np.matmul(whiten, parts(values, axis=2).reshape(len(values), 6, -1))
 
 
 def _both(whiten: FloatArray, values: ComplexArray) -> FloatArray:
@@ -258,20 +248,20 @@ def _both(whiten: FloatArray, values: ComplexArray) -> FloatArray:
 
 
 def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Q and R of (N, 6, 2) columns; their Cholesky factor, applied twice, is as good as reflections and much faster."""
+    """Q and R of (N, 6, 2) columns; two Cholesky steps are as accurate as reflections and much faster."""
     first, r1 = cholesky_qr(columns)
     second, r2 = cholesky_qr(first)
     return second, r2 @ r1
 
 
 def cholesky_qr(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Q and R of (N, 6, 2) columns, by their Cholesky factor once."""
+    """Q and R of (N, 6, 2) columns, by one Cholesky step."""
     upper = upper_factor(np.swapaxes(columns, 1, 2) @ columns)
     return columns @ inverse_upper(upper), upper
 
 
 def upper_factor(gram: FloatArray) -> FloatArray:
-    """R with R^T R = G for (..., 2, 2) G; columns that do nothing get R = 1."""
+    """R with R^T R = G for matrices G (..., 2, 2); R is 1 for columns that are zero."""
     a, b, d = gram[..., 0, 0], gram[..., 0, 1], gram[..., 1, 1]
     idle = (a <= 0) | (d <= 0)
     a, d = np.where(idle, 1.0, a), np.where(idle, 1.0, d)
@@ -288,7 +278,7 @@ def inverse_upper(upper: FloatArray) -> FloatArray:
 
 
 def projected(frame: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """What takes the directions of `frame` out of columns (N, 6, k); twice, so that nothing of them is left."""
+    """A function that projects the directions of `frame` out of columns (N, 6, k), twice for full accuracy."""
 
     def fit_out(columns: FloatArray) -> FloatArray:
         for _ in range(2):

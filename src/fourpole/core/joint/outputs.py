@@ -1,4 +1,4 @@
-"""From the most probable values to what a test is asked for, with every derivative by what the values rest on."""
+"""Outputs of the joint route for each test, with their derivatives by everything that they depend on."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.channelerrors import parts
 from fourpole.core.identification import Identification
 from fourpole.core.joint.joint import Joint
 from fourpole.core.joint.reconcile import largest_part
@@ -20,28 +21,29 @@ __all__ = ["Outputs", "identification", "outputs", "variance_by_source"]
 
 @dataclass(frozen=True, eq=False)
 class Outputs(ByValue):
-    """The six outputs of N tests and what they depend on, in the order the tests were given.
+    """The six outputs of N tests with their derivatives, in the order of the given tests.
 
-    The error of an output is by_own · e - (by_own · slope - by_shared) · dz + by_k1 · dK1; rigid blocks have none.
+    The error of an output is by_own · e + by_shared · dz + by_k1 · dK1, with e the error of log K* from the noise and
+    dz the error of the shared values. Rigid blocks have no outputs.
 
     Attributes
     ----------
     value : (N, 6) float array
-        In the order of `core.identify.OUTPUTS`; not-a-number where it does not exist.
+        Outputs in the order of `core.identify.OUTPUTS`; not-a-number for an output that does not exist.
     by_own : (N, 6, 2) float array
-        Derivatives by Re and Im of log K* as the noise moves it.
+        Derivatives by Re and Im of the error of log K* from the noise.
     by_shared : (N, 6, p) float array
-        By the shared values, in their stated uncertainties, all ways together.
+        Total derivatives by the shared values, per stated standard uncertainty.
     by_k1 : (N, 6) float array
-        By K1.
+        Derivatives by K1.
     own : (N, 2, 2) float array
-        Covariance of log K* for known shared values, in that test's condition.
+        Covariance of log K* of each test's condition for known shared values.
     frequency : (N, 2, 2) float array
-        The part of `own` that the uncertainty of the frequency makes.
+        The part of `own` from the uncertainty of the frequency.
     covariance : (p, p) float array
-        Of the shared values.
+        Covariance of the shared values.
     tr_of_rig : (N,) float array [1]
-        Standard uncertainty of TR from the error that had to be granted to the rig; 0 where the rig fits.
+        Standard uncertainty of TR from the model discrepancy of the rig; 0 if the rig fits.
     """
 
     value: FloatArray
@@ -54,7 +56,7 @@ class Outputs(ByValue):
     tr_of_rig: FloatArray
 
     def covariance_of(self, rows: slice, k1_std: FloatArray) -> FloatArray:
-        """Covariance (N, k, k) of some of the outputs."""
+        """Covariance (N, k, k) of some of the outputs, with the standard uncertainty of K1 (N,) [N/m]."""
         own, shared, k1 = self.by_own[:, rows], self.by_shared[:, rows], self.by_k1[:, rows]
         with np.errstate(invalid="ignore"):
             by_k1 = np.where(k1 == 0, 0.0, k1 * k1_std[:, None])
@@ -66,13 +68,13 @@ class Outputs(ByValue):
 
 
 def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
-    """Outputs of a joint solution, each test at its own frequency.
+    """Outputs of a joint solution for each test at its own frequency.
 
     Parameters
     ----------
     joint : Joint
     phasors : Phasors
-        As given to `identify_joint`.
+        The phasors that `identify_joint` was given.
     k1 : (N,) float array [N/m]
         Static stiffness of each test.
     """
@@ -93,7 +95,7 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         by_log_k = stiffness[:, None] * np.array([1.0, 1j])
-        by_k = np.stack([by_log_k.real, by_log_k.imag], axis=1)
+        by_k = parts(by_log_k, axis=1)
         loss = stiffness.imag / stiffness.real
         by_loss = (by_log_k.imag - loss[:, None] * by_log_k.real) / stiffness.real[:, None]
         k2, c = maxwell_arm(stiffness, k1, omega)
@@ -120,7 +122,7 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
 
 
 def _per_test(joint: Joint, values: np.ndarray, missing: float) -> np.ndarray:
-    """What each condition has, for each test of it; `missing` for rigid blocks."""
+    """Values of the conditions for each test; `missing` for rigid blocks."""
     if not values.shape[0]:
         return np.full((joint.condition.size, *values.shape[1:]), missing, dtype=values.dtype)
     found = values[joint.condition].copy()
@@ -131,31 +133,30 @@ def _per_test(joint: Joint, values: np.ndarray, missing: float) -> np.ndarray:
 def _arm(
     stiffness: ComplexArray, by_log_k: ComplexArray, k1: FloatArray, k2: FloatArray, c: FloatArray, omega: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of K2 and C by Re and Im of log K*, (N, 2, 2), and by K1, (N, 2)."""
+    """Derivatives of K2 and C by Re and Im of log K* (N, 2, 2), and by K1 (N, 2)."""
     by = np.concatenate([by_log_k, np.full((k1.size, 1), -1.0 + 0j)], axis=1)
     both = arm_slopes(stiffness, k1, (k2, c), omega, by)
     return both[:, :, :2], both[:, :, 2]
 
 
 def _frequency_part(joint: Joint) -> FloatArray:
-    """Covariance of log K* of each condition that comes from the uncertainty of its tests' frequencies."""
+    """Covariance (c, 2, 2) of log K* of each condition from the uncertainty of its tests' frequencies."""
     problem, solution = joint.problem, joint.solution
     conditions, observed = problem.conditions, problem.observed
     relative = np.hypot(2 * np.pi * observed.frequency_std / observed.omega, joint.misfit.unsteady)
     if not np.any(relative > 0):
         return np.zeros((conditions.count, 2, 2))
     change = problem.by_log_frequency(solution.z, solution.stiffness) * relative[:, None]
-    by_k = np.concatenate([part.by_stiffness for _, _, part in problem.linearised(solution.z, solution.stiffness)])
+    by_k = problem.columns("by_stiffness", solution.z, solution.stiffness)
     drawn = np.einsum("nij,ni->nj", by_k, change)
-    moved = solution.own @ conditions.sum(drawn[:, :, None] * drawn[:, None, :]) @ solution.own
-    return moved
+    return np.asarray(solution.own @ conditions.sum(drawn[:, :, None] * drawn[:, None, :]) @ solution.own)
 
 
 def variance_by_source(joint: Joint, found: Outputs, k1_std: ArrayLike) -> dict[Source, FloatArray]:
-    """Variance of each output by its source, (N, 6) each; the sources add up to the whole.
+    """Variance (N, 6) of the outputs by source; the sum over all sources is the total variance.
 
-    The most probable values are linear in the noise and in what is stated, so each stated value has a share of its
-    own; the noise has the rest, with whatever had to be granted to scatter or to a misfit.
+    The most probable values are linear in the noise and in the stated values, so each stated value has its own share.
+    The share of the noise is the rest; it includes scatter and model discrepancy.
     """
     moved = found.by_shared @ found.covariance
     by_shared = np.sum(moved * found.by_shared, axis=2)
@@ -180,9 +181,9 @@ def variance_by_source(joint: Joint, found: Outputs, k1_std: ArrayLike) -> dict[
 def identification(
     joint: Joint, phasors: Phasors, k1: ArrayLike, k1_std: ArrayLike, found: Outputs | None = None
 ) -> Identification:
-    """The joint route's answer in the form of every route's: one row per test, rigid blocks with K* blank.
+    """The result of the joint route: one row per test, with K* not-a-number for rigid blocks.
 
-    `found` spares computing `outputs` once more.
+    `found` is the result of `outputs`, if it is known already.
     """
     found = outputs(joint, phasors, k1) if found is None else found
     omega = np.asarray(phasors.omega)
@@ -223,18 +224,18 @@ def identification(
 
 
 def _root(covariance: FloatArray) -> FloatArray:
-    """L with L L^T the covariance, also where it is singular."""
+    """L with L L^T equal to a covariance, which may be singular."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _gains(joint: Joint) -> ComplexArray:
-    """Complex gains of F1, V1, V2 as found, (N, 3), of each test given."""
+    """Complex gains (N, 3) of F1, V1, V2 as found, in the order of the given tests."""
     return joint.problem.observed.gains(joint.problem.shared, joint.solution.z)[np.argsort(joint.order)]
 
 
 def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, FloatArray]:
-    """V1/F1 with the gains found taken out, and its covariance from the noise and what is left of the gains."""
+    """V1/F1 corrected for the gains found, and its covariance from the noise and the uncertainty of the gains."""
     shared = joint.problem.shared
     gains = _gains(joint)
     mobility = phasors.mobility * gains[:, 0] / gains[:, 1]
@@ -247,10 +248,6 @@ def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, F
         if parameter.source.role is Role.CHANNEL:
             turn = turns[:, 0, parameter.index] - turns[:, 1, parameter.index]
             by_z[:, at] = mobility * turn * parameter.std
-    noise, rest = _two(by), _two(by_z)
+    noise, rest = parts(by, axis=1), parts(by_z, axis=1)
     covariance = noise @ phasors.covariance[:, :4, :4] @ np.swapaxes(noise, 1, 2)
     return mobility, covariance + rest @ joint.solution.covariance @ np.swapaxes(rest, 1, 2)
-
-
-def _two(values: ComplexArray) -> FloatArray:
-    return np.stack([values.real, values.imag], axis=1)
