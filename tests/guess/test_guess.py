@@ -457,7 +457,7 @@ def test_a_folder_without_recordings_is_refused(tmp_path):
         guess_campaign(tmp_path / "none")
 
 
-def test_noise_is_no_test_that_is_taken_for_granted(origin, tmp_path):
+def test_noise_is_a_doubtful_test(origin, tmp_path):
     for name, table in tables(origin):
         table.write_csv(tmp_path / f"{name}.csv")
     noise = np.random.default_rng(1).normal(size=(4000, 3))

@@ -1,25 +1,46 @@
-"""Conditions of the tests: what varies over the folder, told from dates, serial numbers and words that say nothing."""
+"""Conditions of the tests of a folder: what their names, headers and notes say, seen over all tests together.
+
+Numbers without a unit become conditions where their place in all names shows which. The words that differ between
+tests name the tyres. Dates, serial numbers and words that all tests share are not used.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fourpole import quantities as q
+from fourpole.core.condition import AXES, FREQUENCY, axis_of
 from fourpole.guess.names import KINDS_OF, Token, plain
 from fourpole.guess.words import PASSED_OVER
 
 __all__ = ["Entry", "Told", "tell"]
 
-_SAME = 0.02
+#: Characters of the longest name of a tyre.
 _LONGEST_TYRE = 60
+#: The tolerances of the rule of one condition, and that of a frequency, by the name of the condition.
+_AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
+#: Unit in which a condition is written in a doubt, and the SI value of one such unit.
+_SHOWN = {one.key: (one.shown, one.scale) for one in (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.TEMPERATURE, q.ADDED_MASS)}
+_SHOWN["amplitude"] = ("mm", 1e-3)
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What is known of a recording before the folder is looked at as a whole; the nearest tokens come first."""
+    """What one recording says by itself; of each kind of tokens the nearest to the recording come first.
+
+    Attributes
+    ----------
+    kind : str
+        "static", "dynamic" or "calibration".
+    frequency : float [Hz]
+        Frequency of the recording; not-a-number where it shows none.
+    name, header, folder : tuple of Token
+        Tokens of its name, of its header, and of the notes of its folder.
+    """
 
     kind: str
     frequency: float
@@ -27,10 +48,19 @@ class Entry:
     header: tuple[Token, ...] = ()
     folder: tuple[Token, ...] = ()
 
+    @property
+    def parts(self) -> tuple[tuple[str, tuple[Token, ...]], ...]:
+        """Its tokens with the place where they stand, the one that counts most first."""
+        return ("name", self.name), ("header", self.header), ("folder", self.folder)
+
+    def stated(self, what: str) -> str:
+        """The text by which header or notes state something, empty where they do not."""
+        return next((token.text.strip() for token in (*self.header, *self.folder) if token.what == what), "")
+
 
 @dataclass
 class Told:
-    """Conditions of one recording in SI, its tyre, and what is doubtful: (about, text)."""
+    """Conditions of one recording in SI, its tyre, and its doubts as (subject, text)."""
 
     values: dict[str, float] = field(default_factory=dict)
     tyre: str = ""
@@ -38,325 +68,298 @@ class Told:
     repeat: str = ""
     doubts: list[tuple[str, str]] = field(default_factory=list)
 
+    def doubt(self, about: str, text: str) -> None:
+        """Add a doubt."""
+        self.doubts.append((about, text))
+
+    def assume_tyre(self, name: str, text: str) -> None:
+        """Take a tyre, with the doubt that belongs to it."""
+        self.tyre = name
+        self.doubt("tyre", text)
+
 
 def tell(entries: Sequence[Entry]) -> list[Told]:
     """The conditions of each recording."""
-    settled = _settled(entries)
-    told = [_values(entry) for entry in settled]
-    repeats = [_repeat(entry) for entry in settled]
-    if len(set(repeats)) > 1 and len({one for one in repeats if one}) < sum(bool(one) for one in repeats):
+    entries = _interpreted(entries)
+    told = [_values(entry) for entry in entries]
+    repeats = [_repeat(entry) for entry in entries]
+    counted = [repeat for repeat in repeats if repeat]
+    if len(set(repeats)) > 1 and len(set(counted)) < len(counted):
         for one, repeat in zip(told, repeats, strict=True):
             one.repeat = repeat
-    _name_tyres(settled, told)
+    _name_tyres([pair for pair in zip(entries, told, strict=True) if pair[0].kind != "calibration"])
     return told
 
 
 def _repeat(entry: Entry) -> str:
-    found = [token for token in (*entry.name, *entry.header) if token.what == "repeat"]
-    return " ".join(f"{token.value:g}" for token in found)
+    """The number of the repeat as text, empty where there is none."""
+    return " ".join(f"{token.value:g}" for token in (*entry.name, *entry.header) if token.what == "repeat")
 
 
 def _values(entry: Entry) -> Told:
-    """The first that states each condition: the name, the header, then the folder's notes; others must agree."""
+    """The conditions of one recording: the name counts before the header, the header before the notes."""
     told = Told()
-    for where, tokens in (("its name", entry.name), ("its header", entry.header), ("notes", entry.folder)):
+    places = {"name": "its name", "header": "its header", "folder": "notes"}
+    for place, tokens in entry.parts:
         for token in tokens:
-            if token.what not in KINDS_OF:
+            what = token.what
+            if what not in KINDS_OF:
                 continue
-            before = told.values.get(token.what)
-            if before is None:
-                told.values[token.what] = token.value
+            if what not in told.values:
+                told.values[what] = token.value
                 if token.doubt:
-                    told.doubts.append((token.what, token.doubt))
-            elif abs(before - token.value) > _SAME * max(abs(before), abs(token.value)):
-                text = f"{_written(token.what, before)} is taken, {where} also says {token.text!r}"
-                told.doubts.append((token.what, text))
+                    told.doubt(what, token.doubt)
+            elif not (_AXES.get(what) or axis_of(what)).same(told.values[what], token.value):
+                taken = _written(what, told.values[what])
+                told.doubt(what, f"{taken} is taken, {places[place]} also says {token.text!r}")
     return told
 
 
 def _written(what: str, value: float) -> str:
-    scale, unit = _WRITTEN.get(what, (1.0, ""))
+    """A condition in the unit in which people read it."""
+    unit, scale = _SHOWN.get(what, ("", 1.0))
     return f"{value / scale:g} {unit}".strip()
-
-
-_WRITTEN = {
-    "pressure": (1e5, "bar"),
-    "preload": (1.0, "N"),
-    "frequency": (1.0, "Hz"),
-    "temperature": (1.0, "°C"),
-    "added_mass": (1.0, "kg"),
-    "amplitude": (1e-3, "mm"),
-}
 
 
 # --- numbers without units ---------------------------------------------------------------------------------------
 
-
-def _settled(entries: Sequence[Entry]) -> list[Entry]:
-    """Numbers without units become conditions where their slot tells which."""
-    meaning: dict[tuple[object, ...], tuple[str, float, str]] = {}
-    places = [_places(entry) for entry in entries]
-    slots: dict[tuple[object, ...], dict[int, Token]] = {}
-    for index, at in enumerate(places):
-        for place, token in at.items():
-            slots.setdefault(place, {})[index] = token
-    for place, tokens in slots.items():
-        found = _meaning(tokens, entries)
-        if found is not None:
-            meaning[place] = found
-    known = _raw_values(meaning, slots)
-    for place, tokens in slots.items():  # a number of static tests that dynamic ones have as theirs
-        if place not in meaning and not next(iter(tokens.values())).keys:
-            values = {token.value for token in tokens.values()}
-            fitting = [found for found, theirs in known if values <= theirs]
-            if fitting:
-                meaning[place] = fitting[0]
-    return [_with(entry, at, meaning) for entry, at in zip(entries, places, strict=True)]
+#: Place of a number in a name: part, kind of test, and its key or its rank among the numbers without a key.
+_Slot = tuple[object, ...]
 
 
-def _places(entry: Entry) -> dict[tuple[object, ...], Token]:
-    """Each number of a name by its key, or by its place among the numbers without one."""
-    found: dict[tuple[object, ...], Token] = {}
-    for where, tokens in (("name", entry.name), ("header", entry.header), ("folder", entry.folder)):
-        bare = [token for token in tokens if token.what == "number" and not token.keys]
-        for at, token in enumerate(bare):
-            found[where, entry.kind == "static", len(bare), at] = token
-        for token in tokens:
-            if token.what == "number" and token.keys:
-                found.setdefault((where, entry.kind == "static", token.key), token)
+@dataclass(frozen=True)
+class _Meaning:
+    """The condition that the numbers of a slot are, and the SI value of 1.
+
+    `low` and `high` limit the numbers as written. `keyed`: only with letters before them that may say the condition.
+    `fractional`: only if not all of them are whole.
+    """
+
+    what: str
+    scale: float
+    doubt: str = ""
+    low: float = -np.inf
+    high: float = np.inf
+    keyed: bool = False
+    fractional: bool = False
+
+    def fits(self, values: np.ndarray, *, keyed: bool) -> bool:  # type: ignore[type-arg]
+        """Whether numbers may have this meaning."""
+        enough = (keyed or not self.keyed) and not (self.fractional and _whole(values))
+        return bool(enough and values.min() >= self.low and values.max() <= self.high)
+
+
+#: Meanings of numbers without a unit; the first that fits counts.
+_MEANINGS = (
+    _Meaning("pressure", 1e5, "taken as bar", 0.3, 10.0, keyed=True),
+    _Meaning("pressure", 1e5, "taken as bar", 0.3, 10.0, fractional=True),
+    _Meaning("pressure", 1e4, "taken as tenths of a bar (if it is psi, correct it)", 10.0, 99.9, keyed=True),
+    _Meaning("pressure", 1e3, "taken as kPa", 100.0, 999.0, keyed=True),
+    _Meaning("pressure", 1e3, "taken as kPa", 100.0, 450.0),
+    _Meaning("preload", 1.0, "taken as N", 50.0, keyed=True),
+    _Meaning("preload", 1.0, "taken as N", 300.0, 50_000.0),
+    _Meaning("preload", 1e3, "taken as kN", high=49.9, keyed=True, fractional=True),
+    _Meaning("temperature", 1.0, "taken as °C", 10.0, 90.0, keyed=True),
+    _Meaning("added_mass", 1.0, "taken as kg", high=100.0, keyed=True),
+    _Meaning("amplitude", 1e-3, "taken as mm", high=49.9, keyed=True, fractional=True),
+)
+
+
+def _interpreted(entries: Sequence[Entry]) -> list[Entry]:
+    """The entries with numbers without units as conditions, where the numbers of one slot show which."""
+    placed = [_slots(entry) for entry in entries]
+    slots: dict[_Slot, dict[int, Token]] = {}
+    for index, own in enumerate(placed):
+        for slot, token in own.items():
+            slots.setdefault(slot, {})[index] = token
+    numbers = {slot: {token.value for token in tokens.values()} for slot, tokens in slots.items()}
+    found = {slot: _meaning(tokens, entries) for slot, tokens in slots.items()}
+    meanings = {slot: meaning for slot, meaning in found.items() if meaning is not None}
+    for slot, tokens in slots.items():
+        if slot not in meanings and not next(iter(tokens.values())).keys:
+            # A number of static tests whose values dynamic tests have as their pressure is a pressure, too.
+            alike = [one for one in found if _is_pressure(found[one]) and numbers[slot] <= numbers[one]]
+            meanings.update((slot, meanings[one]) for one in alike[:1])
+    return [_with(entry, tokens, meanings) for entry, tokens in zip(entries, placed, strict=True)]
+
+
+def _is_pressure(meaning: _Meaning | None) -> bool:
+    return meaning is not None and meaning.what == "pressure"
+
+
+def _slots(entry: Entry) -> dict[_Slot, Token]:
+    """Each number of an entry by its key, or by its rank among the numbers without one."""
+    found: dict[_Slot, Token] = {}
+    static = entry.kind == "static"
+    for place, tokens in entry.parts:
+        numbers = [token for token in tokens if token.what == "number"]
+        bare = [token for token in numbers if not token.keys]
+        found |= {(place, static, len(bare), at): token for at, token in enumerate(bare)}
+        for token in numbers:
+            if token.keys:
+                found.setdefault((place, static, token.key), token)
     return found
 
 
-def _raw_values(
-    meaning: dict[tuple[object, ...], tuple[str, float, str]], slots: dict[tuple[object, ...], dict[int, Token]]
-) -> list[tuple[tuple[str, float, str], set[float]]]:
-    return [
-        (found, {token.value for token in slots[place].values()})
-        for place, found in meaning.items()
-        if found[0] == "pressure"
-    ]
-
-
-def _meaning(tokens: dict[int, Token], entries: Sequence[Entry]) -> tuple[str, float, str] | None:
-    """Condition, SI value of one, and doubt with a place for the number as written; None where nothing tells."""
+def _meaning(tokens: dict[int, Token], entries: Sequence[Entry]) -> _Meaning | None:
+    """The meaning of the numbers of one slot; None where they do not show it."""
     values = np.array([token.value for token in tokens.values()])
     keys = next(iter(tokens.values())).keys
-    turning = _of_frequency(tokens, entries)
-    if turning and (not keys or "frequency" in keys):
-        return "frequency", turning, ""
+    hertz = _hertz(tokens, entries)
+    if hertz and (not keys or "frequency" in keys):
+        return _Meaning("frequency", hertz)
     if keys == ("frequency",) or (not keys and _counts(values)):
         return None
-    possible = [what for what in keys if what != "frequency"] if keys else ["pressure", "preload"]
-    for what in possible:
-        scale = _SCALES[what](values, bool(keys)) if what in _SCALES else None
-        if scale is not None:
-            return what, scale[0], scale[1]
-    return None
+    possible = keys or ("pressure", "preload")
+    fitting = (one for what in possible for one in _MEANINGS if one.what == what and one.fits(values, keyed=bool(keys)))
+    return next(fitting, None)
 
 
-def _of_frequency(tokens: dict[int, Token], entries: Sequence[Entry]) -> float:
-    """1 for Hz or 1/60 for rpm, where numbers follow the frequencies of the recordings; else 0."""
+def _hertz(tokens: dict[int, Token], entries: Sequence[Entry]) -> float:
+    """1 for numbers in Hz, 1/60 for rpm, if most of them are the frequencies of the recordings; else 0."""
     pairs = [
         (token.value, entries[index].frequency)
         for index, token in tokens.items()
         if entries[index].kind != "static" and np.isfinite(entries[index].frequency)
     ]
-    if not pairs:
-        return 0.0
     for scale in (1.0, 1 / 60):
-        close = [abs(value * scale - seen) <= _SAME * seen for value, seen in pairs]
-        if np.mean(close) >= 0.8:
+        if pairs and np.mean([FREQUENCY.same(value * scale, shows) for value, shows in pairs]) >= 0.8:
             return scale
     return 0.0
 
 
+def _whole(values: np.ndarray) -> bool:  # type: ignore[type-arg]
+    """Whether all numbers are whole."""
+    return bool(np.all(values == np.round(values)))
+
+
 def _counts(values: np.ndarray) -> bool:  # type: ignore[type-arg]
-    """Whether numbers only count the recordings: whole, and each its own."""
-    whole = np.all(values == np.round(values))
-    return bool(whole and values.size >= 4 and np.unique(values).size == values.size)
+    """Whether numbers only count the recordings: all are whole, and none stands twice."""
+    return _whole(values) and values.size >= 4 and np.unique(values).size == values.size
 
 
-def _pressure(values: np.ndarray, keyed: bool) -> tuple[float, str] | None:  # type: ignore[type-arg]
-    low, high = values.min(), values.max()
-    if low < 0.3:
-        return None
-    if high <= 10 and (keyed or np.any(values != np.round(values))):
-        return 1e5, "taken as bar"
-    if keyed and low >= 10 and high < 100:
-        return 1e4, "taken as tenths of a bar (if it is psi, correct it)"
-    if low >= 100 and high <= 999 and (keyed or high <= 450):
-        return 1e3, "taken as kPa"
-    return None
-
-
-def _load(values: np.ndarray, keyed: bool) -> tuple[float, str] | None:  # type: ignore[type-arg]
-    if (values.min() >= 50 and keyed) or (values.min() >= 300 and values.max() <= 50_000):
-        return 1.0, "taken as N"
-    if keyed and np.any(values != np.round(values)) and values.max() < 50:
-        return 1e3, "taken as kN"
-    return None
-
-
-def _temperature(values: np.ndarray, keyed: bool) -> tuple[float, str] | None:  # type: ignore[type-arg]
-    return (1.0, "taken as °C") if keyed and values.min() >= 10 and values.max() <= 90 else None
-
-
-def _mass(values: np.ndarray, keyed: bool) -> tuple[float, str] | None:  # type: ignore[type-arg]
-    return (1.0, "taken as kg") if keyed and values.max() <= 100 else None
-
-
-def _amplitude(values: np.ndarray, keyed: bool) -> tuple[float, str] | None:  # type: ignore[type-arg]
-    return (1e-3, "taken as mm") if keyed and np.any(values != np.round(values)) and values.max() < 50 else None
-
-
-_SCALES = {
-    "pressure": _pressure,
-    "preload": _load,
-    "temperature": _temperature,
-    "added_mass": _mass,
-    "amplitude": _amplitude,
-}
-
-
-def _with(
-    entry: Entry, at: dict[tuple[object, ...], Token], meaning: dict[tuple[object, ...], tuple[str, float, str]]
-) -> Entry:
-    """An entry whose numbers are conditions where that is known; other letters with a number are words again."""
+def _with(entry: Entry, numbers: dict[_Slot, Token], meanings: Mapping[_Slot, _Meaning]) -> Entry:
+    """The entry with conditions in place of numbers of known meaning; other numbers with a key become words."""
     changed: dict[int, Token] = {}
-    for place, token in at.items():
-        found = meaning.get(place)
-        if found is not None:
-            what, scale, doubt = found
-            value = token.value * scale
-            text = f"{token.text.strip()!r} {doubt}: {_written(what, value)}" if doubt else ""
-            changed[id(token)] = replace(token, what=what, value=value, doubt=text)
+    for slot, token in numbers.items():
+        meaning = meanings.get(slot)
+        if meaning is not None:
+            value = token.value * meaning.scale
+            taken = f"{token.text.strip()!r} {meaning.doubt}: {_written(meaning.what, value)}" if meaning.doubt else ""
+            changed[id(token)] = replace(token, what=meaning.what, value=value, doubt=taken)
         elif token.keys and token.key:
             changed[id(token)] = replace(token, what="word")
-    parts = (
-        tuple(changed.get(id(token), token) for token in tokens) for tokens in (entry.name, entry.header, entry.folder)
-    )
-    name, header, folder = parts
+    name, header, folder = (tuple(changed.get(id(token), token) for token in tokens) for _, tokens in entry.parts)
     return replace(entry, name=name, header=header, folder=folder)
 
 
 # --- the tyre ----------------------------------------------------------------------------------------------------
 
 
-def _name_tyres(entries: Sequence[Entry], told: Sequence[Told]) -> None:
-    """Fill in the tyre of each recording: as stated, else by the words of its name that tell."""
-    tested = [index for index, entry in enumerate(entries) if entry.kind != "calibration"]
-    stated = {index: _said(entries[index], "tyre") or _said(entries[index], "construction") for index in tested}
-    words = _telling([_words(entries[index]) for index in tested], [entries[index].kind for index in tested])
-    often = Counter(tuple(map(plain, one)) for one in words if one)
-    by_words = sum(count > 1 for count in often.values()) > len({plain(one) for one in stated.values()})
-    display: dict[str, str] = {}
-    for index, own in zip(tested, words, strict=True):
+def _name_tyres(tests: Sequence[tuple[Entry, Told]]) -> None:
+    """Fill in the tyre of each test: as header or notes state it, else by the words of the names that differ."""
+    _name_by_words(tests)
+    if not any(told.tyre for _, told in tests):
+        _name_by_numbers(tests)
+    if not any(told.tyre for _, told in tests):
+        for _, told in tests:
+            told.assume_tyre("tyre", "no name of a tyre was found: all tests are taken as of one tyre")
+    _doubt_joined([told for _, told in tests])
+    for _, told in tests:
+        if not told.tyre:
+            told.assume_tyre("unnamed", "its tyre is not named")
+
+
+def _name_by_words(tests: Sequence[tuple[Entry, Told]]) -> None:
+    """Tyres as stated; by words where more names of words come again than tyres are stated."""
+    stated = [entry.stated("tyre") or entry.stated("construction") for entry, _ in tests]
+    words = _distinguishing([_words(entry) for entry, _ in tests], [entry.kind for entry, _ in tests])
+    often = Counter(tuple(map(plain, own)) for own in words if own)
+    by_words = sum(count > 1 for count in often.values()) > len(set(map(plain, stated)))
+    spelling: dict[str, str] = {}
+    for (entry, told), own, tyre in zip(tests, words, stated, strict=True):
         joined = " ".join(own)[:_LONGEST_TYRE].strip()
-        name = stated[index] if stated[index] and not (by_words and joined) else joined
-        told[index].tyre = display.setdefault(plain(name), name)
-        told[index].construction = _said(entries[index], "construction")
-    if tested and not any(told[index].tyre for index in tested):
-        _name_by_numbers(entries, told, tested)
-    if tested and not any(told[index].tyre for index in tested):
-        for index in tested:
-            told[index].tyre = "tyre"
-            told[index].doubts.append(("tyre", "no name of a tyre was found: all tests are taken as of one tyre"))
-    _doubt_joined(told, tested)
-    for index in tested:
-        if not told[index].tyre:
-            told[index].doubts.append(("tyre", "its tyre is not named"))
-            told[index].tyre = "unnamed"
+        name = joined if not tyre or (by_words and joined) else tyre
+        told.tyre = spelling.setdefault(plain(name), name)
+        told.construction = entry.stated("construction")
 
 
-def _doubt_joined(told: Sequence[Told], tested: list[int]) -> None:
-    """Names of several words that vary by themselves may hold more than a tyre: an operator, hot and cold."""
-    names = {plain(told[index].tyre): told[index].tyre for index in tested}
-    often = Counter(plain(word) for name in names.values() for word in name.split())
-    if (
-        len(names) >= 4
-        and any(count > 1 for count in often.values())
-        and max(len(n.split()) for n in names.values()) > 1
-    ):
-        listed = ", ".join(list(names.values())[:4])
-        for index in tested:
-            text = (
-                f"{len(names)} tyres by the words that vary ({listed} ...): if some of them are not of a "
-                f"tyre, take them out"
-            )
-            told[index].doubts.append(("tyre", text))
-
-
-def _name_by_numbers(entries: Sequence[Entry], told: Sequence[Told], tested: list[int]) -> None:
-    """Few numbers that come again and again, and are nothing else, may count the tyres."""
-    left = {
-        i: [t for t in entries[i].name if t.what == "number" and not t.keys and t.value.is_integer()] for i in tested
-    }
-    if not all(left.values()):
+def _name_by_numbers(tests: Sequence[tuple[Entry, Told]]) -> None:
+    """Take a number without a meaning as that of the tyre, where there are few and each is in many names."""
+    left = [[t for t in entry.name if t.what == "number" and not t.keys and t.value.is_integer()] for entry, _ in tests]
+    if not all(left):
         return
-    numbers = {index: tokens[0].text for index, tokens in left.items()}
-    if 1 < len(set(numbers.values())) <= len(tested) / 4:
-        listed = ", ".join(sorted(set(numbers.values()))[:6])
-        for index in tested:
-            told[index].tyre = f"#{numbers[index]}"
-            told[index].doubts.append(("tyre", f"the numbers {listed} of their names are taken as those of the tyres"))
+    numbers = [tokens[0].text for tokens in left]
+    if 1 < len(set(numbers)) <= len(tests) / 4:
+        listed = ", ".join(sorted(set(numbers))[:6])
+        for (_, told), number in zip(tests, numbers, strict=True):
+            told.assume_tyre(f"#{number}", f"the numbers {listed} of their names are taken as those of the tyres")
 
 
-def _said(entry: Entry, what: str) -> str:
-    return next((token.text.strip() for token in (*entry.header, *entry.folder) if token.what == what), "")
+def _doubt_joined(tested: Sequence[Told]) -> None:
+    """Doubt names of several words that vary by themselves: a word may be an operator, or hot and cold."""
+    names = {plain(told.tyre): told.tyre for told in tested}
+    often = Counter(plain(word) for name in names.values() for word in name.split())
+    several = any(len(name.split()) > 1 for name in names.values())
+    if len(names) >= 4 and several and max(often.values(), default=0) > 1:
+        listed = ", ".join(list(names.values())[:4])
+        for told in tested:
+            told.doubt(
+                "tyre",
+                f"{len(names)} tyres by the words that vary ({listed} ...): if some of them are not of a tyre, take "
+                "them out",
+            )
 
 
 def _words(entry: Entry) -> list[str]:
-    """Words of a name that may tell the tyre, one spelling each."""
+    """Words of a name that may be of the tyre, each in one spelling."""
     words = [token.text for token in entry.name if token.what == "word"]
     return list(dict.fromkeys(word for word in words if plain(word) and plain(word) not in PASSED_OVER))
 
 
-def _telling(words: list[list[str]], kinds: list[str]) -> list[list[str]]:
-    """Of each recording the words that tell it from others; those that all have only where nothing else is left."""
+def _distinguishing(words: list[list[str]], kinds: list[str]) -> list[list[str]]:
+    """The words of each name that differ between tests; words of all tests only where a name has no others."""
     sets = [{plain(word) for word in own} for own in words]
-    of = {kind: [own for own, one in zip(sets, kinds, strict=True) if one == kind] for kind in set(kinds)}
+    by_kind = _by_kind(sets, kinds)
     everywhere = set.intersection(*sets) if sets else set()
-    dropped = set(everywhere)
-    for kind, owns in of.items():
-        others = set().union(*(own for other, more in of.items() if other != kind for own in more))
-        dropped |= set.intersection(*owns) - others
-    count = Counter(word for own in sets for word in own)
-    dropped |= _counters(count)
-    alone = {word for word, often in count.items() if often == 1}
-    for owns in of.values():  # each its own word beside others: a label
-        if len(owns) > 1 and all(own & alone and own - alone for own in owns):
-            dropped |= set().union(*owns) & alone
-    if len(words) > 6 and len(alone) >= 0.3 * len(words):
-        dropped |= alone
-    chosen = [[word for word in own if plain(word) not in dropped] for own in words]
-    chosen = _only_of_kind(chosen, kinds)
-    if all(chosen):
-        return chosen
+    dropped = everywhere | _labels(list(by_kind.values()))
+    for kind, owns in by_kind.items():  # words that all tests of one kind have and no others
+        others = [own for other, more in by_kind.items() if other != kind for own in more]
+        dropped |= set.intersection(*owns).difference(*others)
+    chosen = _shared_by_kinds([[word for word in own if plain(word) not in dropped] for own in words], kinds)
+    kept = everywhere if not all(chosen) else set()
     return [
-        [word for word in own if plain(word) in everywhere or word in some]
-        for own, some in zip(words, chosen, strict=True)
+        [word for word in own if plain(word) in kept or word in some] for own, some in zip(words, chosen, strict=True)
     ]
 
 
-def _counters(count: Counter[str]) -> set[str]:
-    """Words that only count the recordings: D1, D2, D3, each once."""
-    stems: dict[str, list[str]] = {}
-    for word in count:
+def _by_kind(sets: Sequence[set[str]], kinds: Sequence[str]) -> dict[str, list[set[str]]]:
+    """The words of each test, by the kind of test."""
+    return {kind: [own for own, one in zip(sets, kinds, strict=True) if one == kind] for kind in dict.fromkeys(kinds)}
+
+
+def _labels(by_kind: Sequence[Sequence[set[str]]]) -> set[str]:
+    """Words that label single recordings: D1, D2, D3, or a word of its own in each name beside others."""
+    count = Counter(word for owns in by_kind for own in owns for word in own)
+    total = sum(len(owns) for owns in by_kind)
+    once = {word for word, often in count.items() if often == 1}
+    if total > 6 and len(once) >= 0.3 * total:
+        return once
+    labelled = [owns for owns in by_kind if len(owns) > 1 and all(own & once and own - once for own in owns)]
+    return _numbered(count, once).union(*(own & once for owns in labelled for own in owns))
+
+
+def _numbered(words: Iterable[str], once: set[str]) -> set[str]:
+    """Words with the same letters before different numbers, at least three of them, if each stands once."""
+    stems: dict[str, set[str]] = {}
+    for word in words:
         if word[-1].isdigit():
-            stems.setdefault(word.rstrip("0123456789"), []).append(word)
-    return {word for words in stems.values() if len(words) >= 3 and all(count[w] == 1 for w in words) for word in words}
+            stems.setdefault(word.rstrip("0123456789"), set()).add(word)
+    return set().union(*(found for found in stems.values() if len(found) >= 3 and found <= once))
 
 
-def _only_of_kind(chosen: list[list[str]], kinds: list[str]) -> list[list[str]]:
-    """Without words that only one kind of test has, where what is left still names a tyre of the other."""
-    of = {
-        kind: {plain(w) for own, k in zip(chosen, kinds, strict=True) if k == kind for w in own} for kind in set(kinds)
-    }
-    shared = set.intersection(*of.values()) if of else set()
-    if len(of) < 2 or not shared:
-        return chosen
-    kept = []
-    for own in chosen:
-        left = [word for word in own if plain(word) in shared]
-        kept.append(left or own)
-    return kept
+def _shared_by_kinds(chosen: list[list[str]], kinds: list[str]) -> list[list[str]]:
+    """The names without words that only one kind of test has, where another word is left."""
+    by_kind = _by_kind([set(map(plain, own)) for own in chosen], kinds)
+    shared = set.intersection(*(set().union(*owns) for owns in by_kind.values())) if by_kind else set()
+    return [[word for word in own if plain(word) in shared] or own for own in chosen]

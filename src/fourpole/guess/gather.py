@@ -73,6 +73,11 @@ class Seen:
     folder: tuple[Token, ...] = ()
     problem: str = ""
 
+    @property
+    def frequency(self) -> float:
+        """Frequency that its samples show [Hz]; not-a-number where they show none."""
+        return float("nan") if self.looked is None else self.looked.frequency
+
 
 @dataclass
 class FolderContents:

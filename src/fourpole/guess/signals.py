@@ -51,6 +51,11 @@ class SignalShape(ByValue):
     samples: dict[str, FloatArray] = field(default_factory=dict)
     pulses: dict[str, float] = field(default_factory=dict)
 
+    def span(self, name: str) -> float:
+        """Largest less least value of a channel, in recorded units; 0 where it has none."""
+        low, high = self.ranges.get(name, (0.0, 0.0))
+        return high - low
+
 
 def samples_of(
     path: Path, names: Sequence[str], *, group: str, label: str, clock: str | None = None, unit: str = "s"
@@ -74,13 +79,11 @@ def look(
     if not excited or min(one.samples.size for one in excited.values()) < 16:
         return SignalShape("", float("nan"), rate, ranges=ranges, samples=thin)
     best = max(excited.values(), key=lambda one: one.line[1])
-    turns, share = best.line
+    turns, _ = best.line
     frequency = turns * best.rate if best.rate else float("nan")
-    slow = frequency < _SLOW if best.rate else turns * best.samples.size < _FEWEST_TURNS
-    kind = "static" if slow else "dynamic" if share >= _STEADY and _lasts(best.samples, turns) else ""
     per_sample = {name: frequency / one.rate if one.rate else turns for name, one in lines.items()}
     return SignalShape(
-        kind=kind,
+        kind=_kind(best),
         frequency=frequency,
         rate=best.rate,
         amplitudes={name: one.amplitude(per_sample[name]) for name, one in excited.items()},
@@ -116,6 +119,15 @@ class _Line:
         """Complex amplitude at a frequency, from the zero of the file's time."""
         first = self.start * (self.rate or 0.0)
         return turn(self.samples, turns_per_sample) * np.exp(-2j * np.pi * turns_per_sample * first)
+
+
+def _kind(best: _Line) -> str:
+    """Static, dynamic or empty, by the channel with the strongest line."""
+    turns, share = best.line
+    slow = turns * best.rate < _SLOW if best.rate else turns * best.samples.size < _FEWEST_TURNS
+    if slow:
+        return "static"
+    return "dynamic" if share >= _STEADY and _lasts(best.samples, turns) else ""
 
 
 def _edges(column: FloatArray) -> int:

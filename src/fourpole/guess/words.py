@@ -1,20 +1,21 @@
-"""The words that people name recordings and channels with, in several languages."""
+"""Words, in several languages, by which people name recordings, conditions and channels."""
 
 from __future__ import annotations
 
 import re
 
 __all__ = [
-    "CALIBRATION", "CONSTRUCTIONS", "DYNAMIC", "ENDINGS", "IN", "IN_HEADERS", "KEYS", "NAMES", "OUT", "PASSED_OVER",
-    "STATIC", "UNITS",
+    "CALIBRATION", "CONSTRUCTIONS", "DYNAMIC", "ENDINGS", "IN", "IN_HEADERS", "KEYS", "MAIN", "MINOR", "NAMES",
+    "NUMBERED", "OUT", "PASSED_OVER", "STATIC", "UNITS",
 ]  # fmt: skip
 
 
 def _words(text: str) -> frozenset[str]:
+    """The words of a text as a set."""
     return frozenset(text.split())
 
 
-#: Ends of the names of recordings; whatever else stands behind a dot belongs to the name.
+#: Endings of file names that say a format; any other text behind a dot is part of the name.
 ENDINGS = _words("csv txt asc dat tsv prn mf4 mdf dl3 tdms h5 hdf5 hdf mat uff unv uf58 wav wave tdx lvm log data out")
 
 _KEY_WORDS = {
@@ -29,11 +30,11 @@ _KEY_WORDS = {
     "specimen": "tyre tire reifen pneu specimen sample probe prüfling",
     "nothing": "v ver version rev sn s/n id ser serial rec file cycle cyc test",
 }
-#: What a key before a number means; of several, the number decides.
+#: Conditions that the letters before a number may mean; if there are several, the value of the number decides.
 KEYS: dict[str, tuple[str, ...]] = {word: (what,) for what, words in _KEY_WORDS.items() for word in words.split()}
 KEYS["f"] = KEYS["n"] = ("frequency", "preload")
 
-#: Units that follow a number in a name: pattern, the unit that it is, and what it then is a value of.
+#: Units behind a number in a name: pattern, unit, and the condition whose value the number then is.
 UNITS: tuple[tuple[str, str, str], ...] = (
     ("(?i:mbar)", "mbar", "pressure"),
     ("(?i:bar)", "bar", "pressure"),
@@ -59,28 +60,27 @@ UNITS: tuple[tuple[str, str, str], ...] = (
     ("(?:ms|min|s|sec|h|cyc(?:les)?)(?![a-zA-Z])", "", "nothing"),
 )
 
+#: Words that say the kind of a test.
 STATIC = _words(
-    "static stat statics statisch statik statique estatico statico quasistatic quasistatisch quasistatique qs "
-    "ld kennlinie "
-    "federkennlinie loaddeflection ramp slow k1 estática loadcurve springrate"
+    "static stat statics statisch statik statique estatico statico quasistatic quasistatisch quasistatique qs ld "
+    "kennlinie federkennlinie loaddeflection ramp slow k1 estática loadcurve springrate"
 )
 DYNAMIC = _words("dynamic dyn dynamics dynamisch dynamik dynamique dinamico sine sinus harmonic vib vibration schwing")
 CALIBRATION = _words(
     "cal calib calibration kal kalib kalibrierung rigid rigidmass starr starrkörper starrmasse dummymass etalonnage"
 )
 
-#: Words that say nothing of the specimen.
+#: Words that do not name a specimen.
 PASSED_OVER = _words(
-    "tyre tire tyres tires reifen pneu pneus neumatico pneumatico specimen sample probe prüfling test tests "
-    "rec recording "
-    "recordings record messung messungen mess measurement measurements meas data daten log logs run file csv "
-    "txt raw roh "
-    "final neu new old alt copy kopie copie export kraft weg force load preload vorlast radlast last pressure druck "
-    "pression precharge frequency frequenz freq temperature temperatur temp bar kpa psi hz and und at bei "
-    "with mit the of "
-    "n kn f p l v fz results signals signal time date datum series serie campaign sn no nr deg c essai mesure rpm"
+    "tyre tire tyres tires reifen pneu pneus neumatico pneumatico specimen sample probe prüfling test tests rec "
+    "recording recordings record messung messungen mess measurement measurements meas data daten log logs run "
+    "file csv txt raw roh final neu new old alt copy kopie copie export kraft weg force load preload vorlast "
+    "radlast last pressure druck pression precharge frequency frequenz freq temperature temperatur temp bar kpa "
+    "psi hz and und at bei with mit the of n kn f p l v fz results signals signal time date datum series serie "
+    "campaign sn no nr deg c essai mesure rpm"
 )
 
+#: Part of the name of a tyre, and the construction that it says.
 CONSTRUCTIONS: tuple[tuple[str, str], ...] = (
     ("radial", "radial-ply"),
     ("crossply", "cross-ply"),
@@ -90,12 +90,12 @@ CONSTRUCTIONS: tuple[tuple[str, str], ...] = (
 )
 
 
-def _first(**patterns: str) -> tuple[tuple[str, re.Pattern[str]], ...]:
+def _patterns(**patterns: str) -> tuple[tuple[str, re.Pattern[str]], ...]:
     return tuple((what, re.compile(pattern)) for what, pattern in patterns.items())
 
 
-#: What a line "key: value" above a table, or a property of a file, speaks of; the first that fits.
-IN_HEADERS = _first(
+#: Meaning of the key in a line "key: value" above a table or in a property of a file; the first that fits counts.
+IN_HEADERS = _patterns(
     nothing=r"sampl|abtast|filter|cut-?off|corner|channel|kanal|sensor|ambient|atmos|barom|umgebung|duration|dauer|limit",
     added_mass=r"added|zusatz|additional mass|extra mass|\bdm\b",
     moving_mass=r"\bmass|masse\b|^m$",
@@ -115,45 +115,45 @@ IN_HEADERS = _first(
     construction=r"^(construction|bauart|carcass|karkasse|ply)$",
 )
 
-#: Words of a channel's name: quantity by word.
+#: Words in the name of a channel, by the quantity that they say.
 NAMES: dict[str, frozenset[str]] = {
     "force": _words(
-        "f fz fx fy fn fin fout force forces kraft load loadcell cell kmd kraftaufnehmer kraftmessdose effort "
-        "forza fuerza "
-        "kracht last radlast lc lastzelle charge carga crisp"
+        "f fz fx fy fn fin fout force forces kraft load loadcell cell kmd kraftaufnehmer kraftmessdose effort forza "
+        "fuerza kracht last radlast lc lastzelle charge carga crisp"
     ),
     "acceleration": _words(
         "a acc accel accelerometer acceleration accelero beschl beschleunigung bs aceleracion aceleración "
-        "accelerazione "
-        "accélération accelération accélé accele g az pcb"
+        "accelerazione accélération accelération accélé accele g az pcb"
     ),
     "velocity": _words(
-        "v vel velocity veloc geschw geschwindigkeit vitesse velocidad velocita velocità lsv vibrometer ldv schnelle vz"
+        "v vel velocity veloc geschw geschwindigkeit vitesse velocidad velocita velocità lsv vibrometer ldv schnelle "
+        "vz"
     ),
     "displacement": _words(
-        "x s z d u w disp displ displacement weg position pos travel lvdt deflection defl einfederung "
-        "verschiebung depl "
-        "deplacement déplacement desplazamiento spostamento laser compression stroke hub pot potentiometer "
-        "extensometer "
-        "wegaufnehmer auslenkung height höhe"
+        "x s z d u w disp displ displacement weg position pos travel lvdt deflection defl einfederung verschiebung "
+        "depl deplacement déplacement desplazamiento spostamento laser compression stroke hub pot potentiometer "
+        "extensometer wegaufnehmer auslenkung height höhe"
     ),
     "time": _words("t time zeit temps tiempo tempo timestamp timestamps times uhrzeit"),
     "reference": _words(
-        "ref reference referenz tacho tachometer trigger trig encoder keyphasor drive command cmd soll "
-        "sollwert setpoint "
-        "drehgeber winkel angle"
+        "ref reference referenz tacho tachometer trigger trig encoder keyphasor drive command cmd soll sollwert "
+        "setpoint drehgeber winkel angle"
     ),
     "temperature": _words("temp temperature temperatur tc thermo pt100"),
     "pressure": _words("p pressure druck pression reifendruck luftdruck inflation"),
     "frequency": _words("freq frequency frequenz drehzahl rpm"),
 }  # fmt: skip
+#: Words in the name of a channel that say its side: at the contact, or at the moving mass.
 IN = _words(
-    "1 in input lower bottom unten unter untere contact road base shaker exciter platform plate actuator "
-    "kontakt eingang "
-    "entree entrée bas inf inferieur boden anregung drive latsch patch cam ground erreger platte table"
+    "1 in input lower bottom unten unter untere contact road base shaker exciter platform plate actuator kontakt "
+    "eingang entree entrée bas inf inferieur boden anregung drive latsch patch cam ground erreger platte table"
 )
 OUT = _words(
-    "2 out output upper top oben ober obere wheel rim axle mass sprung ausgang sortie haut sup superieur "
-    "felge rad achse "
-    "masse response antwort jante roue hub body aufbau far"
+    "2 out output upper top oben ober obere wheel rim axle mass sprung ausgang sortie haut sup superieur felge "
+    "rad achse masse response antwort jante roue hub body aufbau far"
 )
+#: Words by which loggers number their channels; the number then does not say the side.
+NUMBERED = _words("channel ch chan kanal voie canal sensor signal input ai analog col column spalte")
+#: Words in the name of a channel that say it is the vertical one of its quantity, and words that say it is not.
+MAIN = _words("z fz load last radlast loadcell deflection defl einfederung vertical vertikal")
+MINOR = _words("fx fy mx my mz lateral x y longitudinal quer längs raw command soll")
