@@ -45,7 +45,7 @@ def test_it_warns_of_what_is_lost(run, table, tmp_path):
         (["D1.xlsx"], "its ending is none of those that are written"),
         (["out.mf4", "--channels", "F3"], "there is no channel 'F3'; did you mean 'F1'?"),
         (["out.mf4", "--group", "warm"], "has no groups"),
-        (["out.mf4", "--window", "3"], "'3' is not two times in seconds with two dots, as 2..12"),
+        (["out.mf4", "--window", "3"], "--window: '3' is not two rising values, as in '2..12'"),
         (["out.mf4", "--window", "3..5"], "no samples from 3 to 5 s"),
         (["out.mf4", "--to", "doc"], "known are csv, parquet, mf4"),
     ],

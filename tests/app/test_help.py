@@ -7,6 +7,7 @@ import time
 
 import pytest
 import typer
+from rich.text import Text
 
 from fourpole.app.cli import app
 
@@ -121,3 +122,17 @@ def test_a_wrong_call_is_exit_2_without_a_traceback(run, arguments):
     assert ran.stdout == ""
     assert "Traceback" not in ran.stderr
     assert len(ran.stderr.splitlines()) <= 10
+
+
+def test_text_in_brackets_stands_in_the_help(run):
+    """Rich would take an unescaped [deg] for markup and leave it out."""
+    assert '"camber [deg]"' in run("fit", "--help").stdout.replace("\n", " ")
+    for command in COMMANDS.values():
+        for parameter in command.params:
+            assert Text.from_markup(parameter.help).plain.replace("\\", "") == parameter.help.replace("\\", "")
+
+
+@pytest.mark.parametrize("module", ["fourpole", "fourpole.app.cli"])
+def test_the_command_runs_as_a_module(module):
+    said = subprocess.run([sys.executable, "-m", module, "--version"], capture_output=True, text=True, check=True)
+    assert said.stdout.startswith("fourpole ")

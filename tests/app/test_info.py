@@ -157,7 +157,7 @@ def test_of_many_channels_the_first_are_read(run, tmp_path):
     pl.DataFrame({"t": np.arange(30) / 100} | {f"c{at} [V]": np.full(30, at + 0.5) for at in range(99)}).write_csv(path)
     ran = run("info", path)
     assert ran.stdout.splitlines()[-1] == (
-        "read were the first 64 of 100 channels; name others with --group or --channel"
+        "only the first 64 of 100 channels were read; name others with --group or --channel"
     )
     assert "98.5" in run("info", path, "--channel", "c98").stdout
 

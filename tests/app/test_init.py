@@ -37,7 +37,7 @@ def test_it_shows_what_it_took_and_numbers_its_doubts(run, bare):
     lines = run("init", bare).stdout.splitlines()
     assert any(line.split() == ["dynamic", "radial", "1.7", "1000", "3", "9.98", "17", "24"] or
                line.split()[:5] == ["dynamic", "radial", "1.7", "1000", "3"] for line in lines)  # fmt: skip
-    assert any(line.split()[:3] == ["V2", "V2", "m/s"] and line.split()[-1] == "turned" for line in lines)
+    assert any(line.split()[:3] == ["V2", "V2", "m/s"] and line.split()[-1] == "inverted" for line in lines)
     numbers = [int(line.split(".")[0]) for line in lines if line.strip()[:1].isdigit() and ". " in line[:6]]
     assert numbers == list(range(1, len(numbers) + 1))
     assert sum(line.startswith("     -> ") for line in lines) == len(numbers)

@@ -98,7 +98,7 @@ def test_causality_tells_possible_from_impossible(run, tmp_path):
     wrong.write_csv(table)
     bad = run("causality", table)
     assert "NOT possible" in bad.stdout
-    assert f"as they are: {FREQUENCIES[11]:.5g} Hz" in bad.stdout
+    assert f"with the others as they are: {FREQUENCIES[11]:.5g} Hz" in bad.stdout
     row = json.loads(run("causality", table, "--json").stdout)["conditions"][0]
     assert not row["possible"]
     assert row["impossible [Hz]"] == pytest.approx([FREQUENCIES[11]])
@@ -186,7 +186,7 @@ def test_a_query_outside_is_refused_and_writes_nothing(run, results, tmp_path):
         (("fit", "k.csv", "--model", "zenner"), "no model 'zenner': choose one of"),
         (("fit", "k.csv", "--model", "maxwell:99"), "1 to 60 arms"),
         (("fit", "k.csv", "--model", "maxwell:8", "--band", "1:2 Hz"), "too few for 17 free parameters"),
-        (("fit", "k.csv", "--band", "100:1 Hz"), "not two rising frequencies"),
+        (("fit", "k.csv", "--band", "100:1 Hz"), "--band: '100:1 Hz' is not two rising values, as in '0.1:100 Hz'"),
         (("fit", "k.csv", "--band", "200:300 Hz"), "no test between 200 and 300 Hz"),
         (("fit", "k.csv", "--tyre", "x"), "no test of a tyre 'x'"),
         (("fit", "k.csv", "--fix", "K1=heavy"), "--fix K1:"),

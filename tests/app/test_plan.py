@@ -70,7 +70,7 @@ def test_programs_get_one_document(run):
 
 def test_it_is_said_when_nothing_reaches_it(run):
     ran = run("plan", *RIG, *TYRE, "--wanted", "0.0001 %")
-    assert "nothing looked at reaches it; nearest" in ran.stdout
+    assert "no remedy tried reaches it; nearest" in ran.stdout
     assert "K1 alone leaves 4.4 %" in ran.stdout
 
 

@@ -93,9 +93,9 @@ def test_what_is_predicted_is_identified(run, tmp_path):
 @pytest.mark.parametrize(
     ("option", "value", "said"),
     [
-        ("--k1", "0 N/m", "--k1: must be positive"),
-        ("--k2", "-1 N/m", "--k2: must be positive"),
-        ("--c", "0 N s/m", "--c: must be positive"),
+        ("--k1", "0 N/m", "--k1: '0 N/m' must be positive"),
+        ("--k2", "-1 N/m", "--k2: '-1 N/m' must be positive"),
+        ("--c", "0 N s/m", "--c: '0 N s/m' must be positive"),
         ("--c", "700", "--c: '700' has no unit"),
         ("--k2", "120 kN", "--k2: 'kN' is a force; a stiffness is needed"),
         ("--mass", "0 kg", "moving_mass is 0 kg"),

@@ -20,7 +20,7 @@ from fourpole.virtual import RADIAL_PLY, simulate_campaign
 __all__ = ["run_analysis", "run_demo"]
 
 _MOST_LISTED = 12
-#: The demonstration: sensors and rig known as a laboratory knows them, and a weighed mass at one condition.
+#: Settings of the demonstration: usual uncertainties of sensors and rig, and a weighed mass at one condition.
 _DEMO: dict[str, Any] = {
     "sensors": (5e-3, radians(0.2)),
     "rig_std": {"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
@@ -46,7 +46,7 @@ def run_analysis(
 
 
 def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
-    """Simulate, analyse, and say what was found."""
+    """Simulate a campaign, analyse it, and print the findings; the exit code says whether tests were rejected."""
     with progress("recording") as advance:
         simulate_campaign(folder, seed=seed, progress=advance, **_DEMO)
     study, results = _analysed(folder, None)
@@ -55,7 +55,7 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
         print_json({**_summary(study, results), "report": str(page), "found": headline(findings(study.results))})
     else:
         out(f"Virtual campaign in {folder} (seed {seed}): {_counted(study)}.")
-        for line in headline(findings(study.results))[1:]:  # the first is the count of tests
+        for line in headline(findings(study.results))[1:]:  # the first line repeats the number of tests
             out(line)
         out("The virtual tyres are designed so that the paper's conclusions hold; they are not its data.")
         out(f"results: {results}; report: {page}")
@@ -77,7 +77,7 @@ def _analysed(
 
 
 def _drawn(study: Study, results: Path) -> Path:
-    """Models, figures and report; loaded only where they are wanted, for drawing takes a second to load."""
+    """Fit models, draw figures and write the report. Their rooms are imported here because that takes a second."""
     from fourpole.app.models import fitted
     from fourpole.app.report import make_report
 

@@ -1,21 +1,23 @@
-"""What every command shares: where it prints, how it ends, how it shows progress."""
+"""Printing, progress, quantities and the end of every command."""
 
 from __future__ import annotations
 
-import functools
 import json
 import os
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NoReturn, ParamSpec
+from typing import Any, Literal, NoReturn, TypeAlias
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
 
 from fourpole.errors import FourpoleError, UnitError
 
@@ -23,22 +25,28 @@ __all__ = [
     "OK",
     "SOME_REJECTED",
     "UNREADABLE",
+    "Sign",
     "ends_well",
     "fail",
+    "first_of",
+    "frequencies",
     "harmless",
     "option",
     "out",
     "print_json",
+    "print_table",
     "progress",
+    "rising",
     "say",
-    "table_console",
+    "table_width",
     "warn",
 ]
 
-P = ParamSpec("P")
+Sign: TypeAlias = Literal["any", "not negative", "positive"]
 
-#: Columns of a table where nothing says how wide the reader's page is.
+#: Width of a table in characters where standard output is no terminal.
 _WIDE = 150
+#: Control characters, which could steer a terminal; line ends and tabs are not among them.
 _STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 OK, UNREADABLE, SOME_REJECTED, STOPPED, OURS = 0, 2, 3, 130, 70
@@ -49,39 +57,60 @@ def _console(stderr: bool) -> Console:
     return Console(stderr=stderr, soft_wrap=not stream.isatty(), highlight=False)
 
 
-def table_console() -> Console:
-    """Where tables are printed: as wide as the terminal, wide where there is none."""
+def table_width() -> int:
+    """Width of the terminal in characters, or a fixed width where standard output is no terminal."""
+    return _tables().width
+
+
+def _tables() -> Console:
     return Console(width=None if sys.stdout.isatty() else _WIDE, highlight=False, markup=False, emoji=False)
 
 
+def print_table(heads: Iterable[str], rows: Iterable[Sequence[str | Text]], *, right: Collection[str] = ()) -> None:
+    """Print a table; columns whose head is in `right` are aligned at the right and are not folded."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for head in heads:
+        number = head in right
+        table.add_column(Text(head), justify="right" if number else "left", no_wrap=number, overflow="fold")
+    for row in rows:
+        table.add_row(*(cell if isinstance(cell, Text) else Text(harmless(cell)) for cell in row))
+    _tables().print(table)
+
+
+def first_of(names: Sequence[str], most: int) -> str:
+    """The first names with commas between them, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{more}"
+
+
 def harmless(text: str) -> str:
-    """Text from a file without what would steer the terminal: control characters but line ends and tabs."""
+    """Text from a file with a replacement sign in place of each control character but line ends and tabs."""
     return _STEERING.sub("\ufffd", text)
 
 
 def out(text: str = "") -> None:
-    """Print a result."""
+    """Print a result on standard output."""
     typer.echo(harmless(text))
 
 
 def say(text: str) -> None:
-    """Tell the user something that is not the result."""
+    """Print on standard error what is not the result."""
     _console(stderr=True).print(escape(harmless(text)))
 
 
 def warn(text: str) -> None:
-    """Tell the user what to look at."""
+    """Print a warning on standard error."""
     _console(stderr=True).print(f"[yellow]warning:[/yellow] {escape(harmless(text))}")
 
 
 def fail(text: str, code: int = UNREADABLE) -> NoReturn:
-    """Say what is wrong, and end."""
+    """Print an error on standard error and end with this exit code."""
     _console(stderr=True).print(f"[red]error:[/red] {escape(harmless(text))}")
     raise typer.Exit(code)
 
 
 def print_json(document: Any) -> None:
-    """Print one JSON document; a number that does not exist is null."""
+    """Print one JSON document; a number that is not finite is null."""
     out(json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False))
 
 
@@ -95,45 +124,73 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def option(text: str, kind: str, name: str) -> float:
-    """A quantity given on the command line, in SI; the error names the option."""
-    from fourpole.units import quantity
+def option(text: str, kind: str, name: str, sign: Sign = "any") -> float:
+    """A quantity of the command line in SI; the error names its option.
+
+    Raises
+    ------
+    UnitError
+        If the text is no quantity of this kind, or its value has another sign.
+    """
+    from fourpole.units import quantity, shown
 
     try:
-        return quantity(text, kind)
+        value = quantity(text, kind)
     except UnitError as error:
         raise UnitError(f"{name}: {error}") from None
+    if (value < 0 and sign != "any") or (value == 0 and sign == "positive"):
+        raise UnitError(f"{name}: {shown(text)} must be {'positive' if sign == 'positive' else 'zero or positive'}")
+    return value
 
 
-def ends_well(command: Callable[P, None]) -> Callable[P, None]:
-    """Turn what may go wrong in a command into one message and an exit code."""
+def frequencies(text: str) -> list[float]:
+    """The frequencies of ``--frequency`` [Hz]."""
+    from fourpole.units import frequency_grid
 
-    @functools.wraps(command)
-    def ending(*args: P.args, **kwargs: P.kwargs) -> None:
-        try:
-            command(*args, **kwargs)
-        except (typer.Exit, typer.BadParameter):
-            raise
-        except FourpoleError as error:
-            fail(str(error))
-        except KeyboardInterrupt:
-            say("stopped; nothing is half-written; recordings done are kept: the same command goes on from there")
-            raise typer.Exit(STOPPED) from None
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise typer.Exit(OK) from None
-        except Exception as error:  # noqa: BLE001 - the last line of defence: a fault of ours, said as such
-            if os.environ.get("FOURPOLE_DEBUG"):
-                traceback.print_exc()
-            kind = type(error).__name__
-            fail(f"a fault in Fourpole itself ({kind}: {error}); please report it, with FOURPOLE_DEBUG=1 set", OURS)
+    try:
+        return frequency_grid(text)
+    except UnitError as error:
+        raise UnitError(f"--frequency: {error}") from None
 
-    return ending
+
+def rising(text: str, name: str, example: str, read: Callable[[str], float] = float) -> tuple[float, float]:
+    """Two rising values of an option with ".." or ":" between them; `read` makes a number of each."""
+    from fourpole.units import shown
+
+    try:
+        low, high = (read(part) for part in text.split(".." if ".." in text else ":"))
+    except (ValueError, UnitError):
+        low, high = 1.0, 0.0
+    if not low < high:
+        raise UnitError(f"{name}: {shown(text)} is not two rising values, as in '{example}'")
+    return low, high
+
+
+def ends_well(run: Callable[..., int | None], **given: Any) -> None:
+    """Run a command; an error becomes one message and an exit code."""
+    try:
+        code = run(**given)
+    except (typer.Exit, typer.BadParameter):
+        raise
+    except FourpoleError as error:
+        fail(str(error))
+    except KeyboardInterrupt:
+        say("stopped; nothing is half-written; recordings done are kept: the same command goes on from there")
+        code = STOPPED
+    except BrokenPipeError:  # the reader of standard output, as head, has closed it
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = OK
+    except Exception as error:  # noqa: BLE001 - the last resort: a fault of Fourpole, reported as such
+        if os.environ.get("FOURPOLE_DEBUG"):
+            traceback.print_exc()
+        kind = type(error).__name__
+        fail(f"a fault in Fourpole itself ({kind}: {error}); please report it, with FOURPOLE_DEBUG=1 set", OURS)
+    raise typer.Exit(code or OK)
 
 
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar with the time left, on a terminal; the callable takes what is done and all."""
+    """Progress bar with the time left, on a terminal; the callable takes the number done and the number of all."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = _console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:

@@ -1,24 +1,27 @@
-"""The command that says what a file holds."""
+"""The command that shows the content of a file."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from rich.cells import cell_len
 
-from fourpole.app.console import OK, out, print_json, progress, table_console
+from fourpole.app.console import out, print_json, progress, table_width
+from fourpole.app.options import InfoOptions
 from fourpole.app.outline import draws_dots, line, picture
 from fourpole.io.look import ChannelSummary, look
 from fourpole.io.recordings import chosen_of, survey
-from fourpole.io.signals import FileInfo, SignalInfo
+from fourpole.io.signals import SignalInfo
 
-__all__ = ["Wanted", "run_info"]
+__all__ = ["run_info"]
 
-#: Channels whose samples are read unless some are named.
+#: Number of channels whose samples are read if no channel and no group is named.
 _MOST = 64
 _LONGEST_NAME, _LEAST_PLOT, _MOST_PLOT = 28, 8, 48
 _NUMBER = 11
@@ -26,158 +29,142 @@ _HEIGHT = 10
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What is to be shown of a file.
-
-    Attributes
-    ----------
-    channel, group : str
-        Only this one; empty: all.
-    quick : bool
-        Without reading samples.
-    plot : bool
-        With outlines.
-    """
-
-    channel: str = ""
-    group: str = ""
-    quick: bool = False
-    plot: bool = True
-
-
-@dataclass(frozen=True)
 class _Row:
-    """A channel, and what its samples show; a text where they could not be read."""
+    """A channel as its file states it, the summary of its samples, and the reason if they cannot be read."""
 
     info: SignalInfo
-    seen: ChannelSummary | str | None
+    summary: ChannelSummary | None
+    unreadable: str = ""
+
+    @cached_property
+    def times(self) -> tuple[int, float | None, float | None, float | None]:
+        """Count, rate [Hz], start and duration [s]; what the samples show replaces what the file states."""
+        one, found = self.info, self.summary
+        if found is None:
+            return one.count, one.rate, one.start, one.duration
+        uneven = found.clock or found.jumps or found.stops
+        rate = found.rate if found.rate or uneven else one.rate
+        start = one.start if found.start is None else found.start
+        return found.count, rate, start, one.duration if found.duration is None else found.duration
 
     @property
     def base(self) -> tuple[object, ...]:
-        """Group and times, which channels share."""
-        one, seen = self.info, self.seen
-        if isinstance(seen, ChannelSummary):
-            return one.group, seen.count, seen.rate, seen.start, seen.duration, seen.clock, seen.jumps, seen.stops
-        return one.group, one.count, one.rate, one.start, one.duration
+        """Group and times; channels that share them are listed together."""
+        found = self.summary
+        return self.info.group, self.times, found and (found.clock, found.jumps, found.stops)
+
+    def time_lines(self) -> Iterator[str]:
+        """The times in words, and what is wrong with them."""
+        found = self.summary
+        count, rate, start, duration = self.times
+        text = f"{self.info.group}: {count} samples" if self.info.group else f"{count} samples"
+        if rate:
+            text += f" at {rate:.10g} Hz"
+        elif start is not None:
+            text += " at uneven times" if found else " at times of their own"
+        if start is not None and duration is not None:
+            text += f", {start:.6g} to {start + duration:.6g} s"
+        if found and start is None:
+            text += ", without times: state sample_rate or a column of times in campaign.toml"
+        yield text + (f", times from {found.clock}" if found and found.clock else "")
+        if found:
+            yield from _time_faults(found)
 
 
-def run_info(file: Path, wanted: Wanted, *, as_json: bool) -> int:
-    """Format, channels, units, rates and durations of a file, and what its samples show."""
+def _time_faults(found: ChannelSummary) -> Iterator[str]:
+    """Lines about times that do not rise evenly."""
+    if found.jumps:
+        many = "once" if found.jumps == 1 else f"{found.jumps} times"
+        yield f"  ! the time jumps {many}; the longest step is {found.longest_step:.4g} s"
+    if found.stops:
+        yield f"  ! the time repeats itself or goes back {'once' if found.stops == 1 else f'{found.stops} times'}"
+
+
+def run_info(file: Path, options: InfoOptions, *, as_json: bool) -> None:
+    """Print format, channels, units and times of a file, and a summary of the samples of each channel."""
     found = survey(file)
-    shown = chosen_of(found, wanted.group, [wanted.channel] if wanted.channel else [], file.name)
-    some = shown if wanted.channel or wanted.group else shown[:_MOST]
+    shown = chosen_of(found, options.group, [options.channel] if options.channel else [], file.name)
+    some = shown if options.channel or options.group else shown[:_MOST]
     seen: dict[int, ChannelSummary | str] = {}
-    if not wanted.quick:
+    if not options.quick:
         with progress("reading") as advance:
             seen = look(file, found, some, label=file.name, progress=advance)
-    rows = [_Row(found.signals[at], seen.get(at)) for at in shown]
+    rows = []
+    for at in shown:
+        one = seen.get(at)
+        rows.append(_Row(found.signals[at], *((None, one) if isinstance(one, str) else (one,))))
     if as_json:
-        print_json(
-            {"file": file.name, "format": found.format, "notes": found.notes, "signals": [_plain(row) for row in rows]}
-        )
-        return OK
-    _print_head(file, found)
-    _print_rows(rows, wanted)
-    if len(some) < len(shown) and not wanted.quick:
-        out(f"\nread were the first {len(some)} of {len(shown)} channels; name others with --group or --channel")
-    return OK
-
-
-def _plain(row: _Row) -> dict[str, Any]:
-    """A channel for programs; what the samples showed of its times counts."""
-    document: dict[str, Any] = asdict(row.info)
-    if isinstance(row.seen, str):
-        return document | {"unreadable": row.seen}
-    if row.seen is None:
-        return document
-    found = asdict(row.seen)
-    del found["outline"]
-    if found["rate"] is None:
-        found["rate"] = document["rate"] if not (found["jumps"] or found["stops"]) else None
-    for key in ("start", "duration"):
-        found[key] = document[key] if found[key] is None else found[key]
-    return document | found
-
-
-def _print_head(file: Path, found: FileInfo) -> None:
+        signals = [_plain(row) for row in rows]
+        print_json({"file": file.name, "format": found.format, "notes": found.notes, "signals": signals})
+        return
     out(f"{file.name}: {found.format}")
     for note in found.notes:
         out(f"  {note}")
+    _print_rows(rows, options)
+    if len(some) < len(shown) and not options.quick:
+        out(f"\nonly the first {len(some)} of {len(shown)} channels were read; name others with --group or --channel")
 
 
-def _print_rows(rows: Sequence[_Row], wanted: Wanted) -> None:
-    """Channels that share their times together, below a line that says them."""
-    width = table_console().width
+def _plain(row: _Row) -> dict[str, Any]:
+    """A channel for programs; what the samples show of its times replaces what the file states."""
+    document: dict[str, Any] = asdict(row.info)
+    if row.unreadable:
+        return document | {"unreadable": row.unreadable}
+    if row.summary is None:
+        return document
+    document |= asdict(row.summary)
+    del document["outline"]
+    return document | dict(zip(("count", "rate", "start", "duration"), row.times, strict=True))
+
+
+def _print_rows(rows: Sequence[_Row], options: InfoOptions) -> None:
+    """Print the channels, those with equal times together below a line with these times."""
     if not rows:
         out("  no channels")
-    longest = max((cell_len(row.info.name) for row in rows), default=0)
-    table = _Layout(
-        name=min(max(longest, len("channel")), _LONGEST_NAME),
+    plot = not (options.no_plot or options.quick)
+    layout = _Layout(
+        name=min(max([len("channel"), *(cell_len(row.info.name) for row in rows)]), _LONGEST_NAME),
         unit=max([len("unit"), *(cell_len(row.info.unit or "") for row in rows)]),
-        width=width,
-        plot=wanted.plot and not wanted.channel and not wanted.quick,
+        width=table_width(),
+        plot=plot and not options.channel,
+        large=plot and bool(options.channel),
         dots=draws_dots(),
     )
-    last: object = None
+    for _, members in groupby(rows, key=lambda row: row.base):
+        _print_group(list(members), layout)
+
+
+def _print_group(rows: Sequence[_Row], layout: _Layout) -> None:
+    """Print channels with equal times; a note that all of them have is printed once."""
+    notes = {row.info.note for row in rows}
+    shared = rows[0].info.note if len(rows) > 1 and len(notes) == 1 else ""
+    out()
+    for text in rows[0].time_lines():
+        out(text)
+    if shared:
+        out(f"each: {shared}")
+    out(layout.head(quick=rows[0].summary is None))
     for row in rows:
-        if row.base != last:
-            alike = [one for one in rows if one.base == row.base]
-            note = row.info.note if len(alike) > 1 and len({one.info.note for one in alike}) == 1 else ""
-            out()
-            for text in _times(row):
-                out(text)
-            if note:
-                out(f"each: {note}")
-            out(table.head(quick=not isinstance(row.seen, ChannelSummary)))
-            last = row.base
-        for text in table.lines(row, note=row.info.note != note):
+        for text in layout.lines(row, note=row.info.note != shared):
             out(text)
-        if wanted.channel and wanted.plot and isinstance(row.seen, ChannelSummary):
-            for text in _picture(row, row.seen, width, dots=table.dots):
-                out(text)
-
-
-def _times(row: _Row) -> Iterator[str]:
-    """What the channels below share."""
-    one, seen = row.info, row.seen
-    rate, start, duration = one.rate, one.start, one.duration
-    count, clock = one.count, ""
-    if isinstance(seen, ChannelSummary):
-        count, clock = seen.count, f", times from {seen.clock}" if seen.clock else ""
-        rate = seen.rate or (None if seen.clock or seen.jumps or seen.stops else rate)
-        start = start if seen.start is None else seen.start
-        duration = duration if seen.duration is None else seen.duration
-    text = f"{one.group}: {count} samples" if one.group else f"{count} samples"
-    if rate:
-        text += f" at {rate:.10g} Hz"
-    elif start is not None:
-        text += " at uneven times" if isinstance(seen, ChannelSummary) else " at times of their own"
-    if start is not None and duration is not None:
-        text += f", {start:.6g} to {start + duration:.6g} s"
-    if start is None:
-        known = isinstance(seen, ChannelSummary)
-        text += ", without times: state sample_rate or a column of times in campaign.toml" if known else ""
-    yield text + clock
-    if isinstance(seen, ChannelSummary) and seen.jumps:
-        many = "jumps once" if seen.jumps == 1 else f"jumps {seen.jumps} times"
-        yield f"  ! the time {many}; the longest step is {seen.longest_step:.4g} s"
-    if isinstance(seen, ChannelSummary) and seen.stops:
-        yield f"  ! the time repeats itself or goes back {'once' if seen.stops == 1 else f'{seen.stops} times'}"
+        for text in _picture(row, layout.width, dots=layout.dots) if layout.large else ():
+            out(text)
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where the columns are."""
+    """Widths of the columns in characters."""
 
     name: int
     unit: int
     width: int
     plot: bool
+    large: bool
     dots: bool
 
     @property
     def _room(self) -> int:
-        """Signs left for an outline."""
+        """Width that remains for an outline, in characters."""
         return max(_LEAST_PLOT, min(_MOST_PLOT, self.width - 2 - self.name - 2 - self.unit - 4 * _NUMBER - 2))
 
     def head(self, *, quick: bool) -> str:
@@ -187,26 +174,27 @@ class _Layout:
         return first + "".join(f"{one:>{_NUMBER}}" for one in ("least", "greatest", "std", "line [Hz]"))
 
     def lines(self, row: _Row, *, note: bool) -> Iterator[str]:
-        """A channel, and below it what is to be said of it."""
-        one, seen = row.info, row.seen
-        first = f"  {_padded(one.name, self.name)}  {_padded(one.unit or '', self.unit)}"
-        if isinstance(seen, ChannelSummary):
-            if cell_len(one.name) > self.name:
-                yield f"  {one.name}"
-                first = f"  {'':{self.name}}  {_padded(one.unit or '', self.unit)}"
-            line_at = "" if seen.frequency is None else f"{seen.frequency:.5g}"
-            cells = [*(_digits(value) for value in (seen.least, seen.greatest, seen.std)), line_at]
-            first += "".join(f"{cell:>{_NUMBER}}" for cell in cells)
-            if self.plot:
-                first += "  " + line(seen.outline, self._room, dots=self.dots)
-        yield first.rstrip()
-        if note and one.note and not (isinstance(seen, ChannelSummary) and one.note == f"time from {seen.clock}"):
+        """A channel, and below it its note and what is wrong with its samples."""
+        one, found = row.info, row.summary
+        name = one.name
+        if found and cell_len(name) > self.name:
+            yield f"  {name}"
+            name = ""
+        first = f"  {_padded(name, self.name)}  {_padded(one.unit or '', self.unit)}"
+        yield (first + self._numbers(found) if found else first).rstrip()
+        if note and one.note and not (found and one.note == f"time from {found.clock}"):
             yield f"    {one.note}"
-        if isinstance(seen, str):
-            yield f"    ! not read: {seen}"
-        if isinstance(seen, ChannelSummary) and seen.missing:
-            some = f"{seen.missing} of {seen.count} samples are missing, at most {seen.longest_gap} in a row"
-            yield f"    ! {some if seen.missing < seen.count else 'all samples are missing'}"
+        if row.unreadable:
+            yield f"    ! not read: {row.unreadable}"
+        if found and found.missing:
+            some = f"{found.missing} of {found.count} samples are missing, at most {found.longest_gap} in a row"
+            yield f"    ! {some if found.missing < found.count else 'all samples are missing'}"
+
+    def _numbers(self, found: ChannelSummary) -> str:
+        line_at = "" if found.frequency is None else f"{found.frequency:.5g}"
+        cells = (*(_digits(value) for value in (found.least, found.greatest, found.std)), line_at)
+        outline = f"  {line(found.outline, self._room, dots=self.dots)}" if self.plot else ""
+        return "".join(f"{cell:>{_NUMBER}}" for cell in cells) + outline
 
 
 def _padded(text: str, width: int) -> str:
@@ -217,19 +205,21 @@ def _digits(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.5g}"
 
 
-def _picture(row: _Row, seen: ChannelSummary, width: int, *, dots: bool) -> Iterator[str]:
-    """One channel large, with its limits."""
+def _picture(row: _Row, width: int, *, dots: bool) -> Iterator[str]:
+    """Lines of a large outline of one channel, with the limits of its values and times."""
+    found = row.summary
+    if found is None:
+        return
     unit = f" {row.info.unit}" if row.info.unit else ""
-    labels = [f"{_digits(value)}{unit}" for value in (seen.greatest, seen.least)]
-    margin = max(cell_len(label) for label in labels)
-    drawn = picture(seen.outline, max(_LEAST_PLOT, width - margin - 4), _HEIGHT, dots=dots)
+    greatest, least = (f"{_digits(value)}{unit}" for value in (found.greatest, found.least))
+    margin = max(cell_len(greatest), cell_len(least))
+    room = max(1, width - margin - 4)
+    labels = [greatest, *[""] * (_HEIGHT - 2), least]
     bar = "│" if dots else "|"
     yield ""
-    for at, text in enumerate(drawn):
-        label = labels[0] if at == 0 else labels[1] if at == len(drawn) - 1 else ""
+    for label, text in zip(labels, picture(found.outline, max(_LEAST_PLOT, room), _HEIGHT, dots=dots), strict=True):
         yield f"  {_padded(label, margin)} {bar}{text}"
-    if seen.start is not None and seen.duration is not None:
-        ends = f"{seen.start:.6g} s", f"{seen.start + seen.duration:.6g} s"
-    else:
-        ends = "sample 1", f"sample {seen.count}"
-    yield f"  {'':{margin}}  {ends[0]}{ends[1]:>{max(1, width - margin - 4 - len(ends[0]))}}"
+    ends = "sample 1", f"sample {found.count}"
+    if found.start is not None and found.duration is not None:
+        ends = f"{found.start:.6g} s", f"{found.start + found.duration:.6g} s"
+    yield f"  {'':{margin}}  {ends[0]}{ends[1]:>{max(1, room - len(ends[0]))}}"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from fourpole.app.console import ends_well
-from fourpole.app.options import JsonFlag, OutFile, rig_of_options
+from fourpole.app.console import frequencies
+from fourpole.app.options import DataOptions, FitOptions, JsonFlag, OutFile, RigOptions, Selection, amount, command
 from fourpole.models.families import NAMES
 
 __all__ = ["COMMANDS"]
@@ -17,79 +18,55 @@ __all__ = ["COMMANDS"]
 Results = Annotated[
     Path, typer.Argument(metavar="RESULTS", help="Results folder, a dynamic.csv, or a table that identify wrote.")
 ]
-OneTyre = Annotated[str | None, typer.Option(help="Only this tyre.")]
-Band = Annotated[str | None, typer.Option(help='Only these frequencies, as "0.1:100 Hz".')]
-Over = Annotated[list[str] | None, typer.Option(help='Further column that tells conditions apart, as "camber [deg]".')]
-StdOfK = Annotated[str | None, typer.Option(help='Relative uncertainty of K*, in place of the table\'s, as "1 %".')]
-KnownK1 = Annotated[str | None, typer.Option("--k1", help='Static stiffness, in place of the table\'s, as "180 kN/m".')]
-StdK1 = Annotated[str | None, typer.Option("--std-k1", help='Of --k1; by default "2 %".')]
 
 
-@ends_well
+@command
 def fit(
     results: Results,
     model: Annotated[
         str,
-        typer.Option(help=f"{NAMES}, or auto; where N may be left out, it is as large as helps."),
+        typer.Option(help=f"{NAMES}, or auto; without :N the number of arms is chosen."),
     ] = "auto",
-    tyre: OneTyre = None,
-    band: Band = None,
-    over: Over = None,
-    std: StdOfK = None,
-    k1: KnownK1 = None,
-    std_k1: StdK1 = None,
-    fix: Annotated[list[str] | None, typer.Option(help='A parameter that is known, as "K1=180 kN/m".')] = None,
-    share: Annotated[
-        list[str] | None, typer.Option(help="A parameter that all conditions of a tyre have in common, as tau_1.")
-    ] = None,
-    file: Annotated[
-        Path | None, typer.Option("--out", help="Model file to write; by default RESULTS/model.json of a folder.")
-    ] = None,
-    figure: Annotated[Path | None, typer.Option(help="Figure to write: .svg, .png or .pdf.")] = None,
+    *,
+    options: FitOptions,
     as_json: JsonFlag = False,
 ) -> None:
     """Fit a causal model to K* of each tyre and condition, or choose one and say why.
 
-    Weighted with the whole covariance, errors of the sensors that tests share included, and K1 of the static test. By
-    default models are compared by BIC; AICc, frequencies left out and parameters on a bound are shown too, and where
-    the data cannot tell models apart, that is said.
+    The fit is weighted with the whole covariance, with the errors of sensors that tests share, and includes K1 of the
+    static test. Models are compared by BIC; AICc, the cross-validation error and parameters on a bound are shown too.
+    If the data cannot separate two models, the text under the table says so.
     """
-    from fourpole.app.models import DataOptions, run_fit
+    from fourpole.app.models import run_fit
 
-    data = DataOptions(tyre, band, tuple(over or ()), std, k1, std_k1)
-    raise typer.Exit(run_fit(results, model, data, fix or [], share or [], file, figure, as_json=as_json))
+    run_fit(results, model, options, as_json=as_json)
 
 
-@ends_well
+@command
 def causality(
     results: Results,
-    tyre: OneTyre = None,
-    band: Band = None,
-    over: Over = None,
-    std: StdOfK = None,
-    k1: KnownK1 = None,
-    std_k1: StdK1 = None,
+    *,
+    data: DataOptions,
     as_json: JsonFlag = False,
 ) -> None:
-    """Say whether any passive linear tyre can have the K* that was measured, and which frequencies it cannot.
+    """Test whether a passive linear tyre can have the measured K*, and name the frequencies where it cannot.
 
-    The best non-negative relaxation spectrum is held against the data's covariance: right on a narrow band too.
+    The best non-negative relaxation spectrum is compared with the data by their covariance, so the test also holds on
+    a narrow band.
     """
-    from fourpole.app.models import DataOptions, run_causality
+    from fourpole.app.models import run_causality
 
-    data = DataOptions(tyre, band, tuple(over or ()), std, k1, std_k1)
-    raise typer.Exit(run_causality(results, data, as_json=as_json))
+    run_causality(results, data, as_json=as_json)
 
 
-@ends_well
+@command
 def map_(
     results: Results,
     model: Annotated[
-        str, typer.Option(help="A model as for fit, or auto: the one that tells conditions left out best.")
+        str, typer.Option(help="A model as for fit, or auto: the model with the least leave-one-out error.")
     ] = "auto",
-    tyre: OneTyre = None,
-    band: Band = None,
-    over: Over = None,
+    *,
+    data: Selection,
     file: Annotated[
         Path | None, typer.Option("--out", help="Map to write; by default RESULTS/map.json of a folder.")
     ] = None,
@@ -97,37 +74,41 @@ def map_(
 ) -> None:
     """Make the operating map of each tyre: a model's parameters as smooth surfaces over pressure and preload.
 
-    Which surface is right is said by conditions left out one at a time. Ask it with fourpole query.
+    The degree of each surface is chosen by the leave-one-out error over conditions. Evaluate it with fourpole query.
     """
-    from fourpole.app.models import DataOptions, run_map
+    from fourpole.app.models import run_map
 
-    raise typer.Exit(run_map(results, model, DataOptions(tyre, band, tuple(over or ())), file, as_json=as_json))
+    run_map(results, model, DataOptions(**asdict(data)), file, as_json=as_json)
 
 
-@ends_well
+@command
 def query(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="Model file that map or fit wrote.")],
     frequency: Annotated[str, typer.Option(help='Frequencies, as "13.7 Hz" or "10:24:0.5 Hz".')],
-    pressure: Annotated[str | None, typer.Option(help='As "1.85 bar".')] = None,
-    preload: Annotated[str | None, typer.Option(help='As "1400 N".')] = None,
-    temperature: Annotated[str | None, typer.Option(help='As "20 degC".')] = None,
-    at: Annotated[list[str] | None, typer.Option(help='Value of a further axis, as "camber [deg] = 2".')] = None,
-    tyre: Annotated[str | None, typer.Option(help="Which tyre, where the file knows several.")] = None,
-    mass: Annotated[str | None, typer.Option(help='For TR, in place of the tests\' rig: as "15 kg".')] = None,
-    preload_stiffness: Annotated[str | None, typer.Option(help='K3, as "12.44 kN/m".')] = None,
-    preload_damping: Annotated[str | None, typer.Option(help='c3, as "20 N s/m".')] = None,
+    pressure: Annotated[float | None, amount("--pressure", "pressure", 'As "1.85 bar".')] = None,
+    preload: Annotated[float | None, amount("--preload", "force", 'As "1400 N".')] = None,
+    temperature: Annotated[float | None, amount("--temperature", "temperature", 'As "20 degC".')] = None,
+    at: Annotated[list[str] | None, typer.Option(help=r'Value of a further axis, as "camber \[deg] = 2".')] = None,
+    tyre: Annotated[str | None, typer.Option(help="Which tyre, if the file has several.")] = None,
+    *,
+    above: RigOptions,
     beyond: Annotated[
-        bool, typer.Option("--beyond", help="Answer outside what was measured too, and say how far outside it is.")
+        bool, typer.Option("--beyond", help="Answer also outside the measured conditions, with the distance.")
     ] = False,
     file: OutFile = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """K*, K1, K2, C and TR at an operating point and frequency, each with its uncertainty."""
-    from fourpole.app.models import run_query, state_of
+    """K*, K1, K2, C and TR at an operating point and frequency, each with its uncertainty.
 
-    state = state_of(pressure, preload, temperature, at or [])
-    rig = rig_of_options(mass, preload_stiffness, preload_damping, no_rig=False)
-    raise typer.Exit(run_query(model, state, frequency, tyre, rig, beyond=beyond, file=file, as_json=as_json))
+    TR is of the rig of the tests, or of another rig if --mass and --preload-stiffness state one.
+    """
+    from fourpole import quantities as q
+    from fourpole.app.models import axis_values, run_query
+    from fourpole.fitting.query import Query
+
+    stated = {q.PRESSURE.head: pressure, q.PRELOAD.head: preload, q.TEMPERATURE.head: temperature}
+    state = {column: value for column, value in stated.items() if value is not None} | axis_values(at or [])
+    run_query(model, Query(frequencies(frequency), state, tyre, above.rig, beyond), file, as_json=as_json)
 
 
 #: By name, in the order of the help.

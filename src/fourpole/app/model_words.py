@@ -1,38 +1,44 @@
-"""What the commands on models print: choices, parameters, maps and answers."""
+"""Printed results of the commands on models: comparisons, parameters, maps and answers."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from rich import box
-from rich.table import Table
-
 from fourpole import quantities as q
-from fourpole.app.console import harmless, out, say, table_console, warn
+from fourpole.app.console import first_of, out, print_table, say, warn
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, column_of
 from fourpole.fitting.modelling import TyreMap
 from fourpole.models.operating import OperatingMap
 
-__all__ = ["show_fit", "show_map", "show_rows"]
+__all__ = ["show_fit", "show_map", "show_row"]
 
 _MOST_ROWS = 40
 _MOST_NAMED = 12
+#: Heads of the numbers by which fits are compared.
+_COMPARED = (
+    "parameters",
+    "chi2",
+    "dof",
+    "chi2/dof [1]",
+    "AICc",
+    "BIC - best",
+    "cross-validation [1]",
+    "on a bound",
+    "not converged",
+)
+#: Heads of the numbers by which surfaces of a map are compared.
+_MAPPED = ("terms", "leave-one-out error [%]", "inside 95 % [%]", "scatter [%]")
 
 
 def show_fit(entry: ModelEntry) -> None:
-    """The choice, the verdict and the parameters of a tyre."""
+    """Print the compared models, the verdict and the parameters of a tyre."""
     if entry.tyre:
         out(f"Tyre {entry.tyre}")
-    table = Table(box=box.SIMPLE)
-    for name in ("model", "causal", "parameters", "chi2", "dof", "chi2/dof [1]", "AICc", "BIC - best"):
-        table.add_column(name, justify="left" if name in ("model", "causal") else "right")
-    for name in ("cross-validation [1]", "on a bound", "not converged"):
-        table.add_column(name, justify="right")
     least = min(one.bic for one in entry.candidates)
-    for one in entry.candidates:
-        table.add_row(
+    rows = [
+        (
             one.model + (" *" if one.model == entry.model else ""),
             "yes" if one.causal else "no",
             str(one.free),
@@ -45,10 +51,15 @@ def show_fit(entry: ModelEntry) -> None:
             str(one.on_bound or ""),
             str(one.lost or ""),
         )
-    table_console().print(table)
+        for one in entry.candidates
+    ]
+    print_table(("model", "causal", *_COMPARED), rows, right=_COMPARED)
     out(entry.choice)
     if entry.granted:
-        out(f"the model fits with a discrepancy of {100 * entry.granted:.2g} % of |K*|; the uncertainties include it")
+        out(
+            f"The model does not fit within the measurement uncertainty. With a model discrepancy of "
+            f"{100 * entry.granted:.2g} % of |K*| added it does; the uncertainties include the discrepancy"
+        )
     _show_verdicts(entry)
     _show_parameters(entry)
 
@@ -59,8 +70,8 @@ def _show_verdicts(entry: ModelEntry) -> None:
     if bad:
         worst = max(one.misfit for one in bad)
         out(
-            f"K* is not possible for a passive linear tyre in {len(bad)} of {len(verdicts)} conditions; it would be, "
-            f"were it uncertain by up to {100 * worst:.2g} % (fourpole causality says where)"
+            f"K* is not possible for a passive linear tyre in {len(bad)} of {len(verdicts)} conditions. It would be "
+            f"possible with an uncertainty of {100 * worst:.2g} % (fourpole causality says where)"
         )
     elif verdicts:
         where = f" in all {len(verdicts)} conditions" if len(verdicts) > 1 else ""
@@ -68,37 +79,30 @@ def _show_verdicts(entry: ModelEntry) -> None:
 
 
 def _show_parameters(entry: ModelEntry) -> None:
-    alike = _held(entry)
-    _show_values(entry, [at for at in range(len(entry.parameters)) if at not in alike])
-    if alike:
-        held = (
+    fixed = [at for at in range(len(entry.parameters)) if _is_fixed(entry, at)]
+    heads = {at: f"{one.symbol} [{one.unit}]" for at, one in enumerate(entry.parameters) if at not in fixed}
+    shown = entry.conditions[:_MOST_ROWS]
+    rows = [(_words(one), *(_cell(one, at) for at in heads)) for one in shown]
+    print_table(("condition", *heads.values()), rows, right=list(heads.values()))
+    if fixed:
+        named = (
             f"{entry.parameters[at].symbol} = {entry.conditions[0].values[at]:.5g} {_unit_of(entry, at)}".rstrip()
-            for at in alike
+            for at in fixed
         )
-        out(harmless(f"given, not fitted: {', '.join(held)}"))
-    out("value ± standard uncertainty, 95 % interval by profile likelihood; (bound): on a bound, or unseen")
+        out(f"fixed, not fitted: {', '.join(named)}")
+    out("value ± standard uncertainty, 95 % interval by profile likelihood; (bound): on a bound, or without influence")
     if len(entry.conditions) > _MOST_ROWS:
         out(f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file")
-    alone = [one for one in entry.conditions if not one.converged]
+    alone = [_words(one) for one in entry.conditions if not one.converged]
     if alone:
-        warn(f"{len(alone)} fits did not converge: {'; '.join(_words(one) for one in alone[:_MOST_NAMED])}")
+        warn(f"{len(alone)} fits did not converge: {first_of(alone, _MOST_NAMED)}")
 
 
-def _held(entry: ModelEntry) -> list[int]:
-    """Places of the parameters that are given, at one value in all conditions."""
-    given = [at for at in range(len(entry.parameters)) if all(_is_given(one, at) for one in entry.conditions)]
-    return [at for at in given if len({one.values[at] for one in entry.conditions}) == 1]
-
-
-def _show_values(entry: ModelEntry, places: Sequence[int]) -> None:
-    """The table of the parameters at some places, of each condition."""
-    table = Table(box=box.SIMPLE)
-    table.add_column("condition")
-    for at in places:
-        table.add_column(harmless(f"{entry.parameters[at].symbol} [{entry.parameters[at].unit}]"), justify="right")
-    for one in entry.conditions[:_MOST_ROWS]:
-        table.add_row(harmless(_words(one)), *(_cell(one, at) for at in places))
-    table_console().print(table)
+def _is_fixed(entry: ModelEntry, at: int) -> bool:
+    """Whether a parameter has the same fixed value in all conditions."""
+    return (
+        all(_is_given(one, at) for one in entry.conditions) and len({one.values[at] for one in entry.conditions}) == 1
+    )
 
 
 def _unit_of(entry: ModelEntry, at: int) -> str:
@@ -127,42 +131,36 @@ def _cell(one: ConditionFile, at: int) -> str:
 
 
 def _is_given(one: ConditionFile, at: int) -> bool:
-    """Whether a parameter was known: it has an interval of no width."""
+    """Whether a parameter was fixed: its interval has no width."""
     low, high = one.intervals[at]
     return one.covariance[at][at] == 0 and low is not None and low == high
 
 
 def show_map(found: TyreMap) -> None:
-    """What was tried, and what was taken."""
+    """Print the compared surfaces and the chosen one."""
     if found.tyre:
         out(f"Tyre {found.tyre}")
-    table = Table(box=box.SIMPLE)
-    for name in ("model", "causal", "terms", "leave-one-out error [%]", "inside 95 % [%]", "scatter [%]"):
-        table.add_column(name, justify="left" if name in ("model", "causal") else "right")
-    for name, one in found.others:
-        if isinstance(one, OperatingMap):
-            mark = " *" if one is found.best else ""
-            left = one.left_out
-            cells = (100 * left.error, 100 * left.inside, 100 * one.scatter.condition)
-            shown = (f"{cell:.3g}" if math.isfinite(cell) else "" for cell in cells)
-            table.add_row(name + mark, "yes" if one.model.causal else "no", str(len(one.terms)), *shown)
-        else:
-            table.add_row(name, "", "", "none", "", "")
-    table_console().print(table)
+    print_table(
+        ("model", "causal", *_MAPPED), [_map_row(name, one, found) for name, one in found.others], right=_MAPPED
+    )
     for name, one in found.others:
         if isinstance(one, str):
-            out(harmless(f"{name}: none, for {one}"))
+            out(f"{name}: none, for {one}")
     out(found.text)
 
 
-def show_rows(rows: Sequence[Mapping[str, Any]]) -> None:
-    """One answer in lines, several as CSV."""
-    if len(rows) > 1:
-        import polars as pl
+def _map_row(name: str, one: OperatingMap | str, found: TyreMap) -> tuple[str, ...]:
+    """Cells of one surface; a text instead of a map says why there is none."""
+    if isinstance(one, str):
+        return name, "", "", "none", "", ""
+    numbers = (one.left_out.error, one.left_out.inside, one.scatter.condition)
+    shown = (f"{100 * number:.3g}" if math.isfinite(number) else "" for number in numbers)
+    mark = " *" if one is found.best else ""
+    return name + mark, "yes" if one.model.causal else "no", str(len(one.terms)), *shown
 
-        out(pl.DataFrame(list(rows)).write_csv().rstrip("\n"))
-        return
-    row = rows[0]
+
+def show_row(row: Mapping[str, Any]) -> None:
+    """Print one answer of a model file in lines."""
     for name, value in row.items():
         if name in ("remarks", q.OUTSIDE.head) or name.startswith(("u(", "corr(")) or value in (None, ""):
             continue
@@ -172,6 +170,6 @@ def show_rows(rows: Sequence[Mapping[str, Any]]) -> None:
         sure = f" ± {std:.2g}" if isinstance(std, float) else ""
         out(f"{quantity:<12} {text}{sure} {unit if unit != '1' else ''}".rstrip())
     if row[q.K2.head] is None:
-        say("K2 and C: none, for no passive arm beside K1 has this K*")
+        say("K2 and C: none; no passive arm beside K1 has this K*")
     if row[q.TR.head] is None:
-        say("TR: state the rig, --mass and --preload-stiffness")
+        say("TR: none without a rig; state --mass and --preload-stiffness")

@@ -1,37 +1,207 @@
-"""Options that several commands have."""
+"""Options of the commands: how a quantity is read, and the groups of options that several commands have.
+
+A group is a dataclass with one field per option. `command` puts the fields of each group on the command line.
+"""
 
 from __future__ import annotations
 
+import functools
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from fourpole.app.console import option
+from fourpole.app.console import Sign, ends_well, fail, option
+from fourpole.errors import RigError, UnitError
 
 if TYPE_CHECKING:
     from fourpole.core.rig import Rig
 
-__all__ = ["JsonFlag", "OutFile", "rig_of_options"]
+__all__ = [
+    "BareRig",
+    "DataOptions",
+    "FitOptions",
+    "InfoOptions",
+    "JsonFlag",
+    "OutFile",
+    "PlanOptions",
+    "RigOptions",
+    "Selection",
+    "amount",
+    "command",
+]
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON document, in SI units, for programs.")]
 OutFile = Annotated[Path | None, typer.Option("--out", help="Write the table to this CSV file instead of printing it.")]
 
 
-def rig_of_options(mass: str | None, stiffness: str | None, damping: str | None, *, no_rig: bool) -> Rig | None:
-    """The rig of the options; None where there is none."""
-    from fourpole.core.rig import Rig
-    from fourpole.errors import RigError
+def amount(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
+    """Option that takes a quantity with its unit and gives it in SI; messages use the first of its names."""
+    first, *others = names.split()
+    return typer.Option(first, *others, parser=_reader(kind, first, sign), metavar="QUANTITY", help=text)
 
-    given = mass is not None or stiffness is not None or damping is not None
-    if no_rig and given:
-        raise RigError("--no-rig and the rig's values contradict each other: keep one of them")
-    if not given:
-        return None
-    if mass is None or stiffness is None:
-        raise RigError("the rig needs both --mass and --preload-stiffness")
-    return Rig(
-        moving_mass=option(mass, "mass", "--mass"),
-        preload_stiffness=option(stiffness, "stiffness", "--preload-stiffness"),
-        preload_damping=0.0 if damping is None else option(damping, "damping", "--preload-damping"),
+
+def _reader(kind: str, name: str, sign: Sign) -> Callable[[str], float]:
+    def quantity(written: str) -> float:
+        try:
+            return option(written, kind, name, sign)
+        except UnitError as error:
+            fail(str(error))
+
+    return quantity
+
+
+def command(run: Callable[..., int | None]) -> Callable[..., None]:
+    """Function for the command line, with the fields of each group as options, that ends with one message at most.
+
+    Parameters
+    ----------
+    run : callable
+        The command. It returns its exit code; None stands for 0.
+    """
+    signature = inspect.signature(run, eval_str=True)
+    groups: dict[str, Any] = {
+        n: one.annotation for n, one in signature.parameters.items() if is_dataclass(one.annotation)
+    }
+    parameters: list[inspect.Parameter] = []
+    for name, parameter in signature.parameters.items():
+        if name in groups:
+            parameters += _options_of(groups[name])
+        else:
+            parameters.append(parameter.replace(kind=parameter.KEYWORD_ONLY))
+
+    @functools.wraps(run)
+    def grouped(**given: Any) -> None:
+        for name, group in groups.items():
+            given[name] = group(**{one.name: given.pop(one.name) for one in fields(group)})
+        ends_well(run, **given)
+
+    grouped.__signature__ = signature.replace(parameters=parameters, return_annotation=None)  # type: ignore[attr-defined]
+    return grouped
+
+
+def _options_of(group: type[Any]) -> Iterator[inspect.Parameter]:
+    """One parameter for each field of a group."""
+    types = get_type_hints(group)
+    for one in fields(group):
+        shown = one.metadata["option"]
+        yield inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=shown, annotation=types[one.name])
+
+
+def _given(text: str, *names: str, default: Any = None, **more: Any) -> Any:
+    """Field of a group for an option with this help."""
+    return field(default=default, metadata={"option": typer.Option(default, *names, help=text, **more)})
+
+
+def _amount(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
+    """Field of a group for a quantity; see `amount`."""
+    first, *others = names.split()
+    return _given(text, first, *others, parser=_reader(kind, first, sign), metavar="QUANTITY")
+
+
+@dataclass(frozen=True)
+class RigOptions:
+    """The rig above the tyre [kg], [N/m], [N s/m]; None where an option is not given."""
+
+    mass: float | None = _amount("--mass", "mass", 'Moving mass of the rig, as "15 kg".')
+    preload_stiffness: float | None = _amount("--preload-stiffness", "stiffness", 'Preload spring K3, as "12.44 kN/m".')
+    preload_damping: float | None = _amount("--preload-damping", "damping", 'Damper c3 beside K3, as "20 N s/m".')
+
+    @property
+    def rig(self) -> Rig | None:
+        """The rig; None if no option is given."""
+        from fourpole.core.rig import Rig
+
+        if self == RigOptions():
+            return None
+        if self.mass is None or self.preload_stiffness is None:
+            raise RigError("the rig needs both --mass and --preload-stiffness")
+        return Rig(self.mass, self.preload_stiffness, self.preload_damping or 0.0)
+
+
+@dataclass(frozen=True)
+class InfoOptions:
+    """The channels of a file to show, and how."""
+
+    channel: str = _given("Only this channel, with a large outline.", default="")
+    group: str = _given("Only the channels of this group.", default="")
+    quick: bool = _given("Read no samples: names, units and rates only.", "--quick", default=False)
+    no_plot: bool = _given("Numbers only, without outlines.", "--no-plot", default=False)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The tests of a results folder or table to use, as text."""
+
+    tyre: str | None = _given("Only this tyre.")
+    band: str | None = _given('Only these frequencies, as "0.1:100 Hz".')
+    over: list[str] | None = _given(r'Further column whose values are separate conditions, as "camber \[deg]".')
+
+
+@dataclass(frozen=True)
+class DataOptions(Selection):
+    """The tests to use, with an uncertainty of K* and a static stiffness in place of the table's, as text."""
+
+    std: str | None = _given('Relative uncertainty of K*, in place of the table\'s, as "1 %".')
+    k1: str | None = _given('Static stiffness, in place of the table\'s, as "180 kN/m".', "--k1")
+    std_k1: str | None = _given('Relative uncertainty of --k1; by default "2 %".', "--std-k1")
+
+
+@dataclass(frozen=True)
+class FitOptions(DataOptions):
+    """The tests to fit, the fixed and shared parameters, and the files to write."""
+
+    fix: list[str] | None = _given('A known parameter, as "K1=180 kN/m"; it is not fitted.')
+    share: list[str] | None = _given("A parameter with one value for all conditions of a tyre, as tau_1.")
+    file: Path | None = _given("Model file to write; by default RESULTS/model.json of a folder.", "--out")
+    figure: Path | None = _given("Figure to write: .svg, .png or .pdf.")
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """A guessed tyre in SI, how its tests are run, and the advice and run sheet to make."""
+
+    k1: float | None = _amount("--k1 --K1", "stiffness", 'Guessed K1, as "180 kN/m".', "positive")
+    k2: float | None = _amount("--k2 --K2", "stiffness", 'Guessed K2, as "120 kN/m".', "positive")
+    c: float | None = _amount("--c --C", "damping", 'Guessed C, as "700 N s/m".', "positive")
+    wanted: float | None = _amount("--wanted", "ratio", 'Uncertainty of K2 and C to reach, as "1 %".', "positive")
+    added_mass: list[float] | None = _amount(
+        "--added-mass",
+        "mass",
+        'Added mass to try, as "10 kg"; may be repeated. By default 2, 5, 10, 20 kg.',
+        "positive",
     )
+    run_sheet: Path | None = _given("Write a tests.csv in the order to run, with the masses of --added-mass.")
+    repeats: int = _given("How often the run sheet has each test.", default=1)
+    seed: int = _given("Seed of the run sheet's order.", default=1982)
+    noise: float | None = _amount(
+        "--noise", "ratio", 'Relative uncertainty of an amplitude at 40 cycles; by default "0.01 %".', "not negative"
+    )
+    cycles: int | None = _given("Cycles per test; by default 40.")
+    eccentricity: float | None = _amount(
+        "--eccentricity", "displacement", 'Amplitude of the contact; by default "1 mm".', "positive"
+    )
+    std_k1: float | None = _amount(
+        "--std-k1", "ratio", 'Relative uncertainty of K1; by default "2 %", or as found.', "not negative"
+    )
+
+
+def _bare(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
+    return _amount(names, kind, f"Without a campaign: {text}.", sign)
+
+
+@dataclass(frozen=True)
+class BareRig:
+    """The options of a plan without a campaign, which states the same itself, in SI; None where not given."""
+
+    mass: float | None = _bare("--mass --moving-mass", "mass", 'as "15 kg"')
+    preload_stiffness: float | None = _bare("--preload-stiffness", "stiffness", 'K3, as "12.44 kN/m"')
+    preload_damping: float | None = _bare("--preload-damping", "damping", 'c3, as "20 N s/m"')
+    frequency: str | None = _given('Without a campaign: as "10:24:2 Hz".', "--frequency", "--frequencies")
+    preload: float | None = _bare("--preload", "force", 'load on the tyre, as "1000 N"', "positive")
+    std_rig: float | None = _bare("--std-rig", "ratio", 'of each rig value; by default "2 %"', "not negative")
+    std_gain: float | None = _bare("--std-gain", "ratio", 'of each gain; by default "1 %"', "not negative")
+    std_phase: float | None = _bare("--std-phase", "angle", 'of each phase; by default "0.5 deg"', "not negative")

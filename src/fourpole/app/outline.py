@@ -1,4 +1,4 @@
-"""Outlines of recordings in signs that a terminal has: braille dots, or plain ASCII where it has no others."""
+"""Outlines of recordings as text: braille dots, or ASCII signs for an output that cannot show braille."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ __all__ = ["draws_dots", "line", "picture"]
 FloatArray = NDArray[np.float64]
 
 _BRAILLE = 0x2800
-#: Bits of a braille sign's dots, by row from the top and by column.
+#: Bit of each dot of a braille sign, by row from the top and by column.
 _DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
-#: One sign for where the outline is, by its lowest and highest third.
+#: ASCII sign for an outline, by the lowest and the highest third of the line that it touches.
 _THIRDS = {(0, 0): "_", (0, 1): ",", (0, 2): "|", (1, 1): "-", (1, 2): "'", (2, 2): '"'}
 
 
 def draws_dots() -> bool:
-    """Whether what reads standard output can show braille."""
+    """Whether the encoding of standard output has braille signs."""
     try:
         chr(_BRAILLE + 1).encode(getattr(sys.stdout, "encoding", None) or "utf-8")
     except (UnicodeEncodeError, LookupError):
@@ -28,7 +28,7 @@ def draws_dots() -> bool:
 
 
 def line(outline: FloatArray, width: int, *, dots: bool) -> str:
-    """Least and greatest value (places, 2) along a recording in one line of signs."""
+    """One line of signs for the least and greatest values (places, 2) along a recording."""
     if dots:
         return picture(outline, width, 1, dots=True)[0]
     levels = _levels(_gathered(outline, width), 3)
@@ -36,7 +36,7 @@ def line(outline: FloatArray, width: int, *, dots: bool) -> str:
 
 
 def picture(outline: FloatArray, width: int, height: int, *, dots: bool) -> list[str]:
-    """The same in several lines, the greatest value at the top."""
+    """Several lines of signs for an outline (places, 2), with the greatest value at the top."""
     across, down = (2, 4) if dots else (1, 1)
     levels = _levels(_gathered(outline, width * across), height * down)
     grid = np.zeros((height * down, width * across), dtype=bool)
@@ -49,12 +49,12 @@ def picture(outline: FloatArray, width: int, height: int, *, dots: bool) -> list
     for row, signs in enumerate(_DOTS):
         for column, bit in enumerate(signs):
             bits |= bit * grid[row::4, column::2]
-    # a blank of braille is as wide as its other signs where a space may not be
+    # A blank is the empty braille sign, because a space may have another width.
     return ["".join(chr(_BRAILLE + one) for one in row) for row in bits]
 
 
 def _gathered(outline: FloatArray, places: int) -> FloatArray:
-    """The outline at so many places; of a short one, its values repeated."""
+    """The outline (places, 2) at another number of places; values of a short outline are repeated."""
     edges = np.arange(places) * len(outline) // places
     if len(outline) < places:
         return outline[edges]
@@ -65,7 +65,7 @@ def _gathered(outline: FloatArray, places: int) -> FloatArray:
 
 
 def _levels(outline: FloatArray, levels: int) -> NDArray[np.int64]:
-    """Lowest and highest level (places, 2) of each place; -1 where nothing is."""
+    """Lowest and highest level (places, 2) of each place; -1 at a place without a value."""
     known = np.isfinite(outline)
     if not known.any():
         return np.full(outline.shape, -1)

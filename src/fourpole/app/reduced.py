@@ -2,37 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
+import polars.selectors as cs
 
 from fourpole import quantities as q
-from fourpole import units
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, say, warn
+from fourpole.app.deliver import deliver
 from fourpole.core.checks import check_resonance
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict
 from fourpole.core.rig import Rig
-from fourpole.errors import LoadCurveError, RigError, UnitError
+from fourpole.errors import LoadCurveError, RigError
 from fourpole.io.understand import ReducedTable, read_curve, read_reduced
-from fourpole.io.write import write_table
 
 __all__ = ["run_identify", "run_predict", "run_static"]
 
 
-def run_identify(path: Path, k1: float, rig: Rig | None, file: Path | None, *, rig_known: bool, as_json: bool) -> int:
+def run_identify(path: Path, k1: float, rig: Rig | None, file: Path | None, *, no_rig: bool, as_json: bool) -> int:
     """Identify a reduced table; the exit code says whether rows were rejected."""
-    if k1 <= 0:
-        raise UnitError(f"--k1: {k1:g} N/m must be positive")
+    if no_rig and rig is not None:
+        raise RigError("--no-rig and the rig's values contradict each other: keep one of them")
     table = read_reduced(path)
-    for line in table.understood:
-        say(f"understood {line}")
-    for line in table.warnings:
-        warn(line)
+    _read_as(table.understood, table.warnings)
     if table.mobility is not None:
-        if not rig_known:
+        if rig is None and not no_rig:
             raise RigError(
                 "state the rig, --mass and --preload-stiffness, or --no-rig where the far side does not move"
             )
@@ -41,14 +39,22 @@ def run_identify(path: Path, k1: float, rig: Rig | None, file: Path | None, *, r
         found = identify_stiffness(table.frequency, np.asarray(table.stiffness), k1, rig)
     faults = [_fault(table, found, row, rig) for row in range(found.frequency.size)]
     frame = _frame(found, faults)
-    _deliver(frame, file, as_json=as_json)
+    deliver(frame, file, as_json=as_json)
     rejected = sum(bool(fault) for fault in faults)
     say(f"{len(faults)} rows: {len(faults) - rejected} with K2 and C, {rejected} rejected, each with its reason")
     return SOME_REJECTED if rejected else OK
 
 
+def _read_as(understood: Iterable[str], remarks: Iterable[str]) -> None:
+    """Print how the columns of a table were understood, and what is remarkable."""
+    for line in understood:
+        say(f"understood {line}")
+    for line in remarks:
+        warn(line)
+
+
 def _fault(table: ReducedTable, found: ReducedResult, row: int, rig: Rig | None) -> str:
-    """Why a row has no K2 and C; empty where it has."""
+    """Why a row has no K2 and C; empty if it has both."""
     frequency = float(found.frequency[row])
     if not frequency > 0:
         return f"row {table.lines[row]}: the frequency is {frequency:g} Hz, it must be positive"
@@ -63,23 +69,29 @@ def _fault(table: ReducedTable, found: ReducedResult, row: int, rig: Rig | None)
 
 def _frame(found: ReducedResult, faults: list[str]) -> pl.DataFrame:
     kept = np.array([not fault for fault in faults], dtype=bool)
-    columns: dict[str, Any] = {
-        q.FREQUENCY.head: found.frequency,
-        q.R.head: found.mobility.real,
-        q.I.head: found.mobility.imag,
+    columns = _columns(found) | {
         "d [1]": found.d,
-        q.STORAGE.head: found.stiffness.real,
-        q.LOSS.head: found.stiffness.imag,
-        q.LOSS_FACTOR.head: found.loss_factor,
         q.K2.head: np.where(kept, found.k2, np.nan),
         q.C.head: np.where(kept, found.c, np.nan),
-        q.TR.head: found.tr,
         "verdict": ["ok" if good else "rejected" for good in kept],
         "remarks": faults,
     }
-    numbers = [name for name in columns if name not in ("verdict", "remarks")]
-    frame = pl.DataFrame(columns)
-    return frame.with_columns(pl.when(pl.col(name).is_finite()).then(pl.col(name)).alias(name) for name in numbers)
+    frame = pl.DataFrame(columns).with_columns(pl.when(cs.float().is_finite()).then(cs.float()))
+    before, after = (q.FREQUENCY, q.R, q.I), (q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C, q.TR)
+    return frame.select(*(one.head for one in before), "d [1]", *(one.head for one in after), "verdict", "remarks")
+
+
+def _columns(found: ReducedResult) -> dict[str, Any]:
+    """Frequency, K*, R, I and TR by the heads of their columns."""
+    return {
+        q.FREQUENCY.head: found.frequency,
+        q.STORAGE.head: found.stiffness.real,
+        q.LOSS.head: found.stiffness.imag,
+        q.LOSS_FACTOR.head: found.loss_factor,
+        q.R.head: found.mobility.real,
+        q.I.head: found.mobility.imag,
+        q.TR.head: found.tr,
+    }
 
 
 def run_static(
@@ -112,10 +124,7 @@ def run_static(
             }
         )
         return
-    for line in table.understood:
-        say(f"understood {line}")
-    for line in remarks:
-        warn(line)
+    _read_as(table.understood, remarks)
     loss = "" if np.isnan(curve.hysteresis_loss) else f"{curve.hysteresis_loss:.4g} J"
     parts = f"fit {_kn_m(tangent.fit)}, branches {_kn_m(tangent.branches)}, cycles {_kn_m(tangent.cycles)}"
     rows = (
@@ -132,44 +141,14 @@ def run_static(
 
 
 def _kn_m(stiffness: float) -> str:
-    """A stiffness in kN/m: one decimal, more where it is small."""
+    """A stiffness in kN/m with one decimal, or with three digits below 10 kN/m."""
     value = stiffness / 1000.0
     return f"{value:.1f} kN/m" if abs(value) >= 10 else f"{value:.3g} kN/m"
 
 
 def run_predict(
-    arm: tuple[float, float, float], rig: Rig, frequencies: str, file: Path | None, *, as_json: bool
+    arm: tuple[float, float, float], rig: Rig, frequency: list[float], file: Path | None, *, as_json: bool
 ) -> None:
     """Table of K*, R, I and TR of a tyre on a rig."""
-    for name, value in zip(("--k1", "--k2", "--c"), arm, strict=True):
-        if value <= 0:
-            raise UnitError(f"{name}: must be positive")
-    try:
-        grid = units.frequency_grid(frequencies)
-    except UnitError as error:
-        raise UnitError(f"--frequency: {error}") from None
-    found = predict(grid, *arm, rig)
-    frame = pl.DataFrame(
-        {
-            q.FREQUENCY.head: found.frequency,
-            q.STORAGE.head: found.stiffness.real,
-            q.LOSS.head: found.stiffness.imag,
-            q.LOSS_FACTOR.head: found.loss_factor,
-            q.R.head: found.mobility.real,
-            q.I.head: found.mobility.imag,
-            q.TR.head: found.tr,
-        }
-    )
-    _deliver(frame, file, as_json=as_json)
-
-
-def _deliver(frame: pl.DataFrame, file: Path | None, *, as_json: bool) -> None:
-    """A table to a file, to a program as JSON, or to standard output as CSV."""
-    if file is not None:
-        file = file if file.suffix else file.with_suffix(".csv")
-        write_table(file, frame, label=str(file))
-        say(f"written: {file}")
-    if as_json:
-        print_json({"rows": frame.to_dicts()})
-    elif file is None:
-        out(frame.write_csv().rstrip("\n"))
+    found = predict(frequency, *arm, rig)
+    deliver(pl.DataFrame(_columns(found)), file, as_json=as_json)

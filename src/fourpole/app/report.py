@@ -1,4 +1,4 @@
-"""The commands on results: figures and the report, made from the tables alone."""
+"""The commands that make figures and the report from result tables."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def make_report(results: Results, folder: Path, style: Style | None = None) -> P
 
 
 def run_report(folder: Path, theme: str) -> None:
-    """Figures and report again, from the tables of a results folder."""
+    """Make figures and report from the tables of a results folder, and print the path of the report."""
     results = read_results(folder)
     for fault in results.faults:
         warn(fault)
@@ -37,11 +37,11 @@ def run_report(folder: Path, theme: str) -> None:
 
 
 def run_plot(folder: Path, key: str, file: Path | None, style: Style) -> None:
-    """One figure into one file, by default beside the others."""
+    """Draw one figure into a file, by default in the folder of the other figures."""
     results = read_results(folder)
     figure = draw(results, key, style)
     if figure is None:
-        raise CampaignError(f"the results in {folder} hold nothing for {key}: {FIGURES[key].title}")
+        raise CampaignError(f"the results in {folder} hold no data for {key}: {FIGURES[key].title}")
     path = file if file is not None else folder / "figures" / f"{key}.svg"
     path.parent.mkdir(parents=True, exist_ok=True)
     out(f"figure: {write_figure(figure, key, path, style)}")
