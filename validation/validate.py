@@ -136,7 +136,7 @@ def _part(title: str, results: Sequence[dict[str, Any]], ranges: dict[str, str])
     from scores import against_bound, collect, coverage_table
 
     lines = [f"\n## {title}\n", f"{len(results)} campaigns, numbers 0 to {max([-1, *(r['number'] for r in results)])}."]
-    lines += ["", "| drawn | from |", "|---|---|", *(f"| {name} | {words} |" for name, words in ranges.items()), ""]
+    lines += ["", "| random value | distribution |", "|---|---|", *(f"| {name} | {words} |" for name, words in ranges.items()), ""]
     if len(results) < 2:
         return [*lines, "Too few campaigns for a table."]
     samples = collect(results)
@@ -171,7 +171,7 @@ def _findings(results: Sequence[dict[str, Any]]) -> list[str]:
     lines.append(
         share("a stated value contradicted, or the rig or noise enlarged", sum(not r["fits"] for r in results), count)
     )
-    lines.append(share("... an unstated part granted to the rig", sum(bool(r["parts"]) for r in results), count))
+    lines.append(share("... an unstated part added to the rig", sum(bool(r["parts"]) for r in results), count))
     lines.append(share("noise taken larger than it is", sum(r["inflation"] > 1 for r in results), count))
     lines.append(share("scatter of K* between the tests of a condition", sum(r["scatter"] > 0 for r in results), count))
     for low, high in ((2, 3), (4, 5), (6, 20)):

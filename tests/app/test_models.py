@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from fourpole.app.models import _fixed
 from fourpole.models.families import model_named
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
@@ -228,3 +229,19 @@ def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_
     ran = run("report", folder)
     assert ran.exit_code == 0, ran.output
     assert "model.json is of other results and left out: run fourpole fit again" in " ".join(ran.stderr.split())
+
+
+@pytest.mark.parametrize(
+    ("model", "text", "symbol", "expected"),
+    [
+        ("shell", "{symbol}=3 {unit}", "every", 3.0),
+        ("zener", "C=0.7 kN s/m", "C", 700.0),
+        ("zener", "K1=180 kN/m", "K1", 180e3),
+        ("maxwell:1", "tau_1=5 ms", "tau_1", 5e-3),
+    ],
+)
+def test_a_fixed_parameter_has_the_unit_of_its_family(model, text, symbol, expected):
+    """The unit of each parameter comes from its family; every parameter can be stated with it."""
+    for one in model_named(model).parameters:
+        if symbol in ("every", one.symbol):
+            assert _fixed([text.format(symbol=one.symbol, unit=one.unit)], model) == {one.symbol: expected}

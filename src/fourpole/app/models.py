@@ -187,7 +187,7 @@ def axis_values(texts: Sequence[str]) -> dict[str, float]:
 
 
 def _fixed(texts: Sequence[str], model: str) -> dict[str, float]:
-    """Fixed parameters by symbol, in SI; a number without a unit is in the parameter's SI unit."""
+    """Fixed parameters by symbol, in SI; a number without a unit is in the parameter's own SI unit."""
     names = automatic() if model == "auto" else (model,)
     largest = [f"{name}:{sizes[-1]}" if (sizes := sizes_of(name)) else name for name in names]
     known = {one.symbol: one.unit for name in largest for one in model_named(name).parameters}
@@ -199,8 +199,9 @@ def _fixed(texts: Sequence[str], model: str) -> dict[str, float]:
             raise UnitError(
                 f"--fix: {units.shown(text)} is not a parameter and its value, as in 'K1=180 kN/m'; there are {there}"
             )
+        number, _, unit = value.partition(" ")
         try:
-            found[symbol] = float(value)
+            found[symbol] = float(number if unit == known[symbol] else value)
         except ValueError:
             found[symbol] = option(value, _kind(known[symbol]), f"--fix {symbol}")
     return found
