@@ -136,7 +136,8 @@ def _part(title: str, results: Sequence[dict[str, Any]], ranges: dict[str, str])
     from scores import against_bound, collect, coverage_table
 
     lines = [f"\n## {title}\n", f"{len(results)} campaigns, numbers 0 to {max([-1, *(r['number'] for r in results)])}."]
-    lines += ["", "| random value | distribution |", "|---|---|", *(f"| {name} | {words} |" for name, words in ranges.items()), ""]
+    rows = (f"| {name} | {words} |" for name, words in ranges.items())
+    lines += ["", "| random value | distribution |", "|---|---|", *rows, ""]
     if len(results) < 2:
         return [*lines, "Too few campaigns for a table."]
     samples = collect(results)
