@@ -5,12 +5,15 @@ import polars as pl
 import pytest
 from tests.findings.designed import LOADS, Tables, Tyre, rig_curve
 
+from fourpole.core.checks import Code
 from fourpole.findings import Holds, findings, findings_table
+from fourpole.findings.claims import Claim
 from fourpole.findings.comparisons import Comparison
+from fourpole.findings.facts import Curve
 from fourpole.findings.levels import Departure, Level
-from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
+from fourpole.findings.resonances import Crossing, Crossings, Prediction, Resonance, ResonanceOrder, peak
 from fourpole.findings.trends import Trend
-from fourpole.findings.verdicts import Doubt, Tally
+from fourpole.findings.verdicts import CheckRow, Doubt, Tally, checks_by_test
 from fourpole.study.results import Results
 
 
@@ -214,3 +217,56 @@ def test_the_table_has_a_row_per_finding_in_si():
     assert claims["kind"].to_list() == [f"claim {i}" for i in range(1, 13)]
     assert claims["holds"][0] == "does not hold"
     assert findings_table([]).height == 0
+
+
+@pytest.mark.parametrize(("high", "resolved"), [(11.49, True), (11.51, False)])
+def test_a_crossing_is_resolved_up_to_15_per_cent_between_the_frequencies(high, resolved):
+    assert Crossing(10.5, 10.0, high, 1).resolved is resolved
+
+
+@pytest.mark.parametrize(("least", "found"), [(0.708, True), (0.706, False)])
+def test_a_parabola_needs_the_neighbours_within_half_power(least, found):
+    curve = Curve((10.0, 11.0, 12.0), (2.0 * least, 2.0, 1.9), (0.01,) * 3)
+    assert (peak(curve).at is not None) is found
+
+
+def at_temperatures(**temperatures):
+    """A cross-ply X and a radial-ply Y, each tested at some temperatures [°C]."""
+    tyres = {"X": Tyre(k1=150e3, construction="cross-ply"), "Y": Tyre(construction="radial-ply")}
+    parts = [
+        Tables({name: tyres[name]}, more={"temperature [degC]": warm}).results()
+        for name, each in temperatures.items()
+        for warm in each
+    ]
+    warmth = [warm for each in temperatures.values() for warm in each]
+    static = [p.static.with_columns(pl.lit(w).alias("temperature [degC]")) for p, w in zip(parts, warmth, strict=True)]
+    return findings(Results(pl.concat(static), pl.concat([part.dynamic for part in parts])))
+
+
+@pytest.mark.parametrize(
+    ("temperatures", "pair"),
+    [
+        ({"X": (20.0, 60.0), "Y": (21.0, 64.0)}, ("X at 20 °C", "Y at 21 °C")),
+        ({"X": (20.0, 60.0), "Y": (24.0, 61.0)}, ("X at 60 °C", "Y at 61 °C")),
+        ({"X": (20.0, 60.0), "Y": (22.0,)}, ("X at 20 °C", "Y")),
+        ({"X": (20.0, 60.0), "Y": (40.0,)}, None),
+    ],
+)
+def test_the_papers_tyres_are_compared_at_the_temperature_nearest_to_each_other(temperatures, pair):
+    claims = [each for each in at_temperatures(**temperatures) if isinstance(each.detail, Claim)]
+    assert len(claims) == (12 if pair else 0)
+    if pair:
+        assert claims[0].specimens == pair
+        assert (claims[0].detail.names, claims[0].detail.states[0]) == (("X", "Y"), pair[0][1:])
+        assert claims[0].holds is Holds.TRUE
+
+
+def test_a_doubt_has_the_code_of_its_check_or_the_remark():
+    rows = [("D1", Code.CLIPPING.text, 1.0, "rejected", "turn it down"), ("D2", "of no version", 1.0, "warning", "")]
+    checks = pl.DataFrame(rows, ["test", "code", "statistic", "verdict", "remedy"], orient="row")
+    assert checks_by_test(checks)["D1"] == [CheckRow("rejected", Code.CLIPPING, "turn it down")]
+    verdicts = {"D1": ("rejected", "F1 is clipped"), "D2": ("warning", "look; again")}
+    results = Tables({"A": Tyre()}, verdicts=verdicts).results()
+    found = findings(Results(tables=results.tables, checks=checks))
+    doubts = [each.detail for each in found if isinstance(each.detail, Doubt)]
+    assert doubts == [Doubt(Code.CLIPPING), Doubt(None, "look")]

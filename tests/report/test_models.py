@@ -57,16 +57,18 @@ def asked(command):
 # ---- in words
 
 
-def test_the_choice_and_what_was_granted_are_said(fitted):
+def test_the_choice_and_the_model_discrepancy_are_said(fitted):
     entry = fitted.models.models[0]
     said = sentences(entry)
     assert said[0].startswith(entry.choice.rstrip("."))
     assert re.fullmatch(
-        r"The model was granted \d\.\d % of \|K\*\| as an error of its own so that its intervals hold\.", said[1]
+        r"Its intervals include a model discrepancy of \d\.\d % of \|K\*\|, with which chi-square per degree of "
+        r"freedom is 1\.",
+        said[1],
     )
     assert f"{100 * entry.granted:.1f} %" in said[1]
     exact = sentences(entry.model_copy(update={"granted": 0.0, "causal": False}))
-    assert not any("granted" in text for text in exact)
+    assert not any("discrepancy" in text for text in exact)
     assert any("not causal" in text for text in exact)
 
 
@@ -212,9 +214,7 @@ def test_a_map_says_where_it_holds_and_how_well(fitted):
     assert facts["pressure"] == "1, 1.7, 2.4 bar"
     assert facts["preload"] == "1000, 2000 N"
     assert facts["frequency"] == f"{entry.band[0]:.1f} to {entry.band[1]:.1f} Hz"
-    assert float(facts["K* of conditions left out is told within"].split()[0]) == pytest.approx(
-        100 * entry.left_out[0], abs=0.06
-    )
+    assert float(facts["leave-one-out error of K*"].split()[0]) == pytest.approx(100 * entry.left_out[0], abs=0.06)
     assert "inside their hull" in section(fitted).map.remarks[0]
     untold = entry.model_copy(update={"left_out": (None, None, None)})
     assert list(dict(map_facts(untold))) == ["model", "pressure", "preload", "frequency"]

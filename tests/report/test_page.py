@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 from tests.plot.modelled import study_with_models
 from tests.plot.rig_found import MISFIT, VALUES, budget_table, residual_table, rig_table, with_rig_found
 
+from fourpole.core.condition import PRESSURE, axis_of
 from fourpole.report.cards import ALPHABET, embedded, make_cards, packed
 from fourpole.report.digits import number, spread, with_std
 from fourpole.report.page import ReportFigure, render_report, write_report
@@ -468,7 +469,8 @@ def test_embedded_json_comes_back_and_holds_no_markup(value):
         (with_std(-0.001, 0.1), ("0.00", "0.10")),
         (with_std(128.0, 150.0), ("128", "150")),
         (with_std(None, 1.0), ("", "")),
-        (spread([1.0, 2.0, 2.01, math.nan], "bar"), "1, 2.005 bar"),
+        (spread([1.0, 2.0, 2.01, math.nan], PRESSURE, "bar"), "1, 2.005 bar"),
+        (spread([20.0, 24.9, 60.0], axis_of("temperature [degC]"), "°C"), "22.45, 60 °C"),
     ],
 )
 def test_numbers_have_the_digits_that_are_known(shown, expected):

@@ -1,6 +1,7 @@
 """Rig, sensors and limits in words: what was found, what was not, and what cannot be seen."""
 
 from dataclasses import replace
+from math import radians
 
 import polars as pl
 import pytest
@@ -108,8 +109,8 @@ def test_where_the_rig_does_not_fit_nothing_is_called_calibrated(plain):
     assert found.misfit == (
         "The rig and the sensors as stated do not go with these tests: chi-square is 10 per degree of freedom, not 1.",
         (
-            "The uncertainties of all results were enlarged to hold the misfit: an error of 2.0 % of its largest part "
-            "was granted to the rig's impedance in each test and all noise was taken 1.5 times larger."
+            "The uncertainties of all results were enlarged to cover the misfit: each test includes an error of the "
+            "rig's impedance of 2.0 % of its largest part and all noise counts 1.5 times."
         ),
         "No value of this rig is called calibrated.",
     )
@@ -196,8 +197,8 @@ def test_an_error_of_v1_without_a_second_mass_is_said_to_be_unseen(plain):
             "weighed mass would show them."
         ),
         (
-            "These data hold F1/V2 against the rig: they cannot tell an error of F1's gain from one of V2's, nor from "
-            "the moving mass and the preload spring off together."
+            "These data compare F1/V2 with the rig: an error of F1's gain has the same effect as one of V2's, or as an "
+            "error of the moving mass and the preload spring together."
         ),
     )
 
@@ -205,8 +206,8 @@ def test_an_error_of_v1_without_a_second_mass_is_said_to_be_unseen(plain):
 def test_with_a_second_mass_only_a_common_error_is_unseen_and_does_no_harm(plain):
     common, mass = of(with_values(plain, MASSED)).unseen
     assert common == (
-        "An error of V1's gain and V1's phase that all channels have in common would not show in these data, and "
-        "does no harm: K* needs only the ratios of the channels, whose errors would show."
+        "An error of V1's gain and V1's phase that all channels have in common would not show in these data. It "
+        "has no effect on the results: K* needs only the ratios of the channels, whose errors would show."
     )
     assert mass.startswith("The scale of the sensors, and so of K*, rests on the weight of the added mass 10 kg")
     assert mass.endswith("Weigh it twice; a second, different mass would show it.")
@@ -331,3 +332,29 @@ def test_medians_count_tests_without_a_source_as_none_and_leave_rejected_ones_ou
     found = limit(replace(plain, budget=rows, dynamic=rejected))
     assert (found.source.text, found.tests) == ("K1 branch gap", 1)
     assert "median of 1 test" in found.text
+
+
+@pytest.mark.parametrize(("explains", "alike"), [(0.901, True), (0.9, True), (0.899, False)])
+def test_a_candidate_is_not_distinguishable_from_nine_tenths_of_the_best_on(plain, explains, alike):
+    first, second = MISFIT["candidates"]
+    both = [{**first, "explains": 1000.0}, {**second, "explains": 1000.0 * explains}]
+    texts = of(with_values(plain, VALUES, **{**MISFIT, "candidates": both})).candidates
+    assert ["hardly tell" in text for text in texts] == [False, alike]
+
+
+@pytest.mark.parametrize(
+    ("name", "limit", "late"),
+    [
+        ("gain F1", 0.0499, False),
+        ("gain F1", 0.0501, True),
+        ("phase F1", radians(2.99), False),
+        ("phase F1", radians(3.01), True),
+        ("moving_mass", 15.0 * 0.0499, False),
+        ("moving_mass", 15.0 * 0.0501, True),
+    ],
+)
+def test_a_detection_limit_is_late_above_five_per_cent_or_three_degrees(plain, name, limit, late):
+    unit, stated = {"gain F1": ("1", 1.0), "phase F1": ("rad", 0.0), "moving_mass": ("kg", 15.0)}[name]
+    row = (unit, stated, 1e-3, stated, 1e-4, 0.1, limit, "found")
+    found = of(with_values(plain, {name: row}))
+    assert any("would show only from a size of" in text for text in found.unseen) is late

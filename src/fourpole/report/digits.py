@@ -1,14 +1,18 @@
-"""Numbers as a person reads them: as many digits as are known."""
+"""Numbers as text, with as many digits as their uncertainty allows."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 
-__all__ = ["distinct", "known", "number", "spread", "with_std"]
+import numpy as np
+
+from fourpole.core.condition import Axis
+
+__all__ = ["known", "number", "spread", "with_std"]
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-#: As many values are listed one by one; more are given as a range.
+#: Up to this number values are listed one by one; more are given as a range.
 _LISTED = 8
 
 
@@ -35,18 +39,18 @@ def number(value: object, digits: int = 4) -> str:
 
 
 def with_std(value: object, std: object, digits: int = 4) -> tuple[str, str]:
-    """A number and its standard uncertainty, both to the second digit of the latter; that is blank where it is unknown.
+    """A number and its standard uncertainty, both to the second digit of the uncertainty; blank where unknown.
 
     >>> with_std(172.3482, 0.619), with_std(1105.36, 66.7), with_std(0.30366, None)
     (('172.35', '0.62'), ('1105', '67'), ('0.3037', ''))
     """
-    found, spread_of_it = known(value), known(std)
-    if found is None or not spread_of_it or spread_of_it < 0:
+    found, u = known(value), known(std)
+    if found is None or not u or u < 0:
         return number(found, digits), ""
-    decimals = 1 - _power(spread_of_it, 2)
+    decimals = 1 - _power(u, 2)
     if decimals > 9 or abs(found) >= 1e7:
-        return number(found, digits), number(spread_of_it, 2)
-    return _fixed(found, decimals), _fixed(spread_of_it, decimals)
+        return number(found, digits), number(u, 2)
+    return _fixed(found, decimals), _fixed(u, decimals)
 
 
 def _power(value: float, digits: int) -> int:
@@ -59,28 +63,17 @@ def _fixed(value: float, decimals: int) -> str:
     return text.lstrip("−") if not text.strip("−0.") else text
 
 
-def distinct(values: Iterable[object], tolerance: float) -> list[float]:
-    """Rising values, those within a relative tolerance of the first of their kind taken as one: their mean.
+def spread(values: Iterable[object], axis: Axis, unit: str, *, scale: float = 1.0) -> str:
+    """Up to eight values one by one, more of them as a range; values that are the same on an axis stand as their mean.
 
-    >>> distinct([10.01, 12.0, 9.99, None], 0.01)
-    [10.0, 12.0]
+    >>> from fourpole.core.condition import FREQUENCY, PRESSURE
+    >>> spread([1e5, 1.7e5, 1.71e5], PRESSURE, "bar", scale=1e5), spread(range(1, 20), FREQUENCY, "Hz")
+    ('1, 1.705 bar', '1 to 19 Hz (19 values)')
     """
-    groups: list[list[float]] = []
-    for value in sorted(found for value in values if (found := known(value)) is not None):
-        if groups and value - groups[-1][0] <= tolerance * abs(groups[-1][0]):
-            groups[-1].append(value)
-        else:
-            groups.append([value])
-    return [sum(group) / len(group) for group in groups]
-
-
-def spread(values: Iterable[object], unit: str, *, scale: float = 1.0, tolerance: float = 0.01) -> str:
-    """Few values one by one, many as a range.
-
-    >>> spread([1e5, 1.7e5, 1.7e5], "bar", scale=1e5), spread(range(1, 20), "Hz"), spread([], "N")
-    ('1, 1.7 bar', '1 to 19 Hz (19 values)', '')
-    """
-    found = [f"{value / scale:.4g}".replace("-", "−") for value in distinct(values, tolerance)]
+    stated = sorted(value for one in values if (value := known(one)) is not None)
+    groups = axis.groups(stated)
+    means = [sum(group) / len(group) for at in dict.fromkeys(groups) for group in [np.array(stated)[groups == at]]]
+    found = [f"{mean / scale:.4g}".replace("-", "−") for mean in means]
     if not found:
         return ""
     if len(found) <= _LISTED:

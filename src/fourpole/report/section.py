@@ -1,4 +1,4 @@
-"""The section on the rig and the sensors: as found, with links to the tests that stand out."""
+"""The section on the rig and the sensors as found, with links to the outliers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fourpole.study.results import Results
 
 __all__ = ["RigSection", "rig_sections"]
 
-#: Outliers named one by one.
+#: Outliers that are listed by name.
 _NAMED = 12
 
 
@@ -26,9 +26,9 @@ class RigSection:
     groups : list of (heading, values)
         Values by group; groups without values are left out.
     outliers : list of (test, card, factor)
-        The worst ones; the card is empty where there is none.
+        The largest ones with their enlargement of the variance; the card is empty if the test has none.
     more : int
-        Outliers that are not named.
+        Number of the other outliers.
     """
 
     about: RigInWords
@@ -38,7 +38,7 @@ class RigSection:
 
 
 def rig_sections(results: Results, where: Mapping[str, str]) -> list[RigSection]:
-    """What the page shows of each rig; `where` has the card of each test."""
+    """The section of each rig; `where` has the card of each test."""
     return [_of_rig(found, where) for found in rigs_in_words(results)]
 
 

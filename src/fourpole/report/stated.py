@@ -1,4 +1,4 @@
-"""What the campaign states and what was tested, as rows of text for the page; study.json is not trusted."""
+"""Rows of text for the page: the statement of the campaign and the tests; any content of study.json is accepted."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE
+from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
 from fourpole.report.digits import known, number, spread, with_std
 from fourpole.report.rows import VERDICTS, worst
 from fourpole.study.results import Results
@@ -28,7 +28,7 @@ __all__ = [
     "verdict_counts",
 ]
 
-#: Rig values: name in words, unit shown, SI value of it.
+#: Rig values by key: name in words, unit shown, SI value of this unit.
 RIG_VALUES = {
     "moving_mass": ("moving mass m", "kg", 1.0),
     "preload_stiffness": ("preload spring K3", "kN/m", 1e3),
@@ -50,13 +50,14 @@ _STATIC_ROLES = {"load", "deflection"}
 
 @dataclass(frozen=True)
 class Tested:
-    """One tyre and its tests."""
+    """One tyre with the conditions of its tests, and their number."""
 
     name: str
     construction: str
     more: list[tuple[str, str]]
     pressures: str
     preloads: str
+    temperatures: str
     frequencies: str
     static: int
     dynamic: int
@@ -77,7 +78,7 @@ class RigRow:
 
 @dataclass(frozen=True)
 class ChannelRow:
-    """One channel; `gain_std` and `phase_std` with whether they were assumed."""
+    """One channel; `gain_std` and `phase_std` are a text and whether the value was assumed."""
 
     role: str
     column: str
@@ -89,19 +90,19 @@ class ChannelRow:
 
 
 def mapping(value: object, *path: str) -> dict[str, Any]:
-    """What lies at a path of nested tables; empty where something else does."""
+    """The table at a path of nested tables; empty if there is none."""
     for name in path:
         value = value.get(name) if isinstance(value, dict) else None
     return value if isinstance(value, dict) else {}
 
 
 def texts(value: object) -> list[str]:
-    """A list of texts; empty where there is none."""
+    """The items of a list as texts; empty if the value is no list."""
     return [str(item) for item in value] if isinstance(value, list) else []
 
 
 def _verdicts(results: Results, tyre: str | None = None) -> dict[str, list[str]]:
-    """Verdict of each static and each dynamic test."""
+    """Verdicts of the static and of the dynamic tests, one per test."""
     found: dict[str, list[str]] = {}
     for kind, frame in (("static", results.static), ("dynamic", results.dynamic)):
         rows = frame if tyre is None else frame.filter(pl.col("tyre") == tyre)
@@ -141,9 +142,10 @@ def _tested(results: Results, tyre: str, construction: str, stated: Mapping[str,
         name=tyre,
         construction=construction,
         more=[(str(key), _plain(value)) for key, value in stated.items() if key != "construction"],
-        pressures=spread(values(q.PRESSURE.head), "bar", scale=1e5, tolerance=PRESSURE.relative),
-        preloads=spread(values(q.PRELOAD.head), "N", tolerance=PRELOAD.relative),
-        frequencies=spread(values(q.FREQUENCY.head), "Hz", tolerance=FREQUENCY.relative),
+        pressures=spread(values(q.PRESSURE.head), PRESSURE, "bar", scale=1e5),
+        preloads=spread(values(q.PRELOAD.head), PRELOAD, "N"),
+        temperatures=spread(values(q.TEMPERATURE.head), axis_of(q.TEMPERATURE.head), q.TEMPERATURE.shown),
+        frequencies=spread(values(q.FREQUENCY.head), FREQUENCY, "Hz"),
         static=len(verdicts["static"]),
         dynamic=len(verdicts["dynamic"]),
         verdicts={verdict: every.count(verdict) for verdict in VERDICTS},
@@ -180,7 +182,7 @@ def _rig_row(rig: str, key: str, stated: dict[str, Any]) -> RigRow:
 
 
 def channel_rows(record: Mapping[str, Any]) -> list[ChannelRow]:
-    """Each channel: which column, what it recorded, how it is turned into SI values, what is not known of it."""
+    """A row per channel: column, quantity, conversion to SI values, and uncertainty."""
     channels = mapping(record, "stated", "channels")
     return [_channel_row(str(role), stated) for role, stated in channels.items() if isinstance(stated, dict)]
 
@@ -207,7 +209,7 @@ def _channel_row(role: str, stated: dict[str, Any]) -> ChannelRow:
 
 
 def _chain(stated: dict[str, Any]) -> list[str]:
-    """What is undone at the channel's amplitudes, in words."""
+    """The corrections of the channel's amplitudes, in words."""
     more = []
     for name, words in (("high_pass", "high-pass"), ("low_pass", "low-pass")):
         link = mapping(stated, name)

@@ -1,4 +1,4 @@
-"""Models and operating maps in words: which and why, whether the data can be a passive tyre's, what was granted."""
+"""Models and operating maps in words: the choice and its reason, the model discrepancy, and passivity of the data."""
 
 from __future__ import annotations
 
@@ -8,28 +8,29 @@ from collections.abc import Sequence
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.core.condition import PRESSURE
+from fourpole.core.condition import FREQUENCY, axis_of
 from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, NamedValue, column_of, map_of
 from fourpole.report.digits import number, spread
-from fourpole.report.words.phrases import counted, percent, ranged
+from fourpole.report.words.phrases import percent, ranged
 
 __all__ = ["chosen", "map_facts", "place", "question", "remarks_on_map", "sentences", "tyre_option"]
 
-#: Conditions that no passive tyre can have, told one by one.
+#: Up to this number non-passive conditions are listed one by one.
 _NAMED = 6
-#: How an axis is shown: unit, scale, and the option of `fourpole query`, by its column.
+#: By column of an axis: the unit shown, its SI value, and the option of `fourpole query`.
 _AXES = {one.head: (one.suffix, one.scale, f"--{one.key}") for one in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE)}
 _SPELLED = {"°C": "degC"}
-#: Characters of a name that a shell takes as they are.
+#: Characters of a name that need no quotes in a shell.
 _PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")
 
 
 def sentences(entry: ModelEntry) -> list[str]:
-    """Which model and why, what was granted to it, and whether a passive linear tyre can have this K*."""
+    """The choice of the model, its model discrepancy, and whether a passive linear tyre can have this K*."""
     said = [chosen(entry.choice)]
     if entry.granted > 0:
         said.append(
-            f"The model was granted {percent(entry.granted)} of |K*| as an error of its own so that its intervals hold."
+            f"Its intervals include a model discrepancy of {percent(entry.granted)} of |K*|, with which chi-square per "
+            "degree of freedom is 1."
         )
     if not entry.causal:
         said.append("It is not causal: it describes K* at these frequencies, but cannot be stepped in time.")
@@ -42,38 +43,44 @@ def chosen(text: str) -> str:
 
 
 def _verdicts(entry: ModelEntry) -> list[str]:
-    judged = [one for one in entry.conditions if one.verdict is not None]
-    if not judged:
-        return ["The uncertainty of K* is not known, so it cannot be said whether a passive linear tyre can have it."]
-    bad = [one for one in judged if one.verdict is not None and not one.verdict.possible]
-    if not bad:
-        if len(judged) == 1:
+    """Whether K* of each condition can be that of a passive linear tyre, as sentences."""
+    judged = [(one, one.verdict) for one in entry.conditions if one.verdict is not None]
+    bad = [one for one, verdict in judged if not verdict.possible]
+    worst = percent(max((verdict.misfit for _, verdict in judged if not verdict.possible), default=0.0))
+    off = f"it would take an error of K* of up to {worst} at each frequency"
+    match len(judged), len(bad):
+        case 0, _:
+            return [
+                "The uncertainty of K* is not known, so a passive linear tyre can neither be excluded nor confirmed."
+            ]
+        case 1, 0:
             return ["A passive linear tyre can have this K*, within its uncertainty."]
-        return [f"A passive linear tyre can have K* as measured in all {len(judged)} conditions."]
-    worst = max(one.verdict.misfit for one in bad if one.verdict is not None)
-    off = f"it would take an error of K* of up to {percent(worst)} at each frequency"
-    if len(judged) == 1:
-        return [f"No passive linear tyre can have this K*: {off}. {_where(bad[0])}."]
+        case count, 0:
+            return [f"A passive linear tyre can have K* as measured in all {count} conditions."]
+        case 1, _:
+            return [f"No passive linear tyre can have this K*: {off}. {_where(bad[0])}."]
     good = len(judged) - len(bad)
-    opening = (
-        f"{good if good else 'None'} of {counted(len(judged), 'condition')} {'is' if good < 2 else 'are'} possible"
-    )
-    said = f"{opening} for a passive linear tyre; {'in the others ' if good else ''}{off}."
+    opening = f"{good or 'None'} of {len(judged)} conditions {'is' if good < 2 else 'are'} possible"
+    return [f"{opening} for a passive linear tyre; {'in the others ' if good else ''}{off}.", _listed(bad)]
+
+
+def _listed(bad: Sequence[ConditionFile]) -> str:
+    """The frequencies at which K* cannot be passive, condition by condition, as a sentence."""
     alike = {_where(one) for one in bad}
     if len(alike) == 1:
-        return [said, f"There {_lowered(alike.pop())}."]
+        return f"There {_lowered(alike.pop())}."
     named = [f"{place(one) or 'here'}: {_lowered(_where(one))}" for one in bad[:_NAMED]]
     more = f"; and in {len(bad) - _NAMED} more" if len(bad) > _NAMED else ""
-    return [said, f"At {'; at '.join(named)}{more}."]
+    return f"At {'; at '.join(named)}{more}."
 
 
 def _lowered(text: str) -> str:
-    """Within a sentence; K* stays as it is."""
+    """A text as it reads inside a sentence; K* stays as it is."""
     return text if text.startswith("K*") else text[:1].lower() + text[1:]
 
 
 def _where(one: ConditionFile) -> str:
-    """Frequencies that cannot be."""
+    """The frequencies at which K* of a condition cannot be passive, as a sentence without its stop."""
     found = one.verdict.impossible if one.verdict is not None else []
     if not found:
         return "No single frequency is at fault"
@@ -81,11 +88,11 @@ def _where(one: ConditionFile) -> str:
         return f"K* at {number(found[0], 3)} Hz cannot be"
     if len(found) >= len(one.tests) > 0:
         return "K* cannot be at any of the frequencies"
-    return f"K* cannot be at {spread(found, 'Hz')}"
+    return f"K* cannot be at {spread(found, FREQUENCY, 'Hz')}"
 
 
 def place(one: ConditionFile) -> str:
-    """Where a condition stood, in words.
+    """The state of a condition in words.
 
     Examples
     --------
@@ -123,15 +130,16 @@ def _axis(column: str) -> tuple[str, float, str]:
 
 
 def map_facts(entry: MapEntry) -> list[tuple[str, str]]:
-    """A map's axes and band, and how good it is where it was not told."""
+    """A map's axes, band and leave-one-out error, as pairs of name and value."""
     facts = [("model", entry.model + ("" if entry.causal else " (not causal)"))]
     for axis in entry.axes:
-        unit, scale, _ = _axis(column_of(axis.name, axis.unit))
-        facts.append((axis.name, spread(axis.values, unit, scale=scale, tolerance=PRESSURE.relative)))
+        column = column_of(axis.name, axis.unit)
+        unit, scale, _ = _axis(column)
+        facts.append((axis.name, spread(axis.values, axis_of(column), unit, scale=scale)))
     facts += [(f"{each.name}, not varied", _bare(each)) for each in entry.constant]
     facts.append(("frequency", ranged(list(entry.band), "Hz")))
     said = (
-        "K* of conditions left out is told within",
+        "leave-one-out error of K*",
         "of their K′ and K″ inside the 95 % intervals",
         "of these conditions inside at the middle frequency",
     )
@@ -145,15 +153,15 @@ def _bare(each: NamedValue) -> str:
 
 
 def remarks_on_map(entry: MapEntry) -> list[str]:
-    """What to know before it is asked."""
+    """Where the map is valid, as sentences."""
     if not entry.axes:
         return ["The tests stand at one condition: the map holds there alone."]
     where = "between the tested conditions" + (" (inside their hull)" if len(entry.axes) > 1 else "")
-    return [f"It holds {where} and in the band; beyond, fourpole query answers only where it is told to."]
+    return [f"It holds {where} and in the band; fourpole query extrapolates beyond them only on request."]
 
 
 def question(entry: MapEntry, *, several: bool) -> str:
-    """How to ask the map, at a point inside the tested conditions."""
+    """The command that queries the map at a point inside the tested conditions."""
     parts = ["fourpole query map.json"]
     if several:
         parts.append(tyre_option(entry.tyre))
@@ -176,12 +184,12 @@ def tyre_option(name: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """As a POSIX shell reads it back."""
+    """The text in quotes of a POSIX shell."""
     return "'" + text.replace("'", "'\\''") + "'"
 
 
 def _inside(entry: MapEntry) -> Sequence[float]:
-    """The middle of the tested conditions in few digits where that is inside, otherwise a tested one."""
+    """The middle of the tested conditions to three digits if it is inside them, otherwise a tested condition."""
     axes = map_of(entry).axes
     if not axes.names:
         return []

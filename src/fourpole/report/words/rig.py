@@ -17,14 +17,16 @@ from fourpole.study.rig_estimate import Finding, NoteCode, Outlier, RigEstimate
 
 __all__ = ["RigInWords", "rigs_in_words"]
 
-#: An undeclared error that would show only above this is told, per cent or degrees; a rig's value likewise in per cent.
+#: An undeclared error is reported as hard to detect if its detection limit is above this, by the unit shown.
+#: For a value of the rig the limit for per cent counts, relative to the value.
 _LATE = {"%": 5.0, "°": 3.0}
-#: A candidate that explains this much of what the best explains cannot be told from it.
+#: A candidate is not distinguishable from the best if it lowers chi-square by at least this fraction of the best's.
 _AS_WELL = 0.9
+#: Candidates that are listed.
 _MOST_CANDIDATES = 4
-#: Two gains whose errors F1/V2 alone cannot tell apart.
+#: Two gains whose errors have the same effect on F1/V2.
 _BLIND = {(Kind.GAIN, "F1"), (Kind.GAIN, "V2")}
-#: Notes that the sentences here say already.
+#: Notes whose content stands in other sentences of this module.
 _SAID = (NoteCode.MISFIT, NoteCode.OUTLIERS, NoteCode.NOT_CONVERGED, NoteCode.SCATTER)
 
 
@@ -41,9 +43,9 @@ class RigInWords:
     fit : str
         Tests, conditions and chi-square.
     summary : str
-        How many values were found, and how many were not.
+        The number of values that were found, and of those that were not.
     misfit : tuple of str
-        What does not fit, and what follows for the results; empty where the rig fits.
+        The misfit and its consequence for the results; empty where the rig fits.
     candidates : tuple of str
         Parts that would explain the misfit, the best first.
     remarks : tuple of str
@@ -53,7 +55,7 @@ class RigInWords:
     outliers : tuple of Outlier
         The largest factor first.
     gain : str
-        How much the weighed mass reduced the uncertainties.
+        Reduction of the uncertainties by the weighed mass.
     """
 
     estimate: RigEstimate
@@ -149,20 +151,20 @@ def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
         )
     done = list(_enlarged(found))
     if done:
-        yield f"The uncertainties of all results were enlarged to hold the misfit: {joined(done)}."
+        yield f"The uncertainties of all results were enlarged to cover the misfit: {joined(done)}."
     yield "No value of this rig is called calibrated."
 
 
 def _enlarged(found: RigEstimate) -> Iterable[str]:
     error, inflation = found.rig_error, found.inflation
     if error > 0:
-        yield f"an error of {percent(error)} of its largest part was granted to the rig's impedance in each test"
+        yield f"each test includes an error of the rig's impedance of {percent(error)} of its largest part"
     if inflation > 1:
-        yield f"all noise was taken {number(inflation, 2)} times larger"
+        yield f"all noise counts {number(inflation, 2)} times"
 
 
 def _candidates(found: RigEstimate) -> Iterable[str]:
-    """What would explain the misfit, the best first, and what cannot be told from it."""
+    """Candidates that would explain the misfit, the best first, and those not distinguishable from it."""
     best = known(found.candidates[0].explains) if found.candidates else None
     for at, candidate in enumerate(found.candidates[:_MOST_CANDIDATES]):
         text = f"{candidate.text}{_give_or_take(candidate)}"
@@ -195,7 +197,7 @@ def _remarks(found: RigEstimate) -> Iterable[str]:
 
 
 def _gain(found: RigEstimate) -> str:
-    """By how much the weighed mass made K2 and C better known."""
+    """The median uncertainties of K2 and C with and without the weighed mass, as a sentence."""
     parts = []
     for name, (before, after) in found.mass_gain.items():
         what = name.replace(", K1 known", " (if K1 were exact)")
@@ -206,40 +208,47 @@ def _gain(found: RigEstimate) -> str:
 
 
 def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
-    """Undeclared errors that the tests do not show, and what would show them."""
+    """Undeclared errors that the tests do not show, and what would show them, as sentences."""
     massed = found.massed or any(value.group is Role.MASS for value in values)
     # Where the rig does not fit, the tests did show an error of it.
     groups = (Role.RIG, Role.CHANNEL) if found.fits else (Role.CHANNEL,)
-    hidden = [
-        value
-        for value in values
-        if value.hidden and value.group in groups and value.finding is not Finding.CONTRADICTED
-    ]
+    hidden = [value for value in values if value.hidden and value.group in groups]
+    hidden = [value for value in hidden if value.finding is not Finding.CONTRADICTED]
     common = [value for value in hidden if massed and value.group is Role.CHANNEL and _ratios_seen(value, values)]
+    hidden = [value for value in hidden if value not in common]
     if common:
         yield (
-            f"An error of {_possessives(common)} that all channels have in common would not show in these data, and "
-            "does no harm: K* needs only the ratios of the channels, whose errors would show."
+            f"An error of {_possessives(common)} that all channels have in common would not show in these data. It has "
+            "no effect on the results: K* needs only the ratios of the channels, whose errors would show."
         )
-    hidden = [value for value in hidden if value not in common]
     if hidden:
         yield _hidden_errors(hidden, massed=massed)
-    if not massed and {(value.source.kind, value.source.of) for value in values if not value.source.under} >= _BLIND:
+    if not massed and _gains_alike(values):
         yield (
-            "These data hold F1/V2 against the rig: they cannot tell an error of F1's gain from one of V2's, nor from "
-            "the moving mass and the preload spring off together."
+            "These data compare F1/V2 with the rig: an error of F1's gain has the same effect as one of V2's, or as an "
+            "error of the moving mass and the preload spring together."
         )
     yield from _trusted_masses(values)
     if not any(value.group is Role.CHANNEL for value in hidden):
         groups = (*groups, Role.RATIO)
-    late = [value for value in values if _late(value) and value.group in groups and value not in common]
+    yield from _late_errors([value for value in values if value.group in groups and value not in common])
+
+
+def _gains_alike(values: Sequence[ShownValue]) -> bool:
+    """Whether the gains of F1 and of V2 are both unknown."""
+    return {(value.source.kind, value.source.of) for value in values if not value.source.under} >= _BLIND
+
+
+def _late_errors(values: Sequence[ShownValue]) -> Iterable[str]:
+    """The values with a large detection limit, as a sentence."""
+    late = [value for value in values if _late(value)]
     if late:
         sizes = joined(f"{value.detection_words} for {_possessive(value)}" for value in late)
         yield f"Errors beyond what is stated would show only from a size of {sizes}; smaller ones stay unseen."
 
 
 def _hidden_errors(hidden: Sequence[ShownValue], *, massed: bool) -> str:
-    """Values of which no error shows, and the cheapest thing that would show errors of them."""
+    """The values of which the tests show no plausible error, and the cheapest way to detect one, as a sentence."""
     errors, statement, them = "An error", "its statement", "it"
     if len(hidden) > 1:
         errors, statement, them = "Errors", "their statements", "them"
@@ -251,7 +260,7 @@ def _hidden_errors(hidden: Sequence[ShownValue], *, massed: bool) -> str:
 
 
 def _trusted_masses(values: Sequence[ShownValue]) -> Iterable[str]:
-    """That the scale of all results is the weight of a mass, and from which size an error of it would show."""
+    """The dependence of all results on the weight of an added mass, with the detection limit of its error."""
     for value in values:
         if value.group is Role.MASS and value.finding is Finding.NOT_DETERMINED:
             below = "" if value.detection_limit is None or value.hidden else f" below {value.detection_words}"
@@ -263,13 +272,13 @@ def _trusted_masses(values: Sequence[ShownValue]) -> Iterable[str]:
 
 
 def _ratios_seen(value: ShownValue, values: Sequence[ShownValue]) -> bool:
-    """Whether all ratios of this kind of value would show an error."""
+    """Whether an error of every channel ratio of the same kind would be detected."""
     ratios = [other for other in values if other.group is Role.RATIO and other.source.kind is value.source.kind]
     return bool(ratios) and not any(other.hidden or _late(other) for other in ratios)
 
 
 def _late(value: ShownValue) -> bool:
-    """Whether only a large undeclared error would show, much larger than the statement allows for."""
+    """Whether the detection limit is large and exceeds six stated standard uncertainties."""
     if value.detection_limit is None or value.hidden or value.group is Role.MASS:
         return False
     if value.detection_limit < DECLARED * (value.stated_std or 0.0):
@@ -280,7 +289,7 @@ def _late(value: ShownValue) -> bool:
 
 
 def _possessive(value: ShownValue) -> str:
-    """V1's gain, the moving mass m."""
+    """The name of a value inside a sentence: "V1's gain", "the moving mass m"."""
     return source_in_words(value.source) if value.group is Role.CHANNEL else f"the {value.name}"
 
 

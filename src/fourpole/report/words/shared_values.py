@@ -53,17 +53,17 @@ class ShownValue:
 
     @property
     def source(self) -> Source:
-        """The value itself."""
+        """The source of error that this value is."""
         return self.value.source
 
     @property
     def finding(self) -> Finding:
-        """What the tests say of it."""
+        """The outcome of the joint route for this value."""
         return self.value.finding
 
     @property
     def group(self) -> Role:
-        """One of `GROUPS`; an unstated part, or a value of an unknown kind, stands with the rig's values."""
+        """One of `GROUPS`; an unstated part, or a value of an unknown kind, belongs to the rig's values."""
         return self.source.role if self.source.role in GROUPS else Role.RIG
 
     def _shown(self, value: float | None, zero: float = 0.0) -> float | None:
@@ -81,7 +81,7 @@ class ShownValue:
 
     @property
     def detection_limit(self) -> float | None:
-        """The smallest undeclared error that the tests would show; None where they show none."""
+        """Detection limit: the smallest undeclared error that the tests would show; None if they show none."""
         return self._shown(self.value.detection_limit)
 
     def _pair(self, value: float | None, std: float | None) -> tuple[str, str]:
@@ -118,7 +118,7 @@ class ShownValue:
 
     @property
     def detection_words(self) -> str:
-        """The size from which an undeclared error shows."""
+        """The detection limit with its unit, "at no size", or a dash."""
         if self.finding in (Finding.CONTRADICTED, Finding.UNSTATED):
             return DASH
         return (
@@ -149,7 +149,7 @@ def shown_values(found: RigEstimate) -> tuple[ShownValue, ...]:
 
 
 def in_words(source: Source, unit: str = "") -> tuple[str, str, float, float]:
-    """Name, unit shown, SI value of that unit, and what is subtracted first.
+    """Name, unit shown, SI value of that unit, and the SI value shown as zero.
 
     Examples
     --------
