@@ -1,4 +1,8 @@
-"""A campaign folder: campaign.toml and tests.csv become a Campaign, with what is wrong with each row on the row."""
+"""A campaign folder: campaign.toml and tests.csv become a Campaign; a row that cannot be used says why.
+
+The rule that says when two tests are of one condition is `core.condition.Sameness`. `CampaignFile.sameness` is the
+rule with the campaign's own axes, and `condition_of` gives the condition of a row of tests.csv.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ import csv
 import difflib
 import io
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fourpole import units
@@ -23,7 +27,7 @@ _MOST_TOML = 4_000_000
 _MOST_TESTS = 200_000_000
 _MOST_TEXT = 1000
 
-#: Columns with meaning that carry a unit: name -> (kind of quantity, what it must be).
+#: Columns of quantities: name, kind of quantity, and the sign that its values must have.
 _QUANTITIES: dict[str, tuple[str, str]] = {
     "pressure": ("pressure", "zero or positive"),
     "preload": ("force", "positive"),
@@ -36,13 +40,14 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
 }
 _TEXTS = ("test", "file", "kind", "tyre", "rig")
 _NAMES = (*_TEXTS, *_QUANTITIES, "window")
+#: Columns that tests.csv must have.
 _REQUIRED = ("test", "file", "kind", "tyre")
 _KINDS = ("static", "dynamic", "calibration")
 
 
 @dataclass(frozen=True)
 class Test:
-    """One row of tests.csv in SI units; `problem` says why it cannot be used, and is empty where it can."""
+    """One row of tests.csv in SI units; `problem` says why the row cannot be used, and is empty where it can."""
 
     name: str
     row: int
@@ -67,11 +72,11 @@ class Campaign:
     Attributes
     ----------
     folder : Path
-        Where it lies.
+        The campaign folder.
     stated : CampaignFile
-        campaign.toml.
+        The content of campaign.toml.
     tests : tuple of Test
-        tests.csv, in its order.
+        The rows of tests.csv, in its order.
     extra_columns : tuple of str
         Columns of tests.csv that pass through to the results.
     """
@@ -136,7 +141,10 @@ def read_campaign(folder: str | Path) -> Campaign:
 
 
 def inside(folder: Path, file: str) -> Path:
-    """Where a file of a campaign lies, which must be inside its folder, links followed; `file#group` is the file."""
+    """Absolute path of a file of a campaign; `file#group` gives the path of the file.
+
+    FileError if the path, links followed, is outside the campaign folder.
+    """
     name = units.shown(file, 200)
     try:
         path = (folder / file).resolve()
@@ -151,6 +159,7 @@ def inside(folder: Path, file: str) -> Path:
 
 
 def _text(path: Path, most: int, *, strict: bool) -> str:
+    """The text of a file of at most `most` bytes; `strict`: it must be UTF-8."""
     try:
         content = read_bytes(path, max_bytes=most, label=path.name)
         if strict:
@@ -185,6 +194,8 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 @dataclass(frozen=True)
 class _Column:
+    """A column of tests.csv; `role` is "text", "quantity", "window", or "extra" for a further column."""
+
     label: str
     name: str
     role: str
@@ -193,6 +204,7 @@ class _Column:
 
 
 def _columns(header: list[str]) -> list[_Column]:
+    """The columns by the first row; CampaignError where one is missing or stands twice."""
     columns = [_column(label) for label in header]
     names = [column.name for column in columns if column.role != "extra"]
     for name in names:
@@ -210,7 +222,7 @@ def _columns(header: list[str]) -> list[_Column]:
 
 
 def _plain(name: str) -> str:
-    """A column's name whatever its case and whether with spaces or underscores."""
+    """A column's name in small letters, with underscores in place of spaces."""
     return name.strip().casefold().replace(" ", "_")
 
 
@@ -218,6 +230,7 @@ _MEANT = {_plain(name): name for name in _NAMES}
 
 
 def _column(label: str) -> _Column:
+    """The column of one head."""
     written, unit = units.column_unit(label)
     name = _MEANT.get(_plain(written), written)
     if (
@@ -249,14 +262,13 @@ def _column(label: str) -> _Column:
 
 
 def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFile) -> Test:
+    """The test of one row."""
     where = f"tests.csv row {row}"
     problems = []
     if len(cells) != len(columns):
         problems.append(f"{where}: has {len(cells)} cells, {len(columns)} columns are named: check its commas")
     texts: dict[str, str] = {}
-    values: dict[str, float] = {}
-    extra: dict[str, str] = {}
-    window = None
+    test = Test("", row)
     measured = {axis.name for axis in stated.conditions.axes if not axis.text}
     for column, whole in zip(columns, cells, strict=False):
         cell = whole[:_MOST_TEXT]
@@ -267,40 +279,40 @@ def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFi
         try:
             if column.role == "text":
                 texts[column.name] = cell
-            elif column.role == "extra":
-                extra[column.label] = cell
-                if cell and column.label in measured:
-                    values[column.label] = _plain_number(cell)
-                    extra[column.label] = f"{values[column.label]:.15g}"
-            elif cell and column.role == "window":
-                window = _window(cell, column.unit)
-            elif cell:
-                values[column.name] = _number(cell, column)
+            elif column.role == "window":
+                test = replace(test, window=_window(cell, column.unit) if cell else None)
+            else:
+                _fill(test, cell, column, measured)
         except ValueError as error:
             problems.append(f"{where}: {column.name}: {error}")
+    texts["kind"] = texts.get("kind", "").lower()
     if not texts.get("test"):
         raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
     problems += [f"{where}: {problem}" for problem in _contradictions(texts, stated)]
-    if texts.get("kind", "").lower() == "calibration" and "added_mass" not in values:
+    if texts["kind"] == "calibration" and "added_mass" not in test.values:
         problems.append(
             f"{where}: the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight"
         )
-    rig = texts.get("rig", "") or (next(iter(stated.all_rigs), "") if len(stated.all_rigs) == 1 else "")
-    return Test(
-        name=texts["test"],
-        row=row,
-        file=texts.get("file", ""),
-        kind=texts.get("kind", "").lower(),
-        tyre=texts.get("tyre", ""),
-        rig=rig,
-        values=values,
-        window=window,
-        extra=extra,
-        problem="; ".join(problems),
-    )
+    rigs = list(stated.all_rigs)
+    rig = texts.get("rig") or (rigs[0] if len(rigs) == 1 else "")
+    file, tyre = texts.get("file", ""), texts.get("tyre", "")
+    problem = "; ".join(problems)
+    return replace(test, name=texts["test"], file=file, kind=texts["kind"], tyre=tyre, rig=rig, problem=problem)
+
+
+def _fill(test: Test, cell: str, column: _Column, measured: set[str]) -> None:
+    """Put the cell of a quantity or of a further column into a test; `measured` are the numeric axes of conditions."""
+    if column.role == "quantity" and cell:
+        test.values[column.name] = _number(cell, column)
+    elif column.role == "extra":
+        test.extra[column.label] = cell
+        if cell and column.label in measured:
+            test.values[column.label] = _plain_number(cell)
+            test.extra[column.label] = f"{test.values[column.label]:.15g}"
 
 
 def _number(cell: str, column: _Column) -> float:
+    """SI value of a cell; UnitError where its sign is not allowed."""
     value = units.quantity(cell, column.kind, default_unit=column.unit)
     wanted = _QUANTITIES[column.name][1]
     if (wanted == "positive" and value <= 0) or (wanted == "zero or positive" and value < 0):
@@ -317,6 +329,7 @@ def _plain_number(cell: str) -> float:
 
 
 def _window(cell: str, unit: str) -> tuple[float, float]:
+    """First and last time of a window "2..12" [s]."""
     start, dots, stop = cell.partition("..")
     if not dots:
         raise UnitError(f"{units.shown(cell)} is no window: write it as 2..12")
@@ -327,8 +340,8 @@ def _window(cell: str, unit: str) -> tuple[float, float]:
 
 
 def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str]:
-    """What the row says that campaign.toml does not know."""
-    kind = texts.get("kind", "").lower()
+    """Problems of a row: names that campaign.toml does not state, and cells that must be filled in or left blank."""
+    kind = texts["kind"]
     if kind not in _KINDS:
         near = difflib.get_close_matches(kind, _KINDS, n=1, cutoff=0.5)
         hint = f"; did you mean '{near[0]}'?" if near else f"; it must be {' or '.join(_KINDS)}"
@@ -353,6 +366,7 @@ def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str
 
 
 def _check_names(tests: list[Test]) -> None:
+    """CampaignError where two tests have the same name."""
     seen: dict[str, int] = {}
     for test in tests:
         if test.name in seen:
@@ -364,7 +378,7 @@ def _check_names(tests: list[Test]) -> None:
 
 
 def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
-    """The channels that the campaign's kinds of test cannot do without."""
+    """CampaignError where a channel is missing that a kind of test needs."""
     needs = {"dynamic": ("motion_in",), "calibration": ("motion_in",), "static": ("load", "deflection")}
     for kind, roles in needs.items():
         for role in roles:
@@ -376,37 +390,33 @@ def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
 
 
 def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
-    """What campaign.toml leaves to the files, time and units: whether the first of them says it."""
+    """CampaignError where neither campaign.toml nor the first dynamic recording states the times or a unit."""
     channels = stated.channels
     timeless = channels.time is None and channels.rate is None
-    unitless = [role for role in ("force_in", "motion_in", "motion_out") if _lacks_unit(stated, role)]
+    named = {role: channels.named(role) for role in ("force_in", "motion_in", "motion_out")}
+    unitless = {role: channel.column for role, channel in named.items() if channel is not None and channel.has_no_unit}
     first = next((test for test in tests if test.kind == "dynamic" and not test.problem), None)
     if first is None or not (timeless or unitless):
         return
     try:
-        found = survey(inside(folder, first.file), label=first.file)
+        signals = survey(inside(folder, first.file), label=first.file).signals
     except FourpoleError:
-        return  # the test itself will say so
-    if timeless and all(one.rate is None and one.duration is None for one in found.signals):
+        return  # the analysis of the test reports the fault of its file
+    if timeless and all(signal.rate is None and signal.duration is None for signal in signals):
         raise CampaignError(
             f"campaign.toml: [channels] time is missing, and {units.shown(first.file)} does not know its times: "
             'time = { column = "t", unit = "s" }, or sample_rate = "2 kHz"'
         )
-    for role in unitless:
-        column = stated.channels.named(role)
-        if column is not None and not any(one.unit for one in found.signals if one.name == column.column):
-            raise CampaignError(
-                f'campaign.toml: [channels] {role}: unit is missing: write it, as unit = "N", or give a sensitivity '
-                f"for volts ({units.shown(first.file)} states none)"
-            )
-
-
-def _lacks_unit(stated: CampaignFile, role: str) -> bool:
-    channel = stated.channels.named(role)
-    return channel is not None and channel.has_no_unit
+    with_unit = {signal.name for signal in signals if signal.unit}
+    lacking = [role for role, column in unitless.items() if column not in with_unit]
+    if lacking:
+        raise CampaignError(
+            f'campaign.toml: [channels] {lacking[0]}: unit is missing: write it, as unit = "N", or give a sensitivity '
+            f"for volts ({units.shown(first.file)} states none)"
+        )
 
 
 def condition_of(test: Test, rule: Sameness) -> Condition:
-    """The condition that a row of tests.csv states."""
+    """The condition of a row of tests.csv on the axes of a rule; a blank cell is None."""
     values = (test.extra.get(axis.name) or None if axis.text else test.value(axis.name) for axis in rule.axes)
     return Condition(test.tyre, tuple(values))

@@ -1,4 +1,4 @@
-"""What lies in a folder: recordings, with what they say of themselves and show, and notes beside them."""
+"""The contents of a folder: its recordings, with what they state and what their signals show, and its notes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_FILES = 20_000
 _MOST_CHANNELS = 64
 _MOST_NOTES = 100_000  # bytes of a file of notes
 _MOST_BYTES = 4_000_000_000
-#: What is no recording by its name.
+#: Names of files that are no recordings.
 _OURS = frozenset({"campaign.toml", "tests.csv", "truth.csv"})
 _NEVER = re.compile(
     r"\.(toml|py|m|r|pdf|png|jpe?g|svg|gif|html?|docx?|xlsx?|pptx?|zip|gz|7z|exe|tdms_index|parquet|db|ini)$", re.I
@@ -37,25 +37,27 @@ _NOTES = re.compile(r"\.(txt|md|json|ya?ml|rst|nfo|info|log)$|^(readme|notes?|no
 
 @dataclass(frozen=True)
 class Seen:
-    """One recording, or one group of a file: what it says and shows.
+    """One recording, or one group of a file.
 
     Attributes
     ----------
     file : str
-        As tests.csv names it.
+        Its name in tests.csv.
     columns : tuple of Column
-        Its channels but the time.
+        Its channels without the time.
     clock : str or None
         Its column of the time.
+    clock_unit : str
+        Unit of this column.
     rate : float or None [Hz]
     text : bool
-        A table of text.
+        Whether it is a table of text.
     timed : bool
-        The file states times or rates of its own.
+        Whether the file itself states times or rates.
     looked : SignalShape or None
         What its samples show; None where they could not be read.
     name, header, folder : tuple of Token
-        What its name, its header and the notes that apply to it say.
+        Tokens of its name, of its header and notes of the same name, and of the notes of its folders.
     problem : str
         Why its samples could not be read.
     """
@@ -81,7 +83,7 @@ class Seen:
 
 @dataclass
 class FolderContents:
-    """All of a folder: recordings, what was left out with its reason, and what notes say."""
+    """All of a folder: recordings, files left out with the reason, and the tokens of the notes."""
 
     seen: list[Seen] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
@@ -89,7 +91,7 @@ class FolderContents:
 
 
 def gather(folder: Path, progress: Callable[[int, int], None] | None = None) -> FolderContents:
-    """Look at every file of a folder and below it."""
+    """Read all files of a folder and of the folders in it."""
     found = FolderContents()
     paths = _paths(folder, found)
     notes: dict[str, tuple[Token, ...]] = {}
@@ -172,6 +174,7 @@ def _is_table(info: FileInfo) -> bool:
 
 
 def _lines(path: Path, name: str) -> list[str]:
+    """The lines of a file of notes; those of a JSON file are its pairs."""
     content = read_bytes(path, max_bytes=_MOST_BYTES, label=name)[:_MOST_NOTES]
     text = decode(content, name)[0]
     if path.suffix.lower() == ".json":
@@ -193,6 +196,7 @@ def _flat(document: object) -> Iterator[str]:
 
 
 def _without_name(message: str, name: str) -> str:
+    """A message without the name of the file before it."""
     return message.removeprefix(f"{shown(name, 200)[1:-1]}: ").removeprefix(f"{name}: ")
 
 
@@ -203,15 +207,12 @@ def _recordings(path: Path, name: str, info: FileInfo) -> Iterator[Seen]:
         if signal.count >= 2 and "no numbers" not in signal.note:
             groups.setdefault(signal.group, []).append(signal)
     whole = {group: signals for group, signals in groups.items() if _enough(signals)}
-    text = info.format.startswith("text")
     if not whole:
-        yield _seen(path, name, "", [one for signals in groups.values() for one in signals], info, text)
-        return
-    if len(whole) == 1 and _sole(next(iter(whole)), groups):
-        yield _seen(path, name, "", next(iter(whole.values())), info, text)
-        return
+        whole = {"": [signal for signals in groups.values() for signal in signals]}
+    elif len(whole) == 1 and _sole(next(iter(whole)), groups):
+        whole = {"": next(iter(whole.values()))}
     for group, signals in whole.items():
-        yield _seen(path, name, group, signals, info, text)
+        yield _seen(path, name, group, signals, info)
 
 
 def _sole(group: str, groups: dict[str, list[SignalInfo]]) -> bool:
@@ -228,43 +229,39 @@ def _enough(signals: list[SignalInfo]) -> bool:
     return sum(column.quantity != "time" for column in columns) >= 2
 
 
-def _seen(path: Path, name: str, group: str, signals: list[SignalInfo], info: FileInfo, text: bool) -> Seen:
+def _seen(path: Path, name: str, group: str, signals: list[SignalInfo], info: FileInfo) -> Seen:
+    """One recording: the channels of a group of a file."""
     signals = signals[:_MOST_CHANNELS]
     columns = [column_of(signal.name, signal.unit) for signal in signals]
-    times = [at for at, column in enumerate(columns) if column.quantity == "time"]
-    clock = columns[times[0]] if times else None
+    clock = next((column for column in columns if column.quantity == "time"), None)
+    own = tuple(column for column in columns if column.quantity != "time")
     rates = {signal.rate for signal in signals if signal.rate}
     rate = rates.pop() if len(rates) == 1 else None
-    own = tuple(column for at, column in enumerate(columns) if at not in times)
-    stem, _, file = name.rpartition("/")
-    tokens = [*read_name(without_ending(file)), *read_name(_bare(group))]
-    for part in reversed(stem.split("/") if stem else []):
-        tokens += read_name(part)
     looked, problem = None, ""
     try:
         looked = _looked(path, name, group, own, clock, rate)
     except FourpoleError as error:
         problem = _without_name(str(error), name)
-    if looked is not None and looked.rate:
-        rate = looked.rate
     return Seen(
         file=f"{name}#{group}" if group else name,
         columns=own,
         clock=clock.name if clock else None,
-        clock_unit=(clock.unit or "s") if clock else "s",
-        rate=rate,
-        text=text,
+        clock_unit=(clock and clock.unit) or "s",
+        rate=(looked and looked.rate) or rate,
+        text=info.format.startswith("text"),
         timed=all(signal.rate or signal.duration is not None for signal in signals),
         looked=looked,
-        name=tuple(tokens),
+        name=_tokens(name, group),
         header=(*read_header(info.notes), *_recorded(own, looked)),
         problem=problem,
     )
 
 
-def _bare(group: str) -> str:
-    """A group's name for reading: what stands before the last stroke is its place in the file."""
-    return group.replace("/", " ")
+def _tokens(name: str, group: str) -> tuple[Token, ...]:
+    """Tokens of a file's name, of its group, and of its folders, the nearest folder first."""
+    *folders, file = name.split("/")
+    texts = (without_ending(file), group.replace("/", " "), *reversed(folders))
+    return tuple(token for text in texts for token in read_name(text))
 
 
 def _looked(
@@ -277,24 +274,20 @@ def _looked(
     return look(signals, rate=rate, aside=aside)
 
 
-#: Quantities that do not say what is excited.
+#: Quantities whose channels do not show the excitation.
 _ASIDE = frozenset({"temperature", "pressure", "frequency", "angle", "reference", "ratio"})
-#: Recorded conditions: least and largest mean that is believed, in SI.
+#: Recorded conditions, with the range of plausible means in SI.
 _RECORDED = {"pressure": (3e4, 2e6), "temperature": (-60.0, 150.0)}
 
 
 def _recorded(columns: tuple[Column, ...], looked: SignalShape | None) -> Iterator[Token]:
-    """Conditions that were recorded beside the signals: pressure and temperature, where they stand still."""
+    """Pressure and temperature that were recorded beside the signals, where they are constant."""
+    samples = looked.samples if looked is not None else {}
     for column in columns:
-        if (
-            column.quantity not in _RECORDED
-            or column.unit is None
-            or looked is None
-            or column.name not in looked.samples
-        ):
+        if column.quantity not in _RECORDED or column.unit is None or column.name not in samples:
             continue
         try:
-            values = units.to_si(looked.samples[column.name], column.unit, column.quantity)
+            values = units.to_si(samples[column.name], column.unit, column.quantity)
         except UnitError:
             continue
         low, high = _RECORDED[column.quantity]
@@ -305,9 +298,8 @@ def _recorded(columns: tuple[Column, ...], looked: SignalShape | None) -> Iterat
 
 
 def _noted(one: Seen, notes: dict[str, tuple[Token, ...]]) -> Seen:
-    """A recording with the notes beside it: those of its own name as its header, those of its folders after."""
-    file = one.file.partition("#")[0] if "#" in one.file else one.file
-    place, _, name = file.rpartition("/")
+    """A recording with the notes beside it: notes of its name join its header, the others are those of its folders."""
+    place, _, name = one.file.partition("#")[0].rpartition("/")
     own: list[Token] = []
     shared: list[Token] = []
     for note, tokens in notes.items():

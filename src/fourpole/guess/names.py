@@ -1,4 +1,4 @@
-"""What the name of a recording says: values with units, numbers without, words; and what its header says."""
+"""Tokens of the name of a recording and of its header: values with units, numbers without a unit, and words."""
 
 from __future__ import annotations
 
@@ -32,22 +32,23 @@ _HEAVY = 50.0  # kg: a load rather than a mass that is screwed on
 
 @dataclass(frozen=True)
 class Token:
-    """One piece of a name or header.
+    """One token of a name or header.
 
     Attributes
     ----------
     what : str
-        A condition with its value; "number" for one whose meaning the folder must tell; "word"; "kind"; "repeat".
+        The name of a condition; "number" for a value without a unit, whose meaning only the whole folder shows; "word";
+        "kind"; "repeat"; "nothing".
     text : str
-        As written.
+        The token as written.
     value : float
-        In SI for a condition, as written for a number.
+        SI value of a condition; the value of a number as written.
     keys : tuple of str
-        What the letters before a number may mean.
+        Conditions that the letters before a number may mean.
     key : str
-        Those letters.
+        The letters before a number.
     doubt : str
-        Why it may be wrong; empty where it is plain.
+        Why the value may be wrong; empty where it is unambiguous.
     """
 
     what: str
@@ -59,12 +60,12 @@ class Token:
 
 
 def plain(word: str) -> str:
-    """A word whatever its case, accents kept, signs left out."""
+    """A word in small letters without punctuation; accents stay."""
     return re.sub(r"[\W_]+", "", unicodedata.normalize("NFKC", word).casefold())
 
 
 def without_ending(name: str) -> str:
-    """A file's name less the end that says its format."""
+    """A file's name without the ending that says its format."""
     stem, dot, ending = name.rpartition(".")
     return stem if dot and stem and ending.casefold() in ENDINGS else name
 
@@ -86,7 +87,7 @@ _HASHES = re.compile(
 )
 _COPY = re.compile(r"[ _]?\((\d{1,3})\)(?=$|[_. /])")
 _WORDS_BEFORE = "|".join(sorted((key for key in KEYS if len(key) > 1), key=len, reverse=True))
-# A unit apart from the number before it and touching the one behind is of the latter.
+# A unit that touches the number behind it belongs to that number, if a gap parts it from the number before it.
 # A key of several letters may touch what stands before it; one letter begins a word, or is a capital after a small one.
 _KEY = rf"(?P<key>(?i:{_WORDS_BEFORE})|(?:(?<![^\W\d_])|(?<=[a-zß-ÿ])(?=[A-Z]))[A-Za-z])"
 _UNIT = "|".join(f"(?P<u{at}>{pattern})" for at, (pattern, _, _) in enumerate(UNITS))
@@ -133,7 +134,7 @@ def _taken(token: Token | None, text: str, found: list[Token]) -> str:
 
 
 def _valued(match: re.Match[str]) -> Token | None:
-    """A number with its unit."""
+    """The token of a number with its unit; None for "n" without a key, which is no newton."""
     at = next(at for at in range(len(UNITS)) if match[f"u{at}"])
     _, unit, what = UNITS[at]
     key = match["key"] or ""
@@ -142,20 +143,25 @@ def _valued(match: re.Match[str]) -> Token | None:
     text = (match[0] if own else match[0][match.start("number") - match.start() :]).strip(" _")
     if what == "nothing":
         return Token("nothing", text)
+    if match[f"u{at}"] == "n" and not keys:
+        return None
     number, doubt = _number(match["number"].replace("_", "."))
     if match["under"]:
         doubt = f"{text} taken as {number:g} {unit}"
-    if match["sign"] in ("-", "minus") and what == "temperature":
+    if what == "temperature" and match["sign"] in ("-", "minus"):
         number = -number
-    if what == "added_mass" and (keys == ("preload",) or (not key and number >= _HEAVY)):
-        what, unit = "preload", "kgf"
-        doubt = f"{text} taken as a load of {number:g} kgf"
-    elif what == "added_mass" and not key and match["sign"] is None:
-        doubt = f"{text} taken as a mass that was added"
-    if unit == "N" and match[f"u{at}"] == "n" and not keys:
-        return None
+    if what == "added_mass":
+        what, unit, why = _mass_or_load(key, keys, number, signed=match["sign"] is not None)
+        doubt = f"{text} taken as {why}" if why else doubt
     value = float(units.to_si([number], unit, KINDS_OF[what])[0])
     return Token(what, text, value, keys, key if own else "", doubt)
+
+
+def _mass_or_load(key: str, keys: tuple[str, ...], number: float, *, signed: bool) -> tuple[str, str, str]:
+    """Condition and unit of a number in kg, and as what it is taken; the last is empty where there is no doubt."""
+    if keys == ("preload",) or (not key and number >= _HEAVY):
+        return "preload", "kgf", f"a load of {number:g} kgf"
+    return "added_mass", "kg", "" if key or signed else "a mass that was added"
 
 
 def _keyed(match: re.Match[str]) -> Token | None:
@@ -179,14 +185,14 @@ def _bare(text: str) -> Token:
 
 
 def _number(text: str) -> tuple[float, str]:
-    """A number with whatever decimal sign; three digits behind a comma are thousands, doubtfully."""
+    """A number with a decimal point, comma or "p", and a doubt where three digits behind a comma count as thousands."""
     if re.fullmatch(r"[1-9]\d{0,2},000", text):
         return float(text.replace(",", "")), f"{text} taken as {text.replace(',', '')}"
     return float(text.replace(",", ".").replace("p", ".")), ""
 
 
 def _left_words(left: str) -> Iterator[str]:
-    """What is left, parted at signs and where a capital follows a small letter; hyphened words stay together."""
+    """The words of a text, split at punctuation and before capitals; words with a hyphen stay whole."""
     for piece in _JOINERS.split(left):
         if not piece:
             continue
@@ -211,7 +217,7 @@ _PAIR = re.compile(
 
 
 def read_header(lines: Iterable[str]) -> list[Token]:
-    """What lines above a table, properties of a file or a file of notes say.
+    """The tokens of the lines above a table, of the properties of a file, or of a file of notes.
 
     Examples
     --------
@@ -226,37 +232,36 @@ def read_header(lines: Iterable[str]) -> list[Token]:
 
 
 def _pieces(line: str) -> list[str]:
-    """A line, parted where it has several pairs."""
+    """The pairs of a line."""
     parts = re.split(r"[;,|]\s*(?=[^\W\d][\w .]{0,40}\s?[:=])", line)
     return [part.strip() for part in parts if part.strip()]
 
 
 def _of_line(line: str) -> list[Token]:
+    """The tokens of one line: those of a pair "key: value", else the conditions in its text."""
     match = _PAIR.match(line)
     if match is None or ("," in line and not re.search(r"[:=;\t]", line) and not _meant(match["key"])):
         return [token for token in read_name(line) if token.what in KINDS_OF and _meant(line) != "nothing"]
     key, unit = units.column_unit(match["key"])
     value = match["value"].strip()
-    what = _meant(key) or "nothing"
+    what = _meant(key)
+    if what in KINDS_OF:
+        return _stated(what, line, value, unit, key)
     if what in ("tyre", "construction"):
         return [Token(what, value[:80])]
     if what == "kind":
         return [Token("kind", word) for word in _left_words(value) if kind_word(word)][:1]
-    if what == "repeat":
-        return [Token("repeat", line, float(value))] if re.fullmatch(r"\d{1,6}", value) else []
-    if what not in KINDS_OF:
-        return []
-    return _stated(what, line, value, unit, key)
+    return [Token("repeat", line, float(value))] if what == "repeat" and re.fullmatch(r"\d{1,6}", value) else []
 
 
 def _meant(key: str) -> str:
-    """What a key speaks of, empty where that is not known."""
+    """Meaning of a key; empty where it is not known."""
     spoken = key.casefold().replace("_", " ")
     return next((what for what, pattern in IN_HEADERS if pattern.search(spoken)), "")
 
 
 def _stated(what: str, line: str, value: str, unit: str | None, key: str) -> list[Token]:
-    """The value of a key; a bare number is left for the folder to tell."""
+    """The value of a key; a number without any unit becomes a token "number"."""
     last = re.split(r"[\s_]", key)[-1]
     for default in (unit, last if last != key else None):
         try:

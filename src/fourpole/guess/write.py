@@ -1,4 +1,4 @@
-"""A guess and its text: campaign.toml with its doubts as comments, tests.csv with a column of them."""
+"""A guessed campaign as text: campaign.toml with the doubts as comments, tests.csv with a column of doubts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from fourpole.units import shown
 
 __all__ = ["Doubt", "Guess", "Row", "campaign_toml", "keep_existing", "tests_csv"]
 
-#: Columns of tests.csv: label, condition, SI value of one. The first three are there even where nothing is known.
+#: Columns of tests.csv: head, condition, and the SI value of 1. The first three are written even where all are blank.
 _COLUMNS = (
     *(
         (one.stated_head, one.key, one.scale)
@@ -39,18 +39,18 @@ _MOST_DOUBTS = 900
 
 @dataclass(frozen=True)
 class Doubt:
-    """What was taken but may be wrong, or is not known.
+    """A part of the guess that may be wrong, or is not known.
 
     Attributes
     ----------
     about : str
         A channel's role, a condition, "rig", "kind" or "files".
     text : str
-        What was found and taken.
+        What was found and what was taken.
     remedy : str
-        What to do.
+        How to correct it.
     tests : tuple of str
-        The tests concerned; empty where it is the campaign.
+        Names of the tests concerned; empty where the doubt is on the whole campaign.
     """
 
     about: str
@@ -61,7 +61,7 @@ class Doubt:
 
 @dataclass(frozen=True)
 class Row:
-    """One row of tests.csv as guessed, in SI units."""
+    """One guessed row of tests.csv, in SI units."""
 
     name: str
     file: str
@@ -82,15 +82,15 @@ class Guess:
     title : str
     rows : tuple of Row
     roles : dict of str to Role
-        Of [channels].
+        The channels by role.
     clock : (str, str) or None
-        Column of the time and its unit; None where the recordings know their times, or nothing says them.
+        Column of the time and its unit; None where the recordings state their times, or nothing states them.
     reference : (str, str, int) or None
         Column of a tacho or encoder, its unit, and its pulses per cycle (0 for an angle).
     rig : dict of str to float [SI]
-        What notes state of it.
+        Values of the rig that names, headers and notes state.
     constructions : dict of str to str
-        Of each tyre, empty where it is not known.
+        Construction by tyre, empty where it is not known.
     doubts : tuple of Doubt
     left_out : tuple of (str, str)
         Files that are no recordings, and why.
@@ -135,12 +135,12 @@ def quoted(text: str) -> str:
 
 
 def comment(text: str) -> str:
-    """A line that TOML passes over."""
+    """A comment line of TOML."""
     return "# " + "".join(c if c.isprintable() else " " for c in text) + "\n"
 
 
 def campaign_toml(guess: Guess) -> str:
-    """campaign.toml."""
+    """The text of campaign.toml."""
     statics = sum(row.kind == "static" for row in guess.rows)
     head = (
         f"guessed by `fourpole init` from {len(guess.rows)} recordings, {statics} of them static; correct what is wrong"
@@ -206,17 +206,19 @@ def _tyres(guess: Guess) -> list[str]:
 
 
 def tests_csv(rows: Sequence[Row]) -> str:
-    """tests.csv."""
-    columns = [one for at, one in enumerate(_COLUMNS) if at < _ALWAYS or any(one[1] in row.values for row in rows)]
-    repeats, doubts = any(row.repeat for row in rows), any(row.doubts for row in rows)
+    """The text of tests.csv."""
+    columns: dict[str, list[str]] = {
+        head: [getattr(row, name) for row in rows]
+        for head, name in (("test", "name"), ("file", "file"), ("kind", "kind"), ("tyre", "tyre"))
+    }
+    for at, (head, what, scale) in enumerate(_COLUMNS):
+        cells = [_cell(row.values.get(what), scale) for row in rows]
+        if at < _ALWAYS or any(cells):
+            columns[head] = cells
+    last = {"repeat": [row.repeat for row in rows], "doubts": ["; ".join(row.doubts)[:_MOST_DOUBTS] for row in rows]}
+    columns |= {head: cells for head, cells in last.items() if any(cells)}
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    last = [*(["repeat"] if repeats else []), *(["doubts"] if doubts else [])]
-    writer.writerow(["test", "file", "kind", "tyre", *(label for label, _, _ in columns), *last])
-    for row in rows:
-        cells = [_cell(row.values.get(what), scale) for _, what, scale in columns]
-        more = [*([row.repeat] if repeats else []), *(["; ".join(row.doubts)[:_MOST_DOUBTS]] if doubts else [])]
-        writer.writerow([row.name, row.file, row.kind, row.tyre, *cells, *more])
+    csv.writer(text, lineterminator="\n").writerows([list(columns), *zip(*columns.values(), strict=True)])
     return text.getvalue()
 
 
