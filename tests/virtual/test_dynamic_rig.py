@@ -220,5 +220,5 @@ def test_start_is_forgotten_with_friction():
 
 
 def test_loss_factor_needs_a_frequency():
-    with pytest.raises(ValueError, match="into a damper"):
+    with pytest.raises(ValueError, match="by a damper"):
         state_matrices(TYRE, Bench(preload_loss_factor=0.01))
