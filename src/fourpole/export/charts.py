@@ -1,8 +1,8 @@
-"""Charts of the workbook: native ones, on data laid out for them, in the colours of the figures."""
+"""Charts of the workbook, which the spreadsheet program draws from sheets of data, in the colours of the figures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.export.source import ExportTables
-from fourpole.plot.sheet import floats, spread
+from fourpole.plot.sheet import floats, spread, texts
 from fourpole.plot.style import Style
 from fourpole.quantities import Quantity
 
@@ -22,15 +22,17 @@ _DATA, _STATIC = "chart data", "chart data K1"
 _QUANTITIES = (q.K2, q.C, q.STORAGE, q.LOSS_FACTOR, q.TR_MEASURED)
 _MARKERS = ("circle", "square", "triangle", "diamond", "star", "plus")
 _DASHES = ("solid", "dash", "round_dot", "dash_dot", "long_dash", "long_dash_dot")
-#: A chart with more curves than that shows none of them.
+#: Most curves of a chart; with more, a reader cannot distinguish them.
 _MOST_CURVES = 30
+#: Size of a chart [pixel].
 _WIDE, _HIGH = 640, 400
-_COLUMNS, _ROWS = 11, 21  # cells of a chart and the gap after it, at their default size
+#: Number of cells of default size that a chart and the gap after it take.
+_COLUMNS, _ROWS = 11, 21
 
 
 @dataclass(frozen=True)
 class _Curve:
-    """Rows of a sheet with chart data, named by their first column, and how they look."""
+    """First and last row of a curve in a sheet of chart data, and its look; the first column has its name."""
 
     first: int
     last: int
@@ -43,7 +45,7 @@ class _Curve:
 def add_charts(
     book: Any, sheet: Any, source: ExportTables, write_table: Callable[[Any, pl.DataFrame], None]
 ) -> tuple[str, ...]:
-    """Add the charts and the sheets with their data; gives back what they do not show."""
+    """Add the charts and the sheets with their data; returns notes on what the charts do not show."""
     notes: list[str] = []
     table, curves = _dynamic_data(source)
     static, static_curves = _static_data(source)
@@ -75,74 +77,82 @@ def add_charts(
 
 
 def _fewer(curves: Sequence[_Curve]) -> tuple[list[_Curve], str]:
-    """As many curves as a reader can tell apart."""
+    """The curves that a chart shows, and a note if these are not all."""
     chosen = [curves[at] for at in spread(len(curves), _MOST_CURVES)]
     said = f"the chart shows {len(chosen)} of {len(curves)} conditions" if len(chosen) < len(curves) else ""
     return chosen, said
 
 
+class _ChartData:
+    """The data of charts: rows of a table in the order of the curves, with the name of its curve in each row."""
+
+    def __init__(self) -> None:
+        self.rows: list[int] = []
+        self.names: list[str] = []
+
+    def curve(self, name: str, rows: Sequence[int], colour: str, fill: str, marker: int, dash: int) -> _Curve:
+        """Append the rows of a curve; marker and dash count through those that a chart has."""
+        first = len(self.rows) + 1
+        self.rows += rows
+        self.names += [name] * len(rows)
+        marks = _MARKERS[marker % len(_MARKERS)], _DASHES[dash % len(_DASHES)]
+        return _Curve(first, len(self.rows), colour, fill, *marks)
+
+    def frame(self, table: pl.DataFrame, values: Mapping[str, FloatArray], *more: str) -> pl.DataFrame:
+        """Name of the curve, test, tyre and preload, values in the units of the axes, and further columns."""
+        rows = table[self.rows]
+        return pl.DataFrame(
+            [
+                pl.Series("curve", self.names, dtype=pl.String),
+                *(rows[name] for name in ("test", "tyre", q.PRELOAD.head)),
+                *(pl.Series(label, column[self.rows], dtype=pl.Float64) for label, column in values.items()),
+                *(rows[name] for name in more),
+            ]
+        )
+
+
 def _dynamic_data(source: ExportTables) -> tuple[pl.DataFrame, dict[int, list[_Curve]]]:
-    """The tests by condition, in the units of the axes, and the curves by load."""
-    sheet, style = source.sheet, Style()
-    rows: list[int] = []
-    names: list[str] = []
+    """The tests by condition in the units of the axes, and the curves by preload."""
+    sheet, style, data = source.sheet, Style(), _ChartData()
     curves: dict[int, list[_Curve]] = {}
-    for condition in source.conditions:
-        first = len(rows) + 1
-        rows += condition.rows
-        names += [source.name_of(condition, load=False)] * len(condition.rows)
-        count = len(sheet.pressures)
-        look = (style.colour(condition.tyre), style.face(condition.tyre, condition.pressure, count))
-        marker = _MARKERS[condition.pressure % len(_MARKERS)]
-        dash = _DASHES[(condition.setting + condition.repeat) % len(_DASHES)]
-        curves.setdefault(condition.load, []).append(_Curve(first, len(rows), *look, marker, dash))
-    frame = sheet.table[rows].select("test", "tyre", q.PRELOAD.head, "verdict")
-    columns = {"curve": names, q.FREQUENCY.label: sheet.shown(q.FREQUENCY)[0][rows]}
+    for one in source.conditions:
+        name, fill = source.name_of(one, load=False), style.face(one.tyre, one.pressure, len(sheet.pressures))
+        marks = one.pressure, one.setting + one.repeat
+        curves.setdefault(one.load, []).append(data.curve(name, one.rows, style.colour(one.tyre), fill, *marks))
+    columns = {q.FREQUENCY.label: sheet.shown(q.FREQUENCY)[0]}
     for quantity in _QUANTITIES:
-        value, std = sheet.shown(quantity)
-        columns |= {quantity.label: value[rows], quantity.u_label: std[rows]}
-    return frame.with_columns(_series(columns)).select(
-        "curve", "test", "tyre", q.PRELOAD.head, *list(columns)[1:], "verdict"
-    ), curves
-
-
-def _series(columns: dict[str, Any]) -> Iterator[pl.Series]:
-    for name, values in columns.items():
-        yield pl.Series(name, values, dtype=pl.String if isinstance(values, list) else pl.Float64)
+        columns |= dict(zip((quantity.label, quantity.u_label), sheet.shown(quantity), strict=True))
+    return data.frame(sheet.table, columns, "verdict"), curves
 
 
 def _static_data(source: ExportTables) -> tuple[pl.DataFrame, list[_Curve]]:
-    """K1 by tyre and load over pressure."""
-    sheet, style, static = source.sheet, Style(), source.sheet.static
-    pressure, k1, std = (floats(static, name) for name in (q.PRESSURE.head, q.K1.head, q.K1.u_head))
-    load, verdicts = floats(static, q.PRELOAD.head), static["verdict"].to_list()
-    tyres = [text or "" for text in static["tyre"].to_list()]
-    used = [
-        row
-        for row in range(static.height)
-        if verdicts[row] != "rejected" and np.isfinite([pressure[row], k1[row]]).all()
-    ]
-    curves: list[_Curve] = []
-    order: list[int] = []
-    names: list[str] = []
-    keys = sorted({(sheet.names.index(tyres[row]), _group(source, load[row])) for row in used})
-    for tyre, at in keys:
-        mine = [row for row in used if tyres[row] == sheet.names[tyre] and _group(source, load[row]) == at]
-        mine.sort(key=lambda row: pressure[row])
-        first = len(order) + 1
-        order += mine
-        named = ", ".join(part for part in (sheet.labels[tyre], sheet.name_of_load(at) if at >= 0 else "") if part)
-        colour = style.colour(tyre)
-        names += [named] * len(mine)
-        curves.append(_Curve(first, len(order), colour, colour, _MARKERS[at % 6], _DASHES[at % len(_DASHES)]))
-    frame = static[order].select("test", "tyre", q.PRELOAD.head)
-    shown = {q.PRESSURE.label: pressure / q.PRESSURE.scale, q.K1.label: k1 / q.K1.scale, q.K1.u_label: std / q.K1.scale}
-    columns = {"curve": names, **{name: values[order] for name, values in shown.items()}}
-    return frame.with_columns(_series(columns)).select("curve", *frame.columns, *list(columns)[1:]), curves
+    """K1 of the static tests that are used, in the units of the axes, and a curve per tyre and preload."""
+    sheet, style, data = source.sheet, Style(), _ChartData()
+    curves = []
+    for (tyre, load), rows in sorted(_static_rows(source).items()):
+        name = ", ".join(part for part in (sheet.labels[tyre], sheet.name_of_load(load) if load >= 0 else "") if part)
+        curves.append(data.curve(name, rows, style.colour(tyre), style.colour(tyre), load, load))
+    columns = {one.label: floats(sheet.static, one.head) / one.scale for one in (q.PRESSURE, q.K1)}
+    columns[q.K1.u_label] = floats(sheet.static, q.K1.u_head) / q.K1.scale
+    return data.frame(sheet.static, columns), curves
+
+
+def _static_rows(source: ExportTables) -> dict[tuple[int, int], list[int]]:
+    """Rows of static.csv that are used, in rising order of pressure, by tyre and preload."""
+    sheet, static = source.sheet, source.sheet.static
+    pressure, load = floats(static, q.PRESSURE.head), floats(static, q.PRELOAD.head)
+    rejected = np.array([verdict == "rejected" for verdict in texts(static, "verdict")], dtype=bool)
+    used = np.isfinite(pressure) & np.isfinite(floats(static, q.K1.head)) & ~rejected
+    tyres = texts(static, "tyre")
+    rows: dict[tuple[int, int], list[int]] = {}
+    for row in np.argsort(pressure, kind="stable").tolist():
+        if used[row]:
+            rows.setdefault((sheet.names.index(tyres[row]), _group(source, load[row])), []).append(row)
+    return rows
 
 
 def _group(source: ExportTables, load: float) -> int:
-    """The load's group; -1 where it is not stated."""
+    """Group of a preload; -1 if it is not stated."""
     return source.sheet.loads.nearest(load) if np.isfinite(load) and len(source.sheet.loads) else -1
 
 
@@ -163,8 +173,8 @@ def _chart(book: Any, title: str, table: pl.DataFrame, axes: tuple[Quantity, Qua
 
 def _ends(values: FloatArray) -> tuple[float, float, float]:
     """Round ends and step of an axis that holds all values."""
-    seen = values[np.isfinite(values)]
-    low, high = (float(seen.min()), float(seen.max())) if seen.size else (0.0, 1.0)
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     span = high - low or abs(high) or 1.0
     power = float(10.0 ** np.floor(np.log10(span / 5)))
     step = power * max(part for part in (1.0, 2.0, 5.0) if part * power <= span / 5)
@@ -181,25 +191,16 @@ def _add_curves(
         bars = _range(sheet, curve, std_at)
         line = {"color": curve.colour, "width": 1.25, "dash_type": curve.dash}
         known = np.isfinite(floats(table, table.columns[std_at])[curve.first - 1 : curve.last]).any()
-        error = {
-            "type": "custom",
-            "plus_values": bars,
-            "minus_values": bars,
-            "line": {"color": curve.colour, "width": 0.5},
-        }
+        thin, border = {"color": curve.colour, "width": 0.5}, {"color": curve.colour}
+        error = {"type": "custom", "plus_values": bars, "minus_values": bars, "line": thin}
         chart.add_series(
             {
-                # A cell, not a text: a text that begins with = would be taken for a formula.
+                # The name is a reference to a cell, because a text that begins with = would become a formula.
                 "name": [sheet, curve.first, 0],
                 "categories": [sheet, curve.first, x_at, curve.last, x_at],
                 "values": [sheet, curve.first, y_at, curve.last, y_at],
                 "line": line,
-                "marker": {
-                    "type": curve.marker,
-                    "size": 6,
-                    "fill": {"color": curve.fill},
-                    "border": {"color": curve.colour},
-                },
+                "marker": {"type": curve.marker, "size": 6, "fill": {"color": curve.fill}, "border": border},
                 **({"y_error_bars": error} if known else {}),
             }
         )

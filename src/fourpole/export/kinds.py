@@ -1,4 +1,4 @@
-"""The exports, one entry each: its name, its file, what it takes, and the module whose `write` makes it."""
+"""The exports, one entry each: name, file, source, and the module with the function `write`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["ABOUT", "KINDS", "Exported", "Kind", "Takes", "export_results"]
 
 
 class Takes(Enum):
-    """What an export is made from; the value says it in messages."""
+    """Source of an export; the value describes it in messages."""
 
     RESULTS = "a results folder, as fourpole analyse writes it"
     MODEL = "a model file, as fourpole fit writes it"
@@ -31,15 +31,16 @@ class Kind:
     Attributes
     ----------
     file : str
-        Name of the file, or folder, that is written by default.
+        Default name of the file or folder.
     module : str
-        Of this room; its `write(source, path)` writes and returns notes on what is left out. The source is a
-        `source.ExportTables` of results, a `ModelFile` of a model or map, or a `Campaign`.
+        Name of a module of `fourpole.export`; its `write(source, path)` writes the file and returns notes on what is
+        left out. The source is an `ExportTables` of results, a `ModelFile` of a model or map, or a `Campaign`.
     about : str
-        What is written, for the help.
+        Description of the file for the help.
     takes : Takes
+        Source of the export.
     extra : str
-        Extra of the package that it needs, or empty.
+        Extra of the Python package that the export needs; empty if it needs none.
     """
 
     file: str
@@ -62,20 +63,20 @@ KINDS = {
     "uff": Kind("results.uff", "uff", "UFF 58: V1/F1 and K* of each condition", extra="formats"),
     "netcdf": Kind("results.nc", "netcdf", "NetCDF: the grid of conditions and frequencies", extra="maps"),
 }
-#: All kinds and what each writes, for the help.
+#: All kinds with their descriptions, for the help.
 ABOUT = "; ".join(f"{name}: {kind.about}" for name, kind in KINDS.items())
 
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written.
+    """A file that was exported.
 
     Attributes
     ----------
     path : Path
-        The file; of TYDEX the folder.
+        The file; for TYDEX the folder.
     notes : tuple of str
-        What is not in it, and why.
+        What is left out of the file, and why.
     """
 
     path: Path
@@ -88,12 +89,12 @@ def export_results(folder: str | Path, kind: str, file: str | Path | None = None
     Parameters
     ----------
     folder : path
-        What the kind takes: all kinds so far take a results folder, as `fourpole analyse` wrote it.
+        The source of the kind; all kinds take a results folder that `fourpole analyse` wrote.
     kind : str
-        One of `KINDS`.
+        A key of `KINDS`.
     file : path, optional
-        The file to write, for TYDEX the folder; by default the kind's own name in `folder`, or beside a model file.
-        An existing one is replaced.
+        The file to write, for TYDEX the folder; an existing file is replaced. The default is the name of the kind in
+        `folder`, or beside a model file.
 
     Returns
     -------
@@ -102,11 +103,11 @@ def export_results(folder: str | Path, kind: str, file: str | Path | None = None
     Raises
     ------
     CampaignError
-        If there is no such kind, it takes something else, or the folder holds no results.
+        If there is no such kind, the kind takes another source, or the folder has no results.
     FileError
-        If a package is missing (the message names the `pip install`), or the file cannot be written.
+        If a package is missing, or the file cannot be written; the message names the `pip install`.
     TableError
-        If the format cannot hold the results.
+        If the results do not fit into the format.
 
     Examples
     --------
@@ -134,7 +135,7 @@ def export_results(folder: str | Path, kind: str, file: str | Path | None = None
 
 
 def _given(path: Path) -> Takes:
-    """What a path holds; a folder without campaign.toml, and a path that is not there, are taken for results."""
+    """Kind of source that a path is; a folder without campaign.toml, and a missing path, count as results."""
     if path.is_dir():
         return Takes.CAMPAIGN if (path / "campaign.toml").is_file() else Takes.RESULTS
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""MATLAB: each table a struct of columns, K* and the phasors complex, with their covariances."""
+"""MATLAB file: a struct of columns for each table; K* and phasors are complex, with their covariances."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ from fourpole.quantities import Quantity
 
 __all__ = ["write"]
 
+#: Length of the text at the beginning of the file [byte].
 _HEAD = 116
-#: Complex values of the dynamic tests, by field: the correlation of their parts.
+#: Fields of complex values of the dynamic tests, with the correlation of real and imaginary part.
 _COMPLEX = {"K": q.CORR_K, "mobility": q.CORR_R_I}
 _OWN = ("units", "names", "K", "K_covariance", "mobility", "mobility_covariance", "K2_C_covariance")
 _COVARIANCE = q.PHASOR_COVARIANCE.head
 
 
 def write(source: ExportTables, path: Path) -> tuple[str, ...]:
-    """Write the MAT-file of level 5; nothing is left out."""
+    """Write the MAT-file of level 5; returns no notes, as nothing is left out."""
     from scipy.io import savemat
 
     content: dict[str, Any] = {"study": _study(source)}
@@ -40,7 +41,7 @@ def write(source: ExportTables, path: Path) -> tuple[str, ...]:
     content = {name: _described(value) for name, value in content.items()}
     buffer = io.BytesIO()
     savemat(buffer, content, long_field_names=True, do_compression=True, oned_as="column")
-    # The library's head has the time of day; this one says what the file is, and is the same for the same results.
+    # The text of the library has the time of day; this text is the same for the same results.
     head = f"MATLAB 5.0 MAT-file, results of {source.version}, {source.made:%Y-%m-%d %H:%M:%S} UTC"
     ascii_head = head.encode("ascii", "replace")[:_HEAD].ljust(_HEAD)
     write_bytes(path, ascii_head + buffer.getvalue()[_HEAD:])
@@ -48,16 +49,12 @@ def write(source: ExportTables, path: Path) -> tuple[str, ...]:
 
 
 def _described(struct: dict[str, Any]) -> dict[str, Any]:
-    """Units and names last, as they describe the fields before them."""
-    return {**{name: value for name, value in struct.items() if name not in ("units", "names")}, **_last(struct)}
-
-
-def _last(struct: dict[str, Any]) -> dict[str, Any]:
-    return {name: struct[name] for name in ("units", "names") if name in struct}
+    """The struct with its fields `units` and `names`, which describe the others, at the end."""
+    return {name: struct[name] for name in sorted(struct, key=lambda name: name in ("units", "names"))}
 
 
 def _struct(table: pl.DataFrame) -> dict[str, Any]:
-    """A table: a field per column, and parallel structs of their units and their names as in the CSV file."""
+    """A table: a field per column, and structs `units` and `names` with the unit and the head of each column."""
     fields = field_names(table.columns, taken=_OWN)
     struct: dict[str, Any] = {field: _column(table, name) for name, field in fields.items()}
     struct["units"] = {field: unit_of(name) for name, field in fields.items()}
@@ -66,6 +63,7 @@ def _struct(table: pl.DataFrame) -> dict[str, Any]:
 
 
 def _column(table: pl.DataFrame, name: str) -> NDArray[Any]:
+    """A column as a cell array of texts or as numbers (n, 1)."""
     if table.schema[name] == pl.String:
         return _cell(table[name].to_list())
     return floats(table, name).reshape(-1, 1)
@@ -79,14 +77,14 @@ def _cell(texts: list[Any]) -> NDArray[np.object_]:
 
 
 def _covariance(table: pl.DataFrame, correlation: Quantity) -> FloatArray:
-    """(2, 2, n) covariance."""
+    """Covariance (2, 2, n) of the two quantities of a correlation."""
     first, second = (floats(table, one.u_head) for one in correlation.pair)
     cross = floats(table, correlation.head) * first * second
     return np.array([[first**2, cross], [cross, second**2]])
 
 
 def _complex(real: FloatArray, imag: FloatArray) -> NDArray[np.complex128]:
-    """A column; not from real + 1j * imag, which makes both parts not-a-number of one."""
+    """A complex column (n, 1); a part that is not-a-number leaves the other part as it is."""
     whole = np.empty((real.size, 1), dtype=np.complex128)
     whole.real[:, 0], whole.imag[:, 0] = real, imag
     return whole
@@ -125,7 +123,7 @@ def _phasors(table: pl.DataFrame) -> dict[str, Any]:
 
 
 def _study(source: ExportTables) -> dict[str, Any]:
-    """What was analysed and how; `json` is all of study.json, for jsondecode."""
+    """Title, settings and versions of the analysis; `json` is the content of study.json."""
     return {
         "title": source.title,
         "analysed": f"{source.made:%Y-%m-%d %H:%M:%S} UTC",

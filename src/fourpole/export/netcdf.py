@@ -1,6 +1,6 @@
-"""NetCDF: the results as a grid of tyre, pressure, preload and frequency, with CF's names for what belongs together.
+"""NetCDF: the results as a grid of tyre, pressure, preload and frequency, with attributes by the CF conventions.
 
-Two tests in one cell are told apart by two further dimensions: `setting` (rig and added mass) and `repeat`.
+Several tests in one cell differ in two further dimensions: `setting`, which is a rig with an added mass, and `repeat`.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import PRELOAD, PRESSURE, Axis
 from fourpole.errors import TableError
-from fourpole.export.source import SIGNS, ExportTables, counted, field_names, need, some, typed, unit_of
+from fourpole.export.source import SIGNS, ExportTables, field_names, need, some, typed, unit_of
 from fourpole.io.write import beside
 from fourpole.plot.sheet import Groups, floats
+from fourpole.plot.style import counted
 from fourpole.quantities import QUANTITIES, meaning_of
 
 __all__ = ["write"]
 
 _DIMENSIONS = ("tyre", "pressure", "preload", "frequency", "setting", "repeat")
-#: More cells than this are no grid but a list of tests.
+#: Most cells of a grid; a larger grid is so sparse that a list of tests is better.
 _MOST_CELLS = 2_000_000
 _VERDICTS = ("ok", "warning")
 _PLACED = {"tyre", q.PRESSURE.head, q.PRELOAD.head, "construction", "verdict"}
-#: Names of coordinates and of what is added to the tables' columns.
+#: Names of variables that do not come from columns.
 _TAKEN = {*_DIMENSIONS, "verdict", "study_json", "construction", "static_test", "frequency_found"}
 
 Variable = tuple[Sequence[str], NDArray[Any], dict[str, Any]]
@@ -39,7 +40,7 @@ Variable = tuple[Sequence[str], NDArray[Any], dict[str, Any]]
 
 @dataclass(frozen=True)
 class _Grid:
-    """Where rows of a table stand in arrays of the dimensions."""
+    """Arrays over dimensions: names and shape of these, and the cell of each row of a table that is used."""
 
     dimensions: tuple[str, ...]
     shape: tuple[int, ...]
@@ -47,23 +48,26 @@ class _Grid:
     rows: NDArray[np.int64]
 
     def numbers(self, values: FloatArray) -> NDArray[np.float64]:
+        """A column of numbers on the grid; not-a-number in empty cells."""
         whole = np.full(self.shape, np.nan)
         whole[self.index] = values[self.rows]
         return whole
 
     def texts(self, texts: Sequence[str]) -> NDArray[np.object_]:
+        """A column of texts on the grid; empty texts in empty cells."""
         whole = np.full(self.shape, "", dtype=object)
         whole[self.index] = np.array(texts, dtype=object)[self.rows]
         return whole
 
     def flags(self, verdicts: Sequence[str]) -> NDArray[np.int8]:
+        """Verdicts on the grid as numbers; -1 in empty cells."""
         whole = np.full(self.shape, -1, dtype=np.int8)
         whole[self.index] = [_VERDICTS.index(verdicts[row]) if verdicts[row] in _VERDICTS else -1 for row in self.rows]
         return whole
 
 
 def write(source: ExportTables, path: Path) -> tuple[str, ...]:
-    """Write the grid; what is left out is said."""
+    """Write the grid; returns notes on what is left out."""
     xarray = need("xarray", "maps")
     need("h5netcdf", "maps")
     grid = _dynamic_grid(source, path.name)
@@ -78,6 +82,7 @@ def write(source: ExportTables, path: Path) -> tuple[str, ...]:
 
 
 def _dynamic_grid(source: ExportTables, name: str) -> _Grid:
+    """The grid of the dynamic tests; TableError if no test is used, or the grid is too sparse."""
     sheet, repeats = source.sheet, np.array(source.repeats, dtype=np.int64)
     rows = np.flatnonzero(repeats >= 0)
     if not rows.size:
@@ -94,7 +99,7 @@ def _dynamic_grid(source: ExportTables, name: str) -> _Grid:
 
 
 def _static_grid(source: ExportTables) -> tuple[_Grid, tuple[str, ...]]:
-    """The static tests; several of one tyre, pressure and load stand beside each other in `static_test`."""
+    """The grid of the static tests, and a note on those left out; repeats extend along `static_test`."""
     sheet, static = source.sheet, source.sheet.static
     names, verdicts = static["test"].to_list(), static["verdict"].to_list()
     pressure, load = floats(static, q.PRESSURE.head), floats(static, q.PRELOAD.head)
@@ -118,7 +123,7 @@ def _static_grid(source: ExportTables) -> tuple[_Grid, tuple[str, ...]]:
 
 
 def _place(groups: Groups, axis: Axis, value: float) -> int:
-    """The group that holds a value, -1 where none does; a blank is in the group of the blanks."""
+    """The group of a value, -1 if it has none; a blank belongs to the group of tests that state no value."""
     if math.isnan(value):
         return next((at for at, own in enumerate(groups.values) if math.isnan(own)), -1)
     at = groups.nearest(value) if groups.stated() else -1
@@ -131,29 +136,21 @@ def _dynamic(source: ExportTables, grid: _Grid) -> dict[str, Variable]:
     columns = [name for name in table.columns if name not in _PLACED]
     fields = _fields(columns)
     held = _ancillary(columns, fields)
-    variables: dict[str, Variable] = {}
-    for column, field in fields.items():
-        variables[field] = _variable(table, column, grid, held.get(column, ""))
-    verdicts = {
-        "long_name": "verdict on the test",
-        "flag_values": np.array([0, 1], np.int8),
-        "flag_meanings": "ok warning",
-    }
-    variables["verdict"] = (
-        grid.dimensions,
-        grid.flags(source.texts("verdict")),
-        {**verdicts, "_FillValue": np.int8(-1)},
-    )
+    variables = {field: _variable(table, column, grid, held.get(column, "")) for column, field in fields.items()}
+    values = np.arange(len(_VERDICTS), dtype=np.int8)
+    attributes = {"flag_values": values, "flag_meanings": " ".join(_VERDICTS), "_FillValue": np.int8(-1)}
+    flags = grid.flags(source.texts("verdict"))
+    variables["verdict"] = (grid.dimensions, flags, {"long_name": "verdict on the test", **attributes})
     return variables
 
 
 def _fields(columns: Sequence[str]) -> dict[str, str]:
-    """Names of variables; the frequency that was found is another one than the grid's."""
+    """Names of variables; the frequency found in a recording is not the nominal frequency of the grid."""
     return {**field_names(columns, taken=_TAKEN), q.FREQUENCY.head: "frequency_found"}
 
 
 def _ancillary(columns: Sequence[str], fields: Mapping[str, str]) -> dict[str, str]:
-    """Which variables say how sure a value is, as CF links them."""
+    """Names of the variables with uncertainties, correlations and the verdict of a column, by the CF conventions."""
     held: dict[str, list[str]] = {}
     for one in QUANTITIES:
         held.setdefault(one.head, []).extend(fields[head] for head in (one.u_head,) if head in fields)
@@ -163,7 +160,7 @@ def _ancillary(columns: Sequence[str], fields: Mapping[str, str]) -> dict[str, s
 
 
 def _variable(table: pl.DataFrame, column: str, grid: _Grid, ancillary: str = "") -> Variable:
-    """A column on the grid, with its unit and what it is."""
+    """A column on the grid, with its unit and its meaning."""
     attributes: dict[str, Any] = {"long_name": meaning_of(column)}
     if table.schema[column] == pl.String:
         return grid.dimensions, grid.texts([text or "" for text in table[column].to_list()]), attributes
@@ -174,7 +171,7 @@ def _variable(table: pl.DataFrame, column: str, grid: _Grid, ancillary: str = ""
 
 
 def _static(source: ExportTables, grid: _Grid) -> dict[str, Variable]:
-    """What the static tests gave, each name with `static_` before it."""
+    """A variable per column of static.csv; each name begins with `static_`."""
     if not grid.rows.size:
         return {}
     table = source.results.static
@@ -186,19 +183,19 @@ def _static(source: ExportTables, grid: _Grid) -> dict[str, Variable]:
 
 
 def _coordinates(source: ExportTables) -> dict[str, Variable]:
-    """The dimensions' values; a group of tests that state none has no place on an axis of CF."""
+    """Values of the dimensions; CF allows no gap in a coordinate, so an axis with a blank value has another name."""
     sheet = source.sheet
     coordinates: dict[str, Variable] = {"tyre": _words("tyre", sheet.names, "name of the tyre")}
     constructions = _constructions(source)
     if any(constructions):
         coordinates["construction"] = _words("tyre", constructions, "construction of the tyre")
-    for name, unit, groups, words in (
-        ("pressure", "Pa", sheet.pressures, "inflation pressure"),
-        ("preload", "N", sheet.loads, "static load on the tyre"),
-        ("frequency", "Hz", sheet.frequencies, "nominal frequency, the median of the tests"),
+    for one, groups, words in (
+        (q.PRESSURE, sheet.pressures, q.PRESSURE.meaning),
+        (q.PRELOAD, sheet.loads, q.PRELOAD.meaning),
+        (q.FREQUENCY, sheet.frequencies, "nominal frequency, the median of the tests"),
     ):
-        held = name if groups.stated() == len(groups) else f"{name}_stated"
-        coordinates[held] = ((name,), np.array(groups.values, dtype=float), {"units": unit, "long_name": words})
+        held = one.key if groups.stated() == len(groups) else f"{one.key}_stated"
+        coordinates[held] = ((one.key,), np.array(groups.values, dtype=float), {"units": one.unit, "long_name": words})
     labels = sheet.settings or ("all",)
     coordinates["setting"] = _words("setting", labels, "rig and added mass")
     repeats = np.arange(max(source.repeats) + 1, dtype=np.int32)
@@ -211,7 +208,7 @@ def _words(dimension: str, texts: Sequence[str], long_name: str) -> Variable:
 
 
 def _constructions(source: ExportTables) -> list[str]:
-    """What each tyre is said to be."""
+    """Construction of each tyre; empty if it is not stated."""
     found: dict[str, str] = {}
     for table in (source.sheet.table, source.sheet.static):
         found |= {tyre or "": text or "" for tyre, text in table.select("tyre", "construction").iter_rows()}
@@ -219,7 +216,7 @@ def _constructions(source: ExportTables) -> list[str]:
 
 
 def _attributes(source: ExportTables) -> dict[str, Any]:
-    """What the file is."""
+    """Attributes of the file."""
     return {
         "title": source.title,
         "Conventions": "CF-1.11",

@@ -1,4 +1,4 @@
-"""ExportTables: what an export starts from, the tables of a results folder and how its tests are laid out."""
+"""The tables of a results folder, their tests by condition, and texts that several formats need."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
 from fourpole.errors import CampaignError, FileError
-from fourpole.plot.sheet import Sheet, read_sheet
+from fourpole.plot.sheet import Sheet, read_sheet, texts
+from fourpole.plot.style import counted, distinct
 from fourpole.study.results import Results, read_results
 from fourpole.units import column_unit, shown
 
 __all__ = ["SIGNS", "Condition", "ExportTables", "field_names", "need", "read_source", "typed", "unit_of"]
 
-#: What every number means, for those who have only the file.
+#: Units and signs of all numbers, written into each exported file.
 SIGNS = (
     "SI units; e^{+jwt}; amplitudes 0 to peak; V1 and V2 positive from the contact towards the foundation, F1 as it "
     "pushes that way; load positive in compression; u(x) is the standard uncertainty of x"
@@ -40,9 +41,10 @@ _LISTED = 8
 
 
 class Condition(NamedTuple):
-    """Tests of one tyre, pressure, load, rig and added mass in rising frequency, each frequency once.
+    """Tests of one tyre, pressure, preload, rig and added mass in rising frequency, each frequency once.
 
-    `repeat` counts the further tests at the same frequencies.
+    The first five attributes are numbers of groups in the sheet; further tests at the same frequencies are conditions
+    with `repeat` 1, 2 and so on.
     """
 
     tyre: int
@@ -55,15 +57,15 @@ class Condition(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ExportTables(ByValue):
-    """The results of an analysis.
+    """The results of an analysis, as exports need them.
 
     Attributes
     ----------
     results : Results
     phasors : polars.DataFrame
-        As in phasors.parquet; empty where there is none.
+        Table of phasors.parquet; empty if there is no such file.
     made : datetime
-        When the analysis was written, UTC.
+        Time at which the analysis was written, UTC.
     """
 
     results: Results
@@ -72,14 +74,14 @@ class ExportTables(ByValue):
 
     @property
     def tables(self) -> dict[str, pl.DataFrame]:
-        """The tables that there are, by the name of their file."""
-        named = {name: getattr(self.results, name) for name in ("static", "dynamic", "rig", "residuals")}
-        named |= {name: getattr(self.results, name) for name in ("quantiles", "budget")}
+        """The tables that the results have, by the name of their file without ending."""
+        names = ("static", "dynamic", "rig", "residuals", "quantiles", "budget")
+        named = {name: getattr(self.results, name) for name in names}
         return {name: typed(table) for name, table in named.items() if table.columns}
 
     @property
     def dynamic(self) -> pl.DataFrame:
-        """dynamic.csv."""
+        """Table of dynamic.csv."""
         return self.results.dynamic
 
     @cached_property
@@ -88,23 +90,23 @@ class ExportTables(ByValue):
         return read_sheet(self.results)
 
     def text(self, name: str) -> str:
-        """A text of study.json, which is not trusted."""
+        """A text of study.json; empty if it has no such text."""
         value = self.results.record.get(name)
         return value if isinstance(value, str) else ""
 
     def section(self, name: str) -> dict[str, Any]:
-        """A table of study.json."""
+        """A table of study.json; empty if it has no such table."""
         value = self.results.record.get(name)
         return value if isinstance(value, dict) else {}
 
     def listed(self, name: str) -> list[str]:
-        """A list of texts of study.json."""
+        """A list of texts of study.json; empty if it has no such list."""
         value = self.results.record.get(name)
         return [str(item) for item in value] if isinstance(value, list) else []
 
     @property
     def json(self) -> str:
-        """study.json."""
+        """Content of study.json."""
         return json.dumps(self.results.record, ensure_ascii=False)
 
     @property
@@ -114,17 +116,17 @@ class ExportTables(ByValue):
 
     @property
     def version(self) -> str:
-        """What analysed it."""
+        """Name and version of the program that analysed the campaign."""
         return f"fourpole {self.section('versions').get('fourpole', '')}".strip()
 
     @property
     def route(self) -> str:
-        """How K* was found."""
+        """Route to K* that the settings name."""
         return str(self.section("settings").get("route", ""))
 
     def texts(self, column: str) -> list[str]:
-        """A column of dynamic.csv as texts."""
-        return [text or "" for text in self.dynamic[column].to_list()]
+        """A column of dynamic.csv as texts; a blank cell is an empty text."""
+        return texts(self.dynamic, column)
 
     @cached_property
     def repeats(self) -> tuple[int, ...]:
@@ -156,7 +158,7 @@ class ExportTables(ByValue):
         return tuple(Condition(*key, tuple(sorted(rows[key], key=lambda row: frequency[row]))) for key in sorted(rows))
 
     def name_of(self, condition: Condition, *, load: bool = True) -> str:
-        """A condition in words, with its load or without."""
+        """Name of a condition, with its preload or without."""
         sheet = self.sheet
         parts = [sheet.labels[condition.tyre]]
         if sheet.pressures.stated() or len(sheet.pressures) > 1:
@@ -167,34 +169,22 @@ class ExportTables(ByValue):
         return ", ".join(parts)
 
     def left_out(self) -> tuple[str, ...]:
-        """What a grid cannot hold: tests that are rejected, or whose frequency is not known."""
-        names = self.texts("test")
-        rejected = [name for name, is_rejected in zip(names, self.sheet.rejected, strict=True) if is_rejected]
-        unknown = [
-            name
-            for name, is_rejected, repeat in zip(names, self.sheet.rejected, self.repeats, strict=True)
-            if repeat < 0 and not is_rejected
-        ]
-        return tuple(
-            f"{counted(len(which), 'test')} {what} left out: {some(which)}"
-            for which, what in ((rejected, "rejected"), (unknown, "without a frequency"))
-            if which
-        )
-
-
-def counted(number: int, noun: str) -> str:
-    """A number of things."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+        """Notes on tests that no condition has: they are rejected, or their frequency is unknown."""
+        out: dict[str, list[str]] = {"rejected": [], "without a frequency": []}
+        for name, is_rejected, repeat in zip(self.texts("test"), self.sheet.rejected, self.repeats, strict=True):
+            if is_rejected or repeat < 0:
+                out["rejected" if is_rejected else "without a frequency"].append(name)
+        return tuple(f"{counted(len(of), 'test')} {why} left out: {some(of)}" for why, of in out.items() if of)
 
 
 def some(names: Sequence[str]) -> str:
-    """Names of tests for a message."""
+    """The first names of tests for a message, and the number of the others."""
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     return ", ".join(shown(name, 40)[1:-1] for name in names[:_LISTED]) + more
 
 
 def read_source(folder: str | Path) -> ExportTables:
-    """Read a results folder; CampaignError if it holds no results."""
+    """Read a results folder; CampaignError if it has no results."""
     results = read_results(folder)
     phasors = Path(folder) / "phasors.parquet"
     try:
@@ -206,7 +196,7 @@ def read_source(folder: str | Path) -> ExportTables:
 
 
 def typed(table: pl.DataFrame) -> pl.DataFrame:
-    """Columns of text that hold plain numbers only, such as those that tests.csv had more, as numbers."""
+    """The table with text columns of plain numbers only as number columns, such as further columns of tests.csv."""
     known = {"test", "tyre", "rig"}
     numeric = [
         name
@@ -218,44 +208,45 @@ def typed(table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _all_numbers(column: pl.Series) -> bool:
-    """Whether nothing is lost as numbers: no blank column, no leading zero of a serial number."""
+    """Whether all texts of a column are numbers without leading zeros, which a serial number may have."""
     found = [text for text in column.unique().to_list() if text]
     return bool(found) and all(_NUMBER.fullmatch(text) for text in found)
 
 
 def unit_of(column: str) -> str:
-    """The unit in a column's name; empty where there is none."""
+    """The unit in the head of a column; empty if it has none."""
     return column_unit(column)[1] or ""
 
 
 def field_names(columns: Iterable[str], taken: Collection[str] = ()) -> dict[str, str]:
-    """Names of letters, digits and underscores for columns, each different, without their units.
+    """A different name of letters, digits and underscores for each column, without its unit; none is in `taken`.
 
     Examples
     --------
     >>> list(field_names(["u(Re K*) [N/m]", "corr(K2,C) [1]", "phase F1-V1 [rad]", "2.5 %", "end"]).values())
     ['u_Re_K', 'corr_K2_C', 'phase_F1_V1', 'x2_5', 'x_end']
     """
-    used = set(taken)
-    names: dict[str, str] = {}
-    for column in columns:
-        plain = unicodedata.normalize("NFKD", column_unit(column)[0]).encode("ascii", "ignore").decode()
-        name = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")[:50] or "column"
-        if name in _KEYWORDS:
-            name = f"x_{name}"
-        elif not name[0].isalpha():
-            name = f"x{name}"
-        free, number = name, 1
-        while free in used:
-            number += 1
-            free = f"{name}_{number}"
-        used.add(free)
-        names[column] = free
-    return names
+    columns = list(columns)
+    return dict(zip(columns, distinct(map(_field_name, columns), "_", taken=taken), strict=True))
+
+
+def _field_name(column: str) -> str:
+    plain = unicodedata.normalize("NFKD", column_unit(column)[0]).encode("ascii", "ignore").decode()
+    name = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")[:50] or "column"
+    if name in _KEYWORDS:
+        return f"x_{name}"
+    return name if name[0].isalpha() else f"x{name}"
+
+
+def ascii_line(text: str) -> str:
+    """A text in one line of printable ASCII; accents are dropped, and other characters become question marks."""
+    plain = unicodedata.normalize("NFKD", " ".join(text.split()))
+    plain = "".join(sign for sign in plain if not unicodedata.combining(sign))
+    return "".join(sign if sign.isprintable() else "?" for sign in plain.encode("ascii", "replace").decode())
 
 
 def need(module: str, extra: str) -> Any:
-    """A package that is not part of the base installation."""
+    """Import a package of an extra; FileError with the command that installs it if it is missing."""
     try:
         return import_module(module)
     except ImportError:

@@ -1,14 +1,13 @@
-"""TYDEX 1.3: a folder with a file for each condition, the tests in rising frequency.
+"""TYDEX 1.3: a folder with a file for each condition, which has its tests in rising order of frequency.
 
-The standard's names are taken where it has them: IDENTITY, TESTRIG, INFLPRES, FZW, MEASNUMB. It has none for a
-dynamic stiffness; the other names are ours, with what they are in the columns for it.
+IDENTITY, TESTRIG, INFLPRES, FZW and MEASNUMB are names of the standard. The standard has no names for a dynamic
+stiffness; the other names are defined here, and their descriptions stand in the file.
 """
 
 from __future__ import annotations
 
 import re
 import textwrap
-import unicodedata
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -16,15 +15,16 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.errors import FileError, TableError
-from fourpole.export.source import SIGNS, Condition, ExportTables
+from fourpole.export.source import SIGNS, Condition, ExportTables, ascii_line, unit_of
 from fourpole.io.formats.tydex import TydexChannel, TydexEntry, TydexFile, write_tydex
 from fourpole.io.write import beside
 from fourpole.plot.sheet import floats
+from fourpole.plot.style import distinct
 from fourpole.quantities import DERIVED
 
 __all__ = ["write"]
 
-#: Column, name and description of each channel; units are those of the columns.
+#: Head of the column, name and description of each channel; its unit is that of the column.
 _CHANNELS = (
     (q.FREQUENCY.head, "FREQUENC", "Excitation frequency"),
     (q.STORAGE.head, "KDYN_RE", "Dynamic stiffness, real part"),
@@ -64,7 +64,7 @@ _OURS = re.compile(rb"^SUPPLIER .* fourpole\s*$", re.MULTILINE)
 
 
 def write(source: ExportTables, path: Path) -> tuple[str, ...]:
-    """Write the folder in one step; what is left out is said, in each file too."""
+    """Write the folder in one step; returns notes on what is left out, which the files have as well."""
     if not source.conditions:
         raise TableError(f"{path.name}: no test is used: there is nothing to export")
     _check_place(path)
@@ -76,7 +76,7 @@ def write(source: ExportTables, path: Path) -> tuple[str, ...]:
 
 
 def _check_place(path: Path) -> None:
-    """FileError unless the folder is new, empty, or of an earlier export: nothing of the user's is replaced."""
+    """FileError unless the folder is new, empty, or of an earlier export, so that no file of the user is replaced."""
     if not path.exists():
         return
     if not path.is_dir() or path.is_symlink():
@@ -87,33 +87,20 @@ def _check_place(path: Path) -> None:
 
 
 def _is_ours(file: Path) -> bool:
+    """Whether an earlier export wrote the file."""
     with file.open("rb") as stream:
         return _OURS.search(stream.read(1000)) is not None
 
 
 def _file_names(source: ExportTables) -> Iterator[str]:
-    """One name per condition, of signs that every system takes."""
-    used: set[str] = set()
-    for condition in source.conditions:
-        plain = _ascii(source.name_of(condition).replace(", ", "_"))
-        name = re.sub(r"[^A-Za-z0-9._-]+", "", plain).strip(".")[:100] or "condition"
-        free, number = name, 1
-        while free.lower() in used:
-            number += 1
-            free = f"{name}_{number}"
-        used.add(free.lower())
-        yield f"{free}.tdx"
-
-
-def _ascii(text: str) -> str:
-    """Plain ASCII in one line."""
-    plain = unicodedata.normalize("NFKD", " ".join(text.split()))
-    plain = "".join(sign for sign in plain if not unicodedata.combining(sign))
-    return "".join(sign if sign.isprintable() else "?" for sign in plain.encode("ascii", "replace").decode())
+    """A different name for each condition, of characters that every file system accepts."""
+    lines = (ascii_line(source.name_of(condition).replace(", ", "_")) for condition in source.conditions)
+    names = (re.sub(r"[^A-Za-z0-9._-]+", "", line).strip(".")[:100] or "condition" for line in lines)
+    return (f"{name}.tdx" for name in distinct(names, "_", fold=True))
 
 
 def _value(text: str) -> str:
-    return _ascii(text)[:_LONGEST].strip()
+    return ascii_line(text)[:_LONGEST].strip()
 
 
 def _tydex(source: ExportTables, condition: Condition) -> TydexFile:
@@ -133,17 +120,17 @@ def _tydex(source: ExportTables, condition: Condition) -> TydexFile:
 
 
 def _wrapped(text: str) -> list[str]:
-    """Lines of 80 columns that open no section."""
-    return [line.replace("**", "* *") for line in textwrap.wrap(_ascii(text), 80, subsequent_indent="  ")]
+    """Lines of 80 columns; two asterisks, which begin a section, are parted."""
+    return [line.replace("**", "* *") for line in textwrap.wrap(ascii_line(text), 80, subsequent_indent="  ")]
 
 
 def _unit(column: str) -> str:
-    unit = column.rpartition("[")[2].rstrip("]")
+    unit = unit_of(column)
     return _UNITS.get(unit, unit)
 
 
 def _constants(source: ExportTables, condition: Condition) -> Iterator[TydexEntry]:
-    """What is the same for all tests of the condition."""
+    """The constants of a condition: what all its tests have in common."""
     first = source.dynamic.row(condition.rows[0], named=True)
     yield TydexEntry("IDENTITY", _value(str(first["tyre"] or "")), "", "Identity of the tyre")
     for column, name, words in (
@@ -152,19 +139,24 @@ def _constants(source: ExportTables, condition: Condition) -> Iterator[TydexEntr
     ):
         if first[column]:
             yield TydexEntry(name, _value(str(first[column])), "", words)
+    rows = list(condition.rows)
     pressure, load = source.sheet.pressures.values[condition.pressure], source.sheet.loads.values[condition.load]
     if np.isfinite(pressure):
-        yield TydexEntry("INFLPRES", f"{pressure * 1e-5:.12g}", "bar", "Inflation pressure")
+        yield TydexEntry("INFLPRES", f"{pressure * 1e-5:.12g}", q.PRESSURE.shown, "Inflation pressure")
     if np.isfinite(load):
-        yield TydexEntry("FZW", f"{load:.12g}", "N", "Static load on the tyre")
-    for column, name, unit, words in (
-        (q.ADDED_MASS.head, "ADDMASS", "kg", "Mass added to moving mass"),
-        (q.K1.head, "K1STAT", "N/m", "Static stiffness at the load"),
-        (q.K1.u_head, "U_K1STAT", "N/m", "Std uncertainty of K1STAT"),
+        yield TydexEntry("FZW", f"{load:.12g}", q.PRELOAD.unit, "Static load on the tyre")
+    temperature = floats(source.dynamic, q.TEMPERATURE.head)[rows]
+    if np.isfinite(temperature).any():
+        mean = float(np.nanmean(temperature))
+        yield TydexEntry("MEANTEMP", f"{mean:.6g}", _UNITS[q.TEMPERATURE.unit], "Mean temperature of the tests")
+    for column, name, words in (
+        (q.ADDED_MASS.head, "ADDMASS", "Mass added to moving mass"),
+        (q.K1.head, "K1STAT", "Static stiffness at the load"),
+        (q.K1.u_head, "U_K1STAT", "Std uncertainty of K1STAT"),
     ):
-        values = floats(source.dynamic, column)[list(condition.rows)]
-        if np.all(values == values[0]):  # blank is not equal to itself
-            yield TydexEntry(name, f"{values[0]:.13g}", unit, words)
+        values = floats(source.dynamic, column)[rows]
+        if np.all(values == values[0]):  # false for blank cells: not-a-number is not equal to itself
+            yield TydexEntry(name, f"{values[0]:.13g}", _unit(column), words)
     yield TydexEntry("ROUTE", _value(source.route), "", "How KDYN was found")
 
 
@@ -174,7 +166,7 @@ def _comments(source: ExportTables, condition: Condition) -> Iterator[str]:
     yield f"Analysed by {source.version}, {source.made:%Y-%m-%d %H:%M} UTC; route {source.route}"
     yield SIGNS
     yield "KDYN is force over deflection; KDYN = K1 + K2 jwC/(K2 + jwC). FREQUENC is the measured frequency."
-    yield "Of the channels only MEASNUMB is a name of the standard; the others are named here, see their descriptions."
+    yield "MEASNUMB is the only channel with a name of the standard; the descriptions explain the names of the others."
     for number, row in enumerate(condition.rows, start=1):
         said = f": {remarks[row]}" if remarks[row] else ""
         yield f"MEASNUMB {number} is test {names[row]}, verdict {verdicts[row]}{said}"
@@ -183,6 +175,6 @@ def _comments(source: ExportTables, condition: Condition) -> Iterator[str]:
 
 
 def _rejected_beside(source: ExportTables, condition: Condition) -> Sequence[int]:
-    """Rejected tests of the same condition."""
+    """Rows of the rejected tests of the same condition."""
     place = condition[:4]
     return [int(row) for row in np.flatnonzero(source.sheet.rejected) if source.place(int(row)) == place]

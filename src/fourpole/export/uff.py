@@ -1,10 +1,9 @@
-"""UFF 58: of each condition the mobility V1/F1 and the dynamic stiffness K* as functions of frequency."""
+"""UFF 58: the mobility V1/F1 and the dynamic stiffness K* of each condition as functions of frequency."""
 
 from __future__ import annotations
 
 import contextlib
 import io
-import unicodedata
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,9 +13,10 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import TableError
-from fourpole.export.source import Condition, ExportTables, counted, need, some
+from fourpole.export.source import Condition, ExportTables, ascii_line, need, some
 from fourpole.io.write import beside
 from fourpole.plot.sheet import floats
+from fourpole.plot.style import counted
 from fourpole.quantities import Quantity
 
 __all__ = ["write"]
@@ -29,7 +29,7 @@ _CONTACT = 1
 
 
 class _Kind(NamedTuple):
-    """A function: its name, its parts, and what stands above and below in data type, label and unit."""
+    """A response function: name, real and imaginary part; data type, label and unit of numerator and denominator."""
 
     name: str
     parts: tuple[Quantity, ...]
@@ -43,12 +43,7 @@ class _Kind(NamedTuple):
 
 
 _KINDS = (
-    _Kind(
-        "Mobility V1/F1 at the contact",
-        q.CORR_R_I.pair,
-        (_VELOCITY, "V1", "m/s"),
-        (_FORCE, "F1", "N"),
-    ),
+    _Kind("Mobility V1/F1 at the contact", q.CORR_R_I.pair, (_VELOCITY, "V1", q.V1.unit), (_FORCE, "F1", q.F1.unit)),
     _Kind(
         "Dynamic stiffness K*, force over deflection",
         q.CORR_K.pair,
@@ -59,7 +54,7 @@ _KINDS = (
 
 
 def write(source: ExportTables, path: Path) -> tuple[str, ...]:
-    """Write the functions; what is left out is said."""
+    """Write the functions; returns notes on what is left out."""
     pyuff = need("pyuff", "formats")
     functions = [one for kind in _KINDS for one in _functions(source, kind)]
     if not functions:
@@ -67,12 +62,13 @@ def write(source: ExportTables, path: Path) -> tuple[str, ...]:
     for number, one in enumerate(functions, start=1):
         one["func_id"] = number
 
-    with beside(path) as new, contextlib.redirect_stdout(io.StringIO()):  # the library prints
+    with beside(path) as new, contextlib.redirect_stdout(io.StringIO()):  # the library prints to the terminal
         pyuff.UFF(str(new)).write_sets([*_heads(source, path.name), *functions], mode="overwrite")
     return (*source.left_out(), *_without(source))
 
 
 def _without(source: ExportTables) -> Iterator[str]:
+    """Notes on the tests that lack a value."""
     names = source.texts("test")
     for kind in _KINDS:
         rows = [row for one in source.conditions for row in one.rows]
@@ -84,13 +80,13 @@ def _without(source: ExportTables) -> Iterator[str]:
 
 
 def _known(source: ExportTables, rows: Sequence[int], kind: _Kind) -> list[int]:
-    """Those rows that have the value: the format knows no missing ones."""
+    """Rows that have the value; the format has no missing values."""
     values = kind.values(source)
     return [row for row in rows if np.isfinite(values[row])]
 
 
 def _heads(source: ExportTables, name: str) -> list[dict[str, Any]]:
-    """The file's header and its units, SI."""
+    """Data sets with the header of the file and its units, SI."""
     date, clock = _date(source)
     dates = {f"{what}_{when}": date if what == "date" else clock for what in ("date", "time") for when in _WHEN}
     program = _ascii(source.version)
@@ -105,19 +101,18 @@ _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct",
 
 
 def _date(source: ExportTables) -> tuple[str, str]:
-    """DD-MMM-YY, whatever the language of the machine, and the time."""
+    """Date as DD-MMM-YY in English, and time, of the analysis."""
     made = source.made
     return f"{made.day:02d}-{_MONTHS[made.month - 1]}-{made.year % 100:02d}", f"{made:%H:%M:%S}"
 
 
 def _ascii(text: str) -> str:
-    """A line of up to 80 plain characters."""
-    plain = unicodedata.normalize("NFKD", " ".join(text.split()))
-    plain = "".join(sign for sign in plain if not unicodedata.combining(sign))
-    return plain.encode("ascii", "replace").decode()[:_LINE] or "NONE"
+    """A line of at most 80 ASCII characters; NONE, as the format has it, for an empty text."""
+    return ascii_line(text)[:_LINE] or "NONE"
 
 
 def _functions(source: ExportTables, kind: _Kind) -> Iterator[dict[str, Any]]:
+    """A data set per condition that has values."""
     table = source.dynamic
     frequency = floats(table, q.FREQUENCY.head)
     values = kind.values(source)
@@ -130,7 +125,7 @@ def _functions(source: ExportTables, kind: _Kind) -> Iterator[dict[str, Any]]:
 def _function(
     source: ExportTables, kind: _Kind, condition: Condition, rows: Sequence[int], frequency: FloatArray, values: Any
 ) -> dict[str, Any]:
-    single = len(rows) == 1  # the library asks for a step: one value is written as evenly spaced
+    single = len(rows) == 1  # a single value is written as evenly spaced, for which the library needs a step
     return {
         "type": 58,
         "func_type": _RESPONSE_FUNCTION,
@@ -160,7 +155,7 @@ def _axis(which: str, data_type: int, label: str, unit: str) -> dict[str, Any]:
 
 
 def _uncertainty(source: ExportTables, kind: _Kind, rows: Sequence[int]) -> str:
-    """The format has no place for uncertainties: their largest in a line of text."""
+    """A line of text with the largest standard uncertainties, for which the format has no field."""
     largest = []
     for one in kind.parts:
         values = floats(source.dynamic, one.u_head)[rows]

@@ -1,4 +1,4 @@
-"""Workbook: every table as a sheet, numbers to the last bit, and charts that the program itself draws."""
+"""Workbook: every table as a sheet with all digits of its numbers, and charts that the spreadsheet program draws."""
 
 from __future__ import annotations
 
@@ -20,41 +20,41 @@ from fourpole.plot.sheet import floats
 
 __all__ = ["write"]
 
-#: Rows below the head that a sheet holds, and signs that a cell holds.
+#: Most rows of a sheet below the head, and most characters of a cell.
 _MOST_ROWS = 1_048_575
 _MOST_SIGNS = 32_767
 _WIDEST = 44
 _ABOUT_WIDTH = 110
-#: What a spreadsheet would take for a formula, were the cell typed again.
+#: First characters of a text that a spreadsheet would take for a formula when the cell is edited.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
-#: Fill and ink of a verdict; the word says it too.
+#: Colours of fill and text of a verdict.
 _VERDICTS = {"ok": ("#DCF1EA", "#00553D"), "warning": ("#FCEBC8", "#6B4600"), "rejected": ("#F7D9C7", "#7A2F00")}
 _ABOUT = {
     "static": "K1 of each static test at each preload in use",
     "dynamic": "one row per dynamic test: amplitudes, V1/F1, K*, K2, C, TR, each with its uncertainty",
     "rig": "values of the rig and gains of the channels, as stated and as found",
-    "residuals": "F1/V2 less the rig's impedance, of each test that the joint route used",
+    "residuals": "F1/V2 less the rig's impedance, for each test that the joint route used",
     "quantiles": "intervals of K2 and C that are not normal",
-    "budget": "what each source gives to the uncertainty of each result",
+    "budget": "contribution of each source to the uncertainty of each result",
 }
 
 
 class _Exact(float):
-    """A float that is written with the fewest digits that give the same float back, whatever is asked for."""
+    """A float that any format writes with the fewest digits from which the same float is read."""
 
     def __format__(self, spec: str) -> str:
         return repr(float(self))
 
 
 class Styles:
-    """The formats of a workbook, each made once."""
+    """The cell formats of a workbook; each is made once."""
 
     def __init__(self, book: Any) -> None:
         self._book = book
         self._made: dict[tuple[tuple[str, Any], ...], Any] = {}
 
     def of(self, **properties: Any) -> Any:
-        """A format of these properties."""
+        """The format with these properties."""
         key = tuple(sorted(properties.items()))
         if key not in self._made:
             self._made[key] = self._book.add_format(properties)
@@ -62,12 +62,12 @@ class Styles:
 
     @property
     def head(self) -> Any:
-        """The head of a table."""
+        """Format of the head of a table."""
         return self.of(bold=True, bottom=1, bg_color="#E3E6E9", text_wrap=True, valign="top")
 
 
 def write(source: ExportTables, path: Path) -> tuple[str, ...]:
-    """Write the workbook; nothing is left out of its tables."""
+    """Write the workbook with all tables; returns notes on what the charts do not show."""
     xlsxwriter = need("xlsxwriter", "export")
     buffer = io.BytesIO()
     with xlsxwriter.Workbook(buffer, {"in_memory": True, "default_date_format": "yyyy-mm-dd"}) as book:
@@ -85,13 +85,13 @@ def write(source: ExportTables, path: Path) -> tuple[str, ...]:
 
 
 def _parts(name: str, table: pl.DataFrame, most: int = _MOST_ROWS) -> Iterator[tuple[str, pl.DataFrame]]:
-    """A table as sheets; one that is too long for a sheet goes on on the next."""
+    """A table as sheets; a table that is too long for a sheet continues on the next."""
     for number, start in enumerate(range(0, max(table.height, 1), most), start=1):
         yield (name if number == 1 else f"{name} ({number})"), table.slice(start, most)
 
 
 def write_table(sheet: Any, table: pl.DataFrame, styles: Styles) -> None:
-    """A table from the sheet's first cell on: a head that stays, columns as wide as they must be."""
+    """Write a table from the first cell of a sheet; the head stays visible, and columns are as wide as their texts."""
     sheet.freeze_panes(1, 1)
     sheet.repeat_rows(0)
     sheet.set_row(0, 32)
@@ -114,12 +114,13 @@ def write_table(sheet: Any, table: pl.DataFrame, styles: Styles) -> None:
 
 
 def _width(name: str, texts: Sequence[str]) -> float:
-    """Width of a column: its longest text; a head may take two lines."""
+    """Width of a column [character]: that of its longest text; a head may have two lines."""
     lengths = [len(text) for text in (*texts[:10_000], *name.split())]
     return float(min(max(*lengths, len(name) * 0.8, 10) + 2, _WIDEST))
 
 
 def _verdict(name: str, text: str, styles: Styles) -> Any:
+    """Format of a verdict; None for any other cell."""
     if name != "verdict" or text not in _VERDICTS:
         return None
     fill, ink = _VERDICTS[text]
@@ -127,7 +128,7 @@ def _verdict(name: str, text: str, styles: Styles) -> Any:
 
 
 def _write_text(sheet: Any, row: int, column: int, text: str, style: Any, styles: Styles) -> None:
-    """A text as a text, whatever it begins with; one that looks like a formula stays one when it is edited."""
+    """Write a text as a text, never as a formula; it remains a text when the cell is edited."""
     if not text:
         return
     if len(text) > _MOST_SIGNS:
@@ -138,26 +139,24 @@ def _write_text(sheet: Any, row: int, column: int, text: str, style: Any, styles
 
 
 def number_format(values: FloatArray) -> str:
-    """How a column's numbers are shown; the cells hold all digits.
+    """Number format of a column, which sets the digits shown; the cells have all digits.
 
     Examples
     --------
     >>> number_format(np.array([170123.4])), number_format(np.array([0.31])), number_format(np.array([1e-7]))
     ('0.0', '0.0000', '0.000E+00')
     """
-    seen = np.abs(values[np.isfinite(values) & (values != 0)])
-    if not seen.size:
+    sizes = np.abs(values[np.isfinite(values) & (values != 0)])
+    if not sizes.size or (np.all(sizes == np.round(sizes)) and sizes.max() < 1e9):
         return "0"
-    if np.all(seen == np.round(seen)) and seen.max() < 1e9:
-        return "0"
-    middle = float(np.median(seen))
-    if seen.max() >= 1e9 or middle < 1e-2:
+    middle = float(np.median(sizes))
+    if sizes.max() >= 1e9 or middle < 1e-2:
         return "0.000E+00"
     return "0.0" if middle >= 1e4 else "0.00" if middle >= 100 else "0.0000"
 
 
 def _write_about(sheet: Any, source: ExportTables, tables: Sequence[str], styles: Styles, notes: Sequence[str]) -> None:
-    """The first sheet: what this is, how it was made, what to know of it."""
+    """Write the first sheet: origin, settings, assumptions and a description of each sheet."""
     sheet.set_column(0, 0, 24)
     sheet.set_column(1, 1, _ABOUT_WIDTH + 10)
     sheet.hide_gridlines(2)
@@ -166,15 +165,18 @@ def _write_about(sheet: Any, source: ExportTables, tables: Sequence[str], styles
     sheet.write_string(0, 0, source.title, styles.of(bold=True, font_size=14))
     name, text = styles.of(bold=True, valign="top"), styles.of(text_wrap=True, valign="top")
     row = 2
-    for key, value in _said(source, tables, notes):
+    for key, value in _about_rows(source, tables, notes):
         if key:
             sheet.write_string(row, 0, key, name)
         sheet.write_string(row, 1, value[:_MOST_SIGNS], text)
-        sheet.set_row(row, 15 * min(math.ceil(len(value) / _ABOUT_WIDTH), 20))  # no row grows by itself everywhere
+        sheet.set_row(
+            row, 15 * min(math.ceil(len(value) / _ABOUT_WIDTH), 20)
+        )  # not every program adapts the height of a row to its text
         row += 1
 
 
-def _said(source: ExportTables, tables: Sequence[str], notes: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _about_rows(source: ExportTables, tables: Sequence[str], notes: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Name and text of each row of the first sheet; a row that continues another has no name."""
     yield "results of", f"{source.version}, analysed {_time(source.made)}"
     yield "route to K*", source.route
     yield "tests", ", ".join(f"{count} {verdict}" for verdict, count in source.section("verdicts").items())
@@ -186,8 +188,8 @@ def _said(source: ExportTables, tables: Sequence[str], notes: Sequence[str]) -> 
     yield from _block("rejected", [f"{test}: {why}" for test, why, is_rejected in names if is_rejected])
     yield "sheet charts", "K2, C, K', loss factor and TR over frequency, K1 over pressure; one colour per tyre"
     for one in tables:
-        yield f"sheet {one}", _ABOUT.get(one, "the rows that the sheet before it could not hold")
-    yield "chart data", "what the charts show, without rejected tests; change it and they follow"
+        yield f"sheet {one}", _ABOUT.get(one, "the rows that did not fit into the sheet before")
+    yield "chart data", "data of the charts, without rejected tests; the charts follow changes"
     yield from _block("charts", notes)
     versions = source.section("versions").items()
     yield "versions", ", ".join(f"{package} {version}" for package, version in versions)

@@ -1,4 +1,4 @@
-"""What the uncertainty is made of: shares of the variance by source, over frequency."""
+"""The figure of the uncertainty budget: shares of the variance by source, over frequency."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.sources import Kind, Source
 from fourpole.fitting.rows import KEY, keyed, keys_of
+from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
-from fourpole.plot.panels import tyre_heading
+from fourpole.plot.panels import few_ticks, tyre_heading
 from fourpole.plot.rig import value_label
 from fourpole.plot.sheet import Sheet, read_sheet
 from fourpole.plot.style import Style
 from fourpole.study.results import Results
 
-__all__ = ["budget", "source_colour"]
+__all__ = ["FIGURES", "budget", "source_colour"]
 
 _QUANTITIES = {one.column: one.name for one in (q.K2, q.C, q.STORAGE, q.LOSS)}
 _MOST_SOURCES = 6
 _MOST_TYRES = 3
-#: More frequencies than these are taken together.
+#: Most cells along frequency; more frequencies than these share cells.
 _MOST_CELLS = 24
 OTHER = "other"
-#: A source that nowhere has this share is not named.
+#: Smallest share of the variance for which a source is named in the key.
 _LEAST = 0.005
-#: Colours of sources: families have a hue, and their members are darker and lighter.
+#: Colours of sources; the sources of one kind have one hue, darker and lighter.
 _COLOURS = {
     Source(Kind.NOISE): "#56b4e9",
     Source(Kind.FREQUENCY): "#4d4d4d",
@@ -61,14 +62,14 @@ _COLOURS = {
 
 @dataclass(frozen=True)
 class _Shares:
-    """Median shares (frequencies, sources) of one quantity and tyre; rows add up to 1."""
+    """Frequencies [Hz], and median shares (frequencies, sources) of one quantity and tyre; the sum of a row is 1."""
 
     frequency: FloatArray
     share: FloatArray
 
 
 def source_colour(source: Source, style: Style) -> str:
-    """The colour of a source, the same in every figure.
+    """The colour of a source of uncertainty, the same in every figure.
 
     Examples
     --------
@@ -79,7 +80,7 @@ def source_colour(source: Source, style: Style) -> str:
 
 
 def budget(results: Results, style: Style) -> Figure | None:
-    """Stacked shares of the variance of K2, C and K* over frequency, a row per quantity, a column per tyre."""
+    """Stacked shares of the variance of K2, C, K' and K'' over frequency, a row per quantity, a column per tyre."""
     if q.SHARE.head not in results.budget.columns or "test" not in results.dynamic.columns:
         return None
     sheet = read_sheet(results)
@@ -118,7 +119,7 @@ def budget(results: Results, style: Style) -> Figure | None:
 
 
 def _rows(table: pl.DataFrame, sheet: Sheet) -> pl.DataFrame:
-    """Test, quantity, source and share with tyre and frequency group; rejected tests are left out."""
+    """Rows of budget.csv with the tyre and the frequency group of their test; without rejected tests."""
     groups = pl.DataFrame({"tyre": sheet.tyre, "frequency": sheet.frequency, "rejected": sheet.rejected})
     hertz = pl.Series("hertz", sheet.values(q.FREQUENCY.head))
     tests = keyed(sheet.table).select(KEY).hstack([*groups, hertz]).unique(KEY, maintain_order=True)
@@ -134,7 +135,7 @@ def _rows(table: pl.DataFrame, sheet: Sheet) -> pl.DataFrame:
 
 
 def _cells(sheet: Sheet) -> tuple[list[int], int]:
-    """Which of at most so many cells each frequency group belongs to."""
+    """The cell of each frequency group, and the number of cells."""
     count = len(sheet.frequencies)
     if count <= _MOST_CELLS:
         return list(range(count)), count
@@ -142,7 +143,7 @@ def _cells(sheet: Sheet) -> tuple[list[int], int]:
 
 
 def _shares(rows: pl.DataFrame, named: list[str]) -> _Shares:
-    """Medians over tests at each cell, what is not named together, made to add up to 1."""
+    """Medians over the tests of each cell, normalized to the sum 1; the sources not named are one source."""
     frequency, shares = [], []
     for _, part in rows.sort("cell").group_by("cell", maintain_order=True):
         keys = keys_of(part)
@@ -160,9 +161,10 @@ def _shares(rows: pl.DataFrame, named: list[str]) -> _Shares:
 
 
 def _panel(ax: Axes, found: _Shares, sources: list[str], style: Style) -> None:
-    ax.set_ylim(0.0, 103.0)  # the line of the tyre's colour lies on top
+    """Draw the stacked shares of one quantity and tyre."""
+    ax.set_ylim(0.0, 103.0)  # the bar in the tyre's colour needs the space above 100 %
     ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2.5, 5, 10]))
-    ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+    few_ticks(ax, 6)
     ax.set_axisbelow(False)
     ax.grid(visible=False)
     if not found.frequency.size:
@@ -182,7 +184,7 @@ def _panel(ax: Axes, found: _Shares, sources: list[str], style: Style) -> None:
 
 
 def _one_abscissa(panels: list[Axes], style: Style) -> None:
-    """The same limits for all panels that show something."""
+    """Give all panels the abscissa that holds every panel with shares."""
     limits = [ax.get_xlim() for ax in panels if ax.collections]
     if limits:
         low, high = min(low for low, _ in limits), max(high for _, high in limits)
@@ -191,7 +193,7 @@ def _one_abscissa(panels: list[Axes], style: Style) -> None:
 
 
 def _edges(frequency: FloatArray) -> FloatArray:
-    """Midway between neighbours; the outer cells are as wide as their neighbours."""
+    """Edges of the cells [Hz], midway between frequencies; an outer cell is symmetric about its frequency."""
     if frequency.size == 1:
         return np.array([0.97 * frequency[0], 1.03 * frequency[0]])
     middle = 0.5 * (frequency[1:] + frequency[:-1])
@@ -199,7 +201,19 @@ def _edges(frequency: FloatArray) -> FloatArray:
 
 
 def _heading(ax: Axes, sheet: Sheet, tyre: int, style: Style, columns: int) -> None:
+    """Write the name of the tyre, or "all tyres" if `tyre` is negative."""
     if tyre < 0:
         ax.set_title("all tyres", loc="left", pad=4.5)
     else:
         tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, columns=columns)
+
+
+#: Figures of this module, in the order of a report.
+FIGURES = (
+    FigureSpec(
+        "budget",
+        "What the uncertainty is made of",
+        "Shares of the variance of K2, C and K* by source against frequency.",
+        budget,
+    ),
+)

@@ -13,13 +13,14 @@ from matplotlib.ticker import MaxNLocator
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.panels import tyre_heading
 from fourpole.plot.sheet import Sheet, read_sheet
-from fourpole.plot.style import Style, plain_text
+from fourpole.plot.style import Style, counted, plain_text
 from fourpole.study.results import Results
 
-__all__ = ["LoadLine", "carpet", "load_deflection", "load_lines"]
+__all__ = ["FIGURES", "LoadLine", "carpet", "load_deflection", "load_lines"]
 
 #: Deflection [mm] and load [kN] in the axes of this figure.
 _MM, _KN = 1e3, 1e-3
@@ -27,7 +28,7 @@ _MM, _KN = 1e3, 1e-3
 
 @dataclass(frozen=True, eq=False)
 class LoadLine(ByValue):
-    """Mean load-deflection curve of one static test."""
+    """Mean load-deflection curve of one static test: deflection [mm] from the point of zero load, load [kN]."""
 
     test: str
     tyre: int
@@ -38,7 +39,7 @@ class LoadLine(ByValue):
 
 
 def load_lines(results: Results, sheet: Sheet) -> list[LoadLine]:
-    """The static tests that have a curve, in mm and kN."""
+    """The load-deflection curves of the static tests that have one."""
     previews = results.previews
     if q.MEAN_LOAD.head not in previews.columns or not sheet.static.height:
         return []
@@ -67,32 +68,29 @@ def load_lines(results: Results, sheet: Sheet) -> list[LoadLine]:
 
 
 def _zero_load(deflection: FloatArray, load: FloatArray) -> float:
-    """Deflection at which the load is zero, beyond the curve along its first tenth."""
+    """Deflection [mm] of zero load; if the curve does not reach zero, extrapolated along a tenth of the curve."""
     below = np.flatnonzero((load[:-1] <= 0) & (load[1:] > 0))
     if below.size:
-        at = int(below[-1])
+        at, step = int(below[-1]), 1
     else:
-        at = int(np.argmin(np.abs(load)))
-        at = min(at, load.size - 2)
-    step = max(1, load.size // 10) if not below.size else 1
+        at, step = min(int(np.argmin(np.abs(load))), load.size - 2), max(1, load.size // 10)
     end = min(at + step, load.size - 1)
     rise = float(load[end] - load[at])
     return float(deflection[at] - load[at] * (deflection[end] - deflection[at]) / rise) if rise > 0 else 0.0
 
 
 def load_deflection(results: Results, style: Style) -> Figure | None:
-    """Curves of constant pressure, each set off from the last, tied by lines of constant deflection."""
+    """Curves of constant pressure with an offset in proportion to it, joined by lines of constant deflection."""
     sheet = read_sheet(results)
     lines = load_lines(results, sheet)
     if not lines:
         return None
     notes = Notes()
     rejected = results.static.filter(pl.col("verdict") == "rejected")["test"].n_unique()
-    drawn = {line.test for line in lines}
-    lost = [test for test in results.static["test"].unique().to_list() if test not in drawn]
+    missing = len(set(results.static["test"].to_list()) - {line.test for line in lines})
     if rejected:
-        tests = "static test" if rejected == 1 else "static tests"
-        notes.say(f"{rejected} {tests} rejected" + (f", {len(lost)} without a curve" if lost else ""))
+        count = counted(rejected, "static test")
+        notes.say(f"{count} rejected" + (f", {missing} without a curve" if missing else ""))
     grey = sum(line.rejected for line in lines)
     if grey:
         notes.say(f"dotted grey: {grey} curves without K1" if grey > 1 else "dotted grey: a curve without K1")
@@ -104,7 +102,7 @@ def load_deflection(results: Results, style: Style) -> Figure | None:
     top = max(float(line.load.max()) for line in lines)
     widest = max(float(line.deflection.max()) + offset(line.pressure) for line in lines)
     x_limits = style.xlim or (-0.03 * widest, 1.15 * widest)
-    # What a label of a pressure takes of the abscissa.
+    # Width of the label of a pressure in the units of the abscissa.
     room = 0.26 * columns / (WIDTH - 1.0) * abs(x_limits[1] - x_limits[0])
     for ax, tyre in zip(grid.panels, tyres, strict=True):
         own = [line for line in lines if line.tyre == tyre]
@@ -126,35 +124,34 @@ def load_deflection(results: Results, style: Style) -> Figure | None:
 
 @dataclass(frozen=True)
 class _Offset:
-    """Shift of a curve in proportion to its pressure, so that between curves one may interpolate."""
+    """Shift of a curve [mm] in proportion to its pressure [Pa], which allows interpolation between curves."""
 
     start: float
     per_bar: float
 
     @classmethod
     def of(cls, lines: Sequence[LoadLine]) -> _Offset:
+        """A shift with a round number of mm per bar; zero if all curves have one pressure."""
         known = [line.pressure * 1e-5 for line in lines if np.isfinite(line.pressure)]
         if not known or max(known) - min(known) < 0.02 * max(known):
             return cls(known[0] if known else 0.0, 0.0)
         reach = max(float(line.deflection.max()) for line in lines)
         raw = reach / (max(known) - min(known))
         size = 10.0 ** np.floor(np.log10(raw))
-        return cls(
-            min(known),
-            float(size * max(step for step in (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.5) if step * size <= raw)),
-        )
+        steps = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.5)
+        return cls(min(known), float(size * max(step for step in steps if step * size <= raw)))
 
     def __call__(self, pressure: float) -> float:
         return self.per_bar * (pressure * 1e-5 - self.start) if np.isfinite(pressure) else 0.0
 
 
 def carpet(ax: Axes, lines: Sequence[LoadLine], *, offset: _Offset, colour: str, room: float, style: Style) -> Axes:
-    """One tyre's lattice.
+    """Draw the lattice of one tyre.
 
     Parameters
     ----------
     ax : Axes
-        Where to draw.
+        The panel.
     lines : sequence of LoadLine
         The tyre's curves.
     offset : callable
@@ -162,7 +159,7 @@ def carpet(ax: Axes, lines: Sequence[LoadLine], *, offset: _Offset, colour: str,
     colour : str
         Colour of the tyre.
     room : float
-        Width of a label [mm]: where curves are closer, not each is named.
+        Width of a label [mm]; of curves that are closer, only one is labelled.
     style : Style
         Theme.
 
@@ -190,7 +187,7 @@ def carpet(ax: Axes, lines: Sequence[LoadLine], *, offset: _Offset, colour: str,
 
 
 def _cross_lines(ax: Axes, lines: Sequence[LoadLine], offset: _Offset, style: Style) -> None:
-    """Lines of constant deflection, each labelled at the highest pressure that reaches it."""
+    """Draw lines of constant deflection, each with a label at the highest pressure that reaches it."""
     reach = max(float(line.deflection.max()) for line in lines)
     levels = MaxNLocator(7, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, reach)
     for level in (float(value) for value in levels if 0 < value <= reach):
@@ -201,7 +198,7 @@ def _cross_lines(ax: Axes, lines: Sequence[LoadLine], offset: _Offset, style: St
         y = [float(np.interp(level, line.deflection, line.load)) for line in held]
         ax.plot(x, y, color=style.look.ink, linewidth=0.8, marker=".", markersize=3.0, label="_constant deflection",
                 zorder=2.2)  # fmt: skip
-        # Beside the lattice: on the right, or on the left where the stiffest curves end below.
+        # The label is on the right, or on the left if the curve of the highest pressure ends at a smaller deflection.
         right = held[-1] is lines[-1]
         at, shift, side = (-1, (4, -2), "left") if right else (0, (-4, 2), "right")
         ax.annotate(f"{level:g} mm", (x[at], y[at]), shift, textcoords="offset points", fontsize=6.8,
@@ -209,16 +206,16 @@ def _cross_lines(ax: Axes, lines: Sequence[LoadLine], offset: _Offset, style: St
 
 
 def _pressure_labels(ax: Axes, lines: Sequence[LoadLine], offset: _Offset, room: float) -> None:
-    """The pressure at the upper end of each curve, as many as there is room for."""
+    """Write the pressure at the upper end of each curve that has room for it."""
     stated = [line for line in lines if np.isfinite(line.pressure)]
-    seen: list[float] = []
+    labelled: list[float] = []
     for line in [*stated[:1], *stated[:0:-1]]:
         shift = offset(line.pressure)
-        if any(abs(shift - other) < room for other in seen):
+        if any(abs(shift - other) < room for other in labelled):
             continue
-        # The first in the queue is the lowest, the second the highest: one unit at the end of the row will do.
-        unit = " bar" if len(seen) == 1 or len(stated) == 1 else ""
-        seen.append(shift)
+        # The lowest pressure is labelled first, the highest second; only the label of the highest has the unit.
+        unit = " bar" if len(labelled) == 1 or len(stated) == 1 else ""
+        labelled.append(shift)
         _end_label(ax, line, shift, f"{line.pressure * 1e-5:.3g}{unit}", (-6, 3) if unit else (0, 3))
     for line in lines:
         if np.isnan(line.pressure):
@@ -226,12 +223,18 @@ def _pressure_labels(ax: Axes, lines: Sequence[LoadLine], offset: _Offset, room:
 
 
 def _end_label(ax: Axes, line: LoadLine, shift: float, text: str, off: tuple[float, float]) -> None:
-    ax.annotate(
-        text,
-        (float(line.deflection[-1]) + shift, float(line.load[-1])),
-        off,
-        textcoords="offset points",
-        fontsize=6.8,
-        ha="left" if off[0] else "center",
-        va="bottom",
-    )
+    """Write a label at the upper end of a curve, `off` points from it."""
+    end = (float(line.deflection[-1]) + shift, float(line.load[-1]))
+    ax.annotate(text, end, off, textcoords="offset points", fontsize=6.8, ha="left" if off[0] else "center",
+                va="bottom")  # fmt: skip
+
+
+#: Figures of this module, in the order of a report.
+FIGURES = (
+    FigureSpec(
+        "fig05",
+        "Figure 5: static load against deflection",
+        "Lattice of mean load-deflection curves: each curve is one pressure, each cross-line one deflection.",
+        load_deflection,
+    ),
+)

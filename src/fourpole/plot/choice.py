@@ -1,4 +1,4 @@
-"""Which model, and why: what was tried, side by side."""
+"""The figure of the choice of a model: the candidates of each tyre by three criteria."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import FuncFormatter
 
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.fitting.modelfile import CandidateFile, ModelEntry
+from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.models import heading, numbered
-from fourpole.plot.panels import span
+from fourpole.plot.panels import few_ticks, rows_of_names, span
 from fourpole.plot.sheet import read_sheet
 from fourpole.plot.style import Style, plain_text
 from fourpole.study.results import Results
 
-__all__ = ["choice"]
+__all__ = ["FIGURES", "choice"]
 
-#: Difference of BIC below which two models are alike, and up to which its axis is linear.
+#: Difference of BIC within which models are equally good, and difference up to which its axis is linear.
 _ALIKE, _LINEAR = 6.0, 10.0
 _MOST_CANDIDATES, _MOST_TYRES = 14, 8
 _ROW, _MARGIN = 0.17, 0.2
 
 
 def choice(results: Results, style: Style) -> Figure | None:
-    """Which model, and why: candidates by BIC, reduced chi-square and frequencies left out, a row per tyre."""
+    """Candidates by BIC, chi-square per degree of freedom and leave-one-out error, a row of panels per tyre."""
     if results.models is None:
         return None
     sheet = read_sheet(results, texts_only=True)
@@ -38,8 +38,7 @@ def choice(results: Results, style: Style) -> Figure | None:
     if not entries:
         return None
     notes, key = Notes(), Key()
-    notes.chosen(min(len(entries), _MOST_TYRES), len(entries), "tyres")
-    entries = entries[:_MOST_TYRES]
+    entries = notes.first(entries, _MOST_TYRES, "tyres")
     most = min(max(len(one.candidates) for one in entries), _MOST_CANDIDATES)
     grid = Grid.of(3 * len(entries), 3, panel_height=_ROW * most + _MARGIN, style=style)
     for row, entry in enumerate(entries):
@@ -51,19 +50,20 @@ def choice(results: Results, style: Style) -> Figure | None:
             notes.say(f"the best {_MOST_CANDIDATES} models shown")
     _same_abscissa(grid.panels)
     _choice_keys(key, entries, style)
-    notes.say("left out: root mean square of frequencies foretold by fits without them, in standard uncertainties")
+    notes.say("left out: root mean square of the leave-one-out errors over the frequencies, in standard uncertainties")
     if any(one.left_out is None for entry in entries for one in entry.candidates[:_MOST_CANDIDATES]):
         notes.say("n: not tried, for the model is far from the best or too few frequencies are left")
-    figure = grid.finish(key=key, notes=notes, x_label="", y_labels=[""], headings="all", share_x=True)
+    figure = grid.finish(key=key, notes=notes, x_label="", y_labels=[""])
     labels = ("BIC less the best [1]", "chi-square / dof [1]", q.LEFT_OUT.label)
     for ax, label in zip(grid.panels[-3:], labels, strict=True):
         ax.set_xlabel(label)
-    # Names of models are longer than numbers.
+    # The names of models need a wider margin than numbers.
     figure.subplots_adjust(left=0.98 / WIDTH)
     return figure
 
 
 def _draw_choice(panels: Sequence[Axes], entry: ModelEntry, colour: str, style: Style) -> None:
+    """Draw the candidates of one tyre in its three panels."""
     tried = entry.candidates[:_MOST_CANDIDATES]
     least = min(one.bic for one in entry.candidates)
     columns: tuple[list[float | None], ...] = (
@@ -78,10 +78,7 @@ def _draw_choice(panels: Sequence[Axes], entry: ModelEntry, colour: str, style: 
                         transform=ax.get_yaxis_transform())  # fmt: skip
                 continue
             _draw_candidate(ax, value, place, one, colour if one.model == entry.model else "", style)
-        ax.set_ylim(len(tried) - 0.4, -0.6)
-        ax.set_yticks(range(len(tried)), [plain_text(one.model, 12) for one in tried])
-        ax.tick_params(axis="y", length=0)
-        ax.grid(visible=False, axis="y")
+        rows_of_names(ax, [plain_text(one.model, 12) for one in tried])
     panels[0].axvspan(0.0, _ALIKE, color=style.look.muted, alpha=0.16, linewidth=0.0, label="_alike", zorder=0.5)
     for ax in panels[1:]:
         ax.axvline(1.0, color=style.look.muted, linewidth=0.8, linestyle=(0.0, (4.0, 2.0)), label="_one", zorder=1.1)
@@ -90,23 +87,15 @@ def _draw_choice(panels: Sequence[Axes], entry: ModelEntry, colour: str, style: 
 def _draw_candidate(
     ax: Axes, value: float, place: int, one: CandidateFile, chosen: str, style: Style
 ) -> None:  # fmt: skip
+    """Draw the criterion of one candidate; `chosen` is the tyre's colour for the chosen model, otherwise empty."""
     colour = chosen or style.look.muted
-    ax.plot(
-        [value],
-        [place],
-        linestyle="none",
-        marker="o" if one.causal else "^",
-        markersize=6.5 if chosen else 4.5,
-        color=colour,
-        markerfacecolor=colour if chosen else style.look.paper,
-        label="_chosen" if chosen else "_candidate",
-        zorder=3.0,
-        clip_on=False,
-    )
+    size, face, label = (6.5, colour, "_chosen") if chosen else (4.5, style.look.paper, "_candidate")
+    ax.plot([value], [place], linestyle="none", marker="o" if one.causal else "^", markersize=size, color=colour,
+            markerfacecolor=face, label=label, zorder=3.0, clip_on=False)  # fmt: skip
 
 
 def _same_abscissa(panels: Sequence[Axes]) -> None:
-    """Each column's axis the same for all tyres."""
+    """Give each column of panels the same abscissa for all tyres."""
     for column in range(3):
         own = list(panels[column::3])
         seen = np.concatenate(
@@ -120,18 +109,20 @@ def _same_abscissa(panels: Sequence[Axes]) -> None:
                 _about_one(ax, seen[seen > 0])
 
 
-def _about_one(ax: Axes, seen: FloatArray) -> None:
-    low, high = min(float(seen.min(initial=1.0)), 0.9), max(float(seen.max(initial=1.0)), 1.1)
+def _about_one(ax: Axes, values: FloatArray) -> None:
+    """Set the abscissa of a criterion that is ideally 1; it is logarithmic if the values span a decade."""
+    low, high = min(float(values.min(initial=1.0)), 0.9), max(float(values.max(initial=1.0)), 1.1)
     if high > 10 * low:
         ax.set_xscale("log")
         ax.set_xlim(low / 1.25, high * 1.25)
         numbered(ax, "x", most=4)
     else:
         ax.set_xlim(*span([np.array([low, high])], 0.12))
-        ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+        few_ticks(ax, 4)
 
 
 def _from_the_best(ax: Axes, top: float) -> None:
+    """Set the abscissa of the difference of BIC: linear up to a limit, logarithmic beyond it."""
     if top > 5 * _LINEAR:
         ax.set_xscale("symlog", linthresh=_LINEAR, linscale=0.8)
         ax.set_xlim(-0.6, 1.6 * top)
@@ -140,19 +131,27 @@ def _from_the_best(ax: Axes, top: float) -> None:
         ax.minorticks_off()
     else:
         ax.set_xlim(-0.03 * max(top, _LINEAR), 1.1 * max(top, _LINEAR))
-        ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+        few_ticks(ax, 4)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def _choice_keys(key: Key, entries: Sequence[ModelEntry], style: Style) -> None:
-    def sign(marker: str, *, full: bool) -> Line2D:
-        face = style.look.muted if full else style.look.paper
-        size = 6.5 if full else 4.5
-        return Line2D([], [], linestyle="none", marker=marker, color=style.look.muted, markerfacecolor=face,
-                      markersize=size)  # fmt: skip
-
-    key.add(sign("o", full=True), "chosen, in the tyre's colour")
-    key.add(sign("o", full=False), "causal")
+    """Add the marks of candidates to the key."""
+    look = style.look
+    key.marker("chosen, in the tyre's colour", "o", look.muted, look.muted, markersize=6.5)
+    key.marker("causal", "o", look.muted, look.paper, markersize=4.5)
     if any(not one.causal for entry in entries for one in entry.candidates[:_MOST_CANDIDATES]):
-        key.add(sign("^", full=False), "not causal")
+        key.marker("not causal", "^", look.muted, look.paper, markersize=4.5)
     key.add(Patch(facecolor=style.look.muted, alpha=0.3, linewidth=0.0), f"alike: BIC within {_ALIKE:g} of the best")
+
+
+#: Figures of this module, in the order of a report.
+FIGURES = (
+    FigureSpec(
+        "model-choice",
+        "Which model, and why",
+        "Models that were tried on each tyre, the best first: BIC less the best, chi-square per degree of freedom, and "
+        "the leave-one-out error over the frequencies.",
+        choice,
+    ),
+)

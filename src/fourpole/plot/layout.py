@@ -1,10 +1,11 @@
-"""Layout: a grid of panels with the key and the notes below them, measured in inches so that nothing overlaps."""
+"""A grid of panels with the key and the notes below; all sizes are in inches, so that nothing overlaps."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -12,24 +13,28 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.plot.panels import Extent
-from fourpole.plot.sheet import Sheet, spread
-from fourpole.plot.style import Style, load_dashes, load_marker, pressure_marker
+from fourpole.plot.sheet import Groups, Sheet, spread
+from fourpole.plot.style import Marker, Style, counted, load_dashes, pressure_marker
 
 __all__ = ["MOST_NAMED", "WIDTH", "Grid", "Key", "Notes", "new_figure"]
 
+_T = TypeVar("_T")
 #: Width of a figure in a report [in].
 WIDTH = 7.0
 _LEFT, _RIGHT, _TOP = 0.66, 0.16, 0.3
 _NOTE_LINE, _KEY_LINE = 0.135, 0.172
+#: Number of pressures in the key of a figure.
 MOST_NAMED = 8
-_SIGN = 0.062  # width of a letter of the key
+#: Width of a letter of the key [in].
+_LETTER = 0.062
 
 
 def new_figure(width: float = WIDTH, height: float = 3.0) -> Figure:
-    """A figure that pyplot knows nothing of."""
+    """A figure that is not registered with pyplot; width and height in inches."""
     figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
     return figure
@@ -42,55 +47,58 @@ class Key:
     entries: list[tuple[Artist, str]] = field(default_factory=list)
 
     def add(self, handle: Artist, label: str) -> None:
-        """One entry."""
+        """Add an entry."""
         self.entries.append((handle, label))
 
+    def line(self, label: str, colour: str, width: float | None = None, **look: Any) -> None:
+        """Add an entry with a line; `look` has further properties of matplotlib's line."""
+        self.add(Line2D([], [], color=colour, linewidth=width, **look), label)
+
+    def marker(self, label: str, marker: Marker, colour: str, face: str, **look: Any) -> None:
+        """Add an entry with a marker and its fill; `look` has further properties of matplotlib's line."""
+        self.line(label, colour, linestyle="none", marker=marker, markerfacecolor=face, **look)
+
     def tyres(self, sheet: Sheet, which: Sequence[int], style: Style) -> None:
-        """Colours of tyres."""
+        """Add the colours of tyres."""
         for tyre in which:
-            self.add(Line2D([], [], color=style.colour(tyre), linewidth=2.6), sheet.labels[tyre])
+            self.line(sheet.labels[tyre], style.colour(tyre), 2.6)
 
     def pressures(self, sheet: Sheet, which: Sequence[int], style: Style) -> None:
-        """Markers of pressures."""
-        for rank in (which[at] for at in spread(len(which), MOST_NAMED)):
-            if np.isnan(sheet.pressures.values[rank]) and len(sheet.pressures) == 1:
-                continue
-            label = sheet.pressures.labels[rank]
-            handle = Line2D(
-                [],
-                [],
-                linestyle="none",
-                marker=pressure_marker(rank),
-                color=style.look.muted,
-                markerfacecolor=style.neutral_face(rank, len(sheet.pressures)),
-            )
-            self.add(handle, label if label[0].isdigit() else f"pressure {label}")
+        """Add the markers of pressures; of many pressures, some."""
+        shown = [which[at] for at in spread(len(which), MOST_NAMED)]
+        for rank in shown if _is_stated(sheet.pressures) else ():
+            face = style.neutral_face(rank, len(sheet.pressures))
+            label = _named("pressure", sheet.pressures.labels[rank])
+            self.marker(label, pressure_marker(rank), style.look.muted, face)
 
-    def loads(self, sheet: Sheet, which: Sequence[int], style: Style, *, markers: bool = False) -> None:
-        """Line styles of loads, with their markers where those are in use."""
-        for rank in which:
-            if np.isnan(sheet.loads.values[rank]) and len(sheet.loads) == 1:
-                continue
-            label = sheet.loads.labels[rank]
-            handle = Line2D(
-                [],
-                [],
-                color=style.look.muted,
-                linestyle=load_dashes(rank),
-                marker=load_marker(rank) if markers else "",
-            )
-            self.add(handle, label if label[0].isdigit() else f"preload {label}")
+    def loads(self, sheet: Sheet, which: Sequence[int], style: Style) -> None:
+        """Add the line styles of preloads."""
+        for rank in which if _is_stated(sheet.loads) else ():
+            self.line(_named("preload", sheet.loads.labels[rank]), style.look.muted, linestyle=load_dashes(rank))
 
-    def rejected(self, style: Style) -> None:
-        """The cross of rejected tests."""
-        handle = Line2D([], [], linestyle="none", marker="X", markersize=6.0, markerfacecolor=style.look.paper)
-        handle.set_markeredgecolor(style.look.muted)
-        self.add(handle, "rejected test")
+    def rejected(self, style: Style, rejected: BoolArray, label: str = "rejected test") -> None:
+        """Add the cross of rejected tests if there are any."""
+        if np.any(rejected):
+            self.marker(label, "X", style.look.muted, style.look.paper, markersize=6.0)
+
+    def band(self, style: Style) -> None:
+        """Add the 95 % band of a model or a map."""
+        self.add(Patch(facecolor=style.look.muted, alpha=0.35, linewidth=0.0), "95 % band")
+
+
+def _is_stated(groups: Groups) -> bool:
+    """False if the only group is that of the tests that state no value."""
+    return len(groups) > 1 or groups.stated() > 0
+
+
+def _named(name: str, label: str) -> str:
+    """A label with its number, or "not stated" with the name of the axis before it."""
+    return label if label[0].isdigit() else f"{name} {label}"
 
 
 @dataclass
 class Notes:
-    """Sentences below a figure: what it does not show."""
+    """Sentences below a figure, chiefly on what it does not show."""
 
     lines: list[str] = field(default_factory=list)
 
@@ -100,34 +108,44 @@ class Notes:
             self.lines.append(text)
 
     def chosen(self, shown: int, of: int, what: str) -> None:
-        """That only some of several conditions are drawn."""
+        """Add that only some of several conditions are drawn, if so."""
         if shown < of:
             self.say(f"{shown} of {of} {what} shown")
 
+    def some(self, found: list[_T], most: int, what: str) -> list[_T]:
+        """At most `most` of several items, evenly spaced; adds a note if not all are shown."""
+        shown = [found[at] for at in spread(len(found), most)]
+        self.chosen(len(shown), len(found), what)
+        return shown
+
+    def first(self, found: list[_T], most: int, what: str) -> list[_T]:
+        """The first of several items, at most `most`; adds a note if not all are shown."""
+        self.chosen(min(len(found), most), len(found), what)
+        return found[:most]
+
     def tests(self, rejected: BoolArray, visible: BoolArray, what: str) -> None:
-        """Tests rejected and tests without a value, of those that a figure is about."""
+        """Add the numbers of rejected tests and of tests without a value; both masks have all tests of the figure."""
         count, hidden = int(rejected.sum()), int(np.sum(rejected & ~visible))
         if count:
-            tests = "test" if count == 1 else "tests"
-            self.say(f"{count} {tests} rejected" + (f", {hidden} not shown: no value" if hidden else ""))
+            self.say(f"{counted(count, 'test')} rejected" + (f", {hidden} not shown: no value" if hidden else ""))
         lacking = int(np.sum(~rejected & ~visible))
         if lacking:
-            self.say(f"{lacking} {'test has' if lacking == 1 else 'tests have'} no {what}")
+            self.say(f"{counted(lacking, 'test')} {'has' if lacking == 1 else 'have'} no {what}")
 
     def beyond(self, values: FloatArray, limits: tuple[float, float], what: str) -> None:
-        """Rejected tests whose values lie outside the axes."""
+        """Add how many values of rejected tests lie outside the axes."""
         count = int(np.sum((values < min(limits)) | (values > max(limits))))
         if count:
-            self.say(f"{what} of {count} rejected {'test' if count == 1 else 'tests'} beyond the axes")
+            self.say(f"{what} of {counted(count, 'rejected test')} beyond the axes")
 
     def cut(self, extent: Extent, limits: tuple[float, float], style: Style, what: str = "uncertainty") -> None:
-        """Values and bars that leave the axes."""
+        """Add how many values and bars lie outside the axes."""
         values, cut = extent.outside(style.ylim or limits)
         if values:
             why = "" if style.ylim else ": they are known to no better than 100 %"
-            self.say(f"{values} {'value' if values == 1 else 'values'} beyond the axes{why}")
+            self.say(f"{counted(values, 'value')} beyond the axes{why}")
         if cut:
-            self.say(f"{cut} {what} {'bar leaves' if cut == 1 else 'bars leave'} the axes")
+            self.say(f"{counted(cut, f'{what} bar')} {'leaves' if cut == 1 else 'leave'} the axes")
 
 
 @dataclass
@@ -142,7 +160,7 @@ class Grid:
 
     @classmethod
     def of(cls, count: int, columns: int, *, panel_height: float, style: Style) -> Grid:
-        """So many panels in so many columns."""
+        """A grid of `count` panels; `panel_height` in inches."""
         rows = -(-count // columns)
         figure = new_figure()
         panels = [figure.add_subplot(rows, columns, at + 1) for at in range(count)]
@@ -164,9 +182,10 @@ class Grid:
         share_y: bool = True,
         headings: str = "all",
     ) -> Figure:
-        """Label the outer axes, put key and notes below, and size the figure.
+        """Label the outer axes, put key and notes below, and size the figure; returns the figure.
 
-        `y_labels` has one text for all rows, or one per row. `headings` says which rows have a title: "all" or "top".
+        `y_labels` has one text for all rows, or one text per row. `headings` is "all" if each row of panels has
+        titles, and "top" if only the first row has.
         """
         for at, ax in enumerate(self.panels):
             row, column = divmod(at, self.columns)
@@ -201,38 +220,32 @@ class Grid:
         if key.entries:
             _draw_key(self.figure, key, key_columns, (notes_height + 0.01) / height)
         if note_lines:
-            self.figure.text(
-                0.1 / WIDTH,
-                0.05 / height,
-                "\n".join(note_lines),
-                fontsize=7.0,
-                color=self.style.look.muted,
-                va="bottom",
-                ha="left",
-                linespacing=1.25,
-            )
+            self.figure.text(0.1 / WIDTH, 0.05 / height, "\n".join(note_lines), fontsize=7.0, va="bottom", ha="left",
+                             linespacing=1.25, color=self.style.look.muted)  # fmt: skip
         return self.figure
 
 
 def _wrapped(lines: Sequence[str]) -> list[str]:
+    """The notes as one sentence in lines of the figure's width."""
     text = "; ".join(lines)
     return textwrap.wrap(f"{text[:1].upper()}{text[1:]}.", 116) if lines else []
 
 
 def _key_shape(labels: Sequence[str]) -> tuple[int, int]:
+    """Number of columns and rows of the key."""
     if not labels:
         return 1, 0
-    widest = max(len(label) for label in labels) * _SIGN + 0.5
+    widest = max(len(label) for label in labels) * _LETTER + 0.5
     most = max(1, int((WIDTH - 0.2) / widest))
     rows = -(-len(labels) // most)
     return -(-len(labels) // rows), rows
 
 
 def _draw_key(figure: Figure, key: Key, columns: int, bottom: float) -> None:
-    # matplotlib fills a key column by column; people read row by row.
+    # Matplotlib fills a key column by column, but the entries are in the order of rows.
     by_column = [key.entries[at] for column in range(columns) for at in range(column, len(key.entries), columns)]
     handles, labels = zip(*by_column, strict=True)
-    # matplotlib drops labels that begin with an underscore, and a tyre may be called so.
+    # Matplotlib drops labels that begin with an underscore; the name of a tyre may begin with one.
     legend = figure.legend(
         handles,
         [f"entry {at}" for at in range(len(labels))],

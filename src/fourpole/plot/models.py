@@ -1,16 +1,14 @@
-"""The model chosen for K*: through the data, with its band and what it leaves."""
+"""The figure of the chosen model: K* and the model with its 95 % band, and the residuals."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from fourpole import quantities as q
@@ -18,31 +16,32 @@ from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import axis_of
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, column_of, response
 from fourpole.models.data import NORMAL_95
+from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
-from fourpole.plot.panels import Extent, Marks, curve, limit, span, tyre_heading
-from fourpole.plot.sheet import Sheet, read_sheet, spread
-from fourpole.plot.style import Style, load_dashes, mixed, plain_text, pressure_marker
+from fourpole.plot.panels import Extent, Marks, band, curve, limit, span, tyre_heading
+from fourpole.plot.sheet import Sheet, read_sheet, texts
+from fourpole.plot.style import Dashes, Style, load_dashes, mixed, plain_text, pressure_marker
 from fourpole.study.results import Results
 
-__all__ = ["band", "heading", "key_of_band", "models", "numbered", "share", "steep", "steep_limits"]
+__all__ = ["FIGURES", "heading", "models", "numbered", "share", "steep", "steep_limits"]
 
 _MOST_COLUMNS = 4
-#: Conditions of a panel: over less than a decade more bands than this melt into one.
+#: Most conditions of a panel over less than a decade of frequency, where bands overlap, and over more.
 _MOST_SERIES, _MOST_WIDE = 3, 5
-#: Beyond a decade of frequency its axis is logarithmic; beyond this ratio of K' or K'' theirs is.
+#: Ratios of the ends of an axis beyond which it is logarithmic: of frequency, and of K' or K''.
 _DECADE, _STEEP = 10.0, 20.0
-#: Points of a line, over more than a decade and less.
+#: Number of points of a model's line over more than a decade of frequency, and over less.
 _GRID_WIDE, _GRID = 121, 51
+#: Smallest share of the tyre's colour in the colour of a model's line.
 _LEAST_INK = 0.5
-#: Residuals that most lie within, and the least that their axis shows.
+#: Bound that about 95 % of residuals lie within, and smallest end of their axis, in standard uncertainties.
 _USUAL, _LEAST_SHOWN = 2.0, 3.0
-_CORRELATION = q.CORR_K.head
 _STATED = (q.PRESSURE.head, q.PRELOAD.head)
 
 
 @dataclass(frozen=True)
 class _Drawn:
-    """A condition of a model: where it stands among the others, and the tests that it was fitted to."""
+    """A condition of a model: its groups in the sheet, its values on further axes, and the tests it was fitted to."""
 
     entry: ModelEntry
     at: int
@@ -54,7 +53,7 @@ class _Drawn:
 
     @property
     def series(self) -> tuple[int, tuple[float, ...]]:
-        """What tells it from the others of its panel, in the order of a key."""
+        """What differs between the conditions of a panel: pressure and values on further axes."""
         return self.pressure, tuple(value for _, value in self.others)
 
     @property
@@ -65,7 +64,7 @@ class _Drawn:
 
 @dataclass(frozen=True)
 class _Curves:
-    """A condition as it is drawn: points, the model's line and band in the units of the axes, and what is left."""
+    """One condition: points, line and half-width of the band of the model in the units of the axes; residuals."""
 
     frequency: FloatArray
     values: tuple[FloatArray, FloatArray]
@@ -77,7 +76,7 @@ class _Curves:
 
 
 def models(results: Results, style: Style) -> Figure | None:
-    """The chosen model of each tyre through K' and K'', and below it what it leaves, in standard units."""
+    """K' and K'' with the chosen model of each tyre, and below them the residuals in standard uncertainties."""
     if results.models is None:
         return None
     sheet = read_sheet(results, texts_only=True)
@@ -86,13 +85,12 @@ def models(results: Results, style: Style) -> Figure | None:
         return None
     notes, key = Notes(), Key()
     places = sorted({(one.load, one.tyre) for one in found})
-    columns = min(_MOST_COLUMNS, len(places))
-    notes.chosen(columns, len(places), "pairs of tyre and preload")
-    places = places[:columns]
+    places = notes.first(places, _MOST_COLUMNS, "pairs of tyre and preload")
+    columns = len(places)
     found = [one for one in found if (one.load, one.tyre) in places]
     every = sorted({one.series for one in found})
-    shown = [every[at] for at in spread(len(every), _MOST_WIDE if _logarithmic(found) else _MOST_SERIES)]
-    notes.chosen(len(shown), len(every), "pressures" if _by_pressure(found) else "conditions of each")
+    most = _MOST_WIDE if _logarithmic(found) else _MOST_SERIES
+    shown = notes.some(every, most, "pressures" if _by_pressure(found) else "conditions of each")
     found = [one for one in found if one.series in shown]
     curves = [_curves(one, sheet) for one in found]
     log = _logarithmic(found)
@@ -104,9 +102,7 @@ def models(results: Results, style: Style) -> Figure | None:
             for one, drawn in zip(found, curves, strict=True):
                 if (one.load, one.tyre) == place:
                     marks = _marks(one, found, sheet, style)
-                    # The line is as pale as the marker, but never so pale that it is lost.
-                    line = mixed(marks.face or marks.colour, marks.colour, _LEAST_INK)
-                    _draw_condition(ax, drawn, row, marks, line)
+                    _draw_condition(ax, drawn, row, marks)
             if row > 1:
                 _usual(ax, style)
             own = Style(style.theme, style.xlim, None if row > 1 else style.ylim)
@@ -117,13 +113,14 @@ def models(results: Results, style: Style) -> Figure | None:
                 heading(ax, sheet, entry.model, tyre, sheet.name_of_load(load), style, columns)
     _model_keys(key, found, sheet, style)
     _series_keys(key, found, shown, sheet, style)
-    key_of_band(key, style)
+    key.band(style)
     _say(notes, found, curves)
     labels = [q.STORAGE.label, q.LOSS.label, "residual K' [1]", "residual K'' [1]"]
     return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=labels, headings="top")
 
 
 def _conditions(entry: ModelEntry, sheet: Sheet) -> list[_Drawn]:
+    """The conditions of a model; none if its tyre is in no table."""
     if entry.tyre not in sheet.names:
         return []
     tyre = sheet.names.index(entry.tyre)
@@ -141,52 +138,59 @@ def _conditions(entry: ModelEntry, sheet: Sheet) -> list[_Drawn]:
 
 
 def _rows(one: ConditionFile, state: dict[str, float], sheet: Sheet) -> BoolArray:
-    """The tests of a condition by name; where they have none, by where they stand."""
-    if one.tests:
-        return np.isin(np.array(sheet.table["test"].to_list(), dtype=object).astype(str), one.tests)
+    """The rows that a condition was fitted to: by the names of tests, or, for tests without a name, by the state.
+
+    A model file names tests, but a test may have several points; its points used are those in the band fitted.
+    """
     frequency = sheet.values(q.FREQUENCY.head)
     mask = (frequency >= one.band[0] * (1 - 1e-9)) & (frequency <= one.band[1] * (1 + 1e-9))
+    if one.tests:
+        names = np.array(texts(sheet.table, q.TEST.head), dtype=object)
+        points = Counter(names.tolist())
+        single = np.array([points[name] == 1 for name in names], dtype=bool)
+        return np.isin(names.astype(str), one.tests) & (single | (mask & ~sheet.rejected))
     for column, value in state.items():
         mask &= np.array([axis_of(column).same(own, value) for own in sheet.values(column).tolist()], dtype=bool)
     return np.asarray(mask)
 
 
 def _curves(one: _Drawn, sheet: Sheet) -> _Curves:
-    frequency = sheet.values(q.FREQUENCY.head)[one.rows]
-    order = np.argsort(frequency, kind="stable")
-    frequency = frequency[order]
-    shown = [sheet.shown(quantity) for quantity in (q.STORAGE, q.LOSS)]
-    real, imag = (value[one.rows][order] for value, _ in shown)
-    stds = tuple(std[one.rows][order] for _, std in shown)
+    """Points, line, band and residuals of a condition."""
+    rows = np.flatnonzero(one.rows)
+    frequency = sheet.values(q.FREQUENCY.head)
+    rows = rows[np.argsort(frequency[rows], kind="stable")]
+    frequency = frequency[rows]
+    (real, real_std), (imag, imag_std) = (
+        (value[rows], std[rows]) for value, std in (sheet.shown(quantity) for quantity in (q.STORAGE, q.LOSS))
+    )
     low, high = one.band
     grid = np.geomspace(low, high, _GRID_WIDE) if high > _DECADE * low else np.linspace(low, high, _GRID)
-    line, spread_of_line = response(one.entry, one.at, grid)
-    foretold, doubt = response(one.entry, one.at, frequency)
-    correlation = np.nan_to_num(sheet.values(_CORRELATION)[one.rows][order])
-    off = np.stack([real, imag], axis=1) - np.stack([foretold.real, foretold.imag], axis=1) / q.STORAGE.scale
-    whole = doubt / q.STORAGE.scale**2 + _data_covariance(stds[0], stds[1], correlation)
-    left = whitened(off, whole)
-    half = NORMAL_95 / q.STORAGE.scale * np.sqrt(np.diagonal(spread_of_line, axis1=1, axis2=2))
+    line, line_covariance = response(one.entry, one.at, grid)
+    predicted, covariance = response(one.entry, one.at, frequency)
+    correlation = np.nan_to_num(sheet.values(q.CORR_K.head)[rows])
+    off = np.stack([real - predicted.real / q.STORAGE.scale, imag - predicted.imag / q.STORAGE.scale], axis=1)
+    residuals = whitened(off, covariance / q.STORAGE.scale**2 + _data_covariance(real_std, imag_std, correlation))
+    half = NORMAL_95 / q.STORAGE.scale * np.sqrt(np.diagonal(line_covariance, axis1=1, axis2=2))
     return _Curves(
-        frequency,
-        (real, imag),
-        (stds[0], stds[1]),
-        (left[:, 0], left[:, 1]),
-        grid,
-        (line.real / q.STORAGE.scale, line.imag / q.STORAGE.scale),
-        (half[:, 0], half[:, 1]),
+        frequency=frequency,
+        values=(real, imag),
+        stds=(real_std, imag_std),
+        residuals=(residuals[:, 0], residuals[:, 1]),
+        grid=grid,
+        line=(line.real / q.STORAGE.scale, line.imag / q.STORAGE.scale),
+        half=(half[:, 0], half[:, 1]),
     )
 
 
 def _data_covariance(first: FloatArray, second: FloatArray, correlation: FloatArray) -> FloatArray:
-    """Covariance (N, 2, 2) of K' and K''; none where it is not stated."""
+    """Covariance (N, 2, 2) of K' and K''; zero for uncertainties that are not stated."""
     a, b = np.nan_to_num(first), np.nan_to_num(second)
     cross = correlation * a * b
     return np.stack([np.stack([a**2, cross], -1), np.stack([cross, b**2], -1)], -2)
 
 
 def whitened(off: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Pairs (N, 2) in standard units, made independent while each stays as near to its own as can be.
+    """Pairs (N, 2) divided by the symmetric square root of their correlation: uncorrelated, in standard uncertainties.
 
     Examples
     --------
@@ -203,7 +207,7 @@ def whitened(off: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _row(one: _Curves, row: int) -> list[tuple[FloatArray, FloatArray]]:
-    """What a row shows: points with their standard uncertainties, the line with its band."""
+    """Values and uncertainties that a row of panels shows: of the points, and of the model's line."""
     if row > 1:
         return [(one.residuals[row - 2], np.zeros(one.frequency.size))]
     return [(one.values[row], one.stds[row]), (one.line[row], one.half[row])]
@@ -212,7 +216,7 @@ def _row(one: _Curves, row: int) -> list[tuple[FloatArray, FloatArray]]:
 def _row_limits(
     shown: Sequence[tuple[FloatArray, FloatArray]], *, residual: bool, log: bool
 ) -> tuple[tuple[float, float], bool]:
-    """Limits of a row of panels, and whether they are logarithmic."""
+    """Limits of a row of panels, and whether its axis is logarithmic."""
     if residual:
         sizes = np.concatenate([np.abs(points[np.isfinite(points)]) for points, _ in shown])
         top = max(1.12 * float(sizes.max(initial=0.0)), _LEAST_SHOWN)
@@ -224,40 +228,35 @@ def _row_limits(
 
 
 def steep_limits(extent: Extent) -> tuple[tuple[float, float], bool]:
-    """Limits, and whether the values range so widely that they need a logarithmic axis."""
-    seen = np.concatenate(extent.values) if extent.values else np.zeros(0)
-    if seen.size and seen.min() > 0 and seen.max() > _STEEP * seen.min():
-        room = (seen.max() / seen.min()) ** 0.06
-        return (float(seen.min() / room), float(seen.max() * room)), True
+    """Limits, and whether the axis is logarithmic because the ratio of the largest to the smallest value is large."""
+    values = np.concatenate(extent.values) if extent.values else np.zeros(0)
+    if values.size and values.min() > 0 and values.max() > _STEEP * values.min():
+        room = (values.max() / values.min()) ** 0.06
+        return (float(values.min() / room), float(values.max() * room)), True
     return extent.limits(), False
 
 
-def _draw_condition(ax: Axes, one: _Curves, row: int, marks: Marks, line: str) -> None:
+def _draw_condition(ax: Axes, one: _Curves, row: int, marks: Marks) -> None:
+    """Draw the points of a condition, and in the rows of K' and K'' the model's line with its band."""
     if row > 1:
         curve(ax, one.frequency, one.residuals[row - 2], marks=marks)
         return
     curve(ax, one.frequency, one.values[row], marks=marks, std=one.stds[row])
     band(ax, one.grid, one.line[row], one.half[row], marks.colour)
+    # The line is as pale as the fill of the marker, mixed with the tyre's colour so that it stays visible.
+    line = mixed(marks.face or marks.colour, marks.colour, _LEAST_INK)
     ax.plot(one.grid, one.line[row], color=line, linestyle=marks.dashes, linewidth=1.1, label="_model", zorder=2.0)
 
 
-def band(ax: Axes, x: FloatArray, y: FloatArray, half: FloatArray, colour: str) -> Axes:
-    """The 95 % band about a line, with an edge that can be told where several lie over each other."""
-    known = np.isfinite(y) & np.isfinite(half)
-    ax.fill_between(x, y - half, y + half, where=known, facecolor=to_rgba(colour, 0.14),
-                    edgecolor=to_rgba(colour, 0.45), linewidth=0.5, label="_band", zorder=1.2)  # fmt: skip
-    return ax
-
-
 def _usual(ax: Axes, style: Style) -> None:
-    """Zero, and where most residuals should lie."""
-    ax.axhline(0.0, color=style.look.muted, linewidth=0.8, label="_zero", zorder=1.1)
-    for level in (-_USUAL, _USUAL):
-        ax.axhline(level, color=style.look.muted, linewidth=0.8, linestyle=(0.0, (4.0, 2.0)), label="_usual",
-                   zorder=1.1)  # fmt: skip
+    """Draw lines at zero and at the bounds that about 95 % of residuals lie within."""
+    dashed: Dashes = (0.0, (4.0, 2.0))
+    for level, dashes, label in ((0.0, "solid", "_zero"), (-_USUAL, dashed, "_usual"), (_USUAL, dashed, "_usual")):
+        ax.axhline(level, color=style.look.muted, linewidth=0.8, linestyle=dashes, label=label, zorder=1.1)
 
 
 def _logarithmic(found: Sequence[_Drawn]) -> bool:
+    """Whether the axis of frequency is logarithmic."""
     return max(one.band[1] for one in found) > _DECADE * min(one.band[0] for one in found)
 
 
@@ -270,6 +269,7 @@ def _finish_panel(
     log: bool,
     ticks: int,
 ) -> None:
+    """Set the limits of a panel, and make its axes logarithmic if the row or the frequencies need it."""
     ends = np.array([end for one in found for end in one.band])
     limit(ax, span([ends]), limits[0], style=style, ticks=ticks)
     if log:
@@ -282,14 +282,14 @@ def _finish_panel(
 
 
 def steep(ax: Axes, limits: tuple[float, float], style: Style) -> None:
-    """A logarithmic ordinate."""
+    """Make the ordinate logarithmic."""
     ax.set_yscale("log")
     ax.set_ylim(style.ylim if style.ylim and min(style.ylim) > 0 else limits)
     numbered(ax, "y", most=5)
 
 
 def numbered(ax: Axes, which: str, most: int) -> None:
-    """Numbers as people write them on a logarithmic axis: at 2 and 5 too, where there are few decades."""
+    """Plain numbers on a logarithmic axis, "x" or "y": at 1, 2 and 5 over less than two decades, otherwise at 1."""
     axis = ax.xaxis if which == "x" else ax.yaxis
     low, high = sorted(ax.get_xlim() if which == "x" else ax.get_ylim())
     few = high < 100 * low
@@ -300,18 +300,18 @@ def numbered(ax: Axes, which: str, most: int) -> None:
 
 
 def heading(ax: Axes, sheet: Sheet, model: str, tyre: int, right: str, style: Style, columns: int) -> None:
-    """Name of the tyre above a panel; that of the model where the tyre has none."""
+    """Write the name of the tyre above a panel, or the name of the model if the tyre has none."""
     name = sheet.labels[tyre] if sheet.names[tyre] else model
     tyre_heading(ax, name, style.colour(tyre), right, style=style, columns=columns)
 
 
 def _by_pressure(found: Sequence[_Drawn]) -> bool:
-    """Whether conditions of a panel differ in pressure alone."""
+    """Whether the conditions of a panel differ in pressure alone."""
     return len({one.series[1] for one in found}) < 2
 
 
 def _rank(one: _Drawn, found: Sequence[_Drawn], sheet: Sheet) -> tuple[int, int]:
-    """Place among the series, and how many there are: that of the pressure where nothing else differs."""
+    """Rank of a condition among the conditions of a panel, and their number; of pressures if only these differ."""
     if _by_pressure(found):
         return one.pressure, len(sheet.pressures)
     every = sorted({each.series for each in found})
@@ -330,40 +330,38 @@ def share(part: float) -> str:
 
 
 def _model_keys(key: Key, found: Sequence[_Drawn], sheet: Sheet, style: Style) -> None:
-    """Which model each tyre has, and what was granted to it."""
+    """Add the model of each tyre to the key, with its model discrepancy."""
     for tyre, entry in {one.tyre: one.entry for one in sorted(found, key=lambda one: one.tyre)}.items():
-        granted = f", granted {share(entry.granted)}" if entry.granted > 0 else ""
-        name = f"{sheet.labels[tyre]}: " if sheet.names[tyre] else ""
-        handle = Line2D([], [], color=style.colour(tyre), linewidth=2.6)
-        key.add(handle, f"{name}{plain_text(entry.model)}{granted}")
+        discrepancy = f", model discrepancy {share(entry.granted)}" if entry.granted > 0 else ""
+        key.line(f"{model_of(sheet, tyre)}{plain_text(entry.model)}{discrepancy}", style.colour(tyre), 2.6)
+
+
+def model_of(sheet: Sheet, tyre: int) -> str:
+    """The name of a tyre before that of its model in a key; empty if the tyre has no name."""
+    return f"{sheet.labels[tyre]}: " if sheet.names[tyre] else ""
 
 
 def _series_keys(
     key: Key, found: Sequence[_Drawn], shown: Sequence[tuple[int, tuple[float, ...]]], sheet: Sheet, style: Style
 ) -> None:
+    """Add the markers of the conditions to the key."""
     if _by_pressure(found):
         key.pressures(sheet, [series[0] for series in shown], style)
         return
     for series in shown:
         one = next(each for each in found if each.series == series)
         rank, count = _rank(one, found, sheet)
-        handle = Line2D([], [], linestyle="none", marker=pressure_marker(rank), color=style.look.muted,
-                        markerfacecolor=style.neutral_face(rank, count))  # fmt: skip
         pressure = [] if np.isnan(sheet.pressures.values[one.pressure]) else [sheet.pressures.labels[one.pressure]]
-        key.add(handle, ", ".join([*pressure, *(_other(column, value) for column, value in one.others)]))
+        label = ", ".join([*pressure, *(_other(column, value) for column, value in one.others)])
+        key.marker(label, pressure_marker(rank), style.look.muted, style.neutral_face(rank, count))
 
 
 def _other(column: str, value: float) -> str:
-    """A condition besides pressure and preload, in words."""
+    """The value of a further axis of the condition, as the key has it."""
     name, _, unit = column.removesuffix("]").partition(" [")
     if name == "temperature":
         return f"{value:.4g} °C"
     return plain_text(f"{name} {value:.4g} {'' if unit == '1' else unit}".rstrip())
-
-
-def key_of_band(key: Key, style: Style) -> None:
-    """The band's entry."""
-    key.add(Patch(facecolor=style.look.muted, alpha=0.35, linewidth=0.0), "95 % band")
 
 
 def _say(notes: Notes, found: Sequence[_Drawn], curves: Sequence[_Curves]) -> None:
@@ -376,4 +374,16 @@ def _say(notes: Notes, found: Sequence[_Drawn], curves: Sequence[_Curves]) -> No
             f"are beyond ±{_USUAL:g}"
         )
     if any(one.entry.granted > 0 for one in found):
-        notes.say("granted: relative error that the model was allowed so that it fits; it is in the band")
+        notes.say("model discrepancy: relative error of K* with which chi-square equals its degrees of freedom")
+
+
+#: Figures of this module, in the order of a report.
+FIGURES = (
+    FigureSpec(
+        "model",
+        "The chosen model through the data",
+        "K' and K'' of each tyre with standard uncertainties, the model's line with its 95 % band, and below the "
+        "residuals in standard uncertainties; dashed lines are at ±2.",
+        models,
+    ),
+)

@@ -1,4 +1,4 @@
-"""The operating map: what it says over pressure at constant frequency and preload, beside the tests."""
+"""The figure of the operating map: its curves over pressure at constant frequency and preload, and the tests."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import TypeAlias
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.fitting.modelfile import MapEntry, map_of
 from fourpole.models.data import NORMAL_95
 from fourpole.models.operating import Answer, OperatingMap
+from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
-from fourpole.plot.models import band, heading, key_of_band, share, steep, steep_limits
-from fourpole.plot.panels import Extent, Marks, curve, limit, span
+from fourpole.plot.models import heading, model_of, share, steep, steep_limits
+from fourpole.plot.panels import Extent, Marks, band, curve, limit, span
 from fourpole.plot.sheet import Sheet, read_sheet, spread
 from fourpole.plot.style import Style, load_dashes, load_marker, plain_text
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 
-__all__ = ["operating"]
+__all__ = ["FIGURES", "operating"]
 
 _MOST_COLUMNS = 4
 _FREQUENCIES = 3
@@ -39,7 +39,7 @@ _Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class _Panel:
-    """One tyre with all axes of its map held but one."""
+    """The map of one tyre along one axis, with the other axes at constant values."""
 
     entry: MapEntry
     found: OperatingMap
@@ -49,11 +49,11 @@ class _Panel:
 
     @property
     def column(self) -> str:
-        """Column of the abscissa."""
+        """Head of the column of the abscissa."""
         return self.found.axes.names[self.along]
 
     def points(self) -> FloatArray:
-        """Points (Q, d) along the abscissa, none of them outside of what was tested."""
+        """Points (Q, d) along the abscissa within the tested conditions."""
         axes = self.found.axes
         rows = np.tile([self.held.get(at, 0.0) for at in range(len(axes.names))], (_GRID, 1))
         own = axes.points[:, self.along]
@@ -66,7 +66,7 @@ class _Panel:
         return np.array(kept).reshape(-1, len(axes.names))
 
     def tests(self, sheet: Sheet) -> BoolArray:
-        """Tests that stand where the panel does."""
+        """True for tests at the constant values of the panel."""
         mask = sheet.tyre == self.tyre
         for at, value in self.held.items():
             own = sheet.values(self.found.axes.names[at])
@@ -76,7 +76,7 @@ class _Panel:
 
 @dataclass(frozen=True)
 class _Series:
-    """A frequency of a panel: the map's curve and the tests beside it, each for both quantities, in their units."""
+    """One frequency of a panel: the curve of the map and the tests, for both quantities, in the units of the axes."""
 
     panel: int
     colour: str
@@ -89,7 +89,7 @@ class _Series:
 
 
 def operating(results: Results, style: Style) -> Figure | None:
-    """K2 and C, or K' and K'' where there are none, over pressure or the first axis of the map."""
+    """K2 and C over pressure or, without pressure, the first axis of the map; K' and K'' if K2 and C are unknown."""
     if results.maps is None:
         return None
     sheet = read_sheet(results, texts_only=True)
@@ -98,9 +98,8 @@ def operating(results: Results, style: Style) -> Figure | None:
     if not panels:
         return None
     notes, key = Notes(), Key()
-    columns = min(_MOST_COLUMNS, len(panels))
-    notes.chosen(columns, len(panels), "pairs of tyre and condition")
-    panels = panels[:columns]
+    panels = notes.first(panels, _MOST_COLUMNS, "pairs of tyre and condition")
+    columns = len(panels)
     pair = (q.K2, q.C) if _has_arm(sheet, panels) else (q.STORAGE, q.LOSS)
     groups = _frequencies(sheet, panels, notes)
     series = [one for at, panel in enumerate(panels) for one in _series(at, panel, sheet, groups, pair, style)]
@@ -134,7 +133,7 @@ def operating(results: Results, style: Style) -> Figure | None:
 
 
 def _panels(entry: MapEntry, sheet: Sheet) -> list[_Panel]:
-    """A panel for each value of the preload, or of the first axis that is not the abscissa."""
+    """A panel for each value of the preload; without preload, of the first axis that is not the abscissa."""
     found = map_of(entry)
     names, points = found.axes.names, found.axes.points
     along = names.index(_PRESSURE) if _PRESSURE in names else 0
@@ -146,14 +145,14 @@ def _panels(entry: MapEntry, sheet: Sheet) -> list[_Panel]:
     made = []
     for level in _levels(points[:, first]):
         near = np.abs(points[:, first] - level) <= _width(points[:, first], level)
-        # Axes beyond the second stand where most of the tests do.
+        # Each further axis has the value of most tests.
         held = {first: level} | {at: _commonest(points[near, at]) for at in others if at != first}
         made.append(_Panel(entry, found, tyre, along, held))
     return made
 
 
 def _order(panel: _Panel) -> tuple[int, int]:
-    """By condition, and within it by tyre."""
+    """Rank of the panel's condition, then of its tyre."""
     if not panel.held:
         return 0, panel.tyre
     first, value = next(iter(panel.held.items()))
@@ -161,11 +160,12 @@ def _order(panel: _Panel) -> tuple[int, int]:
 
 
 def _width(values: FloatArray, value: float) -> float:
+    """Difference within which another value on an axis is equal to this value."""
     return max(_SAME * float(np.ptp(values)), _SAME * abs(value))
 
 
 def _levels(values: FloatArray) -> list[float]:
-    """Distinct values in rising order."""
+    """Distinct values of an axis in rising order."""
     found: list[list[float]] = []
     for value in sorted(values.tolist()):
         if found and value - found[-1][0] <= _width(values, value):
@@ -176,6 +176,7 @@ def _levels(values: FloatArray) -> list[float]:
 
 
 def _commonest(values: FloatArray) -> float:
+    """The value that most points have."""
     levels = _levels(values)
     return max(levels, key=lambda level: int(np.sum(np.abs(values - level) <= _width(values, level))))
 
@@ -205,6 +206,7 @@ def _frequencies(sheet: Sheet, panels: Sequence[_Panel], notes: Notes) -> list[f
 
 
 def _colours(groups: Sequence[float], style: Style) -> list[str]:
+    """Colours of frequencies by their logarithm."""
     places = np.log(groups)
     width = float(np.ptp(places))
     return [style.frequency_colour(float((one - places[0]) / width) if width > 0 else 0.5) for one in places]
@@ -213,6 +215,7 @@ def _colours(groups: Sequence[float], style: Style) -> list[str]:
 def _series(
     at: int, panel: _Panel, sheet: Sheet, groups: Sequence[float], pair: tuple[Quantity, Quantity], style: Style
 ) -> list[_Series]:
+    """The curves of a panel; frequencies outside the map's band have none."""
     scale = _SHOWN.get(panel.column, ("", 1.0))[1]
     points, tests = panel.points(), panel.tests(sheet) & ~sheet.rejected & ~sheet.massed
     frequency = sheet.values(q.FREQUENCY.head)
@@ -250,24 +253,26 @@ def _shown(answer: Answer, pair: tuple[Quantity, Quantity]) -> tuple[_Pair, _Pai
 
 
 def _draw(ax: Axes, one: _Series, row: int, marks: Marks) -> None:
+    """Draw the curve of the map with its band, and the tests."""
     band(ax, one.x, one.line[row], one.half[row], marks.colour)
     ax.plot(one.x, one.line[row], color=marks.colour, linestyle=marks.dashes, linewidth=1.2, label="_map", zorder=2.0)
     curve(ax, one.at, one.values[row], marks=marks, std=one.stds[row])
 
 
 def _load(panel: _Panel, sheet: Sheet) -> int:
-    """Rank of the preload, for its marker."""
+    """Rank of the panel's preload, which sets its marker."""
     names = panel.found.axes.names
     loads = [value for at, value in panel.held.items() if names[at] == _PRELOAD]
     return sheet.loads.nearest(loads[0]) if loads else 0
 
 
 def _held(panel: _Panel) -> str:
-    """Where the other axes stand, as a heading."""
+    """The values of the constant axes, as a heading."""
     return ", ".join(_stands(panel.found.axes.names[at], value) for at, value in panel.held.items())
 
 
 def _stands(column: str, value: float) -> str:
+    """The value of an axis with its name, if that is not obvious, and its unit."""
     name, _, unit = column.removesuffix("]").partition(" [")
     unit, scale = _SHOWN.get(column, ("" if unit == "1" else unit, 1.0))
     named = "" if column == _PRELOAD or column in _SHOWN else f"{name} "
@@ -275,27 +280,38 @@ def _stands(column: str, value: float) -> str:
 
 
 def _label(column: str) -> str:
+    """Label of an axis of the map as abscissa."""
     name, _, unit = column.removesuffix("]").partition(" [")
     return f"{plain_text(name)} [{_SHOWN.get(column, (plain_text(unit or '1'), 1.0))[0]}]"
 
 
 def _keys(key: Key, panels: Sequence[_Panel], groups: Sequence[float], sheet: Sheet, style: Style) -> None:
+    """Add the models of the tyres, the frequencies and the band to the key."""
     for tyre, entry in {one.tyre: one.entry for one in sorted(panels, key=lambda one: one.tyre)}.items():
-        name = f"{sheet.labels[tyre]}: " if sheet.names[tyre] else ""
-        key.add(
-            Line2D([], [], color=style.colour(tyre), linewidth=2.6),
-            f"{name}{entry.model}{'' if entry.causal else ', not causal'}",
-        )
+        causal = "" if entry.causal else ", not causal"
+        key.line(f"{model_of(sheet, tyre)}{entry.model}{causal}", style.colour(tyre), 2.6)
     for group, colour in zip(groups, _colours(groups, style), strict=True):
-        key.add(Line2D([], [], color=colour, linewidth=2.4), f"{float(f'{group:.3g}'):.10g} Hz")
-    key_of_band(key, style)
+        key.line(f"{float(f'{group:.3g}'):.10g} Hz", colour, 2.4)
+    key.band(style)
 
 
 def _say(notes: Notes, panels: Sequence[_Panel], pair: tuple[Quantity, Quantity]) -> None:
     errors = {one.entry.tyre: one.entry.left_out[0] for one in panels}
-    told = [share(error) + (f" ({plain_text(tyre)})" if tyre else "") for tyre, error in errors.items() if error]
-    if told:
-        notes.say(f"K* of conditions left out of the map is told within {', '.join(told)}")
+    known = [share(error) + (f" ({plain_text(tyre)})" if tyre else "") for tyre, error in errors.items() if error]
+    if known:
+        notes.say(f"leave-one-out error of K* over the conditions: {', '.join(known)}")
     if pair[0] is not q.K2:
         notes.say("no K2 and C: K1 is not known, or no passive arm has this K*")
     notes.say("curves end where the tests do")
+
+
+#: Figures of this module, in the order of a report.
+FIGURES = (
+    FigureSpec(
+        "map",
+        "The operating map against the tests",
+        "What the map says over the tested conditions, with its 95 % band, and the tests with standard uncertainties; "
+        "each colour is a frequency.",
+        operating,
+    ),
+)

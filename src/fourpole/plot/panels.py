@@ -1,4 +1,4 @@
-"""Panels: what one pair of axes shows. Axes in, axes out; values in the units of the axes."""
+"""The parts of a panel: curves, bars, crosses, bands, headings and limits. Values are in the units of the axes."""
 
 from __future__ import annotations
 
@@ -7,20 +7,33 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.ticker import MaxNLocator
 
-from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.plot.style import Dashes, Marker, Style, plain_text
 
-__all__ = ["Extent", "Marks", "bars", "curve", "means", "rejected_tests", "span", "tyre_heading"]
+__all__ = [
+    "Extent",
+    "Marks",
+    "band",
+    "bars",
+    "condition",
+    "curve",
+    "few_ticks",
+    "means",
+    "rejected_tests",
+    "span",
+    "tyre_heading",
+]
 
-
+#: A line with more points than this has a marker at some of them only.
 _MOST_MARKERS = 60
 
 
 @dataclass(frozen=True)
 class Marks:
-    """How a series is drawn."""
+    """Colour, marker, fill of the marker and line style of a curve; `joined`: whether a line joins the points."""
 
     colour: str
     marker: Marker = "o"
@@ -31,9 +44,9 @@ class Marks:
 
 @dataclass(eq=False)
 class Extent(ByValue):
-    """Values that panels show, to choose axes that hold them, and what does not fit.
+    """The values and uncertainty bars of panels with a common axis, from which its limits follow.
 
-    Of a `positive` quantity, values smaller than their uncertainty are known to nothing and set no axis.
+    If the quantity is `positive`, values smaller than their uncertainty do not count for the limits.
     """
 
     positive: bool = False
@@ -41,18 +54,21 @@ class Extent(ByValue):
     bars: list[FloatArray] = field(default_factory=list)
 
     def add(self, values: FloatArray, bars: FloatArray | None = None) -> None:
-        """Take in the values of a series and their uncertainties."""
+        """Add values and their standard uncertainties."""
         known = np.isfinite(values)
         self.values.append(values[known])
         self.bars.append(np.zeros(int(known.sum())) if bars is None else np.nan_to_num(bars[known]))
 
     @property
     def empty(self) -> bool:
-        """Whether nothing was taken in."""
+        """Whether no value was added."""
         return not any(values.size for values in self.values)
 
     def limits(self, zero: bool = False) -> tuple[float, float]:
-        """Axis limits: on the values; bars count only where they are not longer than the span of the values."""
+        """Axis limits that hold the values, and the bars that are not longer than the span of the values.
+
+        With `zero`, the axis begins at zero or below.
+        """
         if self.empty:
             return 0.0, 1.0
         values, bars = np.concatenate(self.values), np.concatenate(self.bars)
@@ -74,7 +90,7 @@ class Extent(ByValue):
         return low - pad_low * width, high + 0.06 * width
 
     def outside(self, limits: tuple[float, float]) -> tuple[int, int]:
-        """How many values, and how many bars of the other values, leave the limits."""
+        """Number of values outside the limits, and number of bars of the other values that cross the limits."""
         if self.empty:
             return 0, 0
         values, bars = np.concatenate(self.values), np.concatenate(self.bars)
@@ -85,8 +101,18 @@ class Extent(ByValue):
         return int(np.sum(~inside)), int(np.sum(cut))
 
 
+def extent_of(values: FloatArray, stds: FloatArray, used: BoolArray, visible: BoolArray, *, positive: bool) -> Extent:
+    """The extent of the used tests with their uncertainties; if none is used, of the values of all visible tests."""
+    extent = Extent(positive=positive)
+    if np.any(used):
+        extent.add(values[used], stds[used])
+    else:
+        extent.add(values[visible])
+    return extent
+
+
 def means(x: FloatArray, y: FloatArray, keys: Iterable[int] | None = None) -> tuple[FloatArray, FloatArray]:
-    """Mean of the points that share a condition, in rising order of x: the line through repeats."""
+    """Means of the points with equal key, in rising order of x; without keys, the points themselves."""
     known = np.isfinite(x) & np.isfinite(y)
     if keys is None:
         x, y = x[known], y[known]
@@ -109,16 +135,16 @@ def curve(
     std: FloatArray | None = None,
     keys: Iterable[int] | None = None,
 ) -> Axes:
-    """Points with bars of one standard uncertainty, and a line through the mean at each condition.
+    """Draw points with bars of one standard uncertainty, and a line through the means of repeats.
 
     Parameters
     ----------
     ax : Axes
-        Where to draw.
+        The panel.
     x, y : (N,) float arrays
-        Not-a-number is left out.
+        Coordinates in the units of the axes; points with not-a-number are left out.
     marks : Marks
-        Colour, marker and line.
+        Colour, marker and line style.
     std : (N,) float array, optional
         Standard uncertainty of `y`.
     keys : (N,) ints, optional
@@ -138,24 +164,15 @@ def curve(
         ax.plot(*means(x, y, keys), color=marks.colour, linestyle=marks.dashes, marker="", label="_line", zorder=2.0)
     if marks.marker:
         order = np.argsort(x[known], kind="stable")
-        # A sweep of hundreds of points is a line: then a marker here and there tells which.
+        # With hundreds of points a marker at each would hide the line.
         every = 1 if order.size <= _MOST_MARKERS or not marks.joined else -(-order.size // _MOST_MARKERS)
-        ax.plot(
-            x[known][order],
-            y[known][order],
-            linestyle="none",
-            marker=marks.marker,
-            color=marks.colour,
-            markerfacecolor=marks.face or marks.colour,
-            markevery=every,
-            label="_points",
-            zorder=3.0,
-        )
+        ax.plot(x[known][order], y[known][order], linestyle="none", marker=marks.marker, color=marks.colour,
+                markerfacecolor=marks.face or marks.colour, markevery=every, label="_points", zorder=3.0)  # fmt: skip
     return ax
 
 
 def bars(ax: Axes, x: FloatArray, y: FloatArray, std: FloatArray, colour: str, *, level: bool = False) -> Axes:
-    """Bars of one standard uncertainty, up and down or to the sides, all in one line with gaps."""
+    """Draw bars of one standard uncertainty as one line with gaps: of y, or with `level` of x."""
     known = np.isfinite(x) & np.isfinite(y) & np.isfinite(std) & (std > 0)
     if np.any(known):
         fixed, moved = (y[known], x[known]) if level else (x[known], y[known])
@@ -169,37 +186,48 @@ def bars(ax: Axes, x: FloatArray, y: FloatArray, std: FloatArray, colour: str, *
 
 
 def rejected_tests(ax: Axes, x: FloatArray, y: FloatArray, *, style: Style) -> Axes:
-    """Open grey crosses at the values of rejected tests."""
+    """Draw open grey crosses at the values of rejected tests."""
     known = np.isfinite(x) & np.isfinite(y)
     if np.any(known):
-        ax.plot(
-            x[known],
-            y[known],
-            linestyle="none",
-            marker="X",
-            markersize=6.0,
-            markerfacecolor=style.look.paper,
-            markeredgecolor=style.look.muted,
-            markeredgewidth=0.9,
-            label="_rejected",
-            zorder=2.5,
-        )
+        ax.plot(x[known], y[known], linestyle="none", marker="X", markersize=6.0, markerfacecolor=style.look.paper,
+                markeredgecolor=style.look.muted, markeredgewidth=0.9, label="_rejected", zorder=2.5)  # fmt: skip
     return ax
 
 
 def tyre_heading(ax: Axes, name: str, colour: str, right: str = "", *, style: Style, columns: int = 1) -> Axes:
-    """Name of the tyre above the panel, a bar in its colour under it, the condition on the right."""
+    """Write the tyre's name above the panel and the condition on the right, and draw a bar in the tyre's colour."""
     ax.plot([0.0, 1.0], [1.0, 1.0], color=colour, linewidth=2.6, transform=ax.transAxes, clip_on=False, zorder=4.0,
             solid_capstyle="butt", label="_tyre")  # fmt: skip
     longest = {1: 60, 2: 34, 3: 20}.get(columns, 15) - max(0, len(right) - 6)
     ax.set_title(plain_text(name, max(longest, 8)), loc="left", pad=4.5)
     if right:
-        ax.set_title(right, loc="right", pad=4.5, color=style.look.muted, fontsize=7.5)
+        condition(ax, right, style=style)
     return ax
 
 
+def condition(ax: Axes, text: str, *, style: Style, pad: float = 4.5) -> None:
+    """Write a condition above the panel on the right."""
+    ax.set_title(text, loc="right", pad=pad, color=style.look.muted, fontsize=7.5)
+
+
+def band(ax: Axes, x: FloatArray, y: FloatArray, half: FloatArray, colour: str) -> Axes:
+    """Draw a band of half-width `half` about a line; its edge remains visible where bands overlap."""
+    known = np.isfinite(y) & np.isfinite(half)
+    ax.fill_between(x, y - half, y + half, where=known, facecolor=to_rgba(colour, 0.14),
+                    edgecolor=to_rgba(colour, 0.45), linewidth=0.5, label="_band", zorder=1.2)  # fmt: skip
+    return ax
+
+
+def rows_of_names(ax: Axes, names: Sequence[str], margin: float = 0.6) -> None:
+    """Make the ordinate a list of names from the top down."""
+    ax.set_yticks(range(len(names)), names)
+    ax.tick_params(axis="y", length=0)
+    ax.grid(visible=False, axis="y")
+    ax.set_ylim(len(names) - 1 + margin, -margin)
+
+
 def span(values: Sequence[FloatArray], pad: float = 0.05) -> tuple[float, float]:
-    """Limits of an abscissa that hold all values."""
+    """Limits of an abscissa that hold all values, with a margin of `pad` times their span."""
     known = np.concatenate([np.asarray(v)[np.isfinite(v)] for v in values]) if values else np.zeros(0)
     if not known.size:
         return 0.0, 1.0
@@ -211,9 +239,14 @@ def span(values: Sequence[FloatArray], pad: float = 0.05) -> tuple[float, float]
 
 
 def limit(ax: Axes, x: tuple[float, float], y: tuple[float, float], *, style: Style, ticks: int = 6) -> Axes:
-    """Limits of both axes, the reader's before those of the values, and few ticks."""
+    """Set the limits of both axes: those of the style, or else `x` and `y`; `ticks` is for the abscissa."""
     ax.set_xlim(style.xlim or x)
     ax.set_ylim(style.ylim or y)
-    ax.xaxis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10]))
+    few_ticks(ax, ticks)
     ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
     return ax
+
+
+def few_ticks(ax: Axes, most: int) -> None:
+    """Numbers at 1, 2 or 5 times a power of ten on the abscissa, at most about so many."""
+    ax.xaxis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))

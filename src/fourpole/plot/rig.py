@@ -16,6 +16,7 @@ from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import FREQUENCY, Axis
 from fourpole.core.sources import Role, Source
 from fourpole.fitting.rows import keys_of
+from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, curve, limit, means, rejected_tests, span
 from fourpole.plot.sheet import Sheet, floats, grouped, read_sheet
@@ -24,7 +25,7 @@ from fourpole.plot.style import Marker, Style, plain_text
 from fourpole.study.results import Results
 from fourpole.study.rig_estimate import Finding, RigEstimate, SharedValue
 
-__all__ = ["found", "mass_gain", "residual", "value_label"]
+__all__ = ["FIGURES", "found", "mass_gain", "residual", "value_label"]
 
 _MOST_RIGS = 4
 #: Added masses that have one marker.
@@ -232,9 +233,7 @@ def _residual_key(key: Key, tests: _Tests, sheet: Sheet, known: BoolArray, style
         handle.set_color(style.look.muted)
         handle.set_markerfacecolor(style.look.muted if mass == 0 else style.look.paper)
         key.add(handle, f"{tests.masses[mass]} added")
-    if np.any(known & tests.outlier):
-        key.rejected(style)
-        key.entries[-1] = (key.entries[-1][0], "test that does not go with the others")
+    key.rejected(style, known & tests.outlier, "test that does not go with the others")
 
 
 def found(results: Results, style: Style) -> Figure | None:
@@ -370,3 +369,28 @@ def _gain_panel(ax: Axes, pairs: dict[str, tuple[float, float]], colours: list[s
     ax.grid(visible=False, axis="y")
     ax.set_ylim(len(pairs) - 0.5, -0.5)
     ax.set_xlim(0.0, (1.3 if panels < 2 else 1.6) * most)  # with room for the words beside the longest bar
+
+
+#: Figures of this module, in the order of a report.
+FIGURES = (
+    FigureSpec(
+        "rig-found",
+        "The rig and the sensors, as stated and as found",
+        "Each value that the tests share, from what is stated of it, in its stated uncertainty; whiskers are the "
+        "standard uncertainty after the tests.",
+        found,
+    ),
+    FigureSpec(
+        "rig-residual",
+        "What the rig leaves unexplained",
+        "F1/V2 less the rig's impedance Zr, with the gains found taken out, test by test with standard uncertainties "
+        "of the noise: no tyre can explain it, so it should be zero.",
+        residual,
+    ),
+    FigureSpec(
+        "mass-gain",
+        "What the weighed mass gained",
+        "Median standard uncertainties in the tests without an added mass, from these alone and from all tests.",
+        mass_gain,
+    ),
+)

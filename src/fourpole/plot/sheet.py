@@ -1,4 +1,4 @@
-"""Sheet: the tests of a campaign as arrays, grouped into tyres, pressures, loads and frequencies."""
+"""The tests of a campaign as arrays, grouped by tyre, pressure, preload and frequency."""
 
 from __future__ import annotations
 
@@ -17,14 +17,17 @@ from fourpole.plot.style import short_names
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 
-__all__ = ["Groups", "Sheet", "floats", "grouped", "read_sheet"]
+__all__ = ["Groups", "Sheet", "floats", "grouped", "present", "read_sheet", "spread", "texts"]
 
 IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Groups:
-    """Distinct values of a condition in rising order; the last may be not-a-number: not stated."""
+    """Distinct values of one axis of the condition in rising order, with their labels.
+
+    The last value is not-a-number if there are tests that do not state the axis.
+    """
 
     values: tuple[float, ...]
     labels: tuple[str, ...]
@@ -33,33 +36,33 @@ class Groups:
         return len(self.values)
 
     def stated(self) -> int:
-        """How many of them are stated."""
+        """Number of groups whose value is stated."""
         return sum(not math.isnan(value) for value in self.values)
 
     def nearest(self, value: float) -> int:
-        """The group whose value is nearest; the only one where none is stated."""
+        """Number of the group whose value is nearest; 0 if no value is stated."""
         off = [abs(own - value) if not math.isnan(own) else math.inf for own in self.values]
         return off.index(min(off))
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet(ByValue):
-    """Tests of a campaign; arrays have one entry per row of dynamic.csv.
+    """Dynamic tests of a campaign; the arrays have one entry per row of dynamic.csv.
 
     Attributes
     ----------
     table, static : polars.DataFrame
-        dynamic.csv and static.csv, with specimens named apart by what they were tested at.
+        dynamic.csv and static.csv; specimens tested at several temperatures have a name for each of them.
     names, labels : tuples of str
-        Tyres in the order of their first appearance in the tables, and as figures show them.
+        Tyres in the order of their first appearance in the tables, and their names as figures show them.
     pressures, loads, frequencies : Groups
-        Conditions in use.
+        Groups of the axes of the condition.
     tyre, pressure, load, frequency, setting : int arrays
-        Group of each test; frequency is -1 where unknown; `setting` tells rigs and added masses apart.
+        Number of the group of each test; frequency is -1 if the test has none. A setting is a rig with an added mass.
     settings : tuple of str
-        What tells the settings apart; empty where there is one.
+        Names of the settings; empty if there is only one.
     rejected : bool array
-        Tests that are not used.
+        True for tests with the verdict "rejected".
     """
 
     table: pl.DataFrame
@@ -77,39 +80,60 @@ class Sheet(ByValue):
     settings: tuple[str, ...]
     rejected: BoolArray
 
+    @property
+    def rigs(self) -> list[str]:
+        """Name of the rig of each test."""
+        return texts(self.table, "rig")
+
+    @property
+    def added(self) -> FloatArray:
+        """Added mass of each test [kg]; 0 if the cell is blank."""
+        return np.nan_to_num(self.values(q.ADDED_MASS.head))
+
+    def where(self, **groups: int) -> BoolArray:
+        """True for tests of the given groups: `tyre`, `pressure`, `load`, `frequency` or `setting`, by number."""
+        mask = np.ones(self.tyre.size, dtype=bool)
+        for name, group in groups.items():
+            mask &= getattr(self, name) == group
+        return mask
+
     def values(self, column: str) -> FloatArray:
-        """A column as floats; blank is not-a-number."""
+        """A column of dynamic.csv as floats; a blank cell is not-a-number."""
         return floats(self.table, column)
 
     def shown(self, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
-        """Values and uncertainties in the unit of the axis."""
+        """Values and standard uncertainties of a quantity in the unit of its axis."""
         return self.values(quantity.head) / quantity.scale, self.values(quantity.u_head) / quantity.scale
 
     @property
     def massed(self) -> BoolArray:
-        """Tests with an added mass whose condition was tested with less: they show the rig, not another tyre."""
-        added = np.nan_to_num(self.values(q.ADDED_MASS.head))
-        places = list(zip(self.tyre, self.pressure, self.load, _texts(self.table, "rig"), strict=True))
+        """True for tests whose condition was also tested with a smaller added mass: these tests show the rig."""
+        added = self.added
+        places = list(zip(self.tyre, self.pressure, self.load, self.rigs, strict=True))
         least: dict[object, float] = {}
         for place, mass in zip(places, added, strict=True):
             least[place] = min(mass, least.get(place, np.inf))
         return np.array([mass > least[place] for place, mass in zip(places, added, strict=True)], dtype=bool)
 
     def bare(self, what: str) -> tuple[BoolArray, str]:
-        """The tests that are not `massed`, and what to say of the others in a figure of what the mass changes."""
+        """True for tests that are not `massed`, and a note on the others; the added mass changes `what`."""
         massed = self.massed
         return ~massed, f"tests with an added mass have another {what} and are left out" if np.any(massed) else ""
 
     def name_of_load(self, at: int) -> str:
-        """A load as a heading."""
+        """A load as a heading; empty if the tests state none."""
         return self.loads.labels[at] if self.loads.stated() or len(self.loads) > 1 else ""
 
 
 def read_sheet(results: Results, *, texts_only: bool = False) -> Sheet:
-    """Group the tests of a campaign, their specimens named apart as `Results.apart` does."""
+    """The tests of a campaign in groups.
+
+    A specimen tested at several temperatures, or at several values of a further axis, becomes several specimens;
+    with `texts_only`, only axes whose values are texts part a specimen.
+    """
     results = results.apart(texts_only=texts_only)
     dynamic, static = results.dynamic, results.static
-    names = tuple(dict.fromkeys([*_texts(static, "tyre"), *_texts(dynamic, "tyre")]))
+    names = tuple(dict.fromkeys([*texts(static, "tyre"), *texts(dynamic, "tyre")]))
     index = {name: at for at, name in enumerate(names)}
     count = dynamic.height
     both = np.concatenate([floats(dynamic, q.PRESSURE.head), floats(static, q.PRESSURE.head)])
@@ -126,18 +150,21 @@ def read_sheet(results: Results, *, texts_only: bool = False) -> Sheet:
         pressures=pressures,
         loads=loads,
         frequencies=Groups(frequencies.values[:stated], frequencies.labels[:stated]),
-        tyre=np.array([index[name] for name in _texts(dynamic, "tyre")], dtype=np.int64),
+        tyre=np.array([index[name] for name in texts(dynamic, "tyre")], dtype=np.int64),
         pressure=pressure[:count],
         load=load,
         frequency=np.where(frequency < stated, frequency, -1),
         setting=setting,
         settings=settings,
-        rejected=np.array([verdict == "rejected" for verdict in _texts(dynamic, "verdict")], dtype=bool),
+        rejected=np.array([verdict == "rejected" for verdict in texts(dynamic, "verdict")], dtype=bool),
     )
 
 
 def grouped(values: FloatArray, axis: Axis, label: Callable[[float, int], str]) -> tuple[Groups, IntArray]:
-    """Groups of values that are the same on an axis, named by their median, and the group of each value."""
+    """Groups of values that are the same on an axis, and the number of the group of each value.
+
+    The value of a group is the median of its members; `label` makes a text of it with a number of digits.
+    """
     known = np.isfinite(values)
     at: IntArray = axis.groups(value if np.isfinite(value) else None for value in values.tolist())
     middles = [float(np.median(values[at == group])) for group in np.unique(at[known])]
@@ -149,6 +176,7 @@ def grouped(values: FloatArray, axis: Axis, label: Callable[[float, int], str]) 
 
 
 def _distinct_labels(values: Sequence[float], label: Callable[[float, int], str]) -> list[str]:
+    """Labels with as few digits as make them different."""
     labels: list[str] = []
     for digits in (3, 4, 5, 6, 8, 12):
         labels = [label(value, digits) for value in values]
@@ -167,15 +195,15 @@ def _newton(value: float, digits: int) -> str:
 
 
 def _hertz(value: float, digits: int) -> str:
-    """The set frequency of a cam that runs 0.3 % off: to 0.5 Hz where that is within 0.5 %."""
+    """Frequency rounded to 0.5 Hz, if that changes it by at most 0.5 %: a drive runs slightly off its setting."""
     if digits == 3 and abs(round(2 * value) / 2 - value) <= 0.005 * abs(value):
         value = round(2 * value) / 2
     return f"{value:.{digits}g} Hz"
 
 
 def _settings(table: pl.DataFrame) -> tuple[IntArray, tuple[str, ...]]:
-    """Rigs and added masses: they change TR and the mobility, but not the tyre."""
-    rigs = _texts(table, "rig")
+    """Number of the setting of each test, and the names of the settings."""
+    rigs = texts(table, "rig")
     added = np.nan_to_num(floats(table, q.ADDED_MASS.head))
     found = list(zip(rigs, [float(f"{mass:.4g}") for mass in added], strict=True))
     distinct = list(dict.fromkeys(found))
@@ -188,7 +216,7 @@ def _settings(table: pl.DataFrame) -> tuple[IntArray, tuple[str, ...]]:
 
 
 def floats(table: pl.DataFrame, column: str) -> FloatArray:
-    """A column as floats; what is blank or missing is not-a-number."""
+    """A column as floats; a blank cell, and a column that does not exist, are not-a-number."""
     if column not in table.columns:
         return np.full(table.height, np.nan)
     values: FloatArray = table[column].cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy().astype(float)
@@ -197,19 +225,20 @@ def floats(table: pl.DataFrame, column: str) -> FloatArray:
     return values
 
 
-def _texts(table: pl.DataFrame, column: str) -> list[str]:
+def texts(table: pl.DataFrame, column: str) -> list[str]:
+    """A column as texts; a blank cell, and a column that does not exist, are empty texts."""
     if column not in table.columns:
         return [""] * table.height
     return [text or "" for text in table[column].to_list()]
 
 
 def spread(count: int, most: int) -> list[int]:
-    """At most so many of so many, evenly, the first and the last among them."""
+    """At most `most` of the numbers below `count`, evenly spaced, with the first and the last."""
     if count <= most:
         return list(range(count))
     return sorted({round(i * (count - 1) / (most - 1)) for i in range(most)})
 
 
 def present(groups: IntArray, mask: BoolArray) -> Iterator[int]:
-    """Groups that occur among some tests, in rising order."""
+    """Numbers of the groups that occur among the tests of a mask, in rising order."""
     return (int(group) for group in np.unique(groups[mask]))

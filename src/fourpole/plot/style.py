@@ -1,10 +1,10 @@
-"""How figures look: themes, colours of tyres, markers of pressures and loads, and text that stays text."""
+"""How figures look: themes, colours of tyres, markers of pressures and loads; texts as figures show them."""
 
 from __future__ import annotations
 
 import math
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -14,53 +14,49 @@ from matplotlib.colors import to_hex, to_rgb
 
 from fourpole.errors import CampaignError
 
-__all__ = ["THEMES", "Dashes", "Marker", "Style", "drawing", "plain_text", "short_names"]
+__all__ = ["THEMES", "Dashes", "Marker", "Style", "counted", "distinct", "drawing", "plain_text", "short_names"]
 
-#: A line style, a name or an offset with lengths of dash and gap; matplotlib's own types differ by version.
+#: A line style of matplotlib: a name, or an offset with lengths of dash and gap. Its own types differ by version.
 Dashes: TypeAlias = Any
-#: A marker as matplotlib takes it: a letter, or corners, kind and angle.
+#: A marker of matplotlib: a letter, or a tuple of number of corners, kind and angle.
 Marker: TypeAlias = Any
 
 
 @dataclass(frozen=True)
 class _Theme:
+    """Colours and line width [pt] of one theme."""
+
     paper: str
     ink: str
     muted: str
     grid: str
     tyres: tuple[str, ...]
-    #: The part of the sequential scale that stands out from the paper.
+    #: Ends of the part of the sequential colour scale that contrasts with the paper, from 0 to 1.
     scale: tuple[float, float]
     line: float
 
 
 _OKABE_ITO = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000")
-#: The order puts dark beside light, so that the first tyres differ in grey too.
+#: Themes by name. Dark and light colours alternate, so that the first tyres differ in grey print, too.
 THEMES: dict[str, _Theme] = {
     "light": _Theme("#ffffff", "#1f2328", "#6a7178", "#e3e6e9", _OKABE_ITO, (0.0, 0.86), 1.3),
     "dark": _Theme(
-        "#16191d",
-        "#e8eaed",
-        "#9aa1a9",
-        "#33383f",
+        *("#16191d", "#e8eaed", "#9aa1a9", "#33383f"),
         ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#F0E442", "#ffffff"),
         (0.28, 1.0),
         1.3,
     ),
     "print": _Theme(
-        "#ffffff",
-        "#000000",
-        "#555555",
-        "#dddddd",
+        *("#ffffff", "#000000", "#555555", "#dddddd"),
         ("#004b80", "#E69F00", "#00694c", "#CC79A7", "#9c3f00", "#56B4E9", "#000000"),
         (0.0, 0.8),
         1.6,
     ),
 }
 
-#: Pressures, in rising order; the cross is kept for rejected tests.
+#: Markers of pressures in rising order; the cross stands for rejected tests.
 _PRESSURE_MARKERS: tuple[Marker, ...] = ("o", "s", "^", "D", "v", "P", "<", ">", "*", (4, 1, 0), (4, 1, 45))
-#: Loads have markers of their own, so that a figure never means a pressure where it shows a load.
+#: Markers of loads; none of them is a marker of a pressure.
 _LOAD_MARKERS = ("d", "p", "h", "H")
 _LOAD_DASHES: tuple[Dashes, ...] = (
     "solid",
@@ -75,14 +71,15 @@ Limits: TypeAlias = tuple[float, float] | None
 
 @dataclass(frozen=True)
 class Style:
-    """What a reader may choose of a figure.
+    """The theme and the axis limits of a figure, as the reader chooses them.
 
     Parameters
     ----------
     theme : {"light", "dark", "print"}
-        Paper and ink; each theme keeps one colour per tyre in all figures.
+        Colours of paper, ink and tyres; a tyre has one colour in all figures.
     xlim, ylim : pair of float, optional
-        Limits of the axes in the units they show; by default the measured values set them. Schemes ignore them.
+        Limits of the axes in the units of their labels; by default they follow from the values. Figures 1 to 4 have
+        no axes and ignore them.
 
     Raises
     ------
@@ -114,7 +111,7 @@ class Style:
         return THEMES[self.theme]
 
     def colour(self, tyre: int) -> str:
-        """Colour of a tyre by the order of its first appearance; beyond the palette its darker and lighter kin."""
+        """Colour of a tyre by its number; beyond the palette, a darker or lighter shade of a palette colour."""
         palette = self.look.tyres
         turn, at = divmod(tyre, len(palette))
         if turn == 0:
@@ -123,22 +120,24 @@ class Style:
 
     def face(self, tyre: int, rank: int, count: int) -> str:
         """Fill of a marker: the tyre's colour, paler for the lower of several pressures."""
-        part = 1.0 if count < 2 else 0.12 + 0.88 * rank / (count - 1)
-        return mixed(self.look.paper, self.colour(tyre), part)
+        return self._pale(self.colour(tyre), rank, count)
 
     def neutral_face(self, rank: int, count: int) -> str:
-        """The same fill for a key that stands for every tyre."""
+        """Fill of a marker in a key that holds for every tyre: grey, paler for the lower of several pressures."""
+        return self._pale(self.look.muted, rank, count)
+
+    def _pale(self, colour: str, rank: int, count: int) -> str:
         part = 1.0 if count < 2 else 0.12 + 0.88 * rank / (count - 1)
-        return mixed(self.look.paper, self.look.muted, part)
+        return mixed(self.look.paper, colour, part)
 
     def frequency_colour(self, part: float) -> str:
-        """Colour on the sequential scale; `part` runs from 0, the lowest frequency, to 1."""
+        """Colour of a frequency on the sequential scale; `part` is 0 for the lowest and 1 for the highest."""
         low, high = self.look.scale
         return to_hex(mpl.colormaps["viridis"](low + (high - low) * part))
 
     @property
     def rc(self) -> dict[str, Any]:
-        """Settings while a figure is drawn and written."""
+        """Settings of matplotlib for drawing and writing a figure."""
         look = self.look
         return {
             "font.family": ["sans-serif"],
@@ -189,7 +188,7 @@ def load_dashes(rank: int) -> Dashes:
 
 
 def load_marker(rank: int) -> str:
-    """Marker of a load, where the pressure is the abscissa."""
+    """Marker of a load, by its rank; it is used if the pressure is the abscissa."""
     return _LOAD_MARKERS[rank % len(_LOAD_MARKERS)]
 
 
@@ -206,7 +205,10 @@ def mixed(first: str, second: str, part: float) -> str:
 
 @contextmanager
 def drawing(style: Style, salt: str = "") -> Iterator[None]:
-    """Settings of the theme, whatever the user's matplotlib is set to, and only while a figure is made."""
+    """Inside the context matplotlib has the settings of the theme, not those of the user; afterwards the user's again.
+
+    `salt` makes the ids in an SVG depend on the figure alone.
+    """
     with mpl.rc_context():
         mpl.rcdefaults()
         settings: Any = {**style.rc, "svg.hashsalt": f"fourpole {salt}"}
@@ -215,35 +217,58 @@ def drawing(style: Style, salt: str = "") -> Iterator[None]:
 
 
 def plain_text(text: str, longest: int = 24) -> str:
-    """Text of a file as a figure shows it: one line, nothing invisible, the middle left out where it is long.
+    """A text as figures show it: one line, without invisible characters, shortened in the middle if it is long.
 
     Examples
     --------
     >>> plain_text("a name that is much too long to be shown")
     'a name that is…be shown'
     """
-    seen = "".join(sign if sign.isprintable() else " " for sign in unicodedata.normalize("NFC", text[:4000]))
-    seen = " ".join(seen.split())
-    if len(seen) > longest:
+    plain = "".join(sign if sign.isprintable() else " " for sign in unicodedata.normalize("NFC", text[:4000]))
+    plain = " ".join(plain.split())
+    if len(plain) > longest:
         tail = longest // 3
-        seen = f"{seen[: longest - tail - 1].rstrip()}…{seen[-tail:].lstrip()}"
-    return seen or "(no name)"
+        plain = f"{plain[: longest - tail - 1].rstrip()}…{plain[-tail:].lstrip()}"
+    return plain or "(no name)"
 
 
 def short_names(names: Sequence[str], longest: int = 24) -> tuple[str, ...]:
-    """Names as figures show them, each different from the others.
+    """Names as figures show them; equal names get a number.
 
     Examples
     --------
     >>> short_names(["a", "a ", "b"])
     ('a', 'a #2', 'b')
     """
-    taken: list[str] = []
+    return tuple(distinct((plain_text(name, longest) for name in names), " #"))
+
+
+def distinct(names: Iterable[str], mark: str, *, taken: Collection[str] = (), fold: bool = False) -> Iterator[str]:
+    """Each name, with the mark and a number behind it if it was there before or is in `taken`.
+
+    With `fold`, names that differ only in upper and lower case count as equal.
+
+    Examples
+    --------
+    >>> list(distinct(["a", "b", "a"], "_", taken=["b"]))
+    ['a', 'b_2', 'a_2']
+    """
+    used = set(taken)
     for name in names:
-        label = shown = plain_text(name, longest)
-        number = 1
-        while label in taken:
+        free, number = name, 1
+        while (free.lower() if fold else free) in used:
             number += 1
-            label = f"{shown} #{number}"
-        taken.append(label)
-    return tuple(taken)
+            free = f"{name}{mark}{number}"
+        used.add(free.lower() if fold else free)
+        yield free
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun in singular or plural.
+
+    Examples
+    --------
+    >>> counted(1, "test"), counted(2, "test")
+    ('1 test', '2 tests')
+    """
+    return f"{number} {noun}{'' if number == 1 else 's'}"

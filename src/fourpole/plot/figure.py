@@ -1,0 +1,72 @@
+"""One figure as an entry of the catalogue, and the bytes that it is written as."""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from fourpole.errors import CampaignError
+from fourpole.plot.style import Style, drawing
+from fourpole.study.results import Results
+
+__all__ = ["FORMATS", "FigureSpec", "figure_bytes"]
+
+#: File formats of a figure.
+FORMATS = ("svg", "png", "pdf")
+_DPI = 150
+_DIGITS = re.compile(rb"(\d\.\d\d)\d+")
+_GROUP_NAME = re.compile(rb'<g id="[^"]*"')
+
+
+@dataclass(frozen=True)
+class FigureSpec:
+    """One figure: its key, its title, its caption, and the function that draws it.
+
+    `draw` takes results and a style; it returns None if the results hold nothing that the figure shows.
+    """
+
+    key: str
+    title: str
+    caption: str
+    draw: Callable[[Results, Style], Figure | None]
+
+
+def figure_bytes(figure: Figure, key: str, title: str, form: str, style: Style | None = None) -> bytes:
+    """The content of a file in one of `FORMATS`; the same figure gives the same bytes.
+
+    Raises
+    ------
+    CampaignError
+        If there is no such format.
+    """
+    if form not in FORMATS:
+        raise CampaignError(f"no format {form!r} of a figure: choose one of {', '.join(FORMATS)}")
+    metadata: dict[str, dict[str, Any]] = {
+        "svg": {"Date": None, "Creator": "fourpole", "Title": title},
+        "png": {"Software": None, "Title": title},
+        "pdf": {"CreationDate": None, "Creator": "fourpole", "Producer": None, "Title": title},
+    }
+    content = io.BytesIO()
+    with drawing(style or Style(), key), warnings.catch_warnings():
+        # A script that the font lacks is shown as boxes in PNG; in SVG the text itself is written.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
+        figure.savefig(content, format=form, dpi=_DPI, metadata=metadata[form])
+    return _lean(content.getvalue()) if form == "svg" else content.getvalue()
+
+
+def _lean(svg: bytes) -> bytes:
+    """The SVG with two decimals per number, and without ids of groups.
+
+    Two figures in one HTML page would otherwise have groups with the same id.
+    """
+    lines = svg.split(b"\n")
+    for at, line in enumerate(lines):
+        if b"<text" not in line and b"title>" not in line:
+            lines[at] = _GROUP_NAME.sub(b"<g", _DIGITS.sub(rb"\1", line))
+    return b"\n".join(lines)
