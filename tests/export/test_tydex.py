@@ -55,6 +55,15 @@ def test_constants_say_the_condition(results):
     assert tyre.constant("RELEASE").value == "1.3"
 
 
+def test_the_mean_temperature_is_a_constant_where_tests_state_one(results, changed):
+    file = "radial-ply_1.7bar_1000N_10kgadded.tdx"
+    assert read_tydex(export_results(results, "tydex").path / file).constant("MEANTEMP") is None
+    warm = pl.when(pl.col("added mass [kg]") == 10.0).then(pl.Series([21.0, 22.0, 23.0] * 3))
+    folder = changed(lambda frame: frame.with_columns(warm.alias("temperature [degC]")))
+    found = read_tydex(export_results(folder, "tydex").path / file).constant("MEANTEMP")
+    assert (found.value, found.unit) == ("22", "deg C")
+
+
 def test_bytes_stand_in_the_columns_of_the_manual(results):
     path = export_results(results, "tydex").path / "radial-ply_1.7bar_1000N_0kgadded.tdx"
     lines = path.read_bytes().decode("ascii").split("\n")

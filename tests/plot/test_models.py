@@ -13,7 +13,8 @@ from tests.plot.test_figures import in_order, lines, panel, points, said, texts
 from fourpole.fitting.modelfile import map_of, response
 from fourpole.models.families import model_named
 from fourpole.plot import THEMES, Style, draw, render
-from fourpole.plot.models import whitened
+from fourpole.plot.models import _rows, whitened
+from fourpole.plot.sheet import read_sheet
 
 KEYS = ("model", "model-choice", "map")
 TWO_SIDED_95 = 1.959964
@@ -76,7 +77,7 @@ def test_the_line_is_the_models_and_its_band_holds_95_percent(fitted):
     expected = TWO_SIDED_95 * 1e-3 * np.sqrt(covariance[1:-1, 0, 0])
     np.testing.assert_allclose(above, expected, rtol=1e-9)
     np.testing.assert_allclose(below, expected, rtol=1e-9)
-    # What was granted is in it.
+    # The model discrepancy is in the band.
     assert np.all(expected > TWO_SIDED_95 * entry.granted * y[1:-1])
 
 
@@ -129,13 +130,32 @@ def test_temperatures_have_markers_of_their_own():
     assert [len(line.get_xdata()) for line in drawn] == [40, 40, 40]
 
 
-def test_the_key_names_the_model_and_what_was_granted(fitted):
+def test_the_key_names_the_model_and_its_discrepancy(fitted):
     entry = fitted.models.models[0]
     assert entry.granted > 0
-    assert f"cross-ply: zener, granted {100 * entry.granted:.2g} %" in texts(draw(fitted, "model"))
+    assert f"cross-ply: zener, model discrepancy {100 * entry.granted:.2g} %" in texts(draw(fitted, "model"))
     exact = draw(edited(fitted, granted=0.0), "model")
     assert "cross-ply: zener" in texts(exact)
-    assert "ranted" not in said(exact)
+    assert "discrepancy" not in said(exact)
+
+
+def test_of_a_test_with_several_points_those_in_the_band_are_drawn(fitted):
+    """Three rows become points of one test; the third is rejected, and a fourth is beyond the band."""
+    entry = fitted.models.models[0]
+    state = entry.conditions[0]
+    names = state.tests[:4]
+    point = pl.col("test").replace_strict({name: at for at, name in enumerate(names, 1)}, default=1)
+    dynamic = fitted.dynamic.with_columns(
+        point.alias("point"),
+        pl.when(pl.col("test") == names[2]).then(pl.lit("rejected")).otherwise("verdict").alias("verdict"),
+        pl.when(pl.col("test") == names[3]).then(99.0).otherwise("frequency [Hz]").alias("frequency [Hz]"),
+        pl.col("test").replace(dict.fromkeys(names, names[0])),
+    )
+    sheet = read_sheet(replace(fitted, tables={**fitted.tables, "dynamic": dynamic}), texts_only=True)
+    one = state.model_copy(update={"tests": [names[0], *state.tests[4:]]})
+    chosen = np.flatnonzero(_rows(one, {}, sheet))
+    order = {name: at for at, name in enumerate(fitted.dynamic["test"].to_list())}
+    assert chosen.tolist() == sorted(order[name] for name in (*names[:2], *state.tests[4:]))
 
 
 def test_a_tyre_keeps_its_colour(fitted):

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from fourpole import quantities as q
@@ -18,17 +17,17 @@ from fourpole.core.sources import Role, Source
 from fourpole.fitting.rows import keys_of
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
-from fourpole.plot.panels import Extent, Marks, curve, limit, means, rejected_tests, span
-from fourpole.plot.sheet import Sheet, floats, grouped, read_sheet
-from fourpole.plot.stiffness import rig_stated
-from fourpole.plot.style import Marker, Style, plain_text
+from fourpole.plot.panels import Extent, Marks, curve, limit, means, rejected_tests, rows_of_names, span
+from fourpole.plot.sheet import Sheet, floats, grouped, read_sheet, texts
+from fourpole.plot.stiffness import phasors, rigs_stated
+from fourpole.plot.style import Marker, Style, counted, plain_text
 from fourpole.study.results import Results
 from fourpole.study.rig_estimate import Finding, RigEstimate, SharedValue
 
 __all__ = ["FIGURES", "found", "mass_gain", "residual", "value_label"]
 
 _MOST_RIGS = 4
-#: Added masses that have one marker.
+#: Rule of equal added masses; equal masses have one marker.
 _MASS = Axis("added mass", relative=1e-3)
 _MASS_MARKERS: tuple[Marker, ...] = ("o", "^", "s", "D", "v", "P")
 #: Marker of each finding, whether it is filled, its colour (grey where None), and its label in the key.
@@ -53,7 +52,7 @@ _GROUPS = {
     Role.RATIO: "ratios that K* needs",
     Role.MASS: "added masses",
 }
-#: Further than this from what is stated, in its uncertainty, a value is shown at the edge with its distance.
+#: A value farther than this from its statement [stated standard uncertainties] is shown at the edge with its distance.
 _EDGE = 6.0
 _ROW = 0.17
 _MISFIT = "#D55E00"
@@ -72,7 +71,7 @@ def value_label(source: Source) -> str:
 
 @dataclass(frozen=True)
 class _Tests:
-    """residuals.csv with the tyre of each test."""
+    """The rows of residuals.csv, with the groups of rig, tyre and added mass of each row."""
 
     rigs: tuple[str, ...]
     rig: np.ndarray
@@ -87,7 +86,7 @@ class _Tests:
 
 
 def residual(results: Results, style: Style) -> Figure | None:
-    """F1/V2 - Zr against frequency, real and imaginary part, a row per rig, a marker per added mass."""
+    """Real and imaginary part of F1/V2 - Zr against frequency, a row per rig, a marker per added mass."""
     if q.RESIDUAL_RE.head not in results.residuals.columns:
         return None
     sheet = read_sheet(results)
@@ -97,25 +96,23 @@ def residual(results: Results, style: Style) -> Figure | None:
         return None
     notes, key = Notes(), Key()
     rigs = [at for at in range(len(tests.rigs)) if np.any(known & (tests.rig == at))]
-    notes.chosen(min(len(rigs), _MOST_RIGS), len(rigs), "rigs are")
-    rigs = rigs[:_MOST_RIGS]
+    rigs = notes.first(rigs, _MOST_RIGS, "rigs are")
     grid = Grid.of(2 * len(rigs), 2, panel_height=2.6 if len(rigs) == 1 else 1.9, style=style)
-    for row, at in enumerate(rigs):
+    estimates = [_of_rig(results, tests.rigs[at]) for at in rigs]
+    for row, (at, estimate) in enumerate(zip(rigs, estimates, strict=True)):
         here = known & (tests.rig == at)
-        fits = _of_rig(results, tests.rigs[at]).fits
         for column in (0, 1):
-            ax = grid.panels[2 * row + column]
-            _residual_panel(ax, tests, column, here, style, notes, fits=fits)
-        _residual_heading(grid.panels[2 * row], results, tests.rigs[at], style)
-        if not fits:
+            _residual_panel(grid.panels[2 * row + column], tests, column, here, style, notes, fits=estimate.fits)
+        _residual_heading(grid.panels[2 * row], estimate, style)
+        if not estimate.fits:
             which = f" of {plain_text(tests.rigs[at])}" if tests.rigs[at] else ""
             notes.say(f"the rig{which} as stated does not fit: its line should be at zero")
     _residual_key(key, tests, sheet, known, style)
-    if any("does not fit" in note for note in notes.lines):
-        key.add(Line2D([], [], color=_MISFIT, linewidth=2.0), "mean with rig and sensors as stated")
+    if not all(estimate.fits for estimate in estimates):
+        key.line("mean with rig and sensors as stated", _MISFIT, 2.0)
     lacking = int(np.sum(~known))
     if lacking:
-        notes.say(f"{lacking} {'test has' if lacking == 1 else 'tests have'} no F1 or no V2")
+        notes.say(f"{counted(lacking, 'test')} {'has' if lacking == 1 else 'have'} no F1 or no V2")
     figure = grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=[""], share_y=False)
     for at, ax in enumerate(grid.panels):
         ax.set_ylabel(f"{('Re', 'Im')[at % 2]} (F1/V2 − Zr) [N s/m]")
@@ -123,8 +120,9 @@ def residual(results: Results, style: Style) -> Figure | None:
 
 
 def _tests(results: Results, sheet: Sheet) -> _Tests:
+    """The rows of residuals.csv as arrays."""
     rows = results.residuals
-    names = [str(name or "") for name in rows["rig"].to_list()]
+    names = texts(rows, "rig")
     rigs = tuple(dict.fromkeys(names))
     tyre_of = dict(zip(keys_of(sheet.table), sheet.tyre, strict=True))
     masses, mass = grouped(np.nan_to_num(floats(rows, q.ADDED_MASS.head)), _MASS, lambda value, n: f"{value:.{n}g} kg")
@@ -143,35 +141,30 @@ def _tests(results: Results, sheet: Sheet) -> _Tests:
 
 
 def _as_stated(results: Results, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
-    """F1/V2 - Zr of each row of residuals.csv with rig and sensors as stated; not-a-number where they are unknown."""
-    stated = (results.record.get("stated") or {}).get("rigs") or {}
+    """F1/V2 - Zr [N s/m] of each row of residuals.csv with rig and sensors as stated; not-a-number if not stated."""
     omega = 2 * np.pi * sheet.values(q.FREQUENCY.head)
-    v1 = sheet.values(q.V1.head).astype(complex)
-    f1 = sheet.values(q.F1.head) * np.exp(1j * sheet.values(q.PHASE_F1.head))
-    v2 = sheet.values(q.V2.head) * np.exp(1j * sheet.values(q.PHASE_V2.head))
-    added = np.nan_to_num(sheet.values(q.ADDED_MASS.head))
-    left = np.full(omega.size, np.nan, dtype=complex)
-    names = np.array([name or "" for name in sheet.table["rig"].to_list()], dtype=object)
-    for name in set(names.tolist()):
-        rig = rig_stated(stated[name]) if isinstance(stated.get(name), dict) else None
-        at = names == name
-        if rig is not None and not rig.blocked:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                measured = (f1[at] - 1j * omega[at] * rig.input_mass * v1[at]) / v2[at]
-                left[at] = measured - rig.impedance(omega[at], added[at])
-    of_test = dict(zip(keys_of(sheet.table), left.tolist(), strict=True))
-    found = np.array([of_test.get(key, np.nan) for key in keys_of(results.residuals)], dtype=complex)
-    return found.real, found.imag
+    names = np.array(sheet.rigs, dtype=object)
+    residuals = np.full(omega.size, np.nan, dtype=complex)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for name, rig in rigs_stated(results, sheet).items():
+            if rig is not None and not rig.blocked:
+                at = np.flatnonzero(names == name)
+                f1, _, v2 = phasors(sheet, rig, at)
+                residuals[at] = f1 / v2 - rig.impedance(omega[at], sheet.added[at])
+    of_test = dict(zip(keys_of(sheet.table), residuals.tolist(), strict=True))
+    rows = np.array([of_test.get(key, np.nan) for key in keys_of(results.residuals)], dtype=complex)
+    return rows.real, rows.imag
 
 
 def _of_rig(results: Results, rig: str) -> RigEstimate:
-    """The rig as found; one with defaults where the joint route left none of this name."""
+    """The rig as found; if the joint route found no rig of this name, one with default values."""
     return next((found for found in results.rigs if found.rig == rig), RigEstimate(rig))
 
 
 def _residual_panel(
     ax: Axes, tests: _Tests, column: int, here: BoolArray, style: Style, notes: Notes, *, fits: bool
 ) -> None:
+    """Draw the real part, column 0, or the imaginary part, column 1, of the residuals of one rig."""
     x, y, std = tests.frequency, tests.parts[column], tests.stds[column]
     good = here & ~tests.outlier
     ax.axhline(0.0, color=style.look.ink, linewidth=0.8, zorder=1.0)
@@ -183,25 +176,23 @@ def _residual_panel(
     extent = Extent()
     shown = good if np.any(good) else here
     extent.add(np.append(y[shown], 0.0), np.append(std[shown], 0.0))
-    hold = Extent()  # whether zero is within the bars is the question, so the axes hold them
+    hold = Extent()  # the axes hold bars and zero, as the figure shows whether the bars reach zero
     reach = np.minimum(np.nan_to_num(std[shown]), 5 * np.nanmedian(np.append(std[shown], 0.0)))
     hold.add(np.concatenate([y[shown] - reach, y[shown] + reach, np.zeros(1)]))
     if not fits:
-        line = _misfit_line(
-            ax, x[good], (tests.as_stated[column] if np.any(np.isfinite(tests.as_stated[column])) else y)[good]
-        )
-        hold.add(line)
+        stated = tests.as_stated[column]
+        hold.add(_misfit_line(ax, x[good], (stated if np.any(np.isfinite(stated)) else y)[good]))
     limits = hold.limits()
     limit(ax, span([x[here]]), limits, style=style)
     beyond = int(np.sum(here & tests.outlier & ((y < min(limits)) | (y > max(limits)))))
     if beyond:
-        part = ("real", "imaginary")[column]
-        notes.say(f"the {part} part of {beyond} {'outlier lies' if beyond == 1 else 'outliers lie'} beyond the axes")
+        part, verb = ("real", "imaginary")[column], "lies" if beyond == 1 else "lie"
+        notes.say(f"the {part} part of {counted(beyond, 'outlier')} {verb} beyond the axes")
     notes.cut(extent, limits, style)
 
 
 def _misfit_line(ax: Axes, x: FloatArray, y: FloatArray) -> FloatArray:
-    """The mean over the tests at each frequency."""
+    """Draw a line through the means of the tests at each frequency; returns the means."""
     _, groups = grouped(x, FREQUENCY, lambda value, n: f"{value:.{n}g}")
     line = means(x, y, groups.tolist())
     ax.plot(*line, color=_MISFIT, linewidth=2.0, label="_misfit", zorder=4.0)
@@ -214,25 +205,22 @@ def _marks(style: Style, tyre: int, mass: int) -> Marks:
     return Marks(colour, _MASS_MARKERS[mass % len(_MASS_MARKERS)], face, joined=False)
 
 
-def _residual_heading(ax: Axes, results: Results, rig: str, style: Style) -> None:
-    """Name of the rig, and chi-square of what no tyre can explain, in warning colours where it does not fit."""
-    about = _of_rig(results, rig)
-    parts = [f"rig {plain_text(rig)}"] if rig else []
-    if about.chi2_per_dof is not None:
-        parts.append(f"χ²/dof = {about.chi2_per_dof:.3g} (as stated; {about.chi2:.4g} / {about.dof:.4g})")
-    fits = about.fits
-    if not fits:
+def _residual_heading(ax: Axes, rig: RigEstimate, style: Style) -> None:
+    """Write the name of the rig and chi-square per degree of freedom, in a warning colour if the rig does not fit."""
+    parts = [f"rig {plain_text(rig.rig)}"] if rig.rig else []
+    if rig.chi2_per_dof is not None:
+        parts.append(f"χ²/dof = {rig.chi2_per_dof:.3g} (as stated; {rig.chi2:.4g} / {rig.dof:.4g})")
+    if not rig.fits:
         parts.append("does not fit")
-    ax.set_title(", ".join(parts), loc="left", pad=4.5, color=style.look.ink if fits else _MISFIT)
+    ax.set_title(", ".join(parts), loc="left", pad=4.5, color=style.look.ink if rig.fits else _MISFIT)
 
 
 def _residual_key(key: Key, tests: _Tests, sheet: Sheet, known: BoolArray, style: Style) -> None:
+    """Add tyres, added masses and outliers to the key."""
     key.tyres(sheet, [int(tyre) for tyre in np.unique(tests.tyre[known]) if tyre >= 0], style)
     for mass in np.unique(tests.mass[known]):
-        handle = Line2D([], [], linestyle="none", marker=_MASS_MARKERS[mass % len(_MASS_MARKERS)])
-        handle.set_color(style.look.muted)
-        handle.set_markerfacecolor(style.look.muted if mass == 0 else style.look.paper)
-        key.add(handle, f"{tests.masses[mass]} added")
+        marks = _marks(style, -1, mass)
+        key.marker(f"{tests.masses[mass]} added", marks.marker, marks.colour, marks.face or marks.colour)
     key.rejected(style, known & tests.outlier, "test that does not go with the others")
 
 
@@ -242,8 +230,7 @@ def found(results: Results, style: Style) -> Figure | None:
     if not rigs:
         return None
     notes, key = Notes(), Key()
-    notes.chosen(min(len(rigs), _MOST_RIGS), len(rigs), "rigs are")
-    rigs = rigs[:_MOST_RIGS]
+    rigs = notes.first(rigs, _MOST_RIGS, "rigs are")
     grouped_values = [_by_group(rig.values) for rig in rigs]
     most = max(len(groups) + sum(map(len, groups.values())) for groups in grouped_values)
     grid = Grid.of(len(rigs), 1, panel_height=_ROW * (most + 1), style=style)
@@ -253,17 +240,14 @@ def found(results: Results, style: Style) -> Figure | None:
             ax.set_title(f"rig {plain_text(rig.rig)}", loc="left", pad=4.5)
         ax.text(1.015, 1.0, "u found /\nu stated", transform=ax.transAxes, va="bottom", fontsize=7.0,
                 color=style.look.muted)  # fmt: skip
-    stated = Line2D([], [], color=style.look.grid, linewidth=5.0)
-    key.add(stated, "as stated, ± u")
+    key.line("as stated, ± u", style.look.grid, 5.0)
     present = {value.finding for rig in rigs for value in rig.values}
     for finding, (marker, filled, colour, label) in _FINDINGS.items():
         if finding in present:
-            handle = Line2D([], [], marker=marker, color=colour or style.look.muted)
-            handle.set_markerfacecolor((colour or style.look.muted) if filled else style.look.paper)
-            key.add(handle, label)
-    figure = grid.finish(
-        key=key, notes=notes, x_label="found less stated, in stated standard uncertainties [1]", y_labels=[""]
-    )
+            ink = colour or style.look.muted
+            key.line(label, ink, marker=marker, markerfacecolor=ink if filled else style.look.paper)
+    label = "found less stated, in stated standard uncertainties [1]"
+    figure = grid.finish(key=key, notes=notes, x_label=label, y_labels=[""])
     figure.subplots_adjust(left=1.7 / WIDTH, right=1 - 0.75 / WIDTH)
     return figure
 
@@ -278,22 +262,18 @@ def _by_group(values: Sequence[SharedValue]) -> dict[Role, list[SharedValue]]:
 
 def _found_panel(ax: Axes, groups: Mapping[Role, Sequence[SharedValue]], style: Style) -> None:
     """Dots and whiskers from the top down under the names of their groups."""
-    at, labels, reach = 0, [], 1.6
+    labels, reach = [], 1.6
     for group, values in groups.items():
-        labels.append((at, _GROUPS[group], True))
-        for place, value in enumerate(values, at + 1):
-            labels.append((place, value_label(value.source), False))
-            reach = max(reach, _dot(ax, place, value, style))
-        at += 1 + len(values)
+        labels.append((_GROUPS[group], True))
+        for value in values:
+            reach = max(reach, _dot(ax, len(labels), value, style))
+            labels.append((value_label(value.source), False))
     ax.axvline(0.0, color=style.look.ink, linewidth=0.8, zorder=1.0)
-    ax.set_yticks([place for place, _, _ in labels], [text for _, text, _ in labels])
-    for tick, (_, _, heading) in zip(ax.get_yticklabels(), labels, strict=True):
+    rows_of_names(ax, [text for text, _ in labels])
+    for tick, (_, heading) in zip(ax.get_yticklabels(), labels, strict=True):
         tick.set_color(style.look.muted if heading else style.look.ink)
         tick.set_fontsize(7.5)
         tick.set_fontstyle("italic" if heading else "normal")
-    ax.tick_params(axis="y", length=0)
-    ax.grid(visible=False, axis="y")
-    ax.set_ylim(at - 0.4, -0.6)
     edge = min(reach, _EDGE) * 1.06
     ax.set_xlim(style.xlim or (-edge, edge))
     ax.xaxis.set_major_locator(MaxNLocator(7, steps=[1, 2, 5, 10]))
@@ -328,7 +308,7 @@ def _dot(ax: Axes, at: int, shared: SharedValue, style: Style) -> float:
 
 
 def mass_gain(results: Results, style: Style) -> Figure | None:
-    """Median relative uncertainty of K2 and C without and with the weighed mass, a panel per rig."""
+    """Median relative uncertainty of K2 and C without and with the added mass, a panel per rig."""
     gains = {
         found.rig: {plain_text(name, 12).replace(", K1", ",\nK1"): pair for name, pair in found.mass_gain.items()}
         for found in results.rigs
@@ -337,8 +317,7 @@ def mass_gain(results: Results, style: Style) -> Figure | None:
     if not gains:
         return None
     notes, key = Notes(), Key()
-    notes.chosen(min(len(gains), _MOST_RIGS), len(gains), "rigs are")
-    shown = list(gains.items())[:_MOST_RIGS]
+    shown = notes.first(list(gains.items()), _MOST_RIGS, "rigs are")
     most = max(len(pairs) for _, pairs in shown)
     grid = Grid.of(len(shown), min(2, len(shown)), panel_height=0.25 + 0.5 * most, style=style)
     looks = ((style.look.muted, "without the weighed mass"), (_FINDINGS[Finding.FOUND][2] or "", "with it"))
@@ -347,14 +326,15 @@ def mass_gain(results: Results, style: Style) -> Figure | None:
         if rig:
             ax.set_title(f"rig {plain_text(rig)}", loc="left", pad=4.5)
     for colour, text in looks:
-        key.add(Line2D([], [], color=colour, linewidth=5.0), text)
+        key.line(text, colour, 5.0)
     label = "median standard uncertainty of the tests without the mass [%]"
     figure = grid.finish(key=key, notes=notes, x_label=label, y_labels=[""], share_x=False, share_y=False)
-    figure.subplots_adjust(left=0.95 / WIDTH)  # room for two words
+    figure.subplots_adjust(left=0.95 / WIDTH)  # the names of the rows have two words
     return figure
 
 
 def _gain_panel(ax: Axes, pairs: dict[str, tuple[float, float]], colours: list[str], panels: int) -> None:
+    """Draw a pair of bars per quantity, and write the values beside them."""
     most = 100 * max(max(pair) for pair in pairs.values())
     for at, pair in enumerate(pairs.values()):
         for side, (share, colour) in enumerate(zip(pair, colours, strict=True)):
@@ -364,11 +344,8 @@ def _gain_panel(ax: Axes, pairs: dict[str, tuple[float, float]], colours: list[s
             if side and share < pair[0]:
                 text += f", {float(f'{pair[0] / share:.2g}'):g} times smaller"
             ax.text(100 * share + 0.012 * most, place, text, va="center", fontsize=7.5)
-    ax.set_yticks(range(len(pairs)), list(pairs))
-    ax.tick_params(axis="y", length=0)
-    ax.grid(visible=False, axis="y")
-    ax.set_ylim(len(pairs) - 0.5, -0.5)
-    ax.set_xlim(0.0, (1.3 if panels < 2 else 1.6) * most)  # with room for the words beside the longest bar
+    rows_of_names(ax, list(pairs), 0.5)
+    ax.set_xlim(0.0, (1.3 if panels < 2 else 1.6) * most)  # the text beside the longest bar needs room
 
 
 #: Figures of this module, in the order of a report.

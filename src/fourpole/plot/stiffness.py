@@ -239,7 +239,7 @@ def rig_stated(stated: Mapping[str, Any]) -> Rig | None:
     try:
         values: dict[str, Any] = {name: float(stated[name]["value"]) for name in PARAMETERS if stated.get(name)}
         return Rig(**values, blocked=stated.get("output") == "blocked")
-    except (RigError, KeyError, TypeError, ValueError):
+    except (RigError, AttributeError, KeyError, TypeError, ValueError):
         return None
 
 
