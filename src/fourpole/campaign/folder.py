@@ -389,12 +389,17 @@ def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
                 )
 
 
+def _without_unit(stated: CampaignFile) -> dict[str, str]:
+    """Column of each dynamic channel for which campaign.toml states neither a unit nor a sensitivity."""
+    named = {role: stated.channels.named(role) for role in ("force_in", "motion_in", "motion_out")}
+    return {role: channel.column for role, channel in named.items() if channel is not None and channel.has_no_unit}
+
+
 def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
     """CampaignError where neither campaign.toml nor the first dynamic recording states the times or a unit."""
     channels = stated.channels
     timeless = channels.time is None and channels.rate is None
-    named = {role: channels.named(role) for role in ("force_in", "motion_in", "motion_out")}
-    unitless = {role: channel.column for role, channel in named.items() if channel is not None and channel.has_no_unit}
+    unitless = _without_unit(stated)
     first = next((test for test in tests if test.kind == "dynamic" and not test.problem), None)
     if first is None or not (timeless or unitless):
         return

@@ -1,7 +1,4 @@
-"""Planning before the tests: the uncertainties to expect of a campaign whose recordings do not exist yet.
-
-A plan needs a rig and a guessed tyre. The tests come from tests.csv, or from a list of frequencies.
-"""
+"""Planning before the tests: the uncertainties to expect, from a stated rig and a guessed tyre, without recordings."""
 
 from __future__ import annotations
 
@@ -143,7 +140,7 @@ class CampaignPlan:
     rule: Sameness = field(default_factory=Sameness)
 
     def table(self, masses: Sequence[float] = ()) -> pl.DataFrame:
-        """The uncertainties to expect, as `plan_table` gives them."""
+        """The uncertainties to expect: `plan_table`."""
         return plan_table(self, masses)
 
 
@@ -210,20 +207,13 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
     campaign : Campaign
         As `read_campaign` gives it.
     guess : Guess
-        A value that is not guessed comes from the row of tests.csv (K1), or from CAMPAIGN/results/dynamic.csv: the
-        nearest test of the same tyre.
+        The values not guessed come from tests.csv (K1), or from the nearest test of the same tyre in
+        CAMPAIGN/results/dynamic.csv.
     run : Run
 
     Returns
     -------
     CampaignPlan
-
-    Raises
-    ------
-    CampaignError
-        If a test cannot be planned: it has a problem, no frequency, or no guess of its tyre.
-    RigError
-        If a rig is not stated.
     """
     planned = _to_plan(campaign)
     rule = campaign.stated.sameness
@@ -446,8 +436,8 @@ def with_kg(mass: float) -> str:
 def plan_table(planned: CampaignPlan, masses: Sequence[float]) -> pl.DataFrame:
     """The table of plan.csv: the uncertainty to expect of each test by each route, as stated and with added masses.
 
-    With a mass, every test that has none is run once more with it. The joint route then has a row for all tests. Each
-    other route has a row for the tests with the mass, because the tests without it do not change.
+    With a mass, every test that has none is run once more with it. The joint route then has a row for all tests, each
+    other route for the tests with the mass, because the tests without it do not change.
 
     Parameters
     ----------
