@@ -1,0 +1,45 @@
+"""From recordings to the page: a warning that several tests share stands there once, whatever is drawn."""
+
+import csv
+
+import pytest
+
+from fourpole import analyse
+from fourpole.findings import findings
+from fourpole.report.page import render_report
+from fourpole.report.words import sentences
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
+
+
+@pytest.fixture(scope="module")
+def vague(tmp_path_factory):
+    """A campaign whose three dynamic tests have K1 stated with a large uncertainty."""
+    folder = simulate_campaign(
+        tmp_path_factory.mktemp("vague"),
+        tyres=[RADIAL_PLY],
+        pressures=[170e3],
+        preloads=[1000.0],
+        frequencies=[14.0, 16.0, 18.0],
+    ).folder
+    with (folder / "tests.csv").open() as file:
+        head, *rows = csv.reader(file)
+    cells = {"static": ["", ""], "dynamic": ["100000", "20000"]}
+    rows = [[*head, "K1 [N/m]", "u(K1) [N/m]"], *([*row, *cells[row[head.index("kind")]]] for row in rows)]
+    with (folder / "tests.csv").open("w", newline="") as file:
+        csv.writer(file).writerows(rows)
+    return folder
+
+
+@pytest.mark.parametrize("monte_carlo", [0, 300])
+def test_the_commonest_warning_stands_once_in_the_report(vague, monte_carlo):
+    results = analyse(vague, monte_carlo=monte_carlo).results
+    assert results.dynamic["verdict"].to_list() == ["warning"] * 3
+    found = sentences(findings(results))
+    assert [one.text for one in found if one.topic == "trust"][1:] == [
+        "Use with care D1, D2 and D3: K2 or C is known too poorly."
+    ]
+    page = render_report(results, findings=found, figures={})
+    remarks = page[page.index('id="remarks"') :]
+    remarks = remarks[: remarks.index("</section>")]
+    assert remarks.count("K2 or C is known too poorly") == 1
+    assert remarks.count("<tr>") == 2
