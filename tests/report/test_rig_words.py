@@ -294,7 +294,7 @@ def test_the_frequency_wants_a_longer_record(plain):
 def test_a_misfit_comes_before_everything_that_it_makes_larger(plain):
     for source in ("rig misfit", "sensor noise"):
         assert only(plain, source, **MISFIT).remedy == (
-            "settle the misfit first; what would explain it best is a moving mass 0.81 kg larger than stated, as an "
+            "resolve the misfit first; the best candidate is a moving mass 0.81 kg larger than stated, as an "
             "undeclared tyre mass would make it"
         )
     assert "look for a part" in only(plain, "rig misfit").remedy

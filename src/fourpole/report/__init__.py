@@ -1,1 +1,1 @@
-"""Results become words and one HTML page."""
+"""The report: results in words and as one HTML page."""

@@ -1,4 +1,4 @@
-"""What the cards of the tests hold: curves in few characters, facts as they are shown."""
+"""Cards, one per test on the page: curves packed into few characters, values as they are shown."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fourpole.study.tables import DYNAMIC as TABLE
 
 __all__ = ["ALPHABET", "Card", "embedded", "make_cards", "packed"]
 
-#: A curve's sample is two of these: 4095 levels between its extremes, and one for what is missing.
+#: Two of these characters are one sample of a curve: 4095 levels between its extremes, and one for a missing sample.
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 _LEVELS = 4094
 _PAIRS = np.array([a + b for a in ALPHABET for b in ALPHABET])
@@ -38,7 +38,7 @@ _TOGETHER = (q.CORR_R_I, q.CORR_K, q.CORR_K2_C)
 
 @dataclass(frozen=True)
 class Card:
-    """One test: where its card is, what stands on it while it is closed, and the data that it is drawn from."""
+    """One test: the key of its card, the text on the closed card, and the data from which the open card is drawn."""
 
     key: str
     test: str
@@ -49,7 +49,7 @@ class Card:
 
 
 def make_cards(results: Results) -> tuple[list[Card], list[str], list[str]]:
-    """All cards, static tests first, and the card's key of each row of the static and the dynamic table."""
+    """All cards, static tests first; then the key of the card of each row of the static and of the dynamic table."""
     rows = results.previews.rows(named=True) if "test" in results.previews.columns else []
     previews = {key_of(row): row for row in rows}
     static, static_keys = _static_cards(results.static, previews)
@@ -97,7 +97,7 @@ def _static_body(rows: Sequence[Mapping[str, Any]], preview: Mapping[str, Any]) 
 def _tangents(
     rows: Sequence[Mapping[str, Any]], x: NDArray[np.float64], load: NDArray[np.float64]
 ) -> Iterator[list[float]]:
-    """Point and slope of each K1: where the mean curve first reaches the preload."""
+    """Deflection, load and slope of each K1 tangent, where the mean curve first reaches the preload."""
     for row in rows:
         preload, k1 = known(row[q.PRELOAD.head]), known(row[q.K1.head])
         if preload is None or k1 is None:
@@ -174,10 +174,10 @@ def _signal(symbol: str, preview: Mapping[str, Any], quantity: str) -> dict[str,
 
 
 def _loop(row: Mapping[str, Any], preview: Mapping[str, Any], *, blocked: bool) -> dict[str, Any]:
-    """Amplitudes of F1 and of the deflection, how far the force is ahead, and the deflection's phase at t = 0.
+    """The hysteresis loop: amplitudes of deflection and F1, the phase lead of F1, the deflection's phase at t = 0.
 
-    Across the tyre where V2 is known, otherwise at the contact. The preview has its own zero of time: its fit of F1
-    says which.
+    The deflection is that across the tyre if V2 is known, otherwise that of the contact. The phase at t = 0 follows
+    from the fit of F1 in the preview, because a preview has its own zero of time.
     """
     names = (q.FREQUENCY.head, q.F1.head, q.V1.head, q.PHASE_F1.head)
     frequency, f1, v1, ahead = (known(row[name]) for name in names)
@@ -241,7 +241,7 @@ def packed(values: NDArray[np.float64], low: float | None = None, high: float | 
 
 
 def embedded(value: object) -> str:
-    """JSON that can stand in a script element whatever it holds."""
+    """JSON without the characters that could end a script element."""
     text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")

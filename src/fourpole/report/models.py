@@ -1,4 +1,4 @@
-"""The section on models and operating maps: the choice, the parameters of each condition, how to ask the map."""
+"""The section on models and operating maps: choice, parameters of each condition, and the query of the map."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from fourpole.study.results import Results
 
 __all__ = ["Cell", "ModelSection", "models_section"]
 
-#: Units as people read them: what is shown, and its SI value.
+#: The unit shown for an SI unit, and its SI value.
 _UNITS = {"N/m": ("kN/m", 1e3), "1": ("", 1.0)}
-#: With more conditions than these the table of parameters is closed at first.
+#: With more conditions than these the table of parameters is folded when the page opens.
 _OPEN = 4
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One model that was tried, as it is shown."""
+    """One model that was fitted, as it is shown."""
 
     model: str
     chosen: bool
@@ -30,7 +30,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Cell:
-    """A parameter of a condition: value, its standard uncertainty, the 95 % interval, and whether it was held."""
+    """A parameter of a condition: value, standard uncertainty, 95 % interval, and a mark if it was not free."""
 
     text: str
     std: str
@@ -40,7 +40,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Condition:
-    """One condition's parameters, and how well they fit."""
+    """The parameters of one condition, with chi-square per degree of freedom."""
 
     place: str
     band: str
@@ -81,7 +81,7 @@ class ModelSection:
 
 
 def models_section(results: Results) -> list[ModelSection]:
-    """What the page shows of the model and the map of each tyre."""
+    """The model and the map of each tyre, as the page shows them."""
     models = {one.tyre: one for one in (results.models.models if results.models else [])}
     maps = {one.tyre: one for one in (results.maps.maps if results.maps else [])}
     return [
@@ -124,7 +124,7 @@ def _candidate(one: CandidateFile, best: str, least: float) -> Candidate:
 
 
 def _round(value: float) -> str:
-    """A criterion: its differences count, to a tenth at most."""
+    """An information criterion as text, to a tenth at most, because only its differences matter."""
     return number(value, max(2, len(f"{abs(value):.0f}")) if abs(value) >= 10 else 2)
 
 
@@ -157,7 +157,7 @@ def _cell(one: ConditionFile, at: int, entry: ModelEntry) -> Cell:
 
 
 def _interval(low: float | None, high: float | None, std: float) -> str:
-    """The 95 % interval in words; the data may set it no end."""
+    """The 95 % interval in words; an end that the data do not determine is open."""
     if low is None and high is None:
         return "open to both sides"
     if low is None:
@@ -170,7 +170,7 @@ def _interval(low: float | None, high: float | None, std: float) -> str:
 
 
 def _end(value: float | None, std: float) -> str:
-    """An end of an interval, as many digits as the value has."""
+    """An end of an interval, with as many digits as the value."""
     return with_std(value, std)[0] if std else number(value, 3)
 
 

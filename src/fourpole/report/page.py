@@ -1,4 +1,4 @@
-"""report.html: one file that opens offline, with everything that an analysed campaign has to say."""
+"""report.html: one file that opens offline, with all results of an analysed campaign."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from fourpole.study.results import Results
 
 __all__ = ["ReportFigure", "Said", "render_report", "write_report"]
 
-#: Tests named one by one where a finding or a remark concerns many.
+#: Up to this number the tests of a finding or a remark are listed by name.
 _NAMED = 12
-#: What no text of a page may hold: control characters and lone surrogates.
+#: Characters that a page must not contain: control characters and lone surrogates.
 _UNFIT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
 class Said(Protocol):
-    """A finding in words: its topic, the sentence, and the tests that it rests on."""
+    """A finding in words: its topic, the sentence, and the tests that it names."""
 
     @property
     def topic(self) -> str:
-        """What findings are grouped by."""
+        """The heading under which the finding stands."""
 
     @property
     def text(self) -> str:
@@ -45,7 +45,7 @@ class Said(Protocol):
 
     @property
     def tests(self) -> Sequence[str]:
-        """Names of tests; empty where it concerns all."""
+        """Names of tests; empty where the finding concerns all of them."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class ReportFigure:
 
     @property
     def size(self) -> tuple[int, int] | None:
-        """Width and height of its view box, for the page to keep the room."""
+        """Width and height of its view box, so that the page keeps the space free; None if it has none."""
         found = re.search(r'viewBox="[-\d.]+ [-\d.]+ ([\d.]+) ([\d.]+)"', self.svg[:4000])
         return (round(float(found[1])), round(float(found[2]))) if found else None
 
@@ -176,7 +176,7 @@ def _tables(dynamic: ResultTable, static: ResultTable) -> list[dict[str, Any]]:
 
 
 def _topics(findings: Sequence[Said], where: Mapping[str, str]) -> dict[str, list[dict[str, Any]]]:
-    """Findings by topic, in the order in which topics first come up."""
+    """Findings by topic, in the order of the first finding of each topic."""
     topics: dict[str, list[dict[str, Any]]] = {}
     for finding in findings:
         names = list(dict.fromkeys(finding.tests))
@@ -187,9 +187,9 @@ def _topics(findings: Sequence[Said], where: Mapping[str, str]) -> dict[str, lis
 
 
 def _remarks(rows: Sequence[Any], short: Mapping[str, Sequence[CheckRow]]) -> list[_Remark]:
-    """Remarks of the checks, the gravest first, each with the tests that it was made on.
+    """Remarks of the checks, rejections first, each with its tests.
 
-    Checks of one cause stand together, in its short form; the figures of each test are in its row and on its card.
+    Checks with one code are one remark, in the short form of the code; rows and cards have the numbers.
     """
     groups: dict[tuple[str, str], dict[str, str]] = {}
     for row in rows:
@@ -205,7 +205,7 @@ def _remarks(rows: Sequence[Any], short: Mapping[str, Sequence[CheckRow]]) -> li
 
 
 def _numbered(figures: Sequence[ReportFigure]) -> list[tuple[str, ReportFigure]]:
-    """Figures with their headings: those whose title has no number of its own count on from the largest that has."""
+    """Figures with their headings; a title without a number gets one above the largest number of the other titles."""
     stated = [re.match(r"Figure (\d+)\b", figure.title) for figure in figures]
     count = max((int(found[1]) for found in stated if found), default=0)
     headed = []
@@ -219,7 +219,7 @@ def _numbered(figures: Sequence[ReportFigure]) -> list[tuple[str, ReportFigure]]
 
 
 def _compact(svg: str) -> str:
-    """An SVG without what no eye sees: prolog, metadata, space between elements, the third decimal of a point."""
+    """An SVG without its invisible parts: prolog, metadata, space between elements, third decimals of points."""
     svg = re.sub(r"<\?xml.*?\?>|<!DOCTYPE[^>\[]*>|<!--.*?-->|<metadata>.*?</metadata>", "", svg, flags=re.S)
     svg = re.sub(r">\s*\n\s*<", "><", svg)
     return re.sub(r'(?<=\sd=")[^"]*', lambda path: _short_path(path[0]), svg).strip()

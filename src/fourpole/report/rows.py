@@ -22,12 +22,12 @@ DYNAMIC = (
     q.PRESSURE, q.PRELOAD, q.ADDED_MASS, q.TEMPERATURE, q.FREQUENCY, q.K1, q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C,
     q.TR_MEASURED, q.TR_PREDICTED, q.R, q.I, *DERIVED,
 )  # fmt: skip
-#: Shown only where a test has another value than zero or blank.
+#: Columns that are shown only if a test has a value that is neither zero nor blank.
 _SELDOM = (q.ADDED_MASS, q.TEMPERATURE)
 
 
 def texts(quantity: Quantity, row: Mapping[str, Any]) -> tuple[str, str]:
-    """Value and uncertainty of a row in the unit shown; the table has none for the measured TR."""
+    """Value and uncertainty of a row in the unit shown; the measured TR has no uncertainty in the table."""
     value = known(row.get(quantity.head))
     std = known(row.get(quantity.u_head)) if quantity is not q.TR_MEASURED else None
     shown, about = (None if one is None else one / quantity.scale for one in (value, std))
@@ -43,7 +43,7 @@ def words(quantity: Quantity, row: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Cell:
-    """One number: what it sorts by (SI, in text), what is shown."""
+    """One number: the SI value as text, by which rows are sorted, and the value and uncertainty shown."""
 
     key: str
     text: str
@@ -104,13 +104,13 @@ def _cell(row: Mapping[str, Any], column: Quantity) -> Cell:
 
 
 def worst(verdicts: list[Any]) -> str:
-    """The gravest of some verdicts; one that is unknown is a rejection."""
+    """The worst of some verdicts; an unknown verdict counts as a rejection."""
     ranks = [VERDICTS.index(verdict) if verdict in VERDICTS else 2 for verdict in verdicts]
     return VERDICTS[max(ranks, default=2)]
 
 
 def condition(row: Mapping[str, Any], *, dynamic: bool) -> str:
-    """What a test was done at, in short: 1.7 bar, 1000 N, 10.01 Hz."""
+    """The condition of a test in short: 1.7 bar, 1000 N, 10.01 Hz."""
     stood = (q.PRESSURE, *((q.PRELOAD,) if dynamic else ()), q.FREQUENCY, q.ADDED_MASS, q.TEMPERATURE)
     said = []
     for one in stood:

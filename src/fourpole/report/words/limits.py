@@ -1,4 +1,4 @@
-"""What limits a campaign: of each rig's K2 and C the largest source of uncertainty, and its cheapest remedy."""
+"""What limits a campaign: the largest source of uncertainty of K2 and C on each rig, and its cheapest remedy."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from fourpole.study.results import Results
 __all__ = ["Limit", "limit_rows", "limits"]
 
 _BUDGET = ("test", "quantity", "source", q.SHARE.head)
-#: Quantities of budget.csv that may limit.
+#: Quantities of budget.csv for which a limit is given.
 _QUANTITIES = {one.column: one for one in (q.K2, q.C, q.STORAGE, q.LOSS)}
-#: A second source is named from this share on.
+#: A second source is named if its share of the variance is at least this.
 _WORTH_NAMING = 0.1
+#: A source makes most of an uncertainty if its share of the variance is at least this.
 _MOST_OF_IT = 0.5
 
 
@@ -44,7 +45,7 @@ class Limit:
         Median relative uncertainty of the quantity.
     tests : int
     remedy, text : str
-        What to do; the whole in sentences.
+        The remedy alone; the limit and the remedy in sentences.
     """
 
     rig: str
@@ -58,7 +59,7 @@ class Limit:
 
 
 def limits(results: Results) -> list[Limit]:
-    """For each rig what limits K2 and C, or K* where these are unknown; nothing without a budget.
+    """The limit of K2 and C for each rig, or of K* where these are unknown; empty without a budget.
 
     Parameters
     ----------
@@ -96,7 +97,7 @@ def _quantities(rows: pl.DataFrame) -> list[str]:
 
 
 def _median_shares(rows: pl.DataFrame) -> list[tuple[str, float]]:
-    """Sources by their median share over the tests, the largest first; a test without a source has none of it."""
+    """Sources by their median share over the tests, the largest first; a test without a source counts as zero."""
     tests = rows.select(KEY).n_unique()
     shares = []
     for (source,), part in rows.group_by("source", maintain_order=True):
@@ -145,7 +146,7 @@ def _limit(rig: str, quantity: str, rows: pl.DataFrame, tests: pl.DataFrame, abo
 
 
 def _relative(tests: pl.DataFrame, quantity: str, *, without: bool = False) -> float | None:
-    """Median relative uncertainty over tests; without the share of the source that stands beside them, if so asked."""
+    """Median relative uncertainty over tests [1]; `without` leaves out the share in each row."""
     value, std = _QUANTITIES[quantity].heads
     found = []
     for row in tests.rows(named=True):
@@ -160,7 +161,7 @@ def _capital(text: str) -> str:
 
 
 def limit_rows(found: list[Limit]) -> list[dict[str, Any]]:
-    """For programs: a row per rig and quantity."""
+    """The limits as rows for programs, one per rig and quantity."""
     return [
         {
             "rig": limit.rig,

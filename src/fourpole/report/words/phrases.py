@@ -1,4 +1,4 @@
-"""Numbers, conditions and lists as a reader expects them."""
+"""Numbers, conditions and lists as text."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _PLURAL = {"pressure": "pressures", "load": "loads", "frequency": "frequencies"}
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Significant digits without an exponent, as far as that can be read.
+    """A number to some significant digits, without an exponent from 1e-4 to 1e6.
 
     Examples
     --------
@@ -52,7 +52,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def shown(quantity: Quantity | None, value: float) -> str:
-    """A value of a quantity in the unit that people read."""
+    """A value of a quantity in the unit shown, with that unit."""
     return f"{number(value / quantity.scale)} {quantity.suffix}".rstrip() if quantity else number(value)
 
 
@@ -69,7 +69,7 @@ def ranged(values: Sequence[float], unit: str = "", digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as per cent, as many digits as make sense."""
+    """A fraction as per cent, with no decimal from 10 %, one from 0.1 %, two below."""
     size = abs(100.0 * share)
     return f"{100.0 * share:.0f} %" if size >= 9.95 else f"{100.0 * share:.1f} %" if size >= 0.095 else _small(share)
 
@@ -101,7 +101,7 @@ def newton(load: float) -> str:
 
 
 def hertz(frequency: float) -> str:
-    """A frequency in Hz: tested ones are mostly whole numbers.
+    """A frequency in Hz, without trailing zeros.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Sources of error in words: what each is called inside a sentence, and the cheapest thing to do about it."""
+"""Sources of error in words: the name of each inside a sentence, and its cheapest remedy."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class About:
     Attributes
     ----------
     joint, massed, with_v2 : bool
-        Whether the joint route was used, an added mass was, V2 was measured.
+        Whether the joint route was used, whether an added mass was used, whether V2 was measured.
     fits, scatter : bool
         Whether rig and channels as stated fit their tests; whether K* of repeated tests scatters beyond the noise.
     candidate : str
@@ -67,11 +67,11 @@ _BY_MASS = (
     "unnecessary, or "
 )
 _STATE_K1 = "state K1 with a smaller uncertainty, or add a static test"
-#: What to do where nothing else is known of rig and tests.
+#: The remedy of each kind of source, before the properties of rig and tests are considered.
 _REMEDIES = {
     Kind.NOISE: "record longer or over more cycles: four times as many halve it",
     Kind.FREQUENCY: "record longer at a steady speed",
-    Kind.RIG_MISFIT: "settle the misfit first: look for a part of the rig that is not stated",
+    Kind.RIG_MISFIT: "resolve the misfit first: look for a part of the rig that is not stated",
     Kind.GAIN: f"{_BY_MASS}calibrate the gain of {{channel}}",
     Kind.PHASE: f"{_BY_MASS}calibrate the phase of {{channel}}",
     Kind.DELAY: f"{_BY_MASS}measure the delay of {{channel}} and state it with a smaller uncertainty",
@@ -94,7 +94,7 @@ _REMEDIES = {
 
 
 def source_in_words(source: Source) -> str:
-    """A source inside a sentence.
+    """The name of a source inside a sentence.
 
     Examples
     --------
@@ -114,10 +114,10 @@ def _filled(template: str, source: Source) -> str:
 
 
 def remedy(source: Source, about: About) -> str:
-    """The cheapest thing to do about a source."""
+    """The cheapest remedy of a source."""
     text = _filled(_REMEDIES[source.kind], source)
     if source.kind is Kind.RIG_MISFIT or (source.kind is Kind.NOISE and not about.fits):
-        best = f"settle the misfit first; what would explain it best is {about.candidate}"
+        best = f"resolve the misfit first; the best candidate is {about.candidate}"
         return best if about.candidate else _REMEDIES[Kind.RIG_MISFIT]
     if source.kind is Kind.NOISE and about.scatter:
         return "steady temperature, conditioning and amplitude, then repeat: the scatter of repeats counts as noise"

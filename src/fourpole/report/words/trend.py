@@ -1,4 +1,4 @@
-"""The sentence on how a quantity goes with pressure, load or frequency."""
+"""The sentence on the change of a quantity with pressure, load or frequency."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["over", "span", "trend"]
 
 
 def trend(finding: Finding, found: Trend) -> str:
-    """One sentence on a trend, or that there is none to be seen."""
+    """One sentence on a trend, or that no change exceeds the uncertainty."""
     name = opening(finding)
     if found.extremum is not None:
         return f"{name} has its {_extremum(found, found.extremum)}."
@@ -37,7 +37,7 @@ def span(found: Trend, word: str = "to") -> str:
 
 
 def over(found: Trend) -> str:
-    """The number of combinations that the mean is taken over."""
+    """The number of conditions over which the mean is taken, in words."""
     return combinations(found.rest, list(found.effects))
 
 
@@ -94,7 +94,7 @@ def _piecewise(found: Trend) -> str:
 
 
 def _where(found: Trend) -> str:
-    """Where a mean was taken."""
+    """The condition of a single change, or the number of conditions of a mean, in words."""
     if len(found.effects) == 1:
         (key,) = found.effects
         return f" at {condition(found.rest, key)}" if any(value != UNSTATED for value in key) else ""
