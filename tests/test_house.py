@@ -23,10 +23,6 @@ HEAVY = {"matplotlib", "pint", "polars", "pydantic", "rich", "typer"}
 LONG = {
     "guess/together.py",
     "study/tables.py",
-    "io/columns.py",
-    "io/formats/matlab.py",
-    "io/formats/mdf.py",
-    "io/formats/tydex.py",
 }
 SPEAKING = [
     name

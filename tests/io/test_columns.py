@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fourpole.errors import FileError, TableError
-from fourpole.io import columns as room
+from fourpole.io import rows as room
 from fourpole.io.text import read_columns
 
 NAN = float("nan")

@@ -1,4 +1,4 @@
-"""Times of day, with or without a date, as seconds from the first of them."""
+"""Times of day, with or without a date, as seconds from the first time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["is_date", "is_moment", "seconds"]
+__all__ = ["Clock", "is_date", "is_moment"]
 
 _DAY = 86_400
 _TIME = (
@@ -24,9 +24,10 @@ _DATES = (
     r"(?P<d>[0-9]{1,2})/(?P<m>[0-9]{1,2})/(?P<y>[0-9]{4})",
     r"(?P<m>[0-9]{1,2})/(?P<d>[0-9]{1,2})/(?P<y>[0-9]{4})",
 )
-# Both `re` and polars read these patterns, so that what is known as a moment can be read as one.
+# Both `re` and polars use these patterns: a cell that `re` accepts can also be read by polars.
 _MOMENTS = tuple(rf"^\s*(?:{date}[T ] *)?{_TIME}\s*$" for date in _DATES)
 _KNOWN = tuple(re.compile(pattern) for pattern in _MOMENTS)
+_UNDATED = re.compile(r"\s*[0-9]{1,2}:")
 _DATE_ALONE = tuple(re.compile(rf"\s*{date}\s*") for date in _DATES)
 _MONTH_DAYS = np.array([0, 31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31])
 _BEFORE_MONTH = np.concatenate(([0, 0], np.cumsum(_MONTH_DAYS[1:])))
@@ -42,28 +43,45 @@ def is_date(cell: str) -> bool:
     return any(pattern.fullmatch(cell) for pattern in _DATE_ALONE)
 
 
-def seconds(cells: pl.Series) -> NDArray[np.float64]:
-    """Seconds from the first moment of a column of text; NaN where a cell holds none.
+class Clock:
+    """A column of times of day as seconds from its first time, one part of the column after the other.
 
-    A day may come before its month or, between slashes, after it. Times without a date go on after midnight.
+    In dates with slashes the day comes first if `day_first`, otherwise the month. Times without a date continue after
+    midnight.
     """
-    first = next((cell for cell in cells if cell is not None and is_moment(cell)), "")
-    fitting = [pattern for pattern, known in zip(_MOMENTS, _KNOWN, strict=True) if known.match(first)]
-    if not fitting:
-        return np.full(len(cells), np.nan)
-    if "/" not in first:
-        return _read(cells, fitting[0])
-    # 01/02/2024 is in January or February: what reads more of the cells is right, else the shorter recording.
-    return max((_read(cells, pattern) for pattern in fitting), key=_likely)
 
+    def __init__(self, *, day_first: bool) -> None:
+        self._day_first = day_first
+        self._zero: str | None = None
+        self.state = (0.0, np.nan)
+        """Number of midnights passed, and the last time of day [s] from the first time."""
 
-def _likely(values: NDArray[np.float64]) -> tuple[int, float]:
-    known = values[np.isfinite(values)]
-    return len(known), -float(np.ptp(known)) if len(known) else 0.0
+    def seconds(self, cells: pl.Series) -> NDArray[np.float64]:
+        """Seconds from the first time of the column; not-a-number if a cell has no time in the same notation."""
+        import polars as pl
+
+        if self._zero is None:
+            self._zero = next((cell for cell in cells if cell is not None and is_moment(cell)), None)
+            if self._zero is None:
+                return np.full(len(cells), np.nan)
+        undated = _UNDATED.match(self._zero) is not None
+        cells = pl.Series([self._zero], dtype=pl.String).append(cells)
+        if undated:
+            cells = "2000-01-01 " + cells.str.strip_chars()
+        fitting = [pattern for pattern, known in zip(_MOMENTS, _KNOWN, strict=True) if known.match(cells[0])]
+        # Only dates with slashes fit two patterns: first that with the day before the month, then the reverse.
+        since = _read(cells, fitting[0 if self._day_first else -1])[1:]
+        known = np.flatnonzero(np.isfinite(since))
+        if undated and len(known):
+            days, last = self.state
+            passed = days + np.cumsum(np.diff(since[known], prepend=last) < -_DAY / 2)
+            self.state = float(passed[-1]), float(since[known[-1]])
+            since[known] += _DAY * passed
+        return since
 
 
 def _read(cells: pl.Series, pattern: str) -> NDArray[np.float64]:
-    """Seconds from the first cell that fits the pattern."""
+    """Seconds from the first cell that fits the pattern; not-a-number for cells that do not fit."""
     import polars as pl
 
     parts = cells.str.extract_groups(pattern).struct.unnest()
@@ -85,31 +103,21 @@ def _read(cells: pl.Series, pattern: str) -> NDArray[np.float64]:
 
     year = year + 2000 * ((parts["y"].str.len_bytes() == 2).fill_null(False).to_numpy())
     days, real = _days(year, month, day)
-    real &= (hour < 24) & (minute < 60) & (second < 61)  # false where it is not a number
+    real &= (hour < 24) & (minute < 60) & (second < 61)  # False also for not-a-number
     if not real.any():
         return np.full(len(cells), np.nan)
     whole = days * _DAY + hour * 3600 + minute * 60 + second - ahead
     first = int(np.argmax(real))
-    since = np.where(real, (whole - whole[first]) + (fraction - fraction[first]), np.nan)
-    if parts["y"].null_count() == len(cells):
-        _pass_midnight(since)
-    return since
+    return np.where(real, (whole - whole[first]) + (fraction - fraction[first]), np.nan)
 
 
 def _days(
     year: NDArray[np.float64], month: NDArray[np.float64], day: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Days in the calendar from a fixed one on, and whether there is such a day."""
+    """Number of the day, counted from a fixed day, and whether the calendar has this day."""
     leap = (year % 4 == 0) & ((year % 100 != 0) | (year % 400 == 0))
     at = np.clip(month, 1, 12).astype(np.intp)
     real = (month >= 1) & (month <= 12) & (day >= 1) & (day <= _MONTH_DAYS[at] + (leap & (at == 2)))
     before = year - 1
     days = before * 365 + before // 4 - before // 100 + before // 400 + _BEFORE_MONTH[at] + (leap & (at > 2)) + day
     return days, real
-
-
-def _pass_midnight(since: NDArray[np.float64]) -> None:
-    """Add a day, in place, wherever a time of day falls back by more than half of one."""
-    known = np.flatnonzero(np.isfinite(since))
-    steps = np.diff(since[known])
-    since[known[1:]] += _DAY * np.cumsum(steps < -_DAY / 2)

@@ -1,4 +1,4 @@
-"""A recording of any format becomes one of another: units, times and samples as they are, and what is lost is said."""
+"""Writes a recording of any format in another one, with a remark on everything that is changed or not kept."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fourpole.errors import FileError, RecordingError, TableError
 from fourpole.io.formats.guard import tidy
 from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, Signal
-from fourpole.io.stream import Chunk, Stream, surveyed_stream, times_of
+from fourpole.io.stream import Chunk, Stream, by_halves, surveyed_stream, times_of
 from fourpole.io.write import beside
 from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel
 from fourpole.units import shown
@@ -24,11 +24,11 @@ from fourpole.units import shown
 __all__ = ["Choice", "Converted", "convert", "writers"]
 
 _MODULES = ("text", "parquet", "mdf", "tdms", "uff", "matlab", "hdf5", "wav", "tydex")
-#: Of a step: how far before a window a sample may be; by how much a rate may be off a whole one at the end.
+#: As fractions of a time step: tolerance at the ends of a window; largest drift of a rate that is rounded to whole Hz.
 _INTO_STEP, _DRIFT = 1e-6, 0.1
-#: Groups that a message names.
+#: Largest number of groups in a message.
 _NAMED = 8
-#: Notes that readers add.
+#: Notes that the readers of Fourpole add, which are not notes of the file.
 _OURS = re.compile(
     r"time from .*|time signal|[0-9]+|[0-9]+ bit .*|scaled by the file|times of day.*|seconds from the first"
     r"|running time"
@@ -37,20 +37,20 @@ _OURS = re.compile(
 
 @dataclass(frozen=True)
 class Choice:
-    """What is wanted of a recording.
+    """The part of a recording that is converted, and the format that is written.
 
     Attributes
     ----------
     group : str
-        Its channels only; empty: all.
+        Only the channels of this group; empty: all channels.
     channels : tuple of str
-        These only; empty: all.
+        Only these channels; empty: all channels.
     window : (float, float) or None [s]
-        Samples of these times, ends included.
+        First and last time of the samples that are kept.
     kind : str
-        Of writer; empty: by the ending of the file's name.
+        Kind of writer; empty: by the ending of the file's name.
     force : bool
-        Whether a file that is there is replaced.
+        Whether an existing file is replaced.
     """
 
     group: str = ""
@@ -62,15 +62,16 @@ class Choice:
 
 @dataclass(frozen=True)
 class Converted:
-    """What was written.
+    """The result of a conversion.
 
     Attributes
     ----------
     format : str
+        Name of the written format.
     groups : tuple of str
-        Each with its samples, rate and channels, in words.
+        Samples, rate and channels of each group, as phrases.
     lost : tuple of str
-        What was changed, left out, or could not be kept.
+        Remarks on what was changed, left out, or not kept.
     """
 
     format: str
@@ -79,7 +80,7 @@ class Converted:
 
 
 def writers() -> dict[str, Writer]:
-    """The formats that can be written, by kind."""
+    """The writers of all formats, by kind."""
     found = [import_module(f"fourpole.io.writers.{module}").WRITER for module in _MODULES]
     return {one.kind: one for one in found}
 
@@ -93,17 +94,18 @@ def convert(
 ) -> Converted:
     r"""Write a recording in another format.
 
-    Samples are written as floats of 64 bit, in the unit that the file states; missing ones stay missing.
+    Samples are written as 64-bit floats in the unit that the file states; missing samples stay missing.
 
     Parameters
     ----------
     path : path
-        A recording in any format that is read.
+        A recording in any format that Fourpole reads.
     out : path
-        Its ending says the format.
+        The file to write; its ending selects the format.
     choice : Choice, optional
+        By default the whole recording.
     progress : callable, optional
-        Takes the samples that are done, and all.
+        Called with the number of samples that are done, and the number of all samples.
 
     Returns
     -------
@@ -112,7 +114,7 @@ def convert(
     Raises
     ------
     FileError
-        If `out` is there already, or cannot be written.
+        If `out` exists already, or cannot be written.
     TableError
         If the recording cannot be read, or the format cannot hold it.
 
@@ -130,28 +132,32 @@ def convert(
     source, target, choice = Path(path), Path(out), choice or Choice()
     writer = _writer(target, choice.kind)
     found = survey(source)
-    if target.exists():
-        if target.samefile(source):
-            raise FileError(f"{target.name}: is the file that is read; name another one")
-        if not choice.force:
-            raise FileError(f"{target.name}: is there already; name another file, or replace it with --force")
+    if target.exists() and target.samefile(source):
+        raise FileError(f"{target.name}: is the file that is read; name another one")
+    if target.exists() and not choice.force:
+        raise FileError(f"{target.name}: is there already; name another file, or replace it with --force")
     places = chosen_of(found, choice.group, choice.channels, source.name)
-    remarks = Remarks(() if found.format == "WAV" else found.notes)  # of a WAV file they are the reader's own
+    remarks = Remarks(() if found.format == "WAV" else found.notes)  # the only note on a WAV file is the reader's own
     places = places if choice.channels else _readable(source, found, places, remarks)
     run = surveyed_stream(source, found, places, label=source.name)
     first = next(iter(run.chunks))
     plan = _Plan(found, places, run, first, choice, remarks, source.name)
-    if writer.one_table and len(plan.groups) > 1:
-        bases = "; ".join(group.words for group in plan.groups[:_NAMED])
-        bases += f"; and {len(plan.groups) - _NAMED} more" if len(plan.groups) > _NAMED else ""
-        raise TableError(
-            f"{target.name}: {writer.name} holds channels of one group and one rate, and there are {len(plan.groups)}: "
-            f"{bases}. Choose with --group or --channels, or write .mf4, .tdms, .h5, .mat or .uff"
-        )
+    _check_groups(target, writer, plan.groups)
     if (writer.one_table or writer.kind in ("mat", "uff")) and plan.groups[0].name and len(plan.groups) == 1:
         remarks.lost.append(f"the name of the group, {plan.groups[0].name}, is not kept")
     _write(target, writer, plan, chain([first], run.chunks), remarks, progress)
     return Converted(writer.name, tuple(group.words for group in plan.counted()), tuple(dict.fromkeys(remarks.lost)))
+
+
+def _check_groups(target: Path, writer: Writer, groups: Sequence[Group]) -> None:
+    """TableError if the format holds only one group and there are several."""
+    if writer.one_table and len(groups) > 1:
+        bases = "; ".join(group.words for group in groups[:_NAMED])
+        bases += f"; and {len(groups) - _NAMED} more" if len(groups) > _NAMED else ""
+        raise TableError(
+            f"{target.name}: {writer.name} holds channels of one group and one rate, and there are {len(groups)}: "
+            f"{bases}. Choose with --group or --channels, or write .mf4, .tdms, .h5, .mat or .uff"
+        )
 
 
 def _write(
@@ -174,7 +180,7 @@ def _write(
 
 
 def _writer(target: Path, kind: str) -> Writer:
-    """The writer of a kind, or of a name's ending."""
+    """The writer of this kind; if it is empty, the writer for the ending of the file's name."""
     known = writers()
     if kind:
         if kind not in known:
@@ -188,31 +194,23 @@ def _writer(target: Path, kind: str) -> Writer:
 
 
 def _readable(path: Path, found: FileInfo, places: Sequence[int], remarks: Remarks) -> list[int]:
-    """The channels that hold numbers; the others are said."""
+    """Indices of the channels that hold numbers; a remark is added on each of the others."""
     good: list[int] = []
-    waiting = [list(places)] if places else []
-    while waiting:
-        some = waiting.pop()
-        try:
-            next(iter(surveyed_stream(path, found, some, label=path.name).chunks))
-        except TableError as error:
-            if len(found.signals) == 1:
-                raise
-            if len(some) == 1:
-                why = str(error).removeprefix(f"{path.name}: ")
-                remarks.lost.append(f"{found.signals[some[0]].name} is left out: {why}")
-                continue
-            half = len(some) // 2
-            waiting += [some[half:], some[:half]]
-        else:
+    for some, chunk in by_halves(places, lambda some: next(surveyed_stream(path, found, some, label=path.name).chunks)):
+        if isinstance(chunk, FileError) or (isinstance(chunk, TableError) and len(found.signals) == 1):
+            raise chunk
+        if isinstance(chunk, list):
             good += some
+        else:
+            why = str(chunk).removeprefix(f"{path.name}: ")
+            remarks.lost.append(f"{found.signals[some[0]].name} is left out: {why}")
     if not good:
         raise TableError(f"{path.name}: {remarks.lost[0] if remarks.lost else 'has no channel that can be converted'}")
     return sorted(good)
 
 
 class _Plan:
-    """Which channels go together, and what of each stretch is written."""
+    """The groups of channels with the same times, and the blocks of each chunk that are written."""
 
     def __init__(
         self,
@@ -236,7 +234,7 @@ class _Plan:
             base.append(at)
         self._members = bases
         self.groups = [self._group(found, places, first, base, remarks) for base in bases]
-        self._seen, self._kept = [0] * len(bases), [0] * len(bases)
+        self._kept = [0] * len(bases)
         self._span = (np.inf, -np.inf)
 
     def _group(
@@ -260,14 +258,13 @@ class _Plan:
         return Group(infos[0].group, channels, rate, start, stamped, count, off)
 
     def blocks(self, chunk: Chunk) -> Iterable[tuple[int, Block]]:
-        """What is written of a chunk, by groups."""
+        """The block of each group that is written of a chunk, with the number of the group."""
         for at, base in enumerate(self._members):
             signals = [chunk[one] for one in base]
             if len({signal.samples.size for signal in signals}) > 1:
                 names = ", ".join(signal.name for signal in signals)
                 raise TableError(f"{self._label}: {names} are not as long as each other; convert them one by one")
             low, high = self._inside(signals[0], self.groups[at].rate)
-            self._seen[at] += signals[0].samples.size
             if high <= low:
                 continue
             stamps = signals[0].time[low:high] if signals[0].time is not None else None
@@ -277,7 +274,7 @@ class _Plan:
             yield at, block
 
     def _inside(self, signal: Signal, rate: float | None) -> tuple[int, int]:
-        """The samples of a stretch that lie in the window, what a clock's digits leave of a step apart."""
+        """First and last index of the samples in the window, with a tolerance for the rounding of their times."""
         size = signal.samples.size
         time = times_of(signal)
         if self._window is None or time is None or not size:
@@ -288,7 +285,7 @@ class _Plan:
         return (int(inside[0]), int(inside[-1]) + 1) if inside.size else (0, 0)
 
     def _check(self, at: int, signals: Sequence[Signal], block: Block) -> None:
-        """What the first stretch showed of the times must hold to the end."""
+        """TableError if a block contradicts the times that the first chunk has shown."""
         group = self.groups[at]
         for signal in signals[1:]:
             if not _same_times(signals[0], signal):
@@ -304,7 +301,7 @@ class _Plan:
                 )
 
     def check_not_empty(self) -> None:
-        """TableError if nothing lay in the window."""
+        """TableError if no sample lies in the window."""
         if not any(self._kept):
             if self._window is None:
                 raise TableError(f"{self._label}: holds no samples")
@@ -313,12 +310,12 @@ class _Plan:
             raise TableError(f"{self._label}: no samples from {low:g} to {high:g} s; {there}")
 
     def counted(self) -> list[Group]:
-        """The groups with as many samples as were written."""
+        """The groups, with the number of samples that were written."""
         return [replace(group, count=kept) for group, kept in zip(self.groups, self._kept, strict=True)]
 
 
 def _together(found: FileInfo, places: Sequence[int], first: Sequence[Signal], one: int, other: int) -> bool:
-    """Whether two channels are of one group, and sampled at the same times as far as their first samples show."""
+    """Whether two channels have the same group, and the same times as far as the first chunk shows."""
     infos, signals = [found.signals[places[at]] for at in (one, other)], [first[at] for at in (one, other)]
     if (infos[0].group, infos[0].count) != (infos[1].group, infos[1].count):
         return False
@@ -328,7 +325,7 @@ def _together(found: FileInfo, places: Sequence[int], first: Sequence[Signal], o
 
 
 def _same_times(one: Signal, other: Signal) -> bool:
-    """Whether two stretches have the same times, as far as they have them one by one."""
+    """Whether two signals state the same time for each sample, or both state none."""
     mine, its = one.time, other.time
     if mine is None or its is None:
         return mine is None and its is None
@@ -336,7 +333,7 @@ def _same_times(one: Signal, other: Signal) -> bool:
 
 
 def _even(time: FloatArray) -> tuple[float | None, float, float]:
-    """The rate that times have but for the digits they are written in, the first of them, and how far they are off."""
+    """Rate of even times [Hz] (None if they are uneven), first time [s], and largest deviation from the rate [s]."""
     first = float(time[0]) if time.size else 0.0
     try:
         step, remark = uniform_time(time)
@@ -353,5 +350,5 @@ def _even(time: FloatArray) -> tuple[float | None, float, float]:
 
 
 def _noted(note: str) -> str:
-    """What a file says of a channel, without what its reader adds."""
+    """A note of the file on a channel, without the parts that its reader has added."""
     return "; ".join(part for part in tidy(note).split("; ") if part and not _OURS.fullmatch(part))

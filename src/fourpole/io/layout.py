@@ -1,9 +1,8 @@
-"""How a table of text is laid out: where its header is, what parts its cells, which decimal sign it has."""
+"""The layout of a table of text: its header, the delimiter between its cells, and its decimal sign."""
 
 from __future__ import annotations
 
 import csv
-import difflib
 import math
 import re
 from collections import Counter
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.clock import is_date, is_moment
+from fourpole.io.names import listed
 from fourpole.units import column_unit, is_unit, shown
 
 __all__ = [
@@ -31,10 +31,14 @@ __all__ = [
     "trimmed",
 ]
 
-_DELIMITERS = ("\t", ";", ",", " ")  # a space means any white space
-_SAMPLE = 200  # lines that show the shape
-_NEAREST = 5  # lines above the numbers among which the header is
-_LOOKED_AT = 50  # rows that show header and decimal sign
+#: Delimiters in the order in which they are tried; a space means any white space.
+_DELIMITERS = ("\t", ";", ",", " ")
+#: First lines of a file from which the layout is found.
+_SAMPLE = 200
+#: Nearest lines above the numbers among which the header is sought.
+_NEAREST = 5
+#: First rows from which header and decimal sign are found.
+_FIRST_ROWS = 50
 _LONGEST_LINE = 4_000_000
 _COMMENTS = ("#", "%")
 _MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "-nan", "+nan"})
@@ -42,7 +46,7 @@ _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 _WORD = re.compile(r'"[^"]*"|\S+')
 _NAME_AND_UNIT = re.compile(r"[^\s\[\]]+\s*\[[^\[\]]*\]|\S+")
-# What catman calls its columns of time, above lines with the sensors and rates of each channel.
+# The name of a column of times in files of catman, which have lines with sensors and rates below the header.
 _CATMAN_TIME = re.compile(r"(?:Time|Zeit|Temps)  ?[0-9]+ - .*")
 _NTH = re.compile(r"(.+)\.([1-9][0-9]{0,3})")
 _UNIT_CELL = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
@@ -70,17 +74,17 @@ class Layout:
 
 
 def split_lines(text: str) -> list[str]:
-    """Lines at LF, CR LF or CR only: `str.splitlines` also parts at signs that may stand in a cell."""
+    """The lines of a text, which end with LF, CR LF or CR; `str.splitlines` also splits at characters within a cell."""
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell says that there is no value."""
+    """Whether a cell is blank or has a sign for a missing value, such as NaN or a dash."""
     return cell.strip().lower() in _MISSING
 
 
 def number(cell: str, decimal: str = ".") -> float | None:
-    """The finite number that a cell holds, None if it holds none."""
+    """The finite number in a cell; None if there is none."""
     text = cell.strip()
     if decimal == "," and "," in text:
         if "." in text:
@@ -102,7 +106,7 @@ def plain_numbers(cells: Sequence[str]) -> NDArray[np.float64] | None:
 
 
 def splitter(delimiter: str) -> Callable[[str], list[str]]:
-    """What parts a line into cells."""
+    """The function that splits a line into cells."""
     if delimiter == " ":
         return _split_words
     return lambda line: _split_quoted(line, delimiter)
@@ -118,7 +122,7 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
     split = splitter(delimiter)
     fitting = [index for index in sample if width <= _cell_count(lines[index], delimiter) <= width + 1]
     split_rows = ((index, trimmed(split(lines[index]), width)) for index in fitting)
-    rows = {index: cells for index, cells in islice(split_rows, _LOOKED_AT) if len(cells) == width}
+    rows = {index: cells for index, cells in islice(split_rows, _FIRST_ROWS) if len(cells) == width}
     decimal = _decimal(rows.values(), delimiter)
     names, header = _header(lines, rows, delimiter, decimal, name)
     units, described = _units(lines, names, header, delimiter, _last_described(lines, rows, names, header, decimal))
@@ -165,10 +169,10 @@ def _units(
 
 
 def find_column(names: Sequence[str], wanted: str, name: str) -> int:
-    """Where a wanted column is: by its name as written, without its unit, or in another case.
+    """Index of a wanted column: by its name as written, without its unit, or in another case.
 
-    Of several with the same name, F1.1 is the first and F1.2 the next.
-    Raises TableError if it is not there (with the nearest name) or there more than once.
+    If several columns have the same name, F1.1 is the first and F1.2 the next one. TableError if the column is missing
+    (with the nearest name) or ambiguous.
     """
     spelling = wanted.strip()
     bare = list(names) if spelling in names else [column_unit(one)[0] for one in names]
@@ -190,11 +194,11 @@ def find_column(names: Sequence[str], wanted: str, name: str) -> int:
     found_nth = _nth_of_name(names, spelling)
     if found_nth is not None:
         return found_nth
-    raise TableError(_no_column(bare, wanted, name))
+    raise TableError(f"{name}: there is no column {shown(wanted)}{listed(bare, wanted)}")
 
 
 def _nth_of_name(names: Sequence[str], spelling: str) -> int | None:
-    """Where F1.2 is, the second of the columns that are called F1; None where there is none."""
+    """Index of the n-th column of a name, such as F1.2 for the second F1; None if there is none."""
     nth = _NTH.fullmatch(spelling)
     if nth is None:
         return None
@@ -203,24 +207,13 @@ def _nth_of_name(names: Sequence[str], spelling: str) -> int | None:
     return same[int(nth[2]) - 1] if 1 < len(same) >= int(nth[2]) else None
 
 
-def _no_column(bare: list[str], wanted: str, name: str) -> str:
-    """The message for a missing column: the names that there are, the nearest one first."""
-    near = difflib.get_close_matches(wanted[:60], [one[:60] for one in bare[:500] if one], n=1, cutoff=0.0)
-    close = near and difflib.SequenceMatcher(None, near[0].casefold(), wanted[:60].casefold()).ratio() >= 0.5
-    hint = f"; did you mean {shown(near[0])}?" if close else ";"
-    ordered = [*near, *(one for one in bare if one and one not in near)]
-    more = f" and {len(ordered) - 12} more" if len(ordered) > 12 else ""
-    listed = ", ".join(shown(one)[1:-1] for one in ordered[:12])
-    return f"{name}: there is no column {shown(wanted)}{hint} it has {listed}{more}"
-
-
 def is_aside(line: str) -> bool:
     """Whether a line is blank or a comment."""
     return not line.strip() or line.lstrip().startswith(_COMMENTS)
 
 
 def trimmed(cells: list[str], width: int) -> list[str]:
-    """Cells without the blank one that a delimiter at the end of the line leaves."""
+    """The cells of a line without the blank cell behind a delimiter at its end."""
     return cells[:-1] if len(cells) == width + 1 and not cells[-1] else cells
 
 
@@ -240,7 +233,7 @@ def _split_words(line: str) -> list[str]:
 
 
 def _delimiter(lines: Sequence[str]) -> tuple[str, int]:
-    """What parts the most lines into the same number of cells, two or more; and that number."""
+    """The delimiter that splits most lines into the same number of cells (at least two), and this number."""
     best, share, width = ",", 0, 1
     for delimiter in _DELIMITERS:
         counts = Counter(_cell_count(line, delimiter) for line in lines)
@@ -251,7 +244,7 @@ def _delimiter(lines: Sequence[str]) -> tuple[str, int]:
 
 
 def _spaced(lines: Sequence[str], best: str) -> bool:
-    """Whether the commas that seem to part the last line are the decimal signs of numbers with blanks between."""
+    """Whether the commas of the last line are decimal signs of numbers that blanks separate."""
     words = lines[-1].split()
     return best == "," and len(words) >= 2 and all(_DECIMAL_COMMA.fullmatch(word) for word in words)
 
@@ -275,16 +268,16 @@ def _decimal(rows: Iterable[list[str]], delimiter: str) -> str:
 def _header(
     lines: Sequence[str], rows: dict[int, list[str]], delimiter: str, decimal: str, name: str
 ) -> tuple[tuple[str, ...], int]:
-    """The names, and the index of their line."""
+    """The names of the columns, and the index of their line."""
     for index, row in rows.items():
         if _CATMAN_TIME.fullmatch(row[0]):
             return tuple(row), index
-    first = next((i for i, row in rows.items() if any(_is_value(one, decimal) for one in row)), None)
+    first = next((i for i, row in rows.items() if _has_value(row, decimal)), None)
     if first is not None and not _is_values(rows[first], decimal):
         first = _below_preamble(rows, decimal)
     if first is None:
         top = next(iter(rows))
-        return tuple(rows[top]), top  # text beside numbers, or alone: only the place shows the header
+        return tuple(rows[top]), top  # the rows contain text, so the first row is the header
     return _header_above(lines, rows, first, delimiter, name)
 
 
@@ -296,7 +289,7 @@ def _header_above(
     above = [index for index in reversed(range(first)) if lines[index].strip()]
     ended = all(not row[-1] for index, row in rows.items() if index >= first)
     found = {index: _names_in(lines[index], delimiter, width, ended) for index in above[:_NEAREST]}
-    for index, names in found.items():  # numbers alone: the header is the nearest line above that fits
+    for index, names in found.items():  # the rows are numbers: the header is the nearest line above that fits
         if names is None:
             if is_aside(lines[index]):
                 continue
@@ -309,7 +302,7 @@ def _header_above(
 
 
 def _names_in(line: str, delimiter: str, width: int, ended: bool) -> list[str] | None:
-    """The names in a header; it may be a comment, have spaces in names, or one delimiter more or less."""
+    """The names in a header line, or None. The line may be a comment, or have one delimiter more or less."""
     text = line.lstrip("".join(_COMMENTS)).strip() if is_aside(line) else line
     cells = splitter(delimiter)(text)
     ways = [trimmed(cells, width)]
@@ -321,14 +314,18 @@ def _names_in(line: str, delimiter: str, width: int, ended: bool) -> list[str] |
 
 
 def _below_preamble(rows: dict[int, list[str]], decimal: str) -> int | None:
-    """The first row of values only, if those above it are names and lines such as "rate;2000;Hz"."""
+    """Index of the first row of values if all rows above it are names or lines such as "rate;2000;Hz"; else None."""
     last = max((i for i, row in rows.items() if not _is_values(row, decimal)), default=None)
-    if last is None or any(_is_value(one, decimal) for one in rows[last]):
-        return None  # what is above the values is no header
-    valued = (row for i, row in rows.items() if i < last and any(_is_value(one, decimal) for one in row))
-    if any(_is_value(row[0], decimal) or sum(one != "" for one in row) > 3 for row in valued):
+    if last is None or _has_value(rows[last], decimal):
+        return None  # the last line above the values is no header
+    valued = [row for i, row in rows.items() if i < last and _has_value(row, decimal)]
+    if any(_is_value(row[0], decimal) or len(row) - row.count("") > 3 for row in valued):
         return None
     return next((i for i in rows if i > last), None)
+
+
+def _has_value(cells: list[str], decimal: str) -> bool:
+    return any(_is_value(cell, decimal) for cell in cells)
 
 
 def _is_value(cell: str, decimal: str) -> bool:
@@ -337,13 +334,13 @@ def _is_value(cell: str, decimal: str) -> bool:
 
 
 def _is_values(cells: list[str], decimal: str) -> bool:
-    """Whether a row holds values, none of them text."""
+    """Whether a row has at least one value, and no text."""
     kinds = [_is_value(cell, decimal) or (None if is_missing(cell) else False) for cell in cells]
     return any(kinds) and False not in kinds
 
 
 def _clocks(rows: list[list[str]]) -> frozenset[int]:
-    """The columns that hold times of day."""
+    """Indices of the columns that hold times of day."""
     columns = (
         (index, [cell for cell in cells if not is_missing(cell)]) for index, cells in enumerate(zip(*rows, strict=True))
     )

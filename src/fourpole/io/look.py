@@ -1,4 +1,4 @@
-"""A look at the samples of a file: range, gaps, spread, strongest line and outline of each channel."""
+"""Summary of the samples of each channel: range, gaps, standard deviation, strongest spectral line and outline."""
 
 from __future__ import annotations
 
@@ -11,43 +11,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.core.arrays import ByValue
-from fourpole.errors import FileError, TableError
+from fourpole.errors import FourpoleError
 from fourpole.io.signals import FileInfo, Signal
-from fourpole.io.stream import surveyed_stream
+from fourpole.io.stream import by_halves, surveyed_stream
 
 __all__ = ["ChannelSummary", "look"]
 
 FloatArray = NDArray[np.float64]
 
-#: Places along a recording at which its least and greatest value are kept.
+#: Number of equal parts of a recording of which the least and the greatest value are kept.
 _PLACES = 1024
-#: Samples from its middle in which a line is looked for, and the share of their variance that it has.
+#: Samples from the middle of a recording whose spectrum is taken, and least share of their variance in one line.
 _SPECTRUM, _CLEAR = 1 << 16, 0.5
+#: A step of the times is a jump if it is longer than this multiple of the median step.
 _JUMP = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelSummary(ByValue):
-    """What the samples of a channel show, in its own unit.
+    """Summary of the samples of a channel, in its own unit.
 
     Attributes
     ----------
     count, missing, longest_gap : int
-        Samples, those that are not-a-number or infinite, and the most of these in a row.
+        Number of samples, of samples that are not-a-number or infinite, and the largest number of these in a row.
     least, greatest, mean, std : float
-        Of the others; not-a-number where there is none.
+        Statistics of the finite samples; not-a-number if there is none.
     frequency : float or None [Hz]
-        Of the line that has more than half of the variance.
-    rate, start, duration : float or None [s]
-        By the file, or by its column of times; the rate is None too where steps are uneven.
+        Frequency of the spectral line that has more than half of the variance; None if there is no such line.
+    rate, start, duration : float or None [Hz], [s], [s]
+        From the file, or from its column of times; the rate is also None if many steps are uneven.
     clock : str
-        The channel that says the times; empty where the file itself does.
+        Name of the channel that has the times; empty if the file itself states them.
     jumps, stops : int
-        Steps of the times that are more than one and a half times the median, and those that do not go forward.
+        Number of steps of the times longer than one and a half times the median, and of steps that are not positive.
     longest_step : float [s]
-        Of the times; 0 where the file states them by a rate.
-    outline : (places, 2) float array
-        Least and greatest value along the recording; not-a-number where all are missing.
+        Longest step of the times; 0 if the file states a rate.
+    outline : (parts, 2) float array
+        Least and greatest value in equal parts of the recording; not-a-number if all samples of a part are missing.
     """
 
     count: int
@@ -76,58 +77,44 @@ def look(
     label: str,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[int, ChannelSummary | str]:
-    """Look at the samples of some channels, in one pass and bounded memory where the format allows it.
+    """Summaries of some channels, in one pass and limited memory if the format can be read in parts.
 
     Parameters
     ----------
     path : Path
+        The file.
     found : FileInfo
-        What `survey` says of it.
+        Its description by `survey`.
     chosen : sequence of int
-        Places of the channels in `found.signals`.
+        Indices of the channels in `found.signals`.
     label : str
         The file's name in messages.
     progress : callable, optional
-        Takes the samples that are done, and all.
+        Called with the number of samples that are done, and the number of all samples.
 
     Returns
     -------
     dict of int to ChannelSummary or str
-        By the places; a text where a channel cannot be read: why.
+        The summary of each channel by its index; the message of the error if the channel cannot be read.
     """
     result: dict[int, ChannelSummary | str] = {}
-    waiting = [list(chosen)] if chosen else []
     total = sum(found.signals[one].count for one in chosen)
-    while waiting:
-        some = waiting.pop()
-        done = sum(found.signals[one].count for one in result)
-        try:
-            result |= _pass(path, found, some, label, _Progress(progress, done, total))
-        except (TableError, FileError) as error:
-            if len(some) == 1:
-                result[some[0]] = str(error).removeprefix(f"{label}: ")
-            else:  # one of them: the others are not to suffer
-                half = len(some) // 2
-                waiting += [some[half:], some[:half]]
+
+    def read(some: list[int]) -> dict[int, ChannelSummary]:
+        before = sum(found.signals[one].count for one in result)
+        return _pass(path, found, some, label, lambda done: progress(before + done, total) if progress else None)
+
+    for some, summaries in by_halves(chosen, read):
+        if isinstance(summaries, FourpoleError):
+            result[some[0]] = str(summaries).removeprefix(f"{label}: ")
+        else:
+            result |= summaries
     return {one: result[one] for one in chosen}
-
-
-@dataclass(frozen=True)
-class _Progress:
-    """What is told of a pass, when others went before."""
-
-    told: Callable[[int, int], None] | None
-    before: int
-    total: int
-
-    def __call__(self, done: int) -> None:
-        if self.told is not None:
-            self.told(self.before + done, self.total)
 
 
 def _pass(
     path: Path, found: FileInfo, chosen: Sequence[int], label: str, progress: Callable[[int], None]
-) -> dict[int, ChannelSummary | str]:
+) -> dict[int, ChannelSummary]:
     run = surveyed_stream(path, found, chosen, label=label)
     tallies = [_Tally(found.signals[one].count) for one in chosen]
     done = 0
@@ -137,12 +124,12 @@ def _pass(
         done += sum(signal.samples.size for signal in chunk)
         progress(done)
     names = {one: found.signals[clock].name for one, clock in run.clocks.items()}
-    return {one: tally.look(names.get(one, "")) for one, tally in zip(chosen, tallies, strict=True)}
+    return {one: tally.summary(names.get(one, "")) for one, tally in zip(chosen, tallies, strict=True)}
 
 
 @dataclass
 class _Steps:
-    """The times of a channel, as they come in."""
+    """Statistics of the times of a channel, which are fed in parts."""
 
     first: float = math.nan
     last: float = math.nan
@@ -172,12 +159,12 @@ class _Steps:
         if self.count < 2 or not span > 0 or not self.middle > 0 or self.jumps + self.stops > 0.1 * self.count:
             return None
         mean = 1.0 / self.middle if self.jumps + self.stops else (self.count - 1) / span
-        return float(f"{mean:.10g}")  # what the digits of the times leave
+        return float(f"{mean:.10g}")  # more digits would show the rounding of the times
 
 
 @dataclass
 class _Tally:
-    """One channel, as it comes in."""
+    """Statistics of a channel, whose samples are fed in parts."""
 
     expected: int
     count: int = 0
@@ -210,7 +197,7 @@ class _Tally:
         there = np.isfinite(samples)
         self._gaps(there)
         self._moments(samples if there.all() else samples[there])
-        self._draw(np.where(there, samples, np.nan))
+        self._extend_outline(np.where(there, samples, np.nan))
         begin = max(0, self.expected // 2 - _SPECTRUM // 2)
         low, high = (int(np.clip(edge - self.count, 0, samples.size)) for edge in (begin, begin + _SPECTRUM))
         if high > low:
@@ -218,9 +205,9 @@ class _Tally:
         self.count += samples.size
 
     def _gaps(self, there: NDArray[np.bool_]) -> None:
-        lost = int(there.size - np.count_nonzero(there))
-        self.missing += lost
-        if not lost:
+        missing = int(there.size - np.count_nonzero(there))
+        self.missing += missing
+        if not missing:
             self.gap = 0
             return
         ends = np.flatnonzero(there)
@@ -234,7 +221,7 @@ class _Tally:
         self.longest_gap = max(self.longest_gap, self.gap)
 
     def _moments(self, samples: FloatArray) -> None:
-        """Mean and sum of squares about it, of this stretch with those before."""
+        """Combine mean, sum of squares about the mean, and range with those of the samples before."""
         if not samples.size:
             return
         mean = float(samples.mean())
@@ -245,7 +232,7 @@ class _Tally:
         self.least = min(self.least, float(samples.min()))
         self.greatest = max(self.greatest, float(samples.max()))
 
-    def _draw(self, samples: FloatArray) -> None:
+    def _extend_outline(self, samples: FloatArray) -> None:
         places = (self.count + np.arange(samples.size)) * len(self.outline) // max(self.expected, 1)
         places = np.minimum(places, len(self.outline) - 1)
         edges = np.flatnonzero(np.diff(places, prepend=-1))
@@ -253,8 +240,8 @@ class _Tally:
         self.outline[at, 0] = np.fmin(self.outline[at, 0], np.fmin.reduceat(samples, edges))
         self.outline[at, 1] = np.fmax(self.outline[at, 1], np.fmax.reduceat(samples, edges))
 
-    def look(self, clock: str) -> ChannelSummary:
-        """What all stretches came to."""
+    def summary(self, clock: str) -> ChannelSummary:
+        """The summary of all samples fed so far; `clock` names the channel with their times."""
         outline = np.where(np.isinf(self.outline), np.nan, self.outline)
         stamped = self.steps.count > 0
         rate = self.steps.rate if stamped else self.rate
@@ -282,7 +269,7 @@ class _Tally:
 
 
 def _line(samples: FloatArray, rate: float) -> float | None:
-    """Frequency of the line that has most of the variance; None where none has."""
+    """Frequency of the spectral line that has most of the variance [Hz]; None if no line has."""
     there = np.isfinite(samples)
     if there.sum() < 32:
         return None
@@ -300,5 +287,5 @@ def _line(samples: FloatArray, rate: float) -> float | None:
         return None
     side = 1 if power[peak + 1] > power[peak - 1] else -1
     ratio = math.sqrt(power[peak + side] / power[peak])
-    # of a sinusoid under a Hann window the two highest lines say exactly where it is (Grandke 1983)
+    # The ratio of the two highest lines of a sinusoid under a Hann window gives its frequency (Grandke 1983).
     return float((peak + side * (2 * ratio - 1) / (ratio + 1)) * rate / size)

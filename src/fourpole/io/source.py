@@ -1,4 +1,4 @@
-"""Opening other people's files: regular ones only, of bounded size, decoded as they were written."""
+"""Opens and decodes foreign files: only regular files of limited size."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _UTF8 = b"\xef\xbb\xbf"
 
 
 def name_of(path: str | os.PathLike[str], label: str | None) -> str:
-    """How a message names the file: as the caller does, else by its last part only."""
+    """The file's name in messages: the label of the caller, or else the last part of the path."""
     return shown(Path(path).name if label is None else label, 200)[1:-1]
 
 
@@ -29,7 +29,7 @@ def open_regular(path: str | os.PathLike[str], *, max_bytes: int, label: str | N
     name = name_of(path, label)
     try:
         _check(Path(path).stat(), name, max_bytes)
-        # Since that look the name may have come to mean another file: do not block, and look again.
+        # The file may have been replaced since this check: it is opened without blocking, and checked again.
         flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
         file = os.fdopen(os.open(path, flags), "rb")
     except FourpoleError:
@@ -49,7 +49,7 @@ def open_regular(path: str | os.PathLike[str], *, max_bytes: int, label: str | N
 
 
 def read_bytes(path: str | os.PathLike[str], *, max_bytes: int, label: str | None = None) -> bytes:
-    """The whole of a regular file."""
+    """The bytes of a regular file."""
     with open_regular(path, max_bytes=max_bytes, label=label) as file:
         try:
             return file.read(max_bytes)
@@ -58,7 +58,7 @@ def read_bytes(path: str | os.PathLike[str], *, max_bytes: int, label: str | Non
 
 
 def sha256_of(path: str | os.PathLike[str], *, max_bytes: int, label: str | None = None) -> str:
-    """Hash of the whole of a regular file, read in blocks."""
+    """SHA-256 of a regular file in hexadecimal digits; the file is read in blocks."""
     with open_regular(path, max_bytes=max_bytes, label=label) as file:
         digest = hashlib.sha256()
         while block := file.read(1 << 20):
@@ -67,7 +67,7 @@ def sha256_of(path: str | os.PathLike[str], *, max_bytes: int, label: str | None
 
 
 def encoding_of(start: bytes, name: str) -> tuple[str, int]:
-    """The encoding of a text by its first bytes, and the length of its byte order mark."""
+    """The encoding of a text, from its first bytes, and the length of its byte order mark [byte]."""
     if start.startswith(_UTF32):
         raise TableError(f"{name}: is text in UTF-32; save it as UTF-8")
     if start.startswith(_UTF8):
@@ -77,14 +77,14 @@ def encoding_of(start: bytes, name: str) -> tuple[str, int]:
     if b"\x00" in start:
         raise TableError(f"{name}: is binary, not text; export it as CSV, in UTF-8")
     try:
-        codecs.getincrementaldecoder("utf-8")().decode(start)  # the last character may be cut
+        codecs.getincrementaldecoder("utf-8")().decode(start)  # incremental, since the last character may be cut
     except UnicodeDecodeError:
         return _single_byte(start), 0
     return "utf-8", 0
 
 
 def decode(content: bytes, name: str) -> tuple[str, str]:
-    """A text and the encoding it was in: UTF-8, UTF-16 with its mark, else cp1252 or Latin-1."""
+    """A decoded text and its encoding: UTF-8, UTF-16 with its mark, or else cp1252 or Latin-1."""
     encoding, mark = encoding_of(content, name)
     try:
         text = content[mark:].decode(encoding)

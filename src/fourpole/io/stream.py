@@ -1,41 +1,42 @@
-"""A recording as a stream of chunks: some channels of a file, one stretch of time after the other, each with its times.
+"""A recording as a stream of chunks: some channels of a file, one part of the time after the other, with their times.
 
-The time base of a recording is reconciled here and nowhere else. The times are those of a stated rate, of a stated
-column, of the file itself, or of a column that by its name or unit is one.
+The time base of a recording is reconciled only here. The times come from a stated rate, from a stated column, from the
+file itself, or from a column whose name or unit says that it has times.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole import units
-from fourpole.errors import FourpoleError, TableError, UnitError
+from fourpole.errors import FileError, FourpoleError, TableError, UnitError
 from fourpole.io.formats.guard import is_time, seconds
 from fourpole.io.recordings import format_of
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.units import shown
 
-__all__ = ["Chunk", "Source", "Stream", "agreed", "stream", "surveyed_stream", "times_of"]
+__all__ = ["Chunk", "Source", "Stream", "agreed", "by_halves", "stream", "surveyed_stream", "times_of"]
 
 FloatArray = NDArray[np.float64]
+Result = TypeVar("Result")
 
 Chunk = list[Signal]
-"""The next samples of each channel, in the order asked for, with their times where these are known."""
+"""The next samples of each channel, in the order of the request, with their times if these are known."""
 
-#: A file up to this size is read whole without a look at what it declares [byte].
+#: A file up to this size is read whole without a survey of its channels [byte].
 _SMALL = 20_000_000
-#: Channels up to the first size are read whole; nothing is read that needs more memory than the second [byte].
+#: Channels up to the first size are read whole; a request that needs more memory than the second is refused [byte].
 _WHOLE, _MOST_MEMORY = 200_000_000, 2_000_000_000
 #: Rows of a chunk of a long file: 8 MB per channel.
 _ROWS = 1 << 20
-#: Samples of a chunk of a surveyed stream, all channels together (32 MB), and the fewest of each channel.
+#: Samples of a chunk of a surveyed stream: all channels together (32 MB), and the least number of each channel.
 _AT_ONCE, _LEAST_ROWS = 1 << 22, 1 << 10
 #: Largest relative difference between a stated rate and the file's own.
 _SAME_RATE = 1e-4
@@ -46,26 +47,27 @@ _TIME_OF_DAY = "times of day"
 
 @dataclass(frozen=True)
 class Source:
-    """What is wanted of a recording, and what is stated of its times.
+    """The channels to read from a recording, and what campaign.toml states of their times.
 
     Attributes
     ----------
     path : Path
+        The file.
     names : tuple of str
         The channels.
     label : str
         The file's name in messages.
     group : str
-        Of a file with several recordings.
+        The group, if the file has several recordings.
     rate : float or None [Hz]
-        Stated in place of the file's times.
+        Stated rate, which replaces the times of the file.
     clock, unit : str or None, str
-        Stated column of the time, with its unit; a file that knows its own time need not have the column.
+        Stated column of the times, and its unit; a file that states its own times need not have the column.
     needs : {"times", "order", "nothing"}
-        "times": every channel needs its times. "order": channels with equal counts need none, they were sampled row
-        by row. "nothing": times are given where they are known.
+        "times": every channel needs its times. "order": channels with equal counts need no times, since they were
+        sampled row by row. "nothing": times are given if they are known.
     rows : int
-        Most samples of a channel in a chunk; 0 leaves the choice to the stream.
+        Largest number of samples of a channel in a chunk; 0 leaves the choice to the stream.
     """
 
     path: Path
@@ -81,15 +83,16 @@ class Source:
 
 @dataclass(frozen=True)
 class Stream:
-    """Chunks of some channels, to be gone through once; there is at least one.
+    """Chunks of some channels, which can be iterated once; there is at least one chunk.
 
     Attributes
     ----------
     count : int
-        Samples of the longest channel; 0 where the recording comes as one chunk, and of a surveyed stream.
+        Number of samples of the longest channel; 0 if the recording is one chunk, and for a surveyed stream.
     chunks : iterator of Chunk
+        The recording from its beginning to its end.
     clocks : dict of int to int
-        Of a surveyed stream, the place of the column that states the times of a channel, by the channel's place.
+        For a surveyed stream: index of the column that states the times of a channel, by the index of the channel.
     """
 
     count: int
@@ -98,28 +101,28 @@ class Stream:
 
 
 def times_of(signal: Signal) -> FloatArray | None:
-    """The time of each sample of a chunk [s]; None where it is not known."""
+    """The time of each sample of a chunk [s]; None if the times are not known."""
     if signal.time is not None:
         return signal.time
     return signal.start + np.arange(signal.samples.size) / signal.rate if signal.rate else None
 
 
 def _timeless(signals: Iterable[Signal]) -> bool:
-    """Whether the file knows the times of none of some signals."""
+    """Whether the file states the times of none of the signals."""
     return all(one.rate is None and one.time is None for one in signals)
 
 
-# --- channels by name, with what is stated of their times ------------------------------------------------------------
+# --- channels by name, with the times that campaign.toml states -------------------------------------------------------
 
 
 def stream(source: Source) -> Stream:
-    """The named channels of a recording: one chunk where they take little memory, else one stretch after the other.
+    """The named channels of a recording: one chunk if they need little memory, or else one chunk after the other.
 
     Raises
     ------
     FileError, TableError
-        If the file cannot be read, lacks a channel, does not fit into memory and cannot be read in parts, or if what
-        is needed of its times is neither stated nor known.
+        If the file cannot be read, lacks a channel, does not fit into memory and cannot be read in parts, or if
+        the times that are needed are neither stated nor known.
     """
     kind = format_of(source.path, max_bytes=MAX_FILE_BYTES, label=source.label)
     names = tuple(dict.fromkeys(source.names))
@@ -135,7 +138,7 @@ def stream(source: Source) -> Stream:
 
 
 def _read(kind: Format, source: Source, names: tuple[str, ...]) -> tuple[int, Iterator[Sequence[Signal]]]:
-    """Samples of the longest channel, 0 where it comes whole; and the chunks as the file has them."""
+    """Number of samples of the longest channel (0 if it is one chunk), and the chunks with the times of the file."""
     request = Request(source.path, names, source.group, source.label, _MOST_MEMORY)
     if kind.blocks is None:
         return 0, iter([kind.read(request)])
@@ -153,7 +156,7 @@ def _read(kind: Format, source: Source, names: tuple[str, ...]) -> tuple[int, It
 
 
 def _count(kind: Format, source: Source, names: tuple[str, ...], *, least: int) -> int:
-    """Samples of the longest of some channels; 0 where the file has no more than `least` bytes."""
+    """Number of samples of the longest named channel; 0 if the file has at most `least` bytes."""
     if source.path.stat().st_size <= least:
         return 0
     found = kind.survey(source.path, source.label, MAX_FILE_BYTES)
@@ -164,7 +167,7 @@ def _count(kind: Format, source: Source, names: tuple[str, ...], *, least: int) 
 def _reconciled(
     chunks: Iterable[Sequence[Signal]], source: Source, names: Sequence[str], is_table: bool
 ) -> Iterator[Chunk]:
-    """Chunks whose signals have the times that hold: those stated, before those of the file."""
+    """Chunks with reconciled times: stated times take precedence over those of the file."""
     done = dict.fromkeys(names, 0)
     for chunk in chunks:
         signals = dict(zip(names, chunk, strict=True))
@@ -195,7 +198,7 @@ def _reconciled(
 
 
 def _at_rate(signal: Signal, rate: float, done: int) -> Signal:
-    """A signal at a stated rate; TableError where the file states another one."""
+    """A signal at a stated rate; TableError if the file states another rate."""
     if signal.rate is not None and abs(signal.rate - rate) > _SAME_RATE * rate:
         raise TableError(
             f"{shown(signal.name)} was sampled at {signal.rate:.8g} Hz by the file, at {rate:.8g} Hz by "
@@ -205,7 +208,7 @@ def _at_rate(signal: Signal, rate: float, done: int) -> Signal:
 
 
 def agreed(column: str, written: str | None, unit: str, kind: str) -> str:
-    """The stated unit of a column; TableError where the file's own is of that kind too and differs."""
+    """The stated unit of a column; TableError if the file states another unit of the same kind."""
     if written is None or written == unit:
         return unit
     try:
@@ -220,19 +223,20 @@ def agreed(column: str, written: str | None, unit: str, kind: str) -> str:
     return unit
 
 
-# --- channels by their places in a survey, whose times the file alone states -----------------------------------------
+# --- channels by their indices in a survey, with the times of the file -----------------------------------------
 
 
 def surveyed_stream(path: Path, found: FileInfo, chosen: Sequence[int], *, label: str) -> Stream:
-    """Some channels of a surveyed file, in bounded memory where its format can be read in parts.
+    """Some channels of a surveyed file, in limited memory if its format can be read in parts.
 
     Parameters
     ----------
     path : Path
+        The file.
     found : FileInfo
-        What `survey` says of it.
+        Its description by `survey`.
     chosen : sequence of int
-        Places of the channels in `found.signals`.
+        Indices of the channels in `found.signals`.
     label : str
         The file's name in messages.
 
@@ -245,11 +249,7 @@ def surveyed_stream(path: Path, found: FileInfo, chosen: Sequence[int], *, label
     clocks = {one: at for one in chosen if (at := _stated_clock(found.signals, found.signals[one])) is not None}
     guess = kind.name == "text" and not clocks and bool(found.signals)
     asked = list(dict.fromkeys([*chosen, *clocks.values(), *([0] if guess else [])]))
-    names = tuple(_called(found.signals, one) for one in asked)
-    request = Request(path, names, "", label, _MOST_MEMORY)
-    rows = max(_LEAST_ROWS, _AT_ONCE // max(len(names), 1))
-    several = kind.blocks(request, rows) if kind.blocks is not None else iter([kind.read(request)])
-    chunks = (dict(zip(asked, chunk, strict=True)) for chunk in several)
+    chunks = (dict(zip(asked, chunk, strict=True)) for chunk in _chunks(kind, path, found, asked, label))
     first = next(chunks)
     clocks = {one: at for one, at in clocks.items() if _is_clock(first[at], first[one])}
     if guess and found.signals[0].unit is None and _counts_time(first[0]):
@@ -257,14 +257,45 @@ def surveyed_stream(path: Path, found: FileInfo, chosen: Sequence[int], *, label
     return Stream(0, (_timed(part, chosen, clocks, label) for part in chain([first], chunks)), clocks)
 
 
+def by_halves(
+    chosen: Sequence[int], read: Callable[[list[int]], Result]
+) -> Iterator[tuple[list[int], Result | TableError | FileError]]:
+    """The result of `read` for parts of the chosen channels, or the error of a single channel that cannot be read.
+
+    A part that raises TableError or FileError is halved, so that one unreadable channel does not exclude the others.
+    """
+    waiting = [list(chosen)] if chosen else []
+    while waiting:
+        some = waiting.pop()
+        result: Result | TableError | FileError
+        try:
+            result = read(some)
+        except (TableError, FileError) as error:
+            if len(some) > 1:
+                half = len(some) // 2
+                waiting += [some[half:], some[:half]]
+                continue
+            result = error
+        yield some, result
+
+
+def _chunks(kind: Format, path: Path, found: FileInfo, asked: Sequence[int], label: str) -> Iterator[Sequence[Signal]]:
+    """Chunks of the channels with these indices, with the times of the file."""
+    names = tuple(_called(found.signals, one) for one in asked)
+    request = Request(path, names, "", label, _MOST_MEMORY)
+    if kind.blocks is None:
+        return iter([kind.read(request)])
+    return kind.blocks(request, max(_LEAST_ROWS, _AT_ONCE // max(len(names), 1)))
+
+
 def _called(signals: Sequence[SignalInfo], at: int) -> str:
-    """The name that means this channel alone, where groups repeat names."""
+    """The name of a channel, with its group if the file has groups, which may repeat names."""
     one = signals[at]
     return f"{one.group}/{one.name}" if any(other.group for other in signals) else one.name
 
 
 def _stated_clock(signals: Sequence[SignalInfo], one: SignalInfo) -> int | None:
-    """Place of the channel that by its note, name or unit is the time of another, if there is one."""
+    """Index of the channel that by its note, name or unit has the times of a channel; None if there is none."""
     beside = [at for at, other in enumerate(signals) if (other.group, other.count) == (one.group, one.count)]
     timely = [at for at in beside if seconds(signals[at].unit) is not None]
     of_day = (at for at in timely if signals[at].note.startswith(_TIME_OF_DAY))
@@ -273,18 +304,18 @@ def _stated_clock(signals: Sequence[SignalInfo], one: SignalInfo) -> int | None:
 
 
 def _is_clock(clock: Signal, signal: Signal) -> bool:
-    """Whether a column states the times of a channel: it rises, or repeats what the file says."""
+    """Whether a column has the times of a channel: it rises, or equals the times that the file states."""
     own, values = times_of(signal), clock.samples * (seconds(clock.unit) or 1.0)
     if own is not None:
         return values.size == own.size and np.allclose(values, own, rtol=1e-12, atol=0.0)
     if values.size < 2:
         return bool(values.size == 1)
-    # a few lost or repeated samples are allowed
+    # Up to a tenth of the steps may be lost or repeated samples.
     return bool(np.mean(np.diff(values) >= 0) > 0.9 and values[-1] > values[0])
 
 
 def _counts_time(column: Signal) -> bool:
-    """Whether a column rises by equal steps below 1; one that rises by whole numbers may count the rows."""
+    """Whether a column rises by equal steps below 1; a column that rises by whole numbers may be a row number."""
     steps = np.diff(column.samples)
     middle = float(np.median(steps)) if steps.size else 0.0
     return 0 < middle < 1 and bool(np.all(np.abs(steps - middle) <= _EVEN * middle))

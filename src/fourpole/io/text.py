@@ -1,12 +1,11 @@
-"""Tables of text as the world writes them: reduced results and load-deflection curves.
+"""Small tables of text, such as results and load-deflection curves, read whole and with tolerance.
 
-Small files, read whole and with patience; recordings go by `read_columns`, which is quick.
+Recordings are read by `read_columns`, which is faster and stricter.
 """
 
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,12 +31,13 @@ from fourpole.units import column_unit, shown
 
 __all__ = ["BadCell", "Columns", "TextTable", "read_columns", "read_table"]
 
-_LONGEST_QUOTE = 100  # lines that a quoted cell may span
+#: Largest number of lines that a quoted cell may have.
+_LONGEST_QUOTE = 100
 
 
 @dataclass(frozen=True)
 class BadCell:
-    """A cell with text where its column has numbers."""
+    """A cell with text in a column of numbers."""
 
     line: int
     column: str
@@ -49,24 +49,24 @@ class BadCell:
 
 @dataclass(frozen=True)
 class TextTable:
-    """A table of text, cells as written.
+    """A table of text, with the cells as written.
 
     Attributes
     ----------
     names : list of str
-        The columns' names without their units.
+        Names of the columns, without their units.
     units : list of str or None
         Units as written in the header or in a row below it.
     columns : list of list of str
         The cells of each column.
     lines : list of int
-        Of each row, the number of its line in the file, from 1.
+        Number of the line of each row in the file, from 1.
     skipped : list of (int, str)
-        Lines below the header that are no rows of the table: number and text.
+        Number and text of the lines below the header that are no rows of the table.
     headers : list of str
-        The names as written.
+        Names of the columns as written.
     encoding, delimiter, decimal : str
-        How the file was written; the delimiter " " is any white space.
+        Encoding of the file, delimiter of its cells (" " is any white space) and decimal sign.
     label : str
         The file's name in messages.
     """
@@ -95,7 +95,7 @@ class TextTable:
         return name in self.names or name in self.headers
 
     def index(self, name: str) -> int:
-        """Where a column is; TableError if it is missing (with the nearest name) or ambiguous."""
+        """Index of a column; TableError if it is missing (with the nearest name) or ambiguous."""
         return find_column(self.headers, name, self.label)
 
     def text(self, name: str) -> list[str]:
@@ -117,12 +117,12 @@ class TextTable:
         Returns
         -------
         (rows,) float array [the column's unit]
-            NaN where a cell is blank or, see `bad`, no number.
+            NaN where a cell is blank or has text (`bad` lists the cells with text).
 
         Raises
         ------
         TableError
-            If the column is missing or ambiguous, or holds text only.
+            If the column is missing or ambiguous, or has no number.
         """
         index = self.index(name)
         values = _numbers(self.columns[index], self.decimal)
@@ -152,8 +152,8 @@ class TextTable:
 def read_table(path: str | os.PathLike[str], *, max_bytes: int = 64_000_000, label: str | None = None) -> TextTable:
     r"""Read a table of text: names in a header, units with them or in a row below.
 
-    Comma, semicolon, tab or white space between the cells; decimal point or comma; UTF-8, UTF-16 with
-    its mark, cp1252 or Latin-1; lines before the header and comments (#, %) are passed over.
+    Comma, semicolon, tab or white space separate the cells; the decimal sign is a point or a comma; the encoding is
+    UTF-8, UTF-16 with its mark, cp1252 or Latin-1. Lines before the header and comments (#, %) are skipped.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def read_table(path: str | os.PathLike[str], *, max_bytes: int = 64_000_000, lab
 
 
 def _rows(lines: list[str], layout: Layout) -> tuple[list[int], list[list[str]], list[tuple[int, str]]]:
-    """The rows with the numbers of their lines, and the lines that are no rows."""
+    """Number of the line of each row, the cells of each row, and the lines that are no rows."""
     split = splitter(layout.delimiter)
     numbers: list[int] = []
     rows: list[list[str]] = []
@@ -224,7 +224,7 @@ def _rows(lines: list[str], layout: Layout) -> tuple[list[int], list[list[str]],
             rows.append(cells)
             numbers.append(line)
         elif 1 < len(cells) < layout.width and layout.delimiter != " ":
-            short.append((line, cells, text))  # blank cells at the end may go unwritten, but not in the last row
+            short.append((line, cells, text))  # blank cells at the end of a row may be missing, but not in the last row
         else:
             skipped.append((line, shown(text.strip(), 40)))
     skipped += [(line, shown(text.strip(), 40)) for line, _, text in short]
@@ -233,21 +233,16 @@ def _rows(lines: list[str], layout: Layout) -> tuple[list[int], list[list[str]],
 
 
 def _drop_words(numbers: list[int], rows: list[list[str]], skipped: list[tuple[int, str]], decimal: str) -> None:
-    """Take rows of words from the end of a table that is all numbers."""
-    words = 0
-    for row in reversed(rows):
-        filled = [cell for cell in row if not is_missing(cell)]
-        if not filled or any(number(cell, decimal) is not None for cell in filled):
-            break
-        words += 1
-    kept = rows[: len(rows) - words]
-    cells = Counter(number(cell, decimal) is not None for row in kept[-50:] for cell in row if not is_missing(cell))
-    if cells[True] > 4 * cells[False]:
+    """Move rows of words from the end of a table of numbers to `skipped`."""
+    filled = [[number(cell, decimal) is not None for cell in row if not is_missing(cell)] for row in rows]
+    words = next((count for count, kinds in enumerate(reversed(filled)) if not kinds or any(kinds)), len(rows))
+    kinds = [kind for row in filled[: len(rows) - words][-50:] for kind in row]
+    if kinds.count(True) > 4 * kinds.count(False):
         skipped.extend((numbers.pop(), shown(" ".join(rows.pop()), 40)) for _ in range(words))
 
 
 def _records(lines: list[str], layout: Layout) -> Iterator[tuple[int, str]]:
-    """Lines from the first row on, blank ones and comments left out, a quoted cell's lines put together."""
+    """Numbered lines from the first row on, without blanks and comments; the lines of a quoted cell are joined."""
     at = layout.first_row - 1
     while at < len(lines):
         start, text = at, lines[at]

@@ -1,4 +1,4 @@
-"""Small tables made by people: which column is which quantity, by usual names and units, and saying so."""
+"""Tables of results and load-deflection curves: the quantity of each column, by usual names and units."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MOTIONS = ("velocity", "displacement", "acceleration")
 
 @dataclass(frozen=True)
 class _Role:
-    """A quantity, the names that people give its column (as `_plain` writes them), its kinds and SI unit."""
+    """A quantity: its name in messages, usual names of its column (as `_plain` writes them), and kinds of unit."""
 
     says: str
     names: tuple[str, ...]
@@ -57,7 +57,7 @@ _ROLES = {
         "deflection", "deflection displacement x x1 z d s travel weg δ einfederung compression", "displacement"
     ),
 }
-#: What a name without a unit means where its first letter says it.
+#: Kind of a motion whose column has no unit, by the first letter of its name.
 _BY_LETTER = {"v": "velocity", "x": "displacement", "d": "displacement", "s": "displacement", "u": "displacement",
               "w": "displacement", "a": "acceleration"}  # fmt: skip
 
@@ -80,21 +80,21 @@ class _Column:
 
 @dataclass(frozen=True, eq=False)
 class ReducedTable(ByValue):
-    """A reduced dynamic table; either `mobility` or `stiffness` is there.
+    """A table of mobility or dynamic stiffness over frequency; one of both is None.
 
     Attributes
     ----------
     frequency : (N,) float [Hz]
     mobility : (N,) complex [m/(N s)], or None
-        V1/F1 of all that was between the force cell and the foundation.
+        V1/F1 of everything between the force cell and the foundation.
     stiffness : (N,) complex [N/m], or None
-        K* of the specimen itself.
+        K* of the specimen alone.
     lines : list of int
         Line of each row in the file.
     understood : list of str
-        How each column was read.
+        Sentences on how each column was read.
     warnings : list of str
-        Lines that are not data, cells that are no numbers.
+        Sentences on lines that are no data and cells that are no numbers.
     """
 
     frequency: FloatArray
@@ -107,7 +107,7 @@ class ReducedTable(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class CurveTable(ByValue):
-    """A load-deflection table: deflection [m] and load [N] row by row, how it was read, and what was left out."""
+    """A load-deflection table: deflection [m] and load [N] of each row, how they were read, and warnings."""
 
     deflection: FloatArray
     load: FloatArray
@@ -133,7 +133,7 @@ def read_reduced(path: str | os.PathLike[str], *, label: str | None = None) -> R
     Raises
     ------
     FileError, TableError
-        If the file cannot be read, or its columns not understood.
+        If the file cannot be read, or a quantity has no recognisable column.
 
     Examples
     --------
@@ -154,21 +154,23 @@ def read_reduced(path: str | os.PathLike[str], *, label: str | None = None) -> R
     used = [columns["frequency"], *(columns[role] for role in form)]
     frequency = _si(table, columns["frequency"])
     values = [_si(table, columns[role]) for role in form]
-    if form[0] == "force" and columns["phase"].assumed and np.nanmax(np.abs(values[2]), initial=0.0) > 2 * np.pi:
-        raise TableError(
-            f"{table.label}: column {units.shown(columns['phase'].name)} has no unit and is too large for radians: "
-            "name it 'phase [deg]'"
-        )
     mobility = stiffness = None
     if form[0] == "force":
+        _check_phase(table, columns["phase"], values[2])
         mobility = _mobility(frequency, values[0], values[1], values[2], columns["motion"].kind)
     elif form[0] == "R":
         mobility = values[0] + 1j * values[1]
     else:
         stiffness = values[0] + 1j * values[1]
-    return ReducedTable(
-        frequency, mobility, stiffness, table.lines, [str(column) for column in used], _warnings(table, used)
-    )
+    understood = [str(column) for column in used]
+    return ReducedTable(frequency, mobility, stiffness, table.lines, understood, _warnings(table, used))
+
+
+def _check_phase(table: TextTable, column: _Column, phase: FloatArray) -> None:
+    """TableError if a phase without a unit is larger than a full turn in radians."""
+    if column.assumed and np.nanmax(np.abs(phase), initial=0.0) > 2 * np.pi:
+        what = f"column {units.shown(column.name)} has no unit and is too large for radians"
+        raise TableError(f"{table.label}: {what}: name it 'phase [deg]'")
 
 
 def read_curve(
@@ -185,7 +187,7 @@ def read_curve(
     path : path
         A text table; see `read_table`.
     load_column, deflection_column : str, optional
-        Their names, where the usual ones do not tell.
+        Names of the columns, if they are not usual ones.
     label : str, optional
         The file's name in messages.
 
@@ -197,7 +199,7 @@ def read_curve(
     Raises
     ------
     FileError, TableError
-        If the file cannot be read, or its columns not understood.
+        If the file cannot be read, or a quantity has no recognisable column.
 
     Examples
     --------
@@ -224,12 +226,12 @@ def read_curve(
 
 
 def _plain(name: str) -> str:
-    """A column's name without what people spell differently."""
+    """A column's name in small letters, without blanks and punctuation."""
     return re.sub(r"[\s_\-.,:/]+", "", name.strip().casefold())
 
 
 def _matched(table: TextTable, roles: Sequence[str]) -> dict[str, _Column]:
-    """The column of each role that the table has; two columns for one role are an error."""
+    """The column of each role that the table has; TableError if two columns have the same role."""
     found: dict[str, _Column] = {}
     for index in range(len(table.names)):
         for role in roles:
@@ -247,7 +249,7 @@ def _matched(table: TextTable, roles: Sequence[str]) -> dict[str, _Column]:
 
 
 def _column_or_none(table: TextTable, index: int, role: str) -> _Column | None:
-    """The column in this role, or None where its unit, or the case of its letter, says that it is another."""
+    """The column in this role; None if its unit, or the case of the letter f, contradicts the role."""
     name, unit = table.names[index], table.units[index]
     if unit is None and name == "f" and role in ("force", "load"):
         return None
@@ -277,7 +279,7 @@ def _si(table: TextTable, column: _Column) -> FloatArray:
 def _mobility(
     frequency: FloatArray, force: FloatArray, motion: FloatArray, phase: FloatArray, kind: str
 ) -> ComplexArray:
-    """V1/F1 from amplitudes of the force and of any motion, the force ahead by `phase` of that motion."""
+    """V1/F1 from the amplitudes of the force and of any motion; the force leads that motion by `phase` [rad]."""
     turns = {"displacement": 1, "velocity": 0, "acceleration": -1}[kind]
     with np.errstate(divide="ignore", invalid="ignore"):  # a zero leaves its row without a value
         velocity = motion * (2 * np.pi * frequency) ** turns

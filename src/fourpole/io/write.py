@@ -1,4 +1,4 @@
-"""Writing so that a reader finds the old file or the new one, never half of it."""
+"""Writes files in one step: a reader finds the old file or the new file, never a part of it."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ def write_text(path: str | os.PathLike[str], text: str, *, label: str | None = N
     Parameters
     ----------
     path : path
-        Replaced if it exists; its folder must.
+        The file, which is replaced if it exists; its folder must exist.
     text : str
-        Line ends are written as they are.
+        The text, whose line ends are not changed.
     label : str, optional
         The file's name in messages; by default the last part of the path.
 
     Raises
     ------
     FileError
-        If it cannot be written; an old file is then as it was.
+        If the file cannot be written; an old file is then unchanged.
 
     Examples
     --------
@@ -68,16 +68,16 @@ def write_table(path: str | os.PathLike[str], frame: pl.DataFrame, *, label: str
     Parameters
     ----------
     path : path
-        It ends in .csv or .parquet.
+        The file, which ends in .csv or .parquet.
     frame : polars.DataFrame
-        In CSV, floats have the fewest digits that give the same float back; null and NaN are blank.
+        The table. In CSV, floats have the fewest digits that give the same float back; null and NaN are blank.
     label : str, optional
         The file's name in messages; by default the last part of the path.
 
     Raises
     ------
     FileError
-        If it cannot be written; an old file is then as it was.
+        If the file cannot be written; an old file is then unchanged.
 
     Examples
     --------
@@ -99,7 +99,7 @@ def write_table(path: str | os.PathLike[str], frame: pl.DataFrame, *, label: str
 
 @contextmanager
 def replacing(path: str | os.PathLike[str], *, label: str | None = None) -> Iterator[BinaryIO]:
-    """A new file beside `path` that takes its place at the end, or goes if anything fails.
+    """A new file that replaces `path` at the end of the context, or is deleted if anything fails.
 
     Examples
     --------
@@ -116,9 +116,9 @@ def replacing(path: str | os.PathLike[str], *, label: str | None = None) -> Iter
 
 @contextmanager
 def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterator[Path]:
-    """A free path in a hidden folder; the file or folder that is written there takes the place of `path` at the end.
+    """A free path in a hidden folder; the file or folder written there replaces `path` at the end of the context.
 
-    If anything fails, what stood at `path` is as it was. A folder replaces a folder with all that it holds.
+    If anything fails, `path` is unchanged. A folder replaces a folder with its whole content.
 
     Examples
     --------
@@ -131,7 +131,7 @@ def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterato
     """
     target, name = Path(path), name_of(path, label)
     try:
-        # Path.mkdir, not tempfile: what tempfile makes is for one user only, and results are shared as the umask says.
+        # Path.mkdir, not tempfile: folders of tempfile are readable by one user only, but results follow the umask.
         folder = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
         folder.mkdir()
     except (OSError, ValueError) as error:

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from scipy.io import savemat, wavfile
 
 from fourpole.errors import FileError, TableError
-from fourpole.io import columns as room
+from fourpole.io import rows as room
 from fourpole.io.formats import famos, hdf5, matlab, mdf, parquet, tdms, text, wav
 from fourpole.io.formats import mdf as mdf_room
 from fourpole.io.formats import tdms as tdms_room

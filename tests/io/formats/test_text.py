@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fourpole.errors import FileError, TableError
-from fourpole.io import columns as room
+from fourpole.io import rows as room
 from fourpole.io.formats.text import FORMAT
 from fourpole.io.signals import Request, Signal
 

@@ -1,0 +1,293 @@
+"""The rows of a table of text as columns of numbers, one part of the file after the other.
+
+polars reads a part that is written plainly. A part that polars refuses is read row by row: padded cells and blank lines
+are accepted, and any other deviation is reported with its row, column and value.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import TYPE_CHECKING, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fourpole.errors import TableError
+from fourpole.io.clock import Clock, is_moment
+from fourpole.io.layout import Layout, is_aside, is_missing, number, plain_numbers, trimmed
+from fourpole.units import shown
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = ["UTF8_MARK", "Table", "Values", "length", "line_start", "parts", "whole_lines"]
+
+UTF8_MARK = b"\xef\xbb\xbf"
+"""The byte order mark of UTF-8."""
+
+#: Bytes that are read at a time; a longer line is refused.
+_PART = 1 << 25
+#: Largest number of rows, and of cells, that are read row by row at a time.
+_CHUNK, _CELLS = 20_000, 2_000_000
+_LINE_END = re.compile(rb"\r\n|\r|\n")
+_NAN_WORDS = ["NaN", "nan", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "-"]
+
+Values = dict[int, NDArray[np.float64]]
+"""Columns of numbers by their index in the table."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that is being read: its layout, and the index of each wanted column by the name that the caller uses."""
+
+    layout: Layout
+    encoding: str
+    wanted: dict[str, int]
+    clocks: dict[int, Clock]
+    name: str
+    above: tuple[str, ...]
+
+    @property
+    def numbers(self) -> set[int]:
+        """Indices of the wanted columns that are no times of day."""
+        return set(self.wanted.values()) - set(self.clocks)
+
+    @property
+    def units(self) -> dict[str, str | None]:
+        """The unit of each wanted column."""
+        return {one: "s" if at in self.clocks else self.layout.units[at] for one, at in self.wanted.items()}
+
+    def empty(self) -> TableError:
+        """The error for a table without rows."""
+        return TableError(f"{self.name}: has a header (line {self.layout.header_line}) but no row below it")
+
+
+def length(values: Values) -> int:
+    """Number of rows."""
+    return len(next(iter(values.values()), ()))
+
+
+def parts(source: BinaryIO, start: bytes, table: Table) -> Iterator[Values]:
+    """The wanted columns, one part of the file after the other."""
+    line = table.layout.first_row
+    offset = line_start(start, line)
+    ending = b"\n" if b"\n" in start else b"\r"
+    if table.layout.delimiter != " ":
+        source.seek(offset)
+        for part in whole_lines(source, ending, table.name):
+            if b'"' in part or (ending == b"\r" and b"\n" in part):
+                break  # the end of a quoted cell, and so of its row, depends on the text before it
+            values = _quickly(part, ending, table)
+            if values is not None:
+                line += length(values)
+                yield values
+            else:
+                yield from _slowly(io.BytesIO(part), line, table)
+                line += len(_LINE_END.findall(part))
+            offset += len(part)
+        else:
+            return
+    source.seek(offset)
+    yield from _slowly(source, line, table)
+
+
+def whole_lines(source: BinaryIO, ending: bytes, name: str) -> Iterator[bytes]:
+    """The rest of a file in parts that end with a line, without the blank lines at its end."""
+    held = rest = b""
+    while block := source.read(_PART - len(rest)):
+        cut = block.rfind(ending) + 1
+        if cut:
+            if held:
+                yield held
+            held, rest = rest + block[:cut], block[cut:]
+        elif len(rest) + len(block) >= _PART:
+            raise _too_long(name)
+        else:
+            rest += block
+    held += rest
+    filled = len(held.rstrip())
+    end = held.find(ending, filled)
+    if filled:
+        yield held if end < 0 else held[: end + 1]
+
+
+def _each_line(text: io.TextIOWrapper, name: str) -> Iterator[str]:
+    while line := text.readline(_PART):
+        if len(line) >= _PART:
+            raise _too_long(name)
+        yield line
+
+
+def _too_long(name: str) -> TableError:
+    return TableError(f"{name}: has a line of more than {_PART} bytes; this is no table of text")
+
+
+def _plain_frame(
+    part: bytes, ending: bytes, layout: Layout, numbers: set[int], indices: list[int]
+) -> pl.DataFrame | None:
+    """Columns as polars reads them, `numbers` as floats and the others as text; None if polars refuses the part."""
+    import polars as pl  # not at the top: the import takes half a second
+
+    schema = {str(index): pl.Float64() if index in numbers else pl.String() for index in range(layout.width)}
+    for words in (None, _NAN_WORDS):  # the search for words takes a quarter more time
+        try:
+            return pl.read_csv(
+                part,
+                has_header=False,
+                columns=indices,
+                schema=schema,
+                separator=layout.delimiter,
+                eol_char=ending.decode(),
+                quote_char=None,
+                null_values=words,
+                decimal_comma=layout.decimal == ",",
+            )
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError, OSError):
+            continue
+    return None
+
+
+def _quickly(part: bytes, ending: bytes, table: Table) -> Values | None:
+    """The wanted columns as polars reads them; None if the part must be read row by row."""
+    if not table.wanted or part.count(b"\r") > (part.count(b"\r\n") if ending == b"\n" else len(part)):
+        return None  # the part has two kinds of line end
+    layout, numbers = table.layout, table.numbers
+    last = layout.width - 1
+    indices = sorted({*table.wanted.values(), last})
+    frame = _plain_frame(part, ending, layout, numbers, indices)
+    if frame is None:
+        return None
+    # polars fills a row with too few cells with nulls, and may ignore the surplus cells of a row with too many.
+    if (len(indices) < layout.width or frame[str(last)].null_count()) and not _is_full(part, ending, layout):
+        return None
+    columns = {index: frame[str(index)].to_numpy() for index in numbers}
+    if any(np.isinf(column).any() for column in columns.values()):
+        return None
+    times = _times(frame, table.clocks)
+    return None if times is None else columns | times
+
+
+def _times(frame: pl.DataFrame, clocks: dict[int, Clock]) -> Values | None:
+    """The columns of times of day [s]; None, with the clocks as before, if a cell has no time."""
+    states = {index: clock.state for index, clock in clocks.items()}
+    times = {index: clock.seconds(frame[str(index)]) for index, clock in clocks.items()}
+    if not any(np.isnan(column).any() for column in times.values()):
+        return times
+    for index, clock in clocks.items():
+        clock.state = states[index]
+    return None
+
+
+def line_start(start: bytes, line: int) -> int:
+    """First byte of a line, lines counted from 1."""
+    ends = islice(_LINE_END.finditer(start), line - 1)
+    return max((end.end() for end in ends), default=len(UTF8_MARK) if start.startswith(UTF8_MARK) else 0)
+
+
+def _is_full(part: bytes, ending: bytes, layout: Layout) -> bool:
+    """Whether each line has as many delimiters as a full row; False for a table of one column."""
+    content = np.frombuffer(part, dtype=np.uint8)
+    if layout.width == 1:
+        return False
+    ends = content == ending[0]
+    signs = ends[ends | (content == ord(layout.delimiter))]
+    if not part.endswith(ending):
+        signs = np.append(signs, True)
+    if len(signs) % layout.width:
+        return False
+    rows = signs.reshape(-1, layout.width)
+    return bool(rows[:, -1].all()) and np.count_nonzero(rows) == len(rows)
+
+
+def _slowly(file: BinaryIO, line: int, table: Table) -> Iterator[Values]:
+    """The wanted columns, read row by row from a line on; TableError at the first row that cannot be read."""
+    import polars as pl
+
+    text = io.TextIOWrapper(file, encoding=table.encoding, errors="replace")
+    layout, name = table.layout, table.name
+    try:
+        rows = _full_rows(text, line, layout, name)
+        while chunk := list(islice(rows, max(min(_CHUNK, _CELLS // layout.width), 1))):
+            values = {index: _floats(chunk, index, layout, name) for index in table.numbers}
+            for index, clock in table.clocks.items():
+                cells = _moments(chunk, index, layout, name)
+                values[index] = clock.seconds(pl.Series(cells, dtype=pl.String))
+                _check_moments(chunk, cells, values[index], index, table)
+            yield values
+    finally:
+        text.detach()
+
+
+def _full_rows(text: io.TextIOWrapper, line: int, layout: Layout, name: str) -> Iterator[tuple[int, list[str]]]:
+    """Rows with the numbers of their lines, without blank lines and comments."""
+    before = line - 1
+    if layout.delimiter == " ":
+        rows: Iterator[list[str]] = (one.split() for one in _each_line(text, name))
+        numbered = ((before + count, row) for count, row in enumerate(rows, 1))
+    else:
+        reader = csv.reader(_each_line(text, name), delimiter=layout.delimiter, skipinitialspace=True)
+        numbered = ((before + reader.line_num, row) for row in reader)
+    line = before
+    try:
+        for line, row in numbered:
+            cells = trimmed(row, layout.width)
+            if len(cells) == layout.width and not (layout.width == 1 and is_aside(cells[0])):
+                yield line, cells
+            elif cells and not is_aside("".join(cells)):
+                _ragged(cells, line, layout, name)
+    except csv.Error as error:
+        raise TableError(f"{name} row {line + 1}: cannot be parted into cells ({error}); mend or remove it") from None
+
+
+def _ragged(cells: list[str], line: int, layout: Layout, name: str) -> None:
+    found = f"{len(cells)} cell{'s' if len(cells) > 1 else ''} ({shown(layout.delimiter.join(cells), 40)})"
+    raise TableError(f"{name} row {line}: has {found} where the header has {layout.width}; mend or remove it")
+
+
+def _moments(chunk: list[tuple[int, list[str]]], index: int, layout: Layout, name: str) -> list[str | None]:
+    """The cells of one column of times of day; None for a missing value, TableError at any other text."""
+    cells: list[str | None] = []
+    for line, row in chunk:
+        if is_moment(row[index]):
+            cells.append(row[index])
+        elif is_missing(row[index]):
+            cells.append(None)
+        else:
+            where = f"{name} row {line}, column {shown(layout.names[index])}"
+            raise TableError(f"{where}: {shown(row[index])} is no time of day, as the cells above it are; correct it")
+    return cells
+
+
+def _check_moments(
+    chunk: list[tuple[int, list[str]]],
+    cells: list[str | None],
+    found: NDArray[np.float64],
+    index: int,
+    table: Table,
+) -> None:
+    for (line, _), cell, value in zip(chunk, cells, found, strict=True):
+        if cell is not None and np.isnan(value):
+            where = f"{table.name} row {line}, column {shown(table.layout.names[index])}"
+            raise TableError(f"{where}: {shown(cell)} is no time of day, or not written as the first one; mend it")
+
+
+def _floats(chunk: list[tuple[int, list[str]]], index: int, layout: Layout, name: str) -> NDArray[np.float64]:
+    """The numbers of one column; not-a-number for a missing value, TableError at any other text."""
+    cells = [row[index] for _, row in chunk]
+    values = plain_numbers(cells)
+    if values is not None:
+        return values
+    values = np.full(len(cells), np.nan)
+    for at, cell in enumerate(cells):
+        value = number(cell, layout.decimal)
+        if value is not None:
+            values[at] = value
+        elif not is_missing(cell):
+            where = f"{name} row {chunk[at][0]}, column {shown(layout.names[index])}"
+            raise TableError(f"{where}: {shown(cell)} is no number; mend it, or leave it blank if it is not known")
+    return values
