@@ -1,4 +1,4 @@
-"""Channels and columns by their names: the places of those that a user names, and the messages where there is none."""
+"""Channels by their names: the indices of those that a user names, and the messages if a name is missing."""
 
 from __future__ import annotations
 

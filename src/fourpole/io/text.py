@@ -65,8 +65,8 @@ class TextTable:
         Number and text of the lines below the header that are no rows of the table.
     headers : list of str
         Names of the columns as written.
-    encoding, delimiter, decimal : str
-        Encoding of the file, delimiter of its cells (" " is any white space) and decimal sign.
+    decimal : str
+        The decimal sign.
     label : str
         The file's name in messages.
     """
@@ -77,30 +77,12 @@ class TextTable:
     lines: list[int]
     skipped: list[tuple[int, str]]
     headers: list[str]
-    encoding: str
-    delimiter: str
     decimal: str
     label: str
-
-    @property
-    def first_row(self) -> int:
-        """Number of the first row's line in the file, from 1."""
-        return self.lines[0]
-
-    def __len__(self) -> int:
-        return len(self.lines)
-
-    def __contains__(self, name: str) -> bool:
-        """Whether a column has this name, with or without its unit."""
-        return name in self.names or name in self.headers
 
     def index(self, name: str) -> int:
         """Index of a column; TableError if it is missing (with the nearest name) or ambiguous."""
         return find_column(self.headers, name, self.label)
-
-    def text(self, name: str) -> list[str]:
-        """The cells of a column as written."""
-        return self.columns[self.index(name)]
 
     def unit(self, name: str) -> str | None:
         """The unit stated for a column."""
@@ -188,7 +170,7 @@ def read_table(path: str | os.PathLike[str], *, max_bytes: int = 64_000_000, lab
     [(4, "'end of test'")]
     """
     name = name_of(path, label)
-    text, encoding = decode(read_bytes(path, max_bytes=max_bytes, label=label), name)
+    text, _ = decode(read_bytes(path, max_bytes=max_bytes, label=label), name)
     lines = split_lines(text)
     layout = find_layout(lines, name)
     numbers, rows, skipped = _rows(lines, layout)
@@ -201,8 +183,6 @@ def read_table(path: str | os.PathLike[str], *, max_bytes: int = 64_000_000, lab
         lines=numbers,
         skipped=skipped,
         headers=list(layout.names),
-        encoding=encoding,
-        delimiter=layout.delimiter,
         decimal=layout.decimal,
         label=name,
     )

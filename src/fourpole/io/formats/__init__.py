@@ -1,1 +1,1 @@
-"""One file per format of recordings; each has a `FORMAT` that says how to know it and how to read it."""
+"""Readers of recordings: one file per format, whose `FORMAT` recognises a file, describes it and reads it."""

@@ -1,4 +1,4 @@
-"""What all formats share: a guard around a library that reads a foreign file, limits of memory, units and times."""
+"""Shared by all formats: a guard around a library that reads a foreign file, limits of memory, units and times."""
 
 from __future__ import annotations
 

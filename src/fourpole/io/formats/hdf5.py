@@ -326,6 +326,7 @@ class _Content:
         self._h5py = opened_file.guard.load(_LIBRARY)
         self._root = opened_file.closing.enter_context(opened(opened_file.guard, opened_file.file, self._name))
         self._leaves = leaves(self._h5py, self._root, self._name)
+        self._times: dict[str, Part] = {}
         self._groups: dict[str, dict[str, Leaf]] = {}
         for leaf in self._leaves:
             self._groups.setdefault(leaf.group, {})[leaf.name] = leaf
@@ -365,26 +366,22 @@ class _Content:
         if whole:
             declared = sum(_count(one) for one in chosen if not one.barred)
             afford(16 * declared, self._max_bytes, self._name)
-        times: dict[str, Part] = {}
-        return [self._track(one, times) for one in chosen]
+        return [self._track(one) for one in chosen]
 
-    def _track(self, leaf: Leaf, times: dict[str, Part]) -> Track:
-        """The track of a dataset; `times` has the functions that read times, by their paths, and is filled."""
+    def _track(self, leaf: Leaf) -> Track:
         values = reader(leaf, self._max_bytes, self._name)
         own = attributes(self._h5py, leaf.dataset)
         timing = _timing(leaf, own, self._groups[leaf.group], self._name)
-        time = None
-        if timing.time is not None:
-            if timing.time.path not in times:
-                times[timing.time.path] = self._seconds(timing.time)
-            time = times[timing.time.path]
+        time = None if timing.time is None else self._seconds(timing.time)
         return Track(leaf.name, _unit(leaf, own), _count(leaf), values, timing.rate, timing.start, time)
 
     def _seconds(self, time: Leaf) -> Part:
-        """The function that reads a part of a dataset of times [s]."""
-        scale = time_scale(_unit(time, attributes(self._h5py, time.dataset)), time.path, self._name)
-        values = reader(time, self._max_bytes, self._name)
-        return remembered(lambda first, last: scale * values(first, last))
+        """The function that reads a part of a dataset of times [s]; channels with the same times share it."""
+        if time.path not in self._times:
+            scale = time_scale(_unit(time, attributes(self._h5py, time.dataset)), time.path, self._name)
+            values = reader(time, self._max_bytes, self._name)
+            self._times[time.path] = remembered(lambda first, last: scale * values(first, last))
+        return self._times[time.path]
 
 
 FORMAT = track_format(

@@ -57,6 +57,7 @@ class _Content:
 
     def __init__(self, opened: OpenFile) -> None:
         self.name, self.max_bytes = opened.name, opened.max_bytes
+        self.times: dict[int, Part] = {}
         check_blocks(opened.file, opened.name, opened.max_bytes)
         # The library gets the open file, and reads no bus database that a path or an attachment names.
         self.mdf = opened.guard.load(_LIBRARY).MDF(opened.file, process_bus_logging=False)
@@ -95,8 +96,7 @@ class _Content:
         chosen = [channels[at] for at in find([(one.group, one.name) for one in channels], request)]
         if whole:
             afford(24 * sum(one.count for one in chosen), self.max_bytes, self.name)
-        times: dict[int, Part] = {}
-        return [self.track(one, times) for one in chosen]
+        return [self.track(one) for one in chosen]
 
     def channels(self) -> list[_Channel]:
         """The channels of all groups, in the order of the file."""
@@ -186,8 +186,8 @@ class _Content:
             )
         return values
 
-    def track(self, one: _Channel, times: dict[int, Part]) -> Track:
-        """The track of a channel; `times` has the functions that read the times of groups, and is filled."""
+    def track(self, one: _Channel) -> Track:
+        """The track of a channel; TableError if it cannot be read."""
         if one.barred:
             raise TableError(f"{self.name}: channel {shown(one.name)} {one.barred}")
         unit, group = self.unit(one.at), one.at[0]
@@ -199,9 +199,9 @@ class _Content:
             return Track(one.name, unit, one.count, samples, *even)
         if self.master(group) is None:
             return Track(one.name, unit, one.count, samples)
-        if group not in times:
-            times[group] = remembered(lambda first, last: self._times(group, first, last))
-        return Track(one.name, unit, one.count, samples, time=times[group])
+        if group not in self.times:
+            self.times[group] = remembered(lambda first, last: self._times(group, first, last))
+        return Track(one.name, unit, one.count, samples, time=self.times[group])
 
     def _times(self, group: int, first: int, last: int) -> NDArray[np.float64]:
         time = self.time(group, first=first, count=last - first) if last > first else np.empty(0)

@@ -144,7 +144,7 @@ class OpenFile:
     Attributes
     ----------
     path : Path
-        Where the file is, for a library that must open it by name.
+        The path of the file, for a library that must open it by name.
     file : BinaryIO
         The open file, at its beginning.
     name : str

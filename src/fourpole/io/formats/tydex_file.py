@@ -1,4 +1,4 @@
-"""What a TYDEX 1.3 file holds, as Python objects, and its writer, which keeps to the letter of the format.
+"""The content of a TYDEX 1.3 file as Python objects, and its writer, which keeps to the letter of the format.
 
 A file is lines of text in sections; a keyword opens each section. In most sections columns 1 to 10 of a line hold a
 name, 11 to 40 a description, 41 to 50 a unit, and a value begins in column 51. For a measured channel, columns 51 to 60
@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 ABSENT = "NOTAVAIL"
-"""What stands in the data where a value is missing."""
+"""The text that marks a missing value in the data."""
 SECTIONS = frozenset(
     {
         "HEADER",

@@ -1,4 +1,4 @@
-"""What a writer gets: groups of channels, then blocks of samples; and the remarks on what it does not keep."""
+"""The input of a writer: groups of channels, then blocks of samples; and its remarks on what is not kept."""
 
 from __future__ import annotations
 
