@@ -12,7 +12,7 @@ from typing import BinaryIO
 from fourpole.errors import FileError, FourpoleError, TableError
 from fourpole.units import shown
 
-__all__ = ["decode", "encoding_of", "name_of", "open_regular", "read_bytes", "sha256_of"]
+__all__ = ["decode", "encoding_of", "name_of", "open_regular", "read_bytes", "reason", "sha256_of"]
 
 _UTF16 = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 _UTF32 = (b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")
@@ -39,7 +39,7 @@ def open_regular(path: str | os.PathLike[str], *, max_bytes: int, label: str | N
     except PermissionError:
         raise FileError(f"{name}: reading is not permitted; change the file's permissions") from None
     except (OSError, ValueError) as error:
-        raise FileError(f"{name}: cannot be opened: {_reason(error)}") from None
+        raise FileError(f"{name}: cannot be opened: {reason(error)}") from None
     try:
         _check(os.fstat(file.fileno()), name, max_bytes)
     except FourpoleError:
@@ -54,7 +54,7 @@ def read_bytes(path: str | os.PathLike[str], *, max_bytes: int, label: str | Non
         try:
             return file.read(max_bytes)
         except OSError as error:
-            raise FileError(f"{name_of(path, label)}: cannot be read: {_reason(error)}") from None
+            raise FileError(f"{name_of(path, label)}: cannot be read: {reason(error)}") from None
 
 
 def sha256_of(path: str | os.PathLike[str], *, max_bytes: int, label: str | None = None) -> str:
@@ -128,5 +128,6 @@ def _size(count: int) -> str:
     return f"{value:.4g} {unit}"
 
 
-def _reason(error: Exception) -> str:
+def reason(error: Exception) -> str:
+    """The reason of an OSError or ValueError, without number and path."""
     return getattr(error, "strerror", None) or str(error).replace("embedded null byte", "its name has a NUL")

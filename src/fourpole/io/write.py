@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from fourpole.errors import FileError
-from fourpole.io.source import name_of
+from fourpole.io.source import name_of, reason
 
 if TYPE_CHECKING:
     import polars as pl
@@ -135,7 +135,7 @@ def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterato
         folder = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
         folder.mkdir()
     except (OSError, ValueError) as error:
-        raise FileError(f"{name}: cannot be written: {_reason(error)}; does its folder exist?") from None
+        raise FileError(f"{name}: cannot be written: {reason(error)}; does its folder exist?") from None
     new, old = folder / target.name, folder / f"{target.name[:100]}.old"
     try:
         yield new
@@ -145,12 +145,8 @@ def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterato
     except FileError:
         raise
     except OSError as error:
-        raise FileError(f"{name}: cannot be written: {_reason(error)}") from error
+        raise FileError(f"{name}: cannot be written: {reason(error)}") from error
     finally:
         if old.exists() and not target.exists():
             old.replace(target)
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _reason(error: Exception) -> str:
-    return getattr(error, "strerror", None) or str(error)

@@ -225,21 +225,33 @@ def _info(one: _Set, name: str, system: int) -> SignalInfo:
     return SignalInfo.timed(name, unit, "", one.count, rate=rate, start=start, note="; ".join(notes))
 
 
+@dataclass(frozen=True)
+class _Content:
+    """The data sets 58 of an open file, with their names and the file's unit system."""
+
+    pyuff: Any
+    content: mmap.mmap
+    sets: list[_Set]
+    names: list[str]
+    system: int
+
+
 @contextlib.contextmanager
-def _mapped(path: Path, label: str, max_bytes: int) -> Iterator[mmap.mmap]:
+def _opened(path: Path, label: str, max_bytes: int) -> Iterator[_Content]:
     name = name_of(path, label)
-    with open_regular(path, max_bytes=max_bytes, label=label) as file:
+    with Guard(name, _KIND, _LIBRARY) as guard, open_regular(path, max_bytes=max_bytes, label=label) as file:
         if not _recognises(file.read(4096)):
             raise TableError(f"{name}: is not {_KIND}: it does not begin with -1 and a number; check what wrote it")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            yield content
+            pyuff = guard.load(_LIBRARY)
+            sets, system = _headers(pyuff, content, name)
+            yield _Content(pyuff, content, sets, _names(sets), system)
 
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    name = name_of(path, label)
-    with Guard(name, _KIND, _LIBRARY) as guard, _mapped(path, label, max_bytes) as content:
-        sets, system = _headers(guard.load(_LIBRARY), content, name)
-    signals = tuple(_info(one, called, system) for one, called in zip(sets, _names(sets), strict=True))
+    with _opened(path, label, max_bytes) as found:
+        sets = found.sets
+        signals = tuple(_info(one, name, found.system) for one, name in zip(sets, found.names, strict=True))
     notes = [tidy(_label(sets[0].header, key)) for key in ("id2", "id3", "id4", "id5")] if sets else []
     binary = any(one.header.get("binary") for one in sets)
     return FileInfo("UFF 58b" if binary else "UFF 58", signals, tuple(note for note in notes if note))
@@ -247,32 +259,27 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
 
 def _read(request: Request) -> Sequence[Signal]:
     name = name_of(request.path, request.label)
-    with (
-        Guard(name, _KIND, _LIBRARY) as guard,
-        _mapped(request.path, request.label, request.max_bytes) as content,
-    ):
-        pyuff = guard.load(_LIBRARY)
-        sets, system = _headers(pyuff, content, name)
-        names = _names(sets)
-        chosen = find([("", one) for one in names], request)
-        sizes = [sets[one].stop - sets[one].start for one in chosen]
-        afford(16 * sum(sets[one].count for one in chosen) + 8 * max(sizes, default=0), request.max_bytes, name)
-        return [_signal(pyuff, content, sets[one], names[one], system, name) for one in chosen]
+    with _opened(request.path, request.label, request.max_bytes) as found:
+        chosen = find([("", one) for one in found.names], request)
+        sizes = [found.sets[at].stop - found.sets[at].start for at in chosen]
+        afford(16 * sum(found.sets[at].count for at in chosen) + 8 * max(sizes, default=0), request.max_bytes, name)
+        return [_signal(found, at, name) for at in chosen]
 
 
-def _signal(pyuff: Any, content: mmap.mmap, one: _Set, called: str, system: int, name: str) -> Signal:
+def _signal(found: _Content, at: int, name: str) -> Signal:
+    one, called = found.sets[at], found.names[at]
     if not one.is_signal or one.is_complex:
         what = one.words if not one.is_signal else f"complex {one.words}"
         raise TableError(f"{name}: {shown(called)} is a {what}, no recording; name a time signal (function type 1)")
-    with _copied([content[one.start : one.stop], b"\n"]) as path:
-        found = pyuff.UFF(path).read_sets()
-    if not isinstance(found, dict) or len(np.atleast_1d(found.get("data", ()))) < one.count:
+    with _copied([found.content[one.start : one.stop], b"\n"]) as path:
+        read = found.pyuff.UFF(path).read_sets()
+    if not isinstance(read, dict) or len(np.atleast_1d(read.get("data", ()))) < one.count:
         raise TableError(f"{name}: is cut short: {shown(called)} has not its {one.count} values; export it again")
-    samples = floats(found["data"][: one.count], called, name)
-    unit = _unit(one.header, system)
+    samples = floats(read["data"][: one.count], called, name)
+    unit = _unit(one.header, found.system)
     if one.even:
         return Signal(called, unit, samples, float(one.header["abscissa_min"]), _rate(one.header))
-    return Signal(called, unit, samples, time=floats(found["x"][: one.count], called, name))
+    return Signal(called, unit, samples, time=floats(read["x"][: one.count], called, name))
 
 
 FORMAT = Format("UFF 58", (".uff", ".unv", ".ufb", ".bunv"), _recognises, _survey, _read, "formats")
