@@ -5,12 +5,16 @@ import pickle
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 
+import numpy as np
+import polars as pl
 import pytest
 
 from fourpole.campaign import read_campaign
 from fourpole.core.checks import worst_verdict
 from fourpole.study import analyse, study
 from fourpole.study.reduce import jobs_of, reduce_tests
+from fourpole.study.results import read_results
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 _MOST_PICKLED = 10_000
 TABLES = ("dynamic", "phasors", "previews", "corrections", "rig", "budget")
@@ -70,3 +74,35 @@ def test_a_recording_with_two_points_has_two_rows(noisy, monkeypatch):
         found = found.drop("point")
         assert found.gather_every(2).equals(table)
         assert found.gather_every(2, 1).equals(table)
+
+
+def test_points_of_one_recording_are_what_tests_of_their_own_are_on_the_joint_route(tmp_path, monkeypatch):
+    """The frequencies of a recording are conditions of their own, whatever frequency its row states."""
+    whole = simulate_campaign(
+        tmp_path, tyres=[RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 14.0, 18.0],
+        added_masses=[0.0, 10.0], sensors=(0.03, 0.02), seed=5,
+    ).folder  # fmt: skip
+    separate = analyse(whole)
+    reduced = reduce_tests(jobs(whole))
+    by_mass = separate.dynamic["added mass [kg]"].to_numpy()
+    merged = [
+        replace(first, points=tuple(reduced[at].points[0] for at in np.flatnonzero(by_mass == mass)))
+        for mass, first in ((mass, reduced[np.flatnonzero(by_mass == mass)[0]]) for mass in (0.0, 10.0))
+    ]
+    rows = (whole / "tests.csv").read_text().splitlines()
+    kept = [separate.dynamic["test"][int(np.flatnonzero(by_mass == mass)[0])] for mass in (0.0, 10.0)]
+    rows = [row for row in rows if not row.startswith("D") or row.split(",")[0] in kept]
+    (whole / "tests.csv").write_text("\n".join(rows) + "\n")
+    monkeypatch.setattr(study, "reduce_tests", lambda made, **options: merged)
+    found = analyse(whole)
+    assert list(zip(found.dynamic["test"], found.dynamic["point"], strict=True)) == [
+        (test, point) for test in kept for point in (1, 2, 3)
+    ]
+    order = ["added mass [kg]", "frequency [Hz]"]
+    for column in ("Re K* [N/m]", "u(Re K*) [N/m]", "C [N s/m]", "TR predicted [1]"):
+        expected = separate.dynamic.sort(order)[column].to_numpy()
+        np.testing.assert_allclose(found.dynamic.sort(order)[column].to_numpy(), expected, rtol=1e-6)
+    assert found.residuals["point"].to_list() == [1, 2, 3] * 2
+    assert found.rigs[0].conditions == 3
+    assert read_results(found.write(tmp_path / "results")).rigs == found.rigs
+    assert found.budget.select(pl.struct("test", "point").n_unique()).item() == 6

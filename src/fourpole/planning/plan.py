@@ -23,10 +23,10 @@ from fourpole.core.plan.expect import arm_by_k1, planned_phasors, relative_uncer
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError
 from fourpole.fitting.rows import conditions_in
+from fourpole.study.cells import tyre_cells
 from fourpole.study.identified import ADDED_MASS_STD, setup_of
 from fourpole.study.results import read_results
 from fourpole.study.static import StaticStiffness
-from fourpole.study.tables import tyre_cells
 
 __all__ = [
     "AS_STATED",

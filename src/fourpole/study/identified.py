@@ -29,17 +29,35 @@ from fourpole.study.static import StaticStiffness
 
 __all__ = ["Group", "Identified", "Setup", "identify_tests", "possible_route", "setup_of"]
 
-#: An added mass of unstated uncertainty is known to this.
+#: Relative standard uncertainty of an added mass whose uncertainty is not stated.
 ADDED_MASS_STD = 1e-4
-#: Above this relative uncertainty of K2 or C their distribution is drawn, not taken as normal.
+#: Relative uncertainty of K2 or C above which their distribution is found by Monte Carlo, not taken as normal.
 _SKEW = 0.1
-#: A K' below K1, or a K'' below zero, by more of their uncertainty than this is no matter of luck.
+#: A passive arm is possible if K' - K1 and K'' are above zero less this many of their standard uncertainties.
 _LOST = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Setup(ByValue):
-    """What identification needs of the tests of one rig, besides their phasors."""
+    """The inputs of the identification of N tests of one rig, besides their phasors.
+
+    Attributes
+    ----------
+    rig_name : str
+        Name of the rig; empty where the campaign has one rig without a name.
+    rig : Rig or None
+        The rig as stated.
+    channels : ChannelUncertainty
+        Standard uncertainties of the channels.
+    k1, k1_std : (N,) float array [N/m]
+        Static stiffness and its standard uncertainty.
+    added, added_std : (N,) float array [kg]
+        Added mass and its standard uncertainty.
+    family : (N,) int array
+        Number of the condition without frequency; negative for a rigid block in place of the tyre.
+    nominal : (N,) float array [Hz]
+        Frequency as stated; not-a-number where it is not stated, or where the recording gave several frequencies.
+    """
 
     rig_name: str
     rig: Rig | None
@@ -52,22 +70,9 @@ class Setup(ByValue):
     nominal: FloatArray
 
     def part(self, rows: BoolArray) -> Setup:
-        """The same for some of the tests."""
+        """The inputs for some of the tests."""
         names = ("k1", "k1_std", "added", "added_std", "family", "nominal")
         return replace(self, channels=self.channels.part(rows), **{name: getattr(self, name)[rows] for name in names})
-
-
-@dataclass(frozen=True)
-class Identified:
-    """One test: where it stands in its group."""
-
-    group: Group
-    at: int
-
-    @property
-    def result(self) -> Identification:
-        """What the whole group came to."""
-        return self.group.result
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +86,12 @@ class Group(ByValue):
     setup : Setup
     phasors : Phasors
     route : str
-        The route that was possible.
+        The route that was used.
     result : Identification
     variance : dict of Source to (N, 6) float array
-        Of each of `core.identify.OUTPUTS`, by its source; K1 in its parts.
+        Variance of each of `core.identify.OUTPUTS` by its source; K1 stands in its parts.
     intervals : dict of int to (Interval, Interval)
-        Of K2 and C, for the tests where linear propagation fails.
+        Intervals of K2 and C by Monte Carlo, for the rows where linear propagation fails.
     joint : Joint or None
         The joint solution; None for another route.
     estimate : RigEstimate or None
@@ -104,8 +109,21 @@ class Group(ByValue):
     estimate: RigEstimate | None = None
 
 
+@dataclass(frozen=True)
+class Identified:
+    """One point of a test, as row `at` of a group."""
+
+    group: Group
+    at: int
+
+    @property
+    def result(self) -> Identification:
+        """The identification of the whole group."""
+        return self.group.result
+
+
 def possible_route(campaign: Campaign, route: str) -> tuple[str, str]:
-    """The route that the stated channels and rigs allow in place of the joint one, and a note that says why."""
+    """The route that the stated channels and rigs allow in place of the joint route, and a note with the reason."""
     stated = campaign.stated
     if route != "joint" or not campaign.of_kind("dynamic"):
         return route, ""
@@ -132,69 +150,74 @@ def identify_tests(
     Returns
     -------
     found : dict of int to Identified
-        By the place of the test in `tests`.
+        By the place of the test in `tests`; a test stands there once per point.
     notes : list of str
-        What was done other than asked for, and why.
+        Departures from the route wanted with their reasons, and notes on each rig as found.
     """
     found: dict[int, Identified] = {}
     notes: list[str] = []
     keys = point_keys(test.name for test in tests)
+    several = {name for name, point in keys if point > 1}
     for rig_name in dict.fromkeys(test.rig for test in tests):
         members = [i for i, test in enumerate(tests) if test.rig == rig_name and _usable(test, points[i], route)]
         if not members:
             continue
+        used_points = [points[i] for i in members]
         setup = setup_of(campaign, rig_name, [tests[i] for i in members], [stiffness[i] for i in members])
-        phasors = Phasors.stack([phasors for i in members if (phasors := _phasors(points[i], route)) is not None])
-        setup = _with_responses(setup, [points[i] for i in members])
-        used, note = _route_of(setup, phasors, route)
-        group_keys, parts = tuple(keys[i] for i in members), [stiffness[i].parts for i in members]
-        try:
-            group = _identified(group_keys, setup, phasors, used, parts)
-        except np.linalg.LinAlgError as error:
-            note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
-            group = _identified(group_keys, setup, phasors, "mobility", parts)
-        if note:
-            notes.append(f"{_where(rig_name)}: {note}")
-        group = _with_intervals(group, draws, seed)
-        if group.estimate is not None:
-            notes += [f"{_where(rig_name)}: {group.estimate.note(code)}" for code in group.estimate.notes]
+        setup.nominal[[keys[i][0] in several for i in members]] = np.nan
+        setup = _with_responses(setup, used_points)
+        parts = [stiffness[i].parts for i in members]
+        group, remarks = _group(setup, [keys[i] for i in members], used_points, parts, route)
+        group.intervals.update(_intervals(group, draws, seed))
+        notes += [f"{f'[rigs.{rig_name}]' if rig_name else '[rig]'}: {remark}" for remark in remarks]
         found.update({i: Identified(group, at) for at, i in enumerate(members)})
     return found, notes
 
 
+def _usable(test: Test, point: Point, route: str) -> bool:
+    """Whether a test is identified together with the others; a rejected test would spoil the joint solution."""
+    if point.phasors is None or (test.kind == "calibration" and route != "joint"):
+        return False
+    return worst_verdict(row.verdict for row in point.checks) != "rejected"
+
+
 def _with_responses(setup: Setup, points: Sequence[Point]) -> Setup:
-    """The setup with what calibrated responses leave unknown at each test's frequency."""
+    """The setup with the uncertainty of calibrated responses at each test's frequency."""
     left = np.array([point.response_std for point in points])
     if not left.any():
         return setup
     return replace(setup, channels=replace(setup.channels, response=left[:, :, 0] + 1j * left[:, :, 1]))
 
 
+def _group(
+    setup: Setup, keys: Sequence[Key], points: Sequence[Point], parts: Sequence[Mapping[Source, float]], route: str
+) -> tuple[Group, list[str]]:
+    """The tests of one rig identified by a route, or by the route that they allow instead; and notes."""
+    phasors = Phasors.stack([phasors for point in points if (phasors := _phasors(point, route)) is not None])
+    used, note = _route_of(setup, phasors, route)
+    try:
+        group = _identified(tuple(keys), setup, phasors, used, parts)
+    except np.linalg.LinAlgError as error:
+        note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
+        group = _identified(tuple(keys), setup, phasors, "mobility", parts)
+    notes = [note] if note else []
+    if group.estimate is not None:
+        notes += [group.estimate.note(code) for code in group.estimate.notes]
+    return group, notes
+
+
 def _phasors(point: Point, route: str) -> Phasors | None:
-    """Amplitudes of a test; what hardly moves may warn, but must not be taken for a measurement by the joint route."""
-    if point.phasors is None:
-        return None
+    """Amplitudes of a test; for the joint route a channel that hardly moves is not-a-number."""
     phasors = point.phasors
     still = {row.channel for row in point.checks if row.code is Code.EXCITATION and row.statistic > row.limit}
     idle = [symbol in still for symbol in SYMBOLS.values()]
-    if route != "joint" or not any(idle):
+    if phasors is None or route != "joint" or not any(idle):
         return phasors
     return replace(phasors, amplitudes=np.where(idle, np.nan, phasors.amplitudes))
 
 
-def _where(rig_name: str) -> str:
-    return f"[rigs.{rig_name}]" if rig_name else "[rig]"
-
-
-def _usable(test: Test, point: Point, route: str) -> bool:
-    """Whether a test may take part; one that is rejected must not spoil what the others find together."""
-    if point.phasors is None or (test.kind == "calibration" and route != "joint"):
-        return False
-    return worst_verdict(row.verdict for row in point.checks) != "rejected"
-
-
 def _route_of(setup: Setup, phasors: Phasors, route: str) -> tuple[str, str]:
-    """The joint route, or what the tests of this rig allow instead, with a note."""
+    """The route wanted, or the route that the tests of this rig allow instead, with a note."""
     if route != "joint":
         return route, ""
     if setup.rig is None:
@@ -207,19 +230,14 @@ def _route_of(setup: Setup, phasors: Phasors, route: str) -> tuple[str, str]:
 
 
 def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness: Sequence[StaticStiffness]) -> Setup:
-    """What identification needs of the tests of one rig."""
+    """The inputs of the identification of some tests of one rig."""
     stated = campaign.stated.all_rigs.get(rig_name)
-    channels = [campaign.stated.channels.named(role) for role in CHANNELS]
     added = np.array([test.value("added_mass") or 0.0 for test in tests])
     added_std = [test.value("u(added_mass)") for test in tests]
     return Setup(
         rig_name=rig_name,
         rig=stated.rig() if stated is not None else None,
-        channels=ChannelUncertainty(
-            gain=np.array([channel.gain_std if channel is not None else 0.0 for channel in channels]),
-            phase=np.array([channel.phase_std if channel is not None else 0.0 for channel in channels]),
-            delay=np.array([channel.std_delay if channel is not None else 0.0 for channel in channels]),
-        ),
+        channels=_channels(campaign),
         k1=np.array([k1.value for k1 in stiffness]),
         k1_std=np.array([k1.std for k1 in stiffness]),
         added=added,
@@ -227,6 +245,13 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         family=_families(campaign, tests),
         nominal=np.array([test.value("frequency") or np.nan for test in tests]),
     )
+
+
+def _channels(campaign: Campaign) -> ChannelUncertainty:
+    """Standard uncertainties of the channels as stated; zero for a channel that is not stated."""
+    channels = [campaign.stated.channels.named(role) for role in CHANNELS]
+    stated = [(0.0, 0.0, 0.0) if one is None else (one.gain_std, one.phase_std, one.std_delay) for one in channels]
+    return ChannelUncertainty(*np.array(stated).T)
 
 
 def _families(campaign: Campaign, tests: Sequence[Test]) -> np.ndarray:
@@ -291,7 +316,7 @@ def _mass_gain(
 
 
 def _k1_apart(variance: dict[Source, FloatArray], parts: Sequence[Mapping[Source, float]]) -> dict[Source, FloatArray]:
-    """The variance that K1 makes, in the parts that K1's own uncertainty has."""
+    """The variances with that of K1 divided into the parts of K1's own uncertainty."""
     whole = variance.pop(Source(Kind.K1))
     sources = dict.fromkeys(source for part in parts for source in part)
     squares = {source: np.array([part.get(source, 0.0) ** 2 for part in parts]) for source in sources}
@@ -302,22 +327,23 @@ def _k1_apart(variance: dict[Source, FloatArray], parts: Sequence[Mapping[Source
     return variance
 
 
-def _with_intervals(group: Group, draws: int, seed: int) -> Group:
-    """The group with K2 and C drawn where their uncertainty is too large for them to be normal.
+def _intervals(group: Group, draws: int, seed: int) -> dict[int, tuple[Interval, Interval]]:
+    """Intervals of K2 and C by Monte Carlo, for the rows whose K2 or C is not normally distributed.
 
-    Each test has draws of its own, whatever the others are and in whatever order.
+    The random numbers of a row depend on its test and point only, not on other tests or their order.
     """
-    for at in np.flatnonzero(_skew(group.result)) if draws else ():
+    found = {}
+    for at in np.flatnonzero(_skew(group.result)).tolist() if draws else ():
         test, point = group.keys[at]
         rng = np.random.default_rng([seed, *test.encode(), *((point,) if point > 1 else ())])
-        stiffness = _drawn(group, int(at), draws, rng)
+        stiffness = _drawn(group, at, draws, rng)
         k1 = group.result.k1[at] + np.nan_to_num(group.result.k1_std[at]) * rng.standard_normal(draws)
-        group.intervals[int(at)] = arm_intervals(stiffness, k1, float(2 * np.pi * group.result.frequency[at]))
-    return group
+        found[at] = arm_intervals(stiffness, k1, float(2 * np.pi * group.result.frequency[at]))
+    return found
 
 
-def _skew(result: Identification) -> np.ndarray:
-    """Tests whose K2 or C is known so badly, or not at all, that its distribution is not normal."""
+def _skew(result: Identification) -> BoolArray:
+    """Whether K2 or C of each test is too uncertain, or undefined by chance, for a normal distribution."""
     with np.errstate(invalid="ignore", divide="ignore"):
         variance = np.diagonal(result.arm_covariance, 0, 1, 2)
         relative = np.sqrt(variance) / np.stack([result.k2, result.c], axis=1)
@@ -325,16 +351,17 @@ def _skew(result: Identification) -> np.ndarray:
         spread = np.sqrt(np.diagonal(result.stiffness_covariance, 0, 1, 2))
         spread[:, 0] = np.hypot(spread[:, 0], np.nan_to_num(result.k1_std))
         lost = np.isnan(result.k2) & np.all(off > -_LOST * spread, axis=1)
-        return np.isfinite(result.k1) & np.isfinite(result.stiffness) & (np.any(relative > _SKEW, axis=1) | lost)
+        known = np.isfinite(result.k1) & np.isfinite(result.stiffness)
+        return np.asarray(known & (np.any(relative > _SKEW, axis=1) | lost))
 
 
 def _drawn(group: Group, at: int, draws: int, rng: np.random.Generator) -> ComplexArray:
-    if group.result.joint is not None:
+    """K* of one row, drawn from its distribution, (draws,) [N/m]."""
+    if group.joint is not None:
         return draw_around(complex(group.result.stiffness[at]), group.result.stiffness_covariance[at], draws, rng)
-    one = group.phasors.part(at)
     setup = group.setup
     return draw_route(
-        one,
+        group.phasors.part(at),
         setup.rig,
         group.route,
         setup.channels.part([at]),
@@ -345,22 +372,14 @@ def _drawn(group: Group, at: int, draws: int, rng: np.random.Generator) -> Compl
     )
 
 
-def budget_columns(group: Group) -> dict[str, list[np.ndarray]]:
-    """budget.csv as numbers: per source the tests, outputs, uncertainties and shares that are not zero."""
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in ("source", "test", "quantity", "u", "share")}
-    known = _known(group.result)
-    total = np.sum(list(group.variance.values()), axis=0)
-    for at, variance in enumerate(group.variance.values()):
-        rows, outputs_ = np.nonzero(known & (variance > 0) & (total > 0))
-        columns["source"].append(np.full(rows.size, at))
-        columns["test"].append(rows)
-        columns["quantity"].append(outputs_)
-        columns["u"].append(np.sqrt(variance[rows, outputs_]))
-        columns["share"].append(variance[rows, outputs_] / total[rows, outputs_])
-    return columns
-
-
-def _known(result: Identification) -> np.ndarray:
-    """Which outputs of which tests exist."""
+def budget_columns(group: Group) -> dict[str, np.ndarray]:
+    """budget.csv as numbers: source, test and quantity by their places, uncertainty and share that are not zero."""
+    result = group.result
     stiffness, arm = np.isfinite(result.stiffness), np.isfinite(result.k2)
-    return np.stack([stiffness, stiffness, stiffness, arm, arm, np.isfinite(result.tr_std)], axis=1)
+    known = np.stack([stiffness, stiffness, stiffness, arm, arm, np.isfinite(result.tr_std)], axis=1)
+    variance = np.stack(list(group.variance.values()))
+    total = variance.sum(axis=0)
+    source, test, quantity = np.nonzero(known & (variance > 0) & (total > 0))
+    found = variance[source, test, quantity]
+    share = found / total[test, quantity]
+    return {"source": source, "test": test, "quantity": quantity, "u": np.sqrt(found), "share": share}

@@ -15,9 +15,9 @@ from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
 from fourpole.io.source import read_bytes, sha256_of
-from fourpole.quantities import POINT, TEMPERATURE, TYRE
+from fourpole.quantities import TYRE
 from fourpole.study.rig_estimate import RigEstimate, read_rig_estimates
-from fourpole.study.tables import DYNAMIC, TABLES, Tables, TableSpec
+from fourpole.study.tables import DYNAMIC, OPTIONAL, TABLES, Tables, TableSpec
 
 __all__ = ["Results", "read_results"]
 
@@ -160,7 +160,7 @@ def _table(folder: Path, spec: TableSpec) -> pl.DataFrame:
             return pl.read_parquet(path)
         content = read_bytes(path, max_bytes=_MOST_BYTES)
         names = pl.read_csv(content, n_rows=0, infer_schema=False).columns
-        known = {POINT.head: pl.Int64, TEMPERATURE.head: pl.Float64, **spec.columns}
+        known = {**OPTIONAL, **spec.columns}
         frame = pl.read_csv(content, schema={name: known.get(name, pl.String) for name in names})
     except (FileError, TableError) as error:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None

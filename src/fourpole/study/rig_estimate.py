@@ -367,7 +367,7 @@ def _read(name: str, rig: pl.DataFrame, residuals: pl.DataFrame, recorded: objec
         unsteady=number(record.get("unsteady")) or 0.0,
         candidates=tuple(_candidates(record.get("candidates"))),
         outliers=_outliers(residuals),
-        massed=any((number(mass) or 0.0) > 0 for mass in masses),
+        massed=any((number(mass) or 0.0) > 0 for mass in masses) or any(one.source.role is Role.MASS for one in values),
         unshared_masses=NoteCode.UNSHARED_MASSES in _list(record.get("note_codes")),
         mass_gain=mass_gain(_mapping(gain.get("without")), _mapping(gain.get("with"))),
     )

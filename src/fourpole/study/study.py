@@ -33,7 +33,8 @@ from fourpole.study.reduce import jobs_of, reduce_tests, response_hashes
 from fourpole.study.results import Results
 from fourpole.study.rig_estimate import RigEstimate
 from fourpole.study.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
-from fourpole.study.tables import TABLES, Analysed, Tables
+from fourpole.study.table_rows import Analysed
+from fourpole.study.tables import TABLES, Tables
 
 if TYPE_CHECKING:
     from xarray import Dataset

@@ -1,0 +1,291 @@
+"""The rows of each result table, made from an analysis; `tables.py` says which columns they stand in."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.campaign.folder import Campaign, Test
+from fourpole.core.checks import Check
+from fourpole.core.demodulation.preview import Preview
+from fourpole.core.identify import OUTPUTS
+from fourpole.core.loadcurve import LoadCurve
+from fourpole.core.phasor import SYMBOLS, Phasors
+from fourpole.fitting.rows import KEY
+from fourpole.quantities import DERIVED
+from fourpole.study.identified import Group, Identified, budget_columns
+from fourpole.study.outcome import Point, point_keys
+from fourpole.study.rig_solution import residual_rows
+from fourpole.study.static import StaticTest
+
+__all__ = ["Analysed"]
+
+Row = dict[str, Any]
+#: Columns of previews.parquet: the loop of a static test and its mean, and the signals of a dynamic test.
+LOOP = tuple(one.head for one in (q.DEFLECTION, q.LOAD, q.MEAN_DEFLECTION, q.MEAN_LOAD))
+_SIGNAL, _FIT, _RESIDUAL = "", " fit", " residual"
+_SHOWN = (_SIGNAL, _FIT, _RESIDUAL)
+SIGNALS = (q.TIME.head, q.RESIDUAL_TIME.head, *(f"{name}{what}" for name in SYMBOLS.values() for what in _SHOWN))
+
+
+@dataclass(frozen=True, eq=False)
+class Analysed:
+    """The outcome of an analysis, from which the tables are made.
+
+    Attributes
+    ----------
+    campaign : Campaign
+    statics : sequence of StaticTest
+    tests : sequence of Test
+        The dynamic tests, each as often as it has points.
+    points, checks, cells : sequences
+        What the reduction gave for each of `tests`, all its checks, and its cells of dynamic.csv.
+    found : mapping of int to Identified
+        By the place in `tests`.
+    """
+
+    campaign: Campaign
+    statics: Sequence[StaticTest]
+    tests: Sequence[Test]
+    points: Sequence[Point]
+    checks: Sequence[Sequence[Check]]
+    cells: Sequence[dict[str, Any]]
+    found: Mapping[int, Identified]
+
+    @cached_property
+    def keys(self) -> list[dict[str, Any]]:
+        """Test and point of each of `tests`, as cells."""
+        return [dict(zip(KEY, key, strict=True)) for key in point_keys(test.name for test in self.tests)]
+
+    @cached_property
+    def groups(self) -> list[tuple[Group, list[dict[str, Any]]]]:
+        """The tests of each rig that were identified together, and their keys."""
+        places: dict[int, tuple[Group, dict[int, dict[str, Any]]]] = {}
+        for place, one in self.found.items():
+            places.setdefault(id(one.group), (one.group, {}))[1][one.at] = self.keys[place]
+        return [(group, [keys[at] for at in sorted(keys)]) for group, keys in places.values()]
+
+    @property
+    def measured(self) -> list[tuple[Test, dict[str, Any], Point, Phasors]]:
+        """The tests with amplitudes, and their keys."""
+        rows = zip(self.tests, self.keys, self.points, strict=True)
+        return [(test, key, one, one.phasors) for test, key, one in rows if one.phasors is not None]
+
+    def construction(self, test: Test) -> str:
+        """What the campaign says the specimen is."""
+        specimen = self.campaign.stated.all_specimens.get(test.tyre)
+        return specimen.construction if specimen is not None else ""
+
+
+def static_rows(analysed: Analysed) -> list[Row]:
+    """Rows of static.csv, with the temperature and the campaign's own axes where a static test states them."""
+    tests = [one.test for one in analysed.statics]
+    axes = [axis.name for axis in analysed.campaign.stated.conditions.axes]
+    axes = [name for name in axes if any(test.extra.get(name) for test in tests)]
+    warm = any(test.value("temperature") is not None for test in tests)
+    return [
+        {
+            q.TEST.head: row.test.name,
+            q.TYRE.head: row.test.tyre,
+            q.CONSTRUCTION.head: analysed.construction(row.test),
+            q.PRESSURE.head: row.test.value("pressure"),
+            q.PRELOAD.head: row.preload,
+            q.K1.head: row.stiffness,
+            q.K1.u_head: row.std,
+            q.SECANT.head: row.secant,
+            q.CYCLE_LOSS.head: row.loss,
+            q.NONLINEARITY.head: row.nonlinearity,
+            q.VERDICT.head: row.verdict,
+            q.REMARKS.head: "; ".join(row.remarks),
+            **({q.TEMPERATURE.head: row.test.value("temperature")} if warm else {}),
+            **{name: row.test.extra.get(name) for name in axes},
+        }
+        for one in analysed.statics
+        for row in one.rows
+    ]
+
+
+def dynamic_rows(analysed: Analysed, taken: Collection[str]) -> list[Row]:
+    """Rows of dynamic.csv: each test, its results, and further columns of tests.csv.
+
+    A further column whose name is among those `taken` by the table gets the name "... (tests.csv)".
+    """
+    labels = analysed.campaign.extra_columns
+    names = {label: f"{label} (tests.csv)" if label in taken else label for label in labels}
+    if any(test.window is not None for test in analysed.tests):
+        names[q.WINDOW.head] = q.WINDOW.head
+    rows = []
+    for test, key, found in zip(analysed.tests, analysed.keys, analysed.cells, strict=True):
+        more = dict(test.extra)
+        if test.window is not None:
+            more[q.WINDOW.head] = f"{test.window[0]:g}..{test.window[1]:g}"
+        row = {
+            **key,
+            q.RIG.head: test.rig,
+            q.TYRE.head: test.tyre,
+            q.CONSTRUCTION.head: analysed.construction(test),
+            q.PRESSURE.head: test.value("pressure"),
+            q.PRELOAD.head: test.value("preload"),
+            q.ADDED_MASS.head: test.value("added_mass") or 0.0,
+            q.TEMPERATURE.head: test.value("temperature"),
+            **found,
+        }
+        rows.append({**row, **_derived_cells(row, taken), **{name: more.get(label) for label, name in names.items()}})
+    return rows
+
+
+def _derived_cells(row: Row, heads: Iterable[str]) -> dict[str, float]:
+    """Quantities that follow from others; a value that a row does not have counts as not-a-number."""
+    known = {head: float("nan") if row.get(head) is None else row[head] for head in heads}
+    return {head: cell for one in DERIVED if one.of for head, cell in zip(one.heads, one.of(known), strict=True)}
+
+
+def rig_rows(analysed: Analysed) -> list[Row]:
+    """Rows of rig.csv."""
+    return [row for group, _ in analysed.groups if group.estimate is not None for row in group.estimate.rows]
+
+
+def joint_residual_rows(analysed: Analysed) -> list[Row]:
+    """Rows of residuals.csv."""
+    return [
+        {q.RIG.head: group.setup.rig_name, **row, **key}
+        for group, keys in analysed.groups
+        if group.joint is not None
+        for row, key in zip(residual_rows(group.joint, group.phasors), keys, strict=True)
+    ]
+
+
+def budget_table(analysed: Analysed, columns: Mapping[str, Any]) -> pl.DataFrame:
+    """budget.csv, made by columns because it has a row for every test, quantity and source."""
+    types = {q.TEST.head: pl.String, q.POINT.head: pl.Int64, **columns}
+    frames = [pl.DataFrame(schema=types)]
+    for group, keys in analysed.groups:
+        budget = budget_columns(group)
+        made = {
+            **{head: pl.Series([key[head] for key in keys], dtype=types[head]).gather(budget["test"]) for head in KEY},
+            q.QUANTITY.head: pl.Series(list(OUTPUTS)).gather(budget["quantity"]),
+            q.UNIT.head: pl.Series(list(OUTPUTS.values())).gather(budget["quantity"]),
+            q.SOURCE.head: pl.Series([source.text for source in group.variance]).gather(budget["source"]),
+        }
+        frames.append(pl.DataFrame({**made, q.U.head: budget["u"], q.SHARE.head: budget["share"]}, schema=types))
+    return pl.concat(frames)
+
+
+def quantile_rows(analysed: Analysed) -> list[Row]:
+    """Rows of quantiles.csv: intervals of K2 and C by Monte Carlo, where linear propagation fails."""
+    return [
+        {
+            **keys[at],
+            q.QUANTITY.head: one.column,
+            q.UNIT.head: one.unit,
+            **dict(zip((q.LOWER.head, q.MEDIAN.head, q.UPPER.head), drawn.quantiles.tolist(), strict=True)),
+            q.NON_PASSIVE.head: drawn.non_passive_share,
+        }
+        for group, keys in analysed.groups
+        for at, pair in group.intervals.items()
+        for one, drawn in zip((q.K2, q.C), pair, strict=True)
+    ]
+
+
+def check_rows(analysed: Analysed) -> list[Row]:
+    """Rows of checks.csv; a check of a static test stands once, not once per preload."""
+    statics = [
+        (dict(zip(KEY, (item.test.name, 1), strict=True)), check)
+        for item in analysed.statics
+        for check in dict.fromkeys(check for row in item.rows for check in row.checks)
+    ]
+    dynamic = zip(analysed.keys, analysed.checks, strict=True)
+    return [
+        {
+            **key,
+            q.CODE.head: check.code.text,
+            q.CHANNEL.head: check.channel,
+            q.STATISTIC.head: check.statistic,
+            q.LIMIT.head: check.limit,
+            q.VERDICT.head: check.verdict,
+            q.REMEDY.head: check.remedy,
+        }
+        for key, check in [*statics, *((key, check) for key, checks in dynamic for check in checks)]
+    ]
+
+
+def correction_rows(analysed: Analysed) -> list[Row]:
+    """Rows of corrections.csv: effects of the measurement chain that were removed from the amplitudes."""
+    return [
+        {
+            **key,
+            q.FREQUENCY.head: float(phasors.frequency),
+            q.CHANNEL.head: SYMBOLS[row.channel],
+            q.CORRECTION.head: row.name,
+            q.GAIN.head: row.gain,
+            q.PHASE.head: row.phase,
+            q.GAIN.u_head: row.gain_std,
+            q.PHASE.u_head: row.phase_std,
+        }
+        for _, key, point, phasors in analysed.measured
+        for row in point.corrections
+    ]
+
+
+def phasor_rows(analysed: Analysed) -> list[Row]:
+    """Rows of phasors.parquet: complex amplitudes with their covariance."""
+    rows = []
+    for test, key, _, phasors in analysed.measured:
+        row = {**key, q.RIG.head: test.rig, q.FREQUENCY.head: float(phasors.frequency)}
+        row[q.FREQUENCY.u_head] = float(phasors.frequency_std)
+        for one, amplitude in zip((q.F1, q.V1, q.V2), phasors.amplitudes, strict=True):
+            row |= zip(one.parts, (float(amplitude.real), float(amplitude.imag)), strict=True)
+        rows.append({**row, q.PHASOR_COVARIANCE.head: phasors.covariance.ravel(), q.DOF.head: float(phasors.dof)})
+    return rows
+
+
+def covariance_rows(analysed: Analysed) -> list[Row]:
+    """Rows of covariance.parquet: the covariance of K*, as the condition's own part and the part of shared errors.
+
+    Two tests of a rig have the covariance shared_i · shared_j, summed over the shared errors. Two tests of one
+    condition have the own part of this condition in common, too.
+    """
+    rows = []
+    for group, keys in analysed.groups:
+        shared, condition = group.result.stiffness_shared, group.result.condition
+        own = group.result.stiffness_covariance - shared @ np.swapaxes(shared, 1, 2)
+        own = (own + np.swapaxes(own, 1, 2)) / 2  # round-off
+        rows += [
+            {
+                **keys[at],
+                q.RIG.head: group.setup.rig_name,
+                q.CONDITION.head: int(condition[at]),
+                q.OWN_COVARIANCE.head: own[at].ravel(),
+                q.SHARED_STORAGE.head: shared[at, 0],
+                q.SHARED_LOSS.head: shared[at, 1],
+            }
+            for at in np.flatnonzero(np.isfinite(group.result.stiffness)).tolist()
+        ]
+    return rows
+
+
+def preview_rows(analysed: Analysed) -> list[Row]:
+    """Rows of previews.parquet."""
+    rows = [_static_preview(one.test, one.curve) for one in analysed.statics if one.curve is not None]
+    points = zip(analysed.keys, analysed.points, strict=True)
+    rows += [{**key, **_dynamic_preview(one, one.preview)} for key, one in points if one.preview is not None]
+    return rows
+
+
+def _static_preview(test: Test, curve: LoadCurve) -> dict[str, Any]:
+    (x, f), (mean_x, mean_f) = curve.loop(), curve.mean_curve()
+    return {q.TEST.head: test.name, q.POINT.head: 1, **dict(zip(LOOP, (x, f, mean_x, mean_f), strict=True))}
+
+
+def _dynamic_preview(found: Point, seen: Preview) -> dict[str, Any]:
+    """Signals less their mean, in the SI unit of the quantity that each channel recorded."""
+    row: dict[str, Any] = {q.TIME.head: seen.time, q.RESIDUAL_TIME.head: seen.blocks}
+    for role, *parts in zip(found.channels, seen.signals, seen.fit, seen.residual, strict=True):
+        row |= zip((f"{SYMBOLS[role]}{what}" for what in _SHOWN), parts, strict=True)
+    return row
