@@ -96,9 +96,8 @@ def _document(results: Results, found: list[RigInWords]) -> dict[str, Any]:
     return {
         "rigs": [
             {
-                **mapping(results.record, "joint", about.rig),
+                **about.estimate.record,
                 "rig": about.rig,
-                "fits": about.fits,
                 "values": about.estimate.rows,
                 "outliers": [{"test": item.test, "factor": item.factor} for item in about.outliers],
                 "misfit": list(about.misfit),

@@ -1,4 +1,7 @@
-"""Reduced recordings, kept by the content of the file and all settings, so that a run that was stopped goes on."""
+"""The cache of reduced recordings: an interrupted analysis continues from it.
+
+A file of the cache is found by the content of the recording and all settings of its reduction.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +23,18 @@ from fourpole.study.outcome import Point
 
 __all__ = ["cache_name", "recall", "remember"]
 
-#: Raised whenever demodulation or its checks change, so that what older versions kept is not used.
+#: This number is raised whenever demodulation or its checks change, so that older files of the cache are not used.
 _VERSION = 7
 
 
 def cache_name(depends_on: list[object], sha256: str) -> str:
-    """Name of the file that keeps the result of a recording with this hash under these settings."""
+    """Name of the cache file for a recording with this hash, reduced with these settings."""
     content = json.dumps([_VERSION, sha256, *depends_on], sort_keys=True, default=repr)
     return hashlib.sha256(content.encode()).hexdigest()[:40] + ".json"
 
 
 def remember(place: Path, points: Sequence[Point]) -> None:
-    """Keep the points of a recording; one that was rejected without phasors is not kept."""
+    """Write the points of a recording to the cache; a recording without phasors is not written."""
     if all(point.phasors is not None and point.preview is not None for point in points):
         write_text(place, json.dumps([_kept(point) for point in points]))
 
@@ -55,7 +58,7 @@ def _plain(value: Any) -> Any:
 
 
 def recall(place: Path) -> tuple[Point, ...] | None:
-    """The points kept, or None where there are none that can be read."""
+    """The points in a cache file; None where the file is missing or cannot be read."""
     try:
         return tuple(_recalled(**point) for point in json.loads(place.read_text(encoding="utf-8"))) or None
     except (OSError, ValueError, KeyError, TypeError):

@@ -1,4 +1,4 @@
-"""The cells of one dynamic test: its amplitudes, what was found of it, its verdict and remarks."""
+"""The cells of one dynamic test in dynamic.csv: its amplitudes, identified values, verdict and remarks."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from fourpole.study.static import StaticStiffness
 
 __all__ = ["dynamic_cells", "dynamic_checks", "tyre_cells"]
 
-#: Above this relative uncertainty linear propagation is no longer to be trusted.
+#: Relative uncertainty of K2 or C above which linear propagation of uncertainty is not valid.
 _LINEAR = 0.3
-#: Where more than this share of what may be is not passive, no passive answer exists.
+#: If more than this share of the draws is not passive, no passive K2 and C exist.
 _NEVER_PASSIVE = 0.975
 
 
 def dynamic_checks(
     test: Test, point: Point, stiffness: StaticStiffness, found: Identified | None, route: str
 ) -> tuple[Check, ...]:
-    """All checks of a test: those of its reduction, of its K1 and of what was identified."""
+    """All checks of a test: of its reduction, of its K1 and of its identification."""
     rows = list(point.checks)
     if found is not None:
         rows += _calibration_checks(test) if test.kind == "calibration" else _arm_checks(found, stiffness)
@@ -42,7 +42,7 @@ def dynamic_checks(
 
 
 def dynamic_cells(point: Point, found: Identified | None, route: str, checks: Sequence[Check]) -> dict[str, Any]:
-    """Cells of a test; one that was rejected has its amplitudes only."""
+    """Cells of a test; a test that was not identified has its amplitudes only."""
     cells: dict[str, Any] = {"route": route if found is None else found.group.route}
     if point.phasors is not None:
         cells.update(_amplitude_cells(point.phasors))
@@ -74,7 +74,7 @@ def _outlier_checks(found: Identified) -> list[Check]:
 
 
 def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
-    """Whether K2 and C exist, and whether they are known at all."""
+    """Check whether K2 and C exist, and whether their uncertainty is small enough for linear propagation."""
     result, at = found.result, found.at
     reason, value = result.reasons[at], result.stiffness[at]
     if stiffness.reason and value.real > 0 and value.imag > 0:
@@ -98,7 +98,7 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
 
 
 def _interval(found: Identified, which: int) -> str:
-    """The drawn interval of K2 or C in words."""
+    """The 95 % interval of K2 or C by Monte Carlo, in words."""
     low, _, high = found.group.intervals[found.at][which].quantiles
     unit = ("N/m", "N s/m")[which]
     if not np.isfinite(low):
@@ -121,7 +121,7 @@ def _identified_cells(result: Identification, at: int) -> dict[str, float]:
 
 
 def _amplitude_cells(phasors: Phasors) -> dict[str, float]:
-    """Frequency, amplitudes and phases of one test."""
+    """Cells of frequency, amplitudes and phases of one test."""
     f1, v1, v2 = phasors.amplitudes
     return {
         q.FREQUENCY.head: float(phasors.frequency),
@@ -142,7 +142,7 @@ def _covariance_cells(covariance: FloatArray) -> tuple[float, float, float]:
 
 
 def tyre_cells(found: Identification, at: int) -> dict[str, float]:
-    """K*, K1, K2 and C of one test, with their uncertainties."""
+    """Cells of K*, K1, K2 and C of one test, with their standard uncertainties."""
     stiffness = complex(found.stiffness[at])
     return {
         **_pair_cells(q.CORR_K, (stiffness.real, stiffness.imag), found.stiffness_covariance[at]),
@@ -153,7 +153,7 @@ def tyre_cells(found: Identification, at: int) -> dict[str, float]:
 
 
 def _pair_cells(correlation: Quantity, values: tuple[float, float], covariance: FloatArray) -> dict[str, float]:
-    """The two quantities of a correlation, their uncertainties, and it."""
+    """Cells of two quantities, their standard uncertainties, and their correlation."""
     (one, two), (u_one, u_two, found) = correlation.pair, _covariance_cells(covariance)
     cells = {one.head: values[0], two.head: values[1], one.u_head: u_one, two.u_head: u_two}
     return {**cells, correlation.head: found}

@@ -21,27 +21,30 @@ from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
 
 __all__ = ["Checked", "Problem", "check_campaign"]
 
-_MOST_HASHED = 500_000_000  # bytes of a file that is compared with others of its size
-_ROWS = 1 << 10  # samples by which the start and the rate of a recording are found
+#: Largest file [bytes] whose content is compared with that of other files of its size.
+_MOST_HASHED = 500_000_000
+#: Number of samples from which the start and the sample rate of a recording are found.
+_ROWS = 1 << 10
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is wrong with a test.
+    """A fault of a test that the check of a campaign found.
 
     Attributes
     ----------
     test : str
+        Name of the test.
     row : int
         Line of tests.csv.
     file : str
-        As tests.csv names it.
+        The file as tests.csv names it.
     about : str
         "tests.csv", "file", "channels", "recording", "static test", "window", "K1", "duplicate", or a check's name.
     verdict : str
         "rejected" where the analysis could not use the test, "warning" where it would lack something.
     message : str
-        What was found, and what to do.
+        The fault, and its remedy.
     """
 
     test: str
@@ -54,7 +57,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Checked:
-    """What a look through a campaign found; `notes` concern the campaign as a whole."""
+    """The result of the check of a campaign; `notes` concern the campaign as a whole."""
 
     campaign: Campaign
     route: str
@@ -63,7 +66,7 @@ class Checked:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Tests by their worst verdict."""
+        """Number of tests by their worst verdict."""
         rejected = {problem.test for problem in self.problems if problem.verdict == "rejected"}
         warned = {problem.test for problem in self.problems} - rejected
         every = len(self.campaign.tests)
@@ -73,14 +76,16 @@ class Checked:
 def check_campaign(
     campaign: Campaign, *, route: str = "joint", progress: Callable[[int, int], None] | None = None
 ) -> Checked:
-    """Look through a campaign: files, channels, units, times and lengths, K1, duplicates. Nothing is written.
+    """Check a campaign before its analysis: files, channels, units, times and lengths, K1, duplicates.
+
+    Nothing is written.
 
     Parameters
     ----------
     campaign : Campaign
-        As `read_campaign` gives it.
+        The campaign that `read_campaign` returns.
     route : {"joint", "mobility", "relative", "transmissibility"}
-        The route that it is to be analysed by; it says which channels are needed.
+        The route of the later analysis; it decides which channels are needed.
     progress : callable (done, total)
         Called after each test.
 
@@ -123,7 +128,7 @@ def check_campaign(
 
 
 def _route(campaign: Campaign, route: str) -> tuple[str, list[str]]:
-    """The route that the campaign allows, and what is to be said of it."""
+    """The route that the campaign allows, and notes with the reasons."""
     used, note = possible_route(campaign, route)
     notes = [note] if note else []
     if campaign.of_kind("dynamic") and not campaign.stated.all_rigs and used != "relative":
@@ -135,14 +140,14 @@ def _route(campaign: Campaign, route: str) -> tuple[str, list[str]]:
 
 @dataclass
 class _Inspection:
-    """The problems found on the way through the tests."""
+    """The problems of a campaign, found test by test."""
 
     campaign: Campaign
     problems: list[Problem] = field(default_factory=list)
     paths: dict[str, Path] = field(default_factory=dict)
 
     def test(self, job: Job) -> None:
-        """What a test shows by itself: its row, its file, and the first part of a dynamic recording."""
+        """Check one test by itself: its row, its file, and the first part of a dynamic recording."""
         test, about = job.test, "file"
         if test.problem:
             self._say(test, "tests.csv", "rejected", test.problem)
@@ -164,7 +169,7 @@ class _Inspection:
             self._say(test, about, "rejected", "does not fit into memory: cut it with window [s]")
 
     def statics(self) -> list[StaticRow]:
-        """The static tests, whose few cycles are evaluated as the analysis does."""
+        """The rows of the static tests, evaluated as in the analysis."""
         tests = evaluate_statics(self.campaign)
         for item in tests:
             about = "static test" if item.sha256 else "file"
@@ -182,7 +187,7 @@ class _Inspection:
             self.problems.append(problem)
 
     def _window(self, test: Test, path: Path) -> None:
-        """Whether a window ends after the recording, as its first samples and their count show."""
+        """Check whether a window ends after the recording, by the first samples and the number of samples."""
         channels = self.campaign.stated.channels
         assert channels.motion_in is not None
         assert test.window is not None
@@ -202,7 +207,7 @@ class _Inspection:
     # --- the campaign as a whole ---------------------------------------------------------------------------------
 
     def duplicates(self) -> None:
-        """Two tests of one recording, or of two files with the same content."""
+        """Find two tests of one recording, or of two files with the same content."""
         seen: dict[tuple[object, ...], Test] = {}
         for test in self.campaign.tests:
             path = self.paths.get(test.name)
@@ -238,7 +243,7 @@ class _Inspection:
                     self._say(test, "duplicate", "warning", message)
 
     def stiffness(self, statics: Sequence[StaticRow]) -> None:
-        """Whether each dynamic test finds a K1."""
+        """Check whether each dynamic test has a K1."""
         bad = {problem.test for problem in self.problems if problem.verdict == "rejected"}
         for test in self.campaign.tests:
             if test.kind != "dynamic" or test.name in bad:

@@ -1,4 +1,4 @@
-"""Chunks of a recording become channels: SI values on their own time base, thinned where they are very many."""
+"""Chunks of a recording become channels: SI values on their own time base, with fewer samples where there are many."""
 
 from __future__ import annotations
 
@@ -19,27 +19,28 @@ from fourpole.io.stream import agreed
 
 __all__ = ["ChannelBuilder", "ReferenceBuilder", "Timing"]
 
-#: Samples of a channel beyond which it is thinned: what a fit of some thirty unknowns holds in memory.
+#: Number of samples above which a channel is thinned: the sine fit keeps some thirty values per sample in memory.
 _MOST_SAMPLES = 1 << 19
-#: But so many samples per cycle of the excitation are kept.
+#: Thinning keeps at least this many samples per excitation cycle.
 _PER_CYCLE = 4.0
-#: Of a nominal rate and the times themselves.
+#: Relative tolerance within which a nominal sample rate agrees with the times of the samples.
 _SAME_NOMINAL = 1e-3
-#: Of an encoder's angles in one piece: what is kept.
+#: Number of angles of an encoder that are kept per chunk, about.
 _MOST_ANGLES = 1 << 17
 
 
 @dataclass(frozen=True)
 class Timing:
-    """What is stated of the times of a test.
+    """The stated times of a test.
 
     Attributes
     ----------
     window : (float, float) or None [s]
+        Start and end of the part that is used; None for the whole recording.
     near : float or None [Hz]
-        About the frequency of the excitation.
+        Approximate frequency of the excitation.
     label : str
-        The file, for messages.
+        Name of the file in messages.
     """
 
     window: tuple[float, float] | None
@@ -47,14 +48,14 @@ class Timing:
     label: str
 
     def longest(self, count: int, rate: float) -> int:
-        """Most samples that the window can hold, of a channel that has `count`."""
+        """Largest number of samples that the window can hold, for a channel with `count` samples."""
         if self.window is None:
             return count
         return min(count, int((self.window[1] - self.window[0]) * rate) + 2)
 
 
 class ChannelBuilder:
-    """One channel, as it comes in chunk by chunk."""
+    """One channel, built chunk by chunk."""
 
     def __init__(self, name: str, conversion: Conversion, unit: str | None, timing: Timing, count: int) -> None:
         self._name, self._conversion, self._unit, self._timing, self._count = name, conversion, unit, timing, count
@@ -63,14 +64,14 @@ class ChannelBuilder:
         self._clipped: list[tuple[int, float]] = []
 
     def feed(self, signal: Signal) -> None:
-        """Take the next samples."""
+        """Take the samples of the next chunk."""
         if self._unit is not None:
             agreed(self._name, signal.unit, self._unit, self._conversion.kind)
         kept = self._base.feed(signal)
         samples = signal.samples[kept]
         if not samples.size:
             return
-        with np.errstate(invalid="ignore", over="ignore"):  # what is no number is told by the checks
+        with np.errstate(invalid="ignore", over="ignore"):  # the checks report samples that are no numbers
             values = self._conversion.slope * (samples - self._conversion.offset)
         if self._thin is None:
             self._thin = Decimator(self._factor(samples.size))
@@ -80,14 +81,14 @@ class ChannelBuilder:
         self._thin.feed(values)
 
     def _factor(self, size: int) -> int:
-        """By how much the channel is thinned."""
+        """Factor by which the number of samples is reduced."""
         rate = self._base.rate
         longest = self._timing.longest(max(self._count, size), rate)
         most = longest // 16 if self._timing.near is None else int(rate / (_PER_CYCLE * self._timing.near))
         return max(1, min(-(-longest // _MOST_SAMPLES), most))
 
     def channel(self) -> tuple[Channel, str]:
-        """The channel on its own time base, and what is to be said of its times."""
+        """The channel on its own time base, and a remark on its times."""
         if self._thin is None:
             raise TableError(self._base.empty())
         start, rate = self._base.start, self._base.rate
@@ -108,7 +109,7 @@ class ChannelBuilder:
 
 
 class ReferenceBuilder:
-    """The drive's reference, as it comes in chunk by chunk: a tacho's pulses, or an encoder's angle."""
+    """The reference of the drive, built chunk by chunk: pulses of a tacho, or the angle of an encoder."""
 
     def __init__(self, stated: ReferenceFile, timing: Timing) -> None:
         self._stated = stated
@@ -119,7 +120,7 @@ class ReferenceBuilder:
         self._refused: RecordingError | None = None
 
     def feed(self, signal: Signal) -> None:
-        """Take the next samples; an error is kept until the reference is asked for."""
+        """Take the samples of the next chunk; `reference` raises an error that occurs here."""
         if self._refused is not None:
             return
         try:
@@ -143,7 +144,7 @@ class ReferenceBuilder:
             self._train.feed(signal.samples, rate, start)
 
     def reference(self) -> Reference:
-        """What all pieces came to; RecordingError where it does not turn."""
+        """The reference from all chunks; RecordingError where it does not turn."""
         if self._refused is not None:
             raise self._refused
         low, high = self._window or (-np.inf, np.inf)
@@ -157,16 +158,16 @@ class ReferenceBuilder:
 
 
 class TimeBase:
-    """When the samples of a channel were taken, as its chunks say one after the other.
+    """The time base of one channel, found from its chunks in their order.
 
     Attributes
     ----------
     kept : int
-        Samples in the window so far.
+        Number of samples in the window so far.
     start, rate : float [s], [Hz]
-        Time of the first of them; samples per second.
+        Time of the first sample in the window; samples per second.
     remark : str
-        What is to be said of the times.
+        Remark on the times; empty where they are as stated.
     """
 
     def __init__(self, timing: Timing) -> None:
@@ -178,10 +179,10 @@ class TimeBase:
         self.rate = float("nan")
 
     def feed(self, signal: Signal) -> slice:
-        """Take in the times of a chunk, in which the stream gave a rate or times; which samples lie in the window."""
+        """Take the times of the next chunk, and return which of its samples lie in the window."""
         if signal.time is not None:
             kept = self._by_stamps(signal.time)
-            self._hold_against(signal.rate)
+            self._compare_rate(signal.rate)
             return kept
         assert signal.rate is not None
         count, first, rate = signal.samples.size, signal.start, signal.rate
@@ -195,8 +196,8 @@ class TimeBase:
         self.kept += high - low
         return slice(low, high)
 
-    def _hold_against(self, nominal: float | None) -> None:
-        """Remark on times that contradict the rate that the file states besides."""
+    def _compare_rate(self, nominal: float | None) -> None:
+        """Add a remark if the times contradict the sample rate that the file states, too."""
         if nominal is not None and self.kept > 1 and abs(self.rate / nominal - 1) > _SAME_NOMINAL:
             self.remark = self.remark or (
                 f"the file says {nominal:.6g} samples per second, its times {self.rate:.6g}: these were taken; "
@@ -232,7 +233,7 @@ class TimeBase:
             self.rate = (self.kept - 1) / (self._last - self.start)
 
     def empty(self) -> str:
-        """Why there is no sample."""
+        """Message that says why the channel has no samples."""
         window = self._timing.window
         if window is None or self._span[1] < self._span[0]:
             return f"{self._timing.label} holds no samples: record the test again"

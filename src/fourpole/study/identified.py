@@ -158,18 +158,19 @@ def identify_tests(
     notes: list[str] = []
     keys = point_keys(test.name for test in tests)
     several = {name for name, point in keys if point > 1}
-    for rig_name in dict.fromkeys(test.rig for test in tests):
-        members = [i for i, test in enumerate(tests) if test.rig == rig_name and _usable(test, points[i], route)]
+    rigs: dict[str, list[int]] = {test.rig: [] for test in tests}
+    for i, test in enumerate(tests):
+        if _usable(test, points[i], route):
+            rigs[test.rig].append(i)
+    for rig_name, members in rigs.items():
         if not members:
             continue
-        used_points = [points[i] for i in members]
-        setup = setup_of(campaign, rig_name, [tests[i] for i in members], [stiffness[i] for i in members])
-        setup.nominal[[keys[i][0] in several for i in members]] = np.nan
-        setup = _with_responses(setup, used_points)
-        parts = [stiffness[i].parts for i in members]
-        group, remarks = _group(setup, [keys[i] for i in members], used_points, parts, route)
+        of_rig, used, k1 = [tests[i] for i in members], [points[i] for i in members], [stiffness[i] for i in members]
+        setup = _with_responses(setup_of(campaign, rig_name, of_rig, k1), used)
+        setup.nominal[[test.name in several for test in of_rig]] = np.nan
+        group, remarks = _group(setup, [keys[i] for i in members], used, k1, route)
         group.intervals.update(_intervals(group, draws, seed))
-        notes += [f"{f'[rigs.{rig_name}]' if rig_name else '[rig]'}: {remark}" for remark in remarks]
+        notes += remarks
         found.update({i: Identified(group, at) for at, i in enumerate(members)})
     return found, notes
 
@@ -190,11 +191,12 @@ def _with_responses(setup: Setup, points: Sequence[Point]) -> Setup:
 
 
 def _group(
-    setup: Setup, keys: Sequence[Key], points: Sequence[Point], parts: Sequence[Mapping[Source, float]], route: str
+    setup: Setup, keys: Sequence[Key], points: Sequence[Point], stiffness: Sequence[StaticStiffness], route: str
 ) -> tuple[Group, list[str]]:
     """The tests of one rig identified by a route, or by the route that they allow instead; and notes."""
     phasors = Phasors.stack([phasors for point in points if (phasors := _phasors(point, route)) is not None])
     used, note = _route_of(setup, phasors, route)
+    parts = [k1.parts for k1 in stiffness]
     try:
         group = _identified(tuple(keys), setup, phasors, used, parts)
     except np.linalg.LinAlgError as error:
@@ -203,7 +205,8 @@ def _group(
     notes = [note] if note else []
     if group.estimate is not None:
         notes += [group.estimate.note(code) for code in group.estimate.notes]
-    return group, notes
+    where = f"[rigs.{setup.rig_name}]" if setup.rig_name else "[rig]"
+    return group, [f"{where}: {note}" for note in notes]
 
 
 def _phasors(point: Point, route: str) -> Phasors | None:

@@ -1,4 +1,4 @@
-"""The file of one test becomes SI channels, by what campaign.toml says of its columns."""
+"""The file of one test becomes channels in SI units, as campaign.toml states its columns."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from fourpole.study.response import read_response
 __all__ = ["MOST_BYTES", "group_of", "load_curve", "load_recording", "source_of"]
 
 MOST_BYTES = MAX_FILE_BYTES
-#: Samples of a chunk where only the first part of a recording is loaded.
+#: Number of samples per chunk where only the first part of a recording is loaded.
 _ROWS_OF_PART = 1 << 14
-#: A reference and V1 turn alike within this.
+#: Relative tolerance within which the reference turns at the frequency of V1.
 _SAME_SPEED = 0.03
 
 
@@ -40,9 +40,9 @@ def group_of(path: Path, test: Test) -> str:
 def load_recording(
     folder: Path, path: Path, test: Test, channels: ChannelsFile, roles: Sequence[str], *, part: float | None = None
 ) -> tuple[Recording, list[str]]:
-    """The channels `roles` of a dynamic test, and the drive's reference, with remarks on their times.
+    """The channels `roles` of a dynamic test and the reference of the drive, with remarks on their times.
 
-    With `part` [s], the recording ends so long after its start or that of the window.
+    With `part` [s], the recording ends this long after its own start, or after the start of the window.
     """
     found, remarks, reference = _gathered(path, test, channels, roles, channels.reference, part=part)
     for role, channel in found.items():
@@ -54,7 +54,10 @@ def load_recording(
 
 
 def load_curve(path: Path, test: Test, channels: ChannelsFile) -> LoadCurve:
-    """The load-deflection curve of a static test; channels at different times are taken at those of the slower."""
+    """The load-deflection curve of a static test.
+
+    Channels with different times are interpolated at the times of the channel with the lower sample rate.
+    """
     found = _gathered(path, test, channels, ("load", "deflection"), None, timed=test.window is not None)[0]
     force, travel = found["load"], found["deflection"]
     for name, channel in found.items():
@@ -86,7 +89,10 @@ def _gathered(
     timed: bool = True,
     part: float | None = None,
 ) -> tuple[dict[str, Channel], list[str], Reference | None]:
-    """Channels by role, remarks, and the reference; not `timed`: channels of as many samples were taken at once."""
+    """Channels by role, remarks, and the reference.
+
+    If not `timed`, channels with equal numbers of samples count as sampled at the same times.
+    """
     stated = {role: channel for role in roles if (channel := channels.named(role)) is not None}
     timing = Timing(test.window, test.value("frequency"), test.file)
     columns: list[ChannelFile | ReferenceFile] = [*stated.values(), *([turning] if turning is not None else [])]
@@ -116,7 +122,7 @@ def _fed(
     timing: Timing,
     part: float | None,
 ) -> tuple[dict[str, ChannelBuilder], Timing]:
-    """The channels by role with all their chunks, and what is stated or found of the times."""
+    """The channels by role with all their chunks, and the times that are stated or found."""
     lines: dict[str, ChannelBuilder] = {}
     for chunk in run.chunks:
         signals = dict(zip(stated, chunk, strict=False))
@@ -138,13 +144,13 @@ def _fed(
 
 
 def _part_of(chunk: Chunk, window: tuple[float, float] | None, part: float) -> tuple[float, float]:
-    """The first part of a recording or of its window, from when to when [s]."""
+    """Start and end of the first part of a recording, or of its window [s]."""
     start = window[0] if window is not None else max(float(time[0]) for time in _known_times(chunk))
     return start, min(start + part, window[1] if window is not None else np.inf)
 
 
 def _is_behind(chunk: Chunk, end: float) -> bool:
-    """Whether all channels have reached a time [s]."""
+    """Whether the chunk ends after the time `end` [s] in all channels."""
     return min((float(time[-1]) for time in _known_times(chunk)), default=-np.inf) > end
 
 
@@ -160,7 +166,7 @@ def source_of(
     *,
     timed: bool = True,
 ) -> Source:
-    """What is read of a recording, and what is stated of its times."""
+    """The columns that are read of a recording, and the stated times."""
     names = tuple(channel.column for channel in columns)
     source = Source(path, names, test.file, group_of(path, test), needs="times" if timed else "order")
     if not timed or channels.rate is not None or channels.time is None:
@@ -169,7 +175,7 @@ def source_of(
 
 
 def _checked(reference: Reference, found: dict[str, Channel], timing: Timing) -> Reference:
-    """The reference; RecordingError where it turns at another speed than V1."""
+    """The reference; RecordingError where its speed differs from the frequency of V1."""
     recording = Recording(found["motion_in"].rate or 1.0, {"motion_in": found["motion_in"]}, timing.label, reference)
     first, last = recording.span
     turned = reference.omega(first, last) / (2 * np.pi)
@@ -183,7 +189,7 @@ def _checked(reference: Reference, found: dict[str, Channel], timing: Timing) ->
 
 
 def _about(signal: Signal, channels: ChannelsFile, timing: Timing) -> float | None:
-    """About the frequency of the excitation, by V1 in the first chunk of a long recording [Hz]."""
+    """Approximate frequency of the excitation [Hz], from V1 in the first chunk of a long recording."""
     role = channels.named("motion_in")
     assert role is not None
     line = ChannelBuilder(role.column, channels.conversion("motion_in", signal.unit), role.plain_unit, timing, 0)
@@ -191,4 +197,4 @@ def _about(signal: Signal, channels: ChannelsFile, timing: Timing) -> float | No
         line.feed(signal)
         return first_guess(Recording(1.0, {"motion_in": line.channel()[0]}))
     except FourpoleError:
-        return None  # the channel's own builder meets the same error
+        return None  # the builder of the channel raises the same error

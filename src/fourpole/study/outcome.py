@@ -18,13 +18,14 @@ __all__ = ["Point", "Reduced", "point_keys"]
 
 @dataclass(frozen=True)
 class Point:
-    """One excitation frequency of a recording, whatever method found its amplitudes.
+    """One excitation frequency of a recording, by whichever method its amplitudes were found.
 
     Attributes
     ----------
     phasors : Phasors or None
         Amplitudes of F1, V1, V2 with their covariance; None where the recording was rejected before.
     checks : tuple of Check
+        Verdicts on the recording.
     corrections : tuple of Correction
         Effects of the measurement chain that were removed from the amplitudes.
     channels : tuple of str
@@ -41,13 +42,13 @@ class Point:
 
     @property
     def response_std(self) -> FloatArray:
-        """Unknown part of the calibrated responses of F1, V1, V2: relative gain [1] and phase [rad], (3, 2)."""
+        """Standard uncertainties (3, 2) of the calibrated responses of F1, V1, V2: relative gain [1], phase [rad]."""
         return response_std(self.corrections)
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """What one recording gave: at least one point, and the hash of the file read; empty if it was not read."""
+    """The result of one recording: at least one point, and the hash of the file; empty where it was not read."""
 
     points: tuple[Point, ...]
     sha256: str = ""

@@ -1,4 +1,4 @@
-"""One recording by itself, outside any analysis."""
+"""One recording read by itself, without an analysis."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def read_recording(file: str | Path, channels: Mapping[str, str | Mapping[str, A
 
 
 def _column(role: str, text: str | Mapping[str, Any]) -> Any:
-    """What campaign.toml would say of a role."""
+    """The channel of a role, in the form of campaign.toml."""
     if not isinstance(text, str) or role == "sample_rate":
         return text
     column, unit = units.column_unit(text)
@@ -83,7 +83,7 @@ def _column(role: str, text: str | Mapping[str, Any]) -> Any:
 
 
 def _row(campaign: Campaign, file: str) -> Test:
-    """The row of tests.csv that names the file, or one that states nothing of it."""
+    """The row of tests.csv that names the file, or a row without further values."""
     given = (campaign.folder / file).resolve()
     for test in campaign.tests:
         if test.kind != "static" and (test.file == file or (campaign.folder / test.file).resolve() == given):
@@ -92,7 +92,7 @@ def _row(campaign: Campaign, file: str) -> Test:
 
 
 def _path(folder: Path, file: str) -> Path:
-    """Where the file is, by itself or in the folder, with or without a group."""
+    """Path of the file, by itself or in the folder, with or without a group."""
     for name in (file, file.rpartition("#")[0]):
         for path in (Path(name), folder / name):
             if name and path.is_file():

@@ -1,4 +1,4 @@
-"""The reduction: each recording becomes phasors, checks and a preview, by a job of its own, with a cache."""
+"""The reduction of recordings: one job per recording gives phasors, checks and preview, or takes them from a cache."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = ["ROUTE_NEEDS", "Job", "check_part", "jobs_of", "reduce_tests", "reduc
 _WORKERS = min(os.cpu_count() or 1, 8)
 #: Errors that have a code of their own; any other error of a recording has `Code.RECORDING`.
 _CODES: dict[type[FourpoleError], Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}
-#: Channels that a route cannot do without.
+#: Channels that each route needs.
 ROUTE_NEEDS = {
     "joint": ("force_in", "motion_in"),
     "mobility": ("force_in", "motion_in"),
@@ -43,31 +43,34 @@ ROUTE_NEEDS = {
     "transmissibility": ("motion_in", "motion_out"),
 }
 
-#: A part of a recording needs no closer look if the residual is below this share of each amplitude, the frequency is
-#: nearer to the stated one, and the force stays below this share of the preload: the checks reject far beyond.
+#: The first part of a recording passes without demodulation if three values are below these limits: the residual over
+#: the amplitude of each channel, the relative error of the stated frequency, and the force over the preload. The limits
+#: of the checks that reject a test are much higher.
 _PLAIN_NOISE, _PLAIN_OFF, _PLAIN_FORCE = 0.15, 0.03, 0.8
-#: Fewest cycles of a part that needs no closer look.
+#: Smallest number of cycles for which the first part passes without demodulation.
 _CYCLES_OF_PART = 4.0
 
 
 @dataclass(frozen=True)
 class Job:
-    """The reduction of one recording, with all that it needs besides the files; any executor can run it.
+    """The reduction of one recording, with all its inputs but the files; any executor can run it.
 
     Attributes
     ----------
     folder : Path
-        The campaign folder, to which the names of files relate.
+        The campaign folder; names of files are relative to it.
     test : Test
+        The row of tests.csv.
     channels : ChannelsFile
+        The channels as campaign.toml states them.
     rig : RigFile or None
-        The rig of the test, where it is stated.
+        The rig of the test; None where it is not stated.
     needed : tuple of str
-        Roles of the channels that the route cannot do without.
+        Roles of the channels that the route needs.
     responses : dict of str to str
         Hash of each table of a calibrated response, by its name in the campaign.
     cache : Path or None
-        Folder that keeps results.
+        Folder of the cache; None for no cache.
     """
 
     folder: Path
@@ -79,7 +82,7 @@ class Job:
     cache: Path | None = None
 
     def run(self) -> Reduced:
-        """Reduce the recording, or recall it from the cache; an error becomes a rejecting check of this test."""
+        """Reduce the recording, or read the result from the cache; an error becomes a check that rejects the test."""
         if self.test.problem:
             return Reduced((Point(None, (told(Code.STATEMENT, "rejected", why=self.test.problem),)),))
         try:
@@ -101,14 +104,14 @@ class Job:
         return Reduced((Point(None, (why,)),))
 
     def _settings(self) -> list[object]:
-        """All that the result depends on besides the recording."""
+        """All inputs of the result but the recording."""
         rig = self.rig and repr(self.rig)
         stated = self.test.kind, self.test.values, self.test.window
         return [self.needed, *stated, self.channels.model_dump(), self.responses, rig]
 
 
 def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str, cache: Path | None = None) -> list[Job]:
-    """The reductions of some tests for a route."""
+    """The job of each test, for a route."""
     channels, rigs, responses = campaign.stated.channels, campaign.stated.all_rigs, response_hashes(campaign)
     needed = ROUTE_NEEDS[route]
     return [Job(campaign.folder, test, channels, rigs.get(test.rig), needed, responses, cache) for test in tests]
@@ -117,7 +120,7 @@ def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str, cache: Path |
 def reduce_tests(
     jobs: Sequence[Job], *, executor: Executor | None = None, progress: Callable[[int, int], None] | None = None
 ) -> list[Reduced]:
-    """Results of some jobs, in their order; without an executor they run in threads."""
+    """Results of the jobs in the order of the jobs; without an executor they run in threads."""
     if executor is None:
         with ThreadPoolExecutor(max_workers=_WORKERS) as threads:
             return reduce_tests(jobs, executor=threads, progress=progress)
@@ -126,7 +129,9 @@ def reduce_tests(
     waiting = iter(enumerate(jobs))
     try:
         while len(results) < len(jobs):
-            for index, job in islice(waiting, 4 * _WORKERS - len(running)):  # few at once, so that memory is bounded
+            for index, job in islice(
+                waiting, 4 * _WORKERS - len(running)
+            ):  # submitting few jobs at a time bounds the memory
                 running[executor.submit(job.run)] = index
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 results[running.pop(future)] = future.result()
@@ -139,11 +144,10 @@ def reduce_tests(
 
 
 def check_part(job: Job) -> tuple[Check, ...]:
-    """Checks of the first part of a recording, at most 2 s or 20 cycles, that reject the test or leave out a channel.
+    """Checks of the first part of a recording that reject the test or leave out a channel.
 
-    An error that would reject the test is raised.
-
-    Without a stated frequency the part is 2 s, or 20 s where 2 s need a closer look.
+    The part has at most 2 s or 20 cycles. If no frequency is stated, it has 2 s, or 20 s where 2 s are not plainly a
+    sine. An error that would reject the test is raised.
     """
     path, near = inside(job.folder, job.test.file), job.test.value("frequency")
     short, long = (max(0.5, 10.0 / near), max(2.0, 20.0 / near)) if near else (2.0, 20.0)
@@ -154,44 +158,49 @@ def check_part(job: Job) -> tuple[Check, ...]:
     moved = [row for row in checks if row.code is Code.EXCITATION and row.channel == SYMBOLS["motion_in"]]
     runs = job.test.window is not None or all(row.verdict == "ok" for row in moved)
     bad = [row for row in checks if row.verdict == "rejected"]
-    # A drive that does not run yet in this part may run behind it: the analysis cuts a lead-in.
+    # The drive may start after this part, because the analysis cuts a lead-in.
     bad = bad if runs else [replace(row, verdict="warning", remark=f"at first, {row.remark}") for row in bad]
     return (*bad, *(row for row in checks if row.verdict == "warning" and row.code is Code.LEFT_OUT))
 
 
 def _is_plain(job: Job, recording: Recording) -> bool:
-    """Whether one fit of a sine at a first guess of its frequency shows that no check will reject the recording."""
+    """Whether a sine fit at a first guess of the frequency shows that no check rejects the recording."""
     near, preload = job.test.value("frequency"), job.test.value("preload")
     if any(channel.chain or channel.crosstalk for channel in recording.channels.values()):
-        return False  # amplitudes are corrected, which may fail
+        return False  # the correction of amplitudes may raise an error
     try:
         frequency = first_guess(recording, near)
         tracks = tracks_of(recording, list(recording.channels))
     except RecordingError:
         return False
-    if frequency * recording.duration < _CYCLES_OF_PART or (near and abs(frequency / near - 1) > _PLAIN_OFF):
+    off = abs(frequency / near - 1) if near else 0.0
+    if frequency * recording.duration < _CYCLES_OF_PART or off > _PLAIN_OFF:
         return False
     if not all(_is_sine(track, frequency) for track in tracks):
         return False
-    force = recording.channels.get("force_in")
-    peak = float(np.nanmax(np.abs(force.samples - np.nanmean(force.samples)))) if force is not None else 0.0
-    if preload is not None and peak > _PLAIN_FORCE * preload:
+    if preload is not None and _force_peak(recording) > _PLAIN_FORCE * preload:
         return False
     rig = job.rig.rig() if job.rig is not None else None
     return rig is None or checks.check_resonance(frequency, rig, job.test.value("added_mass") or 0.0).verdict == "ok"
 
 
+def _force_peak(recording: Recording) -> float:
+    """Largest departure of the force from its mean [N]; 0 where no force is recorded."""
+    force = recording.channels.get("force_in")
+    return 0.0 if force is None else float(np.nanmax(np.abs(force.samples - np.nanmean(force.samples))))
+
+
 def _is_sine(track: Track, frequency: float) -> bool:
-    """Whether little is left of the channels of a track beside a sine."""
+    """Whether each channel of a track is a sine with a small residual."""
     fit = fit_sines(track.signals, track.present, track.time, 2 * np.pi * frequency, 1, np.empty(0))
     left = np.sqrt(2 * np.mean(fit.residual**2, axis=1))
     return bool(np.all(left < _PLAIN_NOISE * np.abs([row[0] for row in fit.amplitudes()])))
 
 
 def reduced_point(job: Job, path: Path, part: float | None = None) -> Point:
-    """Amplitudes from all stated channels; a damaged channel that the route can spare is left out with a warning.
+    """Amplitudes of all stated channels; a damaged channel that the route does not need is left out with a warning.
 
-    With `part` [s], only so much of the recording is used.
+    With `part` [s], only the first part of this length is used.
     """
     recording, rows = _loaded(job, path, part)
     near = job.test.value("frequency")
@@ -208,12 +217,12 @@ def reduced_point(job: Job, path: Path, part: float | None = None) -> Point:
             raise
         found, wandering = _followed(recording.without(present[0]), near)
         rows.append(_left_out(present[0], str(error)))
-    checks = (*rows, *wandering, *_judged(job, found))
+    checks = (*rows, *wandering, *_checks_of(job, found))
     return Point(found.phasors, checks, found.corrections, found.channels, found.preview)
 
 
 def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
-    """The recording with all stated channels, or with the needed ones only; and what there is to say of it."""
+    """The recording with all stated channels, or with the needed channels only, and its checks."""
     roles = [role for role in CHANNELS if job.channels.named(role) is not None]
     lacking = [role for role in job.needed if role not in roles]
     if lacking:
@@ -232,28 +241,27 @@ def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording,
 
 
 def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[Check]]:
-    """The steady part of a recording, and what was cut."""
+    """The steady part of a recording, and a check that says what was cut."""
     try:
         part = steady_part(recording, first_guess(recording, near))
     except RecordingError:
-        return recording, []  # demodulation says what is wrong
+        return recording, []  # the demodulation raises the same error with its cause
     if part is None:
         return recording, []
     low, high = recording.span
-    before, after = max(part[0] - low, 0.0), max(high - part[1], 0.0)
-    cut = " and ".join(
-        text
-        for text in (
-            f"the first {before:.3g} s (lead-in, run-up)" if before else "",
-            f"the last {after:.3g} s (run-down)" if after else "",
-        )
-        if text
-    )
-    return recording.between(*part), [told(Code.STEADY, "ok", cut=cut, length=high - low)]
+    cut = []
+    if part[0] > low:
+        cut.append(f"the first {part[0] - low:.3g} s (lead-in, run-up)")
+    if part[1] < high:
+        cut.append(f"the last {high - part[1]:.3g} s (run-down)")
+    return recording.between(*part), [told(Code.STEADY, "ok", cut=" and ".join(cut), length=high - low)]
 
 
 def _followed(recording: Recording, near: float | None) -> tuple[Demodulation, list[Check]]:
-    """Amplitudes; along the phase of V1 where there is no reference and the speed wanders so that it matters."""
+    """Amplitudes, and a check of the speed.
+
+    Without a reference, a frequency that wanders much is tracked along the phase of V1.
+    """
     found = demodulate(recording, near=near)
     if recording.reference is not None:
         return refine_reference(recording, found), []
@@ -269,7 +277,7 @@ def _left_out(role: str, why: str) -> Check:
 
 
 def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:
-    """Leave out a clipped channel that the route can spare; keep the verdict on one that it cannot."""
+    """The recording without clipped channels that the route does not need, and the checks of clipped channels."""
     rows = []
     for role, channel in list(recording.channels.items()):
         row = checks.check_clipping(SYMBOLS[role], channel)
@@ -283,8 +291,8 @@ def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording
     return recording, rows
 
 
-def _judged(job: Job, found: Demodulation) -> Iterator[Check]:
-    """The checks of one demodulated test; a fault of a channel that the route can spare only warns."""
+def _checks_of(job: Job, found: Demodulation) -> Iterator[Check]:
+    """The checks of one demodulated test; a fault of a channel that the route does not need is a warning."""
     names = tuple(SYMBOLS[role] for role in CHANNELS)
     test, frequency = job.test, float(found.phasors.frequency)
     yield checks.check_frequency(frequency, test.value("frequency"))

@@ -1,4 +1,4 @@
-"""A sensor's calibrated response from a table: frequency, gain, phase, and what is not known of them."""
+"""The calibrated response of a sensor from a table: frequency, gain and phase with their standard uncertainties."""
 
 from __future__ import annotations
 
@@ -15,26 +15,27 @@ from fourpole.io.text import TextTable, read_table
 
 __all__ = ["read_response"]
 
-#: Columns by their names, and what they are.
+#: Kind of quantity of each column.
 _COLUMNS = {"frequency": "frequency", "gain": "ratio", "phase": "angle", "u(gain)": "ratio", "u(phase)": "angle"}
 _MOST_BYTES = 4_000_000
 
 
 def read_response(path: Path, label: str) -> Calibrated:
-    """Read a response: recorded over true, from a table of text.
+    """Read the response of a sensor, recorded over true, from a table of text.
 
     Parameters
     ----------
     path : Path
-        With the columns frequency [Hz], gain [1] and phase [deg], and perhaps u(gain) [%] and u(phase) [deg]; the
-        gain is relative to the channel's stated sensitivity or unit, the phase that of the record ahead of the truth.
+        A table with the columns frequency [Hz], gain [1] and phase [deg], and perhaps u(gain) [%] and u(phase) [deg].
+        The gain is relative to the stated sensitivity or unit of the channel. The phase is positive where the
+        recorded signal leads the true quantity.
     label : str
-        The file's name in messages.
+        Name of the file in messages.
 
     Raises
     ------
     FileError, TableError
-        If it cannot be read, or a column is missing or has no unit of its kind.
+        If the table cannot be read, or a column is missing or has no unit of its kind.
     """
     table = read_table(path, max_bytes=_MOST_BYTES, label=label)
     found = {name: _column(table, name, kind, label) for name, kind in _COLUMNS.items() if _place(table, name)}
@@ -65,7 +66,7 @@ def read_response(path: Path, label: str) -> Calibrated:
 
 
 def _place(table: TextTable, name: str) -> str:
-    """The column's name as written; empty where there is none."""
+    """Name of the column as written; empty where the table has no such column."""
     return next((one for one in table.names if one.strip().casefold() == name), "")
 
 

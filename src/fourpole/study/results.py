@@ -1,4 +1,4 @@
-"""Results: the tables of an analysed campaign, as they are in memory or in their folder."""
+"""`Results`: the tables of an analysed campaign, from memory or read from their folder."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ _MADE_BY = {"model": "fit", "map": "map"}
 
 @dataclass(frozen=True, eq=False, init=False)
 class Results(Tables):
-    """Tables of an analysed campaign; all that figures and reports need.
+    """Tables of an analysed campaign: the input of figures, reports and exports.
 
     Attributes
     ----------
     tables : mapping of str to polars.DataFrame
-        By the name of their file; each is an attribute too, and has no columns where the analysis had none:
-        `static`, `dynamic`, `rig`, `residuals`, `quantiles`, `budget`, and `previews`, a few cycles of signal and fit
-        of each recording.
+        Tables by the name of their file. Each is an attribute, too: `static`, `dynamic`, `rig`, `residuals`,
+        `quantiles`, `budget`, and `previews`, a few cycles of signal and fit of each recording. A table that the
+        analysis did not make has no columns.
     record : dict
-        study.json: title, settings, what the campaign states, versions, verdicts, assumptions, hashes.
+        Content of study.json: title, settings, statement of the campaign, versions, verdicts, assumptions, hashes.
     models, maps : ModelFile or None
-        As in model.json and map.json; None where there are none.
+        Content of model.json and of map.json; None where there is no such file.
     faults : tuple of str
-        Why model files that are there are not used.
+        Reasons why an existing model file is not used.
     """
 
     tables: Mapping[str, pl.DataFrame]
@@ -62,7 +62,7 @@ class Results(Tables):
         faults: tuple[str, ...] = (),
         **more: pl.DataFrame,
     ) -> None:
-        """Tables by name, or in one mapping; those named take the place of those in the mapping."""
+        """Tables by name, or in one mapping; a table by name replaces that of the mapping."""
         named = {"static": static, "dynamic": dynamic, "previews": previews, **more}
         held = {**(tables or {}), **{name: table for name, table in named.items() if table is not None}}
         values = {"tables": held, "record": record or {}, "models": models, "maps": maps, "faults": faults}
@@ -75,9 +75,9 @@ class Results(Tables):
         return read_rig_estimates(self.rig, self.residuals, self.record.get("joint"))
 
     def apart(self, *, texts_only: bool = False) -> Results:
-        """The same with specimens named apart: "radial at 60 °C" where one was tested at several temperatures.
+        """The results with distinct names of specimens: "radial at 60 °C" where it was tested at several temperatures.
 
-        The campaign's own axes of a condition tell specimens apart likewise; `texts_only`: only those that are texts.
+        The further axes of the campaign's conditions are named likewise; with `texts_only` only axes of text are.
         """
         rule = rule_in(self.record).without(PRESSURE.name, PRELOAD.name)
         rule = Sameness(tuple(axis for axis in rule.axes if axis.text or not texts_only))
@@ -131,7 +131,7 @@ def read_results(folder: str | Path) -> Results:
 
 
 def _with_models(results: Results, folder: Path) -> Results:
-    """The results with the model files that were made from them."""
+    """The results with the model files that were made from these results."""
     sha256 = sha256_of(folder / f"{DYNAMIC.name}.csv", max_bytes=_MOST_BYTES)
     files: dict[str, Any] = {}
     faults = []
@@ -150,7 +150,7 @@ def _with_models(results: Results, folder: Path) -> Results:
 
 
 def _table(folder: Path, spec: TableSpec) -> pl.DataFrame:
-    """A table as it was written; one without columns where it may lack and does."""
+    """A table as it was written; a table without columns where an optional file is missing."""
     path = folder / f"{spec.name}{spec.endings[0]}"
     optional = not spec.always or path.suffix == ".parquet"
     if optional and not path.is_file():

@@ -308,7 +308,8 @@ def _short(value: float | None, unit: str) -> str:
 def _candidate_record(candidate: Candidate) -> dict[str, Any]:
     """A candidate for study.json, where its source stands as text."""
     part = candidate.source.of if candidate.of_rig else candidate.source.text
-    return {"part" if name == "source" else name: value for name, value in vars(candidate).items()} | {"part": part}
+    cells = {"part" if name == "source" else name: value for name, value in vars(candidate).items()}
+    return {name: number(cell) if isinstance(cell, float) else cell for name, cell in cells.items()} | {"part": part}
 
 
 def hidden_in(source: Source, stated: set[Source]) -> Source | None:

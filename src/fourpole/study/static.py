@@ -1,4 +1,4 @@
-"""Static tests: load-deflection curves, and the K1 that each dynamic test takes from them."""
+"""Static tests: load-deflection curves, and the K1 of each dynamic test from them."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from fourpole.study.load import MOST_BYTES, load_curve
 
 __all__ = ["StaticRow", "StaticStiffness", "StaticTest", "evaluate_statics", "stiffness_for"]
 
-#: Standard uncertainty of a K1 that tests.csv states without one.
+#: Relative standard uncertainty of a K1 that tests.csv states without u(K1).
 _UNSTATED_K1_STD = 0.02
 _RULE = Sameness()
 
 
 @dataclass(frozen=True)
 class StaticRow:
-    """One row of static.csv: a static test at one preload in use; not-a-number is blank."""
+    """One row of static.csv: a static test at one preload; not-a-number stands for a blank cell."""
 
     test: Test
     preload: float
@@ -39,20 +39,20 @@ class StaticRow:
 
     @property
     def verdict(self) -> str:
-        """The worst of the checks."""
+        """The worst verdict of the checks."""
         return worst_verdict(row.verdict for row in self.checks)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What the checks say."""
+        """The remarks of the checks."""
         return tuple(row.remark for row in self.checks if row.remark)
 
 
 @dataclass(frozen=True)
 class StaticStiffness:
-    """K1 for a dynamic test with the parts of its uncertainty, or why there is none.
+    """K1 for a dynamic test with the parts of its uncertainty, or the `reason` why there is none.
 
-    `doubt` is a remark that leaves the verdict as it is; `warning` makes it a warning.
+    `doubt` is a remark that does not change the verdict; `warning` is a check that makes the verdict a warning.
     """
 
     value: float = float("nan")
@@ -65,7 +65,7 @@ class StaticStiffness:
 
 @dataclass(frozen=True)
 class StaticTest:
-    """One static test: its curve (None where it could not be read), its rows, and the hash of its file."""
+    """One static test: its curve, its rows, and the hash of its file; the curve is None where it cannot be read."""
 
     test: Test
     curve: LoadCurve | None
@@ -74,7 +74,7 @@ class StaticTest:
 
 
 def evaluate_statics(campaign: Campaign) -> list[StaticTest]:
-    """Evaluate every static test at its own preload and at that of every dynamic test that takes its K1."""
+    """Evaluate each static test at its own preload and at the preloads of the dynamic tests that use its K1."""
     statics, rule = campaign.of_kind("static"), campaign.stated.sameness
     loads = {test.name: {load} if (load := test.value("preload")) is not None else set() for test in statics}
     for test in campaign.of_kind("dynamic"):
@@ -86,7 +86,7 @@ def evaluate_statics(campaign: Campaign) -> list[StaticTest]:
 
 @dataclass(frozen=True)
 class _Choice:
-    """The static tests whose K1 a dynamic test takes, with what there is to say of them."""
+    """The static tests whose K1 a dynamic test uses, with a remark and a warning on the choice."""
 
     names: tuple[str, ...] = ()
     remark: str = ""
@@ -94,9 +94,9 @@ class _Choice:
 
 
 def _choice(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
-    """All static tests of the same condition at any preload; where there is none, those nearest in temperature.
+    """All static tests of the same condition at any preload; where there is none, the nearest in temperature.
 
-    A value that only one side states counts as the same; tests that state it come first.
+    A value that only one of two tests states counts as the same. Static tests with the fewest such values are used.
     """
     anywhere = rule.without("preload")
     mine = condition_of(test, anywhere)
@@ -107,21 +107,21 @@ def _choice(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
     lacking = [sum((a is None) != (b is None) for a, b in zip(one.values, mine.values, strict=True)) for _, one in same]
     used = [pair for pair, number in zip(same, lacking, strict=True) if number == min(lacking)]
     names = tuple(static.name for static, _ in used)
-    return _said(names, [one for _, one in used], [one for _, one in others], mine, anywhere)
+    return _with_remarks(names, [one for _, one in used], [one for _, one in others], mine, anywhere)
 
 
-def _said(
+def _with_remarks(
     names: tuple[str, ...],
     used: Sequence[Condition],
     others: Sequence[Condition],
     mine: Condition,
     rule: Sameness,
 ) -> _Choice:
-    """Static tests that serve, with a remark on each value that only one side states."""
+    """The choice of these static tests, with a remark on each value that only one side states."""
     remarks, mixed = [], []
     for at, axis in enumerate(rule.axes):
         stated = [one.values[at] for one in used if one.values[at] is not None]
-        # An axis of the campaign's own that no static test states does not concern static tests.
+        # An axis of the campaign that no static test states does not apply to static tests.
         foreign = axis in rule.further and all(one.values[at] is None for one in others)
         if (mine.values[at] is None) == bool(stated) and not foreign:
             side = "the static test" if stated else "this test"
@@ -134,13 +134,13 @@ def _said(
 
 
 def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
-    """The static tests nearest in temperature, of a condition that is the same otherwise."""
+    """The static tests that are nearest in temperature, all other values of the condition being the same."""
     otherwise, own = rule.without("preload", "temperature"), test.value("temperature")
     mine = condition_of(test, otherwise)
     near = [one for one in statics if otherwise.same(condition_of(one, otherwise), mine, blank=True)]
     if own is None or not near:
         return _Choice()
-    there = {one.name: one.values["temperature"] for one in near}  # stated of all: a blank would be the same
+    there = {one.name: one.values["temperature"] for one in near}  # each is stated, because a blank counts as the same
     at = min(there.values(), key=lambda value: (abs(value - own), value))
     axis = next(axis for axis in rule.axes if axis.name == "temperature")
     names = tuple(name for name, value in there.items() if axis.same(value, at))
@@ -174,7 +174,7 @@ def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticT
 def _read(
     campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, preloads: list[float], sha256: str
 ) -> StaticTest:
-    """A static test whose curve could be read, at each preload in use."""
+    """The static test at each preload, from its curve."""
     if not preloads:
         return StaticTest(test, curve, (replace(whole, checks=(told(Code.NO_PRELOAD, "ok"),)),), sha256)
     return StaticTest(test, curve, tuple(_at(campaign, test, curve, whole, load) for load in preloads), sha256)
@@ -212,7 +212,7 @@ def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load
 
 
 def stiffness_for(test: Test, statics: Sequence[StaticRow], rule: Sameness = _RULE) -> StaticStiffness:
-    """K1 of a dynamic test: from its own column, else from the static tests of its condition at its own preload."""
+    """K1 of a dynamic test: as tests.csv states it, else from the static tests of its condition at its own preload."""
     stated = test.value("K1")
     if stated is not None:
         std = test.value("u(K1)")
@@ -237,7 +237,7 @@ def stiffness_for(test: Test, statics: Sequence[StaticRow], rule: Sameness = _RU
 
 
 def _mean(good: Sequence[StaticRow], choice: _Choice) -> StaticStiffness:
-    """K1 of repeats: their mean, with the scatter as a part of its uncertainty."""
+    """Mean K1 of repeats; their scatter is a part of its uncertainty."""
     values = np.array([row.stiffness for row in good])
     spread = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
     parts = {name: float(np.mean([row.parts[name] for row in good])) for name in good[0].parts}
@@ -250,7 +250,7 @@ def _mean(good: Sequence[StaticRow], choice: _Choice) -> StaticStiffness:
 
 
 def _no_static_test(test: Test, statics: Sequence[StaticRow], rule: Sameness) -> str:
-    """Why no static test serves a dynamic one, and where there are static tests of its specimen."""
+    """Message that no static test has the condition of a dynamic test, with the pressures of those of its specimen."""
     pressures = {p for row in statics if row.test.tyre == test.tyre and (p := row.test.value("pressure")) is not None}
     at = ", ".join(f"{p / 1e5:.3g} bar" for p in sorted(pressures))
     found = f"; static tests of it are at {at}" if at else ""

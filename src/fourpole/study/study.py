@@ -1,4 +1,4 @@
-"""Study: all that a campaign says, as tables, and the files that keep them."""
+"""`Study`: the results of a campaign as tables, and their files."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Study", "analyse"]
 
-#: Draws of K* and K1 where K2 and C are not normal.
+#: Number of Monte Carlo draws of K* and K1 where K2 and C are not normally distributed.
 DRAWS = 10_000
-#: The same draws every time.
+#: Seed of the draws, so that each analysis gives the same intervals.
 _SEED = 1982
 
 
@@ -54,18 +54,18 @@ class Study(Tables):
     Attributes
     ----------
     campaign : Campaign
-        What was analysed.
+        The campaign that was analysed.
     tables : mapping of str to polars.DataFrame
-        By the name of their file; each is an attribute too: `static`, `dynamic`, `rig`, `residuals`, `quantiles`,
-        `budget`, `corrections`, `phasors`, `covariance` and `previews`.
+        Tables by the name of their file. Each is an attribute, too: `static`, `dynamic`, `checks`, `rig`,
+        `residuals`, `quantiles`, `budget`, `corrections`, `phasors`, `covariance` and `previews`.
     route : str
-        How K* was found.
+        The route by which K* was found.
     rigs : tuple of RigEstimate
         The rigs as found by the joint route; none where another route was used.
     monte_carlo : int
-        Draws where linear propagation fails.
+        Number of draws where linear propagation fails.
     notes : tuple of str
-        What was assumed because the campaign does not state it.
+        Assumptions for values that the campaign does not state, and notes on the rigs.
     sha256 : dict of str to str
         Hash of each file read.
 
@@ -89,29 +89,29 @@ class Study(Tables):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Tests by verdict; one with several rows counts by its worst."""
+        """Number of tests by verdict; a test with several rows counts by its worst verdict."""
         rows = [table.group_by("test", maintain_order=True).agg("verdict") for table in (self.static, self.dynamic)]
         verdicts = [worst_verdict(row) for table in rows for row in table["verdict"].to_list()]
         return {verdict: verdicts.count(verdict) for verdict in ("ok", "warning", "rejected")}
 
     @property
     def results(self) -> Results:
-        """The tables that figures and reports are made from."""
+        """The tables from which figures and reports are made."""
         read = {name: table for name, table in self.tables.items() if TABLES[name].read}
         return Results(record=self.record, tables=read)
 
     @property
     def measured(self) -> MeasuredSet:
-        """K* condition by condition, with its covariance: what models are fitted to."""
+        """K* of each condition with its covariance: the input of model fits."""
         return measured_of(self.dynamic, self.covariance, name="the study", rule=self.campaign.stated.sameness)
 
     def fit(self, model: str = "auto") -> list[TyreFit]:
-        """A model for each tyre, in every condition by itself; `auto` chooses one and says why.
+        """A model for each tyre, fitted in every condition by itself; `auto` chooses a model and says why.
 
         Raises
         ------
         ModelError
-            If there is no such model, or K* of too few frequencies.
+            If there is no such model, or K* is known at too few frequencies.
         """
         return fit_tyres(self.measured, model)
 
@@ -128,20 +128,20 @@ class Study(Tables):
         Parameters
         ----------
         model : str
-            A model's name, or `auto`: the one that tells conditions left out best.
+            Name of a model, or `auto`: the model with the smallest leave-one-out error.
         tyre : str, optional
             Only this one.
         over : sequence of str
-            Further columns that are axes, besides pressure, preload and temperature.
+            Further columns that are axes, in addition to pressure, preload and temperature.
         at : mapping of str to (n,) float array, optional
             Coordinates in SI by the name of an axis: {"pressure": [1.85e5], "frequency": [13.7]}; by default an even
-            grid over what was measured.
+            grid over the measured range.
 
         Returns
         -------
         xarray.Dataset
             K_storage, K_loss, loss_factor, K1, K2, C and TR, each with u_NAME, over tyre, the axes and frequency;
-            not-a-number outside what was measured.
+            not-a-number outside the measured range.
 
         Raises
         ------
@@ -162,7 +162,7 @@ class Study(Tables):
         Parameters
         ----------
         folder : path
-            Made if it does not exist.
+            A folder that does not exist is made.
 
         Returns
         -------
@@ -182,14 +182,14 @@ class Study(Tables):
             for path in (folder / f"{spec.name}{ending}" for ending in spec.endings):
                 if table.height or spec.always:
                     write_table(path, table)
-                else:  # of an earlier run with another route
+                else:  # the file is of an earlier run by another route
                     path.unlink(missing_ok=True)
         write_text(folder / "study.json", json.dumps(self.record, indent=2, ensure_ascii=False) + "\n")
         return folder
 
     @property
     def record(self) -> dict[str, Any]:
-        """What it takes to repeat the run, as in study.json."""
+        """Content of study.json: all that is needed to repeat the analysis."""
         packages = ("fourpole", "numpy", "scipy", "polars", "pint", "pydantic")
         return {
             "title": self.campaign.stated.title,
@@ -205,7 +205,7 @@ class Study(Tables):
 
 
 def make_folder(folder: str | Path) -> Path:
-    """A folder to write to, made if need be; CampaignError where that is not possible."""
+    """The folder, made where it does not exist; CampaignError where it cannot be made."""
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -234,21 +234,21 @@ def analyse(
     campaign : Campaign or path
         A campaign, or its folder.
     route : {"joint", "mobility", "relative", "transmissibility"}
-        How K* is found; the joint route falls back to what the campaign allows, with a note.
+        The route to K*; in place of the joint route the route that the campaign allows is used, with a note.
     monte_carlo : int
-        Draws for the intervals of K2 and C where linear propagation fails; 0 for none.
+        Number of draws for the intervals of K2 and C where linear propagation fails; 0 for no intervals.
     cache : path, optional
-        Folder that keeps the phasors of each recording, so that a run that was stopped goes on.
+        Folder of the phasors of each recording; an interrupted analysis continues from it.
     executor : concurrent.futures.Executor, optional
-        Runs the reduction of each recording as a job of its own, in whatever threads, processes or machines it has; by
+        Executor that runs the reduction of each recording as a job, in threads, in processes or on other machines; by
         default threads.
     progress : callable, optional
-        Called with the recordings done and all recordings.
+        Called with the number of reduced recordings and the number of all recordings.
 
     Returns
     -------
     Study
-        A row for every test; nothing is written but the cache.
+        Tables with a row for every test; no file is written but the cache.
 
     Raises
     ------
@@ -275,17 +275,8 @@ def analyse(
 
     kept = make_folder(cache) if cache is not None else None
     statics = evaluate_statics(campaign)
-    static_rows = [row for item in statics for row in item.rows]
     reduced = reduce_tests(jobs_of(campaign, dynamic, route, kept), executor=executor, progress=progress)
-    hashes = _hashes(campaign, statics, dynamic, reduced)
-    dynamic = [test for test, item in zip(dynamic, reduced, strict=True) for _ in item.points]
-    points = [point for item in reduced for point in item.points]
-    rule = campaign.stated.sameness
-    stiffness = [_stiffness(test, static_rows, rule) for test in dynamic]
-    found, remarks = identify_tests(campaign, dynamic, points, stiffness, route, monte_carlo, _SEED)
-    checks = [dynamic_checks(dynamic[i], points[i], stiffness[i], found.get(i), route) for i in range(len(dynamic))]
-    cells = [dynamic_cells(points[i], found.get(i), route, checks[i]) for i in range(len(dynamic))]
-    analysed = Analysed(campaign, statics, dynamic, points, checks, cells, found)
+    analysed, remarks = _analysed(campaign, statics, reduced, route, monte_carlo)
     return Study(
         campaign=campaign,
         tables={name: spec.of(analysed) for name, spec in TABLES.items()},
@@ -293,8 +284,23 @@ def analyse(
         rigs=tuple(group.estimate for group, _ in analysed.groups if group.estimate is not None),
         monte_carlo=monte_carlo,
         notes=(*([note] if note else []), *remarks, *campaign.stated.assumptions(), *_assumed(dynamic)),
-        sha256=hashes,
+        sha256=_hashes(campaign, statics, dynamic, reduced),
     )
+
+
+def _analysed(
+    campaign: Campaign, statics: Sequence[StaticTest], reduced: Sequence[Reduced], route: str, draws: int
+) -> tuple[Analysed, list[str]]:
+    """The outcome of an analysis from the static tests and the reduced recordings, and notes on the rigs."""
+    dynamic = campaign.of_kind("dynamic")
+    tests = [test for test, item in zip(dynamic, reduced, strict=True) for _ in item.points]
+    points = [point for item in reduced for point in item.points]
+    rows, rule = [row for item in statics for row in item.rows], campaign.stated.sameness
+    stiffness = [_stiffness(test, rows, rule) for test in tests]
+    found, notes = identify_tests(campaign, tests, points, stiffness, route, draws, _SEED)
+    checks = [dynamic_checks(test, points[i], stiffness[i], found.get(i), route) for i, test in enumerate(tests)]
+    cells = [dynamic_cells(point, found.get(i), route, checks[i]) for i, point in enumerate(points)]
+    return Analysed(campaign, statics, tests, points, checks, cells, found), notes
 
 
 def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
@@ -316,7 +322,7 @@ def _stiffness(test: Test, rows: Sequence[StaticRow], rule: Sameness) -> StaticS
 
 
 def _assumed(tests: Sequence[Test]) -> list[str]:
-    """What was taken where tests.csv states no uncertainty."""
+    """Assumptions where tests.csv states no uncertainty."""
     unsure = [test.name for test in tests if test.value("K1") is not None and test.value("u(K1)") is None]
     return ["tests.csv: K1 is stated without u(K1), taken as 2 %"] if unsure else []
 
@@ -324,7 +330,7 @@ def _assumed(tests: Sequence[Test]) -> list[str]:
 def _hashes(
     campaign: Campaign, statics: Sequence[StaticTest], dynamic: Sequence[Test], reduced: Sequence[Reduced]
 ) -> dict[str, str]:
-    """Hash of every file that was read, by its name in the campaign."""
+    """Hash of each file that was read, by its name in the campaign."""
     hashes = {name: sha256_of(campaign.folder / name, max_bytes=MOST_BYTES) for name in ("campaign.toml", "tests.csv")}
     hashes |= response_hashes(campaign)
     hashes |= {item.test.file: item.sha256 for item in statics if item.sha256}

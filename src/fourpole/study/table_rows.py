@@ -43,11 +43,11 @@ class Analysed:
     campaign : Campaign
     statics : sequence of StaticTest
     tests : sequence of Test
-        The dynamic tests, each as often as it has points.
+        The dynamic tests; a test stands here once per point.
     points, checks, cells : sequences
-        What the reduction gave for each of `tests`, all its checks, and its cells of dynamic.csv.
+        For each of `tests` its point of the reduction, all its checks, and its cells of dynamic.csv.
     found : mapping of int to Identified
-        By the place in `tests`.
+        The identified tests by their place in `tests`.
     """
 
     campaign: Campaign
@@ -78,7 +78,7 @@ class Analysed:
         return [(test, key, one, one.phasors) for test, key, one in rows if one.phasors is not None]
 
     def construction(self, test: Test) -> str:
-        """What the campaign says the specimen is."""
+        """Construction of the specimen as the campaign states it."""
         specimen = self.campaign.stated.all_specimens.get(test.tyre)
         return specimen.construction if specimen is not None else ""
 

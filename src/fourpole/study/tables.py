@@ -1,7 +1,7 @@
-"""The result tables: one entry each, from which they are made, written, read back and described.
+"""The registry of result tables: one entry each, from which a table is made, written, read back and described.
 
-A row of a dynamic test is known by its test and its point: one recording may give several frequencies. The column
-`point` is written only where a test has more than one.
+The key of a row of a dynamic test is its test and its point, because one recording may give several frequencies. The
+column `point` is written only where a test has more than one point.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["OPTIONAL", "TABLES", "TEXT_COLUMNS", "TableSpec", "Tables"]
 
 _TYPES = {"number": pl.Float64, "text": pl.String, "count": pl.Int64, "lists": pl.List(pl.Float64)}
 _KINDS = {one.head: one.kind for one in QUANTITIES}
-#: Columns of text, of all tables.
+#: Columns of text in all tables.
 TEXT_COLUMNS = {head for head, kind in _KINDS.items() if kind == "text"}
 #: Columns of numbers that a table has only where there is a value; every other further column is text.
 OPTIONAL = {q.POINT.head: pl.Int64, q.TEMPERATURE.head: pl.Float64}

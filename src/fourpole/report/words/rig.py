@@ -209,12 +209,10 @@ def _gain(found: RigEstimate) -> str:
 
 def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     """Undeclared errors that the tests do not show, and what would show them, as sentences."""
-    massed = found.massed or any(value.group is Role.MASS for value in values)
     # Where the rig does not fit, the tests did show an error of it.
-    groups = (Role.RIG, Role.CHANNEL) if found.fits else (Role.CHANNEL,)
-    hidden = [value for value in values if value.hidden and value.group in groups]
-    hidden = [value for value in hidden if value.finding is not Finding.CONTRADICTED]
-    common = [value for value in hidden if massed and value.group is Role.CHANNEL and _ratios_seen(value, values)]
+    groups = {Role.RIG, Role.CHANNEL} if found.fits else {Role.CHANNEL}
+    hidden = _hidden([value for value in values if value.group in groups])
+    common = _common(hidden, values) if found.massed else []
     hidden = [value for value in hidden if value not in common]
     if common:
         yield (
@@ -222,16 +220,26 @@ def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
             "no effect on the results: K* needs only the ratios of the channels, whose errors would show."
         )
     if hidden:
-        yield _hidden_errors(hidden, massed=massed)
-    if not massed and _gains_alike(values):
+        yield _hidden_errors(hidden, massed=found.massed)
+    if not found.massed and _gains_alike(values):
         yield (
             "These data compare F1/V2 with the rig: an error of F1's gain has the same effect as one of V2's, or as an "
             "error of the moving mass and the preload spring together."
         )
     yield from _trusted_masses(values)
     if not any(value.group is Role.CHANNEL for value in hidden):
-        groups = (*groups, Role.RATIO)
+        groups.add(Role.RATIO)
     yield from _late_errors([value for value in values if value.group in groups and value not in common])
+
+
+def _hidden(values: Sequence[ShownValue]) -> list[ShownValue]:
+    """The values of which the tests show no plausible error."""
+    return [value for value in values if value.hidden and value.finding is not Finding.CONTRADICTED]
+
+
+def _common(hidden: Sequence[ShownValue], values: Sequence[ShownValue]) -> list[ShownValue]:
+    """The channels' values of which only an error that all channels have in common is hidden."""
+    return [value for value in hidden if value.group is Role.CHANNEL and _ratios_seen(value, values)]
 
 
 def _gains_alike(values: Sequence[ShownValue]) -> bool:
