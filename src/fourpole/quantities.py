@@ -293,7 +293,7 @@ _MEANINGS = {head: text for one in QUANTITIES for head, text in (
 
 
 def meaning_of(head: str) -> str:
-    """What a column is, in words; its name where no table has it.
+    """Meaning of a column in words; its name if it is no column of a table.
 
     Examples
     --------

@@ -111,5 +111,5 @@ def query(
     run_query(model, Query(frequencies(frequency), state, tyre, above.rig, beyond), file, as_json=as_json)
 
 
-#: By name, in the order of the help.
+#: Command functions by the name of the command, in the order of the help.
 COMMANDS: dict[str, Callable[..., None]] = {"fit": fit, "causality": causality, "map": map_, "query": query}

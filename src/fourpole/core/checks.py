@@ -39,7 +39,7 @@ __all__ = [
     "worst_verdict",
 ]
 
-#: Departure of F1 from Zr V2 that no honest calibration explains.
+#: Relative departure of F1 from Zr V2 above which the calibration of a channel must be wrong.
 _INCONSISTENT = 0.2
 #: From best to worst.
 VERDICTS = ("ok", "warning", "rejected")
@@ -268,7 +268,7 @@ class Code(Enum):
         self._words = {"warning": (short, cause, remedy), "rejected": rejected or (short, cause, remedy)}
 
     def short(self, verdict: str) -> str:
-        """The cause in a few words; empty where only the sentence tells it."""
+        """Cause in a few words; empty if only the whole sentence gives the cause."""
         return self._words["rejected" if verdict == "rejected" else "warning"][0]
 
     def says(self, verdict: str) -> tuple[str, str]:
@@ -310,7 +310,7 @@ class Check:
 
     @property
     def heading(self) -> str:
-        """What was looked at, with its channel."""
+        """Name of the check, followed by its channel if it has one."""
         return f"{self.code.text} of {self.channel}" if self.channel else self.code.text
 
 
@@ -415,7 +415,7 @@ def check_noise(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
 
 
 def check_excitation(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
-    """Ask whether there is a line at the frequency at all: amplitude over its own standard uncertainty."""
+    """Compare the standard uncertainty of each amplitude with the amplitude, to find channels that do not move."""
     rows = []
     for i, name in enumerate(names):
         amplitude = abs(complex(found.phasors.amplitudes[i]))
@@ -426,7 +426,7 @@ def check_excitation(found: Demodulation, names: tuple[str, ...]) -> list[Check]
 
 
 def check_mains(found: Demodulation) -> Check:
-    """Ask whether the excitation lies on a multiple of the mains frequency, where hum cannot be told from it."""
+    """Compare the frequency with the multiples of 50 and 60 Hz; on a multiple, hum adds to the excitation."""
     frequency = float(found.phasors.frequency)
     apart = min(float(off_multiples(frequency, base)) for base in (50.0, 60.0))
     bins = apart * found.cycles / frequency
@@ -441,7 +441,7 @@ def check_gaps(found: Demodulation) -> Check:
 
 
 def check_resonance(frequency: float, rig: Rig, added_mass: float) -> Check:
-    """Ask how far the rig's own stiffness, K3 - m w², is from zero: there it follows freely and hides the tyre."""
+    """Compare the rig's own stiffness K3 - m w² with its larger part; near zero, the rig's resonance hides the tyre."""
     omega = 2 * np.pi * frequency
     if rig.blocked:
         return Check(Code.RESONANCE, 0.0, 20.0, "ok")

@@ -1,4 +1,4 @@
-"""What a campaign shows, as data: each finding with its effect, its uncertainty, its outcome and its tests."""
+"""Findings of a campaign as data: each finding with its effect, its uncertainty, its outcome and its tests."""
 
 from fourpole.findings.finding import Conditions, Finding, Holds, Setup, Topic
 from fourpole.findings.list import findings

@@ -82,7 +82,7 @@ class Facts:
 
     @classmethod
     def of(cls, results: Results) -> Facts:
-        """The facts of results; temperature and the campaign's own axes tell specimens apart."""
+        """The facts of results; temperature and the campaign's own axes distinguish specimens."""
         stated, results = results, results.apart()
         pairs = zip((stated.static, stated.dynamic), (results.static, results.dynamic), strict=True)
         names = {

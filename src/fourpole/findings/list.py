@@ -19,7 +19,7 @@ __all__ = ["findings"]
 
 
 def findings(results: Results) -> list[Finding]:
-    """What a campaign shows, as data.
+    """Findings of a campaign, as data.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def findings(results: Results) -> list[Finding]:
 
 
 def _lacks_arm(facts: Facts) -> bool:
-    """Whether a specimen has K* but, for want of K1, no K2: specimens are then compared by K*."""
+    """Whether a specimen has K* but no K1 and so no K2; specimens are then compared by K*."""
     return any(facts.values(STORAGE, tyre) and not facts.values(K2, tyre) for tyre in facts.tyres)
 
 

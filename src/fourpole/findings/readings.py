@@ -216,7 +216,7 @@ Evidence = (
 
 @dataclass(frozen=True)
 class Reading:
-    """What a campaign shows of one claim.
+    """The evidence of a campaign on one claim.
 
     Attributes
     ----------

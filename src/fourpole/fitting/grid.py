@@ -138,7 +138,7 @@ def _values(found: OperatingMap, rig: Rig | None, points: FloatArray, frequency:
 
 
 def _said(maps: Mapping[str, OperatingMap]) -> dict[str, Any]:
-    """What the Dataset says of itself."""
+    """Attributes of the Dataset."""
     said: dict[str, Any] = {}
     for tyre, one in maps.items():
         mark = f"{tyre}: " if tyre else ""

@@ -170,7 +170,7 @@ def read_measured(
     path : path
         A results folder, or a table with frequency [Hz], Re K* [N/m], Im K* [N/m].
     over : sequence of str
-        Further columns, with their unit, that tell conditions apart.
+        Further columns, with their unit, that distinguish conditions.
     std : float, optional [1]
         Relative standard uncertainty of K*, in place of what the table states.
     k1 : (float, float), optional [N/m]

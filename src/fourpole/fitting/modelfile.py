@@ -226,7 +226,7 @@ def schema() -> dict[str, Any]:
 
 
 def provenance(source: str, sha256: str, settings: dict[str, Any], notes: list[str]) -> Provenance:
-    """Of a document made now."""
+    """Provenance of a document that is made now, with the version of Fourpole that is installed."""
     return Provenance(fourpole=version_of("fourpole"), source=source, sha256=sha256, settings=settings, notes=notes)
 
 

@@ -1,4 +1,4 @@
-"""Models and operating maps of a campaign: which model each tyre's K* asks for, its parameters, its surfaces."""
+"""Models and operating maps of a campaign: the chosen model of each tyre, its parameters and their surfaces."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class TyreFit(ByValue):
 
     @property
     def model(self) -> Model:
-        """Of the chosen candidate."""
+        """Model of the chosen candidate."""
         return self.chosen.fit.model
 
 
@@ -228,13 +228,13 @@ def _normal_ends(found: Fit) -> FloatArray:
 
 
 def _common(measured: Sequence[Measured]) -> list[FloatArray]:
-    """What errors common to all conditions do to each."""
+    """Change of K* of each condition by one standard uncertainty of each error that all conditions share [N/m]."""
     width = max((one.shared.shape[1] for one in measured if one.shared.size), default=0)
     return [one.shared if one.shared.size else np.zeros((2 * one.own.count, width)) for one in measured]
 
 
 def _held(measured: Measured, given: Mapping[str, float]) -> dict[str, float]:
-    """What is known of a model's parameters: what is given, and the inflation pressure."""
+    """Values of the parameters that are not fitted: those given, and the inflation pressure `p` where it is stated."""
     pressure = measured.state.get(q.PRESSURE.head)
     return {**({"p": pressure} if pressure is not None else {}), **given}
 
@@ -253,7 +253,7 @@ def map_tyres(
     ----------
     measured : MeasuredSet
     model : str
-        A model's name, or `auto`: the one that tells conditions left out best.
+        A model's name, or `auto`: the one with the least leave-one-out error.
     over : sequence of str
         Further axes, by their columns, besides pressure, preload and temperature.
     progress : callable, optional

@@ -31,7 +31,7 @@ _OPTIONS = {axis.column: axis.name for axis in AXES}
 
 @dataclass(frozen=True)
 class Query:
-    """What is asked.
+    """A query to a model file: frequencies and a condition.
 
     Attributes
     ----------
@@ -39,11 +39,11 @@ class Query:
     state : mapping of str to float
         Value of each axis that is stated, by its column: {"pressure [Pa]": 1.85e5}.
     tyre : str, optional
-        Where the file knows several.
+        Needed only where the file holds several tyres.
     rig : Rig, optional
-        For TR; by default that of the tests.
+        The rig for which TR is computed; by default the rig of the tests.
     beyond : bool
-        Answer outside what was measured too.
+        Whether to answer outside the measured conditions and band too.
     """
 
     frequency: Sequence[float]
@@ -183,7 +183,7 @@ def _check_stated(axes: Axes, state: Mapping[str, float]) -> None:
 
 
 def _beyond_band(found: OperatingMap, frequency: FloatArray, *, beyond: bool) -> FloatArray:
-    """Octaves by which each frequency is outside the band; refused unless wanted."""
+    """Octaves by which each frequency is outside the measured band; ModelError if any is and `beyond` is false."""
     if not (np.all(np.isfinite(frequency)) and np.all(frequency > 0)):
         raise ModelError("the frequency must be positive [Hz]")
     far = found.octaves_beyond(frequency)

@@ -18,7 +18,7 @@ from fourpole.units import column_unit
 
 __all__ = ["KEY", "Key", "axes_record", "conditions_in", "key_of", "keyed", "keys_of", "names_apart", "rule_in"]
 
-#: What a row of a dynamic test is known by.
+#: Heads of the columns that identify a row of a dynamic test.
 KEY = (q.TEST.head, q.POINT.head)
 
 Key = tuple[str, int]

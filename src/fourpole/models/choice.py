@@ -1,4 +1,4 @@
-"""Which model: fits of several side by side, what each costs in parameters, and whether the data can tell."""
+"""Choice of a model: several fits compared by misfit and number of parameters, and whether the data decide."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from fourpole.models.starts import starts_of
 
 __all__ = ["AUTO", "Candidate", "Choice", "choose", "fit_conditions", "fixed_of"]
 
-#: What is tried where nothing is asked for.
+#: Models that are tried if none is named.
 AUTO = automatic()
 #: Difference of BIC below which two models are alike: odds of 20 to 1.
 _ALIKE = 6.0
-#: A model further off than this, per condition, is not tried on frequencies left out.
+#: Difference of BIC to the best model, per condition, above which the cross-validation error is not computed.
 _WORTH = 30.0
 _FOLDS = 5
 _FEWEST_LEFT = 2
@@ -30,7 +30,7 @@ _FEWEST_LEFT = 2
 _STARTS = 4
 #: Sizes of a family that are tried beyond the best one so far.
 _PATIENCE = 2
-#: Relative uncertainty with which a datum weighs nothing.
+#: Relative standard uncertainty that gives a datum no weight in a fit.
 _NOTHING = 1e6
 
 
@@ -45,8 +45,8 @@ class Candidate:
     aicc, bic : float [1]
         Chi-square with what the free parameters cost (Akaike's, corrected for few data, and Bayes'), summed.
     left_out : float [1]
-        Root mean square of what fits without them say of frequencies left out, in standard units; not-a-number where
-        too few would be left, or the model is far from the best.
+        Cross-validation error: root mean square of the residuals at frequencies that the fit did not use, in standard
+        uncertainties. Not-a-number if too few frequencies would remain, or if the model is far worse than the best.
     """
 
     fits: tuple[Fit, ...]
@@ -56,12 +56,12 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        """Of its model."""
+        """Name of its model."""
         return self.fits[0].model.name
 
     @property
     def fit(self) -> Fit:
-        """Of the first condition."""
+        """Fit of the first condition."""
         return self.fits[0]
 
     @property
@@ -71,12 +71,12 @@ class Candidate:
 
     @property
     def chi2(self) -> float:
-        """Of all conditions."""
+        """Chi-square, summed over all conditions."""
         return float(sum(float(one.chi2) for one in self.fits))
 
     @property
     def dof(self) -> int:
-        """Of all conditions."""
+        """Degrees of freedom, summed over all conditions."""
         return sum(one.dof for one in self.fits)
 
     @property
@@ -108,14 +108,13 @@ class Choice:
     ----------
     candidates : tuple of Candidate
     alike : tuple of str
-        Names of other models that the data cannot tell from the best.
+        Names of other models whose BIC is so close to that of the best that the data do not decide.
     unneeded : tuple of str
-        Those that the data cannot tell from the best, for it is a special case of them: they do no better, and have
-        more parameters.
+        Names of models that contain the best as a special case: they fit no better with more parameters.
     passed : tuple of (str, str)
-        Models that were not tried, and why.
+        Models that were not tried, each with the reason.
     text : str
-        Which, and why.
+        The chosen model and the reason, in sentences.
     """
 
     candidates: tuple[Candidate, ...]
@@ -126,7 +125,7 @@ class Choice:
 
     @property
     def best(self) -> Candidate:
-        """The first."""
+        """The best candidate, which stands first."""
         return self.candidates[0]
 
     def named(self, name: str) -> Candidate:
@@ -260,7 +259,7 @@ def _candidate(model: Model, conditions: Sequence[StiffnessData], given: Sequenc
 
 
 def _left_out(candidate: Candidate, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> float:
-    """What fits to four fifths of the frequencies say of the rest, in standard units."""
+    """Cross-validation error [1]: rms residual, in standard uncertainties, at each fifth of the frequencies in turn."""
     squares: list[FloatArray] = []
     for places, together in stacked(conditions):
         count, size = together.count, len(places)
@@ -280,7 +279,7 @@ def _left_out(candidate: Candidate, conditions: Sequence[StiffnessData], given: 
 
 
 def _without(data: StiffnessData, left: BoolArray) -> StiffnessData:
-    """Conditions (B, N) once per row of `left` (folds, N), frequencies left out made to weigh nothing."""
+    """Conditions (B, N) once per row of `left` (folds, N), with no weight on the frequencies left out."""
     folds, count = left.shape
     covariance = np.broadcast_to(data.covariance, (folds, *data.covariance.shape)).copy()
     huge = np.broadcast_to((_NOTHING * np.abs(data.stiffness)) ** 2, (folds, *data.stiffness.shape))

@@ -1,4 +1,4 @@
-"""What a model is held against: K* over frequency with its covariance, and the static stiffness."""
+"""Data for the fit of a model: K* over frequency with its covariance, and the static stiffness."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from fourpole.errors import ModelError
 
 __all__ = ["CHANCE", "NORMAL_95", "SPACES", "StiffnessData", "stacked", "turning"]
 
-#: What may be compared: K* itself, or what follows from it.
+#: Quantities in which a model may be compared with data: K*, 1/K* or the mobility j w/K*.
 SPACES = ("stiffness", "compliance", "mobility")
-#: Chance below which a model, or the data as stated, are not believed.
+#: Probability of chi-square below which a model, or the stated uncertainties of the data, are rejected.
 CHANCE = 1e-3
-#: Standard uncertainties to either side that hold 95 % of a normal distribution.
+#: Coverage factor of a 95 % interval of a normal distribution.
 NORMAL_95 = 1.959964
 #: Least relative uncertainty that is believed: what single precision holds.
 _FLOOR = 1e-7

@@ -1,7 +1,7 @@
-"""What has to be granted to a model: the relative error that its data must be given besides, so that it fits.
+"""Model discrepancy: the relative error of K*, per frequency, that makes chi-square equal its degrees of freedom.
 
-Where no model explains the data within their uncertainty, or none is known, intervals and comparisons mean nothing
-until this is said and counted in.
+If no model explains the data within their uncertainty, intervals and comparisons are meaningful only when the model
+discrepancy is stated and included.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fourpole.models.data import CHANCE, StiffnessData
 
 __all__ = ["least_misfit", "model_discrepancy", "with_error"]
 
-#: Chance up to which a better spectrum is looked for: chi-square is to be the least, not only good enough.
+#: Probability of chi-square up to which the search for a better spectrum goes on, so that chi-square is the least.
 _LIKELY = 0.5
 #: The search ends where chi-square is its degrees of freedom within this share.
 _CLOSE = 0.01
@@ -26,7 +26,7 @@ _LEAST, _MOST = 1e-7, 1.0
 
 
 def with_error(data: StiffnessData, error: float) -> StiffnessData:
-    """The data with an error besides, of each frequency by itself, relative to K*, in Re and Im alike.
+    """The data with a further error relative to abs(K*), independent at each frequency, the same in Re and Im.
 
     Examples
     --------

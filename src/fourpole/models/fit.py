@@ -21,13 +21,13 @@ __all__ = ["Fit", "best_fit", "fit"]
 
 _STEPS = 200
 _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 1e-3, 0.2, 5.0, 1e12
-#: A step that moves no parameter by more than this share of it, or the misfit by this, ends the search.
+#: The search ends after a step that changes each parameter, or chi-square, by at most these fractions.
 _SMALL_STEP, _SMALL_GAIN = 1e-10, 1e-11
-#: So does a chi-square that has fallen by less than this, and this share of it, over so many: along a flat valley.
+#: The search also ends if chi-square falls by less than this plus this fraction of it, over this number of steps.
 _FLAT, _FLAT_SHARE, _WINDOW = 1e-3, 1e-6, 20
 #: Share of converged conditions above which the search goes on without them.
 _MOST_DONE = 0.25
-#: A parameter that moves the data by less than this, in standard units, when it is multiplied by e is not seen.
+#: The data do not determine a parameter if multiplying it by e changes them by less than this, in standard units.
 _UNSEEN = 1e-4
 #: Starts whose chi-square ends within this of the best have found the same optimum.
 _SAME_OPTIMUM = 1e-3

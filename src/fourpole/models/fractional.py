@@ -64,7 +64,7 @@ class FractionalZener(Model):
         return np.asarray(low + (high - low) * share)
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """By K0, K_inf, tau and alpha."""
+        """Derivatives of K* by K0, K_inf, tau and alpha."""
         low, high, tau, alpha = columns(self.checked(values))
         share, log = _share(positive(omega), tau, alpha)
         slope = (high - low) * share * (1 - share)
@@ -104,7 +104,7 @@ class FractionalZener5(Model):
         return np.asarray(low + (high - low) * share**beta)
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """By K0, K_inf, tau, alpha and beta."""
+        """Derivatives of K* by K0, K_inf, tau, alpha and beta."""
         low, high, tau, alpha, beta = columns(self.checked(values))
         share, log = _share(positive(omega), tau, alpha)
         power = share**beta

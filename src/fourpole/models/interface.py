@@ -1,4 +1,4 @@
-"""What every model of a tyre is: parameters as data, K* and its derivatives, and, where it can, a state space."""
+"""Interface of all models of a tyre: parameters as data, K*, its derivatives and, for some models, a state space."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class Model(ABC):
         raise ModelError(f"no start is known for the {self.name} model: state one")
 
     def ordering(self, values: FloatArray) -> np.ndarray | None:  # noqa: ARG002
-        """Places (..., P) of the parameters in the order that tells equal sets apart; none where there is one only."""
+        """Indices (..., P) that sort the parameters of equivalent sets alike; None if no two sets are equivalent."""
         return None
 
     def state_space(self, values: ArrayLike) -> StateSpace:

@@ -1,4 +1,4 @@
-"""Relaxing tyres: the paper's Zener, and the generalised Maxwell model with as many arms as the data want."""
+"""Relaxing tyres: the paper's Zener, and the generalised Maxwell model with any number of arms."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Zener(Model):
         return np.asarray(k1 + k2 * share)
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """By K1, K2 and C."""
+        """Derivatives of K* by K1, K2 and C."""
         _, _, _, share = self._arm(values, omega)
         return np.stack([np.ones_like(share), share**2, 1j * positive(omega) * (1 - share) ** 2], axis=-1)
 
@@ -135,7 +135,7 @@ class GeneralisedMaxwell(Model):
         return np.asarray(rest + np.sum(springs * (1 - relaxed), axis=-1))
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """By K_inf, all K_i, all tau_i."""
+        """Derivatives of K* by K_inf, all K_i and all tau_i."""
         _, springs, _, relaxed = self._parts(values, omega)
         one = np.ones_like(relaxed[..., :1])
         by_time = springs * 1j * positive(omega)[..., None] * relaxed**2

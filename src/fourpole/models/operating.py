@@ -54,7 +54,7 @@ class LeftOut:
 
 @dataclass(frozen=True, eq=False)
 class Answer(ByValue):
-    """What the map says at Q points.
+    """Values of the operating map at Q points.
 
     Attributes
     ----------
@@ -267,7 +267,7 @@ def make_map(
 
 
 def misfit_of(model: Model, conditions: Sequence[StiffnessData], values: ArrayLike) -> tuple[float, float]:
-    """What a model cannot follow over frequency, along and across K*, relative: what fits leave beyond the noise."""
+    """Misfit of a model over frequency, along and across K*: rms residual less noise, relative to abs(K*) [1], [1]."""
     sums, noise, spare = np.zeros(2), np.zeros(2), 0.0
     for data, own in zip(conditions, np.asarray(values, dtype=float), strict=True):
         left = data.stiffness / model.stiffness(own, data.omega) - 1
@@ -292,7 +292,7 @@ def _fitted(
 
 
 def _left_out(found: Together, conditions: Sequence[StiffnessData]) -> LeftOut:
-    """How good the surfaces are where a condition is left out; not-a-number where the rest cannot tell it."""
+    """Leave-one-out errors of the surfaces; not-a-number if the other conditions do not determine the one left out."""
     if not _judged(found):
         return LeftOut(float("nan"), float("nan"), float("nan"))
     errors, scores, middle = [], [], []
@@ -368,7 +368,7 @@ def _common_band(conditions: Sequence[StiffnessData]) -> tuple[float, float]:
 
 
 def _static(conditions: Sequence[StiffnessData], axes: Axes) -> ValueSurface | None:
-    """K1 over the axes, where the static tests tell it of every condition."""
+    """Surface of K1 over the axes; None unless K1 is known at every condition."""
     k1, std = (np.array([float(getattr(one, name)) for one in conditions]) for name in ("k1", "k1_std"))
     if not (np.all(np.isfinite(k1)) and np.all(np.isfinite(std)) and np.all(k1 > 0)):
         return None

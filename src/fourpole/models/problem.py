@@ -1,4 +1,4 @@
-"""What a fit searches: a model on data, which of its parameters are free, fixed or tied, and how they are scaled.
+"""The problem that a fit solves: a model, data, the free, fixed and tied parameters, and their scales.
 
 Parameters that are known by their order of magnitude are moved by their logarithm, the others by shares of their scale.
 """

@@ -32,7 +32,7 @@ class Spring(Model):
         return np.asarray(k + 0j * positive(omega))
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """By K."""
+        """Derivative of K* by K."""
         return np.ones_like(self.stiffness(values, omega))[..., None]
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
@@ -64,7 +64,7 @@ class KelvinVoigt(Model):
         return np.asarray(k + 1j * positive(omega) * c)
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """By K and C."""
+        """Derivatives of K* by K and C."""
         by_c = 0 * self.stiffness(values, omega) + 1j * positive(omega)
         return np.stack([np.ones_like(by_c), by_c], axis=-1)
 
@@ -105,7 +105,7 @@ class Structural(Model):
         return np.asarray(k * (1 + 1j * eta) + 0 * positive(omega))
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """By K and eta."""
+        """Derivatives of K* by K and eta."""
         k, eta = columns(self.checked(values))
         nothing = 0 * positive(omega)
         return np.stack([1 + 1j * eta + nothing, 1j * k + nothing], axis=-1)

@@ -59,7 +59,10 @@ def simulate(model: StateSpace, deflection: ArrayLike, rate: ArrayLike, step: fl
 
 
 def _exactly(model: StateSpace, step: float) -> tuple[FloatArray, FloatArray]:
-    """What a step makes of the states, and what the ends of the cubic add; the cubic is a chain of integrators."""
+    """Transition matrix of the states over one step, and input matrix for the ends of the cubic.
+
+    The motion within a step is a cubic, which a chain of four integrators generates exactly.
+    """
     size = len(model.a)
     chain = np.zeros((size + 4, size + 4))
     chain[:size, :size] = model.a * step

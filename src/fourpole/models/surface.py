@@ -18,22 +18,22 @@ __all__ = ["Axes", "Terms", "ValueSurface", "bends", "design", "term_sets", "val
 #: Exponents of each axis, term by term.
 Terms = tuple[tuple[int, ...], ...]
 _MOST_DEGREE = 3
-#: More terms than this share of the conditions leave too little to tell how good they are.
+#: Largest number of terms as a fraction of the number of conditions; the rest serves to estimate the error.
 _MOST_TERMS = 0.75
-#: Values of an axis that differ by less than this share of its span, or of themselves, are one.
+#: Two values of an axis are equal if they differ by less than this fraction of its span or of the values.
 _SAME = 0.02
-#: A point within this share of a half span is on the hull.
+#: Largest distance from the convex hull, in half spans, at which a point counts as on it.
 _ON_HULL = 1e-6
 _HEAVY = 1e4
 #: Bend half way between two levels, as a share of the change from one to the other: c in x + c (1 - x²), halved.
 _BEND = 1.0 / 24.0
-#: A surface must be better by this share than a simpler one; least share of a condition that the others tell.
+#: Largest ratio of the error of a surface to that of a simpler one that is replaced; least value of 1 - leverage.
 _BETTER, _ALL_LEVERAGE = 0.98, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Axes(ByValue):
-    """What conditions are told apart by, and where they were measured.
+    """The quantities in which conditions differ, and the measured points.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Axes(ByValue):
     points : (B, d) float array
         Value of each condition.
     constant : dict of str to float
-        Axes that were not varied, and where they stood.
+        Axes that were not varied, each with its value.
     """
 
     names: tuple[str, ...]
@@ -66,7 +66,7 @@ class Axes(ByValue):
 
     @property
     def middle(self) -> FloatArray:
-        """Of each axis (d,)."""
+        """Middle of the measured span of each axis (d,)."""
         return np.asarray((self.points.min(axis=0) + self.points.max(axis=0)) / 2)
 
     @property
@@ -81,11 +81,11 @@ class Axes(ByValue):
 
     @property
     def straight(self) -> tuple[int, ...]:
-        """Axes that have two levels only: nothing tells how a value bends between them."""
+        """Indices of axes with two levels only; the curvature between two levels is unknown."""
         return tuple(at for at, levels in enumerate(self.levels) if levels == 2)
 
     def scaled(self, points: ArrayLike) -> FloatArray:
-        """Points (Q, d) where what was measured lies between -1 and 1."""
+        """Points (Q, d) scaled so that the measured span of each axis is from -1 to 1."""
         array = np.atleast_2d(np.asarray(points, dtype=float))
         return np.asarray((array - self.middle) / self.half)
 
@@ -162,7 +162,7 @@ def bends(scaled: FloatArray, straight: Sequence[int]) -> Iterator[tuple[FloatAr
 
 
 def value_surface(axes: Axes, values: ArrayLike, stds: ArrayLike) -> ValueSurface:
-    """The surface that tells conditions left out best, of values (B,) with standard uncertainties (B,).
+    """The surface with the least leave-one-out error of values (B,) with standard uncertainties (B,).
 
     Examples
     --------
@@ -181,7 +181,7 @@ def value_surface(axes: Axes, values: ArrayLike, stds: ArrayLike) -> ValueSurfac
         inverse = np.linalg.pinv(basis.T @ basis, hermitian=True)
         off = logs - basis @ (inverse @ basis.T @ logs)
         spare = np.maximum(1.0 - np.einsum("bi,ij,bj->b", basis, inverse, basis), _ALL_LEVERAGE)
-        error = float(np.sqrt(np.mean((off / spare) ** 2)))  # of conditions left out
+        error = float(np.sqrt(np.mean((off / spare) ** 2)))  # leave-one-out error
         scatter = float(np.sqrt(np.mean(off**2 / spare)))
         if best is None or error < _BETTER * best[0]:
             coefficients = inverse @ basis.T @ logs

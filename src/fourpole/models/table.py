@@ -87,7 +87,7 @@ class Gehman(Model):
         return np.asarray(k1 + zener_stiffness(0.0, self._k2(inside), self._c(inside), w))
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """By K1."""
+        """Derivative of K* by K1."""
         return np.ones_like(self.stiffness(values, omega))[..., None]
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
@@ -158,7 +158,7 @@ class GehmanLaw(Model):
         return np.asarray(k1 + k2 * damper / (k2 + damper))
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """By K1, K2, C, the exponents of K2 and those of C."""
+        """Derivatives of K* by K1, K2, C, the exponents of K2 and those of C."""
         checked = self.checked(values)
         _, k2, damper, powers = self._parts(checked, omega)
         share = damper / (k2 + damper)

@@ -30,7 +30,7 @@ __all__ = ["Scatter", "Together", "fit_together", "link", "unlink"]
 #: A linked value is kept within this of the middle, where it has bounds on both sides; logarithms within 300.
 _MOST_LOGIT, _MOST_LOG = 12.0, 300.0
 _TOLERANCE = 1e-12
-#: Least share that the other conditions are taken to tell.
+#: Least value of 1 - leverage in a leave-one-out residual.
 _ALONE = 1e-9
 
 
@@ -141,7 +141,7 @@ class Together(ByValue):
 
     @cached_property
     def _inverse(self) -> FloatArray:
-        """Of the normal equations of coefficients and shared errors."""
+        """Inverse of the normal matrix of coefficients and shared errors."""
         whole = np.concatenate(self.rows)
         prior = np.zeros(whole.shape[1])
         prior[self.covariance.shape[0] :] = 1.0
@@ -155,7 +155,7 @@ class Together(ByValue):
         rows = self.rows[at]
         leverage = rows @ self._inverse @ rows.T
         shares, directions = np.linalg.eigh(leverage)
-        # what only this condition tells has all of the leverage: nothing is known of it without
+        # The leverage is 1 in a direction that only this condition determines; the limit avoids a division by zero.
         spread = (directions / np.clip(1.0 - shares, _ALONE, 1.0)) @ directions.T
         return spread @ self.residuals[at], spread
 
@@ -249,7 +249,7 @@ def fit_together(
 
 @dataclass(frozen=True)
 class _Search:
-    """What the solver sees: coefficients in turn, then the shared errors."""
+    """The least-squares problem of the solver: its unknowns are the coefficients in turn, then the shared errors."""
 
     model: Model
     groups: Sequence[_Group]
@@ -267,7 +267,7 @@ class _Search:
 
     @property
     def whiteners(self) -> list[FloatArray]:
-        """Of each condition."""
+        """Whitening matrix of each condition."""
         found = {at: row for one in self.groups for at, row in zip(one.places, one.whitener, strict=True)}
         return [found[at] for at in range(len(found))]
 
@@ -368,7 +368,7 @@ def _law_of(symbol: str, given: ArrayLike, count: int) -> FloatArray:
 
 
 def _whitener(data: StiffnessData, scatter: Scatter) -> FloatArray:
-    """Of the data's own uncertainty with the scatter."""
+    """Whitening matrix of the data's own uncertainty and the scatter together."""
     whole = np.zeros((2 * data.count, 2 * data.count))
     turns = _pairs(np.stack([data.stiffness, 1j * data.stiffness], axis=1))  # by Re and Im of log K*
     for at in range(data.count):

@@ -187,7 +187,7 @@ class Shell(Model):
         return np.asarray(1.0 / (moved + rest[..., None] / lossy))
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """By R, B, S, D, p, k, mu, tau, l and beta."""
+        """Derivatives of K* by R, B, S, D, p, k, mu, tau, l and beta."""
         sets, w = self.checked(values), positive(omega)
         springs, shape, patch, rest = self._parts(sets)
         mass, loss = sets[..., 6, None], 1 + 1j * w * sets[..., 7, None]
@@ -218,7 +218,7 @@ class Shell(Model):
         )
 
     def static_derivative(self, values: ArrayLike) -> FloatArray:
-        """Of the static stiffness: what `derivative` tends to."""
+        """Derivatives of the static stiffness: the limit of `derivative` at zero frequency."""
         return np.asarray(self.derivative(values, [_ZERO])[..., 0, :].real)
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002

@@ -114,7 +114,7 @@ def write_report(
 def render_report(results: Results, *, findings: Sequence[Said], figures: Mapping[str, ReportFigure]) -> str:
     """The page that `write_report` writes, as text.
 
-    Whatever stands in the tables, the record, the findings and the captions is escaped. The page asks for nothing from
+    Whatever stands in the tables, the record, the findings and the captions is escaped. The page loads nothing from
     anywhere: style, script, figures and the data of the cards are inside, and its policy lets no other script run.
     """
     cards, static_keys, dynamic_keys = make_cards(results)

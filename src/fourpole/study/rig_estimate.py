@@ -49,7 +49,7 @@ _RECORDED = (
 
 
 class Finding(StrEnum):
-    """What the tests say of a shared value, as column `finding` has it; empty where it is none of these."""
+    """Result of the tests for a shared value, as in column `finding`; the column is empty if none of these applies."""
 
     FOUND = "found"
     NOT_DETERMINED = "not determined"
@@ -118,7 +118,7 @@ class SharedValue:
 
     @property
     def remark(self) -> str:
-        """What rig.csv says of the value."""
+        """Remark on the value in rig.csv."""
         if self.finding is not Finding.FOUND:
             return _REMARKS[self.finding]
         part, rest = (" in part", ", in part from your statement") if (self.ratio or 0.0) > _HALF else ("", "")
@@ -220,7 +220,7 @@ class RigEstimate:
 
     @property
     def notes(self) -> tuple[NoteCode, ...]:
-        """What the user must know, the gravest first; the numbers of each note are in the fields here."""
+        """Codes of the notes for the user, the gravest first; the numbers of a note are fields of this class."""
         true = {
             NoteCode.NOT_CONVERGED: not self.converged,
             NoteCode.MISFIT: not self.fits,
@@ -244,7 +244,7 @@ class RigEstimate:
         )
 
     def _misfit(self) -> str:
-        """What does not fit, and the best candidate for its cause."""
+        """Sentence on the values that contradict the tests, and on the best candidate for the cause."""
         against = [
             f"{value.source.text} is stated as {_short(value.stated, value.unit)}, "
             f"the tests want {_short(value.found, value.unit)}"
@@ -262,7 +262,7 @@ class RigEstimate:
 
     @property
     def record(self) -> dict[str, Any]:
-        """What study.json has of the rig."""
+        """Record of the rig in study.json."""
         record = {name: getattr(self, name) for name in _RECORDED}
         record["notes"] = [self.note(code) for code in self.notes]
         record["note_codes"] = [str(code) for code in self.notes]

@@ -20,7 +20,7 @@ __all__ = ["SimulatedCampaign", "simulate_campaign"]
 
 @dataclass(frozen=True)
 class SimulatedCampaign:
-    """What `simulate_campaign` wrote.
+    """The campaign that `simulate_campaign` wrote.
 
     Parameters
     ----------

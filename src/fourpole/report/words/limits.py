@@ -1,4 +1,4 @@
-"""What limits a campaign: the largest source of uncertainty of K2 and C on each rig, and its cheapest remedy."""
+"""Limits of a campaign: the largest source of uncertainty of K2 and C on each rig, and its cheapest remedy."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MOST_OF_IT = 0.5
 
 @dataclass(frozen=True)
 class Limit:
-    """What limits one quantity on one rig.
+    """The largest source of uncertainty of one quantity on one rig.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ __all__ = ["chosen", "map_facts", "place", "question", "remarks_on_map", "senten
 
 #: Up to this number non-passive conditions are listed one by one.
 _NAMED = 6
-#: By column of an axis: the unit shown, its SI value, and the option of `fourpole query`.
+#: Shown unit, its SI value and the option of `fourpole query`, by the column of an axis.
 _AXES = {one.head: (one.suffix, one.scale, f"--{one.key}") for one in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE)}
 _SPELLED = {"°C": "degC"}
 #: Characters of a name that need no quotes in a shell.

@@ -20,7 +20,7 @@ _UNSTATED = {
 
 @dataclass(frozen=True)
 class About:
-    """What a remedy depends on, for one rig.
+    """Facts of one rig on which the choice of a remedy depends.
 
     Attributes
     ----------
