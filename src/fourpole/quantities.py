@@ -280,7 +280,7 @@ TIME = _listed("time", "time", "s", "time of the samples shown")
 RESIDUAL_TIME = _listed("residual_time", "residual time", "s", "time of the stretches whose residual is shown")
 
 WINDOW = Quantity("window", "window", "window", "s", "part of the recording in use", kind="text")
-LEFT_OUT = Quantity("left_out", "", "left out", "1", "leave-one-out error: of conditions that the fit did not have")
+LEFT_OUT = Quantity("left_out", "", "leave-one-out error", "1", "residual of frequencies that the fit does not use")
 OUTSIDE = Quantity("outside", "", "outside", "half spans", "distance from what was measured")
 
 #: All of them, in the order above.

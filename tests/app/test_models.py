@@ -125,7 +125,7 @@ def test_results_to_model_map_and_query(run, results):
     assert (results / "figures" / "model.svg").is_file()
     mapped = run("map", results)
     assert mapped.exit_code == 0, mapped.output
-    assert "conditions left out are told within" in " ".join(mapped.stdout.split())
+    assert "leave-one-out error" in " ".join(mapped.stdout.split())
     asked = run(
         "query",
         results / "map.json",
@@ -193,7 +193,7 @@ def test_a_query_outside_is_refused_and_writes_nothing(run, results, tmp_path):
         (("fit", "k.csv", "--fix", "K1=heavy"), "--fix K1:"),
         (("fit", "k.csv", "--fix", "K1=5 s"), "--fix K1:"),
         (("fit", "k.csv", "--fix", "K9=5"), "'K9=5' is not a parameter and its value"),
-        (("fit", "k.csv", "--model", "spring", "--fix", "K=5"), "nothing is left to fit"),
+        (("fit", "k.csv", "--model", "spring", "--fix", "K=5"), "leave at least one free"),
         (("fit", "k.csv", "--std", "200 %"), "between 0 and 100 %"),
         (("fit", "k.csv", "--std-k1", "2 %"), "--std-k1 is of --k1"),
         (("fit", "k.csv", "--over", "camber [deg]"), "no column 'camber [deg]'"),

@@ -1,17 +1,19 @@
 """Model files: written and read back, of later versions refused, and whoever changed one is told."""
 
+import contextlib
 import json
 
 import numpy as np
 import polars as pl
 import pytest
 
+from fourpole.core.condition import AXES, Axis, Sameness
 from fourpole.core.rig import Rig
 from fourpole.errors import FileError, ModelError
 from fourpole.fitting.measured import measured_of
-from fourpole.fitting.modelfile import ModelFile, map_of, read_model_file, response
+from fourpole.fitting.modelfile import ModelFile, map_of, read_model_file
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
-from fourpole.fitting.query import Query, ask
+from fourpole.fitting.query import Query, ask, response
 from fourpole.models.families import model_named
 
 FREQUENCIES = np.linspace(8.0, 26.0, 10)
@@ -138,7 +140,7 @@ def test_at_a_tested_point_the_map_agrees_with_the_test(mapped):
 @pytest.mark.parametrize(
     ("query", "said"),
     [
-        (Query([13.7], {"pressure [Pa]": 1.85e5}), "state --preload: the map goes over preload from 1000 N to 2000 N"),
+        (Query([13.7], {"pressure [Pa]": 1.85e5}), "state --preload: the map is over preload from 1000 N to 2000 N"),
         (Query([13.7], {"pressure [Pa]": 2.9e5, "preload [N]": 1400.0}), "outside what was measured, by 0.714 half"),
         (Query([53.7], {"pressure [Pa]": 1.85e5, "preload [N]": 1400.0}), "53.7 Hz is outside the measured band, 8"),
         (Query([13.7], {"camber [deg]": 2.0}), "do not state 'camber"),
@@ -165,16 +167,32 @@ def test_a_map_from_one_pressure_says_which_axes_it_answers():
     assert [axis.name for axis in file.maps[0].axes] == ["preload"]
     row = ask(file, Query([13.7], {"pressure [Pa]": 1.71e5, "preload [N]": 1400.0}))[0]
     assert row["pressure [Pa]"] == pytest.approx(1.7e5)
-    with pytest.raises(ModelError, match=r"one pressure only, 1\.7 bar.* at 1\.85 bar; it answers over preload"):
+    with pytest.raises(
+        ModelError, match=r"all tests had the pressure 1\.7 bar, not 1\.85 bar: the map is over preload"
+    ):
         ask(file, Query([13.7], {"pressure [Pa]": 1.85e5, "preload [N]": 1400.0}))
 
 
+@pytest.mark.parametrize(("camber", "answered"), [(2.4, True), (2.6, False)])
+def test_a_query_has_the_tolerances_of_the_axes_that_the_campaign_names(tmp_path, camber, answered):
+    rows = table(pressures=(1.7e5,), preloads=(1000.0,)).with_columns(pl.lit(2.0).alias("camber [deg]"))
+    measured = measured_of(rows, rule=Sameness((*AXES, Axis("camber [deg]", absolute=0.5))))
+    model_file(measured, fit_tyres(measured, "zener")).write(tmp_path / "model.json")
+    query = Query([13.7], {"camber [deg]": camber})
+    with contextlib.nullcontext() if answered else pytest.raises(ModelError, match="no condition is the same"):
+        assert ask(read_model_file(tmp_path / "model.json"), query)[0]["camber [deg]"] == 2.0
+
+
+def test_a_file_without_own_axes_is_written_as_before(fitted):
+    assert "axes" not in fitted.document
+
+
 def test_a_fit_is_asked_at_its_conditions_only(fitted):
-    with pytest.raises(ModelError, match="2 conditions are like what was asked"):
+    with pytest.raises(ModelError, match="2 conditions are the same as the stated one"):
         ask(fitted, Query([13.7], {"pressure [Pa]": 1.7e5}, "a"))
-    with pytest.raises(ModelError, match=r"no condition is like .* fits at 1\.7 bar, 1000 N; 1\.7 bar, 2000 N"):
+    with pytest.raises(ModelError, match=r"no condition is the same .* fits at 1\.7 bar, 1000 N; 1\.7 bar, 2000 N"):
         ask(fitted, Query([13.7], {"pressure [Pa]": 1.9e5}, "a"))
-    with pytest.raises(ModelError, match="knows 2 tyres: state --tyre"):
+    with pytest.raises(ModelError, match="has 2 tyres: state --tyre"):
         ask(fitted, Query([13.7]))
 
 
@@ -253,16 +271,16 @@ def test_between_two_levels_of_an_axis_a_bend_is_allowed_for(mapped):
     change = np.diff([found.ask([[1.7e5, load]], [14.0]).stiffness[0].real for load in (1000.0, 2000.0)])[0]
     assert between - (change / 24) ** 2 == pytest.approx(at_load, rel=0.3)  # the rest is of the surfaces
     assert between > (change / 24) ** 2
-    assert "between the two tested values of preload a bend" in mapped.maps[0].choice
+    assert "between the two tested values of preload includes a bend" in mapped.maps[0].choice
 
 
 def test_two_conditions_are_joined_by_a_straight_line_and_that_is_said():
     measured = measured_of(table(pressures=(1.0e5, 2.4e5), preloads=(1000.0,)))
     (made,) = map_tyres(measured, "zener")
     assert len(made.best.terms) == 2
-    assert "too few conditions to leave one out" in made.text
+    assert "too few for a leave-one-out error" in made.text
     file = model_file(measured, maps=[made])
-    assert file.maps[0].left_out == (None, None, None)
+    assert file.maps[0].leave_one_out == (None, None, None)
     row = ask(file, Query([14.0], {"pressure [Pa]": 1.7e5}))[0]
     clean = model_named("zener").stiffness(truth(1.7e5, 1000.0), [28 * np.pi])[0]
     assert abs(row["Re K* [N/m]"] - clean.real) < 2 * row["u(Re K*) [N/m]"] < 0.05 * clean.real
@@ -281,7 +299,7 @@ def test_conditions_without_a_common_frequency_make_no_map():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (_set(["kind"], "model"), "says that it is a model, and holds none or another"),
+        (_set(["kind"], "model"), "is of kind model and has no entry of it"),
         (_set(["version"], True), "no version that is known"),
         (_set(["maps", 0, "band"], [20.0, 10.0]), "the band falls"),
         (_set(["maps", 0, "band"], [0.0, 10.0]), "band"),

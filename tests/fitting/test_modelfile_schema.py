@@ -90,7 +90,7 @@ def test_every_reference_of_the_schema_leads_somewhere(stated):
 
 def test_what_is_written_has_the_keys_of_the_schema(stated, written):
     for document in written:
-        assert set(document) == set(stated["properties"])
+        assert set(document) == set(stated["properties"]) - {"axes"}  # the campaign names no axes
         check(document, stated, stated)
 
 
@@ -115,4 +115,4 @@ def test_the_example_of_the_page_can_be_read(tmp_path):
     found = read_model_file(path)
     assert isinstance(found, ModelFile)
     assert found.models[0].conditions[0].tests == ["D1", "D2", "D3"]
-    assert json.loads(example) == found.model_dump(mode="json")
+    assert json.loads(example) == found.document

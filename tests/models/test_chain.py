@@ -132,11 +132,11 @@ def test_a_fractional_model_is_arms_in_time_as_accurate_as_asked(name, accuracy)
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: mobility(*MODELS["table"], PAPER, [2 * np.pi * 40.0]), "knows 5 to 31 Hz, not 40 Hz"),
-        (lambda: transmissibility(*MODELS["table"], PAPER, [2 * np.pi * 4.0]), "knows 5 to 31 Hz, not 4 Hz"),
-        (lambda: transmissibility_derivative(*MODELS["table"], PAPER, [2 * np.pi * 4.0]), "not 4 Hz"),
-        (lambda: four_pole(*MODELS["table"], [2 * np.pi * 4.0]), "not 4 Hz"),
-        (lambda: four_pole(Spring(), [0.0], OMEGA), "has no stiffness"),
+        (lambda: mobility(*MODELS["table"], PAPER, [2 * np.pi * 40.0]), "from 5 to 31 Hz, without 40 Hz"),
+        (lambda: transmissibility(*MODELS["table"], PAPER, [2 * np.pi * 4.0]), "from 5 to 31 Hz, without 4 Hz"),
+        (lambda: transmissibility_derivative(*MODELS["table"], PAPER, [2 * np.pi * 4.0]), "without 4 Hz"),
+        (lambda: four_pole(*MODELS["table"], [2 * np.pi * 4.0]), "without 4 Hz"),
+        (lambda: four_pole(Spring(), [0.0], OMEGA), "K\\* of the spring model is zero"),
         (lambda: four_pole(Spring(), [1e5], [0.0]), "must be positive"),
         (lambda: mobility(Zener(), [-1.0, 1.0, 1.0], PAPER, OMEGA), "K1 = -1 N/m"),
         (lambda: in_time(*MODELS["structural"], (1.0, 10.0)), "structural model is not causal"),

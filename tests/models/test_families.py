@@ -2,11 +2,14 @@
 
 import inspect
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from fourpole import models
 from fourpole.errors import ModelError
 from fourpole.models import choice, families
 from fourpole.models.choice import choose, fit_conditions
@@ -208,3 +211,19 @@ def test_the_docs_and_the_help_name_every_family():
         assert re.search(rf"^\| `{name}\b", which, re.MULTILINE), name
     option = inspect.signature(model_commands.fit, eval_str=True).parameters["model"].annotation.__metadata__[0]
     assert option.help.startswith(NAMES)
+
+
+def test_each_family_is_a_class_of_the_package():
+    classes = {place.partition(".")[2] for place in FAMILIES.values()}
+    assert classes == set(dir(models))
+    for name in classes:
+        assert issubclass(getattr(models, name), Model)
+        assert f"`{name}`" in models.__doc__
+    with pytest.raises(AttributeError, match="no attribute 'Zenner'; its models are Spring"):
+        _ = models.Zenner
+
+
+def test_importing_the_package_loads_no_family():
+    code = "import sys, fourpole.models; print('numpy' in sys.modules or 'fourpole.models.maxwell' in sys.modules)"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.strip() == "False"

@@ -119,7 +119,7 @@ def test_fixed_parameters_stay_and_bounds_hold():
         (lambda d: StiffnessData.of(d.omega, d.stiffness * np.nan, 1.0), "must be known at every frequency"),
         (
             lambda d: StiffnessData.of(d.omega, d.stiffness, covariance=np.tile([[1.0, 2.0], [2.0, 1.0]], (28, 1, 1))),
-            "negative direction",
+            "negative eigenvalue",
         ),
     ],
 )

@@ -58,9 +58,9 @@ def test_the_scatter_of_conditions_is_found(maps):
 
 
 def test_conditions_left_out_are_inside_as_often_as_said(maps):
-    inside = np.mean([one.left_out.inside for one in maps])
+    inside = np.mean([one.leave_one_out.inside for one in maps])
     assert 0.90 <= inside <= 0.99
-    assert np.mean([one.left_out.error for one in maps]) < 3 * SCATTER
+    assert np.mean([one.leave_one_out.error for one in maps]) < 3 * SCATTER
 
 
 def test_between_the_conditions_the_truth_is_inside_its_interval(maps):
@@ -139,7 +139,7 @@ def test_what_a_model_cannot_follow_widens_its_answers():
     start = np.stack([[np.mean(one.stiffness.real), np.mean(one.stiffness.imag / OMEGA)] for one in data])
     found = make_map(kelvin, data, Axes.of(["p [Pa]", "l [N]"], POINTS), start)
     assert max(found.scatter.frequency) > 0.01
-    assert found.left_out.inside > 0.9
+    assert found.leave_one_out.inside > 0.9
 
 
 def test_one_axis_and_no_axis():

@@ -144,5 +144,5 @@ class Unknown(Model):
 
 def test_a_model_without_a_start_is_told():
     data = StiffnessData.of(NARROW, np.full(NARROW.shape, 1e5 + 0j), 1.0)
-    with pytest.raises(ModelError, match="no start is known for the unknown model: state one"):
+    with pytest.raises(ModelError, match="the unknown model has no start values: state them"):
         start_of(Unknown(), data)

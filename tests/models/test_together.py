@@ -86,7 +86,7 @@ def test_conditions_left_out_are_told_as_a_fit_without_them_tells():
     values = np.array([unlink(one, value)[0] for one, value in zip(Zener().parameters, linked, strict=True)])
     off = data[2].stiffness - Zener().stiffness(values, OMEGA)
     wanted = whole.whiteners[2] @ np.stack([off.real, off.imag], axis=1).ravel()
-    found, spread = whole.left_out(2)
+    found, spread = whole.leave_one_out(2)
     # to first order: coefficients move by some 1e-3, squared against residuals of that size
     np.testing.assert_allclose(found, wanted, atol=0.02 * np.abs(wanted).max())
     assert np.all(np.linalg.eigvalsh(spread) > 1 - 1e-9)

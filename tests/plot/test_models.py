@@ -10,7 +10,8 @@ from tests.plot.conftest import empty_results, renamed, results_of
 from tests.plot.modelled import edited, elastomer, named, study_with_models, with_models
 from tests.plot.test_figures import in_order, lines, panel, points, said, texts
 
-from fourpole.fitting.modelfile import map_of, response
+from fourpole.fitting.modelfile import map_of
+from fourpole.fitting.query import response
 from fourpole.models.families import model_named
 from fourpole.plot import THEMES, Style, draw, render
 from fourpole.plot.models import _rows, whitened
@@ -78,7 +79,7 @@ def test_the_line_is_the_models_and_its_band_holds_95_percent(fitted):
     np.testing.assert_allclose(above, expected, rtol=1e-9)
     np.testing.assert_allclose(below, expected, rtol=1e-9)
     # The model discrepancy is in the band.
-    assert np.all(expected > TWO_SIDED_95 * entry.granted * y[1:-1])
+    assert np.all(expected > TWO_SIDED_95 * entry.discrepancy * y[1:-1])
 
 
 def test_residuals_are_white():
@@ -132,9 +133,9 @@ def test_temperatures_have_markers_of_their_own():
 
 def test_the_key_names_the_model_and_its_discrepancy(fitted):
     entry = fitted.models.models[0]
-    assert entry.granted > 0
-    assert f"cross-ply: zener, model discrepancy {100 * entry.granted:.2g} %" in texts(draw(fitted, "model"))
-    exact = draw(edited(fitted, granted=0.0), "model")
+    assert entry.discrepancy > 0
+    assert f"cross-ply: zener, model discrepancy {100 * entry.discrepancy:.2g} %" in texts(draw(fitted, "model"))
+    exact = draw(edited(fitted, discrepancy=0.0), "model")
     assert "cross-ply: zener" in texts(exact)
     assert "discrepancy" not in said(exact)
 
@@ -194,14 +195,14 @@ def test_candidates_stand_where_their_criteria_are(tried):
     for ax, values in (
         (bic, [one.bic - least for one in entry.candidates]),
         (chi2, [one.chi2 / one.dof for one in entry.candidates]),
-        (left, [one.left_out for one in entry.candidates]),
+        (left, [one.leave_one_out for one in entry.candidates]),
     ):
         drawn = np.concatenate([points(ax, "_chosen"), points(ax, "_candidate")])
         expected = [(value, at) for at, value in enumerate(values) if value is not None]
         np.testing.assert_allclose(in_order(drawn), in_order(np.array(expected)), rtol=1e-12)
     assert [text.get_text() for text in bic.get_yticklabels()] == [one.model for one in entry.candidates]
     assert bic.get_ylim()[0] > bic.get_ylim()[1]  # the best on top
-    missing = sum(one.left_out is None for one in entry.candidates)
+    missing = sum(one.leave_one_out is None for one in entry.candidates)
     assert [text.get_text() for text in left.texts] == ["n"] * missing
     assert missing
 

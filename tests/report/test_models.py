@@ -62,19 +62,20 @@ def test_the_choice_and_the_model_discrepancy_are_said(fitted):
     said = sentences(entry)
     assert said[0].startswith(entry.choice.rstrip("."))
     assert re.fullmatch(
-        r"Its intervals include a model discrepancy of \d\.\d % of \|K\*\|, with which chi-square per degree of "
-        r"freedom is 1\.",
+        r"The model does not fit within the measurement uncertainty\. "
+        r"With a model discrepancy of \d\.\d % of \|K\*\| added, "
+        r"chi-square per degree of freedom is \d(\.\d+)?; the intervals below include it\.",
         said[1],
     )
-    assert f"{100 * entry.granted:.1f} %" in said[1]
-    exact = sentences(entry.model_copy(update={"granted": 0.0, "causal": False}))
+    assert f"{100 * entry.discrepancy:.1f} %" in said[1]
+    exact = sentences(entry.model_copy(update={"discrepancy": 0.0, "causal": False}))
     assert not any("discrepancy" in text for text in exact)
     assert any("not causal" in text for text in exact)
 
 
 def test_verdicts_are_summed_up(fitted):
     def verdicts(*judgements):
-        return " ".join(sentences(judged(edited(fitted, granted=0.0), judgements).models.models[0])[1:])
+        return " ".join(sentences(judged(edited(fitted, discrepancy=0.0), judgements).models.models[0])[1:])
 
     good, bad = (True, 0.01, []), (False, 0.0312, [10.0, 12.0])
     assert verdicts(good) == "A passive linear tyre can have this K*, within its uncertainty."
@@ -214,9 +215,9 @@ def test_a_map_says_where_it_holds_and_how_well(fitted):
     assert facts["pressure"] == "1, 1.7, 2.4 bar"
     assert facts["preload"] == "1000, 2000 N"
     assert facts["frequency"] == f"{entry.band[0]:.1f} to {entry.band[1]:.1f} Hz"
-    assert float(facts["leave-one-out error of K*"].split()[0]) == pytest.approx(100 * entry.left_out[0], abs=0.06)
+    assert float(facts["leave-one-out error of K*"].split()[0]) == pytest.approx(100 * entry.leave_one_out[0], abs=0.06)
     assert "inside their hull" in section(fitted).map.remarks[0]
-    untold = entry.model_copy(update={"left_out": (None, None, None)})
+    untold = entry.model_copy(update={"leave_one_out": (None, None, None)})
     assert list(dict(map_facts(untold))) == ["model", "pressure", "preload", "frequency"]
 
 

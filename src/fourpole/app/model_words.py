@@ -11,6 +11,7 @@ from fourpole.app.console import first_of, out, print_table, say, warn
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, column_of
 from fourpole.fitting.modelling import TyreMap
 from fourpole.models.operating import OperatingMap
+from fourpole.report.words.models import discrepancy
 
 __all__ = ["show_fit", "show_map", "show_row"]
 
@@ -47,19 +48,16 @@ def show_fit(entry: ModelEntry) -> None:
             f"{one.chi2 / max(one.dof, 1):.3g}",
             f"{one.aicc:.5g}",
             f"{one.bic - least:.3g}",
-            "" if one.left_out is None else f"{one.left_out:.3g}",
+            "" if one.leave_one_out is None else f"{one.leave_one_out:.3g}",
             str(one.on_bound or ""),
-            str(one.lost or ""),
+            str(one.not_converged or ""),
         )
         for one in entry.candidates
     ]
     print_table(("model", "causal", *_COMPARED), rows, right=_COMPARED)
     out(entry.choice)
-    if entry.granted:
-        out(
-            f"The model does not fit within the measurement uncertainty. With a model discrepancy of "
-            f"{100 * entry.granted:.2g} % of |K*| added it does; the uncertainties include the discrepancy"
-        )
+    if entry.discrepancy:
+        out(discrepancy(entry))
     _show_verdicts(entry)
     _show_parameters(entry)
 
@@ -153,7 +151,7 @@ def _map_row(name: str, one: OperatingMap | str, found: TyreMap) -> tuple[str, .
     """Cells of one surface; a text instead of a map says why there is none."""
     if isinstance(one, str):
         return name, "", "", "none", "", ""
-    numbers = (one.left_out.error, one.left_out.inside, one.scatter.condition)
+    numbers = (one.leave_one_out.error, one.leave_one_out.inside, one.scatter.condition)
     shown = (f"{100 * number:.3g}" if math.isfinite(number) else "" for number in numbers)
     mark = " *" if one is found.best else ""
     return name + mark, "yes" if one.model.causal else "no", str(len(one.terms)), *shown

@@ -84,7 +84,7 @@ def _written(made: ModelFile, target: Path | None, drawn: Sequence[Path], *, as_
     if target is not None:
         made.write(target)
     if as_json:
-        print_json(made.model_dump(mode="json"))
+        print_json(made.document)
         return
     for entry in made.models:
         show_fit(entry)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, ModelError
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["grid_of"]
 
-#: Variables by name: unit, and what they are called in full.
+#: Variables by name: unit and long name.
 _VARIABLES = {
     "K_storage": ("N/m", "storage stiffness K', real part of K*"),
     "K_loss": ("N/m", "loss stiffness K'', imaginary part of K*"),
@@ -38,28 +39,28 @@ def grid_of(
     points: int = 21,
     frequencies: int = 31,
 ) -> Dataset:
-    """K*, K1, K2, C and, with a rig, TR of each tyre over the axes and frequency, with standard uncertainties u_NAME.
+    """K*, K1, K2, C and TR of each tyre over the axes and frequency, with their standard uncertainties u_NAME.
 
     Parameters
     ----------
     maps : mapping of str to OperatingMap
-        By tyre; all have the same axes.
+        Maps by tyre, with the same axes.
     rig : Rig, optional
-        For TR.
+        Rig of TR; without it there is no TR.
     at : mapping of str to (n,) float array, optional
-        Coordinates in SI by the name of an axis, as pressure or frequency; by default evenly over what was measured.
+        SI coordinates by the name of an axis, such as pressure or frequency; by default evenly over the tests.
     points, frequencies : int
-        Of each axis that `at` does not have.
+        Number of coordinates of each axis, and of frequency, that `at` does not have.
 
     Returns
     -------
     xarray.Dataset
-        Dimensions tyre, the axes' names and frequency; not-a-number outside what was measured of a tyre.
+        Dimensions tyre, the names of the axes and frequency; not-a-number outside the tests of a tyre.
 
     Raises
     ------
     ModelError
-        If the tyres have different axes, or `at` has one that they do not have.
+        If the tyres have different axes, or `at` names another axis.
     CampaignError
         If xarray is not installed.
     """
@@ -86,21 +87,21 @@ def grid_of(
     for name, parts in found.items():
         base = name.removeprefix("u_")
         unit, long = _VARIABLES[base]
-        said = long if base == name else f"standard uncertainty of {long}"
-        data[name] = (["tyre", *names, "frequency"], np.stack(parts), {"units": unit, "long_name": said})
+        whole = long if base == name else f"standard uncertainty of {long}"
+        data[name] = (["tyre", *names, "frequency"], np.stack(parts), {"units": unit, "long_name": whole})
     coordinates: dict[str, Any] = {
         name: ((name,), side, {"units": column.partition(" [")[2].removesuffix("]")})
         for name, column, side in zip(names, columns, axes, strict=True)
     }
     coordinates["frequency"] = (("frequency",), frequency, {"units": "Hz"})
     coordinates["tyre"] = (("tyre",), list(maps))
-    return xarray.Dataset(data, coordinates, _said(maps))
+    return xarray.Dataset(data, coordinates, _attributes(maps))
 
 
 def _sides(
     maps: Mapping[str, OperatingMap], names: Sequence[str], at: Mapping[str, ArrayLike], points: int, frequencies: int
 ) -> list[FloatArray]:
-    """Coordinates of each axis, and of frequency last."""
+    """Coordinates of each axis, then of frequency."""
     unknown = [name for name in at if name not in (*names, "frequency")]
     if unknown:
         raise ModelError(f"the map has no axis {unknown[0]!r}: it goes over {', '.join((*names, 'frequency'))}")
@@ -115,6 +116,7 @@ def _sides(
 
 
 def _values(found: OperatingMap, rig: Rig | None, points: FloatArray, frequency: FloatArray) -> dict[str, FloatArray]:
+    """Variables (Q,) of one map at points and frequencies, by name."""
     answer = found.ask(points, frequency)
     std, arm = answer.std, np.sqrt(np.diagonal(answer.arm_covariance, 0, 1, 2))
     loss, u_loss = answer.loss_factor
@@ -137,12 +139,12 @@ def _values(found: OperatingMap, rig: Rig | None, points: FloatArray, frequency:
     return values
 
 
-def _said(maps: Mapping[str, OperatingMap]) -> dict[str, Any]:
-    """Attributes of the Dataset."""
-    said: dict[str, Any] = {}
+def _attributes(maps: Mapping[str, OperatingMap]) -> dict[str, Any]:
+    """Attributes of the Dataset: model, leave-one-out error and constant axes of each tyre."""
+    found: dict[str, Any] = {}
     for tyre, one in maps.items():
         mark = f"{tyre}: " if tyre else ""
-        said[f"{mark}model"] = one.model.name
-        said[f"{mark}error of conditions left out [1]"] = one.left_out.error
-        said |= {f"{mark}{column} held at": value for column, value in one.axes.constant.items()}
-    return said
+        found[f"{mark}model"] = one.model.name
+        found[f"{mark}{q.LEFT_OUT.head}"] = one.leave_one_out.error
+        found |= {f"{mark}{column} held at": value for column, value in one.axes.constant.items()}
+    return found

@@ -1,7 +1,7 @@
-"""K* as it was measured, condition by condition, with the covariance across frequencies: what models are fitted to.
+"""Measured K*, condition by condition, with the covariance across frequencies: the data of fits.
 
-It is taken from a results folder, from a dynamic.csv by itself, or from any table with a frequency, Re K* and Im K*,
-such as `fourpole identify` writes.
+The source is a results folder, a dynamic.csv alone, or any table with a frequency, Re K* and Im K*, such as
+`fourpole identify` writes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _MOST_BYTES = 2_000_000_000
 FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
 _STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)
 _K1 = (q.K1.head, q.K1.u_head)
-#: No frequency, and no stiffness in SI, is larger.
+#: Upper bound of a frequency [Hz] and of a stiffness [N/m].
 _LARGEST = 1e25
 _RULE = Sameness()
 _USUAL = {axis.column for axis in AXES}
@@ -44,19 +44,20 @@ COVARIANCE_COLUMNS = tuple(
 
 @dataclass(frozen=True, eq=False)
 class Measured(ByValue):
-    """One condition: a tyre at one pressure, preload and temperature, over frequency.
+    """K* over frequency of one condition: a tyre at one pressure, preload and temperature.
 
     Attributes
     ----------
     tyre : str
     state : dict of str to float
-        Value of each axis that is known, by its column: {"pressure [Pa]": 1.7e5}.
+        Stated values of the axes, by column: {"pressure [Pa]": 1.7e5}.
     tests : tuple of str
         Names of the tests, rising in frequency.
     own : StiffnessData
-        With the covariance of each frequency by itself: what the condition does not share.
+        K* with the covariance that is independent between frequencies.
     shared : (2N, p) float array [N/m]
-        What errors common to all conditions do to Re and Im of each frequency in turn.
+        Changes of Re K* and Im K* of each frequency in turn when one of p errors that all conditions share is one
+        standard uncertainty.
     """
 
     tyre: str
@@ -67,7 +68,7 @@ class Measured(ByValue):
 
     @property
     def data(self) -> StiffnessData:
-        """With the whole covariance, shared errors included."""
+        """K* with its whole covariance, shared errors included."""
         own = self.own
         if not self.shared.size:
             return own
@@ -82,12 +83,12 @@ class Measured(ByValue):
 
     @property
     def frequency(self) -> FloatArray:
-        """(N,) [Hz]."""
+        """Frequencies (N,) [Hz]."""
         return np.asarray(self.own.omega / (2 * np.pi))
 
     @property
     def label(self) -> str:
-        """In words: 1.7 bar, 1000 N."""
+        """The condition in words: 1.7 bar, 1000 N."""
         parts = []
         for column, value in self.state.items():
             name, _, unit = column.removesuffix("]").partition(" [")
@@ -107,13 +108,15 @@ class MeasuredSet:
     Attributes
     ----------
     conditions : tuple of Measured
-        Tyre by tyre, rising.
+        Conditions, tyre by tyre, rising on their axes.
     notes : tuple of str
-        What was assumed or left out.
+        Assumptions, and rows that are not used.
     known : bool
-        Whether the uncertainty of K* is stated; else the conditions have none.
+        Whether the uncertainty of K* is stated.
     source, sha256 : str
         Name and hash of the table.
+    rule : Sameness
+        The rule by which rows have the same condition.
     """
 
     conditions: tuple[Measured, ...]
@@ -121,10 +124,11 @@ class MeasuredSet:
     known: bool
     source: str = ""
     sha256: str = ""
+    rule: Sameness = _RULE
 
     @property
     def tyres(self) -> tuple[str, ...]:
-        """Names, as they come."""
+        """Names of the tyres, in the order of the conditions."""
         return tuple(dict.fromkeys(one.tyre for one in self.conditions))
 
     def of(self, tyre: str) -> tuple[Measured, ...]:
@@ -132,7 +136,7 @@ class MeasuredSet:
         return tuple(one for one in self.conditions if one.tyre == tyre)
 
     def only(self, tyre: str | None = None, band: tuple[float, float] | None = None) -> MeasuredSet:
-        """Those of one tyre, or within a band [Hz]; ModelError where nothing is left."""
+        """The conditions of one tyre, or the frequencies within a band [Hz]; ModelError if there are none."""
         kept = self.conditions
         if tyre is not None:
             kept = self.of(tyre)
@@ -147,6 +151,7 @@ class MeasuredSet:
 
 
 def _within(one: Measured, band: tuple[float, float]) -> Measured | None:
+    """A condition with its frequencies within a band [Hz], or None."""
     rows = np.flatnonzero((one.frequency >= band[0] * (1 - 1e-9)) & (one.frequency <= band[1] * (1 + 1e-9)))
     if not rows.size:
         return None
@@ -170,11 +175,11 @@ def read_measured(
     path : path
         A results folder, or a table with frequency [Hz], Re K* [N/m], Im K* [N/m].
     over : sequence of str
-        Further columns, with their unit, that distinguish conditions.
+        Columns of further axes, with their unit.
     std : float, optional [1]
-        Relative standard uncertainty of K*, in place of what the table states.
+        Relative standard uncertainty of K*, in place of that in the table.
     k1 : (float, float), optional [N/m]
-        Static stiffness and its standard uncertainty, in place of what the table states.
+        Static stiffness and its standard uncertainty, in place of those in the table.
 
     Returns
     -------
@@ -183,7 +188,7 @@ def read_measured(
     Raises
     ------
     ModelError
-        If no test has a K*, or a column is not there.
+        If no test has a K*, or a column is missing.
     FileError, TableError
         If the table cannot be read.
     """
@@ -201,7 +206,7 @@ def read_measured(
 
 
 def _rule_beside(table: Path) -> Sameness:
-    """The rule of the study whose table this is."""
+    """The rule of the study that wrote the table."""
     try:
         record = json.loads(read_bytes(table.parent / "study.json", max_bytes=_MOST_BYTES))
     except (FileError, ValueError):
@@ -210,7 +215,7 @@ def _rule_beside(table: Path) -> Sameness:
 
 
 def table_of(measured: MeasuredSet) -> pl.DataFrame:
-    """The conditions as a table like dynamic.csv, with the uncertainties and K1 that are used."""
+    """The conditions as a table like dynamic.csv, with the uncertainties and K1 of the fits."""
     rows = []
     for one in measured.conditions:
         own = one.data
@@ -261,11 +266,11 @@ def measured_of(
     cells = np.stack([rows.numbers[column] for column in axes], axis=1) if axes else np.zeros((rows.count, 0))
     label = rule.groups(stated)
     conditions = [_measured(rows, np.flatnonzero(label == one), axes, cells, k1) for one in np.unique(label)]
-    return MeasuredSet(tuple(conditions), tuple(notes), rows.known, name)
+    return MeasuredSet(tuple(conditions), tuple(notes), rows.known, name, rule=rule)
 
 
 def _usable(numbers: Mapping[str, FloatArray], name: str, *, stated: bool) -> tuple[BoolArray, list[str]]:
-    """Rows that have K*, and its uncertainty if some of them state it in the table; notes on those without."""
+    """Which rows are used, and notes on the others; if some rows state an uncertainty, those without are not used."""
     good = np.isfinite(numbers[FREQUENCY]) & np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
     good &= (numbers[FREQUENCY] > 0) & (np.abs(numbers[FREQUENCY]) < _LARGEST)
     notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
@@ -349,7 +354,7 @@ def _known(rule: Sameness) -> set[str]:
 def _measured(
     rows: _Rows, places: np.ndarray, axes: Sequence[str], cells: FloatArray, k1: tuple[float, float] | None
 ) -> Measured:
-    """One condition; tests that have one K* between them are one frequency."""
+    """One condition from its rows; rows with the same number of `condition` share one K* and are one frequency."""
     frequency = rows.numbers[FREQUENCY]
     groups: dict[int, list[int]] = {}
     for at in places.tolist():
@@ -376,7 +381,7 @@ def _measured(
 
 
 def _static(rows: _Rows, places: np.ndarray) -> tuple[float, float]:
-    """K1 of a condition, where it is stated with its uncertainty."""
+    """K1 of a condition and its standard uncertainty [N/m]; not-a-number if they are not stated."""
     if not all(column in rows.numbers for column in _K1):
         return float("nan"), float("nan")
     value, std = (rows.numbers[column][places] for column in _K1)
@@ -387,7 +392,7 @@ def _static(rows: _Rows, places: np.ndarray) -> tuple[float, float]:
 
 
 def _stated(numbers: dict[str, FloatArray]) -> FloatArray:
-    """Covariance (N, 2, 2) of the columns of uncertainty."""
+    """Covariance (N, 2, 2) [N²/m²] from the columns of uncertainty and correlation."""
     first, second = numbers[_STD[0]], numbers[_STD[1]]
     correlation = np.nan_to_num(numbers.get(_STD[2], np.zeros(first.size)))
     if np.any(np.abs(correlation) > 1) or np.any(first < 0) or np.any(second < 0) or not np.all(np.isfinite(second)):
@@ -399,7 +404,7 @@ def _stated(numbers: dict[str, FloatArray]) -> FloatArray:
 
 
 def _joined(keys: Sequence[Key], covariance: pl.DataFrame) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """Own covariance (N, 2, 2), shared parts (N, 2, p) of all rigs, and a number per condition, of tests by key."""
+    """Of each key: own covariance (N, 2, 2), effect of the shared errors (N, 2, p), and number of its K* (N,)."""
     own_name, re_name, im_name = (one.head for one in (q.OWN_COVARIANCE, q.SHARED_STORAGE, q.SHARED_LOSS))
     place = {key: at for at, key in enumerate(keys_of(covariance))}
     part = covariance[[place[key] for key in keys]]

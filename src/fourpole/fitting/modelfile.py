@@ -1,7 +1,7 @@
 """Model files: models and operating maps as one versioned JSON document, described in docs/model-file.md.
 
-A file is read by its version; one of a later version is refused, and so is one whose parameters are not those, in
-their units, of the model that it names.
+A file of a later version is refused. A file is also refused if its parameters, with their units, differ from those of
+the model that it names.
 """
 
 from __future__ import annotations
@@ -14,14 +14,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError
 from fourpole.io.source import read_bytes
 from fourpole.io.write import write_text
 from fourpole.models.families import model_named
 from fourpole.models.interface import Model
-from fourpole.models.operating import LeftOut, OperatingMap
+from fourpole.models.operating import LeaveOneOut, OperatingMap
 from fourpole.models.surface import Axes, ValueSurface
 from fourpole.models.together import Scatter
 from fourpole.units import shown
@@ -41,14 +40,24 @@ __all__ = [
 FORMAT, VERSION = "fourpole-model", 1
 _MOST_BYTES = 50_000_000
 _LONGEST = 100_000
-#: A covariance may be asymmetric, or have a negative direction, by this share of its size.
+#: Relative tolerance for an asymmetric covariance, or one with a negative eigenvalue.
 _ROUND_OFF = 1e-6
-#: No parameter in SI, and no coefficient, is larger.
-_LARGEST = 1e30
+#: Largest modulus of a parameter in SI units, or of a coefficient.
+LARGEST = 1e30
+
+
+#: Keys of version 1 of the format whose attributes have other names.
+_KEYS = {"discrepancy": "granted", "leave_one_out": "left_out", "not_converged": "lost"}
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        allow_inf_nan=False,
+        frozen=True,
+        populate_by_name=True,
+        alias_generator=lambda name: _KEYS.get(name, name),
+    )
 
 
 #: Frequencies from low to high [Hz].
@@ -79,9 +88,9 @@ class VerdictFile(_Strict):
     """Whether any passive linear tyre can have K* as it was measured."""
 
     possible: bool
-    chance: float = Field(description="Of a misfit as large by noise alone [1].")
-    misfit: float = Field(description="Relative error of K* at each frequency with which it would be possible [1].")
-    impossible: list[float] = Field(max_length=_LONGEST, description="Frequencies that no such tyre can give [Hz].")
+    chance: float = Field(description="Probability of a larger chi-square by noise alone [1].")
+    misfit: float = Field(description="Relative error of K* at each frequency that would make it possible [1].")
+    impossible: list[float] = Field(max_length=_LONGEST, description="Frequencies at which K* is not possible [Hz].")
 
 
 class CandidateFile(_Strict):
@@ -94,29 +103,29 @@ class CandidateFile(_Strict):
     dof: int
     aicc: float
     bic: float
-    left_out: float | None = Field(
-        description="Cross-validation error over frequencies, in standard units [1]; null: not tried."
+    leave_one_out: float | None = Field(
+        description="Cross-validation error over frequencies, in standard uncertainties [1]; null: not computed.",
     )
     on_bound: int
-    lost: int = Field(description="Conditions whose fit did not converge.")
+    not_converged: int = Field(description="Number of conditions whose fit did not converge.")
 
 
 class ConditionFile(_Strict):
-    """One tested condition: where it stood, and the parameters found there."""
+    """One tested condition, with the parameters fitted to it."""
 
     state: list[NamedValue] = Field(max_length=20)
     tests: list[str] = Field(max_length=_LONGEST)
     band: Band = Field(description="Lowest and highest frequency fitted [Hz].")
-    values: list[float] = Field(max_length=200, description="Of the parameters, in their order.")
-    covariance: list[list[float]] = Field(max_length=200, description="Of the parameters.")
+    values: list[float] = Field(max_length=200, description="Values of the parameters, in their order.")
+    covariance: list[list[float]] = Field(max_length=200, description="Covariance of the parameters.")
     intervals: list[tuple[float | None, float | None]] = Field(
-        max_length=200, description="95 % by profile likelihood; null where the data set no end."
+        max_length=200, description="95 % profile-likelihood intervals; null where the data set no end."
     )
-    on_bound: list[str] = Field(max_length=200, description="Symbols of parameters that stand on a bound.")
+    on_bound: list[str] = Field(max_length=200, description="Symbols of parameters on a bound.")
     chi2: float
     dof: int
     converged: bool
-    agreed: float = Field(description="Share of the starts that came to this optimum [1].")
+    agreed: float = Field(description="Fraction of the starts that led to this optimum [1].")
     verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
 
 
@@ -127,14 +136,16 @@ class ModelEntry(_Strict):
     model: str = Field(max_length=40)
     causal: bool
     parameters: list[ParameterFile] = Field(max_length=200)
-    granted: Share = Field(description="Model discrepancy: relative error of K* with which the model fits [1].")
-    choice: str = Field(description="Which model, and why, in words.")
-    candidates: list[CandidateFile] = Field(max_length=200, description="What was tried, the best first.")
+    discrepancy: Share = Field(
+        description="Model discrepancy: relative error of K* that makes chi-square equal its degrees of freedom [1]."
+    )
+    choice: str = Field(description="The choice of the model in words.")
+    candidates: list[CandidateFile] = Field(max_length=200, description="Models that were compared, the best first.")
     conditions: list[ConditionFile] = Field(max_length=_LONGEST)
 
 
 class AxisFile(_Strict):
-    """An axis of a map, and the value of each tested condition."""
+    """An axis of a map, with the value of each tested condition."""
 
     name: str
     unit: str
@@ -147,8 +158,8 @@ class SurfaceFile(_Strict):
     terms: list[list[int]] = Field(max_length=500)
     coefficients: list[float] = Field(max_length=500)
     covariance: list[list[float]] = Field(max_length=500)
-    scatter: Share = Field(description="Of conditions, relative [1].")
-    std: Share = Field(description="What the static tests have in common, relative [1].")
+    scatter: Share = Field(description="Relative scatter of conditions [1].")
+    std: Share = Field(description="Relative standard uncertainty that all static tests share [1].")
 
 
 class MapEntry(_Strict):
@@ -159,16 +170,16 @@ class MapEntry(_Strict):
     causal: bool
     parameters: list[ParameterFile] = Field(max_length=200)
     axes: list[AxisFile] = Field(max_length=10)
-    constant: list[NamedValue] = Field(max_length=20, description="Axes that were not varied.")
+    constant: list[NamedValue] = Field(max_length=20, description="Axes with one value in all conditions.")
     terms: list[list[int]] = Field(max_length=500, description="Exponents of the axes, term by term.")
-    coefficients: list[list[float]] = Field(max_length=200, description="Per parameter, one for each term.")
-    covariance: list[list[float]] = Field(max_length=2000, description="Of all coefficients in turn.")
+    coefficients: list[list[float]] = Field(max_length=200, description="One list per parameter, one number per term.")
+    covariance: list[list[float]] = Field(max_length=2000, description="Covariance of all coefficients in turn.")
     scatter: tuple[Share, Share, Share] = Field(
-        description="Relative: of conditions; of frequencies, along and across K*."
+        description="Relative scatter: of conditions; of frequencies, along and across K*."
     )
     band: Band = Field(description="[Hz]")
-    left_out: tuple[float | None, float | None, float | None] = Field(
-        description="Relative leave-one-out error; share of K', K'' and of conditions inside 95 %; null: one."
+    leave_one_out: tuple[float | None, float | None, float | None] = Field(
+        description="Relative leave-one-out error; fraction of K', K'' and of conditions inside 95 %; null: none."
     )
     static: SurfaceFile | None = Field(description="null: K1 is the model's stiffness at zero frequency.")
     choice: str
@@ -183,20 +194,28 @@ class RigValue(_Strict):
 
 
 class RigFile(_Strict):
-    """The rig of the tests, for TR."""
+    """The rig of the tests, with which TR is computed."""
 
     output: Literal["moving", "blocked"] = "moving"
     values: dict[str, RigValue]
 
 
 class Provenance(_Strict):
-    """Where it comes from."""
+    """Program, table and settings from which the document was made."""
 
     fourpole: str
     source: str
     sha256: str
     settings: dict[str, Any] = Field(default_factory=dict)
     notes: list[str] = Field(default_factory=list)
+
+
+class ToleranceFile(_Strict):
+    """An axis that the campaign names itself, with the difference within which two of its values are the same."""
+
+    column: str
+    relative: float = Field(default=0.0, ge=0, description="Fraction of the larger value [1].")
+    absolute: float = Field(default=0.0, ge=0, description="In the unit of the column, added to the relative one.")
 
 
 class ModelFile(_Strict):
@@ -207,27 +226,35 @@ class ModelFile(_Strict):
     kind: Literal["model", "map"]
     models: list[ModelEntry] = Field(default_factory=list, max_length=1000)
     maps: list[MapEntry] = Field(default_factory=list, max_length=1000)
+    axes: list[ToleranceFile] = Field(
+        default_factory=list, max_length=20, description="Axes besides pressure, preload and temperature."
+    )
     rig: RigFile | None = None
     provenance: Provenance
 
     @property
     def tyres(self) -> list[str]:
-        """Names of the tyres it knows."""
+        """Names of the tyres that have a model or a map."""
         return [one.tyre for one in self.models] + [one.tyre for one in self.maps]
+
+    def axis(self, column: str) -> Axis:
+        """The axis of a column, with its tolerance."""
+        own = (Axis(one.column, "", one.relative, one.absolute) for one in self.axes if one.column == column)
+        return next(own, axis_of(column))
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The document as JSON has it, with the keys of the format; `axes` only if there are any."""
+        return self.model_dump(mode="json", by_alias=True, exclude=None if self.axes else {"axes"})
 
     def write(self, path: str | Path) -> None:
         """Write the document in one step."""
-        write_text(Path(path), json.dumps(self.model_dump(mode="json"), indent=1, ensure_ascii=False) + "\n")
+        write_text(Path(path), json.dumps(self.document, indent=1, ensure_ascii=False) + "\n")
 
 
 def schema() -> dict[str, Any]:
     """The JSON schema of a model file."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **ModelFile.model_json_schema()}
-
-
-def provenance(source: str, sha256: str, settings: dict[str, Any], notes: list[str]) -> Provenance:
-    """Provenance of a document that is made now, with the version of Fourpole that is installed."""
-    return Provenance(fourpole=version_of("fourpole"), source=source, sha256=sha256, settings=settings, notes=notes)
 
 
 def read_model_file(path: str | Path) -> ModelFile:
@@ -238,7 +265,7 @@ def read_model_file(path: str | Path) -> ModelFile:
     FileError
         If it cannot be read.
     ModelError
-        If it is no model file, of a later version, or has been changed so that it contradicts itself.
+        If it is not a model file, has a later version, or contradicts itself.
     """
     name = Path(path).name
     document = _document(path)
@@ -249,7 +276,7 @@ def read_model_file(path: str | Path) -> ModelFile:
         where = ".".join(str(part) for part in first["loc"]) or "the document"
         raise ModelError(f"{name}: {shown(where)}: {first['msg']}: it was changed, or is of another version") from None
     if (found.models if found.kind == "map" else found.maps) or not found.tyres:
-        raise ModelError(f"{name}: says that it is a {found.kind}, and holds none or another: it was changed")
+        raise ModelError(f"{name}: is of kind {found.kind} and has no entry of it, or one of another: it was changed")
     for entry in found.models:
         _check_model(name, entry)
     for one in found.maps:
@@ -258,7 +285,7 @@ def read_model_file(path: str | Path) -> ModelFile:
 
 
 def _document(path: str | Path) -> dict[str, Any]:
-    """The JSON of a model file, of a version that is read."""
+    """The JSON document of a model file; ModelError if its version is another."""
     name = Path(path).name
     try:
         document = json.loads(read_bytes(path, max_bytes=_MOST_BYTES))
@@ -278,6 +305,7 @@ def _document(path: str | Path) -> dict[str, Any]:
 
 
 def _check_model(name: str, entry: ModelEntry) -> None:
+    """ModelError unless the numbers of a model are consistent."""
     model = model_of(entry, name)
     size = len(model.parameters)
     for at, one in enumerate(entry.conditions):
@@ -290,6 +318,7 @@ def _check_model(name: str, entry: ModelEntry) -> None:
 
 
 def _check_map(name: str, entry: MapEntry) -> None:
+    """ModelError unless the numbers of a map are consistent."""
     size, terms = len(model_of(entry, name).parameters), len(entry.terms)
     where = f"{name}: tyre {shown(entry.tyre)}"
     if len(entry.coefficients) != size or any(len(one) != terms for one in entry.coefficients):
@@ -314,12 +343,12 @@ def _check_axes(where: str, entry: MapEntry) -> None:
 
 
 def _check_numbers(where: str, values: list[float], band: tuple[float, float]) -> None:
-    if max(map(abs, values), default=0.0) > _LARGEST or band[0] > band[1]:
+    if max(map(abs, values), default=0.0) > LARGEST or band[0] > band[1]:
         raise ModelError(f"{where}: a number is beyond all measure, or the band falls: it was changed")
 
 
 def _fit_axes(terms: list[list[int]], entry: MapEntry) -> bool:
-    """Whether the terms are powers of the axes."""
+    """Whether each term has one exponent, from 0 to 9, for each axis."""
     return all(len(one) == len(entry.axes) and all(0 <= power <= 9 for power in one) for one in terms)
 
 
@@ -327,7 +356,7 @@ def _check_covariance(where: str, rows: list[list[float]], size: int) -> None:
     if len(rows) != size or any(len(row) != size for row in rows):
         raise ModelError(f"{where}: the covariance is not {size} by {size}")
     matrix = np.array(rows, dtype=float).reshape(size, size)
-    if size and np.abs(matrix).max() > _LARGEST**2:
+    if size and np.abs(matrix).max() > LARGEST**2:
         raise ModelError(f"{where}: the covariance is none: a number in it is beyond all measure")
     std = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     scale = np.where(std > 0, std, 1.0)
@@ -338,7 +367,7 @@ def _check_covariance(where: str, rows: list[list[float]], size: int) -> None:
 
 
 def model_of(entry: ModelEntry | MapEntry, name: str = "the model file") -> Model:
-    """The model of an entry; ModelError where its parameters are not those of the file, in their units."""
+    """The model of an entry; ModelError if the parameters of the entry, or their units, differ from the model's."""
     model = model_named(entry.model)
     symbols = [one.symbol for one in model.parameters]
     stated = [one.symbol for one in entry.parameters]
@@ -354,7 +383,7 @@ def model_of(entry: ModelEntry | MapEntry, name: str = "the model file") -> Mode
 
 
 def parameters_of(model: Model) -> list[ParameterFile]:
-    """The parameters as they stand in a file."""
+    """The parameters of a model as they are in a file."""
     return [
         ParameterFile(
             symbol=one.symbol,
@@ -374,12 +403,12 @@ def split_column(column: str) -> tuple[str, str]:
 
 
 def column_of(name: str, unit: str) -> str:
-    """The other way round."""
+    """The column of a name and a unit: "pressure [Pa]"."""
     return f"{name} [{unit}]"
 
 
 def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
-    """A map as it stands in a file."""
+    """A map as it is in a file."""
     axes = []
     for at, column in enumerate(found.axes.names):
         name, unit = split_column(column)
@@ -388,7 +417,7 @@ def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
         NamedValue(name=split_column(column)[0], unit=split_column(column)[1], value=value)
         for column, value in found.axes.constant.items()
     ]
-    left = found.left_out
+    left = found.leave_one_out
     return MapEntry(
         tyre=tyre,
         model=found.model.name,
@@ -401,7 +430,7 @@ def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
         covariance=found.covariance.tolist(),
         scatter=(found.scatter.condition, *found.scatter.frequency),
         band=found.band,
-        left_out=(
+        leave_one_out=(
             finite_or_none(left.error),
             finite_or_none(left.inside),
             finite_or_none(left.conditions),
@@ -424,12 +453,12 @@ def _surface_entry(found: ValueSurface | None) -> SurfaceFile | None:
 
 
 def finite_or_none(value: float) -> float | None:
-    """A number as JSON can hold it."""
+    """The number, or None if it is not finite, because JSON has no such number."""
     return value if np.isfinite(value) else None
 
 
 def map_of(entry: MapEntry) -> OperatingMap:
-    """The map of an entry."""
+    """The operating map of an entry."""
     model = model_of(entry)
     count = len(entry.axes[0].values) if entry.axes else 1
     points = np.array([axis.values for axis in entry.axes], dtype=float).reshape(len(entry.axes), count).T
@@ -446,23 +475,9 @@ def map_of(entry: MapEntry) -> OperatingMap:
         covariance=np.array(entry.covariance, dtype=float).reshape(size, size),
         scatter=Scatter(entry.scatter[0], (entry.scatter[1], entry.scatter[2])),
         band=entry.band,
-        left_out=LeftOut(*(float("nan") if one is None else one for one in entry.left_out)),
+        leave_one_out=LeaveOneOut(*(float("nan") if one is None else one for one in entry.leave_one_out)),
         static=_surface_of(entry.static),
     )
-
-
-def response(entry: ModelEntry, at: int, frequency: FloatArray) -> tuple[ComplexArray, FloatArray]:
-    """K* (N,) of one condition's parameters at frequencies (N,) [Hz], and its covariance (N, 2, 2), Re and Im.
-
-    The model discrepancy is part of the covariance.
-    """
-    model, one = model_of(entry), entry.conditions[at]
-    omega = 2 * np.pi * np.asarray(frequency, dtype=float)
-    stiffness = model.stiffness(one.values, omega)
-    slopes = model.derivative(one.values, omega)
-    rows = np.stack([slopes.real, slopes.imag], axis=1)
-    covariance = rows @ np.array(one.covariance) @ np.swapaxes(rows, 1, 2)
-    return stiffness, covariance + ((entry.granted * np.abs(stiffness)) ** 2)[:, None, None] * np.eye(2)
 
 
 def _surface_of(file: SurfaceFile | None) -> ValueSurface | None:
@@ -475,17 +490,3 @@ def _surface_of(file: SurfaceFile | None) -> ValueSurface | None:
         file.scatter,
         file.std,
     )
-
-
-def rig_in(file: RigFile | None) -> Rig | None:
-    """The rig of a document, where it has one; ModelError where a value has another unit."""
-    if file is None:
-        return None
-    for name, one in file.values.items():
-        if name not in PARAMETERS or PARAMETERS[name] != one.unit:
-            raise ModelError(f"the model file's rig has {shown(name)} in {shown(one.unit)}: it was changed")
-    values = {name: one.value for name, one in file.values.items()}
-    std = {name: one.std for name, one in file.values.items()}
-    if max(map(abs, [*values.values(), *std.values()]), default=0.0) > _LARGEST:
-        raise ModelError("the model file's rig has a number beyond all measure: it was changed")
-    return Rig(**values, std=std, blocked=file.output == "blocked")

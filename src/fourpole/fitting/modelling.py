@@ -1,9 +1,10 @@
-"""Models and operating maps of a campaign: the chosen model of each tyre, its parameters and their surfaces."""
+"""Fits and operating maps of a campaign: the choice of a model for each tyre, and its parameters or surfaces."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version as version_of
 from typing import Any
 
 import numpy as np
@@ -18,17 +19,17 @@ from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
     CandidateFile,
     ConditionFile,
-    MapEntry,
     ModelEntry,
     ModelFile,
     NamedValue,
+    Provenance,
     RigFile,
     RigValue,
+    ToleranceFile,
     VerdictFile,
     entry_of,
     finite_or_none,
     parameters_of,
-    provenance,
     split_column,
 )
 from fourpole.models.causality import Possible, check_possible
@@ -46,31 +47,32 @@ from fourpole.models.together import fit_together, link, unlink
 __all__ = ["TyreFit", "TyreMap", "fit_tyres", "lacking_error", "map_tyres", "model_file", "rig_file"]
 
 Progress = Callable[[int, int], None]
-#: Maps whose errors differ by less than this are alike; the one that is surer of itself is taken.
+#: Maps are equally good if their leave-one-out errors differ by less than this factor; the smallest u(K*) decides.
 _ALIKE = 1.1
-#: Relative uncertainty that conditions are given before their surfaces are sought: none may dominate.
+#: Relative error that is added to each condition before the fits that start a map, so that none dominates.
 _EVEN = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class TyreFit(ByValue):
-    """Models on all conditions of one tyre.
+    """The model of one tyre, fitted to each of its conditions.
 
     Attributes
     ----------
     tyre : str
     measured : tuple of Measured
     data : tuple of StiffnessData
-        As fitted: with the model discrepancy added to the uncertainty.
+        Data of the fits: the model discrepancy is added to their uncertainty.
     choice : Choice
+        Comparison of the models.
     chosen : Candidate
-        The best, fitted to `data`.
+        The best model, fitted to `data`.
     intervals : tuple of (P, 2) float arrays
-        95 % by profile likelihood, of each condition.
+        95 % profile-likelihood intervals of each condition.
     verdicts : tuple of Possible
-        Whether a passive linear tyre can have K* as measured, of each condition; empty where no uncertainty is known.
+        Whether a passive linear tyre can have K* as measured, one per condition; empty if the uncertainty is not known.
     discrepancy : float [1]
-        Model discrepancy: the relative error of K* that makes the chosen model fit.
+        Model discrepancy: the relative error of K* that makes chi-square equal its degrees of freedom.
     """
 
     tyre: str
@@ -84,7 +86,7 @@ class TyreFit(ByValue):
 
     @property
     def model(self) -> Model:
-        """Model of the chosen candidate."""
+        """The chosen model."""
         return self.chosen.fit.model
 
 
@@ -98,9 +100,9 @@ class TyreMap:
     measured : tuple of Measured
     best : OperatingMap
     others : tuple of (str, OperatingMap or str)
-        What else was tried: its map, or why there is none.
+        All models that were tried: their maps, or the reason why there is none.
     text : str
-        Which, and why.
+        The choice in words.
     """
 
     tyre: str
@@ -118,19 +120,19 @@ def fit_tyres(
     share: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> list[TyreFit]:
-    """Fit one model, or choose among several, for each tyre.
+    """Fit one model to each condition of each tyre, or choose among several models.
 
     Parameters
     ----------
     measured : MeasuredSet
     model : str
-        A model's name, `maxwell` for as many arms as help, or `auto`.
+        Name of a model, `maxwell` for as many arms as help, or `auto` for a choice among all families.
     given : mapping of str to float, optional
-        Parameters that are known, by symbol, and not fitted.
+        Values of known parameters, by symbol; they are not fitted.
     share : sequence of str
-        Parameters that all conditions of a tyre have in common.
+        Symbols of parameters that have one value in all conditions of a tyre.
     progress : callable, optional
-        Called with the conditions done and all.
+        Called with the number of conditions that are done, and of all.
 
     Raises
     ------
@@ -189,13 +191,13 @@ def _discrepancy(
     """The discrepancy [1] to add before models are compared: that of the best passive tyre, or of the only model."""
     if model == "auto" or sizes_of(model):
         needed = model_discrepancy(stated, always=not known)
-        if needed and known and model == "auto":  # a model outside the relaxing ones may need none
+        if needed and known and model == "auto":  # a model that is not a relaxation may fit without it
             odd = (one for name in AUTO if not sizes_of(name) and not (one := model_named(name)).relaxing)
             fits = (_misfit(one, stated, held) for one in odd)
             needed = 0.0 if any(stats.chi2.sf(chi2, max(dof, 1)) > CHANCE for chi2, dof in fits) else needed
         return needed
     if known:
-        return 0.0  # it is looked for once it does not fit
+        return 0.0  # `_fit_tyre` computes it if the model does not fit
     return model_discrepancy(stated, lambda rows: _misfit(model_named(model), rows, held), always=True)
 
 
@@ -206,10 +208,10 @@ def _sharing(
     share: Sequence[str],
     held: Sequence[Mapping[str, float]],
 ) -> tuple[Fit, ...]:
-    """All conditions at once, some parameters being common; what is held stays."""
+    """One fit to all conditions, in which some parameters have one value for all."""
     model = best.fit.model
     if fixed_of(model, held):
-        raise ModelError("parameters that are given cannot go with shared ones: leave --fix or --share")
+        raise ModelError("parameters cannot be given together with shared ones: state --fix or --share")
     data = [with_error(one.own, discrepancy) for one in measured]
     designs = {name: np.ones((len(data), 1)) for name in share}
     start = np.stack([one.values for one in best.fits])
@@ -217,7 +219,7 @@ def _sharing(
 
 
 def _normal_ends(found: Fit) -> FloatArray:
-    """Intervals (P, 2) of 95 % where the linked parameters are normal."""
+    """95 % intervals (P, 2) for a normal distribution of the linked parameters."""
     ends = []
     for at, parameter in enumerate(found.model.parameters):
         linked = link(parameter, found.values[at])
@@ -228,18 +230,19 @@ def _normal_ends(found: Fit) -> FloatArray:
 
 
 def _common(measured: Sequence[Measured]) -> list[FloatArray]:
-    """Change of K* of each condition by one standard uncertainty of each error that all conditions share [N/m]."""
+    """Effect (2N, p) [N/m] of the shared errors on each condition."""
     width = max((one.shared.shape[1] for one in measured if one.shared.size), default=0)
     return [one.shared if one.shared.size else np.zeros((2 * one.own.count, width)) for one in measured]
 
 
 def _held(measured: Measured, given: Mapping[str, float]) -> dict[str, float]:
-    """Values of the parameters that are not fitted: those given, and the inflation pressure `p` where it is stated."""
+    """Values of known parameters, by symbol: those given, and the inflation pressure p of the condition."""
     pressure = measured.state.get(q.PRESSURE.head)
     return {**({"p": pressure} if pressure is not None else {}), **given}
 
 
 def _misfit(model: Model, data: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> tuple[float, int]:
+    """Chi-square and degrees of freedom of a model, summed over the conditions."""
     fits = fit_conditions(model, data, given)
     return sum(float(one.chi2) for one in fits), sum(one.dof for one in fits)
 
@@ -253,11 +256,11 @@ def map_tyres(
     ----------
     measured : MeasuredSet
     model : str
-        A model's name, or `auto`: the one with the least leave-one-out error.
+        Name of a model, or `auto` for the one with the least leave-one-out error.
     over : sequence of str
-        Further axes, by their columns, besides pressure, preload and temperature.
+        Columns of further axes, besides pressure, preload and temperature.
     progress : callable, optional
-        Called with the models done and all.
+        Called with the number of models that are done, and of all.
 
     Raises
     ------
@@ -290,7 +293,7 @@ def _map_tyre(
         try:
             model = model_named(name)
             few = min(one.own.count for one in measured)
-            if len(names) > 1 and len(model.parameters) > few:  # it would follow every error of theirs
+            if len(names) > 1 and len(model.parameters) > few:  # such a model would fit the noise
                 raise ModelError(f"its {len(model.parameters)} parameters are too many for {few} frequencies")
             made.append((name, _map_of(model, measured, axes)))
         except ModelError as error:
@@ -298,31 +301,32 @@ def _map_tyre(
     good = [one for _, one in made if isinstance(one, OperatingMap)]
     if not good:
         raise ModelError(f"no map of the tyre {tyre!r} could be made: {made[0][1]}")
-    least = min(one.left_out.error for one in good)
-    best = min((one for one in good if not one.left_out.error > _ALIKE * least), key=_doubt)
-    return TyreMap(tyre, measured, best, tuple(made), _map_said(best, good))
+    least = min(one.leave_one_out.error for one in good)
+    best = min((one for one in good if not one.leave_one_out.error > _ALIKE * least), key=_mean_uncertainty)
+    return TyreMap(tyre, measured, best, tuple(made), _map_text(best, good))
 
 
 def _axes(tyre: str, measured: Sequence[Measured], over: Sequence[str]) -> Axes:
-    """The axes that all conditions of a tyre have."""
+    """The axes on which all conditions of a tyre have a value."""
     everywhere = [column for column in measured[0].state if all(column in one.state for one in measured)]
     lacking = [column for column in over if column not in everywhere]
     if lacking:
         raise ModelError(f"{lacking[0]} is not known of every condition of the tyre {tyre!r}: a map cannot go over it")
     axes = Axes.of(everywhere, [[one.state[column] for column in everywhere] for one in measured])
     if not axes.names and len(measured) > 1:
-        raise ModelError(f"the {len(measured)} conditions of the tyre {tyre!r} differ in nothing that is known")
+        raise ModelError(f"the {len(measured)} conditions of the tyre {tyre!r} have the same values on all axes")
     return axes
 
 
 def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> OperatingMap:
+    """The map of one model, which starts from fits to each condition."""
     even = [with_error(one.data, _EVEN) for one in measured]
     fits = fit_conditions(model, even, [_held(one, {}) for one in measured])
     start = np.stack([one.values for one in fits])
     return make_map(model, [one.own for one in measured], axes, start, _common(measured))
 
 
-def _doubt(found: OperatingMap) -> float:
+def _mean_uncertainty(found: OperatingMap) -> float:
     """Mean relative uncertainty of K* over the conditions, at the middle of the band."""
     points = found.axes.points if found.axes.names else np.zeros((1, 0))
     answer = found.ask(points, np.full(len(points), float(np.sqrt(found.band[0] * found.band[1]))))
@@ -330,30 +334,31 @@ def _doubt(found: OperatingMap) -> float:
     return float(np.mean(np.sqrt(variance) / np.abs(answer.stiffness)))
 
 
-def _map_said(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
-    left = best.left_out
+def _map_text(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
+    """The model of a map, its leave-one-out error, and what to take for a simulation in time."""
     over = ", ".join(split_column(name)[0] for name in best.axes.names) or "one condition"
     many = f"{len(best.terms)} terms" if len(best.terms) > 1 else "one value"
-    said = f"{best.model.name} over {over}, {many} for each parameter"
-    if np.isfinite(left.error):
-        said += (
-            f"; conditions left out are told within {100 * left.error:.2g} %, {100 * left.inside:.0f} % of their K' "
-            "and K'' inside the 95 % intervals"
-        )
+    parts = [f"{best.model.name} over {over}, {many} for each parameter"]
+    errors = best.leave_one_out
+    if np.isfinite(errors.error):
+        inside = f"{100 * errors.inside:.0f} % of K' and K'' inside their 95 % intervals"
+        parts.append(f"leave-one-out error {100 * errors.error:.2g} %, {inside}")
     elif len(best.axes.points) > 1:
-        said += "; too few conditions to leave one out: straight between them, and nothing tells how they scatter"
+        parts.append("linear between the conditions, which are too few for a leave-one-out error or a scatter")
     for axis in best.axes.straight:
         name = split_column(best.axes.names[axis])[0]
-        said += f"; between the two tested values of {name} a bend is allowed for in the uncertainty"
-    if not best.model.causal:
-        causal = [one for one in good if one.model.causal]
-        said += ". It describes K2 and C and is not causal"
-        if causal:
-            first = min(causal, key=lambda one: one.left_out.error)
-            error = first.left_out.error
-            said += f": for a simulation in time take {first.model.name}"
-            said += f" ({100 * error:.2g} %)" if np.isfinite(error) else ""
-    return said
+        parts.append(f"the uncertainty between the two tested values of {name} includes a bend")
+    text = "; ".join(parts)
+    if best.model.causal:
+        return text
+    text += ". It describes K2 and C and is not causal"
+    causal = [one for one in good if one.model.causal]
+    if causal:
+        first = min(causal, key=lambda one: one.leave_one_out.error)
+        error = first.leave_one_out.error
+        text += f": for a simulation in time take {first.model.name}"
+        text += f" ({100 * error:.2g} %)" if np.isfinite(error) else ""
+    return text
 
 
 def model_file(
@@ -364,18 +369,25 @@ def model_file(
     settings: Mapping[str, Any] | None = None,
     rig: RigFile | None = None,
 ) -> ModelFile:
-    """The document of models or of maps."""
+    """The document of fits or of maps."""
     return ModelFile(
         kind="map" if maps else "model",
         models=[_model_entry(one) for one in fits],
-        maps=[_map_entry(one) for one in maps],
+        maps=[entry_of(one.tyre, one.best, one.text) for one in maps],
         rig=rig,
-        provenance=provenance(measured.source, measured.sha256, dict(settings or {}), list(measured.notes)),
+        axes=[
+            ToleranceFile(column=axis.column, relative=axis.relative, absolute=axis.absolute)
+            for axis in measured.rule.further
+            if not axis.text
+        ],
+        provenance=Provenance(
+            fourpole=version_of("fourpole"),
+            source=measured.source,
+            sha256=measured.sha256,
+            settings=dict(settings or {}),
+            notes=list(measured.notes),
+        ),
     )
-
-
-def _map_entry(one: TyreMap) -> MapEntry:
-    return entry_of(one.tyre, one.best, one.text)
 
 
 def _model_entry(found: TyreFit) -> ModelEntry:
@@ -386,7 +398,7 @@ def _model_entry(found: TyreFit) -> ModelEntry:
         model=found.model.name,
         causal=found.model.causal,
         parameters=parameters_of(found.model),
-        granted=found.discrepancy,
+        discrepancy=found.discrepancy,
         choice=found.choice.text,
         candidates=[_candidate_entry(one) for one in found.choice.candidates],
         conditions=[_condition_entry(*row) for row in rows],
@@ -402,9 +414,9 @@ def _candidate_entry(one: Candidate) -> CandidateFile:
         dof=one.dof,
         aicc=one.aicc,
         bic=one.bic,
-        left_out=finite_or_none(one.left_out),
+        leave_one_out=finite_or_none(one.leave_one_out),
         on_bound=one.on_bound,
-        lost=one.lost,
+        not_converged=one.not_converged,
     )
 
 
@@ -418,7 +430,7 @@ def _verdict_entry(measured: Measured, verdict: Possible) -> VerdictFile:
 
 
 def lacking_error(measured: Measured, verdict: Possible) -> float:
-    """The relative error of K* at each frequency with which it would be possible; 0 where it is."""
+    """The relative error of K* at each frequency that would make it possible for a passive tyre; 0 if it is."""
     return 0.0 if verdict.possible else model_discrepancy([measured.data])
 
 
@@ -442,7 +454,7 @@ def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: 
 
 
 def rig_file(record: Mapping[str, Any], found: pl.DataFrame) -> RigFile | None:
-    """The rig of study.json, with the values of rig.csv where the joint route found them; none unless there is one."""
+    """The only rig of study.json, with values of rig.csv where the joint route found them; None for several rigs."""
     rigs = record.get("stated", {}).get("rigs", {})
     if not isinstance(rigs, dict) or len(rigs) != 1:
         return None

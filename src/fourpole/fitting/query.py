@@ -1,7 +1,7 @@
-"""Questions to a model file: K* with K2, C and TR at an operating point and a frequency, with their uncertainty.
+"""Queries of a model file: K*, K2, C and TR at an operating point and a frequency, with their uncertainties.
 
-What lies outside the measured conditions or frequencies is refused, or, where that is wanted, answered with how far
-outside it is.
+A query outside the tested conditions or frequencies is refused. With `beyond` it is answered, with the distance from
+them in a column and in the remarks.
 """
 
 from __future__ import annotations
@@ -13,37 +13,37 @@ from typing import Any
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.core.arrays import FloatArray
-from fourpole.core.condition import AXES, axis_of
-from fourpole.core.rig import Rig
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.condition import AXES
+from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import ModelError
-from fourpole.fitting.modelfile import ModelEntry, ModelFile, column_of, map_of, model_of, rig_in
-from fourpole.models.operating import Answer, LeftOut, OperatingMap
+from fourpole.fitting.modelfile import LARGEST, ModelEntry, ModelFile, RigFile, column_of, map_of, model_of
+from fourpole.models.operating import Answer, LeaveOneOut, OperatingMap
 from fourpole.models.surface import Axes
 from fourpole.models.together import Scatter, link, unlink
 from fourpole.units import shown
 
-__all__ = ["Query", "ask", "maps_of", "place_of"]
+__all__ = ["Query", "ask", "maps_of", "place_of", "response", "rig_in"]
 
-#: Option of the command that states an axis, by its column.
+#: Option of `fourpole query` that states an axis, by the column of the axis.
 _OPTIONS = {axis.column: axis.name for axis in AXES}
 
 
 @dataclass(frozen=True)
 class Query:
-    """A query to a model file: frequencies and a condition.
+    """A query of a model file.
 
     Attributes
     ----------
     frequency : sequence of float [Hz]
     state : mapping of str to float
-        Value of each axis that is stated, by its column: {"pressure [Pa]": 1.85e5}.
+        Values on the axes, by column: {"pressure [Pa]": 1.85e5}.
     tyre : str, optional
-        Needed only where the file holds several tyres.
+        Needed if the file has several tyres.
     rig : Rig, optional
-        The rig for which TR is computed; by default the rig of the tests.
+        Rig for TR; by default that of the tests.
     beyond : bool
-        Whether to answer outside the measured conditions and band too.
+        Whether to answer outside the tested conditions and frequencies.
     """
 
     frequency: Sequence[float]
@@ -54,17 +54,17 @@ class Query:
 
 
 def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
-    """Answers, one row per frequency, with units in their columns; not-a-number becomes None.
+    """The answer, one row per frequency, values by column with unit; None replaces not-a-number.
 
     Raises
     ------
     ModelError
-        If the file cannot answer: another tyre, a condition or frequency outside what was measured, an axis that is
-        not stated.
+        If the file does not have the tyre, the query does not state an axis, or a condition or a frequency is outside
+        the tests.
     """
     tyre = _tyre_of(file, query.tyre)
     found = maps_of(file, tyre, query.state)
-    point, outside, remarks = place_of(found, query.state, beyond=query.beyond)
+    point, outside, remarks = place_of(file, found, query.state, beyond=query.beyond)
     frequency = np.asarray(query.frequency, dtype=float)
     far = _beyond_band(found, frequency, beyond=query.beyond)
     answer = found.ask(np.repeat(point[None], frequency.size, axis=0), frequency)
@@ -73,47 +73,51 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     loss = answer.loss_factor
     rows = []
     for at in range(frequency.size):
-        said = [*remarks, *([f"{far[at]:.3g} octaves outside the measured band"] if far[at] else [])]
+        beyond = [f"{far[at]:.3g} octaves outside the measured band"] if far[at] else []
         row = {"tyre": tyre, **found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
         row |= {q.FREQUENCY.head: float(frequency[at]), **_cells(answer, loss, at)}
         row |= {q.TR.head: None, q.TR.u_head: None}
         if tr is not None:
             row |= {q.TR.head: float(tr[0][at]), q.TR.u_head: float(tr[1][at])}
-        row |= {q.OUTSIDE.head: outside, "remarks": "; ".join(said)}
+        row |= {q.OUTSIDE.head: outside, "remarks": "; ".join([*remarks, *beyond])}
         rows.append({name: _finite(value) for name, value in row.items()})
     return rows
 
 
 def maps_of(file: ModelFile, tyre: str, state: Mapping[str, float]) -> OperatingMap:
-    """The map of a tyre, or what was fitted at one condition of it as a map of one point."""
+    """The map of a tyre, or else its model at the condition that `state` names, as a map of one point."""
     for entry in file.maps:
         if entry.tyre == tyre:
             return map_of(entry)
-    entry_of = next(one for one in file.models if one.tyre == tyre)
-    return _condition(entry_of, state)
+    return _condition(file, next(one for one in file.models if one.tyre == tyre), state)
 
 
-def _tyre_of(file: ModelFile, wanted: str | None) -> str:
+def _tyre_of(file: ModelFile, name: str | None) -> str:
+    """The tyre of a query, checked; without a name the only tyre of the file."""
     tyres = file.tyres
-    if wanted is None:
+    if name is None:
         if len(tyres) != 1:
-            raise ModelError(f"the file knows {len(tyres)} tyres: state --tyre, one of {', '.join(map(shown, tyres))}")
+            raise ModelError(f"the file has {len(tyres)} tyres: state --tyre, one of {', '.join(map(shown, tyres))}")
         return tyres[0]
-    if wanted not in tyres:
-        raise ModelError(f"the file is of {', '.join(map(shown, tyres)) or 'no tyre'}, not of {shown(wanted)}")
-    return wanted
+    if name not in tyres:
+        raise ModelError(f"the file is of {', '.join(map(shown, tyres)) or 'no tyre'}, not of {shown(name)}")
+    return name
 
 
-def _condition(entry: ModelEntry, state: Mapping[str, float]) -> OperatingMap:
-    """The one condition that a state names."""
+def _condition(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -> OperatingMap:
+    """The model at the one condition that `state` names, as a map of one point."""
     states = [{column_of(one.name, one.unit): one.value for one in each.state} for each in entry.conditions]
-    good = [at for at, own in enumerate(states) if _same(own, state)]
+    good = [
+        at
+        for at, own in enumerate(states)
+        if all(column in own and file.axis(column).same(value, own[column]) for column, value in state.items())
+    ]
     if len(good) != 1:
         there = "; ".join(sorted({_words(own) for own in states})[:12])
         what = "no condition is" if not good else f"{len(good)} conditions are"
         raise ModelError(
-            f"{what} like what was asked: the file has fits at {there}. State one of these, or make a map of the "
-            "results with fourpole map"
+            f"{what} the same as the stated one: the file has fits at {there}. State one of these, or make a map of "
+            "the results with fourpole map"
         )
     one, own, model = entry.conditions[good[0]], states[good[0]], model_of(entry)
     values = np.array(one.values)
@@ -127,21 +131,16 @@ def _condition(entry: ModelEntry, state: Mapping[str, float]) -> OperatingMap:
         terms=((),),
         coefficients=linked[:, None],
         covariance=covariance,
-        scatter=Scatter(0.0, (entry.granted, entry.granted)),
+        scatter=Scatter(0.0, (entry.discrepancy, entry.discrepancy)),
         band=one.band,
-        left_out=LeftOut(float("nan"), float("nan"), float("nan")),
+        leave_one_out=LeaveOneOut(),
     )
 
 
-def _same(own: Mapping[str, float], state: Mapping[str, float]) -> bool:
-    """Whether a condition is what is asked, as far as that is stated."""
-    return all(column in own and axis_of(column).same(value, own[column]) for column, value in state.items())
-
-
 def place_of(
-    found: OperatingMap, state: Mapping[str, float], *, beyond: bool
+    file: ModelFile, found: OperatingMap, state: Mapping[str, float], *, beyond: bool
 ) -> tuple[FloatArray, float, tuple[str, ...]]:
-    """The point (d,) that a state names, how far it is outside what was measured, and what to say of it."""
+    """The point (d,) of a state, its distance [half spans] from the tested conditions, and remarks on it."""
     axes = found.axes
     for column, value in state.items():
         if column in axes.names:
@@ -149,11 +148,11 @@ def place_of(
         known = axes.constant.get(column)
         over = ", ".join(_name(one) for one in axes.names) or "no axis"
         if known is None:
-            raise ModelError(f"the tests do not state {_name(column)}: the map answers over {over} and frequency")
-        if not axis_of(column).same(value, known):
+            raise ModelError(f"the tests do not state {_name(column)}: the map is over {over} and frequency")
+        if not file.axis(column).same(value, known):
             raise ModelError(
-                f"the tests had one {_name(column)} only, {_value(column, known)}: the map cannot answer at "
-                f"{_value(column, value)}; it answers over {over} and frequency"
+                f"all tests had the {_name(column)} {_value(column, known)}, not {_value(column, value)}: the map is "
+                f"over {over} and frequency"
             )
     _check_stated(axes, state)
     point = np.array([state[column] for column in axes.names], dtype=float)
@@ -161,15 +160,15 @@ def place_of(
     if not outside:
         return point, 0.0, ()
     near = ", ".join(_value(column, value) for column, value in zip(axes.names, nearest.tolist(), strict=True))
-    asked = ", ".join(_value(column, value) for column, value in zip(axes.names, point.tolist(), strict=True))
-    said = f"{asked} is outside what was measured, by {outside:.3g} half spans; the nearest point inside is {near}"
+    stated = ", ".join(_value(column, value) for column, value in zip(axes.names, point.tolist(), strict=True))
+    remark = f"{stated} is outside what was measured, by {outside:.3g} half spans; the nearest point inside is {near}"
     if not beyond:
-        raise ModelError(f"{said}: ask there, measure there, or state --beyond to be answered all the same")
-    return point, outside, (said,)
+        raise ModelError(f"{remark}: state that point, measure there, or state --beyond")
+    return point, outside, (remark,)
 
 
 def _check_stated(axes: Axes, state: Mapping[str, float]) -> None:
-    """ModelError where an axis of the map is not stated."""
+    """ModelError if the state lacks an axis of the map."""
     lacking = [column for column in axes.names if column not in state]
     if lacking:
         at = axes.names.index(lacking[0])
@@ -177,13 +176,13 @@ def _check_stated(axes: Axes, state: Mapping[str, float]) -> None:
         option = _OPTIONS.get(lacking[0])
         how = f"--{option}" if option else f'--at "{lacking[0]} = ..."'
         raise ModelError(
-            f"state {how}: the map goes over {_name(lacking[0])} from {_value(lacking[0], low)} to "
+            f"state {how}: the map is over {_name(lacking[0])} from {_value(lacking[0], low)} to "
             f"{_value(lacking[0], high)}"
         )
 
 
 def _beyond_band(found: OperatingMap, frequency: FloatArray, *, beyond: bool) -> FloatArray:
-    """Octaves by which each frequency is outside the measured band; ModelError if any is and `beyond` is false."""
+    """Distance of each frequency from the band in octaves; ModelError if one is outside and `beyond` is not set."""
     if not (np.all(np.isfinite(frequency)) and np.all(frequency > 0)):
         raise ModelError("the frequency must be positive [Hz]")
     far = found.octaves_beyond(frequency)
@@ -191,13 +190,14 @@ def _beyond_band(found: OperatingMap, frequency: FloatArray, *, beyond: bool) ->
         low, high = found.band
         worst = float(frequency[int(np.argmax(far))])
         raise ModelError(
-            f"{worst:.6g} Hz is outside the measured band, {low:.4g} to {high:.4g} Hz: ask inside it, or state "
-            "--beyond to be answered all the same"
+            f"{worst:.6g} Hz is outside the measured band, {low:.4g} to {high:.4g} Hz: state a frequency inside it, or "
+            "--beyond"
         )
     return far
 
 
 def _cells(answer: Answer, loss: tuple[FloatArray, FloatArray], at: int) -> dict[str, float]:
+    """The values of one point of an answer, by column."""
     stiffness, covariance = complex(answer.stiffness[at]), answer.covariance[at]
     u_re, u_im, u_k1 = (float(one) for one in np.sqrt(np.diag(covariance)))
     arm = answer.arm_covariance[at]
@@ -229,7 +229,7 @@ def _name(column: str) -> str:
 
 
 def _value(column: str, value: float) -> str:
-    """A value as people write it."""
+    """A value with its unit, pressure in bar."""
     if column == q.PRESSURE.head:
         return f"{value / 1e5:.4g} bar"
     name, _, unit = column.removesuffix("]").partition(" [")
@@ -239,3 +239,31 @@ def _value(column: str, value: float) -> str:
 
 def _words(state: Mapping[str, float]) -> str:
     return ", ".join(_value(column, value) for column, value in state.items()) or "one condition"
+
+
+def response(entry: ModelEntry, at: int, frequency: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """K* (N,) of one condition's parameters at frequencies (N,) [Hz], and its covariance (N, 2, 2), Re and Im.
+
+    The model discrepancy is part of the covariance.
+    """
+    model, one = model_of(entry), entry.conditions[at]
+    omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+    stiffness = model.stiffness(one.values, omega)
+    slopes = model.derivative(one.values, omega)
+    rows = np.stack([slopes.real, slopes.imag], axis=1)
+    covariance = rows @ np.array(one.covariance) @ np.swapaxes(rows, 1, 2)
+    return stiffness, covariance + ((entry.discrepancy * np.abs(stiffness)) ** 2)[:, None, None] * np.eye(2)
+
+
+def rig_in(file: RigFile | None) -> Rig | None:
+    """The rig of a document, or None; ModelError if a value has another unit."""
+    if file is None:
+        return None
+    for name, one in file.values.items():
+        if name not in PARAMETERS or PARAMETERS[name] != one.unit:
+            raise ModelError(f"the model file's rig has {shown(name)} in {shown(one.unit)}: it was changed")
+    values = {name: one.value for name, one in file.values.items()}
+    std = {name: one.std for name, one in file.values.items()}
+    if max(map(abs, [*values.values(), *std.values()]), default=0.0) > LARGEST:
+        raise ModelError("the model file's rig has a number beyond all measure: it was changed")
+    return Rig(**values, std=std, blocked=file.output == "blocked")

@@ -1,1 +1,37 @@
-"""Models of a tyre's dynamic stiffness: values, derivatives, and, where causal, how they are stepped in time."""
+r"""Models of a tyre's dynamic stiffness K*: values, derivatives and, for causal models, their motion in time.
+
+Each family is a class of this package, imported when it is first used: ``from fourpole.models import Zener``.
+
+==================== ==================================================================================
+`Spring`             linear spring, :math:`K^* = K`
+`KelvinVoigt`        spring beside a viscous damper, :math:`K^* = K + j\omega C`
+`Structural`         spring with structural damping, :math:`K^* = K (1 + j\eta)`; not causal
+`GehmanLaw`          K1 beside an arm whose K2 and C are smooth functions of the frequency; not causal
+`Zener`              the paper's K1 beside an arm of constant K2 and C
+`GeneralisedMaxwell` spring beside n arms of spring and damper in series
+`FractionalZener`    two springs and one power of the frequency
+`FractionalZener5`   the same with a second power, for a skew loss peak
+`Shell`              inflated cylindrical shell on radial springs, with inertia
+==================== ==================================================================================
+
+The registry `fourpole.models.families` has the name of each family in commands and files.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from fourpole.models.families import FAMILIES
+
+_HOME = {name: module for module, _, name in (place.partition(".") for place in FAMILIES.values())}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; its models are {', '.join(_HOME)}")
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(_HOME)

@@ -1,11 +1,11 @@
-r"""Is the data itself possible: can any passive linear tyre have this K*, on just this band?
+r"""Test of the data: whether any passive linear tyre without inertia can have this K* within its uncertainty.
 
-A passive linear tyre without inertia relaxes: its K* is a sum of non-negative terms,
+K* of such a tyre is a sum of terms with non-negative coefficients,
 
 .. math:: K^* = K_\infty + \sum_i K_i \frac{j\omega\tau_i}{1 + j\omega\tau_i} + j\omega C, \quad K_\infty, K_i, C \ge 0,
 
-whatever lies outside the band. So the best such sum, by non-negative least squares weighted with the covariance, is
-held against the noise: no extrapolation, no transform, and a narrow band is no trouble.
+The sum with the least chi-square is found by non-negative least squares, weighted with the covariance of K*. The test
+needs no values outside the band: there is no integral over frequency and no extrapolation.
 """
 
 from __future__ import annotations
@@ -17,43 +17,43 @@ from scipy import optimize, stats
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import CHANCE, StiffnessData
+from fourpole.models.data import CHANCE, StiffnessData, relaxation
 
 __all__ = ["Possible", "check_possible"]
 
-#: Relaxation times per decade, and decades beyond the band on either side.
+#: Relaxation times per decade of the grid, and decades of the grid beyond each end of the band.
 _PER_DECADE, _BEYOND = 12, 2.0
-#: Times put between those that are used, and how often, until the data are met.
+#: Number of times that a refinement adds around each active time, and largest number of refinements.
 _MORE, _ROUNDS = 9, 8
-#: A round that takes off less than this share of what is too much is the last.
+#: Refinement ends when it reduces chi-square by less than this fraction of its excess over the degrees of freedom.
 _STUCK = 0.03
-#: Where the grid of times does not do, up to so many times are moved, so often, by so much of a logarithm at once.
+#: Gauss-Newton search of the times: largest number of times, number of steps, largest step in ln(tau).
 _MOST_MOVED, _MOVES, _FARTHEST_MOVE = 12, 6, 0.3
-#: Frequencies are left out one by one, up to so many, to see which are at fault.
-_MOST_NAMED = 3
-#: A frequency is named where it is further off than this, in standard uncertainties.
+#: Largest number of frequencies that are removed, one by one, to find those that are not possible.
+_MOST_REMOVED = 3
+#: Residual, in standard uncertainties, above which a frequency is reported if removing frequencies does not help.
 _FAR = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Possible(ByValue):
-    """The verdict on K* over a band.
+    """The result of the test of K* over a band.
 
     Attributes
     ----------
     possible : bool
     chi2, dof, chance : float, int, float [1]
-        Misfit of the best passive tyre; data less active terms; probability of as much by noise alone.
+        Chi-square of the best passive tyre, its degrees of freedom, and the probability of a larger chi-square.
     residuals : (N,) complex array [N/m]
-        K* less that tyre's.
+        K* minus that of the best passive tyre.
     far : (N,) float array [1]
-        How far each frequency is off, in its standard uncertainty.
+        Residual of each frequency in standard uncertainties.
     impossible : (n,) float array [Hz]
-        Frequencies that no passive linear tyre can give, with the others as they are; empty where it is possible.
+        Frequencies at which K* contradicts the other frequencies; empty if K* is possible.
     without_k1 : bool
-        Whether K* by itself is possible, and only K1 contradicts it.
+        Whether K* is possible, but not together with K1.
     times, spectrum : (T,), (T,) float arrays [s], [N/m]
-        Relaxation times, and the best non-negative spectrum over them.
+        Relaxation times, and the stiffness K_i >= 0 of each for the best passive tyre.
     """
 
     possible: bool
@@ -69,14 +69,14 @@ class Possible(ByValue):
 
 
 def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
-    """Hold K* of one condition against all passive linear tyres.
+    """Test whether a passive linear tyre without inertia can have K* of one condition.
 
     Parameters
     ----------
     data : StiffnessData
-        Of one condition; with its K1, where that is known.
+        Data of one condition, with K1 if it is known.
     enough : float [1]
-        Chance at which no better spectrum is looked for between the relaxation times.
+        Probability of a larger chi-square at which the search for a better spectrum ends.
 
     Returns
     -------
@@ -85,12 +85,12 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
     Raises
     ------
     ModelError
-        If there are several conditions, or the covariance says nothing.
+        If the data are of several conditions.
 
     References
     ----------
     C. L. Lawson, R. J. Hanson, "Solving least squares problems", 1974, ch. 23; B. A. Boukamp, "A linear Kronig-Kramers
-    transform test for immittance data validation", J. Electrochem. Soc. 142, 1995, which this sharpens by the sign.
+    transform test for immittance data validation", J. Electrochem. Soc. 142, 1995; here with non-negative terms.
 
     Examples
     --------
@@ -102,20 +102,20 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
     False
     """
     if data.stiffness.ndim != 1:
-        raise ModelError("the verdict is on one condition at a time: choose one")
+        raise ModelError("the test is for one condition at a time: choose one")
     best = _best(data, enough)
     possible = best.chance > CHANCE
-    far = np.sqrt(np.sum(best.left[: 2 * data.count].reshape(-1, 2) ** 2, axis=1) / 2)
-    named, alone = (np.empty(0, dtype=int), False) if possible else _named(data, best, far)
+    far = best.far(data.count)
+    rows, without_k1 = (np.empty(0, dtype=int), False) if possible else _impossible(data, far)
     return Possible(
         possible=possible,
         chi2=best.chi2,
         dof=best.dof,
         chance=best.chance,
-        residuals=data.stiffness - best.told,
+        residuals=data.stiffness - best.stiffness,
         far=far,
-        impossible=data.omega[named] / (2 * np.pi),
-        without_k1=alone,
+        impossible=data.omega[rows] / (2 * np.pi),
+        without_k1=without_k1,
         times=best.times,
         spectrum=best.spectrum,
     )
@@ -123,18 +123,23 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
 
 @dataclass(frozen=True)
 class _Best:
-    """The best passive tyre: its misfit, K* (N,), what it leaves in standard units (M,), and its spectrum."""
+    """The best passive tyre: chi-square, K* (N,) [N/m], whitened residuals (M,) and relaxation spectrum."""
 
     chi2: float
     dof: int
     chance: float
-    told: ComplexArray
-    left: FloatArray
+    stiffness: ComplexArray
+    residuals: FloatArray
     times: FloatArray
     spectrum: FloatArray
 
+    def far(self, count: int) -> FloatArray:
+        """Residual of each of the frequencies (count,) in standard uncertainties."""
+        return np.asarray(np.sqrt(np.sum(self.residuals[: 2 * count].reshape(-1, 2) ** 2, axis=1) / 2))
+
 
 def _best(data: StiffnessData, enough: float) -> _Best:
+    """The best passive tyre on a grid of times that is refined, and searched, until the probability is `enough`."""
     omega = data.omega
     decades = np.log10(omega.max() / omega.min()) + 2 * _BEYOND
     count = int(np.ceil(decades * _PER_DECADE)) + 1
@@ -143,26 +148,29 @@ def _best(data: StiffnessData, enough: float) -> _Best:
     for _ in range(_ROUNDS):
         best = _with_times(data, whiten, times)
         if best.chance > enough or before - best.chi2 < _STUCK * (best.chi2 - best.dof):
-            break  # else a spectrum between the times may do better
+            break
         times, before = _finer(times, best.spectrum > 0), best.chi2
-    return best if best.chance > enough else _moved(data, whiten, best)
+    return best if best.chance > enough else _with_best_times(data, whiten, best)
 
 
 def _with_times(data: StiffnessData, whiten: FloatArray, times: FloatArray) -> _Best:
-    """The best tyre of given relaxation times."""
-    known = bool(np.isfinite(data.k1_std) and np.isfinite(data.k1))
-    terms = _terms(data.omega, times, known)
-    rows, wanted = _rows(whiten, terms, data, known)
+    """The best passive tyre with given relaxation times."""
+    terms = _terms(data.omega, times, data.has_k1)
+    rows, target = data.whitened(whiten, terms), data.whitened(whiten, data.stiffness[:, None])[:, 0]
+    if data.has_k1:  # one more row, in which only the first term, K_inf, has a coefficient
+        k1 = np.zeros(terms.shape[1])
+        k1[0] = 1.0 / data.k1_std
+        rows, target = np.vstack([rows, k1]), np.append(target, data.k1 / data.k1_std)
     size = np.linalg.norm(rows, axis=0)
-    found, norm = optimize.nnls(rows / size, wanted, maxiter=20 * terms.shape[1])
+    found, norm = optimize.nnls(rows / size, target, maxiter=20 * terms.shape[1])
     chi2, weights = float(norm**2), found / size
-    dof = max(wanted.size - int(np.sum(found > 0)), 1)
+    dof = max(target.size - int(np.sum(found > 0)), 1)
     chance = float(stats.chi2.sf(chi2, dof))
-    return _Best(chi2, dof, chance, terms @ weights, wanted - rows @ weights, times, weights[-times.size - 1 : -1])
+    return _Best(chi2, dof, chance, terms @ weights, target - rows @ weights, times, weights[-times.size - 1 : -1])
 
 
-def _moved(data: StiffnessData, whiten: FloatArray, best: _Best) -> _Best:
-    """The same with few relaxation times, those close together made one, moved to where they fit best."""
+def _with_best_times(data: StiffnessData, whiten: FloatArray, best: _Best) -> _Best:
+    """The passive tyre whose times are merged where they are close together, then optimised by Gauss-Newton steps."""
     used = best.spectrum > 0
     logs, weights = np.log(best.times[used]), best.spectrum[used]
     if not logs.size:
@@ -178,50 +186,44 @@ def _moved(data: StiffnessData, whiten: FloatArray, best: _Best) -> _Best:
             best = tried
         if best.chance > CHANCE:
             break
-        lag = 1j * data.omega[:, None] * np.exp(place)
-        slopes = data.whitened(whiten, tried.spectrum * lag / (1 + lag) ** 2)
+        arms = relaxation(data.omega, np.exp(place))
+        slopes = data.whitened(whiten, tried.spectrum * arms * (1 - arms))
         flat = data.whitened(whiten, _terms(data.omega, np.exp(place), False))
-        step = np.linalg.lstsq(np.concatenate([slopes, flat], axis=1), tried.left[: 2 * data.count], rcond=1e-12)[0]
+        residuals = tried.residuals[: 2 * data.count]
+        step = np.linalg.lstsq(np.concatenate([slopes, flat], axis=1), residuals, rcond=1e-12)[0]
         place = place + np.clip(step[: place.size], -_FARTHEST_MOVE, _FARTHEST_MOVE)
     return best
 
 
-def _named(data: StiffnessData, best: _Best, far: FloatArray) -> tuple[np.ndarray, bool]:
-    """The fewest frequencies without which the rest is possible, or all that are far off; whether K1 alone is at fault.
+def _impossible(data: StiffnessData, far: FloatArray) -> tuple[np.ndarray, bool]:
+    """Places of the frequencies without which K* is possible, and whether K* is possible without K1.
 
-    The one that is farthest off is left out first, then of what remains; K1 too, where it is the farthest.
+    The frequency with the largest residual is removed first. If removing `_MOST_REMOVED` frequencies does not help, the
+    places are those of all large residuals.
     """
-    if best.left.size > 2 * data.count and _best(replace(data, k1=np.asarray(np.nan)), CHANCE).chance > CHANCE:
+    if data.has_k1 and _best(replace(data, k1=np.asarray(np.nan)), CHANCE).chance > CHANCE:
         return np.empty(0, dtype=int), True
     kept, worst = np.arange(data.count), far
-    for _ in range(min(_MOST_NAMED, data.count - 2)):
+    for _ in range(min(_MOST_REMOVED, data.count - 2)):
         kept = np.delete(kept, int(np.argmax(worst)))
         rest = _best(data.part(kept), CHANCE)
         if rest.chance > CHANCE:
             return np.setdiff1d(np.arange(data.count), kept), False
-        worst = np.sqrt(np.sum(rest.left[: 2 * kept.size].reshape(-1, 2) ** 2, axis=1))
+        worst = rest.far(kept.size)
     return np.flatnonzero(far > _FAR), False
 
 
 def _terms(omega: FloatArray, times: FloatArray, known: bool) -> ComplexArray:
-    """Per unit (N, ...): K_inf; with K1 known, what relaxes too slowly to be seen; arms by their times; a damper."""
-    relaxed = 1.0 - 1.0 / (1.0 + 1j * omega[:, None] * times)
-    one = np.ones((omega.size, 2 if known else 1))
-    return np.concatenate([one, relaxed, 1j * omega[:, None] / omega.max()], axis=1)
+    """K* of the terms per unit of their coefficients (N, k): K_inf, arms, a damper.
 
-
-def _rows(whiten: FloatArray, terms: ComplexArray, data: StiffnessData, known: bool) -> tuple[FloatArray, FloatArray]:
-    """Terms and data in standard units; a known K1 is one more row."""
-    rows, wanted = data.whitened(whiten, terms), data.whitened(whiten, data.stiffness[:, None])[:, 0]
-    if not known:
-        return rows, wanted
-    at_rest = np.zeros(terms.shape[1])
-    at_rest[0] = 1.0 / float(data.k1_std)
-    return np.vstack([rows, at_rest]), np.append(wanted, float(data.k1 / data.k1_std))
+    If K1 is known, a second constant is an arm that relaxes too slowly for the band: it is part of K*, but not of K1.
+    """
+    constant = np.ones((omega.size, 2 if known else 1))
+    return np.concatenate([constant, relaxation(omega, times), 1j * omega[:, None] / omega.max()], axis=1)
 
 
 def _finer(times: FloatArray, active: np.ndarray) -> FloatArray:
-    """The times with more of them around those that are used."""
+    """The times with further ones around the active ones."""
     logs = np.log(times)
     near = np.flatnonzero(active)
     ends = [(max(int(i) - 1, 0), min(int(i) + 1, logs.size - 1)) for i in near.tolist()]

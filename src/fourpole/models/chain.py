@@ -1,4 +1,4 @@
-"""A model in the place of the tyre: a four-pole of the chain on its rig, and, where it is causal, a part in time."""
+"""A model in the place of the tyre on a rig: its four-pole, mobility, transmissibility and state space."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ def four_pole(model: Model, values: ArrayLike, omega: ArrayLike) -> ComplexArray
     ----------
     model : Model
     values : (..., P) float array
-        Its parameters.
+        Parameters of the model.
     omega : (N,) or (..., N) float array [rad/s]
         Angular frequencies, > 0.
 
     Returns
     -------
     (..., N, 2, 2) complex array
-        Entries in 1, N s/m, m/(N s), 1; a part for `fourpole.core.twoport.cascade`.
+        Matrices for `fourpole.twoport.cascade`, with the units 1, N s/m, m/(N s), 1.
 
     Raises
     ------
     ModelError
-        If the model does not answer there (a table outside its band), or has no stiffness at all.
+        If K* is zero, or a frequency is outside the band of a table.
 
     References
     ----------
@@ -53,7 +53,7 @@ def four_pole(model: Model, values: ArrayLike, omega: ArrayLike) -> ComplexArray
 
 
 def mobility(model: Model, values: ArrayLike, rig: Rig, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
-    r"""Mobility V1/F1 = R + jI of a model on a rig, as the force cell sees it.
+    r"""Mobility V1/F1 = R + jI of a model on a rig, at the force cell.
 
     .. math:: \frac{1}{M} = j\omega m_1 + \Bigl(\frac{j\omega}{K^*} + \frac{1}{Z_r}\Bigr)^{-1}
 
@@ -62,9 +62,9 @@ def mobility(model: Model, values: ArrayLike, rig: Rig, omega: ArrayLike, added_
     model, values, omega
         As in `four_pole`.
     rig : Rig
-        Its input mass is m1, its impedance beyond the tyre Zr; blocked, the far side does not move.
+        The rig, with the input mass m1 and the impedance Zr beyond the tyre; Zr is infinite if the output is blocked.
     added_mass : float or array that broadcasts with (..., N) [kg]
-        Fixed to the moving mass in addition.
+        Mass added to the moving mass.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def transmissibility(
     Returns
     -------
     (..., N) complex array [1]
-        0 where the rig is blocked.
+        V2/V1; 0 if the output is blocked.
 
     Raises
     ------
@@ -127,19 +127,19 @@ def transmissibility(
     stiffness, omega = _stiffness(model, values, omega), positive(omega)
     if rig.blocked:
         return np.zeros(np.broadcast_shapes(stiffness.shape, np.shape(added_mass)), dtype=complex)
-    whole = 1j * omega * rig.impedance(omega, added_mass)  # all that stands on the tyre, as one complex spring
+    whole = 1j * omega * rig.impedance(omega, added_mass)  # the rig beyond the tyre as one complex spring
     return tyre.transmissibility(stiffness, omega, mass=0.0, preload_stiffness=whole)
 
 
 def transmissibility_derivative(
     model: Model, values: ArrayLike, rig: Rig, omega: ArrayLike, added_mass: ArrayLike = 0.0
 ) -> ComplexArray:
-    r"""Derivatives of V2/V1 by the model's parameters, for its uncertainty.
+    r"""Derivatives of V2/V1 by the parameters of the model, for the uncertainty of TR.
 
     .. math:: \frac{\partial T}{\partial p} = \frac{j\omega Z_r T^2}{K^{*2}}\,\frac{\partial K^*}{\partial p}
 
-    With J their real parts after division by T and S the covariance of the parameters, TR has the relative standard
-    uncertainty :math:`\sqrt{J S J^T}`.
+    The relative standard uncertainty of TR is :math:`\sqrt{J S J^T}`. J is the real part of the derivatives over T, and
+    S is the covariance of the parameters.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def transmissibility_derivative(
     Returns
     -------
     (..., N, P) complex array
-        By each parameter, in its unit.
+        Derivatives by each parameter, in its unit.
 
     Raises
     ------
@@ -175,18 +175,18 @@ def transmissibility_derivative(
 
 
 def in_time(model: Model, values: ArrayLike, band: tuple[float, float], accuracy: float = 1e-6) -> StateSpace:
-    """A model as it is stepped in time: itself, or, where it has no finite form, Maxwell arms that are it in a band.
+    """The state space of a model, or of the Maxwell arms that approximate it within a band.
 
     Parameters
     ----------
     model : Model
-        Causal.
+        A causal model.
     values : (P,) float array
-        Its parameters.
+        Parameters of the model.
     band : (float, float) [Hz]
-        Where arms must hold, if it takes them.
+        Band of the approximation, for a model without a state space of finite order.
     accuracy : float [1]
-        Largest relative error of their K* there.
+        Largest relative error of K* within the band.
 
     Returns
     -------
@@ -195,7 +195,7 @@ def in_time(model: Model, values: ArrayLike, band: tuple[float, float], accuracy
     Raises
     ------
     ModelError
-        If the model is not causal, or no 60 arms reach the accuracy.
+        If the model is not causal, or 60 arms have a larger error.
 
     Examples
     --------
@@ -208,19 +208,19 @@ def in_time(model: Model, values: ArrayLike, band: tuple[float, float], accuracy
     model.checked(values)
     if not model.causal:
         raise ModelError(
-            f"the {model.name} model is not causal: its force would come before its deflection, so that it has no "
-            "motion in time; take zener, kelvin or maxwell:N, or ask for its response over frequency"
+            f"the {model.name} model is not causal and cannot be simulated in time: take zener, kelvin or maxwell:N, "
+            "or compute its response over frequency"
         )
     try:
         return model.state_space(values)
-    except ModelError:  # a power of frequency, as in the fractional models
+    except ModelError:  # the fractional models have a power of frequency
         maxwell, arms, _ = rational(model, values, band, accuracy)
         return maxwell.state_space(arms)
 
 
 def _stiffness(model: Model, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-    """K*, which must not vanish."""
+    """K* [N/m]; ModelError if it is zero."""
     stiffness = model.stiffness(values, omega)
     if not np.all(stiffness):
-        raise ModelError(f"the {model.name} model with these values has no stiffness: it joins nothing to the rig")
+        raise ModelError(f"K* of the {model.name} model is zero for these values: state a positive stiffness")
     return stiffness

@@ -1,8 +1,8 @@
-"""Choice of a model: several fits compared by misfit and number of parameters, and whether the data decide."""
+"""Choice of a model: several models fitted to the same data and compared by information criteria."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,43 +20,44 @@ __all__ = ["AUTO", "Candidate", "Choice", "choose", "fit_conditions", "fixed_of"
 
 #: Models that are tried if none is named.
 AUTO = automatic()
-#: Difference of BIC below which two models are alike: odds of 20 to 1.
+#: Two models are equally good if their BIC differ by less than this: odds of 20 to 1.
 _ALIKE = 6.0
-#: Difference of BIC to the best model, per condition, above which the cross-validation error is not computed.
+#: The leave-one-out error is computed if the BIC exceeds the least by less than this for each condition.
 _WORTH = 30.0
+#: Number of parts into which cross-validation divides the frequencies; least degrees of freedom of its fits.
 _FOLDS = 5
-_FEWEST_LEFT = 2
-#: Starts of each fit: a guard against local minima.
+_LEAST_DOF = 2
+#: Number of starts of each fit.
 _STARTS = 4
-#: Sizes of a family that are tried beyond the best one so far.
+#: Number of larger sizes of a family that are tried beyond the best size so far.
 _PATIENCE = 2
-#: Relative standard uncertainty that gives a datum no weight in a fit.
-_NOTHING = 1e6
+#: Relative uncertainty that gives a datum no weight.
+_NO_WEIGHT = 1e6
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One model on the data of all conditions, each with parameters of its own.
+    """One model fitted to all conditions, with parameters of its own for each.
 
     Attributes
     ----------
     fits : tuple of Fit
-        One per condition.
+        One fit per condition.
     aicc, bic : float [1]
-        Chi-square with what the free parameters cost (Akaike's, corrected for few data, and Bayes'), summed.
-    left_out : float [1]
-        Cross-validation error: root mean square of the residuals at frequencies that the fit did not use, in standard
-        uncertainties. Not-a-number if too few frequencies would remain, or if the model is far worse than the best.
+        Akaike's information criterion, corrected for few data, and the Bayesian one, summed over the conditions.
+    leave_one_out : float [1]
+        Cross-validation error: root mean square residual of frequencies that the fit did not use, in standard
+        uncertainties. Not-a-number if too few frequencies would remain, or the model is far from the best.
     """
 
     fits: tuple[Fit, ...]
     aicc: float
     bic: float
-    left_out: float = float("nan")
+    leave_one_out: float = float("nan")
 
     @property
     def name(self) -> str:
-        """Name of its model."""
+        """Name of the model."""
         return self.fits[0].model.name
 
     @property
@@ -66,17 +67,17 @@ class Candidate:
 
     @property
     def free(self) -> int:
-        """Free parameters of all conditions."""
+        """Number of free parameters of all conditions."""
         return sum(one.residuals.shape[-1] - one.dof for one in self.fits)
 
     @property
     def chi2(self) -> float:
-        """Chi-square, summed over all conditions."""
+        """Chi-square of all conditions."""
         return float(sum(float(one.chi2) for one in self.fits))
 
     @property
     def dof(self) -> int:
-        """Degrees of freedom, summed over all conditions."""
+        """Degrees of freedom of all conditions."""
         return sum(one.dof for one in self.fits)
 
     @property
@@ -86,50 +87,51 @@ class Candidate:
 
     @property
     def chance(self) -> float:
-        """Probability of a chi-square as large, if the model were true."""
+        """Probability of a larger chi-square if the model is true."""
         return float(stats.chi2.sf(self.chi2, max(self.dof, 1)))
 
     @property
     def on_bound(self) -> int:
-        """Parameters on a bound."""
+        """Number of parameters on a bound."""
         return sum(int(one.on_bound.sum()) for one in self.fits)
 
     @property
-    def lost(self) -> int:
+    def not_converged(self) -> int:
         """Number of conditions whose fit did not converge."""
         return sum(not bool(one.converged) for one in self.fits)
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Models side by side, the best first.
+    """The result of a comparison of models.
 
     Attributes
     ----------
     candidates : tuple of Candidate
+        Rising in BIC: the best model is the first.
     alike : tuple of str
-        Names of other models whose BIC is so close to that of the best that the data do not decide.
+        Names of models as good as the best, of which the best is not a special case.
     unneeded : tuple of str
-        Names of models that contain the best as a special case: they fit no better with more parameters.
-    passed : tuple of (str, str)
-        Models that were not tried, each with the reason.
+        Names of models as good as the best, of which the best is a special case: their further parameters do not help.
+    failed : tuple of (str, str)
+        Names of models that could not be fitted, with the reason.
     text : str
-        The chosen model and the reason, in sentences.
+        The best model, and the reason for the choice.
     """
 
     candidates: tuple[Candidate, ...]
     alike: tuple[str, ...]
     unneeded: tuple[str, ...]
-    passed: tuple[tuple[str, str], ...]
+    failed: tuple[tuple[str, str], ...]
     text: str
 
     @property
     def best(self) -> Candidate:
-        """The best candidate, which stands first."""
+        """The candidate with the least BIC."""
         return self.candidates[0]
 
     def named(self, name: str) -> Candidate:
-        """The one of a name."""
+        """The candidate of a model, by its name."""
         return next(one for one in self.candidates if one.name == name)
 
 
@@ -138,16 +140,17 @@ def choose(
     names: Sequence[str] = AUTO,
     given: Sequence[Mapping[str, float]] | None = None,
 ) -> Choice:
-    """Fit several models to one or more conditions and say which, and why.
+    """Fit several models to one or more conditions and choose the one with the least BIC.
 
     Parameters
     ----------
-    data : StiffnessData or sequence of them
-        Of one condition each.
+    data : StiffnessData or sequence of StiffnessData
+        Data of one condition each.
     names : sequence of str
-        Models; see `families.model_named`. A family's bare name, as maxwell, is as large a size as helps.
+        Names of models; see `families.model_named`. For the bare name of a family, such as maxwell, larger sizes are
+        tried as long as they help.
     given : sequence of mapping of str to float, optional
-        Of each condition, parameters that are known and not fitted, by symbol; a model takes those that it has.
+        For each condition, values of known parameters by symbol. A model uses those of its own parameters.
 
     Raises
     ------
@@ -168,48 +171,46 @@ def choose(
     """
     conditions = [data] if isinstance(data, StiffnessData) else list(data)
     if not conditions or any(one.stiffness.ndim != 1 for one in conditions):
-        raise ModelError("a choice is for one or more conditions, given one by one")
+        raise ModelError("a choice of models needs one or more conditions, each as data of its own")
     known = given if given is not None else [{}] * len(conditions)
-    candidates, passed = _tried(names, conditions, known)
+    candidates, failed = _fitted(names, conditions, known)
     candidates.sort(key=lambda one: one.bic)
-    worth = candidates[0].bic + _WORTH * len(conditions)
-    candidates = [
-        replace(one, left_out=_left_out(one, conditions, known)) if one.bic < worth else one for one in candidates
-    ]
+    limit = candidates[0].bic + _WORTH * len(conditions)
+    for at, one in enumerate(candidates):
+        if one.bic < limit:
+            candidates[at] = replace(one, leave_one_out=_leave_one_out(one, conditions, known))
     best = candidates[0]
     near = [one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE]
     alike = tuple(name for name in near if not contains(name, best.name))
     unneeded = tuple(name for name in near if contains(name, best.name))
-    return Choice(tuple(candidates), alike, unneeded, passed, _said(candidates, alike, unneeded))
+    return Choice(tuple(candidates), alike, unneeded, failed, _text(candidates, alike, unneeded))
 
 
-def _tried(
+def _fitted(
     names: Sequence[str], conditions: Sequence[StiffnessData], known: Sequence[Mapping[str, float]]
 ) -> tuple[list[Candidate], tuple[tuple[str, str], ...]]:
-    """The models that could be fitted, and the others with the reason; ModelError where none could."""
+    """The models that could be fitted, and the others with the reason; ModelError if there is no fit."""
     candidates: list[Candidate] = []
-    passed = []
+    failed = []
     for name in names:
         try:
-            sizes = sizes_of(name)
-            candidates += (
-                _growing(name, sizes, conditions, known)
-                if sizes
-                else [_candidate(model_named(name), conditions, known)]
-            )
+            if sizes := sizes_of(name):
+                candidates += _growing(name, sizes, conditions, known)
+            else:
+                candidates.append(_candidate(model_named(name), conditions, known))
         except ModelError as error:
-            passed.append((name, str(error)))
+            failed.append((name, str(error)))
     if not candidates:
-        raise ModelError(passed[0][1] if passed else "no model was named")
-    return candidates, tuple(passed)
+        raise ModelError(failed[0][1] if failed else "no model was named")
+    return candidates, tuple(failed)
 
 
 def fit_conditions(
     model: Model, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]] | None = None
 ) -> tuple[Fit, ...]:
-    """One model to each of several conditions, from several starts; those of a kind at once.
+    """The fits of one model to several conditions, one fit per condition, each from several starts.
 
-    `given` has the parameters of each condition that are known; those usually fixed stay at their defaults.
+    `given` has the known parameters of each condition. Parameters that are usually fixed otherwise keep their defaults.
     """
     fits: dict[int, Fit] = {}
     for places, together in stacked(conditions):
@@ -220,7 +221,7 @@ def fit_conditions(
 
 
 def fixed_of(model: Model, given: Sequence[Mapping[str, float]]) -> dict[str, FloatArray]:
-    """Values of the parameters that are held, for each of some conditions."""
+    """Values of the parameters that are not fitted, by symbol, one for each condition."""
     fixed: dict[str, FloatArray] = {}
     for parameter in model.parameters:
         symbol = parameter.symbol
@@ -232,7 +233,7 @@ def fixed_of(model: Model, given: Sequence[Mapping[str, float]]) -> dict[str, Fl
 def _growing(
     family: str, sizes: Sequence[int], conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
 ) -> list[Candidate]:
-    """Models of a family from its smallest size on, until larger ones do not help."""
+    """The fits of a family, rising in size, until larger sizes do not reduce the BIC."""
     found: list[Candidate] = []
     for size in sizes:
         try:
@@ -247,10 +248,11 @@ def _growing(
 
 
 def _candidate(model: Model, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> Candidate:
+    """One model fitted to all conditions, with its information criteria."""
     fits = fit_conditions(model, conditions, given)
     aicc = bic = 0.0
     for one, data in zip(fits, conditions, strict=True):
-        # A model that flows leaves K1 as a parameter of its own: so all models are compared on the same data.
+        # For a model that flows, K1 is a datum and a parameter of its own: all models are compared on the same data.
         count = one.residuals.shape[-1] + int(data.has_k1 and not model.rests)
         free = count - one.dof
         aicc += float(one.chi2) + 2 * free + 2 * free * (free + 1) / max(count - free - 1, 1)
@@ -258,67 +260,76 @@ def _candidate(model: Model, conditions: Sequence[StiffnessData], given: Sequenc
     return Candidate(fits, aicc, bic)
 
 
-def _left_out(candidate: Candidate, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> float:
-    """Cross-validation error [1]: rms residual, in standard uncertainties, at each fifth of the frequencies in turn."""
+def _leave_one_out(
+    candidate: Candidate, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
+) -> float:
+    """Root mean square residual of frequencies, in standard uncertainties, from fits to the other four fifths."""
+    model = candidate.fit.model
     squares: list[FloatArray] = []
     for places, together in stacked(conditions):
         count, size = together.count, len(places)
         folds = min(_FOLDS, count)
-        if 2 * (count - -(-count // folds)) < len(candidate.fit.model.parameters) + _FEWEST_LEFT:
+        if 2 * (count - -(-count // folds)) < len(model.parameters) + _LEAST_DOF:
             return float("nan")
-        left = np.arange(count) % folds == np.arange(folds)[:, None]
+        unused = np.arange(count) % folds == np.arange(folds)[:, None]
         values = np.stack([candidate.fits[place].values for place in places])
-        model, start = candidate.fit.model, np.broadcast_to(values, (folds, *values.shape))
+        start = np.broadcast_to(values, (folds, *values.shape))
         fixed = list(fixed_of(model, [given[place] for place in places]))
-        found = fit(model, _without(together, left), start, fixed=fixed)
-        off = together.stiffness - candidate.fit.model.stiffness(found.values, together.omega)
-        for fold, rows in enumerate(left):
+        found = fit(model, _without(together, unused), start, fixed=fixed)
+        off = together.stiffness - model.stiffness(found.values, together.omega)
+        for fold, rows in enumerate(unused):
             rest = together.part(np.flatnonzero(rows))
             squares.append(rest.whitened(rest.whitener(), off[fold][:, rows, None])[..., 0].reshape(size, -1) ** 2)
     return float(np.sqrt(np.mean(np.concatenate([one.ravel() for one in squares]))))
 
 
-def _without(data: StiffnessData, left: BoolArray) -> StiffnessData:
-    """Conditions (B, N) once per row of `left` (folds, N), with no weight on the frequencies left out."""
-    folds, count = left.shape
+def _without(data: StiffnessData, unused: BoolArray) -> StiffnessData:
+    """The conditions (B, N) once per row of `unused` (folds, N), with unused frequencies without weight."""
+    folds, count = unused.shape
     covariance = np.broadcast_to(data.covariance, (folds, *data.covariance.shape)).copy()
-    huge = np.broadcast_to((_NOTHING * np.abs(data.stiffness)) ** 2, (folds, *data.stiffness.shape))
+    huge = np.broadcast_to((_NO_WEIGHT * np.abs(data.stiffness)) ** 2, (folds, *data.stiffness.shape))
     if data.full:
-        both = np.repeat(left, 2, axis=1)[:, None, :]
+        both = np.repeat(unused, 2, axis=1)[:, None, :]
         covariance = np.where(both[..., :, None] | both[..., None, :], 0.0, covariance)
         at = np.arange(2 * count)
         covariance[..., at, at] += np.where(both, np.repeat(huge, 2, axis=-1), 0.0)
     else:
-        aside = left[:, None, :, None, None]
-        covariance = np.where(aside, huge[..., None, None] * np.eye(2), covariance)
+        covariance = np.where(unused[:, None, :, None, None], huge[..., None, None] * np.eye(2), covariance)
     lead = (folds, *data.stiffness.shape[:-1])
     omega, k1, k1_std = (np.broadcast_to(one, (*lead, *one.shape[1:])) for one in (data.omega, data.k1, data.k1_std))
     return StiffnessData(omega, np.broadcast_to(data.stiffness, (*lead, count)), covariance, k1, k1_std)
 
 
-def _said(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Sequence[str]) -> str:
+def _text(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Sequence[str]) -> str:
+    """The best model and the reason for the choice, in sentences; the last one without its full stop."""
     best = candidates[0]
-    free = (
-        f"{best.free} parameters" if len(best.fits) == 1 else f"{best.free} parameters in {len(best.fits)} conditions"
-    )
-    said = f"{best.name}: {free}, chi-square {best.chi2:.3g} for {best.dof} degrees of freedom"
+    many = f" in {len(best.fits)} conditions" if len(best.fits) > 1 else ""
+    first = f"{best.name}: {best.free} parameters{many}, chi-square {best.chi2:.3g} for {best.dof} degrees of freedom"
+    if best.dof and best.chance < CHANCE:
+        first += ", too large for the uncertainty of the data"
     if best.on_bound:
-        said += f"; {best.on_bound} of them on a bound, or unseen by the data"
+        first += f"; {best.on_bound} of the parameters on a bound or without effect on K*"
     if not best.dof:
-        return f"{said}: as many parameters as data, so that nothing is left to tell models apart"
-    if best.chance < CHANCE:
-        said += "; it does not fit: more is in the data than noise, and no model tried explains it"
+        return f"{first}: as many parameters as data, so that models cannot be compared"
+    return ". ".join([first, *_comparison(candidates, alike, unneeded), *_simulation(candidates)])
+
+
+def _comparison(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Sequence[str]) -> Iterator[str]:
+    """The models that are as good as the best, or else the next."""
+    best, *others = candidates
+    rivals = [one for one in others if not contains(one.name, best.name)]
     if alike:
-        said = f"{said}. The data cannot tell it from {', '.join(alike)}"
-    else:
-        rivals = [one for one in candidates[1:] if not contains(one.name, best.name)]
-        if rivals:
-            said += f". The next, {rivals[0].name}, is worse by {rivals[0].bic - best.bic:.3g} in BIC"
+        yield f"The data cannot distinguish it from {', '.join(alike)}"
+    elif rivals:
+        yield f"The BIC of the next, {rivals[0].name}, is larger by {rivals[0].bic - best.bic:.3g}"
     if unneeded:
-        said += ". Nor can they tell it" if alike else ". The data ask for no more, though they cannot tell it"
-        said += f" from {', '.join(unneeded)}, of which it is a special case"
-    if not best.fit.model.causal:
-        causal = next((one for one in candidates if one.fit.model.causal), None)
-        said += ". It is not causal and cannot be stepped in time"
-        said += f": for a simulation take {causal.name}" if causal is not None else ""
-    return said
+        yield f"The data do not require the parameters that {', '.join(unneeded)} would add to it"
+
+
+def _simulation(candidates: Sequence[Candidate]) -> Iterator[str]:
+    """The model for a simulation in time, if the best is not causal."""
+    if candidates[0].fit.model.causal:
+        return
+    causal = next((one for one in candidates if one.fit.model.causal), None)
+    instead = f": for a simulation take {causal.name}" if causal is not None else ""
+    yield f"It is not causal and cannot be simulated in time{instead}"

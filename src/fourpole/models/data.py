@@ -1,4 +1,4 @@
-"""Data for the fit of a model: K* over frequency with its covariance, and the static stiffness."""
+"""The data that a model is fitted to: K* over frequency with its covariance, and the static stiffness K1."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 
-__all__ = ["CHANCE", "NORMAL_95", "SPACES", "StiffnessData", "stacked", "turning"]
+__all__ = ["CHANCE", "NORMAL_95", "SPACES", "StiffnessData", "multiplication", "relaxation", "stacked"]
 
-#: Quantities in which a model may be compared with data: K*, 1/K* or the mobility j w/K*.
+#: Quantities in which model and data may be compared: K*, 1/K* or jw/K*.
 SPACES = ("stiffness", "compliance", "mobility")
-#: Probability of chi-square below which a model, or the stated uncertainties of the data, are rejected.
+#: Significance level: a model, or the data as stated, is rejected when its chi-square is less probable than this.
 CHANCE = 1e-3
-#: Coverage factor of a 95 % interval of a normal distribution.
+#: Coverage factor of a two-sided 95 % interval of a normal distribution.
 NORMAL_95 = 1.959964
-#: Least relative uncertainty that is believed: what single precision holds.
+#: Relative uncertainty that is added to every K*: the resolution of single precision.
 _FLOOR = 1e-7
-#: No stiffness squared is larger [N²/m²].
+#: Largest entry of a covariance that is accepted [N²/m²].
 _LARGEST = 1e60
 
 
@@ -32,12 +32,13 @@ class StiffnessData(ByValue):
     Parameters
     ----------
     omega : (N,) or (..., N) float array [rad/s]
-        > 0; the same for all conditions, or those of each.
+        Angular frequencies, > 0: either common to all conditions, or one row for each condition.
     stiffness : (..., N) complex array [N/m]
     covariance : (..., N, 2, 2) or (..., 2N, 2N) float array [N²/m²]
-        Of Re and Im, of each frequency by itself, or of all together, Re and Im of each in turn.
+        Covariance of Re K* and Im K*: a 2 x 2 matrix for each frequency, or one matrix over all frequencies in the
+        order Re, Im of the first, Re, Im of the second, and so on.
     k1, k1_std : (...,) float arrays [N/m]
-        Static stiffness and its standard uncertainty; not-a-number where none is to be used.
+        Static stiffness and its standard uncertainty; not-a-number where K1 is not known.
 
     Examples
     --------
@@ -64,31 +65,31 @@ class StiffnessData(ByValue):
         k1: ArrayLike = np.nan,
         k1_std: ArrayLike = np.nan,
     ) -> StiffnessData:
-        """Data from arrays.
+        """The data of one or more conditions, checked.
 
         Parameters
         ----------
         omega, stiffness, k1, k1_std
             As the attributes.
         std : float array [N/m]
-            Of Re and Im alike; broadcasts with K*.
+            Standard uncertainty of Re K* and of Im K*; broadcasts with K*.
         covariance : float array [N²/m²]
-            In place of `std`.
+            Covariance, in place of `std`.
         shared : (..., 2N, p) float array [N/m], optional
-            What p common errors, of one standard uncertainty each, do to Re and Im of each frequency in turn: gains
-            of sensors, say. Their covariance is added.
+            Changes of Re K* and Im K* of each frequency in turn when one of p errors that all frequencies share, such
+            as the gain of a sensor, is one standard uncertainty. Their covariance is added.
 
         Raises
         ------
         ModelError
-            If shapes do not fit, a number is missing, or the covariance is no covariance.
+            If shapes do not fit, a number is missing, or `covariance` is not a covariance matrix.
         """
         w, k = np.atleast_1d(np.asarray(omega, dtype=float)), np.asarray(stiffness, dtype=complex)
         if k.ndim == 0 or w.shape not in (k.shape, k.shape[-1:]):
             raise ModelError(f"K* has the shape {k.shape}, the frequencies {w.shape}")
         if not (np.all(np.isfinite(k)) and np.all(w > 0)):
             raise ModelError(
-                "K* must be known at every frequency, and frequencies must be positive: leave the rest out"
+                "K* must be known at every frequency, and frequencies must be positive: remove the other rows"
             )
         if (std is None) == (covariance is None):
             raise ModelError("state std or covariance of K*, one of the two")
@@ -110,16 +111,16 @@ class StiffnessData(ByValue):
 
     @property
     def full(self) -> bool:
-        """Whether the covariance joins frequencies."""
+        """Whether the covariance has entries between different frequencies."""
         return self.covariance.ndim == self.stiffness.ndim + 1
 
     @property
     def has_k1(self) -> bool:
-        """Whether any condition has its static stiffness."""
+        """Whether at least one condition has a known static stiffness."""
         return bool(np.any(np.isfinite(self.k1) & np.isfinite(self.k1_std)))
 
     def flat(self) -> StiffnessData:
-        """The same conditions along one axis, (B, N)."""
+        """The same data with all conditions along one axis (B, N)."""
         count = self.count
         tail = self.covariance.shape[-2:] if self.full else (count, 2, 2)
         return StiffnessData(
@@ -131,14 +132,14 @@ class StiffnessData(ByValue):
         )
 
     def whitener(self) -> FloatArray:
-        """W with W S W^T = 1: (..., N, 2, 2) or (..., 2N, 2N)."""
+        """Matrices W (..., N, 2, 2) or (..., 2N, 2N) with W S W^T = 1, where S is the covariance."""
         size = np.abs(self.stiffness) * _FLOOR
         if self.full:
             at = np.arange(2 * self.count)
             whole = self.covariance.copy()
             whole[..., at, at] += np.repeat(size, 2, axis=-1) ** 2
             return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)))
-        # the inverse of the Cholesky factor in closed form: many times as fast for many small ones
+        # The closed form of the inverse Cholesky factor is many times as fast for many 2 x 2 matrices.
         first = np.sqrt(self.covariance[..., 0, 0] + size**2)
         share = self.covariance[..., 1, 0] / first
         second = np.sqrt(self.covariance[..., 1, 1] + size**2 - share**2)
@@ -148,20 +149,20 @@ class StiffnessData(ByValue):
         return inverse
 
     def whitened(self, whiten: FloatArray, values: ComplexArray) -> FloatArray:
-        """Complex values (..., N, k) in standard units, (..., 2N, k), by a whitener of these data."""
+        """Complex values (..., N, k) [N/m] in standard uncertainties (..., 2N, k) [1], by a whitener of these data."""
         flat = (*values.shape[:-2], 2 * self.count, values.shape[-1])
         if self.full:
             return np.asarray(whiten @ np.stack([values.real, values.imag], axis=-2).reshape(flat))
         found = np.empty((*values.shape[:-1], 2, values.shape[-1]))
-        for row in (0, 1):  # a part that is nothing everywhere, as without correlation, costs nothing
+        for row in (0, 1):  # without correlation the second product is skipped
             found[..., row, :] = whiten[..., row, row, None] * (values.imag if row else values.real)
-            aside = whiten[..., row, 1 - row, None]
-            if aside.any():
-                found[..., row, :] += aside * (values.real if row else values.imag)
+            across = whiten[..., row, 1 - row, None]
+            if across.any():
+                found[..., row, :] += across * (values.real if row else values.imag)
         return found.reshape(flat)
 
     def part(self, rows: np.ndarray) -> StiffnessData:
-        """Some of the frequencies."""
+        """The data at some of the frequencies."""
         if self.full:
             both = np.stack([2 * rows, 2 * rows + 1], axis=-1).ravel()
             covariance = self.covariance[..., both[:, None], both]
@@ -170,14 +171,22 @@ class StiffnessData(ByValue):
         return StiffnessData(self.omega[..., rows], self.stiffness[..., rows], covariance, self.k1, self.k1_std)
 
 
-def turning(values: ComplexArray) -> FloatArray:
-    """Matrices (..., 2, 2) that do to (Re, Im) what multiplying by complex values (...,) does."""
+def relaxation(omega: FloatArray, times: FloatArray) -> ComplexArray:
+    """Response jw tau/(1 + jw tau) (..., N, T) [1] of arms of unit stiffness with relaxation times (..., T) [s]."""
+    return np.asarray(1.0 - 1.0 / (1.0 + 1j * omega[..., None] * times))
+
+
+def multiplication(values: ComplexArray) -> FloatArray:
+    """Real matrices (..., 2, 2) that multiply (Re, Im) of a complex number by the complex values (...,)."""
     rows = [np.stack([values.real, -values.imag], -1), np.stack([values.imag, values.real], -1)]
     return np.stack(rows, -2)
 
 
 def stacked(conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], StiffnessData]]:
-    """Conditions of one kind together, as (B, N), with where each stood: as many frequencies, K1 or none, one form."""
+    """Groups of conditions as one array (B, N) each, with the places of their members in `conditions`.
+
+    The members of a group have the same number of frequencies and the same form of covariance, and all or none have K1.
+    """
     kinds: dict[tuple[int, bool, bool], list[int]] = {}
     for at, one in enumerate(conditions):
         kinds.setdefault((one.count, one.full, one.has_k1), []).append(at)
@@ -188,10 +197,10 @@ def stacked(conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], St
 
 
 def _with_shared(whole: FloatArray, shared: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """The covariance of all frequencies together, with that of common errors."""
+    """The covariance over all frequencies (..., 2N, 2N), with that of the shared errors added."""
     size = 2 * shape[-1]
     if shared.ndim < 2 or shared.shape[-2] != size:
-        raise ModelError(f"the common errors have the shape {shared.shape}, not (..., {size}, p)")
+        raise ModelError(f"the shared errors have the shape {shared.shape}, not (..., {size}, p)")
     common = shared @ np.swapaxes(shared, -1, -2)
     if whole.shape[-2:] == (size, size) and whole.ndim == len(shape) + 1:
         return np.asarray(whole + common, dtype=float)
@@ -202,15 +211,16 @@ def _with_shared(whole: FloatArray, shared: FloatArray, shape: tuple[int, ...]) 
 
 
 def _check_covariance(whole: FloatArray, shape: tuple[int, ...]) -> None:
+    """ModelError unless `whole` is a covariance of K* with this shape."""
     count = shape[-1]
     if whole.shape not in ((*shape, 2, 2), (*shape[:-1], 2 * count, 2 * count)):
         raise ModelError(f"the covariance has the shape {whole.shape}, K* {shape}")
     if not np.all(np.isfinite(whole)) or np.any(np.abs(whole) > _LARGEST):
-        raise ModelError("the covariance of K* has gaps, or numbers beyond all measure: it is none")
+        raise ModelError("the covariance of K* has missing or too large numbers: check its columns")
     std = np.sqrt(np.abs(np.diagonal(whole, 0, -1, -2)))
     scale = std[..., :, None] * std[..., None, :]
     if np.any(np.abs(whole - np.swapaxes(whole, -1, -2)) > 1e-6 * scale):
-        raise ModelError("the covariance of K* is not symmetric: it is none")
+        raise ModelError("the covariance of K* is not symmetric: check its order, Re and Im of each frequency in turn")
     least = np.linalg.eigvalsh(whole)[..., 0]
     if np.any(least < -1e-9 * np.abs(whole).max(axis=(-1, -2))):
-        raise ModelError("the covariance of K* has a negative direction: it is none; check its correlations")
+        raise ModelError("the covariance of K* has a negative eigenvalue: check its correlations")

@@ -1,7 +1,7 @@
 """Model discrepancy: the relative error of K*, per frequency, that makes chi-square equal its degrees of freedom.
 
-If no model explains the data within their uncertainty, intervals and comparisons are meaningful only when the model
-discrepancy is stated and included.
+It is added to the uncertainty of K* when no model fits within that uncertainty, or when the uncertainty is not known.
+Without it, intervals of parameters would be too narrow and comparisons of models would not be valid.
 """
 
 from __future__ import annotations
@@ -17,16 +17,17 @@ from fourpole.models.data import CHANCE, StiffnessData
 
 __all__ = ["least_misfit", "model_discrepancy", "with_error"]
 
-#: Probability of chi-square up to which the search for a better spectrum goes on, so that chi-square is the least.
+#: Probability of a larger chi-square at which the search for a better passive tyre ends.
 _LIKELY = 0.5
-#: The search ends where chi-square is its degrees of freedom within this share.
+#: The search ends when chi-square equals its degrees of freedom within this fraction.
 _CLOSE = 0.01
 _MOST_STEPS = 25
+#: Least and largest discrepancy of the search.
 _LEAST, _MOST = 1e-7, 1.0
 
 
 def with_error(data: StiffnessData, error: float) -> StiffnessData:
-    """The data with a further error relative to abs(K*), independent at each frequency, the same in Re and Im.
+    """The data with an additional error of Re K* and Im K*, relative to |K*| and independent between frequencies.
 
     Examples
     --------
@@ -51,16 +52,16 @@ def model_discrepancy(
     *,
     always: bool = False,
 ) -> float:
-    """The relative error that makes chi-square equal to its degrees of freedom; 0 where the data are met as they are.
+    """The model discrepancy [1] of some conditions; 0 if the model fits within the uncertainty of the data.
 
     Parameters
     ----------
     conditions : sequence of StiffnessData
-        Of one condition each.
+        Data of one condition each.
     misfit : callable, optional
-        Chi-square and degrees of freedom of a model on such conditions; by default the best passive linear tyre's.
+        Chi-square and degrees of freedom of a model on such conditions; by default those of the best passive tyre.
     always : bool
-        Look for it although the data may be met as they are: their uncertainty is not known.
+        Search even if the model fits, because the uncertainty of the data is not known.
 
     Examples
     --------
@@ -89,6 +90,6 @@ def model_discrepancy(
 
 
 def least_misfit(conditions: Sequence[StiffnessData]) -> tuple[float, int]:
-    """Chi-square and degrees of freedom of the best passive linear tyre of each condition, summed."""
+    """Chi-square and degrees of freedom, summed over the conditions, of the best passive linear tyre of each."""
     found = [check_possible(one, _LIKELY) for one in conditions]
     return sum(one.chi2 for one in found), sum(one.dof for one in found)

@@ -1,7 +1,7 @@
-"""The families of models: one line each, from which names, help, candidates and special cases are taken.
+"""The registry of model families: one line each, from which names, help, candidates and special cases are taken.
 
-What a family is, it says itself, by the attributes of `interface.Model`. Its class is imported when it is first asked
-for, so that the command line can name the families without loading them.
+The properties of a family are the attributes of its class; see `interface.Model`. The class is imported when it is
+first used, so that the command line can list the families without importing numpy.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FAMILIES", "NAMES", "automatic", "contains", "for_maps", "model_named", "sizes_of"]
 
-#: Name and class of each family, in the order of help and of `auto`. `:N` is a size; in brackets it may be left out.
+#: Name and class of each family, in the order of help and of `auto`. `:N` is a size, optional if it is in brackets.
 FAMILIES = {
     "spring": "springs.Spring",
     "kelvin": "springs.KelvinVoigt",
@@ -29,18 +29,18 @@ FAMILIES = {
     "fractional5": "fractional.FractionalZener5",
     "shell": "tyre_shell.Shell",
 }
-#: All names, as help and messages list them.
+#: All names, as they stand in help and messages.
 NAMES = ", ".join(FAMILIES)
 _PLACES = {key.partition(":")[0].rstrip("["): (key, place) for key, place in FAMILIES.items()}
 
 
 def model_named(name: str) -> Model:
-    """The model of a name, with its size where the family has sizes.
+    """The model of a name: a family, or a family with its size.
 
     Raises
     ------
     ModelError
-        If there is none of that name, or the family has no such size.
+        If no model has that name, or the family has no such size.
 
     Examples
     --------
@@ -60,7 +60,7 @@ def model_named(name: str) -> Model:
 
 
 def automatic() -> tuple[str, ...]:
-    """Names of the families that `auto` tries; a family with `sizes` stands by its bare name."""
+    """Names of the families that `auto` tries; a family with `sizes` has its bare name here."""
     return tuple(family for family in _PLACES if _class(family).candidate)
 
 
@@ -70,7 +70,7 @@ def for_maps() -> tuple[str, ...]:
 
 
 def sizes_of(name: str) -> range:
-    """Sizes that a family's bare name tries; none for any other name."""
+    """Sizes that are tried for the bare name of a family; an empty range for every other name."""
     return _class(name).sizes if name in _PLACES else range(0)
 
 
@@ -88,7 +88,7 @@ def contains(larger: str, smaller: str) -> bool:
 
 @cache
 def _special_cases(family: str) -> frozenset[str]:
-    """Families that are special cases of one, by what either side says, also at second hand."""
+    """Families that are special cases of one family, directly or through other families; either side may state it."""
     pairs = {(one, case) for one in _PLACES for case in _class(one).special_cases}
     pairs |= {(whole, one) for one in _PLACES for whole in _class(one).special_case_of}
     found: set[str] = set()
@@ -100,6 +100,7 @@ def _special_cases(family: str) -> frozenset[str]:
 
 
 def _class(family: str) -> type[Model]:
+    """The class of a family, imported now."""
     module, _, name = _PLACES[family][1].partition(".")
     found: type[Model] = getattr(import_module(f"fourpole.models.{module}"), name)
     return found

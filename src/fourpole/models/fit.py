@@ -1,6 +1,6 @@
-r"""Fits of a model to many conditions at once: Levenberg-Marquardt over the whole batch, as array work.
+"""Fits of a model to many conditions at once: Levenberg-Marquardt, vectorised over the conditions.
 
-Bounds are kept by projection: a parameter that stands on its bound and would leave it is held there for the step.
+The search is projected onto the bounds: a parameter on its bound whose step would cross it is constant in that step.
 """
 
 from __future__ import annotations
@@ -19,44 +19,45 @@ from fourpole.models.problem import FitProblem, problem_of
 
 __all__ = ["Fit", "best_fit", "fit"]
 
+#: Maximum number of steps; start, factors after a good and a bad step, and maximum of the damping.
 _STEPS = 200
 _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 1e-3, 0.2, 5.0, 1e12
-#: The search ends after a step that changes each parameter, or chi-square, by at most these fractions.
+#: The search ends at a step, or a reduction of chi-square, that is smaller than these fractions.
 _SMALL_STEP, _SMALL_GAIN = 1e-10, 1e-11
-#: The search also ends if chi-square falls by less than this plus this fraction of it, over this number of steps.
+#: It also ends when chi-square falls by less than this, plus this fraction of it, over `_WINDOW` steps.
 _FLAT, _FLAT_SHARE, _WINDOW = 1e-3, 1e-6, 20
-#: Share of converged conditions above which the search goes on without them.
+#: When a larger fraction of the conditions has converged, the search continues without them.
 _MOST_DONE = 0.25
-#: The data do not determine a parameter if multiplying it by e changes them by less than this, in standard units.
-_UNSEEN = 1e-4
-#: Starts whose chi-square ends within this of the best have found the same optimum.
+#: A parameter has no effect on the data if a factor e changes the model by less than this, in standard uncertainties.
+_NO_EFFECT = 1e-4
+#: Fits from several starts have the same optimum if their chi-squares differ by less than this.
 _SAME_OPTIMUM = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Fit(ByValue):
-    """A model fitted to conditions (...,), each by itself.
+    """The fits of one model to conditions (...,), each with parameters of its own.
 
     Attributes
     ----------
     model : Model
     values : (..., P) float array
-        Best parameters, each in its unit.
+        Parameters, each in its unit.
     covariance : (..., P, P) float array
-        Of the parameters; 0 for fixed ones and those on a bound.
+        Covariance of the parameters; 0 for fixed parameters and those on a bound.
     chi2 : (...,) float array [1]
-        Squared residuals in standard units, K1's included.
+        Sum of the squared whitened residuals.
     dof : int
-        Data less free parameters.
+        Degrees of freedom: number of data minus number of free parameters.
     residuals : (..., M) float array [1]
-        In standard units: Re and Im of each frequency in turn, whitened; last K1's, where it is used.
+        Whitened residuals: Re and Im of each frequency in turn, then K1 if it is used.
     on_bound : (..., P) bool array
-        Parameters that stand on a bound, or are so far off that the data do not see them.
+        Whether a parameter is on a bound, or its value has no effect on the data.
     converged : (...,) bool array
     steps : int
-        Steps of the slowest.
+        Number of steps of the slowest condition.
     agreed : (...,) float array [1]
-        Share of the starts that came to this optimum; 1 where there was one start.
+        Fraction of the starts that led to this optimum; 1 if there was one start.
     """
 
     model: Model
@@ -77,24 +78,24 @@ class Fit(ByValue):
 
     @property
     def correlation(self) -> FloatArray:
-        """Correlation of the parameters (..., P, P); 0 where one is exact."""
+        """Correlation of the parameters (..., P, P); 0 where a parameter has no uncertainty."""
         std = self.std
         scale = std[..., :, None] * std[..., None, :]
         return np.divide(self.covariance, scale, out=np.zeros_like(self.covariance), where=scale > 0)
 
     @property
     def lead(self) -> tuple[int, ...]:
-        """The conditions (...,)."""
+        """Shape of the conditions."""
         return self.values.shape[:-1]
 
     def part(self, at: int) -> Fit:
-        """One of the conditions, of a fit to (B,)."""
+        """The fit of one of the conditions (B,)."""
         names = ("values", "covariance", "chi2", "residuals", "on_bound", "converged", "agreed")
         return replace(self, **{name: getattr(self, name)[at] for name in names})
 
     @property
     def chance(self) -> FloatArray:
-        """Probability of a chi-square as large as this, if the model were true (...,)."""
+        """Probability (...,) of a larger chi-square if the model is true."""
         return np.asarray(stats.chi2.sf(self.chi2, max(self.dof, 1)))
 
 
@@ -107,21 +108,21 @@ def fit(
     tied: Mapping[str, tuple[str, float]] | None = None,
     space: str = "stiffness",
 ) -> Fit:
-    """Fit a model to each condition by itself, from a start.
+    """Fit a model to each condition, from one start.
 
     Parameters
     ----------
     model : Model
     data : StiffnessData
-        Of conditions (...,).
+        Data of conditions (...,).
     start : (P,) or (..., P) float array
-        Where to begin; see `starts.start_of`.
+        Start values; see `starts.start_of`.
     fixed : sequence of str, or mapping of str to (...,) float array
-        Parameters that stay as they start, or at a value.
+        Parameters that keep their start value, or the value of the mapping.
     tied : mapping of str to (str, float), optional
-        Parameters that are a positive multiple of a free one: {"tau_2": ("tau_1", 10.0)}.
+        Parameters that are a positive multiple of a free parameter: {"tau_2": ("tau_1", 10.0)}.
     space : {"stiffness", "compliance", "mobility"}
-        What is compared; the covariance is carried along to first order.
+        Quantity that is compared: K*, 1/K* or jw/K*. Its covariance follows from that of K* by linear propagation.
 
     Returns
     -------
@@ -130,7 +131,7 @@ def fit(
     Raises
     ------
     ModelError
-        If there are fewer data than free parameters, or a name is not known.
+        If there are fewer data than free parameters, or a name is not a parameter.
 
     References
     ----------
@@ -157,7 +158,7 @@ def best_fit(
     tied: Mapping[str, tuple[str, float]] | None = None,
     space: str = "stiffness",
 ) -> Fit:
-    """The best of the fits from several starts (S, ..., P): a guard against local minima; see `starts.starts_of`.
+    """The fit with the least chi-square of the fits from several starts (S, ..., P); see `starts.starts_of`.
 
     Examples
     --------
@@ -192,17 +193,18 @@ def best_fit(
 
 
 def _fit_of(problem: FitProblem, lead: tuple[int, ...], place: FloatArray, steps: int, converged: BoolArray) -> Fit:
+    """The result of a search that ended at `place` (B, F)."""
     values = problem.values_of(place)
     residuals = problem.residuals(place)
     slopes = problem.jacobian(place)
-    # A logarithm that moves nothing has left for the end where its arm is as good as none.
-    held = problem.held(place) | (problem.log & (np.linalg.norm(slopes, axis=1) < _UNSEEN))
+    # A logarithm without effect belongs to an arm that is as good as absent.
+    held = problem.held(place) | (problem.log & (np.linalg.norm(slopes, axis=1) < _NO_EFFECT))
     on_bound = np.zeros(values.shape, dtype=bool)
     on_bound[:, problem.free] = held
     covariance = _covariance(problem, slopes, held, values)
     size = values.shape[-1]
     order = problem.model.ordering(values) if problem.free.size == size else None
-    if order is not None:  # of equal sets always the same one
+    if order is not None:  # sets that differ by an exchange give the same result
         values, on_bound = (np.take_along_axis(one, order, axis=1) for one in (values, on_bound))
         covariance = np.take_along_axis(covariance, order[:, :, None], axis=1)
         covariance = np.take_along_axis(covariance, order[:, None, :], axis=2)
@@ -221,7 +223,7 @@ def _fit_of(problem: FitProblem, lead: tuple[int, ...], place: FloatArray, steps
 
 
 def _search(problem: FitProblem, place: FloatArray) -> tuple[FloatArray, int, BoolArray]:
-    """Levenberg-Marquardt from places (B, F); where it ended, how many steps, which converged."""
+    """Levenberg-Marquardt from `place` (B, F): the last place, the number of steps, and which conditions converged."""
     place = problem.clipped(place)
     residuals = problem.residuals(place)
     chi2 = np.sum(residuals**2, axis=1)
@@ -229,14 +231,14 @@ def _search(problem: FitProblem, place: FloatArray) -> tuple[FloatArray, int, Bo
     done = np.zeros(len(place), dtype=bool)
     rows, left, before = np.arange(len(place)), problem, np.full(len(place), np.inf)
     for steps in range(1, _STEPS + 1):
-        step, promised = _step(left, place[rows], residuals[rows], damping[rows])
+        step, predicted = _step(left, place[rows], residuals[rows], damping[rows])
         tried = left.clipped(place[rows] + step)
         found = left.residuals(tried)
         after = np.sum(found**2, axis=1)
         better = np.isfinite(after) & (after <= chi2[rows])
         moved = np.max(np.abs(tried - place[rows]), axis=1, initial=0.0)
-        # what is promised, not what is gained: round-off hides the last gains
-        small = (promised <= _SMALL_GAIN * chi2[rows]) | (better & (moved < _SMALL_STEP)) | (moved < 1e-14)
+        # The predicted reduction is tested, because round-off hides the last real reductions.
+        small = (predicted <= _SMALL_GAIN * chi2[rows]) | (better & (moved < _SMALL_STEP)) | (moved < 1e-14)
         ahead = rows[better]
         place[ahead], residuals[ahead], chi2[ahead] = tried[better], found[better], after[better]
         damping[rows] *= np.where(better, _LOWER, _RAISE)
@@ -255,7 +257,7 @@ def _search(problem: FitProblem, place: FloatArray) -> tuple[FloatArray, int, Bo
 def _step(
     problem: FitProblem, place: FloatArray, residuals: FloatArray, damping: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The next step (B, F) and the gain it promises (B,); parameters on a bound that would leave it are held."""
+    """The next step (B, F), and the reduction of chi-square (B,) that the linearised model predicts for it."""
     slopes = problem.jacobian(place)
     normal = np.swapaxes(slopes, 1, 2) @ slopes
     right = (np.swapaxes(slopes, 1, 2) @ residuals[..., None])[..., 0]
@@ -273,7 +275,7 @@ def _step(
 
 
 def _covariance(problem: FitProblem, slopes: FloatArray, held: BoolArray, values: FloatArray) -> FloatArray:
-    """Covariance (B, P, P) of all parameters, those held being exact."""
+    """Covariance (B, P, P) of all parameters; held parameters have no uncertainty."""
     slopes = np.where(held[:, None, :], 0.0, slopes)
     normal = np.swapaxes(slopes, 1, 2) @ slopes
     at = np.arange(slopes.shape[2])

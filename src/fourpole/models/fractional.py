@@ -1,6 +1,6 @@
-r"""Fractional tyres: two springs and one or two powers of frequency do what many Maxwell arms do.
+r"""Fractional models: two springs and one or two powers of frequency, in place of many Maxwell arms.
 
-A power of frequency has no finite form in time; over a stated band a Maxwell model of stated accuracy takes its place.
+A power of frequency has no state space of finite order. `rational` approximates it by Maxwell arms within a band.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from scipy import ndimage, optimize
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData
+from fourpole.models.data import StiffnessData, relaxation
 from fourpole.models.interface import Model, Parameter, columns, positive
 from fourpole.models.maxwell import GeneralisedMaxwell
 from fourpole.models.spectrum import two_springs, whitened_conditions
@@ -24,16 +24,17 @@ _COMMON = (
     Parameter("tau", "s", 0.0, np.inf, 1e-3, "relaxation time", log=True),
     Parameter("alpha", "1", 0.0, 1.0, 0.4, "order of the derivative"),
 )
+#: Frequencies per arm on which the error of an approximation is evaluated; largest number of its arms.
 _POINTS_PER_ARM = 12
 _MOST_ARMS = 60
-#: Orders above this have all but one relaxation time.
+#: An order alpha above this is nearly that of a single relaxation time, tau.
 _NEARLY_ONE = 0.9
-#: The grid of starts: orders, leans, times per decade, decades beyond the band.
-_ORDERS, _LEANS = np.linspace(0.1, 1.0, 10), np.array([0.9, 0.4])
+#: Grid of starts: orders alpha, orders beta, times per decade, decades beyond the band.
+_ORDERS, _BETAS = np.linspace(0.1, 1.0, 10), np.array([0.9, 0.4])
 _TIMES_PER_DECADE, _DECADES_BEYOND = 2, 3.0
-#: Points of the grid as close as this, in times and in orders, lead to the same optimum.
+#: Points of the grid whose times and orders differ by at most these numbers of steps count as one optimum.
 _NEAR = (1, 1)
-#: Least springs of a start, as a share of |K*|, and of their difference.
+#: Least stiffness of a start as a fraction of |K*|, and least K_inf/K0 - 1.
 _LEAST_SPRING, _LEAST_RISE = 1e-6, 1e-3
 
 
@@ -64,28 +65,28 @@ class FractionalZener(Model):
         return np.asarray(low + (high - low) * share)
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivatives of K* by K0, K_inf, tau and alpha."""
+        """Derivatives by K0, K_inf, tau and alpha."""
         low, high, tau, alpha = columns(self.checked(values))
         share, log = _share(positive(omega), tau, alpha)
         slope = (high - low) * share * (1 - share)
         return np.stack([1 - share, share, slope * alpha / tau, slope * log], axis=-1)
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:
-        """The best springs on a grid of times and orders."""
+        """The best K0 and K_inf on a grid of tau and alpha."""
         return _grid_starts(data, None, count)
 
 
 class FractionalZener5(Model):
-    r"""The fractional Zener model of five parameters: a second order lets the loss peak lean.
+    r"""The fractional Zener model of five parameters: a second order, beta, makes the loss peak skew.
 
     .. math:: K^* = K_0 + (K_\infty - K_0) \left(\frac{(j\omega\tau)^\alpha}{1 + (j\omega\tau)^\alpha}\right)^\beta
 
-    With alpha and beta in (0, 1] it is causal and passive, and rises from K0 to K_inf.
+    With alpha and beta in (0, 1] the model is causal and passive, and K* rises from K0 to K_inf.
 
     References
     ----------
     S. Havriliak, S. Negami, "A complex plane representation of dielectric and mechanical relaxation processes in
-    some polymers", Polymer 8, 1967; here the two ends are exchanged, so that the lean is at the upper end.
+    some polymers", Polymer 8, 1967. Here K0 and K_inf are exchanged: the loss peak is skew at high frequencies.
 
     Examples
     --------
@@ -94,7 +95,7 @@ class FractionalZener5(Model):
     """
 
     name = "fractional5"
-    parameters = (*_COMMON, Parameter("beta", "1", 0.0, 1.0, 1.0, "lean of the loss peak"))
+    parameters = (*_COMMON, Parameter("beta", "1", 0.0, 1.0, 1.0, "skewness of the loss peak"))
     special_cases = ("fractional",)
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
@@ -104,7 +105,7 @@ class FractionalZener5(Model):
         return np.asarray(low + (high - low) * share**beta)
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivatives of K* by K0, K_inf, tau, alpha and beta."""
+        """Derivatives by K0, K_inf, tau, alpha and beta."""
         low, high, tau, alpha, beta = columns(self.checked(values))
         share, log = _share(positive(omega), tau, alpha)
         power = share**beta
@@ -113,12 +114,12 @@ class FractionalZener5(Model):
         return np.stack([1 - power, power, slope * alpha / tau, slope * log, by_beta], axis=-1)
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:
-        """The best springs on a grid of times, orders and leans."""
-        return _grid_starts(data, _LEANS, count)
+        """The best K0 and K_inf on a grid of tau, alpha and beta."""
+        return _grid_starts(data, _BETAS, count)
 
 
 def _share(omega: FloatArray, tau: FloatArray, alpha: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """(jw tau)^alpha over 1 more than itself, and the logarithm of jw tau."""
+    """(jw tau)^alpha/(1 + (jw tau)^alpha) and log(jw tau)."""
     with np.errstate(divide="ignore"):
         log = np.log(omega * tau) + 0.5j * np.pi
     power = np.exp(alpha * log)
@@ -128,30 +129,30 @@ def _share(omega: FloatArray, tau: FloatArray, alpha: FloatArray) -> tuple[Compl
 def rational(
     model: Model, values: ArrayLike, band: tuple[float, float], accuracy: float = 1e-3
 ) -> tuple[GeneralisedMaxwell, FloatArray, float]:
-    """The Maxwell model of fewest arms that is a model over a band, for its simulation in time.
+    """The Maxwell model with the fewest arms that approximates a model within a band, for a simulation in time.
 
     Parameters
     ----------
     model : Model
-        Causal and passive.
+        A causal and passive model.
     values : (P,) float array
     band : (float, float) [Hz]
-        Where it shall hold; relaxation times are spread over it and a decade beyond either end.
+        Band of the approximation. The relaxation times go from a decade below it to a decade above it.
     accuracy : float [1]
-        Largest relative error of K* in the band.
+        Largest relative error of K* within the band.
 
     Returns
     -------
     GeneralisedMaxwell
     (2 n + 1,) float array
-        Its parameters, all stiffnesses >= 0.
+        Parameters of the Maxwell model, all stiffnesses >= 0.
     float [1]
         The largest relative error on a grid of 12 points per arm.
 
     Raises
     ------
     ModelError
-        If 60 arms do not reach the accuracy.
+        If 60 arms have a larger error.
 
     Examples
     --------
@@ -161,67 +162,64 @@ def rational(
     """
     low, high = 2 * np.pi * np.asarray(band, dtype=float)
     if not 0 < low < high:
-        raise ModelError(f"the band must rise from above zero, not {band[0]:g} to {band[1]:g} Hz")
+        raise ModelError(f"the band must rise and be positive, not {band[0]:g} to {band[1]:g} Hz")
     own = _one_time(model, values, low / 10, high * 10)
     worst = np.inf
     for arms in range(2, _MOST_ARMS + 1):
         omega = np.geomspace(low, high, _POINTS_PER_ARM * arms)
         target = model.stiffness(values, omega)
         times = 1.0 / np.geomspace(low / 10, high * 10, arms)
-        if own is not None:  # of order 1 there is one relaxation time, and nothing else is it
+        if own is not None:  # an order of nearly 1 needs an arm with exactly this relaxation time
             times[int(np.argmin(np.abs(np.log(times / own))))] = own
-        relaxed = 1.0 / (1.0 + 1j * omega[:, None] * times)
-        columns_ = np.concatenate([np.ones((omega.size, 1)), 1 - relaxed], axis=1) / np.abs(target)[:, None]
-        wanted = target / np.abs(target)
-        found, _ = optimize.nnls(
-            np.concatenate([columns_.real, columns_.imag]), np.concatenate([wanted.real, wanted.imag])
-        )
-        parameters = np.concatenate([found, times])
+        terms = np.concatenate([np.ones((omega.size, 1)), relaxation(omega, times)], axis=1)
+        rows = np.concatenate([terms, target[:, None]], axis=1) / np.abs(target)[:, None]
+        real = np.concatenate([rows.real, rows.imag])
+        parameters = np.concatenate([optimize.nnls(real[:, :-1], real[:, -1])[0], times])
         maxwell = GeneralisedMaxwell(arms)
         worst = float(np.max(np.abs(maxwell.stiffness(parameters, omega) / target - 1)))
         if worst <= accuracy:
             return maxwell, parameters, worst
     raise ModelError(
-        f"{_MOST_ARMS} arms reach {worst:.2g} of K* over {band[0]:g} to {band[1]:g} Hz, {accuracy:g} was asked: "
-        "take a narrower band or a larger error"
+        f"{_MOST_ARMS} arms have an error of {worst:.2g} of K* from {band[0]:g} to {band[1]:g} Hz, not {accuracy:g}: "
+        "state a narrower band or a larger error"
     )
 
 
 def _one_time(model: Model, values: ArrayLike, low: float, high: float) -> float | None:
-    """The relaxation time of a model whose order is all but 1, where it lies between two frequencies [rad/s]."""
+    """The relaxation time [s] of a model whose order is nearly 1, if 1/tau is between two frequencies [rad/s]."""
     known = dict(zip((one.symbol for one in model.parameters), model.checked(values).tolist(), strict=True))
     tau = known.get("tau", 0.0)
     return tau if known.get("alpha", 0.0) > _NEARLY_ONE and low * tau <= 1.0 <= high * tau else None
 
 
-def _grid_starts(data: StiffnessData, leans: FloatArray | None, count: int) -> FloatArray:
-    """The best K0, K_inf >= 0 on a grid of times, orders and leans: its optima (count, B, P), the best first."""
+def _grid_starts(data: StiffnessData, betas: FloatArray | None, count: int) -> FloatArray:
+    """Starts (count, B, P), the best first: optima of a grid of tau, alpha and beta with the best K0 and K_inf >= 0."""
     omega: FloatArray = np.empty(0)
     found = []
-    for seen in whitened_conditions(data):
-        if not np.array_equal(omega, seen.omega):
-            omega = seen.omega
-            times, share = _shares(omega, leans)
+    for condition in whitened_conditions(data):
+        if not np.array_equal(omega, condition.omega):
+            omega = condition.omega
+            times, share = _shares(omega, betas)
             terms = np.stack([1 - share, share], axis=-1)
-        springs, misfit = two_springs(seen.rows(terms), seen.wanted)
+        springs, misfit = two_springs(condition.rows(terms), condition.target)
         places = _optima(misfit, count)
-        low, high = np.maximum(springs[*places.T], _LEAST_SPRING * np.mean(np.abs(seen.stiffness))).T
+        low, high = np.maximum(springs[*places.T], _LEAST_SPRING * np.mean(np.abs(condition.stiffness))).T
         start = [low, np.maximum(high, low * (1 + _LEAST_RISE)), times[places[:, 0]], _ORDERS[places[:, 1]]]
-        found.append(np.stack(start if leans is None else [*start, leans[places[:, 2]]], axis=1))
+        found.append(np.stack(start if betas is None else [*start, betas[places[:, 2]]], axis=1))
     return np.stack(found, axis=1)
 
 
-def _shares(omega: FloatArray, leans: FloatArray | None) -> tuple[FloatArray, ComplexArray]:
-    """Times (T,), and the share (T, O, L, N) of K_inf - K0 at each time, order and lean."""
+def _shares(omega: FloatArray, betas: FloatArray | None) -> tuple[FloatArray, ComplexArray]:
+    """Times (T,) [s], and the factor (T, alphas, betas, N) [1] of K_inf - K0 in K* at each point of the grid."""
     low, high = omega.min() / 10**_DECADES_BEYOND, omega.max() * 10**_DECADES_BEYOND
     times: FloatArray = 1.0 / np.geomspace(low, high, int(np.log10(high / low) * _TIMES_PER_DECADE) + 1)
     power = (1j * omega * times[:, None, None]) ** _ORDERS[:, None]
     share: ComplexArray = (power / (1 + power))[:, :, None, :]
-    return times, share if leans is None else np.asarray(share ** leans[:, None])
+    return times, share if betas is None else np.asarray(share ** betas[:, None])
 
 
 def _optima(misfit: FloatArray, count: int) -> np.ndarray:
-    """Places (count, 3) on a grid (T, O, L): local optima first, then the best of what is far from those chosen."""
+    """Places (count, 3) on a grid of misfits: local minima first, then the least misfits far from those chosen."""
     best = misfit <= ndimage.minimum_filter(misfit, size=3, mode="nearest")
     best.flat[np.argmin(misfit)] = True
     ranked = np.where(best, misfit, misfit + misfit.max())

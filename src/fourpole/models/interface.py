@@ -1,4 +1,4 @@
-"""Interface of all models of a tyre: parameters as data, K*, its derivatives and, for some models, a state space."""
+"""The interface of a tyre model: its parameters, K* with its derivatives and, for some models, a state space."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ class Parameter:
     Attributes
     ----------
     symbol : str
-        In tables and files: K1, tau.
+        Symbol in tables and files, such as K1 or tau.
     unit : str
-        SI.
+        SI unit.
     low, high : float
-        Where it is physical, ends included.
+        Physical bounds, both included.
     default : float
-        A usual value, for a tyre.
+        A usual value for a tyre.
     meaning : str
     log : bool
-        Whether it is best searched by its logarithm: it is positive, and known by orders of magnitude only.
+        Whether a fit searches its logarithm: for a positive parameter whose order of magnitude is uncertain.
     """
 
     symbol: str
@@ -51,7 +51,7 @@ class StateSpace(ByValue):
     Attributes
     ----------
     a, b, c, d : (n, n), (n, 2), (n,), (2,) float arrays
-        Real; n may be 0. Inputs [m] and [m/s], output [N].
+        Real matrices for inputs in [m] and [m/s] and an output in [N]; n may be 0.
     """
 
     a: FloatArray
@@ -60,7 +60,7 @@ class StateSpace(ByValue):
     d: FloatArray
 
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
-        """F/x at angular frequencies (...,) [rad/s], (...,) complex [N/m].
+        """K* = F/x (...,) [N/m] at angular frequencies (...,) [rad/s].
 
         Examples
         --------
@@ -79,33 +79,34 @@ class StateSpace(ByValue):
 
 
 class Model(ABC):
-    """A model of K*(omega); methods take the parameters' values, so that one call evaluates many sets.
+    """A model of K*(omega). A model has no values of its own: each method takes them, one set or many at once.
 
-    The attributes say all that fits, choices, commands and files need to know of a family; `families` lists them.
+    Fits, choices, commands and files take the properties of a family from these attributes; `families` lists them.
 
     Attributes
     ----------
     name : str
-        As in `--model`; of a family with sizes it ends in the size, as maxwell:3.
+        Name for `--model`. If the family has sizes, the name ends in the size: maxwell:3.
     parameters : tuple of Parameter
-        In the order of every array of values.
+        In the order of the last axis of `values`.
     usually_fixed : tuple of str
-        Parameters that K* over frequency does not identify; a choice of models holds them at their known values.
+        Symbols of parameters that K* over frequency does not identify. A choice of models keeps them at known values.
     causal : bool
-        Whether the force never comes before the deflection, so that the model can be stepped in time.
+        Whether the force depends on past deflections only, so that the model can be simulated in time.
     rests : bool
-        Whether K* tends to a finite stiffness at zero frequency, the first parameter unless `static_stiffness` says
-        otherwise. Only such a model is held against K1 of a static test; one that flows is not.
+        Whether K* tends to a positive stiffness at zero frequency: the first parameter, unless the class overrides
+        `static_stiffness`. Only the fit of such a model uses K1 of a static test.
     relaxing : bool
-        Whether K* is a sum of non-negative relaxation terms, as that of every passive linear tyre without inertia.
+        Whether K* is a sum of non-negative relaxation terms, like that of every passive linear tyre without inertia.
     special_cases, special_case_of : tuple of str
-        Families, by their names without size, that this one contains, and that contain it.
+        Families that are special cases of this family, and families that have this family as a special case. Names
+        are without size.
     candidate : bool
         Whether `auto` tries the family.
     sizes : range
-        Sizes that the bare name of the family tries, as maxwell does, until larger ones do not help; or none.
+        Sizes that are tried for the bare name of the family, from the smallest until larger ones do not help.
     for_maps : tuple of str
-        Names of its members that an automatic operating map tries.
+        Names of the models of this family that an automatic operating map tries.
     """
 
     name: str
@@ -129,7 +130,7 @@ class Model(ABC):
         """Derivatives (..., N, P) of K* by each parameter, in its unit."""
 
     def static_stiffness(self, values: ArrayLike) -> FloatArray:
-        """K* at zero frequency (...,) [N/m]: the first parameter, or 0 of a model that flows, unless a model says."""
+        """K* at zero frequency (...,) [N/m]: the first parameter, or 0 if the model flows at rest."""
         first = self.checked(values)[..., 0]
         return np.asarray(first if self.rests else np.zeros_like(first))
 
@@ -140,34 +141,34 @@ class Model(ABC):
         return found
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
-        """From 1 to `count` starts (n, B, P) of a fit to conditions (B, N), the best first; see `starts.starts_of`."""
-        raise ModelError(f"no start is known for the {self.name} model: state one")
+        """From 1 to `count` start values (n, B, P) of a fit to conditions (B, N), the best first."""
+        raise ModelError(f"the {self.name} model has no start values: state them")
 
     def ordering(self, values: FloatArray) -> np.ndarray | None:  # noqa: ARG002
-        """Indices (..., P) that sort the parameters of equivalent sets alike; None if no two sets are equivalent."""
+        """Places (..., P) that sort the parameters, or None; needed where an exchange of two leaves K* the same."""
         return None
 
     def state_space(self, values: ArrayLike) -> StateSpace:
-        """The model in time, of one set of parameters (P,); ModelError where it has no finite causal form."""
+        """State space for one set of parameters (P,); ModelError if the model has none of finite order."""
         self.checked(values)
-        raise ModelError(f"the {self.name} model cannot be stepped in time: it is not causal and finite")
+        raise ModelError(f"the {self.name} model has no state space of finite order and cannot be simulated in time")
 
     def energy_loss(self, values: ArrayLike, omega: ArrayLike, amplitude: ArrayLike) -> FloatArray:
-        """Energy lost per cycle (..., N) [J] at a 0-to-peak deflection [m]: pi K'' X²."""
+        """Energy loss per cycle (..., N) [J] at the 0-to-peak deflection X [m]: pi K'' X²."""
         return np.asarray(np.pi * self.stiffness(values, omega).imag * np.asarray(amplitude) ** 2)
 
     def checked(self, values: ArrayLike) -> FloatArray:
-        """Parameters as an array (..., P); ModelError where one lies outside its bounds or their number is wrong."""
+        """Values of the parameters as an array (..., P); ModelError if one is out of bounds or the number is wrong."""
         array = np.asarray(values, dtype=float)
         if array.ndim == 0 or array.shape[-1] != len(self.parameters):
-            symbols = ", ".join(parameter.symbol for parameter in self.parameters)
+            symbols = ", ".join(self.symbols)
             raise ModelError(f"the {self.name} model has the parameters {symbols}: {array.shape} is no such set")
         for at, parameter in enumerate(self.parameters):
             part = array[..., at]
-            if not np.all((part >= parameter.low) & (part <= parameter.high)):
-                worst = float(part.flat[int(np.argmin((part >= parameter.low) & (part <= parameter.high)))])
+            inside = (part >= parameter.low) & (part <= parameter.high)
+            if not np.all(inside):
                 raise ModelError(
-                    f"{parameter.symbol} = {worst:.6g} {parameter.unit} of the {self.name} model is outside "
+                    f"{parameter.symbol} = {part[~inside][0]:.6g} {parameter.unit} of the {self.name} model is outside "
                     f"{parameter.low:g} to {parameter.high:g}"
                 )
         return array
@@ -178,7 +179,7 @@ class Model(ABC):
         return [parameter.symbol for parameter in self.parameters]
 
     def known(self, names: Iterable[str]) -> list[str]:
-        """The symbols of all parameters; ModelError where a name is none of them."""
+        """Symbols of all parameters; ModelError if a name is not one of them."""
         for name in names:
             if name not in self.symbols:
                 raise ModelError(f"the {self.name} model has no parameter {name!r}: it has {', '.join(self.symbols)}")
@@ -186,17 +187,17 @@ class Model(ABC):
 
     @property
     def defaults(self) -> FloatArray:
-        """Usual values (P,)."""
+        """Default values of the parameters (P,)."""
         return np.array([parameter.default for parameter in self.parameters])
 
 
 def columns(values: FloatArray) -> list[FloatArray]:
-    """Each parameter as (..., 1), to broadcast against frequencies."""
+    """Each parameter as an array (..., 1) that broadcasts with frequencies."""
     return [values[..., at, None] for at in range(values.shape[-1])]
 
 
 def positive(omega: ArrayLike) -> FloatArray:
-    """Angular frequencies as an array (..., N); ModelError where one is not positive."""
+    """Angular frequencies as an array (..., N) [rad/s]; ModelError unless all are positive."""
     array = np.atleast_1d(np.asarray(omega, dtype=float))
     if not np.all(array > 0):
         raise ModelError("the angular frequency must be positive everywhere [rad/s]")

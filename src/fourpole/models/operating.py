@@ -1,13 +1,12 @@
 """The operating map: a model whose parameters are smooth surfaces over pressure, preload and other axes.
 
-All conditions are fitted at once, the surfaces' coefficients being all that is free. Which surface is right is said by
-conditions left out one at a time; how far conditions scatter about it is found so that what is left out lies where its
-interval says.
+One fit to all conditions gives the coefficients of the surfaces. The surface with the least leave-one-out error is
+chosen. The scatter of conditions about it is adjusted until leave-one-out residuals agree with their uncertainty.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,55 +16,56 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.rig import Rig
 from fourpole.core.routes import arm_slopes, maxwell_arm
 from fourpole.errors import ModelError
-from fourpole.models.data import NORMAL_95, StiffnessData, turning
+from fourpole.models.data import NORMAL_95, StiffnessData, multiplication
 from fourpole.models.interface import Model
 from fourpole.models.surface import Axes, Terms, ValueSurface, bends, design, term_sets, value_surface
 from fourpole.models.together import Scatter, Together, fit_together, unlink
 
-__all__ = ["Answer", "LeftOut", "OperatingMap", "make_map", "misfit_of"]
+__all__ = ["Answer", "LeaveOneOut", "OperatingMap", "make_map", "misfit_of"]
 
-#: Scatter of conditions with which surfaces are compared, and the least and most that is looked for.
+#: Relative scatter of conditions in the comparison of surfaces; least and largest scatter of the search.
 _SCATTER, _LEAST, _MOST = 1e-2, 1e-6, 1.0
+#: Maximum number of steps of the search for the scatter.
 _ROUNDS = 12
-#: A frequency within this share of the band's end is inside.
+#: A frequency is inside the band up to this fraction beyond its ends.
 _EDGE = 1e-3
-#: A surface must be better by this share than a simpler one.
+#: A larger surface is chosen only if its leave-one-out error is less than this fraction of that of a smaller one.
 _BETTER = 0.98
 
 
 @dataclass(frozen=True)
-class LeftOut:
-    """Conditions left out one at a time.
+class LeaveOneOut:
+    """Comparison of each condition with the map of the other conditions; not-a-number if no condition can be omitted.
 
     Attributes
     ----------
     error : float [1]
-        Root mean square of K* measured less K* foretold, relative.
+        Leave-one-out error: root mean square difference between measured and predicted K*, relative.
     inside : float [1]
-        Share of K' and K'' of all tests inside their 95 % intervals.
+        Fraction of all K' and K'' that are inside the predicted 95 % intervals.
     conditions : float [1]
-        Share of the conditions whose worst of both, at the middle frequency, is inside.
+        Fraction of the conditions whose K' and K'' at the middle frequency are both inside.
     """
 
-    error: float
-    inside: float
-    conditions: float
+    error: float = float("nan")
+    inside: float = float("nan")
+    conditions: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
 class Answer(ByValue):
-    """Values of the operating map at Q points.
+    """K* and the values derived from it, by the map, at Q points.
 
     Attributes
     ----------
     stiffness : (Q,) complex array [N/m]
     k1 : (Q,) float array [N/m]
     covariance : (Q, 3, 3) float array [N²/m²]
-        Of Re K*, Im K* and K1.
+        Covariance of Re K*, Im K* and K1.
     k2, c : (Q,) float arrays [N/m], [N s/m]
-        Not-a-number where no passive arm has this K*.
+        K2 and C; not-a-number where K* needs an arm that is not passive.
     arm_covariance : (Q, 2, 2) float array
-        Of K2 and C.
+        Covariance of K2 and C.
     """
 
     stiffness: ComplexArray
@@ -82,20 +82,24 @@ class Answer(ByValue):
 
     @property
     def loss_factor(self) -> tuple[FloatArray, FloatArray]:
-        """K''/K' (Q,) [1], and its standard uncertainty."""
+        """Loss factor K''/K' (Q,) [1] and its standard uncertainty."""
         real, value = self.stiffness.real, self.stiffness.imag / self.stiffness.real
         by = np.stack([-value, np.ones_like(real)], axis=1) / real[:, None]
         return value, np.sqrt(np.einsum("qi,qij,qj->q", by, self.covariance[:, :2, :2], by))
 
     def transmissibility(self, rig: Rig, frequency: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """TR (Q,) on a rig at the frequencies asked (Q,) [Hz], and its standard uncertainty, the rig's own included."""
+        """TR (Q,) [1] on a rig at the frequencies of the points (Q,) [Hz], and its standard uncertainty.
+
+        The uncertainty includes that of the rig.
+        """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         if rig.blocked:
             return np.zeros(omega.shape), np.zeros(omega.shape)
         above = 1j * omega * rig.impedance(omega)
         whole = self.stiffness + above
         ratio = self.stiffness / whole
-        by_stiffness = above / (self.stiffness * whole)  # of the logarithm, as the next
+        # Derivatives of log TR by K* and by the values of the rig.
+        by_stiffness = above / (self.stiffness * whole)
         by_rig = -(1j * omega / whole)[:, None] * rig.impedance_gradient(omega)[:, :-1]
         both = np.stack([by_stiffness.real, -by_stiffness.imag], axis=1)
         variance = np.einsum("qi,qij,qj->q", both, self.covariance[:, :2, :2], both)
@@ -106,24 +110,25 @@ class Answer(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class OperatingMap(ByValue):
-    """A model over its operating points.
+    """A model whose parameters are functions of the operating point.
 
     Attributes
     ----------
     model : Model
     axes : Axes
     terms : tuple of tuples of int
-        Exponents of the scaled axes.
+        Exponents of the scaled axes, term by term.
     coefficients : (P, K) float array
-        Of each linked parameter; see `together.link`.
+        Coefficients of each linked parameter; see `together.link`.
     covariance : (P K, P K) float array
+        Covariance of all coefficients, parameter by parameter.
     scatter : Scatter
+        Scatter of conditions and of frequencies about the surfaces.
     band : (float, float) [Hz]
-        Where all conditions were measured.
-    left_out : LeftOut
-        Not-a-number where there are no more conditions than terms, so that none can be left out.
+        Frequencies at which all conditions were measured.
+    leave_one_out : LeaveOneOut
     static : ValueSurface or None
-        K1 of the static tests, which no shape of K* over frequency may shift; without them K1 is the model's.
+        K1 from the static tests, independent of K*; None if K1 is the model's stiffness at zero frequency.
     """
 
     model: Model
@@ -133,7 +138,7 @@ class OperatingMap(ByValue):
     covariance: FloatArray
     scatter: Scatter
     band: tuple[float, float]
-    left_out: LeftOut
+    leave_one_out: LeaveOneOut
     static: ValueSurface | None = None
 
     def parameters(self, points: ArrayLike) -> FloatArray:
@@ -150,21 +155,21 @@ class OperatingMap(ByValue):
         return values, by
 
     def _unlinked(self, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Parameters (Q, P) of a basis (Q, K), and their slopes by the linked ones."""
+        """Parameters (Q, P) from basis functions (Q, K), and their derivatives by the linked parameters."""
         linked = basis @ self.coefficients.T
         both = [unlink(one, linked[:, at]) for at, one in enumerate(self.model.parameters)]
         return np.stack([one for one, _ in both], axis=1), np.stack([slope for _, slope in both], axis=1)
 
     def octaves_beyond(self, frequency: ArrayLike) -> FloatArray:
-        """How far frequencies (Q,) [Hz] are outside the band; 0 inside."""
-        asked, (low, high) = np.asarray(frequency, dtype=float), self.band
-        far = np.maximum(np.maximum(np.log2(low / asked), np.log2(asked / high)), 0.0)
+        """Distance (Q,) of frequencies (Q,) [Hz] from the band, in octaves; 0 inside."""
+        each, (low, high) = np.asarray(frequency, dtype=float), self.band
+        far = np.maximum(np.maximum(np.log2(low / each), np.log2(each / high)), 0.0)
         return np.where(far < np.log2(1 + _EDGE), 0.0, far)
 
     def ask(self, points: ArrayLike, frequency: ArrayLike) -> Answer:
-        """K* with K1, K2 and C and their covariance at points (Q, d) and frequencies (Q,) [Hz].
+        """K*, K1, K2 and C with their covariance at points (Q, d) of the axes and frequencies (Q,) [Hz].
 
-        Nothing is refused here: see `Axes.outside` and `band`.
+        Points outside the tested conditions are evaluated as well; see `Axes.outside` and `octaves_beyond`.
         """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         values, by_all = self._parameters(points)
@@ -182,7 +187,7 @@ class OperatingMap(ByValue):
         with np.errstate(divide="ignore", invalid="ignore"):
             by_arm = arm_slopes(stiffness, k1, (k2, c), omega, np.tile([1.0, 1j, -1.0], (k1.size, 1)))
         passive = (stiffness.real > k1) & (stiffness.imag > 0)
-        by_arm = np.where(passive[:, None, None], by_arm, 0.0)  # no arm, no derivative
+        by_arm = np.where(passive[:, None, None], by_arm, 0.0)  # K2 and C do not exist there
         arm = by_arm @ covariance @ np.swapaxes(by_arm, 1, 2)
         return Answer(
             stiffness=stiffness,
@@ -194,7 +199,7 @@ class OperatingMap(ByValue):
         )
 
     def _bent(self, points: ArrayLike, omega: FloatArray) -> FloatArray:
-        """Covariance (Q, 2, 2) of K* for bends between two levels of an axis; see `surface.bends`."""
+        """Covariance (Q, 2, 2) of K* for a curvature that two levels of an axis cannot show; see `surface.bends`."""
         scaled = self.axes.scaled(points)
         whole = np.zeros((len(scaled), 2, 2))
         for share, *ends in bends(scaled, self.axes.straight):
@@ -206,8 +211,8 @@ class OperatingMap(ByValue):
         return whole
 
     def _scattered(self, stiffness: ComplexArray, k1: FloatArray) -> FloatArray:
-        """Covariance (Q, 3, 3) of what conditions and frequencies are off the surfaces."""
-        turn = turning(stiffness)
+        """Covariance (Q, 3, 3) of Re K*, Im K* and K1 for the scatter about the surfaces."""
+        turn = multiplication(stiffness)
         spread = np.array(self.scatter.frequency) ** 2 + self.scatter.condition**2
         whole = np.zeros((stiffness.size, 3, 3))
         whole[:, :2, :2] = (turn * spread) @ np.swapaxes(turn, 1, 2)
@@ -223,21 +228,21 @@ def make_map(
     shared: Sequence[FloatArray] | None = None,
     terms: Sequence[Terms] | None = None,
 ) -> OperatingMap:
-    """Find the surfaces of a model's parameters over the axes.
+    """Make the operating map of a model: choose the surface and fit its coefficients.
 
     Parameters
     ----------
     model : Model
     conditions : sequence of B StiffnessData
-        Of one condition each, with the covariance of each frequency by itself.
+        Data of one condition each, without covariance between frequencies.
     axes : Axes
-        Of the same conditions.
+        Axes of the same conditions.
     start : (B, P) float array
-        Parameters fitted to each condition.
+        Parameters of a fit to each condition.
     shared : sequence of B (2N, p) float arrays [N/m], optional
-        What errors common to all conditions do; see `together.fit_together`.
+        Effect of the errors that all conditions share; see `together.fit_together`.
     terms : sequence of Terms, optional
-        Surfaces to choose from by the condition left out; by default `surface.term_sets`.
+        Surfaces to choose from; by default `surface.term_sets`.
 
     Raises
     ------
@@ -256,7 +261,7 @@ def make_map(
         except (ModelError, np.linalg.LinAlgError) as error:
             reason = str(error)
             continue
-        error_ = _left_out(found, conditions).error
+        error_ = _leave_one_out(found, conditions).error
         if np.isfinite(error_) or len(one) >= len(conditions):
             tried.append((error_, one, found))
     if not tried:
@@ -267,11 +272,11 @@ def make_map(
 
 
 def misfit_of(model: Model, conditions: Sequence[StiffnessData], values: ArrayLike) -> tuple[float, float]:
-    """Misfit of a model over frequency, along and across K*: rms residual less noise, relative to abs(K*) [1], [1]."""
+    """Relative standard deviation of the residuals beyond the noise, along and across K*: the error of the model."""
     sums, noise, spare = np.zeros(2), np.zeros(2), 0.0
     for data, own in zip(conditions, np.asarray(values, dtype=float), strict=True):
         left = data.stiffness / model.stiffness(own, data.omega) - 1
-        turn = turning(np.conj(data.stiffness) / np.abs(data.stiffness) ** 2)
+        turn = multiplication(np.conj(data.stiffness) / np.abs(data.stiffness) ** 2)
         sums += [np.sum(left.real**2), np.sum(left.imag**2)]
         noise += np.sum(np.diagonal(turn @ data.covariance @ np.swapaxes(turn, 1, 2), 0, 1, 2), axis=0)
         spare += data.count - len(model.parameters) / 2
@@ -287,26 +292,34 @@ def _fitted(
     shared: Sequence[FloatArray] | None,
     scatter: Scatter,
 ) -> Together:
+    """The fit whose parameters all have the same basis functions (B, K)."""
     laws = {one.symbol: basis for one in model.parameters}
     return fit_together(model, conditions, start, laws, shared=shared, scatter=scatter)
 
 
-def _left_out(found: Together, conditions: Sequence[StiffnessData]) -> LeftOut:
-    """Leave-one-out errors of the surfaces; not-a-number if the other conditions do not determine the one left out."""
-    if not _judged(found):
-        return LeftOut(float("nan"), float("nan"), float("nan"))
-    errors, scores, middle = [], [], []
+def _omitted(
+    found: Together, conditions: Sequence[StiffnessData]
+) -> Iterator[tuple[StiffnessData, FloatArray, FloatArray]]:
+    """Each condition with its leave-one-out residuals (2N,) [N/m] and their covariance (2N, 2N) [N²/m²]."""
     for at, data in enumerate(conditions):
-        off, spread = found.left_out(at)
+        off, covariance = found.leave_one_out(at)
         size = 2 * data.count
         back = np.linalg.inv(found.whiteners[at])
-        off, spread = back @ off[:size], back @ spread[:size, :size] @ back.T
+        yield data, back @ off[:size], back @ covariance[:size, :size] @ back.T
+
+
+def _leave_one_out(found: Together, conditions: Sequence[StiffnessData]) -> LeaveOneOut:
+    """The leave-one-out error of a fit."""
+    if not _has_spare_conditions(found):
+        return LeaveOneOut()
+    errors, scores, middle = [], [], []
+    for data, off, covariance in _omitted(found, conditions):
         errors.append(np.hypot(off[::2], off[1::2]) / np.abs(data.stiffness))
-        score = np.abs(off) / np.sqrt(np.diag(spread))
+        score = np.abs(off) / np.sqrt(np.diag(covariance))
         scores.append(score)
         centre = data.count // 2
         middle.append(float(score[2 * centre : 2 * centre + 2].max()))
-    return LeftOut(
+    return LeaveOneOut(
         error=float(np.sqrt(np.mean(np.concatenate(errors) ** 2))),
         inside=float(np.mean(np.concatenate(scores) < NORMAL_95)),
         conditions=float(np.mean(np.array(middle) < NORMAL_95)),
@@ -322,12 +335,12 @@ def _calibrated(
     terms: Terms,
     frequency: tuple[float, float],
 ) -> OperatingMap:
-    """The map with the scatter of conditions that puts those left out where their intervals say."""
+    """The map with the scatter of conditions that agrees with the leave-one-out residuals."""
     basis = design(terms, axes.scaled(axes.points))
     low, high, size = _LEAST, _MOST, _SCATTER
     found = _fitted(model, conditions, start, basis, shared, Scatter(0.0, frequency))
     scatter = Scatter(0.0, frequency)
-    if _judged(found) and _excess(found, conditions) > 1:
+    if _has_spare_conditions(found) and _excess(found, conditions) > 1:
         for _ in range(_ROUNDS):
             scatter = Scatter(size, frequency)
             found = _fitted(model, conditions, found.values, basis, shared, scatter)
@@ -345,30 +358,30 @@ def _calibrated(
         covariance=found.covariance,
         scatter=scatter,
         band=_common_band(conditions),
-        left_out=_left_out(found, conditions),
+        leave_one_out=_leave_one_out(found, conditions),
         static=_static(conditions, axes),
     )
 
 
-def _judged(found: Together) -> bool:
-    """Whether there are more conditions than terms, so that one can be left out."""
+def _has_spare_conditions(found: Together) -> bool:
+    """Whether there are more conditions than terms, so that one condition can be omitted."""
     return len(found.values) > max(one.shape[1] for one in found.designs)
 
 
 def _common_band(conditions: Sequence[StiffnessData]) -> tuple[float, float]:
-    """Where all were measured [Hz]; ModelError where that is nowhere."""
+    """Band in which all conditions were measured [Hz]; ModelError if there is none."""
     low = max(float(one.omega.min()) for one in conditions) / (2 * np.pi)
     high = min(float(one.omega.max()) for one in conditions) / (2 * np.pi)
     if low > high * (1 + 1e-9):
         raise ModelError(
             f"no frequency is common to all conditions: one begins at {low:.4g} Hz, another ends at {high:.4g} Hz; map "
-            "those apart, or leave some out with --band"
+            "those apart, or choose some with --band"
         )
     return low, max(low, high)
 
 
 def _static(conditions: Sequence[StiffnessData], axes: Axes) -> ValueSurface | None:
-    """Surface of K1 over the axes; None unless K1 is known at every condition."""
+    """K1 over the axes, from the static tests; None unless every condition has a K1."""
     k1, std = (np.array([float(getattr(one, name)) for one in conditions]) for name in ("k1", "k1_std"))
     if not (np.all(np.isfinite(k1)) and np.all(np.isfinite(std)) and np.all(k1 > 0)):
         return None
@@ -376,17 +389,10 @@ def _static(conditions: Sequence[StiffnessData], axes: Axes) -> ValueSurface | N
 
 
 def _excess(found: Together, conditions: Sequence[StiffnessData]) -> float:
-    """Mean square of conditions left out over what was foretold of it, each condition's mean over frequency."""
+    """Mean ratio of the squared leave-one-out residuals to their variance, residuals averaged over frequency."""
     ratios = []
-    for at, data in enumerate(conditions):
-        off, spread = found.left_out(at)
-        size = 2 * data.count
-        back = np.linalg.inv(found.whiteners[at])
+    for data, off, covariance in _omitted(found, conditions):
         relative = np.conj(data.stiffness) / np.abs(data.stiffness) ** 2 / data.count
-        mean = np.zeros((2, size))
-        mean[0, ::2], mean[0, 1::2] = relative.real, -relative.imag
-        mean[1, ::2], mean[1, 1::2] = relative.imag, relative.real
-        turn = mean @ back
-        seen = turn @ off[:size]
-        ratios.append(seen**2 / np.diag(turn @ spread[:size, :size] @ turn.T))
+        mean = np.hstack(list(multiplication(relative)))  # the mean of log K*, Re and Im, from (2N,) residuals
+        ratios.append((mean @ off) ** 2 / np.diag(mean @ covariance @ mean.T))
     return float(np.mean(ratios))

@@ -1,6 +1,6 @@
-"""The problem that a fit solves: a model, data, the free, fixed and tied parameters, and their scales.
+"""The least-squares problem of a fit: residuals, their derivatives, and the free, fixed and tied parameters.
 
-Parameters that are known by their order of magnitude are moved by their logarithm, the others by shares of their scale.
+The search variable of a free parameter is its logarithm if `Parameter.log` is set, otherwise its ratio to a scale.
 """
 
 from __future__ import annotations
@@ -14,38 +14,44 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import SPACES, StiffnessData, turning
+from fourpole.models.data import SPACES, StiffnessData, multiplication
 from fourpole.models.interface import Model
 
 __all__ = ["FitProblem", "problem_of"]
 
-#: Logarithms beyond which a parameter has left for its bound.
+#: A logarithm that is farther than this from its start counts as on its bound.
 _FARTHEST = 30.0
-#: A parameter is on its bound within this share of its scale.
+#: Distance from a bound, as a fraction of the scale, within which a parameter counts as on the bound.
 _AT_BOUND = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class FitProblem(ByValue):
-    """Data of B conditions, a model with P parameters, and the F of them that are free.
+    """The fit of a model with P parameters, of which F are free, to data of B conditions.
 
     Attributes
     ----------
-    model, data
-        The data with their conditions along one axis.
+    model : Model
+    data : StiffnessData
+        Data (B, N).
     whiten : float array
-        Of what is compared.
+        Whitener of the quantity that is compared.
     space : str
+        The quantity that is compared, one of `data.SPACES`.
     free : (F,) int array
+        Places of the free parameters.
     spread : (P, F) float array
-        Each parameter as a multiple of a free one: 1 for itself, the factor for one that is tied to it.
+        Factors of the free parameters in all parameters: 1 of a parameter in itself, or the factor of a tie.
     fixed : (B, P) float array
-        Where the search begins; what is neither free nor tied stays there.
+        Start values; parameters that are neither free nor tied keep them.
     log : (F,) bool array
+        Whether the search variable is the logarithm.
     scale : (B, F) float array
+        Scale of the free parameters whose search variable is a ratio.
     low, high : (F,) float arrays
+        Bounds of the free parameters.
     has_k1 : bool
-        Whether any condition has its static stiffness as a datum: then each has a row for it.
+        Whether K1 is one more residual of each condition. The residual of a condition without K1 is zero.
     """
 
     model: Model
@@ -62,11 +68,11 @@ class FitProblem(ByValue):
     has_k1: bool
 
     def begun(self, begin: FloatArray) -> FitProblem:
-        """The same search from elsewhere, (B, P)."""
+        """The same problem with other start values (B, P)."""
         return replace(self, fixed=self._tied(begin), scale=_scale(self.model, begin, self.free))
 
     def part(self, rows: np.ndarray) -> FitProblem:
-        """The same search for some of the conditions."""
+        """The same problem for some of the conditions."""
         names = ("stiffness", "covariance", "k1", "k1_std")
         data = replace(self.data, **{name: getattr(self.data, name)[rows] for name in names})
         if data.omega.ndim > 1:
@@ -74,19 +80,19 @@ class FitProblem(ByValue):
         return replace(self, data=data, whiten=self.whiten[rows], fixed=self.fixed[rows], scale=self.scale[rows])
 
     def values_of(self, place: FloatArray) -> FloatArray:
-        """All parameters (B, P) of the free ones' places (B, F)."""
+        """All parameters (B, P), from the search variables (B, F)."""
         values = np.array(self.fixed)
         found = np.where(self.log, np.exp(np.minimum(place, 700.0)), place * self.scale)
-        values[:, self.free] = np.clip(found, self.low, self.high)  # round-off must not leave the bounds
+        values[:, self.free] = np.clip(found, self.low, self.high)  # round-off may step over a bound
         return self._tied(values)
 
     @cached_property
     def _follows(self) -> np.ndarray:
-        """Which parameters are tied to a free one."""
+        """Places of the parameters that are tied to a free parameter."""
         return np.flatnonzero(np.any(self.spread != 0, axis=1) & ~np.isin(np.arange(len(self.spread)), self.free))
 
     def _tied(self, values: FloatArray) -> FloatArray:
-        """Tied parameters as their partners make them."""
+        """Values (B, P) in which each tied parameter follows its partner."""
         follows = self._follows
         if not follows.size:
             return values
@@ -95,19 +101,19 @@ class FitProblem(ByValue):
         return values
 
     def place_of(self, values: FloatArray) -> FloatArray:
-        """Places (B, F) of the free parameters: logarithms, or shares of their scale."""
+        """Search variables (B, F): logarithms, or ratios to the scale."""
         chosen = values[:, self.free]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.log, np.log(np.maximum(chosen, 1e-300)), chosen / self.scale)
 
     def unit_of(self, values: FloatArray) -> FloatArray:
-        """Change (B, F) of each free parameter per unit of its place."""
+        """Derivative (B, F) of each free parameter by its search variable."""
         return np.where(self.log, values[:, self.free], self.scale)
 
     def residuals(self, place: FloatArray) -> FloatArray:
-        """Whitened data less model (B, M)."""
+        """Whitened residuals, data minus model (B, M)."""
         values = self.values_of(place)
-        off = self._seen(self.data.stiffness) - self._seen(self.model.stiffness(values, self.data.omega))
+        off = self._compared(self.data.stiffness) - self._compared(self.model.stiffness(values, self.data.omega))
         rows = self.data.whitened(self.whiten, off[..., None])[..., 0]
         if not self.has_k1:
             return rows
@@ -115,12 +121,13 @@ class FitProblem(ByValue):
         return np.concatenate([rows, at_rest[:, None]], axis=1)
 
     def jacobian(self, place: FloatArray) -> FloatArray:
-        """Derivatives (B, M, F) of the model's whitened values by the places."""
+        """Derivatives (B, M, F) of the whitened model by the search variables."""
         values = self.values_of(place)
         by = self.model.derivative(values, self.data.omega)
         by = by @ self.spread if self._follows.size else by[..., self.free]
         if self.space != "stiffness":
-            by = by * self._slope(self.model.stiffness(values, self.data.omega))[..., None]
+            stiffness = self.model.stiffness(values, self.data.omega)
+            by = by * (-self._compared(stiffness) / stiffness)[..., None]
         unit = self.unit_of(values)
         rows = self.data.whitened(self.whiten, by * unit[:, None, :])
         if not self.has_k1:
@@ -129,19 +136,18 @@ class FitProblem(ByValue):
         return np.concatenate([rows, at_rest[:, None, :]], axis=1)
 
     def _k1_std(self) -> FloatArray:
+        """Standard uncertainty of K1 (B,) [N/m]; infinite where K1 is not known."""
         return np.where(np.isfinite(self.data.k1_std) & np.isfinite(self.data.k1), self.data.k1_std, np.inf)
 
-    def _seen(self, stiffness: ComplexArray) -> ComplexArray:
+    def _compared(self, stiffness: ComplexArray) -> ComplexArray:
+        """The compared quantity: K*, 1/K* or jw/K*."""
         if self.space == "stiffness":
             return stiffness
         return (1.0 if self.space == "compliance" else 1j * self.data.omega) / stiffness
 
-    def _slope(self, stiffness: ComplexArray) -> ComplexArray:
-        return -self._seen(stiffness) / stiffness
-
     @cached_property
     def ends(self) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest places (B, F)."""
+        """Lower and upper bounds of the search variables (B, F)."""
         with np.errstate(divide="ignore"):
             low = np.where(self.log, np.log(np.maximum(self.low, 1e-300)), self.low / self.scale)
             high = np.where(self.log, np.log(self.high), self.high / self.scale)
@@ -150,16 +156,16 @@ class FitProblem(ByValue):
         return low, np.where(self.log, np.minimum(high, begun + _FARTHEST), high)
 
     def clipped(self, place: FloatArray) -> FloatArray:
-        """Places within the bounds."""
+        """Search variables moved into their bounds."""
         return np.clip(place, *self.ends)
 
     def snapped(self, place: FloatArray) -> FloatArray:
-        """Places that are on a bound but for round-off, on it."""
+        """Search variables, those within round-off of a bound moved onto it."""
         low, high = self.ends
         return np.where(place - low <= _AT_BOUND, low, np.where(high - place <= _AT_BOUND, high, place))
 
     def held(self, place: FloatArray) -> BoolArray:
-        """Which free parameters (B, F) stand on a bound, or have left for one that their logarithm never reaches."""
+        """Whether each free parameter (B, F) is on a bound, or its logarithm is very far from its start."""
         values = self.values_of(place)[:, self.free]
         low = values - self.low <= _AT_BOUND * self.scale
         high = self.high - values <= _AT_BOUND * self.scale
@@ -175,7 +181,7 @@ def problem_of(
     tied: Mapping[str, tuple[str, float]],
     space: str,
 ) -> FitProblem:
-    """The search for the parameters of each condition; ModelError where it is none."""
+    """The least-squares problem of `fit.fit`, checked; ModelError if it has no solution or a name is not known."""
     if space not in SPACES:
         raise ModelError(f"no space {space!r}: choose one of {', '.join(SPACES)}")
     symbols = model.known((*fixed, *tied, *(partner for partner, _ in tied.values())))
@@ -209,9 +215,9 @@ def problem_of(
 
 
 def _check_count(model: Model, free: int, frequencies: int, known: int) -> None:
-    """ModelError unless there are free parameters, and at least as many known numbers."""
+    """ModelError unless there are free parameters, and at least as many data."""
     if free == 0:
-        raise ModelError(f"all parameters of the {model.name} model are given: nothing is left to fit")
+        raise ModelError(f"all parameters of the {model.name} model are given: leave at least one free")
     if known < free:
         raise ModelError(
             f"{frequencies} frequencies give {known} numbers, too few for {free} free parameters of the "
@@ -220,6 +226,7 @@ def _check_count(model: Model, free: int, frequencies: int, known: int) -> None:
 
 
 def _scale(model: Model, begin: FloatArray, free: np.ndarray) -> FloatArray:
+    """Scale (B, F) of the free parameters: the modulus of the start value, or of the default where that is zero."""
     usual = np.array([abs(model.parameters[at].default) or 1.0 for at in free])
     return np.where(begin[:, free] != 0, np.abs(begin[:, free]), usual)
 
@@ -227,14 +234,14 @@ def _scale(model: Model, begin: FloatArray, free: np.ndarray) -> FloatArray:
 def _spread(
     model: Model, symbols: list[str], free: np.ndarray, tied: Mapping[str, tuple[str, float]]
 ) -> tuple[FloatArray, FloatArray]:
-    """Parameters as multiples of the free ones, and the upper bounds that this leaves to those."""
+    """Factors (P, F) of the free parameters in all parameters, and upper bounds (F,) that keep tied ones in theirs."""
     spread = np.zeros((len(symbols), free.size))
     spread[free, np.arange(free.size)] = 1.0
     high = np.array([model.parameters[at].high for at in free])
     for name, (partner, factor) in tied.items():
         at = np.flatnonzero(free == symbols.index(partner))
         if not at.size:
-            raise ModelError(f"{name} is tied to {partner}, which is not free: tie it to a parameter that is fitted")
+            raise ModelError(f"{name} is tied to {partner}, which is not free: tie it to a free parameter")
         if not factor > 0:
             raise ModelError(f"{name} is tied to {factor:g} times {partner}: the factor must be positive")
         spread[symbols.index(name), at[0]] = factor
@@ -243,13 +250,13 @@ def _spread(
 
 
 def _in_space(data: StiffnessData, space: str) -> FloatArray:
-    """The whitener of what is compared."""
+    """The whitener of the compared quantity, by linear propagation of the covariance of K*."""
     whiten = data.whitener()
     if space == "stiffness":
         return whiten
     over = 1.0 if space == "compliance" else 1j * data.omega
     back = -(data.stiffness**2) / over  # dK*/dq
-    turn = turning(back)
+    turn = multiplication(back)
     if not data.full:
         return np.asarray(whiten @ turn)
     count = data.count

@@ -1,23 +1,24 @@
-r"""A thin elastic cylinder of finite width, inflated, on radial springs: frequencies, shapes, static deflection.
+r"""An inflated thin elastic cylinder of finite width on radial springs: frequencies, mode shapes, static deflection.
 
-Sanders' shell (exact for rigid motions, and a ring where the width moves as one) with Flügge's terms of the tension
-that inflation gives: N_theta = p R, N_y a stated share of it; the pressure stays p and normal to the deformed wall.
+The theory is Sanders' shell, which is exact for rigid motions and includes the ring, with Flügge's terms of the tension
+by inflation: N_theta = p R, and N_y is a stated fraction of it. The pressure is constant and normal to the deformed
+wall.
 The harmonics n around and m across,
 
 .. math:: w = W \cos n\theta\, X_m(y), \quad v = V \sin n\theta\, X_m(y), \quad
           \partial u/\partial y = U k_m \cos n\theta\, X_m(y)
 
-(u axial, v around, w outward; k_m = m pi/B), do not couple between either of two pairs of edges:
+with u axial, v around, w outward and k_m = m pi/B, are independent of each other for two kinds of edges:
 
-* "guided": X = cos(k y), m = 0, 1, 2 ...: edges that slide radially and around, and neither turn nor move axially;
-  m = 0 is the ring in plane strain, of bending stiffness D B and membrane stiffness S B;
+* "guided": X = cos(k y), m = 0, 1, 2 ...: edges that slide radially and around, but neither rotate nor move axially.
+  The harmonic m = 0 is the ring in plane strain, with bending stiffness D B and membrane stiffness S B.
 * "supported": X = sin(k y), m = 1, 2 ...: shear diaphragms, w = v = N_y = M_y = 0.
 
-Per area the stiffness of (U, V, W) is S A/R² + D C/R⁴ + p P/R + k E_ww, and the mass mu everywhere.
+The stiffness of (U, V, W) per area is S A/R² + D C/R⁴ + p P/R + k E_ww; the mass per area is mu.
 
 References
 ----------
-J. T. Tielking, "Plane vibration characteristics of a pneumatic tire model", SAE 650492, 1965 (the tyre so seen);
+J. T. Tielking, "Plane vibration characteristics of a pneumatic tire model", SAE 650492, 1965 (the model of a tyre);
 J. L. Sanders, "An improved first-approximation theory for thin shells", NASA TR R-24, 1959 (strains);
 W. Flügge, "Stresses in shells", 2nd ed., 1973, on the buckling of cylinders (terms of the initial tension);
 A. W. Leissa, "Vibration of shells", NASA SP-288, 1973, ch. 2 (frequencies).
@@ -41,30 +42,31 @@ _MOST_TERMS = 1024
 
 @dataclass(frozen=True, eq=False)
 class Cylinder(ByValue):
-    """The cylinder; every number may be an array (...,).
+    """A cylinder on springs; the first seven attributes broadcast with each other to (...,).
 
     Attributes
     ----------
     radius, width : float arrays [m]
-        R and B.
+        Radius R and width B.
     membrane, bending : float arrays [N/m], [N m]
-        S and D in plane strain: E h/(1 - nu²) and E h³/12/(1 - nu²) of a homogeneous wall; S > 0.
+        Membrane stiffness S > 0 and bending stiffness D in plane strain: E h/(1 - nu²) and E h³/12/(1 - nu²) of a
+        homogeneous wall.
     pressure : float array [Pa]
-        p, over the outside's.
+        Gauge pressure p.
     foundation : float array [N/m³]
-        k, radial.
+        Radial stiffness k per area.
     mass : float array [kg/m²]
-        mu.
+        Mass mu per area.
     poisson : float [1]
-        nu, in [0, 0.5].
+        Poisson's ratio nu, in [0, 0.5].
     axial : float [1]
-        N_y over p R; 0.5 is a cylinder whose closed ends float.
+        N_y/(p R); 0.5 is a cylinder whose closed ends are free to move axially.
     edges : "guided" or "supported"
 
     Raises
     ------
     ModelError
-        If one is outside its bounds.
+        If a value is outside its bounds.
     """
 
     radius: ArrayLike
@@ -79,7 +81,7 @@ class Cylinder(ByValue):
     edges: Literal["guided", "supported"] = "guided"
 
     def __post_init__(self) -> None:
-        """Bounds."""
+        """Check the bounds."""
         for name in ("radius", "width", "membrane", "mass"):
             if not np.all(np.asarray(getattr(self, name)) > 0):
                 raise ModelError(f"the {name} of a cylinder must be positive")
@@ -92,26 +94,26 @@ class Cylinder(ByValue):
             raise ModelError(f"the edges of a cylinder are 'guided' or 'supported', not {self.edges!r}")
 
     def column(self, name: str) -> FloatArray:
-        """One attribute as (..., 1), to broadcast against harmonics."""
+        """One attribute as an array (..., 1) that broadcasts with harmonics."""
         return np.asarray(getattr(self, name), dtype=float)[..., None]
 
 
 def harmonics(edges: str, around: int, across: int) -> tuple[FloatArray, FloatArray]:
-    """The n and m (pairs,) that a load amid the width drives: n < around, and the first m, each second one."""
+    """Harmonics n and m (pairs,) that a load in the middle of the width excites: n < around, `across` values of m."""
     if around < 1 or across < 1:
-        raise ModelError(f"a sum of harmonics needs one or more each way, not {around} and {across}")
+        raise ModelError(f"state at least one harmonic around and across, not {around} and {across}")
     first = 0 if edges == "guided" else 1
     n, m = np.meshgrid(np.arange(around), first + 2 * np.arange(across), indexing="ij")
     return n.ravel().astype(float), m.ravel().astype(float)
 
 
 def wave(cylinder: Cylinder, m: FloatArray) -> FloatArray:
-    """Lambda = m pi R/B, (..., pairs)."""
+    """The wave number lambda = m pi R/B (..., pairs) [1]."""
     return np.asarray(np.pi * m * cylinder.column("radius") / cylinder.column("width"))
 
 
 def shares(cylinder: Cylinder, n: FloatArray, across: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A, C and P (6, ..., pairs), as uu, uv, uw, vv, vw, ww, of n and lambda."""
+    """Matrices A, C and P of the stiffness, functions of n and lambda: (6, ..., pairs) for uu, uv, uw, vv, vw, ww."""
     nu, g = cylinder.poisson, (1 - cylinder.poisson) / 2
     n, across = np.broadcast_arrays(n, across)
     n2, a2, na = n * n, across * across, n * across
@@ -130,7 +132,7 @@ def shares(cylinder: Cylinder, n: FloatArray, across: FloatArray) -> tuple[Float
 
 
 def slopes(cylinder: Cylinder, n: FloatArray, across: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Their derivatives by lambda."""
+    """Derivatives of A, C and P by lambda; see `shares`."""
     nu, g = cylinder.poisson, (1 - cylinder.poisson) / 2
     n, across = np.broadcast_arrays(n, across)
     one, nothing = np.ones_like(n), np.zeros_like(n)
@@ -148,7 +150,10 @@ def slopes(cylinder: Cylinder, n: FloatArray, across: FloatArray) -> tuple[Float
 
 
 def elasticity(cylinder: Cylinder, n: FloatArray, m: FloatArray) -> FloatArray:
-    """Stiffness per area (6, ..., pairs) [N/m³] of (U, V, W); what a harmonic lacks stands on a spring by itself."""
+    """Stiffness per area (6, ..., pairs) [N/m³] of (U, V, W).
+
+    A harmonic with n = 0 has no V and one with m = 0 has no U: there a spring keeps the matrix regular.
+    """
     across = wave(cylinder, m)
     stretch, bend, tension = shares(cylinder, n, across)
     radius, membrane = cylinder.column("radius"), cylinder.column("membrane")
@@ -162,7 +167,7 @@ def elasticity(cylinder: Cylinder, n: FloatArray, m: FloatArray) -> FloatArray:
 
 
 def radial_answer(stiffness: FloatArray) -> FloatArray:
-    """(U, V, W) (3, ..., pairs) to a unit radial load per area, from the stiffness (6, ..., pairs)."""
+    """(U, V, W) (3, ..., pairs) [m³/N] under a unit radial load per area, from the stiffness (6, ..., pairs)."""
     uu, uv, uw, vv, vw, ww = stiffness
     plane = uu * vv - uv * uv
     u, v = (uv * vw - vv * uw) / plane, (uv * uw - uu * vw) / plane
@@ -173,7 +178,7 @@ def radial_answer(stiffness: FloatArray) -> FloatArray:
 def load(
     cylinder: Cylinder, n: FloatArray, m: FloatArray, length: ArrayLike, share: ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A patch amid the width in each harmonic, around and across, and over the harmonic's area [1/m²]."""
+    """Fourier coefficients of a patch in the middle of the width, around and across, and 1/area of each harmonic."""
     half = n * np.asarray(length, dtype=float)[..., None] / (2 * cylinder.column("radius"))
     around = np.sinc(half / np.pi)
     across = np.sinc(m * np.asarray(share, dtype=float)[..., None] / 2)
@@ -190,21 +195,23 @@ def natural_frequencies(cylinder: Cylinder, n: ArrayLike, m: ArrayLike) -> Float
     ----------
     cylinder : Cylinder
     n, m : (...,) int arrays
-        Harmonics around and across; they broadcast with each other.
+        Harmonics around and across; the two arrays broadcast with each other.
 
     Returns
     -------
     (..., 3) float array [Hz]
-        Rising, of the cylinder's shape, then of n and m; NaN, last, where the harmonic has no such motion.
+        Frequencies, rising along the last axis, for each cylinder, then each n and m. Not-a-number, last, where the
+        harmonic has fewer than three motions.
 
     Raises
     ------
     ModelError
-        If the edges have no such m, or the cylinder would buckle.
+        If the edges have no such m, or the cylinder buckles.
 
     Examples
     --------
-    A steel tube of h/R = 0.01, 20 radii long, between diaphragms: 0.016101 in units of its wall's speed over R.
+    A steel tube of h/R = 0.01, 20 radii long, between diaphragms: 0.016101 in units of the speed of sound in its wall
+    over R.
 
     >>> tube = Cylinder(1.0, 20.0, 1.0, 1e-4 / 12, 0.0, 0.0, 1.0, edges="supported")
     >>> (2 * np.pi * natural_frequencies(tube, 1, 1)).round(4)
@@ -217,7 +224,7 @@ def natural_frequencies(cylinder: Cylinder, n: ArrayLike, m: ArrayLike) -> Float
     squares, shape = modes(elasticity(cylinder, flat, wide))
     squares = squares / cylinder.column("mass")[..., None]
     if np.any(squares < -1e-9 * squares[..., -1:]):
-        raise ModelError("the cylinder buckles: its membrane is softer than its tension; raise S, or lower p")
+        raise ModelError("the cylinder buckles: raise the membrane stiffness S, or lower the pressure p")
     lacks = np.stack([wide == 0, flat == 0, np.zeros(flat.shape, bool)], axis=-1)
     absent = np.einsum("...ij,...i->...j", shape**2, lacks.astype(float)) > 0.5
     found = np.sort(np.where(absent, np.nan, np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)), axis=-1)
@@ -234,23 +241,23 @@ def modes(stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
 def mode_shape(
     cylinder: Cylinder, n: int, m: int, theta: ArrayLike, y: ArrayLike, branch: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The motion of one natural frequency, its largest part 1.
+    """The mode shape of one natural frequency; its largest component is 1.
 
     Parameters
     ----------
     cylinder : Cylinder
-        One, not arrays.
+        A single cylinder, without arrays.
     n, m : int
         Harmonics around and across.
     theta, y : (...,) float arrays [rad], [m]
-        Where; y from 0 to B; they broadcast with each other.
+        Angle around and position across, from 0 to B; the two arrays broadcast with each other.
     branch : int
-        0, 1 or 2, in the order of `natural_frequencies`.
+        Place of the frequency in `natural_frequencies`: 0, 1 or 2.
 
     Returns
     -------
     u, v, w : (...,) float arrays [1]
-        Axial, around, outward.
+        Axial, circumferential and outward motion.
 
     Raises
     ------
@@ -259,7 +266,7 @@ def mode_shape(
 
     Examples
     --------
-    An oval ring: v is -w/n, a quarter turned.
+    An oval ring: v is w/n, shifted by a quarter period.
 
     >>> ring = Cylinder(0.3, 0.2, 1e8, 5.0, 0.0, 0.0, 12.0)
     >>> u, v, w = mode_shape(ring, 2, 0, [0.0, np.pi / 4], 0.1)
@@ -291,22 +298,23 @@ def ring_frequencies(
     tension: ArrayLike = 0.0,
     foundation: ArrayLike = 0.0,
 ) -> FloatArray:
-    r"""Natural frequencies in its plane of a ring that bends but does not stretch.
+    r"""In-plane natural frequencies of a ring that bends without stretching.
 
     .. math:: \omega_n^2 = \frac{n^2}{m (n^2 + 1)}
               \left(\frac{EI (n^2 - 1)^2}{R^4} + \frac{N (n^2 - 1)}{R^2} + k\right)
 
-    from v' = -w: potential and kinetic energy of w = cos(n theta), v = -sin(n theta)/n. The tension is that of a
-    pressure that stays constant and normal to the ring, so that a translation, n = 1, is free of it.
+    The condition v' = -w gives the motion w = cos(n theta), v = -sin(n theta)/n, and its potential and kinetic energy
+    give the frequency. The tension is that of a constant pressure normal to the ring; it has no effect on a
+    translation, n = 1.
 
     Parameters
     ----------
     n : (...,) int array
-        Waves around, >= 1.
+        Number of waves around, >= 1.
     radius, bending, mass : float arrays [m], [N m²], [kg/m]
-        R, EI, and mass per length; > 0.
+        Radius R, bending stiffness EI and mass m per length; > 0.
     tension, foundation : float arrays [N], [N/m²]
-        N, and k, radial and per length; >= 0.
+        Tension N, and radial stiffness k per length; >= 0.
 
     Returns
     -------
@@ -315,7 +323,7 @@ def ring_frequencies(
     Raises
     ------
     ModelError
-        If n is below 1 or another is outside its bounds.
+        If n is below 1, or another value is outside its bounds.
 
     References
     ----------
@@ -345,7 +353,7 @@ def ring_frequencies(
 def flexibility(
     cylinder: Cylinder, length: ArrayLike, share: ArrayLike, *, around: int = 40, across: int = 10
 ) -> FloatArray:
-    r"""Mean deflection under a uniform load amid the width, over that load: the sum of its harmonics.
+    r"""Mean deflection under a uniform load in the middle of the width, per unit of the load, as a sum of harmonics.
 
     .. math:: H = \sum_{n,m} \frac{X_m(B/2)^2\, \mathrm{sinc}^2(n l/2R)\, \mathrm{sinc}^2(m \pi \beta/2)}{a_{nm}}
               \left[K_{nm}^{-1}\right]_{ww},
@@ -355,12 +363,13 @@ def flexibility(
     ----------
     cylinder : Cylinder
     length : float array [m]
-        l of the patch, around; 0 is a point.
+        Length l of the patch around; 0 is a point.
     share : float array [1]
-        beta, its width over B; 0 is a point, 1 the whole width: between guided edges a ring.
+        Width of the patch over B, beta; 0 is a point, 1 the whole width. With guided edges 1 is a ring.
     around, across : int
-        How many harmonics; across only those that a load amid the width drives. Under a point the rest goes as the
-        inverse square of either (bending; as the inverse logarithmically with D = 0), under a patch faster.
+        Number of harmonics; across only those that a load in the middle of the width excites. The truncation error
+        under a point load falls with the inverse square of both numbers if the wall has bending stiffness, and only
+        logarithmically if D = 0. It falls faster under a patch.
 
     Returns
     -------
@@ -368,7 +377,7 @@ def flexibility(
 
     Examples
     --------
-    A ring of large radius is a beam on springs, K = sqrt(8) k^(3/4) EI^(1/4), with k and EI those of its whole width.
+    A ring of large radius is a beam on springs, K = sqrt(8) k^(3/4) EI^(1/4), with k and EI of the whole width.
 
     >>> ring = Cylinder(20.0, 0.2, 1e3, 25.0, 0.0, 5e6, 12.0)
     >>> (1 / flexibility(ring, 0.0, 1.0, around=20000, across=1)).round(-1)
@@ -385,28 +394,28 @@ def flexibility(
 def enough_terms(
     cylinder: Cylinder, length: ArrayLike, share: ArrayLike, accuracy: float = 1e-3
 ) -> tuple[int, int, float]:
-    """How many harmonics a static deflection of stated accuracy takes.
+    """Numbers of harmonics with which a static deflection has a stated accuracy.
 
-    Both numbers are doubled until the change is small: under a point each doubling brings a quarter of the last where
-    the wall bends, so that all that follow bring a third of the last at most; a patch brings less.
+    Both numbers are doubled until the change is small. Under a point load, and with bending stiffness, each change is a
+    quarter of the change before; so the truncation error is at most a third of the last change.
 
     Parameters
     ----------
     cylinder, length, share
-        As in `flexibility`; of arrays the worst counts.
+        As in `flexibility`; for arrays the largest error counts.
     accuracy : float [1]
-        Relative, > 0.
+        Largest relative error, > 0.
 
     Returns
     -------
     around, across : int
     error : float [1]
-        The estimated rest, relative.
+        Estimated relative truncation error.
 
     Raises
     ------
     ModelError
-        If 1024 harmonics around are not enough: a point load on a wall that hardly bends.
+        If 1024 harmonics around are not enough, as for a point load on a wall with little bending stiffness.
 
     Examples
     --------
@@ -428,6 +437,6 @@ def enough_terms(
             return around, across, error
         before = now
     raise ModelError(
-        f"{around} harmonics around and {across} across leave {error:.2g} of the deflection, {accuracy:g} was asked: "
-        "give the load a patch, or the wall more bending stiffness"
+        f"{around} harmonics around and {across} across have an error of {error:.2g}, not {accuracy:g}: state a patch "
+        "instead of a point, or a larger bending stiffness"
     )

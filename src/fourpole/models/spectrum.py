@@ -1,4 +1,4 @@
-"""Relaxation spectra for starts: whitened conditions, non-negative springs on given times, layouts of the times."""
+"""Start values of Maxwell models: non-negative stiffnesses of arms, and sets of relaxation times."""
 
 from __future__ import annotations
 
@@ -10,151 +10,151 @@ import numpy as np
 from scipy import optimize
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
-from fourpole.models.data import StiffnessData
+from fourpole.models.data import StiffnessData, relaxation
 
 __all__ = ["WhitenedCondition", "arms_at", "two_springs", "whitened_conditions"]
 
-#: Relaxation times per decade of the spectrum's grid, and decades beyond the band on either side.
+#: Relaxation times per decade of the grid of a spectrum, and decades of the grid beyond each end of the band.
 _FINE, _BEYOND = 8, 1.0
-#: Distance to the neighbour [1, logarithm of time] that is assumed for the first and the last arm.
-_ALONE = 2.0
-#: Powers of an arm's weight by which times are shared out, the best first.
+#: Assumed distance of the first and the last arm to a further neighbour, in ln(tau).
+_END_GAP = 2.0
+#: Exponents of the weight of an arm when times are divided into equal parts, the best first.
 _SHARES = (0.5, 0.25, 1.0)
-#: Ends of times that are spread evenly, as multiples of the band's.
+#: Factors by which evenly spread times extend beyond the band.
 _SPREADS = (1.6, 0.3, 3.0)
-#: Stiffness of an arm that the spectrum leaves without any, as a share of the misfit: a logarithm cannot leave zero.
+#: Stiffness of an arm that least squares sets to zero, as a fraction of the misfit: its logarithm must be finite.
 _IDLE = 0.03
-#: Number of layouts of a Maxwell model that are compared before the best start is chosen.
-_LOOKED_AT = 3
+#: Number of sets of times that are compared before the best start is chosen.
+_COMPARED = 3
 
 
 @dataclass(frozen=True, eq=False)
 class WhitenedCondition(ByValue):
-    """K* of one condition, and what brings it to standard units."""
+    """Data of one condition with their whitener: terms of K* become rows of a real least-squares problem.
 
-    omega: FloatArray
-    stiffness: ComplexArray
+    The last row is that of K1. It has no weight if K1 is not known.
+    """
+
+    data: StiffnessData
     whiten: FloatArray
-    k1: float
-    k1_std: float
-
-    def rows(self, terms: ComplexArray) -> FloatArray:
-        """Terms (..., N, k) in standard units; the first is the stiffness at rest, and a known K1 is one more row."""
-        flat = (*terms.shape[:-2], 2 * self.omega.size, terms.shape[-1])
-        if self.whiten.ndim == 2:
-            whole = self.whiten @ np.stack([terms.real, terms.imag], axis=-2).reshape(flat)
-        else:
-            by_real, by_imag = self.whiten[:, :, None, 0], self.whiten[:, :, None, 1]
-            whole = by_real * terms.real[..., None, :] + by_imag * terms.imag[..., None, :]
-        at_rest = np.zeros((*terms.shape[:-2], 1, terms.shape[-1]))
-        at_rest[..., 0] = 1.0 / self.k1_std
-        return np.concatenate([whole.reshape(flat), at_rest], axis=-2)
 
     @property
-    def wanted(self) -> FloatArray:
-        """K*, and K1, in standard units."""
-        seen = self.rows(self.stiffness[:, None])[:, 0]
-        seen[-1] = self.k1 / self.k1_std
-        return np.asarray(seen)
+    def omega(self) -> FloatArray:
+        """Angular frequencies (N,) [rad/s]."""
+        return self.data.omega
 
-    def relaxing(self, times: FloatArray) -> FloatArray:
-        """A spring, and an arm of each relaxation time, per unit, in standard units (2N + 1, T + 1)."""
-        relaxed = 1.0 - 1.0 / (1.0 + 1j * self.omega[:, None] * times)
-        return self.rows(np.concatenate([np.ones((self.omega.size, 1)), relaxed], axis=1))
+    @property
+    def stiffness(self) -> ComplexArray:
+        """K* (N,) [N/m]."""
+        return self.data.stiffness
+
+    def rows(self, terms: ComplexArray) -> FloatArray:
+        """Terms of K* (..., N, k) as rows (..., 2N + 1, k); the first term is the stiffness at zero frequency."""
+        k1 = np.zeros((*terms.shape[:-2], 1, terms.shape[-1]))
+        k1[..., 0] = 1.0 / self.data.k1_std if self.data.has_k1 else 0.0
+        return np.concatenate([self.data.whitened(self.whiten, terms), k1], axis=-2)
+
+    @property
+    def target(self) -> FloatArray:
+        """K* and K1 in standard uncertainties (2N + 1,)."""
+        k1 = self.data.k1 / self.data.k1_std if self.data.has_k1 else 0.0
+        return np.append(self.data.whitened(self.whiten, self.stiffness[:, None])[:, 0], k1)
+
+    def arms(self, times: FloatArray) -> FloatArray:
+        """Rows (2N + 1, T + 1) of a unit spring and of unit arms with relaxation times (T,) [s]."""
+        return self.rows(np.concatenate([np.ones((self.omega.size, 1)), relaxation(self.omega, times)], axis=1))
 
 
 def whitened_conditions(data: StiffnessData) -> list[WhitenedCondition]:
-    """Each of conditions (B, N) by itself; where K1 is not known, it weighs nothing."""
-    whiten = data.whitener()
-    known = np.isfinite(data.k1) & np.isfinite(data.k1_std)
-    k1, std = np.where(known, data.k1, 0.0), np.where(known, data.k1_std, np.inf)
-    rows = zip(data.omega, data.stiffness, whiten, k1.tolist(), std.tolist(), strict=True)
-    return [WhitenedCondition(*row) for row in rows]
+    """Each of the conditions (B, N), whose frequencies are (B, N) as well, with its whitener."""
+    parts = (data.omega, data.stiffness, data.covariance, data.k1, data.k1_std)
+    return [
+        WhitenedCondition(StiffnessData(*row), whiten) for *row, whiten in zip(*parts, data.whitener(), strict=True)
+    ]
 
 
-def two_springs(rows: FloatArray, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The best two weights >= 0 (..., 2) of rows (..., M, 2), and their squared misfit."""
+def two_springs(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least-squares weights >= 0 (..., 2) of two terms with rows (..., M, 2), and the sum of squared residuals."""
     turned = np.swapaxes(rows, -1, -2)
-    normal, right = turned @ rows, turned @ wanted
+    normal, right = turned @ rows, turned @ target
     size = np.maximum(np.diagonal(normal, 0, -2, -1), 1e-300)
     normal = normal + 1e-12 * size[..., None] * np.eye(2)
     both = np.linalg.solve(normal, right[..., None])[..., 0]
     alone = np.maximum(right / size, 0.0) * np.where(both[..., ::-1] < 0, 1.0, 0.0)
     found = np.where(np.any(both < 0, axis=-1)[..., None], alone, both)
-    return found, np.sum(((rows @ found[..., None])[..., 0] - wanted) ** 2, axis=-1)
+    return found, np.sum(((rows @ found[..., None])[..., 0] - target) ** 2, axis=-1)
 
 
-def _non_negative(rows: FloatArray, wanted: FloatArray) -> tuple[FloatArray, float, FloatArray]:
-    """Non-negative least squares: weights (k,), misfit, and the size of each column."""
+def _non_negative(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, float, FloatArray]:
+    """Non-negative least squares: weights (k,), norm of the residuals, and the norm of each column."""
     size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    found, misfit = optimize.nnls(rows / size, wanted, maxiter=20 * rows.shape[1])
+    found, misfit = optimize.nnls(rows / size, target, maxiter=20 * rows.shape[1])
     return found / size, float(misfit), size
 
 
-def arms_at(seen: WhitenedCondition, arms: int, count: int) -> FloatArray:
-    """Non-negative springs on several layouts of the relaxation times (count or fewer, P), the best first."""
-    layouts = islice(_layouts(seen, arms), max(count, _LOOKED_AT))
-    tried = [_springs_at(seen, np.exp(np.sort(logs)[::-1])) for logs in layouts]  # the slowest first
-    first = sorted(tried[:_LOOKED_AT], key=lambda one: one[1])
-    return np.array([start for start, _ in [*first, *tried[_LOOKED_AT:]]])[:count]
+def arms_at(condition: WhitenedCondition, arms: int, count: int) -> FloatArray:
+    """Starts (count or fewer, P) of a Maxwell model: non-negative stiffnesses at several sets of relaxation times."""
+    sets = islice(_time_sets(condition, arms), max(count, _COMPARED))
+    starts = [_springs_at(condition, np.exp(np.sort(logs)[::-1])) for logs in sets]
+    best = sorted(starts[:_COMPARED], key=lambda one: one[1])
+    return np.array([start for start, _ in [*best, *starts[_COMPARED:]]])[:count]
 
 
-def _layouts(seen: WhitenedCondition, arms: int) -> Iterator[FloatArray]:
-    """Logarithms of relaxation times, the layouts that serve best first."""
-    spectrum = _spectrum(seen)
+def _time_sets(condition: WhitenedCondition, arms: int) -> Iterator[FloatArray]:
+    """Sets of logarithms of relaxation times (arms,), usually the best first."""
+    spectrum = _spectrum(condition)
     yield spectrum.merged(arms)
     for power, beyond in zip(_SHARES, _SPREADS, strict=True):
         yield spectrum.shared(arms, power)
-        yield _spread(seen, arms, beyond)
+        yield _spread(condition, arms, beyond)
 
 
-def _springs_at(seen: WhitenedCondition, times: FloatArray) -> tuple[FloatArray, float]:
-    """K_inf and springs >= 0 at the times, as parameters (P,), and their misfit; none is quite without stiffness."""
-    found, misfit, size = _non_negative(seen.relaxing(times), seen.wanted)
+def _springs_at(condition: WhitenedCondition, times: FloatArray) -> tuple[FloatArray, float]:
+    """Parameters (P,) with stiffnesses > 0 at the times, and the norm of their residuals."""
+    found, misfit, size = _non_negative(condition.arms(times), condition.target)
     idle = _IDLE * (misfit + 1.0) / size / np.sqrt(times.size)
     return np.concatenate([np.maximum(found, idle), times]), misfit
 
 
-def _spread(seen: WhitenedCondition, arms: int, beyond: float) -> FloatArray:
-    """Logarithms of times that are evenly spread over the band and somewhat beyond; a single one lies within it."""
+def _spread(condition: WhitenedCondition, arms: int, beyond: float) -> FloatArray:
+    """Logarithms of times, evenly spread over the band and beyond it by a factor; a single time is within the band."""
+    low, high = -np.log(condition.omega.max()), -np.log(condition.omega.min())
     if arms == 1:
-        low, high = -np.log(seen.omega.max()), -np.log(seen.omega.min())
         return np.array([low + (high - low) * beyond / (1.0 + beyond)])
-    low, high = np.sort([-np.log(seen.omega.max() * beyond), -np.log(seen.omega.min() / beyond)])
+    low, high = np.sort([low - np.log(beyond), high + np.log(beyond)])
     return np.linspace(low, high, arms)
 
 
 @dataclass(frozen=True)
 class _Spectrum:
-    """The best non-negative spectrum on a fine grid.
+    """The best non-negative relaxation spectrum of a condition on a fine grid of times.
 
-    Its arms are at `logs` of time, with stiffnesses `springs`. On the `grid`, `bends` is how far a unit of stiffness
-    moves K*, in standard units, as its time is smeared, by the square of the smear in logarithms. `even` is the
-    condition, for a tyre that hardly relaxes.
+    Its arms have the logarithms of time `logs` and the stiffnesses `springs`. `curvature` is, on the `grid` of ln(tau),
+    the norm of the second derivative of the rows of a unit arm by ln(tau).
     """
 
     logs: FloatArray
     springs: FloatArray
     grid: FloatArray
-    bends: FloatArray
-    even: WhitenedCondition
+    curvature: FloatArray
+    condition: WhitenedCondition
 
     def weights(self, logs: FloatArray, springs: FloatArray) -> FloatArray:
-        """How much the data feel where an arm is."""
-        return springs * np.interp(logs, self.grid, self.bends)
+        """Sensitivity of K* to the relaxation time of each arm, in standard uncertainties."""
+        return springs * np.interp(logs, self.grid, self.curvature)
 
     def shared(self, arms: int, power: float) -> FloatArray:
-        """Logarithms of times with an equal share of the weights' power between them."""
+        """Logarithms of times that divide the sum of the powers of the weights into equal parts."""
         if self.logs.size < 2:
-            return _spread(self.even, arms, 1.0 + power)
+            return _spread(self.condition, arms, 1.0 + power)
         share = self.weights(self.logs, self.springs) ** power
         middle = (np.cumsum(share) - 0.5 * share) / np.sum(share)
         return np.interp((np.arange(arms) + 0.5) / arms, middle, self.logs)
 
     def merged(self, arms: int) -> FloatArray:
-        """Logarithms of times: neighbours made one where that costs least, or the heaviest made two."""
+        """Logarithms of times: neighbours merged where K* changes least, or the arm of the largest weight divided."""
         if self.logs.size == 0:
-            return _spread(self.even, arms, _SPREADS[0])
+            return _spread(self.condition, arms, _SPREADS[0])
         logs, springs = self.logs, self.springs
         while logs.size > arms:
             both = springs[1:] + springs[:-1]
@@ -164,7 +164,7 @@ class _Spectrum:
             logs = np.concatenate([logs[:at], [middle[at]], logs[at + 2 :]])
             springs = np.concatenate([springs[:at], [both[at]], springs[at + 2 :]])
         while logs.size < arms:
-            gaps = np.diff(logs, prepend=logs[0] - _ALONE, append=logs[-1] + _ALONE)
+            gaps = np.diff(logs, prepend=logs[0] - _END_GAP, append=logs[-1] + _END_GAP)
             room = np.minimum(gaps[1:], gaps[:-1])
             at = int(np.argmax(self.weights(logs, springs) * room**2))
             halves = logs[at] + 0.25 * room[at] * np.array([-1.0, 1.0])
@@ -173,12 +173,13 @@ class _Spectrum:
         return logs
 
 
-def _spectrum(seen: WhitenedCondition) -> _Spectrum:
-    decades = np.log10(seen.omega.max() / seen.omega.min()) + 2 * _BEYOND
-    low = -np.log(seen.omega.max()) - _BEYOND * np.log(10.0)
+def _spectrum(condition: WhitenedCondition) -> _Spectrum:
+    """The relaxation spectrum of a condition, by non-negative least squares."""
+    decades = np.log10(condition.omega.max() / condition.omega.min()) + 2 * _BEYOND
+    low = -np.log(condition.omega.max()) - _BEYOND * np.log(10.0)
     grid = np.linspace(low, low + decades * np.log(10.0), int(np.ceil(decades * _FINE)) + 1)
-    rows = seen.relaxing(np.exp(grid))
-    springs = _non_negative(rows, seen.wanted)[0][1:]
-    bends = np.linalg.norm(np.diff(rows[:, 1:], 2, axis=1), axis=0) / (grid[1] - grid[0]) ** 2
+    rows = condition.arms(np.exp(grid))
+    springs = _non_negative(rows, condition.target)[0][1:]
+    inner = np.linalg.norm(np.diff(rows[:, 1:], 2, axis=1), axis=0) / (grid[1] - grid[0]) ** 2
     used: BoolArray = springs > 0
-    return _Spectrum(grid[used], springs[used], grid, np.concatenate([bends[:1], bends, bends[-1:]]), seen)
+    return _Spectrum(grid[used], springs[used], grid, np.concatenate([inner[:1], inner, inner[-1:]]), condition)

@@ -1,4 +1,4 @@
-"""The simplest tyres of the literature: a spring, a spring beside a damper, a spring with structural damping."""
+"""Models without relaxation: a spring, a spring beside a damper, a spring with structural damping."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class Spring(Model):
         return np.asarray(k + 0j * positive(omega))
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivative of K* by K."""
+        """Derivative by K."""
         return np.ones_like(self.stiffness(values, omega))[..., None]
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
-        """The mean of K'."""
+        """K: the mean of K'."""
         return np.mean(data.stiffness.real, axis=1)[None, :, None]
 
     def state_space(self, values: ArrayLike) -> StateSpace:
-        """No states."""
+        """State space without states."""
         (k,) = self.checked(values)
         return StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), np.array([k, 0.0]))
 
@@ -64,24 +64,24 @@ class KelvinVoigt(Model):
         return np.asarray(k + 1j * positive(omega) * c)
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivatives of K* by K and C."""
+        """Derivatives by K and C."""
         by_c = 0 * self.stiffness(values, omega) + 1j * positive(omega)
         return np.stack([np.ones_like(by_c), by_c], axis=-1)
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
-        """The mean of K', and the least squares slope of K'' over the angular frequency."""
+        """K: the mean of K'; C: the least-squares slope of K'' over the angular frequency."""
         k, omega = data.stiffness, data.omega
         return np.stack([np.mean(k.real, 1), np.mean(k.imag * omega, 1) / np.mean(omega**2, 1)], axis=1)[None]
 
     def state_space(self, values: ArrayLike) -> StateSpace:
-        """No states: the force goes with deflection and rate."""
+        """State space without states: the force follows from deflection and rate."""
         return StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), self.checked(values))
 
 
 class Structural(Model):
     r"""A spring with structural (hysteretic) damping: :math:`K^* = K (1 + j\eta)` at every frequency.
 
-    Its force would have to come before its deflection: it is not causal, and has no form in time.
+    It is not causal, because its force precedes its deflection; so it cannot be simulated in time.
 
     References
     ----------
@@ -105,12 +105,12 @@ class Structural(Model):
         return np.asarray(k * (1 + 1j * eta) + 0 * positive(omega))
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivatives of K* by K and eta."""
+        """Derivatives by K and eta."""
         k, eta = columns(self.checked(values))
         nothing = 0 * positive(omega)
         return np.stack([1 + 1j * eta + nothing, 1j * k + nothing], axis=-1)
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
-        """The means of K' and of K'', the second over the first."""
+        """K: the mean of K'; eta: the mean of K'' over that of K'."""
         k = data.stiffness
         return np.stack([np.mean(k.real, 1), np.mean(k.imag, 1) / np.mean(k.real, 1)], axis=1)[None]

@@ -1,4 +1,4 @@
-"""Where a fit begins: the starts that a family proposes, brought within the bounds, and others around the first."""
+"""Start values of a fit: those of the model family, moved into the bounds, and further ones around the first."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from fourpole.models.interface import Model
 
 __all__ = ["start_of", "starts_of"]
 
-#: Start of a parameter that is searched by its logarithm and would be zero, as a share of its usual value.
+#: Start of a logarithmic parameter that would be zero, as a fraction of its default.
 _SMALL = 1e-6
-#: Further starts lie within this factor of the first, on either side.
-_APART = 4.0
+#: Further starts differ from the first by at most this factor. Their factors follow the golden-ratio sequence.
+_LARGEST_FACTOR = 4.0
 _GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 def start_of(model: Model, data: StiffnessData) -> FloatArray:
-    """Parameters (..., P) close to those that fit K* of conditions (...,).
+    """One start (..., P) for a fit to conditions (...,), close to the best parameters.
 
     Raises
     ------
     ModelError
-        If no start is known for the model.
+        If the model has no start values.
 
     Examples
     --------
@@ -39,20 +39,20 @@ def start_of(model: Model, data: StiffnessData) -> FloatArray:
 
 
 def starts_of(model: Model, data: StiffnessData, count: int) -> FloatArray:
-    """Several starts (count, ..., P), that of `start_of` first: a guard against local minima; always the same ones.
+    """Several starts (count, ..., P), that of `start_of` first, always the same; more starts find fewer local minima.
 
     Parameters
     ----------
     model : Model
     data : StiffnessData
-        Of conditions (...,).
+        Data of conditions (...,).
     count : int
         >= 1.
 
     Raises
     ------
     ModelError
-        If no start is known for the model.
+        If the model has no start values.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def starts_of(model: Model, data: StiffnessData, count: int) -> FloatArray:
 
 
 def _inside(model: Model, found: FloatArray) -> FloatArray:
-    """Starts within the bounds; a parameter that is moved by its logarithm is not zero."""
+    """Starts moved into the bounds; the start of a logarithmic parameter is not zero."""
     low = np.array([parameter.low for parameter in model.parameters])
     high = np.array([parameter.high for parameter in model.parameters])
     logs = np.array([parameter.log for parameter in model.parameters])
@@ -79,7 +79,7 @@ def _inside(model: Model, found: FloatArray) -> FloatArray:
 
 
 def _filled(found: FloatArray, count: int) -> FloatArray:
-    """Where there are fewer starts than wanted: the first, each parameter moved by a factor of its own."""
+    """Exactly `count` starts: those found, then copies of the first with a factor for each parameter."""
     more = np.arange(1, count - len(found) + 1)
     shares = (more[:, None] * _GOLDEN ** np.arange(1, found.shape[-1] + 1)) % 1.0
-    return np.concatenate([found[:count], found[0] * _APART ** (2 * shares - 1)[:, None, :]])
+    return np.concatenate([found[:count], found[0] * _LARGEST_FACTOR ** (2 * shares - 1)[:, None, :]])

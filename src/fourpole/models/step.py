@@ -1,4 +1,4 @@
-"""Models stepped in time: the exact answer to a deflection that is a cubic between its samples."""
+"""Simulation of a model in time: the exact force for a deflection that is a cubic between its samples."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from fourpole.models.interface import StateSpace
 
 __all__ = ["simulate"]
 
-#: Derivatives at the start of a step, over its length, from x and step·v at both ends of the cubic.
+#: Derivatives 0 to 3 of the cubic at the start of a step, times powers of the step, from x and step·v at both ends.
 _HERMITE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-6.0, -4.0, 6.0, -2.0], [12.0, 6.0, -12.0, 6.0]])
 
 
 def simulate(model: StateSpace, deflection: ArrayLike, rate: ArrayLike, step: float) -> FloatArray:
-    """Force over time under a sampled deflection, from rest at its first value.
+    """Force over time for a sampled deflection; the model is at rest at the first value before.
 
     Parameters
     ----------
     model : StateSpace
     deflection, rate : (N,) float arrays [m], [m/s]
-        Samples of x and of its derivative; between them x is the cubic that both ends give.
+        Samples of x and of its derivative. Between two samples x is the cubic with these values at both ends.
     step : float [s]
-        Between samples; > 0.
+        Time between samples, > 0.
 
     Returns
     -------
     (N,) float array [N]
-        Exact for cubics, whatever the step; for a sine of n samples per cycle within (2 pi/n)^4/384 of its own. A tyre
-        with inertia, whose stiffness rises with the square of frequency, feels the bends between cubics more: its
-        error falls with the same power of the step, from a larger one.
+        Force, exact for cubics at every step. For a sine of n samples per cycle the relative error is (2 pi/n)^4/384.
+        It is larger for a model with inertia, which amplifies the curvature errors of the cubics, but falls with the
+        same power of the step.
 
     Raises
     ------
@@ -47,34 +47,33 @@ def simulate(model: StateSpace, deflection: ArrayLike, rate: ArrayLike, step: fl
     """
     x, v = np.asarray(deflection, dtype=float), np.asarray(rate, dtype=float)
     if x.shape != v.shape or x.ndim != 1 or x.size == 0 or not step > 0:
-        raise ModelError("deflection and rate must be as long as each other, and the step positive [s]")
+        raise ModelError("deflection and rate must have the same length, and the step must be positive [s]")
     direct = model.d[0] * x + model.d[1] * v
     size = len(model.a)
     if not size:
         return np.asarray(direct)
-    transition, push = _exactly(model, step)
+    transition, push = _discrete(model, step)
     at_rest = np.linalg.solve(-model.a, model.b[:, 0] * x[0])
     drives = push @ np.stack([x[:-1], step * v[:-1], x[1:], step * v[1:]])
     return np.asarray(direct + model.c @ _recursion(transition, drives, at_rest))
 
 
-def _exactly(model: StateSpace, step: float) -> tuple[FloatArray, FloatArray]:
-    """Transition matrix of the states over one step, and input matrix for the ends of the cubic.
-
-    The motion within a step is a cubic, which a chain of four integrators generates exactly.
-    """
+def _discrete(model: StateSpace, step: float) -> tuple[FloatArray, FloatArray]:
+    """Matrices of one step: (n, n) for the states, and (n, 4) for x and step·v at both ends of the cubic."""
     size = len(model.a)
     chain = np.zeros((size + 4, size + 4))
     chain[:size, :size] = model.a * step
     chain[:size, size] = model.b[:, 0] * step
-    chain[:size, size + 1] = model.b[:, 1]  # the chain's time runs from 0 to 1: its slope is step · v
+    chain[:size, size + 1] = model.b[
+        :, 1
+    ]  # the integrators of the cubic run over time/step, so that the slope is step · v
     chain[[size, size + 1, size + 2], [size + 1, size + 2, size + 3]] = 1.0
     whole = linalg.expm(chain)
     return whole[:size, :size], whole[:size, size:] @ _HERMITE
 
 
 def _recursion(transition: FloatArray, drives: FloatArray, start: FloatArray) -> FloatArray:
-    """States (n, N) of z' = T z + drive from a start; diagonal ones by a filter each."""
+    """States (n, N) of the recursion z_next = T z + drive, from a start; a diagonal T is n scalar filters."""
     diagonal = np.diag(transition)
     if np.array_equal(transition, np.diag(diagonal)):
         rows = [

@@ -1,4 +1,4 @@
-"""Smooth surfaces over pressure, preload and other axes: polynomials of low order, and the hull of what was seen."""
+"""Smooth surfaces over pressure, preload and other axes: polynomials of low order, and the hull of tested points."""
 
 from __future__ import annotations
 
@@ -17,32 +17,33 @@ __all__ = ["Axes", "Terms", "ValueSurface", "bends", "design", "term_sets", "val
 
 #: Exponents of each axis, term by term.
 Terms = tuple[tuple[int, ...], ...]
+#: Highest exponent of one axis.
 _MOST_DEGREE = 3
-#: Largest number of terms as a fraction of the number of conditions; the rest serves to estimate the error.
+#: Largest number of terms, as a fraction of the number of conditions. The rest estimates the leave-one-out error.
 _MOST_TERMS = 0.75
-#: Two values of an axis are equal if they differ by less than this fraction of its span or of the values.
+#: Values of an axis are one level if they differ by less than this fraction of its span, or 0.1 % of themselves.
 _SAME = 0.02
-#: Largest distance from the convex hull, in half spans, at which a point counts as on it.
+#: A point is inside the hull up to this distance from it, in half spans. Weight of the condition "sum of weights = 1".
 _ON_HULL = 1e-6
 _HEAVY = 1e4
-#: Bend half way between two levels, as a share of the change from one to the other: c in x + c (1 - x²), halved.
+#: Standard deviation of a bend half way between two levels, as a fraction of the change between the levels.
 _BEND = 1.0 / 24.0
-#: Largest ratio of the error of a surface to that of a simpler one that is replaced; least value of 1 - leverage.
-_BETTER, _ALL_LEVERAGE = 0.98, 1e-6
+#: A larger surface must have an error below this fraction of that of a smaller one; least value of 1 - leverage.
+_BETTER, _LEAST_REMAINDER = 0.98, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Axes(ByValue):
-    """The quantities in which conditions differ, and the measured points.
+    """The axes of an operating map, and the values of the tested conditions on them.
 
     Attributes
     ----------
     names : tuple of str
-        Columns with units: "pressure [Pa]". Those with one value everywhere are `constant`.
+        Columns with units, such as "pressure [Pa]".
     points : (B, d) float array
-        Value of each condition.
+        Values of each condition.
     constant : dict of str to float
-        Axes that were not varied, each with its value.
+        Columns that have one value in all conditions, with that value.
     """
 
     names: tuple[str, ...]
@@ -51,7 +52,7 @@ class Axes(ByValue):
 
     @classmethod
     def of(cls, names: Sequence[str], points: ArrayLike) -> Axes:
-        """Axes of conditions (B, d); those that do not vary are set apart.
+        """Axes from the columns and their values (B, columns); columns that do not vary become `constant`.
 
         Examples
         --------
@@ -66,7 +67,7 @@ class Axes(ByValue):
 
     @property
     def middle(self) -> FloatArray:
-        """Middle of the measured span of each axis (d,)."""
+        """Middle of the span of each axis (d,)."""
         return np.asarray((self.points.min(axis=0) + self.points.max(axis=0)) / 2)
 
     @property
@@ -81,21 +82,21 @@ class Axes(ByValue):
 
     @property
     def straight(self) -> tuple[int, ...]:
-        """Indices of axes with two levels only; the curvature between two levels is unknown."""
+        """Places of the axes with two levels, which cannot show a curvature between them."""
         return tuple(at for at, levels in enumerate(self.levels) if levels == 2)
 
     def scaled(self, points: ArrayLike) -> FloatArray:
-        """Points (Q, d) scaled so that the measured span of each axis is from -1 to 1."""
+        """Points (Q, d) [1] in units of half the span from the middle; tested values are between -1 and 1."""
         array = np.atleast_2d(np.asarray(points, dtype=float))
         return np.asarray((array - self.middle) / self.half)
 
     def outside(self, point: ArrayLike) -> tuple[float, FloatArray]:
-        """How far a point (d,) is from the convex hull of what was measured, and the nearest point of it.
+        """Distance of a point (d,) from the convex hull of the tested conditions, and the nearest point of the hull.
 
         Returns
         -------
         distance : float [1]
-            In half spans of the axes; 0 inside.
+            Distance in half spans of the axes; 0 inside.
         nearest : (d,) float array
 
         Examples
@@ -106,12 +107,12 @@ class Axes(ByValue):
         """
         if not self.names:
             return 0.0, np.zeros(0)
-        corners, wanted = self.scaled(self.points), self.scaled(point)[0]
-        # Weights >= 0 that add up to one, and come as near as they can: the sum is asked for with much weight.
-        heavy = np.vstack([corners.T, np.full(len(corners), _HEAVY)])
-        weights, _ = optimize.nnls(heavy, np.append(wanted, _HEAVY))
+        corners, target = self.scaled(self.points), self.scaled(point)[0]
+        # The nearest point is a mean of the corners with weights >= 0. One heavy row makes the weights add up to 1.
+        rows = np.vstack([corners.T, np.full(len(corners), _HEAVY)])
+        weights, _ = optimize.nnls(rows, np.append(target, _HEAVY))
         nearest = corners.T @ (weights / weights.sum())
-        distance = float(np.linalg.norm(nearest - wanted))
+        distance = float(np.linalg.norm(nearest - target))
         if distance < _ON_HULL:
             return 0.0, np.asarray(point, dtype=float)
         return float(np.round(distance, 6)), np.asarray(np.round(nearest, 6) * self.half + self.middle)
@@ -119,7 +120,7 @@ class Axes(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class ValueSurface(ByValue):
-    """The logarithm of a positive value that each condition has, as a polynomial of the scaled axes.
+    """The logarithm of a positive value, such as K1, as a polynomial of the scaled axes.
 
     Attributes
     ----------
@@ -127,9 +128,9 @@ class ValueSurface(ByValue):
     coefficients : (K,) float array
     covariance : (K, K) float array
     scatter : float [1]
-        Of conditions about it, relative.
+        Relative standard deviation of the conditions about the surface.
     std : float [1]
-        Relative uncertainty that the conditions' values have in common: no number of them averages it away.
+        Relative standard uncertainty that all values share; averaging over conditions does not reduce it.
     """
 
     terms: Terms
@@ -139,7 +140,7 @@ class ValueSurface(ByValue):
     std: float
 
     def at(self, scaled: FloatArray, straight: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:
-        """The value (Q,) and its standard uncertainty at scaled points (Q, d); see `bends` for `straight`."""
+        """The value (Q,) and its standard uncertainty at scaled points (Q, d); `straight`: axes with two levels."""
         basis = design(self.terms, scaled)
         value = np.exp(basis @ self.coefficients)
         variance = np.einsum("qi,ij,qj->q", basis, self.covariance, basis) + self.scatter**2 + self.std**2
@@ -150,10 +151,10 @@ class ValueSurface(ByValue):
 
 
 def bends(scaled: FloatArray, straight: Sequence[int]) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Along each axis with two levels: how far a value may bend from the straight line between them, and their points.
+    """For each axis with two levels: the uncertainty of a straight line between them, and the points (Q, d) on them.
 
-    The share (Q,) of the change between the levels that is one standard deviation: with it the slope is 1.4 times as
-    steep at one level as at the other, with two of it three times.
+    The uncertainty (Q,) [1] is a fraction of the change between the levels. A bend of one standard deviation makes the
+    slope 1.4 times as steep at one level as at the other; a bend of two makes it three times as steep.
     """
     for axis in straight:
         low, high = scaled.copy(), scaled.copy()
@@ -162,7 +163,7 @@ def bends(scaled: FloatArray, straight: Sequence[int]) -> Iterator[tuple[FloatAr
 
 
 def value_surface(axes: Axes, values: ArrayLike, stds: ArrayLike) -> ValueSurface:
-    """The surface with the least leave-one-out error of values (B,) with standard uncertainties (B,).
+    """The surface of values (B,) with standard uncertainties (B,) that has the least leave-one-out error.
 
     Examples
     --------
@@ -180,18 +181,18 @@ def value_surface(axes: Axes, values: ArrayLike, stds: ArrayLike) -> ValueSurfac
         basis = design(terms, scaled)
         inverse = np.linalg.pinv(basis.T @ basis, hermitian=True)
         off = logs - basis @ (inverse @ basis.T @ logs)
-        spare = np.maximum(1.0 - np.einsum("bi,ij,bj->b", basis, inverse, basis), _ALL_LEVERAGE)
-        error = float(np.sqrt(np.mean((off / spare) ** 2)))  # leave-one-out error
-        scatter = float(np.sqrt(np.mean(off**2 / spare)))
+        remainder = np.maximum(1.0 - np.einsum("bi,ij,bj->b", basis, inverse, basis), _LEAST_REMAINDER)
+        error = float(np.sqrt(np.mean((off / remainder) ** 2)))
+        scatter = float(np.sqrt(np.mean(off**2 / remainder)))
         if best is None or error < _BETTER * best[0]:
             coefficients = inverse @ basis.T @ logs
             best = error, ValueSurface(terms, coefficients, scatter**2 * inverse, scatter, common)
-    assert best is not None  # a constant is always tried
+    assert best is not None  # `term_sets` always has a constant
     return best[1]
 
 
 def design(terms: Terms, scaled: FloatArray) -> FloatArray:
-    """Products of powers (Q, K) of scaled points (Q, d).
+    """Basis functions (Q, K): products of powers of scaled points (Q, d), one product per term.
 
     Examples
     --------
@@ -199,23 +200,23 @@ def design(terms: Terms, scaled: FloatArray) -> FloatArray:
     array([[1.  , 0.5 , 0.25]])
     """
     if not terms:
-        raise ModelError("a surface needs a term at least")
+        raise ModelError("a surface needs at least one term")
     powers = np.asarray(terms, dtype=int).reshape(len(terms), -1)
     return np.asarray(np.prod(scaled[:, None, :] ** powers[None], axis=2))
 
 
 def term_sets(levels: Sequence[int], count: int) -> list[Terms]:
-    """Surfaces worth trying for axes of so many levels and so many conditions, the simplest first.
+    """Candidate surfaces for the number of levels of each axis and the number of conditions, the smallest first.
 
-    Of each axis a degree up to 3 and below its levels; no products of axes, those up to the highest degree, or all. No
-    more conditions than axes and one leave no choice: straight lines between them.
+    The degree of an axis is at most 3 and less than its number of levels. Products of axes are omitted, limited to the
+    highest degree, or all included. With at most one condition more than axes the only surface is linear.
 
     Examples
     --------
     >>> term_sets([3], 4)
     [((0,),), ((0,), (1,)), ((0,), (1,), (2,))]
     """
-    if 1 < count <= len(levels) + 1:  # too few to judge by: straight between them
+    if 1 < count <= len(levels) + 1:
         return [tuple(tuple(int(at == axis) for at in range(len(levels))) for axis in range(-1, len(levels)))[:count]]
     most = max(int(_MOST_TERMS * count), 1)
     found: dict[Terms, None] = {}
@@ -230,7 +231,7 @@ def term_sets(levels: Sequence[int], count: int) -> list[Terms]:
 
 
 def _levels(values: FloatArray) -> int:
-    """Number of different values."""
+    """Number of different values, within the tolerance."""
     rising = np.unique(values)
     if rising.size < 2:
         return int(rising.size)

@@ -1,4 +1,4 @@
-"""Gehman's tyre: K2 and C as they were measured at each frequency, between which a smooth curve runs."""
+"""Gehman's model: K1 beside an arm whose K2 and C depend on frequency, as a table or as smooth functions."""
 
 from __future__ import annotations
 
@@ -15,29 +15,30 @@ from fourpole.models.interface import Model, Parameter, columns, positive
 
 __all__ = ["Gehman", "GehmanLaw"]
 
-#: Where the laws have the values of K2 and C by name [rad/s]; bounds of order and exponents.
+#: Angular frequency [rad/s] to which K2 and C of `GehmanLaw` refer, 10 Hz; largest order; bound of the exponents.
 _REFERENCE, _MOST_ORDER, _STEEPEST = 20.0 * np.pi, 4, 50.0
+#: Relative tolerance of the ends of the band of a table.
 _EDGE = 1e-9
 
 
 class Gehman(Model):
-    r"""K1 with an arm whose K2 and C depend on frequency, as a table; between its rows shape-preserving cubics.
+    r"""K1 beside an arm whose K2 and C are tables over frequency, interpolated by shape-preserving cubics.
 
     .. math:: K^* = K_1 + \frac{j\omega C(\omega) K_2(\omega)}{K_2(\omega) + j\omega C(\omega)}
 
-    It answers within its band only, and a table is not causal.
+    It has no values outside the frequencies of the table. It is not causal.
 
     Parameters
     ----------
     frequency : (n,) float array [Hz]
-        Rising, n >= 2.
+        Frequencies, rising; n >= 2.
     k2, c : (n,) float arrays [N/m], [N s/m]
-        Positive.
+        K2 and C, positive.
 
     Raises
     ------
     ModelError
-        If there are fewer than two rows, they do not rise, or are not positive.
+        If there are fewer than two rows, the frequencies do not rise, or a number is not positive.
 
     References
     ----------
@@ -68,11 +69,11 @@ class Gehman(Model):
 
     @property
     def band(self) -> tuple[float, float]:
-        """Where it answers [Hz]."""
+        """Lowest and highest frequency of the table [Hz]."""
         return float(self.frequency[0]), float(self.frequency[-1])
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """K* [N/m]; ModelError outside the band."""
+        """K* [N/m]; ModelError if a frequency is outside the band."""
         (k1,) = columns(self.checked(values))
         w = positive(omega)
         frequency = w / (2 * np.pi)
@@ -80,35 +81,35 @@ class Gehman(Model):
         outside = (frequency < low * (1 - _EDGE)) | (frequency > high * (1 + _EDGE))
         if outside.any():
             raise ModelError(
-                f"the table knows {low:g} to {high:g} Hz, not {float(frequency[np.argmax(outside)]):.6g} Hz: "
-                "measure there, or use a model that may be asked outside its data"
+                f"the table goes from {low:g} to {high:g} Hz, without {float(frequency[np.argmax(outside)]):.6g} Hz: "
+                "measure there, or use a model that is defined at all frequencies"
             )
         inside = np.clip(frequency, low, high)
         return np.asarray(k1 + zener_stiffness(0.0, self._k2(inside), self._c(inside), w))
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivative of K* by K1."""
+        """Derivative by K1."""
         return np.ones_like(self.stiffness(values, omega))[..., None]
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
-        """The mean of K' less that of the arm."""
+        """K1: the mean of K' minus that of the arm."""
         return np.mean((data.stiffness - self.stiffness([0.0], data.omega)).real, axis=1)[None, :, None]
 
 
 class GehmanLaw(Model):
-    r"""K1 with an arm whose K2 and C are smooth laws of the frequency, to be fitted.
+    r"""K1 beside an arm whose K2 and C are smooth functions of the frequency, with parameters to be fitted.
 
     .. math::
 
         K_2 = K_{2,10} \exp(n_1 L + n_2 L^2 + \dots), \quad C = C_{10} \exp(r_1 L + r_2 L^2 + \dots), \quad
         L = \ln(f / 10\,Hz)
 
-    It describes K2(f) and C(f) in a band; no tyre relaxes so, and it is not causal.
+    It describes K2(f) and C(f) within a band. It is not causal.
 
     Parameters
     ----------
     order : int
-        Of both polynomials, from 1 to 4.
+        Order of both polynomials, from 1 to 4.
 
     References
     ----------
@@ -143,7 +144,7 @@ class GehmanLaw(Model):
         )
 
     def _parts(self, values: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray, ComplexArray, FloatArray]:
-        """K1, K2 (..., N), jwC (..., N), and powers of the logarithm (..., N, order)."""
+        """K1 (..., 1), K2 (..., N), jwC (..., N), and powers of ln(f/10 Hz) (..., N, order)."""
         checked = self.checked(values)
         w = positive(omega)
         powers = np.log(w / _REFERENCE)[..., None] ** np.arange(1, self.order + 1)
@@ -158,7 +159,7 @@ class GehmanLaw(Model):
         return np.asarray(k1 + k2 * damper / (k2 + damper))
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivatives of K* by K1, K2, C, the exponents of K2 and those of C."""
+        """Derivatives by K1, K2, C, the exponents of K2 and those of C."""
         checked = self.checked(values)
         _, k2, damper, powers = self._parts(checked, omega)
         share = damper / (k2 + damper)
@@ -168,12 +169,15 @@ class GehmanLaw(Model):
         return np.concatenate([np.stack(firsts, axis=-1), *rest], axis=-1)
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
-        """Laws through K2 and C of each frequency."""
+        """Polynomials through K2 and C of each frequency."""
         return _laws(data.stiffness, data.omega, data.k1, self.order)[None]
 
 
 def _laws(k: ComplexArray, omega: FloatArray, k1: FloatArray, order: int) -> FloatArray:
-    """Polynomials through log K2 and log C of each frequency, K1 being known, or somewhat below the least K'."""
+    """Parameters (B, P): polynomials through log K2 and log C of each frequency.
+
+    K1 is the known one, at most 0.99 of the least K'; if it is not known, 0.9 of the least K'.
+    """
     least = 0.9 * np.min(k.real, axis=1)
     rest = np.where(np.isfinite(k1) & (k1 > 0), np.minimum(np.nan_to_num(k1), 1.1 * least), least)[:, None]
     k2, c = maxwell_arm(k, rest, omega)

@@ -1,41 +1,41 @@
-r"""One fit of many conditions whose parameters follow common laws: shared, or surfaces over pressure and preload.
+r"""One fit to many conditions whose parameters follow common laws: shared values, or surfaces over the conditions.
 
-Each parameter of each condition is a link of a linear law,
+A link function g of each parameter of each condition follows a linear law,
 
 .. math:: g(\theta_{cp}) = \sum_k \Phi^{(p)}_{ck}\,\beta^{(p)}_k,
 
-with a column of ones for a parameter that all conditions share, a unit matrix for one that each has by itself, and
-powers of the pressure for a smooth surface. What the tests have in common in their errors (gains of sensors) is fitted
-along with it, with its stated uncertainty, so that nothing is averaged away that cannot be.
+The matrix of a law is a column of ones for a parameter that all conditions share, a unit matrix for a parameter that
+each condition has for itself, and powers of the pressure for a surface. Errors that all tests share, such as gains of
+sensors, are parameters of the fit with their stated uncertainty, so that averaging over tests does not reduce them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import optimize
+from scipy import linalg, optimize
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData, stacked
+from fourpole.models.data import StiffnessData, multiplication, stacked
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model, Parameter
 
 __all__ = ["Scatter", "Together", "fit_together", "link", "unlink"]
 
-#: A linked value is kept within this of the middle, where it has bounds on both sides; logarithms within 300.
+#: Largest modulus of a linked value: logit between two bounds, logarithm above one bound.
 _MOST_LOGIT, _MOST_LOG = 12.0, 300.0
+#: Relative tolerance of the least-squares search.
 _TOLERANCE = 1e-12
-#: Least value of 1 - leverage in a leave-one-out residual.
-_ALONE = 1e-9
+#: Least value of 1 - leverage of a leave-one-out residual.
+_LEAST_REMAINDER = 1e-9
 
 
 def link(parameter: Parameter, values: ArrayLike) -> FloatArray:
-    """A parameter where it has no bounds: its logarithm, its logit between two bounds, or itself."""
+    """The link g of a parameter: logit between two bounds, logarithm above a lower bound, or the value itself."""
     array = np.asarray(values, dtype=float)
     low, high = parameter.low, parameter.high
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -47,7 +47,7 @@ def link(parameter: Parameter, values: ArrayLike) -> FloatArray:
 
 
 def unlink(parameter: Parameter, linked: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """The parameter, and its derivative by its linked value."""
+    """The parameter of a linked value, and its derivative by the linked value."""
     array = np.asarray(linked, dtype=float)
     low, high = parameter.low, parameter.high
     if np.isfinite(high) and np.isfinite(low):
@@ -61,14 +61,15 @@ def unlink(parameter: Parameter, linked: ArrayLike) -> tuple[FloatArray, FloatAr
 
 @dataclass(frozen=True)
 class Scatter:
-    """How far conditions may be off their law, relative, as standard deviations.
+    """Relative standard deviations of conditions about their law.
 
     Attributes
     ----------
     condition : float [1]
-        Of log K*, Re and Im, one error of each at all frequencies of a condition, and of K1: set-up to set-up.
+        Scatter from set-up to set-up: one error of Re log K* and one of Im log K* for all frequencies of a condition,
+        and one of K1.
     frequency : (2,) tuple of float [1]
-        Along and across K*, at each frequency by itself: what the model cannot follow.
+        Error of the model at each frequency, along and across K*.
     """
 
     condition: float = 0.0
@@ -77,25 +78,25 @@ class Scatter:
 
 @dataclass(frozen=True, eq=False)
 class Together(ByValue):
-    """A model fitted to B conditions whose parameters follow laws.
+    """The fit of a model to B conditions whose parameters follow laws.
 
     Attributes
     ----------
     model : Model
     designs : tuple of P (B, K) float arrays
-        The laws.
+        Matrix of the law of each parameter.
     values : (B, P) float array
-        Parameters of each condition by the laws.
+        Parameters of each condition.
     coefficients : tuple of P float arrays
-        Of each law, of the linked parameter.
-    covariance : (U, U) float array
-        Of all coefficients in turn.
+        Coefficients of the law of each linked parameter.
+    inverse : (U + p, U + p) float array
+        Covariance of all coefficients in turn, then of the shared errors.
     chi2, dof : float, int
     converged : bool
     rows : tuple of B (M_c, U + p) float arrays
         Derivatives of the whitened model by coefficients and shared errors.
     residuals : tuple of B (M_c,) float arrays [1]
-        Whitened.
+        Whitened residuals.
     whiteners : tuple of B (2N, 2N) float arrays
     """
 
@@ -103,7 +104,7 @@ class Together(ByValue):
     designs: tuple[FloatArray, ...]
     values: FloatArray
     coefficients: tuple[FloatArray, ...]
-    covariance: FloatArray
+    inverse: FloatArray
     chi2: float
     dof: int
     converged: bool
@@ -111,25 +112,27 @@ class Together(ByValue):
     residuals: tuple[FloatArray, ...]
     whiteners: tuple[FloatArray, ...]
 
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance (U, U) of all coefficients in turn."""
+        size = sum(one.size for one in self.coefficients)
+        return self.inverse[:size, :size]
+
     def fits(self) -> list[Fit]:
-        """Each condition by itself: its parameters with their covariance; degrees of freedom are shared out evenly."""
+        """One fit per condition, with the covariance of its parameters and an equal part of the degrees of freedom."""
         linked = [link(one, self.values[:, at]) for at, one in enumerate(self.model.parameters)]
         slopes = np.stack([unlink(one, at)[1] for one, at in zip(self.model.parameters, linked, strict=True)], axis=1)
-        spare = self.dof / len(self.values)
         found = []
         for at, values in enumerate(self.values):
-            by = np.zeros((values.size, self.covariance.shape[0]))
-            first = 0
-            for place, design in enumerate(self.designs):
-                by[place, first : first + design.shape[1]] = slopes[at, place] * design[at]
-                first += design.shape[1]
+            laws = zip(slopes[at], self.designs, strict=True)
+            by = linalg.block_diag(*(slope * design[at] for slope, design in laws))
             found.append(
                 Fit(
                     model=self.model,
                     values=values,
                     covariance=by @ self.covariance @ by.T,
                     chi2=np.asarray(np.sum(self.residuals[at] ** 2)),
-                    dof=round(spare),
+                    dof=round(self.dof / len(self.values)),
                     residuals=self.residuals[at],
                     on_bound=np.zeros(values.size, dtype=bool),
                     converged=np.asarray(self.converged),
@@ -139,25 +142,16 @@ class Together(ByValue):
             )
         return found
 
-    @cached_property
-    def _inverse(self) -> FloatArray:
-        """Inverse of the normal matrix of coefficients and shared errors."""
-        whole = np.concatenate(self.rows)
-        prior = np.zeros(whole.shape[1])
-        prior[self.covariance.shape[0] :] = 1.0
-        return np.asarray(np.linalg.pinv(whole.T @ whole + np.diag(prior), hermitian=True))
-
-    def left_out(self, at: int) -> tuple[FloatArray, FloatArray]:
+    def leave_one_out(self, at: int) -> tuple[FloatArray, FloatArray]:
         """Whitened residuals (M,) of a condition from a fit without it, and their covariance (M, M), to first order.
 
-        The leverage H of the condition's own rows gives (1 - H)^-1 r and (1 - H)^-1.
+        With the residuals r of the whole fit and the leverage H of the condition they are (1 - H)^-1 r and (1 - H)^-1.
         """
         rows = self.rows[at]
-        leverage = rows @ self._inverse @ rows.T
-        shares, directions = np.linalg.eigh(leverage)
-        # The leverage is 1 in a direction that only this condition determines; the limit avoids a division by zero.
-        spread = (directions / np.clip(1.0 - shares, _ALONE, 1.0)) @ directions.T
-        return spread @ self.residuals[at], spread
+        leverages, directions = np.linalg.eigh(rows @ self.inverse @ rows.T)
+        # The leverage is 1 in directions that no other condition determines.
+        covariance = (directions / np.clip(1.0 - leverages, _LEAST_REMAINDER, 1.0)) @ directions.T
+        return covariance @ self.residuals[at], covariance
 
 
 def fit_together(
@@ -175,15 +169,15 @@ def fit_together(
     ----------
     model : Model
     conditions : sequence of B StiffnessData
-        Of one condition each, with the covariance of each frequency by itself.
+        Data of one condition each, without covariance between frequencies.
     start : (P,) or (B, P) float array
     designs : mapping of str to (B, K) float array, optional
-        Law of each parameter by its symbol, a column of ones for one that all share. A parameter that is not named is
-        each condition's own.
+        Matrix of the law of a parameter, by its symbol: a column of ones if all conditions share it. A parameter that
+        is not named has a value of its own for each condition.
     shared : sequence of B (2N, p) float arrays [N/m], optional
-        What one standard uncertainty of each of p common errors does to Re and Im of each frequency in turn.
+        Changes of Re K* and Im K* of each frequency in turn when one of p shared errors is one standard uncertainty.
     scatter : Scatter, optional
-        In addition to the data's uncertainty.
+        Scatter of the conditions, added to the uncertainty of the data.
 
     Returns
     -------
@@ -192,7 +186,7 @@ def fit_together(
     Raises
     ------
     ModelError
-        If a name is not known or there are fewer data than coefficients.
+        If a name is not a parameter, or there are fewer data than coefficients.
 
     Examples
     --------
@@ -231,13 +225,12 @@ def fit_together(
     normal[np.arange(size, done.x.size), np.arange(size, done.x.size)] += 1.0
     scale = 1.0 / np.sqrt(np.where(np.diag(normal) > 0, np.diag(normal), 1.0))
     inverse = np.linalg.pinv(normal * np.outer(scale, scale), rcond=1e-13, hermitian=True) * np.outer(scale, scale)
-    linked = search.linked(done.x)
     return Together(
         model=model,
         designs=search.designs,
-        values=np.stack([unlink(one, linked[:, at])[0] for at, one in enumerate(model.parameters)], axis=1),
+        values=search.parameters(done.x)[0],
         coefficients=tuple(np.split(done.x[:size], np.cumsum(search.sizes)[:-1])),
-        covariance=inverse[:size, :size],
+        inverse=inverse,
         chi2=float(2 * done.cost),
         dof=known - size,
         converged=bool(done.status > 0),
@@ -249,7 +242,7 @@ def fit_together(
 
 @dataclass(frozen=True)
 class _Search:
-    """The least-squares problem of the solver: its unknowns are the coefficients in turn, then the shared errors."""
+    """The least-squares problem; its unknowns u are all coefficients in turn, then the shared errors."""
 
     model: Model
     groups: Sequence[_Group]
@@ -258,21 +251,22 @@ class _Search:
 
     @property
     def sizes(self) -> list[int]:
-        """Coefficients of each parameter's law."""
+        """Number of coefficients of the law of each parameter."""
         return [one.shape[1] for one in self.designs]
 
     @property
     def coefficients(self) -> int:
+        """Number of coefficients of all laws."""
         return sum(self.sizes)
 
     @property
     def whiteners(self) -> list[FloatArray]:
-        """Whitening matrix of each condition."""
+        """The whitener (2N, 2N) of each condition."""
         found = {at: row for one in self.groups for at, row in zip(one.places, one.whitener, strict=True)}
         return [found[at] for at in range(len(found))]
 
     def begin(self, values: FloatArray) -> FloatArray:
-        """Coefficients closest to some parameters; no shared error."""
+        """Unknowns whose laws are closest to parameters (B, P), with shared errors of zero."""
         linked = [link(one, values[:, at]) for at, one in enumerate(self.model.parameters)]
         found = [np.linalg.lstsq(design, one, rcond=None)[0] for design, one in zip(self.designs, linked, strict=True)]
         return np.concatenate([*found, np.zeros(self.common)])
@@ -282,49 +276,50 @@ class _Search:
         parts = np.split(u[: self.coefficients], np.cumsum(self.sizes)[:-1])
         return np.stack([design @ part for design, part in zip(self.designs, parts, strict=True)], axis=1)
 
-    def _parameters(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def parameters(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Parameters (B, P), and their derivatives by the linked parameters."""
         both = [unlink(one, at) for one, at in zip(self.model.parameters, self.linked(u).T, strict=True)]
         return np.stack([one for one, _ in both], axis=1), np.stack([slope for _, slope in both], axis=1)
 
     def residuals(self, u: FloatArray) -> list[FloatArray]:
-        """Whitened data less model of each condition; K1 last, where it is known."""
-        values, _ = self._parameters(u)
+        """Whitened residuals, data minus model, of each condition; the last is that of K1, if it is known."""
+        values, _ = self.parameters(u)
         found: dict[int, FloatArray] = {}
         for one in self.groups:
             data, own = one.data, values[one.places]
             off = _pairs((data.stiffness - self.model.stiffness(own, data.omega))[..., None])[..., 0]
             rows = (one.whitener @ (off - one.shared @ u[self.coefficients :])[..., None])[..., 0]
             if one.has_k1:
-                rest = (data.k1 - self.model.static_stiffness(own)) / one.k1_std
-                rows = np.concatenate([rows, rest[:, None]], axis=1)
+                k1 = (data.k1 - self.model.static_stiffness(own)) / one.k1_std
+                rows = np.concatenate([rows, k1[:, None]], axis=1)
             found.update(zip(one.places, rows, strict=True))
         return [found[at] for at in range(len(values))]
 
     def rows(self, u: FloatArray) -> list[FloatArray]:
-        """Derivatives of the whitened model of each condition."""
-        values, slopes = self._parameters(u)
+        """Derivatives (M, U + p) of the whitened model of each condition by the unknowns."""
+        values, slopes = self.parameters(u)
         found: dict[int, FloatArray] = {}
         for one in self.groups:
             own, slope = values[one.places], slopes[one.places]
             by_value = _pairs(self.model.derivative(own, one.data.omega)) * slope[:, None, :]
             rows = one.whitener @ np.concatenate([self._by_law(by_value, one.places), one.shared], axis=2)
             if one.has_k1:
-                by_rest = (self.model.static_derivative(own) * slope / one.k1_std[:, None])[:, None, :]
-                last = self._by_law(by_rest, one.places)
-                nothing = np.zeros((len(last), 1, one.shared.shape[2]))
-                rows = np.concatenate([rows, np.concatenate([last, nothing], axis=2)], axis=1)
+                by_value = (self.model.static_derivative(own) * slope / one.k1_std[:, None])[:, None, :]
+                k1 = np.zeros_like(rows[:, :1])  # K1 has no shared errors
+                k1[..., : self.coefficients] = self._by_law(by_value, one.places)
+                rows = np.concatenate([rows, k1], axis=1)
             found.update(zip(one.places, rows, strict=True))
         return [found[at] for at in range(len(values))]
 
     def _by_law(self, by_linked: FloatArray, places: Sequence[int]) -> FloatArray:
-        """Derivatives by the coefficients, of those (G, M, P) by linked parameters."""
+        """Derivatives (G, M, U) by the coefficients, from those (G, M, P) by the linked parameters."""
         laws = (design[list(places)][:, None, :] for design in self.designs)
         return np.concatenate([by_linked[:, :, p, None] * law for p, law in enumerate(laws)], axis=2)
 
 
 @dataclass(frozen=True)
 class _Group:
-    """Conditions with as many frequencies, worked on at once, and where they stand among all."""
+    """Conditions with the same number of frequencies, and their places among all conditions."""
 
     places: list[int]
     data: StiffnessData
@@ -334,7 +329,7 @@ class _Group:
 
     @property
     def has_k1(self) -> bool:
-        """Whether they have their static stiffness."""
+        """Whether K1 of these conditions is known."""
         return bool(np.all(np.isfinite(self.k1_std)))
 
 
@@ -345,10 +340,11 @@ def _search_of(
     shared: Sequence[FloatArray] | None,
     scatter: Scatter,
 ) -> _Search:
+    """The least-squares problem of `fit_together`, checked."""
     count = len(conditions)
     symbols = model.known(designs)
     if any(one.stiffness.ndim != 1 or one.full for one in conditions) or not conditions:
-        raise ModelError("give one condition at a time, with the covariance of each frequency by itself")
+        raise ModelError("state one condition at a time, without covariance between frequencies")
     laws = [_law_of(symbol, designs.get(symbol, np.eye(count)), count) for symbol in symbols]
     common = shared if shared is not None else [np.zeros((2 * one.count, 0)) for one in conditions]
     groups = []
@@ -360,7 +356,7 @@ def _search_of(
 
 
 def _law_of(symbol: str, given: ArrayLike, count: int) -> FloatArray:
-    """A parameter's law as an array of one row per condition."""
+    """The matrix of a law, one row per condition; ModelError if its shape is another."""
     law = np.asarray(given, dtype=float)
     if law.ndim != 2 or len(law) != count:
         raise ModelError(f"the law of {symbol} has the shape {law.shape}: {count} conditions need as many rows")
@@ -368,19 +364,15 @@ def _law_of(symbol: str, given: ArrayLike, count: int) -> FloatArray:
 
 
 def _whitener(data: StiffnessData, scatter: Scatter) -> FloatArray:
-    """Whitening matrix of the data's own uncertainty and the scatter together."""
-    whole = np.zeros((2 * data.count, 2 * data.count))
-    turns = _pairs(np.stack([data.stiffness, 1j * data.stiffness], axis=1))  # by Re and Im of log K*
-    for at in range(data.count):
-        rows = slice(2 * at, 2 * at + 2)
-        turn = turns[rows] * np.asarray(scatter.frequency)
-        floor = 1e-7 * np.abs(data.stiffness[at])
-        whole[rows, rows] = data.covariance[at] + turn @ turn.T + floor**2 * np.eye(2)
-    together = scatter.condition * turns
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(whole + together @ together.T)))
+    """The whitener (2N, 2N) of the uncertainty of the data and the scatter together."""
+    by_log = multiplication(data.stiffness)  # derivatives of Re K* and Im K* by Re and Im of log K*
+    each = by_log * np.asarray(scatter.frequency)
+    own = data.covariance + each @ np.swapaxes(each, 1, 2)
+    common = scatter.condition * by_log.reshape(-1, 2)
+    return replace(data, covariance=linalg.block_diag(*own) + common @ common.T).whitener()
 
 
 def _pairs(values: np.ndarray) -> FloatArray:
-    """Re and Im of each row in turn: (..., N, k) to (..., 2N, k)."""
+    """Complex values (..., N, k) as real ones (..., 2N, k), Re and Im of each row in turn."""
     both = np.stack([values.real, values.imag], axis=-2)
     return np.asarray(both.reshape(*values.shape[:-2], 2 * values.shape[-2], values.shape[-1]))

@@ -1,4 +1,4 @@
-"""Tielking's tyre: a cylindrical shell on radial springs, pressed on a patch, its rim held."""
+"""Tielking's tyre model: an inflated cylindrical shell on radial springs, loaded on a patch, with a fixed rim."""
 
 from __future__ import annotations
 
@@ -27,47 +27,40 @@ from fourpole.models.shell import (
 
 __all__ = ["CROSS_PLY", "RADIAL_PLY", "Shell"]
 
-#: How often each of uu, uv, uw, vv, vw, ww stands in a symmetric 3 x 3.
+#: Number of times that uu, uv, uw, vv, vw and ww occur in a symmetric 3 x 3 matrix; their rows and columns.
 _TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 _ROW, _COLUMN = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
-#: A mode that gives less than this share of the static deflection is not driven.
-_UNDRIVEN = 1e-16
-#: Angular frequency [rad/s] that stands for zero: inertia and loss change K* by the square of this over some hundred.
+#: Modes with less than this fraction of the static deflection are not part of the state space.
+_NOT_EXCITED = 1e-16
+#: Angular frequency [rad/s] used as zero; the relative change of K* by inertia is below 1e-16 there.
 _ZERO = 1e-6
 
-#: R, B, S, D, p, k, mu, tau, l, beta of an illustrative radial-ply tyre of a small car: none was measured. Size and
-#: pressure are such a tyre's; belt and tread weigh 3 kg, EI = D B is 1 N m² and EA = S B 1 MN, the orders of
-#: magnitude of ring models of tyres; the springs put the first vertical mode, rim held, near 80 Hz.
+#: R, B, S, D, p, k, mu, tau, l, beta of an illustrative radial-ply tyre of a small car; no value was measured. Size and
+#: pressure are typical. The mass of belt and tread is 3 kg; EI = D B is 1 N m² and EA = S B is 1 MN, as usual for ring
+#: models of tyres. With these springs the first vertical mode, at a fixed rim, is near 80 Hz.
 RADIAL_PLY = (0.28, 0.11, 1e7, 10.0, 150e3, 8e6, 16.0, 6e-4, 0.06, 0.8)
 
-#: The same for a cross-ply: no belt, so that the wall stretches more; thicker, with stiffer sides (near 90 Hz) and more
-#: loss.
+#: The same values of a cross-ply tyre: smaller membrane stiffness, as it has no belt; thicker wall, stiffer sidewalls,
+#: with the first mode near 90 Hz, and a larger loss factor.
 CROSS_PLY = (0.28, 0.11, 1.5e6, 30.0, 150e3, 1e7, 14.0, 1e-3, 0.06, 0.8)
 
-_PARAMETERS = tuple(
-    Parameter(symbol, unit, low, high, default, meaning, log=log)
-    for (symbol, unit, low, high, meaning, log), default in zip(
-        (
-            ("R", "m", 0.05, 0.8, "radius", True),
-            ("B", "m", 0.01, 2.0, "width", True),
-            ("S", "N/m", 4e5, np.inf, "membrane stiffness", True),
-            ("D", "N m", 0.0, np.inf, "bending stiffness", True),
-            ("p", "Pa", 0.0, 5e5, "inflation pressure", True),
-            ("k", "N/m^3", 1.0, np.inf, "radial springs", True),
-            ("mu", "kg/m^2", 1e-3, np.inf, "mass per area", True),
-            ("tau", "s", 0.0, np.inf, "loss factor over angular frequency", True),
-            ("l", "m", 0.0, 1.0, "length of the patch", False),
-            ("beta", "1", 0.0, 1.0, "width of the patch over B", False),
-        ),
-        RADIAL_PLY,
-        strict=True,
-    )
+_PARAMETERS = (
+    Parameter("R", "m", 0.05, 0.8, RADIAL_PLY[0], "radius", log=True),
+    Parameter("B", "m", 0.01, 2.0, RADIAL_PLY[1], "width", log=True),
+    Parameter("S", "N/m", 4e5, np.inf, RADIAL_PLY[2], "membrane stiffness", log=True),
+    Parameter("D", "N m", 0.0, np.inf, RADIAL_PLY[3], "bending stiffness", log=True),
+    Parameter("p", "Pa", 0.0, 5e5, RADIAL_PLY[4], "inflation pressure", log=True),
+    Parameter("k", "N/m^3", 1.0, np.inf, RADIAL_PLY[5], "radial springs", log=True),
+    Parameter("mu", "kg/m^2", 1e-3, np.inf, RADIAL_PLY[6], "mass per area", log=True),
+    Parameter("tau", "s", 0.0, np.inf, RADIAL_PLY[7], "loss factor over angular frequency", log=True),
+    Parameter("l", "m", 0.0, 1.0, RADIAL_PLY[8], "length of the patch"),
+    Parameter("beta", "1", 0.0, 1.0, RADIAL_PLY[9], "width of the patch over B"),
 )
 
 
 @dataclass(frozen=True)
 class _Patch:
-    """Harmonics under the patch: n, m (pairs,), and around, across, per area (..., pairs) as `load` gives them."""
+    """Harmonics n, m (pairs,) under the patch, and the three results (..., pairs) of `shell.load`."""
 
     n: FloatArray
     m: FloatArray
@@ -77,7 +70,7 @@ class _Patch:
 
     @property
     def weight(self) -> FloatArray:
-        """Share of each harmonic in the mean deflection (..., pairs) [1/m²]."""
+        """Weight of each harmonic in the mean deflection (..., pairs) [1/m²]."""
         return np.asarray((self.around * self.across) ** 2 * self.per_area)
 
     def slopes(self, values: FloatArray) -> FloatArray:
@@ -92,41 +85,42 @@ class _Patch:
 
 
 class Shell(Model):
-    r"""Driving-point stiffness of a cylindrical shell on radial springs, under a patch, its rim held.
+    r"""Driving-point stiffness of a cylindrical shell on radial springs, under a patch, with a fixed rim.
 
     .. math:: \frac{1}{K^*} = \sum_i \frac{\phi_i^2}{\kappa_i (1 + j\omega\tau) - \mu\omega^2}
               + \frac{H_\mathrm{rest}}{1 + j\omega\tau}
 
-    Over the modes i of the lowest harmonics, radial and in-plane, with stiffness kappa_i per area and mean deflection
-    phi_i under the patch; the other harmonics, up to `around` and `across`, deflect without inertia (H_rest). The load
-    is uniform over the patch, the deflection its mean. K* is this truncated sum, exactly, in `stiffness` and in
-    `state_space`; `fourpole.models.shell` has its parts, their sources, and how many harmonics an accuracy takes.
+    The sum is over the modes i of the lowest harmonics, radial and in-plane, with stiffness kappa_i per area and mean
+    deflection phi_i under the patch. The other harmonics, up to `around` and `across`, have no inertia; their
+    flexibility is H_rest. The load is uniform over the patch, and the deflection is its mean. `stiffness` and
+    `state_space` are this same truncated sum. `fourpole.models.shell` has the theory and its sources;
+    `shell.enough_terms` gives the numbers of harmonics for an accuracy.
 
-    All that is elastic, tension too, has the loss factor omega tau. So the model is causal; its poles are stable where
-    tau > 0; and it is passive, Im K* >= 0 at every frequency, because every kappa_i is positive: the bounds hold S
-    above p R, so that no pressure buckles the shell between its edges.
+    All elastic terms, including the tension, have the loss factor omega tau. So the model is causal, and its poles are
+    stable if tau > 0. It is passive, Im K* >= 0 at every frequency, because every kappa_i is positive: the bounds keep
+    S above p R, so that the shell does not buckle.
 
-    Assumed: a wall that is the same across the width and isotropic, small deflections from the inflated cylinder, a
-    pressure that stays constant as it deforms, no tangential springs.
+    The assumptions are a uniform and isotropic wall, small deflections from the inflated cylinder, a constant pressure,
+    and no tangential springs.
 
     Parameters
     ----------
     edges : "guided" or "supported"
-        As in `Cylinder`; between guided edges a patch of beta = 1 drives a ring.
+        As in `Cylinder`; with guided edges and beta = 1 the shell is a ring.
     poisson : float [1]
-        In [0, 0.5].
+        Poisson's ratio, in [0, 0.5].
     axial : float [1]
-        N_y over p R, >= 0.5: no less holds the pressure on the ends.
+        N_y/(p R), >= 0.5, so that it carries the pressure on the ends.
     around, across : int
-        Harmonics of the static deflection.
+        Numbers of harmonics of the static deflection.
     moving : (int, int)
-        How many of them, around and across, have inertia. The usual ones give K* of `RADIAL_PLY` and `CROSS_PLY`
-        within 1e-5 of all at 50 Hz, 4e-4 at 300 Hz.
+        Numbers of harmonics around and across that have inertia. With the defaults the relative truncation error of K*
+        of `RADIAL_PLY` and `CROSS_PLY` is 1e-5 at 50 Hz and 4e-4 at 300 Hz.
 
     Raises
     ------
     ModelError
-        If one is outside its bounds, or no harmonic is left that has no inertia.
+        If a value is outside its bounds, or all harmonics around have inertia.
 
     References
     ----------
@@ -156,11 +150,13 @@ class Shell(Model):
         moving: tuple[int, int] = (20, 2),
     ) -> None:
         if axial < 0.5:
-            raise ModelError(f"the axial tension holds at least the pressure on the ends: 0.5 p R, not {axial:g} p R")
+            raise ModelError(
+                f"the axial tension carries the end pressure: it must be at least 0.5 p R, not {axial:g} p R"
+            )
         if not (1 <= moving[0] < around and 1 <= moving[1] <= across):
             raise ModelError(
-                f"of {around} x {across} harmonics {moving[0]} x {moving[1]} cannot have inertia: take at least 1 x 1 "
-                "and leave some around that have none"
+                f"{moving[0]} x {moving[1]} of {around} x {across} harmonics cannot have inertia: state at least "
+                f"1 x 1, and fewer than {around} around"
             )
         self.edges, self.poisson, self.axial = edges, poisson, axial
         self.around, self.across, self.moving = around, across, moving
@@ -170,7 +166,7 @@ class Shell(Model):
         self.cylinder(self.defaults)
 
     def cylinder(self, values: ArrayLike) -> Cylinder:
-        """The shell by itself, of parameters (..., P)."""
+        """The cylinder of parameters (..., P)."""
         radius, width, membrane, bending, pressure, foundation, mass = np.moveaxis(self.checked(values), -1, 0)[:7]
         return Cylinder(
             radius, width, membrane, bending, pressure, foundation, mass, self.poisson, self.axial, self.edges
@@ -187,7 +183,7 @@ class Shell(Model):
         return np.asarray(1.0 / (moved + rest[..., None] / lossy))
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivatives of K* by R, B, S, D, p, k, mu, tau, l and beta."""
+        """Derivatives by R, B, S, D, p, k, mu, tau, l and beta."""
         sets, w = self.checked(values), positive(omega)
         springs, shape, patch, rest = self._parts(sets)
         mass, loss = sets[..., 6, None], 1 + 1j * w * sets[..., 7, None]
@@ -218,34 +214,32 @@ class Shell(Model):
         )
 
     def static_derivative(self, values: ArrayLike) -> FloatArray:
-        """Derivatives of the static stiffness: the limit of `derivative` at zero frequency."""
+        """Derivatives (..., P) of the static stiffness, the limit of `derivative` at zero frequency."""
         return np.asarray(self.derivative(values, [_ZERO])[..., 0, :].real)
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
-        """The usual shell on springs that give the mean K', with the time constant that gives the mean loss."""
+        """The default shell with k from the mean K' and tau from the mean loss factor."""
         k = data.stiffness
-        symbols = [parameter.symbol for parameter in self.parameters]
         found = np.repeat(self.defaults[None], len(k), axis=0)
-        wanted = np.mean(k.real, axis=1)
-        for _ in range(4):  # the stiffness grows with less than the springs' 3/4th power
-            found[:, symbols.index("k")] *= (wanted / self.static_stiffness(found)) ** 1.3
-        found[:, symbols.index("tau")] = np.mean(k.imag / k.real / data.omega, axis=1)
+        for _ in range(4):  # K* is about proportional to k^(3/4)
+            found[:, self.symbols.index("k")] *= (np.mean(k.real, axis=1) / self.static_stiffness(found)) ** 1.3
+        found[:, self.symbols.index("tau")] = np.mean(k.imag / k.real / data.omega, axis=1)
         return found[None]
 
     def state_space(self, values: ArrayLike) -> StateSpace:
-        """Two states for each mode that the load drives: its deflection and rate.
+        """State space with two states, deflection and rate, for each mode that the load excites.
 
-        What has no inertia carries the force: F = (x - sum phi_i q_i)/H_rest and tau times its rate.
+        The force is f + tau df/dt with f = (x - sum phi_i q_i)/H_rest.
         """
         sets = self.checked(values)
         if sets.ndim != 1:
-            raise ModelError("the shell model is stepped in time with one set of parameters")
+            raise ModelError("the state space of the shell model is for one set of parameters")
         springs, shape, patch, rest = self._parts(sets)
         gain = (shape[..., 2, :] * np.sqrt(patch.weight)[:, None]).ravel()
         kappa = springs.ravel()
         share = gain**2 / kappa
-        driven = share > _UNDRIVEN * share.sum()
-        kappa, gain = kappa[driven] / sets[6], gain[driven]
+        excited = share > _NOT_EXCITED * share.sum()
+        kappa, gain = kappa[excited] / sets[6], gain[excited]
         size, tau = gain.size, sets[7]
         output = -np.concatenate([gain, tau * gain]) / rest
         direct = np.array([1.0, tau]) / rest
@@ -258,7 +252,7 @@ class Shell(Model):
         return StateSpace(system, np.outer(push, direct), output, direct)
 
     def _parts(self, sets: FloatArray) -> tuple[FloatArray, FloatArray, _Patch, FloatArray]:
-        """Stiffness and shape of each mode that moves, how the patch drives them, and what the others give [m/N]."""
+        """Stiffness and shape of the modes with inertia, their patch, and the flexibility of the others [m/N]."""
         cylinder, moves = self.cylinder(sets), self._moves
         stiffness = elasticity(cylinder, self._n, self._m)
         springs, shape = modes(stiffness[..., moves])
@@ -268,11 +262,12 @@ class Shell(Model):
         return springs, shape, patch, np.asarray(rest)
 
     def _patch(self, cylinder: Cylinder, sets: FloatArray, chosen: np.ndarray) -> _Patch:
+        """The patch in the chosen harmonics."""
         n, m = self._n[chosen], self._m[chosen]
         return _Patch(n, m, *load(cylinder, n, m, sets[..., 8], sets[..., 9]))
 
     def _by_stiffness(self, sets: FloatArray, n: FloatArray, m: FloatArray) -> FloatArray:
-        """Derivatives (..., pairs, 6, 6) of the stiffness per area by R, B, S, D, p and k, for sums over all of it."""
+        """Derivatives (..., pairs, 6, 6) of the stiffness per area by R, B, S, D, p and k, times `_TWICE`."""
         cylinder = self.cylinder(sets)
         radius, width, membrane, bending, pressure, *_ = columns(sets)
         across = wave(cylinder, m)
@@ -295,7 +290,7 @@ class Shell(Model):
         return np.moveaxis(whole * _TWICE.reshape(-1, *[1] * (whole.ndim - 2)), (1, 0), (-2, -1))
 
     def _rest_slopes(self, sets: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Derivatives of what has no inertia: by R, B, S, D, p, k of the shell, and by R, B, l, beta of the load."""
+        """Derivatives of H_rest: by R, B, S, D, p, k of the shell, and by R, B, l, beta of the load."""
         cylinder, others = self.cylinder(sets), ~self._moves
         patch = self._patch(cylinder, sets, others)
         answer = radial_answer(elasticity(cylinder, patch.n, patch.m))
@@ -305,13 +300,13 @@ class Shell(Model):
 
 
 def _contracted(squares: np.ndarray, by_stiffness: FloatArray) -> np.ndarray:
-    """Sums over harmonics and parts of (..., N, pairs, 6) with (..., pairs, 6, P), (..., N, P)."""
+    """Sums (..., N, P) over harmonics and entries of (..., N, pairs, 6) times (..., pairs, 6, P)."""
     flat = by_stiffness.reshape(*by_stiffness.shape[:-3], -1, by_stiffness.shape[-1])
     return np.asarray(squares.reshape(*squares.shape[:-2], -1) @ flat)
 
 
 def _sinc_slope(x: FloatArray) -> FloatArray:
-    """Derivative of sin(x)/x; near zero by its series, to x^5."""
+    """Derivative of sin(x)/x, near zero by its series up to x^5."""
     small = np.abs(x) < 1e-2
     safe = np.where(small, 1.0, x)
     return np.asarray(

@@ -50,8 +50,8 @@ def choice(results: Results, style: Style) -> Figure | None:
             notes.say(f"the best {_MOST_CANDIDATES} models shown")
     _same_abscissa(grid.panels)
     _choice_keys(key, entries, style)
-    notes.say("left out: root mean square of the leave-one-out errors over the frequencies, in standard uncertainties")
-    if any(one.left_out is None for entry in entries for one in entry.candidates[:_MOST_CANDIDATES]):
+    notes.say("leave-one-out error: root mean square over the frequencies, in standard uncertainties")
+    if any(one.leave_one_out is None for entry in entries for one in entry.candidates[:_MOST_CANDIDATES]):
         notes.say("n: not tried, for the model is far from the best or too few frequencies are left")
     figure = grid.finish(key=key, notes=notes, x_label="", y_labels=[""])
     labels = ("BIC less the best [1]", "chi-square / dof [1]", q.LEFT_OUT.label)
@@ -69,7 +69,7 @@ def _draw_choice(panels: Sequence[Axes], entry: ModelEntry, colour: str, style: 
     columns: tuple[list[float | None], ...] = (
         [one.bic - least for one in tried],
         [one.chi2 / max(one.dof, 1) for one in tried],
-        [one.left_out for one in tried],
+        [one.leave_one_out for one in tried],
     )
     for ax, values in zip(panels, columns, strict=True):
         for place, (one, value) in enumerate(zip(tried, values, strict=True)):

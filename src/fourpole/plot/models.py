@@ -14,7 +14,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import axis_of
-from fourpole.fitting.modelfile import ConditionFile, ModelEntry, column_of, response
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry, column_of
+from fourpole.fitting.query import response
 from fourpole.models.data import NORMAL_95
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
@@ -332,7 +333,7 @@ def share(part: float) -> str:
 def _model_keys(key: Key, found: Sequence[_Drawn], sheet: Sheet, style: Style) -> None:
     """Add the model of each tyre to the key, with its model discrepancy."""
     for tyre, entry in {one.tyre: one.entry for one in sorted(found, key=lambda one: one.tyre)}.items():
-        discrepancy = f", model discrepancy {share(entry.granted)}" if entry.granted > 0 else ""
+        discrepancy = f", model discrepancy {share(entry.discrepancy)}" if entry.discrepancy > 0 else ""
         key.line(f"{model_of(sheet, tyre)}{plain_text(entry.model)}{discrepancy}", style.colour(tyre), 2.6)
 
 
@@ -373,7 +374,7 @@ def _say(notes: Notes, found: Sequence[_Drawn], curves: Sequence[_Curves]) -> No
             f"residuals are in standard uncertainties of measurement and model together; {outside} of {left.size} "
             f"are beyond ±{_USUAL:g}"
         )
-    if any(one.entry.granted > 0 for one in found):
+    if any(one.entry.discrepancy > 0 for one in found):
         notes.say("model discrepancy: relative error of K* with which chi-square equals its degrees of freedom")
 
 

@@ -296,7 +296,7 @@ def _keys(key: Key, panels: Sequence[_Panel], groups: Sequence[float], sheet: Sh
 
 
 def _say(notes: Notes, panels: Sequence[_Panel], pair: tuple[Quantity, Quantity]) -> None:
-    errors = {one.entry.tyre: one.entry.left_out[0] for one in panels}
+    errors = {one.entry.tyre: one.entry.leave_one_out[0] for one in panels}
     known = [share(error) + (f" ({plain_text(tyre)})" if tyre else "") for tyre, error in errors.items() if error]
     if known:
         notes.say(f"leave-one-out error of K* over the conditions: {', '.join(known)}")

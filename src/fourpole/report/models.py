@@ -116,9 +116,9 @@ def _candidate(one: CandidateFile, best: str, least: float) -> Candidate:
             number(one.chi2 / max(one.dof, 1), 3),
             _round(one.aicc),
             _round(one.bic - least),
-            "–" if one.left_out is None else number(one.left_out, 3),
+            "–" if one.leave_one_out is None else number(one.leave_one_out, 3),
             str(one.on_bound or "–"),
-            str(one.lost or "–"),
+            str(one.not_converged or "–"),
         ),
     )
 

@@ -20,8 +20,8 @@ from fourpole.core.condition import Sameness
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
 from fourpole.fitting.measured import MeasuredSet, measured_of
-from fourpole.fitting.modelfile import rig_in
 from fourpole.fitting.modelling import TyreFit, fit_tyres, map_tyres, rig_file
+from fourpole.fitting.query import rig_in
 from fourpole.fitting.rows import axes_record
 from fourpole.io.source import sha256_of
 from fourpole.io.write import write_table, write_text

@@ -13,7 +13,7 @@ from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, Name
 from fourpole.report.digits import number, spread
 from fourpole.report.words.phrases import percent, ranged
 
-__all__ = ["chosen", "map_facts", "place", "question", "remarks_on_map", "sentences", "tyre_option"]
+__all__ = ["chosen", "discrepancy", "map_facts", "place", "question", "remarks_on_map", "sentences", "tyre_option"]
 
 #: Up to this number non-passive conditions are listed one by one.
 _NAMED = 6
@@ -25,16 +25,25 @@ _PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ01234567
 
 
 def sentences(entry: ModelEntry) -> list[str]:
-    """The choice of the model, its model discrepancy, and whether a passive linear tyre can have this K*."""
+    """The choice of the model, its discrepancy, and whether a passive linear tyre can have this K*."""
     said = [chosen(entry.choice)]
-    if entry.granted > 0:
-        said.append(
-            f"Its intervals include a model discrepancy of {percent(entry.granted)} of |K*|, with which chi-square per "
-            "degree of freedom is 1."
-        )
+    if entry.discrepancy > 0:
+        said.append(discrepancy(entry))
     if not entry.causal:
         said.append("It is not causal: it describes K* at these frequencies, but cannot be stepped in time.")
     return [*said, *_verdicts(entry)]
+
+
+def discrepancy(entry: ModelEntry) -> str:
+    """The model discrepancy in two sentences, for a model that has one."""
+    known = any(one.verdict is not None for one in entry.conditions)
+    first = "The model does not fit within the measurement" if known else "The table does not state the"
+    which = "a model discrepancy" if known else "a standard uncertainty"
+    ratio = sum(one.chi2 for one in entry.conditions) / max(sum(one.dof for one in entry.conditions), 1)
+    return (
+        f"{first} uncertainty. With {which} of {number(100 * entry.discrepancy, 2)} % of |K*| added, chi-square per "
+        f"degree of freedom is {ratio:.2g}; the intervals below include it."
+    )
 
 
 def chosen(text: str) -> str:
@@ -143,8 +152,8 @@ def map_facts(entry: MapEntry) -> list[tuple[str, str]]:
         "of their K′ and K″ inside the 95 % intervals",
         "of these conditions inside at the middle frequency",
     )
-    told = zip(said, entry.left_out, strict=True)
-    return [*facts, *((words, percent(value)) for words, value in told if value is not None)]
+    errors = zip(said, entry.leave_one_out, strict=True)
+    return [*facts, *((words, percent(value)) for words, value in errors if value is not None)]
 
 
 def _bare(each: NamedValue) -> str:
