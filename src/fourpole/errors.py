@@ -1,19 +1,19 @@
 """The errors of Fourpole.
 
-Each says what was found, where (file, column, row, test, frequency) and what to do, and is also
-the builtin that a caller would catch without knowing Fourpole::
+The message of an error names what was found, where (file, column, row, test, frequency), and what to do. Each class is
+also a builtin error, which a caller can catch without knowing Fourpole::
 
     FourpoleError
     ├── UnitError        (ValueError)   a quantity or unit that cannot be read, or of the wrong kind
     ├── FileError        (OSError)      a file that is missing, unreadable, too large or out of bounds
-    ├── TableError       (ValueError)   a file that was read but does not hold what it must
+    ├── TableError       (ValueError)   a file that was read but lacks a column or value
     ├── CampaignError    (ValueError)   a campaign folder that cannot be analysed at all
     ├── RecordingError   (ValueError)   a recording from which no amplitude can be taken
     │   ├── ConstantError               a channel that does not move
     │   └── TooShortError               a recording of too few cycles
-    ├── LoadCurveError   (ValueError)   a load-deflection curve that cannot answer
+    ├── LoadCurveError   (ValueError)   a load-deflection curve without the value needed
     ├── RigError         (ValueError)   a rig whose statement is impossible or incomplete
-    └── ModelError       (ValueError)   a model that cannot be what is asked of it
+    └── ModelError       (ValueError)   a model that cannot be evaluated, fitted or stepped
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ class FileError(FourpoleError, OSError):
 
 
 class TableError(FourpoleError, ValueError):
-    """A file was read but does not hold what it must."""
+    """A file was read, but a column or value that it must hold is missing or impossible."""
 
 
 class CampaignError(FourpoleError, ValueError):
-    """A campaign folder cannot be analysed at all."""
+    """No test of a campaign folder can be analysed."""
 
 
 class RecordingError(FourpoleError, ValueError):
@@ -66,7 +66,7 @@ class TooShortError(RecordingError):
 
 
 class LoadCurveError(FourpoleError, ValueError):
-    """A load-deflection curve cannot answer the question."""
+    """A load-deflection curve does not give the value needed, as beyond its largest load."""
 
 
 class RigError(FourpoleError, ValueError):
@@ -74,4 +74,4 @@ class RigError(FourpoleError, ValueError):
 
 
 class ModelError(FourpoleError, ValueError):
-    """A model cannot be evaluated, fitted or stepped as asked."""
+    """A model cannot be evaluated, fitted or stepped with the arguments given."""

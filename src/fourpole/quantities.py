@@ -1,6 +1,7 @@
-"""Quantities: all that stands in result tables, on axes, in sentences and in exports, each said once.
+"""Quantities: one entry for each column of the result tables, with its names, units and meaning.
 
-A quantity is one entry below. A head in a file is `column` with the SI unit: "Re K* [N/m]", "u(Re K*) [N/m]".
+Tables, axes, sentences and exports take names and units from here. The head of a column is `column` with the SI unit:
+"Re K* [N/m]"; the head of its standard uncertainty is "u(Re K*) [N/m]".
 """
 
 from __future__ import annotations
@@ -15,38 +16,42 @@ __all__ = ["DERIVED", "QUANTITIES", "Quantity", "meaning_of"]
 
 @dataclass(frozen=True)
 class Quantity:
-    """One quantity: what it is called and where, and in which unit people read it.
+    """One quantity: its names in code, files, axes and sentences, and its SI unit and shown unit.
 
     Attributes
     ----------
     key : str
         Name in Python, JSON and tests.csv.
     symbol : str
-        Short sign, as the report's tables have it.
+        Symbol in the tables of the report.
     name : str
         Name on an axis.
     unit : str
-        SI unit of the column, "1" for a ratio; empty where the head has none.
+        SI unit of the column, "1" for a ratio; empty for a column without a unit.
     meaning : str
-        What it is, in words.
+        Definition in words.
     shown : str
-        Unit in which people read it; by default the SI unit.
+        Unit in figures and in the report; by default the SI unit.
     scale : float
         SI value of one shown unit.
     column, u_column : str
-        Name in the head, and in the head of the uncertainty; by default `name`, and as `column`.
+        Name in the head of the column, by default `name`; name in the head of its uncertainty, by default `column`.
     kind : {"number", "text", "count", "lists"}
-        What a cell holds.
+        Type of the cells.
     digits : int
-        Significant digits where no uncertainty is beside it.
+        Significant digits of a value that is shown without its uncertainty.
     pair : tuple of Quantity
-        Of a correlation: the two quantities.
-    topic, more, start : str
-        The part of the findings that reports it, what a tyre is that has more of it, and how it opens a sentence.
+        The two quantities of a correlation; empty for other quantities.
+    topic : str
+        The part of the findings that reports the quantity; empty if findings do not use it.
+    more : str
+        Predicate of the tyre with the larger value: "is the stiffer".
+    start : str
+        The quantity as the subject of a sentence: "The loss factor".
     over : tuple of str
-        Axes along which findings follow it.
+        Axes over which findings compare the quantity.
     of : callable, optional
-        A quantity that follows from others: value and standard uncertainty from a row of dynamic.csv, by heads.
+        Function from a row of dynamic.csv, by heads, to value and standard uncertainty, for a derived quantity.
 
     Examples
     --------
@@ -73,7 +78,7 @@ class Quantity:
     of: Callable[[Mapping[str, Any]], tuple[float, float]] | None = None
 
     def __post_init__(self) -> None:
-        """Fill in what is by default as another attribute."""
+        """Fill in the attributes whose default is made from another attribute."""
         object.__setattr__(self, "shown", self.shown or self.unit)
         object.__setattr__(self, "column", self.column or self.name)
         object.__setattr__(self, "u_column", self.u_column or self.column)
@@ -92,7 +97,7 @@ class Quantity:
 
     @property
     def heads(self) -> tuple[str, str]:
-        """Heads of value and uncertainty."""
+        """Heads of the value and of its standard uncertainty."""
         return self.head, self.u_head
 
     @property
@@ -106,7 +111,7 @@ class Quantity:
         return f"u({self.column})/{self.column} [1]"
 
     def u_head_from(self, other: Quantity) -> str:
-        """Head of that part of the uncertainty that comes from another quantity."""
+        """Head of the part of the standard uncertainty that another quantity contributes."""
         return self._headed(f"u({self.column}) from {other.column}")
 
     def _headed(self, column: str) -> str:
@@ -114,22 +119,22 @@ class Quantity:
 
     @property
     def label(self) -> str:
-        """Text of an axis, in the unit shown."""
+        """Label of an axis: the name with the shown unit."""
         return f"{self.name} [{self.shown}]"
 
     @property
     def u_label(self) -> str:
-        """Head of the uncertainty in the unit shown."""
+        """Label of the standard uncertainty: its name with the shown unit."""
         return f"u({self.name}) [{self.shown}]"
 
     @property
     def stated_head(self) -> str:
-        """Head in tests.csv."""
+        """Head of its column in tests.csv."""
         return f"{self.key} [{self.unit if self.scale == 1 else self.shown}]"
 
     @property
     def suffix(self) -> str:
-        """Unit that stands behind a shown number; none behind a ratio."""
+        """Unit after a shown number; empty for a ratio."""
         return "" if self.shown == "1" else self.shown
 
 
@@ -283,9 +288,9 @@ WINDOW = Quantity("window", "window", "window", "s", "part of the recording in u
 LEFT_OUT = Quantity("left_out", "", "leave-one-out error", "1", "residual of frequencies that the fit does not use")
 OUTSIDE = Quantity("outside", "", "outside", "half spans", "distance from what was measured")
 
-#: All of them, in the order above.
+#: All quantities, in the order in which this module defines them.
 QUANTITIES = tuple(one for one in list(globals().values()) if isinstance(one, Quantity))
-#: Those that follow from others in a row of dynamic.csv; they stand behind the others there.
+#: Derived quantities: each follows from other columns of dynamic.csv; their columns are the last of that table.
 DERIVED = tuple(one for one in QUANTITIES if one.of is not None)
 _MEANINGS = {head: text for one in QUANTITIES for head, text in (
     (one.u_head, f"standard uncertainty of {one.u_column}"), (one.head, one.meaning)

@@ -1,7 +1,7 @@
-"""Checks: what was looked at, what was found, the limit, the verdict and what to do.
+"""Checks: each compares a statistic of a test with a limit and gives a verdict, with a sentence and a remedy.
 
-All codes and all sentences stand in `Code`, those of checks that other rooms make included. A new check is an entry
-there and a function here, and one line in `fourpole.study.reduce` that calls it.
+`Code` holds the names and sentences of all checks, including the checks that other packages make. A new check needs an
+entry in `Code`, a function in this module, and a line in `fourpole.study.reduce` that calls the function.
 """
 
 from __future__ import annotations
@@ -41,14 +41,15 @@ __all__ = [
 
 #: Relative departure of F1 from Zr V2 above which the calibration of a channel must be wrong.
 _INCONSISTENT = 0.2
-#: From best to worst.
+#: The verdicts, from best to worst.
 VERDICTS = ("ok", "warning", "rejected")
 
 
 class Code(Enum):
-    """Each check: its name on disk, what it looks at; the cause in short, and the cause and remedy of its sentence.
+    """The code of each check, with its words.
 
-    The last three may follow once more: they are the words of a rejection, where these differ from those of a warning.
+    The words are: the name on disk, the statistic, the cause in short, the cause in full, and the remedy. The last
+    three are given twice if the words of a rejection differ from those of a warning.
     """
 
     FREQUENCY = (
@@ -272,13 +273,13 @@ class Code(Enum):
         return self._words["rejected" if verdict == "rejected" else "warning"][0]
 
     def says(self, verdict: str) -> tuple[str, str]:
-        """Templates of the cause and of the remedy, which follow each other in the sentence."""
+        """Templates of the cause and of the remedy; joined, they are the sentence of the check."""
         _, cause, remedy = self._words["rejected" if verdict == "rejected" else "warning"]
         return cause, remedy
 
     @classmethod
     def read(cls, text: str) -> Code | None:
-        """The code with this name on disk; None where there is none."""
+        """The code with this name on disk; None if no code has it."""
         return next((code for code in cls if code.text == text), None)
 
 
@@ -289,15 +290,15 @@ class Check:
     Attributes
     ----------
     code : Code
-        What was looked at.
+        The kind of check.
     statistic, limit : float
-        What was found, and where it starts to matter, in the same unit; not-a-number for a check without a number.
+        The value found and its limit, in the same unit; not-a-number for a check without a number.
     verdict : {"ok", "warning", "rejected"}
-        What follows.
+        The verdict on the test, or on the channel.
     channel : str
-        F1, V1 or V2 where the check is of one channel.
+        F1, V1 or V2 for a check of one channel; else empty.
     remark, remedy : str
-        The whole sentence, and what to do; empty where there is nothing to say.
+        The whole sentence, and the remedy alone; empty for most checks whose verdict is ok.
     """
 
     code: Code
@@ -315,7 +316,7 @@ class Check:
 
 
 def worst_verdict(verdicts: Iterable[str]) -> str:
-    """The worst of several verdicts; ok for none.
+    """The worst of several verdicts; "ok" if there is no verdict.
 
     Examples
     --------
@@ -328,7 +329,7 @@ def worst_verdict(verdicts: Iterable[str]) -> str:
 def told(
     code: Code, verdict: str, statistic: float = nan, limit: float = nan, channel: str = "", **values: object
 ) -> Check:
-    """A check that says its sentence, filled with its values.
+    """A check with its sentence, in which `values` fill the blanks.
 
     Examples
     --------
@@ -343,7 +344,7 @@ def told(
 def judged(
     code: Code, statistic: float, warn: float, reject: float = inf, channel: str = "", **values: object
 ) -> Check:
-    """A check of a statistic that must not exceed its limits; silent where it does not."""
+    """A check of a statistic: rejected above `reject`, else a warning above `warn`, else ok and without a sentence."""
     if statistic > reject:
         return told(code, "rejected", statistic, reject, channel, **values)
     if statistic > warn:
@@ -352,24 +353,24 @@ def judged(
 
 
 def check_frequency(found: float, stated: float | None) -> Check:
-    """Hold the stated frequency against the estimate: within 1 % ok, to 5 % a warning, beyond rejected."""
+    """Compare the stated frequency with the one found: within 1 % ok, within 5 % a warning, else rejected."""
     off = 0.0 if not stated else abs(found - stated) / stated
     return judged(Code.FREQUENCY, off, 0.01, 0.05, found=found, stated=stated)
 
 
 def check_lift_off(force_peak: float, preload: float | None) -> Check:
-    """Compare the dynamic force, harmonics included, with the preload: the tyre must stay on the cam."""
+    """Compare the peak of the dynamic force, harmonics included, with the preload; above it the tyre lifts off."""
     share = 0.0 if preload is None else force_peak / preload if preload > 0 else np.inf
     return judged(Code.LIFT_OFF, share, 0.9, 1.0, peak=force_peak, preload=preload or 0.0)
 
 
 def check_clipping(name: str, channel: Channel) -> Check:
-    """Look for samples that stand at the end of the converter's range, stated or seen as flat tops."""
+    """Check the share of samples at the end of the converter's range, which is stated or found from flat tops."""
     return judged(Code.CLIPPING, clipped_share(channel), 0.0, 0.0, name)
 
 
 def clipped_share(channel: Channel) -> float:
-    """Share of the samples at the full scale, or in flat tops that no sine with this resolution would have."""
+    """Share of samples [1] at the stated full scale, or in flat tops that no sine of this resolution has."""
     if channel.clipped is not None:
         return channel.clipped
     samples = channel.samples[np.isfinite(channel.samples)]
@@ -385,7 +386,7 @@ def clipped_share(channel: Channel) -> float:
 
 
 def _flat_share(samples: FloatArray) -> float:
-    """Share of the samples that equal the largest, where they are far more than the top of a sine would hold."""
+    """Share of samples [1] that equal the largest; 0 unless they are far more than at the top of a sine."""
     top = samples.max()
     at_top = samples == top
     count = int(at_top.sum())
@@ -395,7 +396,7 @@ def _flat_share(samples: FloatArray) -> float:
     below = samples[~at_top]
     if below.size == 0:
         return 0.0
-    # Within one step of the converter below the top a sine of this size spends acos(1 - step/amplitude)/pi of its time.
+    # A sine is within one step of the converter below its top for the fraction acos(1 - step/amplitude)/pi of a cycle.
     step = float(np.min(np.diff(np.unique(samples))))
     amplitude = 0.5 * float(np.ptp(samples))
     expected = np.arccos(max(1.0 - step / amplitude, -1.0)) / np.pi
@@ -404,12 +405,12 @@ def _flat_share(samples: FloatArray) -> float:
 
 
 def check_distortion(found: Demodulation) -> Check:
-    """Look at the harmonics of the motion at the contact: the cam should move as a sine."""
+    """Compare the harmonics of the displacement at the contact with its fundamental; a good cam gives a sine."""
     return judged(Code.DISTORTION, float(found.distortion[1]), 0.2)
 
 
 def check_noise(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
-    """Compare what the fit leaves with the fundamental, channel by channel."""
+    """Compare the residual of the fit with the fundamental, for each channel."""
     ratios = zip(names, found.noise_ratio.tolist(), strict=True)
     return [judged(Code.RESIDUAL, ratio, 0.3, channel=name) for name, ratio in ratios if np.isfinite(ratio)]
 
@@ -436,7 +437,7 @@ def check_mains(found: Demodulation) -> Check:
 
 
 def check_gaps(found: Demodulation) -> Check:
-    """Say how many samples were missing and left out."""
+    """Check the share of samples that were missing and left out of the fit."""
     return judged(Code.MISSING, found.missing, 0.0, percent=100 * found.missing)
 
 
@@ -453,7 +454,7 @@ def check_resonance(frequency: float, rig: Rig, added_mass: float) -> Check:
 
 
 def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
-    """Hold F1 against the force that V2 says the rig needs, F1 = Zr V2: the one relation that three sensors leave."""
+    """Compare F1 with Zr V2, the force on the rig: by this one relation three channels check each other."""
     omega = 2 * np.pi * float(phasors.frequency)
     f1, v1, v2 = (complex(x) for x in phasors.amplitudes)
     needed = complex(rig.impedance(omega, added_mass)) * v2

@@ -1,8 +1,8 @@
-"""Conditions: the state in which a specimen is tested, and the one rule that says when two tests share it.
+"""Conditions: the state in which a specimen is tested, and the rule by which two tests have the same condition.
 
 A condition is a specimen with a value on each axis: pressure, preload, temperature, and the columns of tests.csv that a
-campaign names. The amplitude of the deflection and an added mass are not axes: a test with an added mass has another
-amplitude, and still sees the same specimen in the same state.
+campaign names. The amplitude of the deflection and the added mass are not axes: an added mass changes the amplitude,
+but not the state of the specimen.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ Value = float | str | None
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis of a condition, with the difference within which two of its values are the same.
+    """One axis of a condition, with the tolerance within which two values on it are the same.
 
     Attributes
     ----------
     name : str
     head : str
-        Of its column in the result tables, where that is not the name.
+        Head of its column in the result tables; empty if the head is the name.
     relative : float [1]
         Tolerance as a fraction of the larger value.
     absolute : float, in the unit of the column
         Tolerance that is added to the relative one.
     text : bool
-        Values are texts, the same only if they read the same.
+        True if the values are texts, which are the same only if they are equal.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Axis:
         return self.head or self.name
 
     def same(self, one: Value, other: Value, *, blank: bool = False) -> bool:
-        """Whether two values are the same; `blank`: a value that is not stated equals every other value.
+        """Whether two values are the same; with `blank`, a value that is not stated equals every other value.
 
         >>> pressure = AXES[0]
         >>> pressure.same(1.70e5, 1.73e5), pressure.same(1.70e5, 1.74e5), pressure.same(1.70e5, None)
@@ -62,7 +62,7 @@ class Axis:
         return abs(one - other) <= self.relative * max(abs(one), abs(other)) + self.absolute
 
     def groups(self, values: Iterable[Value]) -> np.ndarray:
-        """Number of the group of each value; groups count from 0 in rising order, values not stated come last."""
+        """Number of the group of each value, from 0 in rising order; values that are not stated form the last group."""
         return Sameness((self,)).groups([Condition("", (value,)) for value in values])
 
 
@@ -77,7 +77,7 @@ _OWN = 0.01
 
 
 def axis_of(column: str) -> Axis:
-    """The axis of a column of the result tables; one that not every campaign has gets a tolerance of 1 %."""
+    """The axis of a column of the result tables; an axis that is not in `AXES` has a relative tolerance of 1 %."""
     return next((axis for axis in AXES if axis.column == column), Axis(column, relative=_OWN))
 
 
@@ -91,7 +91,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Sameness:
-    """The rule of one condition: the specimens are the same, and so are the values on each of these axes."""
+    """The rule of the same condition: equal specimens, and values on each of these axes within their tolerances."""
 
     axes: tuple[Axis, ...] = AXES
 
@@ -110,26 +110,26 @@ class Sameness:
         return Sameness((*self.axes, *(axis_of(column) for column in dict.fromkeys(columns) if column not in known)))
 
     def same(self, one: Condition, other: Condition, *, blank: bool = False) -> bool:
-        """Whether two conditions are one; `blank`: a value that is not stated equals every other value."""
+        """Whether two conditions are the same; with `blank`, a value that is not stated equals every other value."""
         pairs = zip(self.axes, one.values, other.values, strict=True)
         return one.specimen == other.specimen and all(axis.same(a, b, blank=blank) for axis, a, b in pairs)
 
     def groups(self, conditions: Sequence[Condition]) -> np.ndarray:
         """Number of the group of each condition, from 0.
 
-        All conditions of a group are the same, each as each. Conditions are taken in rising order and each joins the
-        first group that it fits, so that the order of `conditions` has no influence.
+        Any two conditions of a group are the same. Conditions are taken in rising order, and each joins the first group
+        with whose members it agrees; the order of `conditions` has therefore no influence.
 
         >>> bar = [Condition("a", (p, None, None)) for p in (2.0e5, 1.7e5, 1.702e5)]
         >>> Sameness().groups([*bar, Condition("b", (1.7e5, None, None))]).tolist()
         [1, 0, 0, 2]
         """
         number: dict[Condition, int] = {}
-        # Lowest and highest value on each axis of each group: who is like both is like all between.
+        # Lowest and highest value on each axis of each group: a condition that is like both is like all members.
         ends: list[tuple[Condition, Condition]] = []
         first = 0
         for one in sorted(set(conditions), key=_place):
-            # Lowest values rise on the first axis: who is left behind once stays behind.
+            # Conditions rise on the first axis: a group too far below this condition is too far below all later ones.
             while first < len(ends) and not self._near(ends[first][0], one):
                 first += 1
             fits = (at for at in range(first, len(ends)) if all(self.same(one, end) for end in ends[at]))
@@ -142,18 +142,18 @@ class Sameness:
         return np.array([number[one] for one in conditions], dtype=np.int64)
 
     def _near(self, one: Condition, other: Condition) -> bool:
-        """Whether the specimens are the same, and the values on the first axis."""
+        """Whether the specimens are the same and the values on the first axis are within its tolerance."""
         return one.specimen == other.specimen and all(
             axis.same(a, b) for axis, a, b in zip(self.axes[:1], one.values, other.values, strict=False)
         )
 
 
 def _place(one: Condition) -> tuple[str, list[tuple[bool, float | str]]]:
-    """Where a condition stands in rising order; what is not stated comes last."""
+    """Sort key of a condition: specimen, then the value on each axis; a value that is not stated comes last."""
     return one.specimen, [(value is None, 0.0 if value is None else value) for value in one.values]
 
 
 def _end(end: Condition, one: Condition, *, lowest: bool) -> Condition:
-    """The lower or the higher value on each axis of two conditions that are the same."""
+    """Condition with the lower, or the higher, value of two conditions on each axis."""
     pairs = zip(end.values, one.values, strict=True)
     return Condition(end.specimen, tuple(a if a is None or b is None or (a < b) == lowest else b for a, b in pairs))  # type: ignore[operator]

@@ -1,4 +1,4 @@
-"""Reduced tables: K*, K2, C and TR from a frequency and one complex number per row, as in the paper's program."""
+"""Reduced tables: K*, K2, C and TR from a frequency and a mobility or K* per row, as in the paper's program."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["ReducedResult", "identify_mobility", "identify_stiffness", "predict"
 
 @dataclass(frozen=True, eq=False)
 class ReducedResult(ByValue):
-    """Tyre properties for each row; not-a-number for a value that does not exist.
+    """Tyre properties of each row; a value that does not exist is not-a-number.
 
     Attributes
     ----------

@@ -14,12 +14,12 @@ __all__ = ["PARTS", "RATIOS", "Kind", "Role", "Source"]
 
 #: Parts of a rig that its statement may lack, with the SI unit of their size.
 PARTS = {"mass": "kg", "spring": "N/m", "frame": "m/N", "loss": "1", "friction": "N"}
-#: Pairs of channels (over, under) whose ratio of gains and difference of phases K* depends on.
+#: Pairs of channels (over, under); K* depends on the ratio of their gains and the difference of their phases.
 RATIOS = (("F1", "V1"), ("V2", "V1"))
 
 
 class Role(Enum):
-    """The object that a source is an error of."""
+    """The object to which an error belongs."""
 
     TEST = "one test"
     RIG = "the rig as stated"
@@ -32,7 +32,7 @@ class Role(Enum):
 
 
 class Kind(Enum):
-    """Each kind of source: its text on disk, what that text ends with, and its role."""
+    """Each kind of source: the start of its text on disk, the possible ends of that text, and its role."""
 
     NOISE = ("sensor noise", (), Role.TEST)
     FREQUENCY = ("frequency", (), Role.TEST)
@@ -98,7 +98,7 @@ class Source:
 
     @property
     def role(self) -> Role:
-        """The object that it is an error of."""
+        """The object to which the error belongs."""
         return Role.RATIO if self.under else self.kind.role
 
     @property
@@ -110,7 +110,7 @@ class Source:
 
     @classmethod
     def read(cls, text: str, rig: str = "") -> Source:
-        """The source of a text on disk; of kind OTHER for an unknown text."""
+        """The source with this text on disk; its kind is OTHER if the text is unknown."""
         kind, of, under = _KNOWN.get(text, (Kind.OTHER, text, ""))
         if kind is Kind.OTHER and (weighed := _MASS.fullmatch(text)):
             try:

@@ -1,12 +1,12 @@
-r"""Four-poles of mechanical elements and what a chain of them does (paper, eqs 2-7).
+r"""Four-poles of mechanical elements, and the mobility and transmissibility of their chains (paper, eqs 2-7).
 
-A four-pole joins force and velocity at its input to those at its output,
+A four-pole relates force and velocity at its input to force and velocity at its output,
 
 .. math:: \begin{bmatrix} F_1 \\ V_1 \end{bmatrix} =
           \begin{bmatrix} a_{11} & a_{12} \\ a_{21} & a_{22} \end{bmatrix}
-          \begin{bmatrix} F_2 \\ V_2 \end{bmatrix},
+          \begin{bmatrix} F_2 \\ V_2 \end{bmatrix}.
 
-and is an array of shape (..., 2, 2); every function broadcasts over the leading axes (frequency, test).
+It is an array of shape (..., 2, 2). Every function broadcasts over the leading axes (frequency, test).
 The time factor is e^{+jwt}.
 """
 
@@ -86,7 +86,7 @@ def spring(stiffness: ArrayLike, omega: ArrayLike) -> ComplexArray:
     Raises
     ------
     ValueError
-        If a stiffness is zero: such a spring joins nothing.
+        If a stiffness is zero: such a spring transmits no force.
 
     References
     ----------
@@ -120,7 +120,7 @@ def damper(coefficient: ArrayLike) -> ComplexArray:
     Raises
     ------
     ValueError
-        If a coefficient is zero: such a damper joins nothing.
+        If a coefficient is zero: such a damper transmits no force.
 
     References
     ----------
@@ -172,12 +172,12 @@ def cascade(*parts: ComplexArray) -> ComplexArray:
 
 
 def inverse(part: ComplexArray) -> ComplexArray:
-    """Inverse of a four-pole: what undoes it in a cascade.
+    """Inverse of a four-pole: the cascade of both is the identity.
 
     Parameters
     ----------
     part : (..., 2, 2) complex array
-        A four-pole that is not singular; that of a passive reciprocal element has determinant 1.
+        A four-pole that is not singular. The determinant of a reciprocal element is 1.
 
     Returns
     -------
@@ -198,7 +198,7 @@ def inverse(part: ComplexArray) -> ComplexArray:
 def deembed(
     chain: ComplexArray, *, before: ComplexArray | None = None, after: ComplexArray | None = None
 ) -> ComplexArray:
-    """Take known parts away from a measured chain.
+    """De-embed: remove known parts from a measured chain.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def chain_transmissibility(before: ComplexArray, after: ComplexArray) -> Complex
     Parameters
     ----------
     before, after : (..., 2, 2) complex arrays
-        The chain before and after the junction; the latter ends on the foundation.
+        The chain before and after the junction; `after` ends on the foundation.
 
     Returns
     -------

@@ -1,7 +1,7 @@
-r"""The viscoelastic tyre: K1 beside a Maxwell arm of K2 and C (paper, eqs 5, 8-10 and 14, corrected).
+r"""The viscoelastic tyre: K1 parallel to a Maxwell arm of K2 and C (paper, eqs 5, 8-10 and 14, corrected).
 
-The tyre is massless, a Zener (standard linear) solid whose K2 and C may differ at each frequency. Above it
-stands the moving mass m, above that the preload spring K3, with a damper c3 beside it, on a fixed foundation.
+The tyre is a massless Zener (standard linear) solid, whose K2 and C may differ at each frequency. It carries the moving
+mass m. The preload spring K3, with a parallel damper c3, joins the mass to a fixed foundation.
 """
 
 from __future__ import annotations

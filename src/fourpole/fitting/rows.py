@@ -1,7 +1,7 @@
 """Rows of the result tables: the key (test, point) and the condition of each row.
 
-A row of a dynamic test is identified by its test and its point: one recording may give several frequencies. The column
-`point` is written only where a test has more than one.
+A row of a dynamic test is identified by its test and its point, since one recording may give several frequencies. The
+column `point` is written only if a test has more than one point.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Key = tuple[str, int]
 
 
 def keyed(table: pl.DataFrame) -> pl.DataFrame:
-    """The table with its column `point`, which is 1 where none is written.
+    """The table with a column `point`; its value is 1 if the file has none.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def conditions_in(table: pl.DataFrame, rule: Sameness) -> list[Condition]:
 
 
 def _values(table: pl.DataFrame, axis: Axis) -> Sequence[Value]:
-    # A column of tests.csv whose name is also a result's stands in dynamic.csv with its origin behind it.
+    # If a column of tests.csv has the name of a result column, its head in dynamic.csv ends with "(tests.csv)".
     name = next((one for one in (f"{axis.column} (tests.csv)", axis.column) if one in table.columns), None)
     if name is None:
         return [None] * table.height
@@ -69,10 +69,10 @@ def _values(table: pl.DataFrame, axis: Axis) -> Sequence[Value]:
 
 
 def names_apart(tables: Sequence[Sequence[Condition]], rule: Sameness) -> list[list[str]]:
-    """A name for the specimen of each row of some tables, which tells specimens in several states apart.
+    """A name for the specimen of each row of some tables, different for each state of a specimen.
 
-    An axis is part of the name where a specimen has two values on it, or where one table both states it and does not:
-    "radial at 60 °C, batch A". A table that states nothing of an axis does not tell the others apart.
+    A name is the specimen with its values on some axes: "radial at 60 °C, batch A". An axis is part of the name if the
+    specimen has two values on it, or if one table states the axis for some of its rows only.
     """
     specimens = dict.fromkeys(one.specimen for table in tables for one in table)
     names = {
@@ -101,7 +101,7 @@ def _differs(axis: Axis, tables: Sequence[Sequence[Value]]) -> bool:
 
 
 def _name(axes: Sequence[Axis], rows: Sequence[Condition]) -> str:
-    """The specimen with its value on each axis, of numbers the median."""
+    """The specimen's name with its value on each axis; the value of a numeric axis is the median of the rows."""
     parts = [rows[0].specimen]
     for at, axis in enumerate(axes):
         values = [one.values[at] for one in rows]
@@ -116,7 +116,7 @@ def _name(axes: Sequence[Axis], rows: Sequence[Condition]) -> str:
 
 
 def axes_record(rule: Sameness) -> list[dict[str, Any]]:
-    """The axes of a rule as study.json has them."""
+    """The axes of a rule, as study.json holds them."""
     return [{"column": axis.column, **({"text": True} if axis.text else _tolerance(axis))} for axis in rule.axes]
 
 
@@ -125,7 +125,7 @@ def _tolerance(axis: Axis) -> dict[str, float]:
 
 
 def rule_in(record: Mapping[str, Any]) -> Sameness:
-    """The rule that study.json states; one that states none has the axes of every campaign."""
+    """The rule in a record of study.json; a record without a rule gives the axes that every campaign has."""
     conditions = record.get("conditions")
     axes = conditions.get("axes") if isinstance(conditions, dict) else None
     found = [_axis(one) for one in axes if isinstance(one, dict)] if isinstance(axes, list) else []

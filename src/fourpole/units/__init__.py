@@ -1,4 +1,4 @@
-"""Units: what people write, "12.44 kN/m", becomes an SI float, 12440.0; the only room that knows pint.
+"""Units: a text such as "12.44 kN/m" becomes an SI float, 12440.0; no other package imports pint.
 
 Arithmetic is exact (fractions) until the last step, so that 5.1 mm is 0.0051 m to the last bit.
 """
@@ -48,7 +48,7 @@ _FUNCTIONS = frozenset({"u", "std", "cov", "corr", "var", "re", "im", "abs", "ar
 
 
 def si_unit(kind: str) -> str:
-    """The unit that numbers of a kind have inside Fourpole.
+    """The SI unit of a kind of quantity, which all numbers of this kind have inside Fourpole.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def si_unit(kind: str) -> str:
 
 
 def quantity(text: str | float, kind: str, *, default_unit: str | None = None) -> float:
-    """A quantity as people write it, as an SI float.
+    """The SI value of a quantity that is written as a text.
 
     Parameters
     ----------
@@ -97,14 +97,14 @@ def quantity(text: str | float, kind: str, *, default_unit: str | None = None) -
 
 
 def unit_scale(unit: str, kind: str) -> float:
-    """SI value of one of a unit.
+    """SI value of one unit, such as 1000 for "kN".
 
     Parameters
     ----------
     unit : str
         As people write it: "kN/mm", "N·s/m", "kgf/cm2", "rpm".
     kind : str
-        One of `KINDS`. Of temperatures only °C can be told by a scale; see `to_si`.
+        One of `KINDS`. A scale alone converts no temperature except °C; use `to_si` for K and °F.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def to_si(values: ArrayLike, unit: str, kind: str) -> NDArray[np.float64]:
     ----------
     values : (...,) float array [unit]
     unit, kind : str
-        As for `unit_scale`; K and °F are taken too.
+        As for `unit_scale`; K and °F are accepted too.
 
     Returns
     -------
@@ -145,14 +145,14 @@ def to_si(values: ArrayLike, unit: str, kind: str) -> NDArray[np.float64]:
 
 
 def channel_scale(unit: str, kinds: Sequence[str] = MOTIONS) -> tuple[str, float]:
-    """Which of several kinds a unit is, and the SI value of one of it.
+    """The kind of a unit, one of several possible kinds, and the SI value of one unit.
 
     Parameters
     ----------
     unit : str
         "mm/s". Where an acceleration is possible and a mass is not, "g" is 9.80665 m/s².
     kinds : sequence of str
-        The kinds that are possible; of equal ones the first is answered.
+        The possible kinds. If several have the dimensions of the unit, the first is returned.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def channel_scale(unit: str, kinds: Sequence[str] = MOTIONS) -> tuple[str, float
 
 
 def motion_scale(unit: str) -> tuple[str, float]:
-    """Whether a unit is of displacement, velocity or acceleration, and the SI value of one of it.
+    """The kind of a unit of motion (displacement, velocity or acceleration), and the SI value of one unit.
 
     Examples
     --------
@@ -201,7 +201,7 @@ def is_unit(text: str) -> bool:
 
 
 def sensitivity(text: str) -> tuple[float, str]:
-    """What a sensor gives: volts per SI unit, and the kind of what it measures.
+    """The sensitivity of a sensor in volts per SI unit, and the kind of quantity that it measures.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def sensitivity(text: str) -> tuple[float, str]:
     Raises
     ------
     UnitError
-        If it is not volts per force or motion, as with charge ("50 pC/N"), or not positive.
+        If the sensitivity is not volts per force or motion, as "50 pC/N" is not, or is not positive.
 
     Examples
     --------
@@ -231,7 +231,7 @@ def sensitivity(text: str) -> tuple[float, str]:
         raise UnitError(f"sensitivity {shown(text)} is not positive; a reversed sensor has invert = true")
     if not unit:
         raise UnitError(f"sensitivity {shown(text)} has no unit; {example}")
-    if _CHARGE.search(unit):  # by its letters: in dimensions pC/N is also pm/V
+    if _CHARGE.search(unit):  # recognized by its letters: pC/N has the dimensions of pm/V
         raise UnitError(f"sensitivity {shown(text)} is a charge; state the volts after its amplifier, as in '4 mV/N'")
     scale, dimensions = parse(unit, True)
     volt, volts = parse("V", False)
@@ -245,26 +245,26 @@ def sensitivity(text: str) -> tuple[float, str]:
 
 
 def crosstalk(text: str, kind: str) -> tuple[float, str]:
-    """What a sensor of one kind shows of a force or motion: its SI unit per SI unit of that, and the kind of that.
+    """Crosstalk of a sensor: its reading per disturbing force or motion, in SI units, and the kind of disturbance.
 
     Parameters
     ----------
     text : str
         "0.02 N/(m/s2)", "0.02 kg", "0.5 %" of the same kind, "-1e-4 (m/s2)/N".
     kind : str
-        Of the sensor: "force", "displacement", "velocity" or "acceleration".
+        Kind of the sensor: "force", "displacement", "velocity" or "acceleration".
 
     Returns
     -------
     float
-        Of either sign.
+        Crosstalk, of either sign.
     str
-        "force", "displacement", "velocity" or "acceleration".
+        Kind of the disturbance: "force", "displacement", "velocity" or "acceleration".
 
     Raises
     ------
     UnitError
-        If it is not the sensor's kind per force or motion.
+        If the unit is not that of the sensor's kind per force or motion.
 
     Examples
     --------
@@ -283,7 +283,7 @@ def crosstalk(text: str, kind: str) -> tuple[float, str]:
 
 
 def frequency_grid(text: str) -> list[float]:
-    """Frequencies as people list them.
+    """Frequencies from a text that lists numbers and ranges.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ def frequency_grid(text: str) -> list[float]:
     Raises
     ------
     UnitError
-        If it is none of these.
+        If the text has another form, or a frequency is not positive.
 
     Examples
     --------
@@ -360,7 +360,7 @@ def column_unit(name: str) -> tuple[str, str | None]:
 
 
 def _finite(value: Fraction, text: object) -> float:
-    """The nearest float, refused if it has left the range of floats."""
+    """The nearest float; UnitError if the value is outside the range of floats."""
     try:
         number = float(value)
     except OverflowError:
@@ -371,7 +371,7 @@ def _finite(value: Fraction, text: object) -> float:
 
 
 def _number_and_unit(text: object, kind: str | None) -> tuple[Fraction, str]:
-    """The exact number and the text of the unit, empty if there is none."""
+    """The exact number and the text of the unit, which is empty for a bare number."""
     example = kind_named(kind).example if kind is not None else "4 mV/N"
     if isinstance(text, numbers.Real) and not isinstance(text, bool):
         if not math.isfinite(text):
@@ -400,7 +400,7 @@ def _decimal_comma(number: str, text: object) -> str:
 
 
 def _range(part: str, text: str, example: str) -> Iterator[Fraction]:
-    """The numbers of "18" or "10:24:0.5"; the stop counts if a step ends within a millionth of it."""
+    """The numbers of "18" or "10:24:0.5"; the stop is included if a step ends within a millionth of a step of it."""
     pieces = part.split(":")
     if len(pieces) not in (1, 3) or not all(re.fullmatch(_NUMBER, piece.strip()) for piece in pieces):
         raise UnitError(f"frequencies {shown(text)}: {shown(part)} is no number or start:stop:step; {example}")

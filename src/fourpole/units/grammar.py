@@ -1,7 +1,7 @@
 """The grammar of units: a text becomes a scale to root units and its dimensions.
 
-The text is untrusted. It is bounded in length and letters, split here into unit names, and only single names are
-looked up in pint, so no text can make it compute. Arithmetic is exact (fractions).
+The text is untrusted. Its length and letters are limited, and it is split here into unit names. pint looks up single
+names only, so that no text can make pint evaluate an expression. Arithmetic is exact (fractions).
 """
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ _TOKEN = re.compile(
     r"\s*(?:(?P<name>[A-Za-zµ°%‰]+(?:_[A-Za-z0-9]+)*)(?P<power>(?:\^|\*\*)?\s*[+-]?[0-9]+)?"
     r"|(?P<one>1(?![0-9]))|(?P<mark>[*/().-]))\s*"
 )
-# Products written without a sign between; pint would read "Nm" as a textile unit and "lbfs" not at all.
+# Products of units written without a sign between them; pint reads "Nm" as a textile unit and does not know "lbfs".
 _JOINED = re.compile(r"([kMGmµu]?(?:N|Pa|J)|lbf|kgf)(s|m|mm|cm)")
 
 
 def shown(text: object, limit: int = 60) -> str:
-    r"""Text as it may stand in a message: quoted, shortened, control characters escaped.
+    r"""A text made safe for a message: quoted, shortened, control characters escaped.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def shown(text: object, limit: int = 60) -> str:
 
 
 def spelled_out(text: str, longest: int = _LONGEST) -> str:
-    """One spelling for the signs that look alike; the length bounded, strange characters refused."""
+    """The text with one spelling for signs that look alike; UnitError if it is too long or has other characters."""
     if not isinstance(text, str):
         raise UnitError(f"{shown(text)} is not a text with a unit")
     if len(text) > longest:
@@ -133,7 +133,7 @@ def _product(
 ) -> tuple[Fraction, Dimensions, int]:
     """Factors up to a closing bracket or the end, from left to right: a/b c is (a/b) c, as in N s/m."""
     scale, dimensions = Fraction(1), _PURE
-    sign, wanted = 1, True  # wanted: a factor must come next
+    sign, wanted = 1, True  # `wanted` is true while a factor must come next
     if depth > _DEEPEST:
         raise UnitError(f"{shown(spelled)} has too many brackets for a unit")
     while at < len(tokens) and tokens[at]["mark"] != ")":
@@ -160,7 +160,7 @@ def _product(
 
 
 def _factor(token: re.Match[str], gravity: bool, spelled: str) -> _Scaled:
-    """One name with its power."""
+    """Scale and dimensions of one unit name with its power."""
     if token["one"]:
         return Fraction(1), _PURE
     written = (token["power"] or "1").lstrip("^* ")
@@ -172,7 +172,7 @@ def _factor(token: re.Match[str], gravity: bool, spelled: str) -> _Scaled:
     first, last = joined.groups() if joined else (None, name)
     scale, dimensions = lookup(_ALIASES.get(last, last))
     scale, dimensions = scale**power, add_up((dimensions, power))
-    if first:  # "Nm2" is N m², as it is read aloud
+    if first:  # "Nm2" is N m²: the power belongs to the last unit
         factor, inner = lookup(first)
         scale, dimensions = scale * factor, add_up((dimensions, 1), (inner, 1))
     return scale, dimensions
@@ -180,14 +180,14 @@ def _factor(token: re.Match[str], gravity: bool, spelled: str) -> _Scaled:
 
 @lru_cache(maxsize=1)
 def _registry() -> UnitRegistry[Any]:
-    import pint  # here: it takes a quarter of a second
+    import pint  # imported on first use, since the import takes a quarter of a second
 
     return pint.UnitRegistry(non_int_type=Fraction, cache_folder=None)
 
 
 @lru_cache(maxsize=512)
 def lookup(name: str) -> _Scaled:
-    """Scale to root units and dimensions of one name; shifted and logarithmic scales are refused."""
+    """Scale to root units and dimensions of one unit name; UnitError for shifted and logarithmic scales."""
     from pint.util import to_units_container
 
     registry = _registry()
@@ -196,7 +196,7 @@ def lookup(name: str) -> _Scaled:
         two = registry.Quantity(Fraction(2), name).to_root_units()
         scale = Fraction(str(one.magnitude))
         powers = {root: Fraction(str(power)) for root, power in to_units_container(one.units).items()}
-    except Exception:  # noqa: BLE001 - pint and its parser raise of all sorts at a strange name
+    except Exception:  # noqa: BLE001 - pint and its parser raise errors of many types for an unknown name
         raise UnitError(f"unknown unit {shown(name)}") from None
     if Fraction(str(two.magnitude)) != 2 * scale or any(power.denominator != 1 for power in powers.values()):
         raise UnitError(f"unknown unit {shown(name)}")

@@ -1,4 +1,4 @@
-"""The kinds of quantity: their SI units, what their units are worth, and what to say of a wrong one."""
+"""The kinds of quantity: their SI units, the scales of their other units, and the messages for a wrong unit."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ TABLE: dict[str, Kind] = {
     "energy": Kind("J", "3 J", ("J", "kJ", "N m", "Nm", "mJ")),
 }
 KINDS: tuple[str, ...] = tuple(TABLE)
-"""The kinds of quantity, by the words that all functions here take."""
+"""Names of the kinds of quantity, which the functions of this package take as `kind`."""
 MOTIONS: tuple[str, ...] = ("displacement", "velocity", "acceleration")
-"""The kinds that a motion channel may record."""
-# Celsius = scale * value + offset; pint is not asked, since its offset units cannot enter a product.
+"""The kinds of quantity that a motion channel may record."""
+# Scale and offset of each unit: Celsius = scale * value + offset. pint is not used, for it refuses products of degC.
 TEMPERATURES: dict[str, tuple[Fraction, Fraction]] = {
     **dict.fromkeys(("degC", "°C", "C", "celsius", "deg C", "° C"), (Fraction(1), Fraction(0))),
     **dict.fromkeys(("K", "kelvin"), (Fraction(1), Fraction(-27315, 100))),
@@ -89,10 +89,10 @@ def affine(unit: str, kind: str) -> tuple[Fraction, Fraction]:
 
 @lru_cache(maxsize=1024)
 def scale_of(unit: str, kinds: tuple[str, ...]) -> tuple[str, Fraction]:
-    """The first of the kinds that the unit is, and its scale to that kind's SI unit."""
+    """The first of the kinds that has the unit's dimensions, and the scale of the unit to the SI unit of that kind."""
     spelled = spelled_out(unit)
     for kind in kinds:
-        if spelled == kind_named(kind).si:  # the commonest case needs no pint
+        if spelled == kind_named(kind).si:  # this commonest case does not need pint
             return kind, Fraction(1)
     gravity = "acceleration" in kinds and "mass" not in kinds
     try:
@@ -109,7 +109,7 @@ def scale_of(unit: str, kinds: tuple[str, ...]) -> tuple[str, Fraction]:
 
 
 def _kind_scale(kind: str, dimensions: Dimensions) -> Fraction | None:
-    """What brings a scale in root units to the kind's SI unit; None if the dimensions are not the kind's."""
+    """Factor from pint's root units to the SI unit of the kind; None if the kind has other dimensions."""
     if kind == "temperature":
         return None
     one, wanted = parse(kind_named(kind).si, False)
@@ -146,7 +146,7 @@ def _usual(kinds: tuple[str, ...]) -> str:
 
 
 def _likely(spelled: str, kinds: tuple[str, ...]) -> str | None:
-    """What was surely meant: another case, kgf for kg, lbf for lb, brackets after the solidus."""
+    """The unit that was meant, if only case, kgf for kg, lbf for lb or brackets after the solidus differ; else None."""
     known = [unit for kind in kinds for unit in kind_named(kind).units]
     forced = re.sub(r"^(kg|lb)(?=\s*/)", r"\1f", spelled)
     for unit in known:

@@ -54,18 +54,18 @@ def simulate_campaign(
     declared: Mapping[str, float] | None = None,
     undeclared: Mapping[str, float] | None = None,
 ) -> SimulatedCampaign:
-    """Run both rigs on the virtual tyres and write a campaign folder, with the truth beside it.
+    """Simulate static and dynamic tests of virtual tyres and write them as a campaign folder, with the true values.
 
     The folder gets campaign.toml, tests.csv, recordings/ and truth.csv. Each tyre has a static test at each
-    pressure, and a dynamic one at each pressure, preload, added mass and frequency. Everything but the truth
-    looks as a laboratory would leave it: the rig's values and the channels' gains and phases are off within
-    what campaign.toml states, the cam's speed ripples and is not quite the stated one, and the channels have
-    noise, drift, mains hum and a 16-bit converter.
+    pressure, and a dynamic test at each pressure, preload, added mass and frequency. The recordings have the errors of
+    a laboratory: the rig's values and the channels' gains and phases differ from the statement within the stated
+    uncertainty. The cam's speed has ripple and differs a little from the stated one. The channels have noise, drift,
+    mains hum and a 16-bit converter.
 
     Parameters
     ----------
     folder : path
-        Made if it does not exist; an earlier virtual campaign in it is replaced.
+        Created if it does not exist; an earlier virtual campaign in it is replaced.
     seed : int
         The same seed gives the same files. A test's noise does not depend on which tests ran before it.
     clean : bool
@@ -73,24 +73,24 @@ def simulate_campaign(
     progress : callable (done, total)
         Called after each test.
     tyres, pressures, preloads, frequencies, added_masses : sequences of VirtualTyre or ModelTyre, [Pa], [N], [Hz], [kg]
-        The conditions. The preload holds with the added mass on. The laws of the built-in tyres are meant
-        for 1.0 to 2.4 bar, 1000 to 2000 N and 10 to 24 Hz; a mount without a pressure has not-a-number.
+        The conditions. The preload includes the weight of the added mass. The built-in tyres are valid for 1.0 to
+        2.4 bar, 1000 to 2000 N and 10 to 24 Hz. The pressure of a mount without inflation is not-a-number.
     added_mass_at : (tyre name, pressure [Pa], preload [N])
-        Added masses other than 0 are tested at this condition only; by default at all.
+        Added masses other than 0 are tested at this condition only; by default at all conditions.
     calibration_masses : sequence of float [kg]
         Rigid blocks that take the place of the tyre: tests C1 ... of the kind calibration, at all frequencies,
         with the block's mass as added mass. At 24 Hz the force cell takes up to 23 kg.
     sensors : (std_gain [1], std_phase [rad])
-        How well F1, V1 and V2 are known.
+        Stated standard uncertainties of the gains and phases of F1, V1 and V2.
     rig_std : mapping of str to float [SI]
-        How well moving_mass, preload_stiffness and preload_damping are known, where not as usual.
+        Stated standard uncertainties of moving_mass, preload_stiffness and preload_damping, in place of the defaults.
     rig_error : mapping of str to float [1]
-        A misstated rig: the true value is the stated one times 1 + error, not one that is drawn.
+        Errors of a misstated rig: the true value is the stated one times 1 + error, in place of a random value.
     declared : mapping of str to float [SI]
-        What the rig has more: tyre_mass, frame_stiffness, preload_loss_factor or input_mass; stated with 2 %.
+        Further parts of the rig, stated with 2 %: tyre_mass, frame_stiffness, preload_loss_factor or input_mass.
     undeclared : mapping of str to float [SI]
-        What the rig has and campaign.toml does not say: the same parts, or leaf_friction; and errors of a channel,
-        in place of those drawn: ``gain F1`` [1], ``phase V2`` [rad] ...
+        Parts of the rig that campaign.toml does not state: the same parts, or leaf_friction. Also errors of a channel
+        in place of random ones: ``gain F1`` [1], ``phase V2`` [rad] ...
 
     Returns
     -------
@@ -105,8 +105,8 @@ def simulate_campaign(
 
     Notes
     -----
-    truth.csv has the further parts of the rig and the errors of the channels in further columns, where any of the
-    arguments from `calibration_masses` on is given. TR is with friction that of its first harmonic.
+    If any of the arguments from `calibration_masses` on is given, truth.csv has further columns: the further parts of
+    the rig and the errors of the channels. With friction, TR is that of the first harmonic.
 
     Examples
     --------
