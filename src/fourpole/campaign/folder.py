@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import difflib
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
 from fourpole.io.recordings import survey
+from fourpole.io.signals import SignalInfo
 from fourpole.io.source import decode, read_bytes
 
 __all__ = ["Campaign", "Test", "condition_of", "inside", "read_campaign"]
@@ -262,20 +263,34 @@ def _column(label: str) -> _Column:
 
 
 def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFile) -> Test:
-    """The test of one row."""
+    """The test of one row; its `problem` lists all faults of the row."""
     where = f"tests.csv row {row}"
-    problems = []
+    test, texts, problems = _read_cells(row, cells, columns, stated)
+    if not texts.get("test"):
+        raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
+    texts["kind"] = texts.get("kind", "").lower()
+    problems += _contradictions(texts, stated)
+    if texts["kind"] == "calibration" and "added_mass" not in test.values:
+        problems.append("the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight")
+    rigs = list(stated.all_rigs)
+    rig = texts.get("rig") or (rigs[0] if len(rigs) == 1 else "")
+    file, tyre = texts.get("file", ""), texts.get("tyre", "")
+    problem = "; ".join(f"{where}: {problem}" for problem in problems)
+    return replace(test, name=texts["test"], file=file, kind=texts["kind"], tyre=tyre, rig=rig, problem=problem)
+
+
+def _read_cells(
+    row: int, cells: list[str], columns: list[_Column], stated: CampaignFile
+) -> tuple[Test, dict[str, str], list[str]]:
+    """A test with the values of its cells, the texts of the row by column, and the faults of single cells."""
+    test, texts, problems = Test("", row), {}, []
     if len(cells) != len(columns):
-        problems.append(f"{where}: has {len(cells)} cells, {len(columns)} columns are named: check its commas")
-    texts: dict[str, str] = {}
-    test = Test("", row)
+        problems.append(f"has {len(cells)} cells, {len(columns)} columns are named: check its commas")
     measured = {axis.name for axis in stated.conditions.axes if not axis.text}
     for column, whole in zip(columns, cells, strict=False):
         cell = whole[:_MOST_TEXT]
         if cell != whole:
-            problems.append(
-                f"{where}: {units.shown(column.name)} has {len(whole)} characters, at most {_MOST_TEXT} are taken"
-            )
+            problems.append(f"{units.shown(column.name)} has {len(whole)} characters, at most {_MOST_TEXT} are taken")
         try:
             if column.role == "text":
                 texts[column.name] = cell
@@ -284,20 +299,8 @@ def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFi
             else:
                 _fill(test, cell, column, measured)
         except ValueError as error:
-            problems.append(f"{where}: {column.name}: {error}")
-    texts["kind"] = texts.get("kind", "").lower()
-    if not texts.get("test"):
-        raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
-    problems += [f"{where}: {problem}" for problem in _contradictions(texts, stated)]
-    if texts["kind"] == "calibration" and "added_mass" not in test.values:
-        problems.append(
-            f"{where}: the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight"
-        )
-    rigs = list(stated.all_rigs)
-    rig = texts.get("rig") or (rigs[0] if len(rigs) == 1 else "")
-    file, tyre = texts.get("file", ""), texts.get("tyre", "")
-    problem = "; ".join(problems)
-    return replace(test, name=texts["test"], file=file, kind=texts["kind"], tyre=tyre, rig=rig, problem=problem)
+            problems.append(f"{column.name}: {error}")
+    return test, texts, problems
 
 
 def _fill(test: Test, cell: str, column: _Column, measured: set[str]) -> None:
@@ -397,8 +400,7 @@ def _without_unit(stated: CampaignFile) -> dict[str, str]:
 
 def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
     """CampaignError where neither campaign.toml nor the first dynamic recording states the times or a unit."""
-    channels = stated.channels
-    timeless = channels.time is None and channels.rate is None
+    timeless = stated.channels.time is None and stated.channels.rate is None
     unitless = _without_unit(stated)
     first = next((test for test in tests if test.kind == "dynamic" and not test.problem), None)
     if first is None or not (timeless or unitless):
@@ -407,18 +409,29 @@ def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
         signals = survey(inside(folder, first.file), label=first.file).signals
     except FourpoleError:
         return  # the analysis of the test reports the fault of its file
-    if timeless and all(signal.rate is None and signal.duration is None for signal in signals):
+    if timeless:
+        _check_times(first.file, signals)
+    _check_units(first.file, signals, unitless)
+
+
+def _check_times(file: str, signals: Sequence[SignalInfo]) -> None:
+    """CampaignError where no signal of a recording has a rate or a duration."""
+    if all(signal.rate is None and signal.duration is None for signal in signals):
         raise CampaignError(
-            f"campaign.toml: [channels] time is missing, and {units.shown(first.file)} does not know its times: "
+            f"campaign.toml: [channels] time is missing, and {units.shown(file)} does not know its times: "
             'time = { column = "t", unit = "s" }, or sample_rate = "2 kHz"'
         )
+
+
+def _check_units(file: str, signals: Sequence[SignalInfo], unitless: dict[str, str]) -> None:
+    """CampaignError where a recording does not state the unit of a column that campaign.toml leaves open."""
     with_unit = {signal.name for signal in signals if signal.unit}
-    lacking = [role for role, column in unitless.items() if column not in with_unit]
-    if lacking:
-        raise CampaignError(
-            f'campaign.toml: [channels] {lacking[0]}: unit is missing: write it, as unit = "N", or give a sensitivity '
-            f"for volts ({units.shown(first.file)} states none)"
-        )
+    for role, column in unitless.items():
+        if column not in with_unit:
+            raise CampaignError(
+                f'campaign.toml: [channels] {role}: unit is missing: write it, as unit = "N", or give a sensitivity '
+                f"for volts ({units.shown(file)} states none)"
+            )
 
 
 def condition_of(test: Test, rule: Sameness) -> Condition:

@@ -262,8 +262,7 @@ _Pair = tuple[tuple[Column | None, Column | None], tuple[str, ...]]
 
 def _pair(motions: list[Column], force: Role | None, shapes: Sequence[SignalShape]) -> _Pair:
     """The motions at the contact and at the moving mass: by their names, else by the power that enters."""
-    ins, outs, rest = ([one for one in motions if one.side == side] for side in ("in", "out", ""))
-    rest.sort(key=lambda one: (_ORDER.index(one.quantity), -one.likely, -_size(shapes, one.name)))
+    ins, outs, rest = _by_side(motions, shapes)
     listed = ", ".join(shown(one.name, 30) for one in motions)
     several = (f"taken of several motions: {listed}",) if len(motions) > 2 else ()
     if ins and outs:
@@ -271,12 +270,19 @@ def _pair(motions: list[Column], force: Role | None, shapes: Sequence[SignalShap
     if (ins or outs) and rest:
         how = f"the other one of {listed}, for its name does not say where it was"
         return (ins[0], rest[0]) if ins else (rest[0], outs[0]), (*several, how)
-    if len(motions) < 2 or not rest:
-        far = ("by its name it is at the far side, but no other motion is there",) if outs else several
-        return (motions[0] if motions else None, None), far
-    alike = next((one for one in rest[1:] if one.quantity == rest[0].quantity), rest[1])
-    pair, how = _by_power(rest[0], alike, force, shapes)
-    return pair, (*several, how)
+    if len(rest) > 1:
+        alike = next((one for one in rest[1:] if one.quantity == rest[0].quantity), rest[1])
+        pair, how = _by_power(rest[0], alike, force, shapes)
+        return pair, (*several, how)
+    far = ("by its name it is at the far side, but no other motion is there",) if outs else several
+    return (motions[0] if motions else None, None), far
+
+
+def _by_side(motions: list[Column], shapes: Sequence[SignalShape]) -> tuple[list[Column], list[Column], list[Column]]:
+    """Motions at the contact, those at the moving mass, and those of unknown side with the likeliest first."""
+    ins, outs, rest = ([one for one in motions if one.side == side] for side in ("in", "out", ""))
+    rest.sort(key=lambda one: (_ORDER.index(one.quantity), -one.likely, -_size(shapes, one.name)))
+    return ins, outs, rest
 
 
 def _best_pair(ins: list[Column], outs: list[Column]) -> tuple[Column, Column]:

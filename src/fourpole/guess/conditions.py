@@ -172,19 +172,28 @@ def _interpreted(entries: Sequence[Entry]) -> list[Entry]:
     for index, own in enumerate(placed):
         for slot, token in own.items():
             slots.setdefault(slot, {})[index] = token
-    numbers = {slot: {token.value for token in tokens.values()} for slot, tokens in slots.items()}
     found = {slot: _meaning(tokens, entries) for slot, tokens in slots.items()}
     meanings = {slot: meaning for slot, meaning in found.items() if meaning is not None}
-    for slot, tokens in slots.items():
-        if slot not in meanings and not next(iter(tokens.values())).keys:
-            # A number of static tests whose values dynamic tests have as their pressure is a pressure, too.
-            alike = [one for one in found if _is_pressure(found[one]) and numbers[slot] <= numbers[one]]
-            meanings.update((slot, meanings[one]) for one in alike[:1])
+    meanings |= _further_pressures(slots, meanings)
     return [_with(entry, tokens, meanings) for entry, tokens in zip(entries, placed, strict=True)]
 
 
-def _is_pressure(meaning: _Meaning | None) -> bool:
-    return meaning is not None and meaning.what == "pressure"
+def _further_pressures(
+    slots: Mapping[_Slot, dict[int, Token]], meanings: Mapping[_Slot, _Meaning]
+) -> dict[_Slot, _Meaning]:
+    """Meanings of numbers without a key whose values are all among the pressures of another slot.
+
+    Example: a number in the names of static tests has the same values as the pressure of the dynamic tests.
+    """
+    values = {slot: {token.value for token in tokens.values()} for slot, tokens in slots.items()}
+    pressures = [slot for slot, meaning in meanings.items() if meaning.what == "pressure"]
+    found: dict[_Slot, _Meaning] = {}
+    for slot, tokens in slots.items():
+        if slot not in meanings and not next(iter(tokens.values())).keys:
+            alike = [one for one in pressures if values[slot] <= values[one]]
+            if alike:
+                found[slot] = meanings[alike[0]]
+    return found
 
 
 def _slots(entry: Entry) -> dict[_Slot, Token]:
@@ -322,10 +331,7 @@ def _distinguishing(words: list[list[str]], kinds: list[str]) -> list[list[str]]
     sets = [{plain(word) for word in own} for own in words]
     by_kind = _by_kind(sets, kinds)
     everywhere = set.intersection(*sets) if sets else set()
-    dropped = everywhere | _labels(list(by_kind.values()))
-    for kind, owns in by_kind.items():  # words that all tests of one kind have and no others
-        others = [own for other, more in by_kind.items() if other != kind for own in more]
-        dropped |= set.intersection(*owns).difference(*others)
+    dropped = everywhere | _labels(list(by_kind.values())) | _names_of_kinds(by_kind)
     chosen = _shared_by_kinds([[word for word in own if plain(word) not in dropped] for own in words], kinds)
     kept = everywhere if not all(chosen) else set()
     return [
@@ -338,15 +344,30 @@ def _by_kind(sets: Sequence[set[str]], kinds: Sequence[str]) -> dict[str, list[s
     return {kind: [own for own, one in zip(sets, kinds, strict=True) if one == kind] for kind in dict.fromkeys(kinds)}
 
 
+def _names_of_kinds(by_kind: Mapping[str, Sequence[set[str]]]) -> set[str]:
+    """Words that all tests of one kind have, and no test of another kind."""
+    found: set[str] = set()
+    for kind, owns in by_kind.items():
+        others = [own for other, more in by_kind.items() if other != kind for own in more]
+        found |= set.intersection(*owns).difference(*others)
+    return found
+
+
 def _labels(by_kind: Sequence[Sequence[set[str]]]) -> set[str]:
     """Words that label single recordings: D1, D2, D3, or a word of its own in each name beside others."""
-    count = Counter(word for owns in by_kind for own in owns for word in own)
-    total = sum(len(owns) for owns in by_kind)
+    tests = [own for owns in by_kind for own in owns]
+    count = Counter(word for own in tests for word in own)
     once = {word for word, often in count.items() if often == 1}
-    if total > 6 and len(once) >= 0.3 * total:
+    if len(tests) > 6 and len(once) >= 0.3 * len(tests):
         return once
-    labelled = [owns for owns in by_kind if len(owns) > 1 and all(own & once and own - once for own in owns)]
-    return _numbered(count, once).union(*(own & once for owns in labelled for own in owns))
+    return _numbered(count, once).union(*(_one_in_each(owns, once) for owns in by_kind))
+
+
+def _one_in_each(tests: Sequence[set[str]], once: set[str]) -> set[str]:
+    """Words that stand once, if each of several tests has such a word beside others; else none."""
+    if len(tests) > 1 and all(own & once and own - once for own in tests):
+        return once & set().union(*tests)
+    return set()
 
 
 def _numbered(words: Iterable[str], once: set[str]) -> set[str]:

@@ -235,11 +235,9 @@ def _seen(path: Path, name: str, group: str, signals: list[SignalInfo], info: Fi
     columns = [column_of(signal.name, signal.unit) for signal in signals]
     clock = next((column for column in columns if column.quantity == "time"), None)
     own = tuple(column for column in columns if column.quantity != "time")
-    rates = {signal.rate for signal in signals if signal.rate}
-    rate = rates.pop() if len(rates) == 1 else None
     looked, problem = None, ""
     try:
-        looked = _looked(path, name, group, own, clock, rate)
+        looked = _looked(path, name, group, own, clock, _common_rate(signals))
     except FourpoleError as error:
         problem = _without_name(str(error), name)
     return Seen(
@@ -247,7 +245,7 @@ def _seen(path: Path, name: str, group: str, signals: list[SignalInfo], info: Fi
         columns=own,
         clock=clock.name if clock else None,
         clock_unit=(clock and clock.unit) or "s",
-        rate=(looked and looked.rate) or rate,
+        rate=(looked and looked.rate) or _common_rate(signals),
         text=info.format.startswith("text"),
         timed=all(signal.rate or signal.duration is not None for signal in signals),
         looked=looked,
@@ -255,6 +253,12 @@ def _seen(path: Path, name: str, group: str, signals: list[SignalInfo], info: Fi
         header=(*read_header(info.notes), *_recorded(own, looked)),
         problem=problem,
     )
+
+
+def _common_rate(signals: list[SignalInfo]) -> float | None:
+    """The rate of all signals that state one [Hz]; None where they differ or state none."""
+    rates = {signal.rate for signal in signals if signal.rate}
+    return rates.pop() if len(rates) == 1 else None
 
 
 def _tokens(name: str, group: str) -> tuple[Token, ...]:

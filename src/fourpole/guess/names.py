@@ -145,16 +145,21 @@ def _valued(match: re.Match[str]) -> Token | None:
         return Token("nothing", text)
     if match[f"u{at}"] == "n" and not keys:
         return None
-    number, doubt = _number(match["number"].replace("_", "."))
+    number, doubt = _signed_number(match, what)
     if match["under"]:
         doubt = f"{text} taken as {number:g} {unit}"
-    if what == "temperature" and match["sign"] in ("-", "minus"):
-        number = -number
     if what == "added_mass":
         what, unit, why = _mass_or_load(key, keys, number, signed=match["sign"] is not None)
         doubt = f"{text} taken as {why}" if why else doubt
     value = float(units.to_si([number], unit, KINDS_OF[what])[0])
     return Token(what, text, value, keys, key if own else "", doubt)
+
+
+def _signed_number(match: re.Match[str], what: str) -> tuple[float, str]:
+    """A number before a unit, and the doubt on it; only a temperature may be negative."""
+    number, doubt = _number(match["number"].replace("_", "."))
+    below_zero = what == "temperature" and match["sign"] in ("-", "minus")
+    return (-number if below_zero else number), doubt
 
 
 def _mass_or_load(key: str, keys: tuple[str, ...], number: float, *, signed: bool) -> tuple[str, str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -75,21 +75,26 @@ def look(
     lines = {name: _Line.of(signal, rate) for name, signal in signals.items() if np.isfinite(signal.samples).sum() > 1}
     ranges = {name: (float(one.samples.min()), float(one.samples.max())) for name, one in lines.items()}
     thin = {name: one.samples[:: max(1, one.samples.size // 2000)] for name, one in lines.items()}
+    shape = SignalShape("", float("nan"), rate, ranges=ranges, samples=thin)
     excited = {name: one for name, one in lines.items() if name not in aside and one.moves}
     if not excited or min(one.samples.size for one in excited.values()) < 16:
-        return SignalShape("", float("nan"), rate, ranges=ranges, samples=thin)
+        return shape
+    return _with_excitation(shape, excited, {name: one for name, one in lines.items() if name in aside})
+
+
+def _with_excitation(shape: SignalShape, excited: dict[str, _Line], aside: dict[str, _Line]) -> SignalShape:
+    """The shape with kind, frequency and amplitudes of the excited channels, and the pulses of those `aside`."""
     best = max(excited.values(), key=lambda one: one.line[1])
     turns, _ = best.line
     frequency = turns * best.rate if best.rate else float("nan")
-    per_sample = {name: frequency / one.rate if one.rate else turns for name, one in lines.items()}
-    return SignalShape(
+    per_sample = {name: frequency / one.rate if one.rate else turns for name, one in {**excited, **aside}.items()}
+    return replace(
+        shape,
         kind=_kind(best),
         frequency=frequency,
         rate=best.rate,
         amplitudes={name: one.amplitude(per_sample[name]) for name, one in excited.items()},
-        ranges=ranges,
-        samples=thin,
-        pulses={n: _edges(lines[n].samples) / (per_sample[n] * lines[n].samples.size) for n in aside if n in lines},
+        pulses={name: _edges(one.samples) / (per_sample[name] * one.samples.size) for name, one in aside.items()},
     )
 
 
