@@ -18,20 +18,6 @@ also a builtin error, which a caller can catch without knowing Fourpole::
 
 from __future__ import annotations
 
-__all__ = [
-    "CampaignError",
-    "ConstantError",
-    "FileError",
-    "FourpoleError",
-    "LoadCurveError",
-    "ModelError",
-    "RecordingError",
-    "RigError",
-    "TableError",
-    "TooShortError",
-    "UnitError",
-]
-
 
 class FourpoleError(Exception):
     """Base of all errors that Fourpole raises for its user's input."""

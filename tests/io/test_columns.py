@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fourpole.errors import FileError, TableError
 from fourpole.io import rows as room
-from fourpole.io.text import read_columns
+from fourpole.io.columns import read_columns
 
 NAN = float("nan")
 

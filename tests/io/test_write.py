@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fourpole.errors import FileError
-from fourpole.io.text import read_columns
+from fourpole.io.columns import read_columns
 from fourpole.io.write import beside, replacing, write_bytes, write_table, write_text
 
 

@@ -17,8 +17,6 @@ from fourpole.report.words import headline
 from fourpole.study import DRAWS, Study, analyse
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
-__all__ = ["run_analysis", "run_demo"]
-
 _MOST_LISTED = 12
 #: Settings of the demonstration: usual uncertainties of sensors and rig, and a weighed mass at one condition.
 _DEMO: dict[str, Any] = {

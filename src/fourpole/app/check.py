@@ -9,8 +9,6 @@ from fourpole.app.console import OK, SOME_REJECTED, first_of, out, print_json, p
 from fourpole.campaign import read_campaign
 from fourpole.study.check import Checked, Problem, check_campaign
 
-__all__ = ["run_check"]
-
 _MOST_NAMED = 4
 _MOST_LISTED = 60
 

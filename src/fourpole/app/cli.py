@@ -14,8 +14,6 @@ from fourpole.app.console import frequencies, out, progress, rising, say, warn
 from fourpole.app.options import BareRig, InfoOptions, JsonFlag, OutFile, PlanOptions, RigOptions, amount, command
 from fourpole.export.kinds import ABOUT
 
-__all__ = ["app", "main"]
-
 CampaignFolder = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv.")]
 ResultsFolder = Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote.")]
 Recording = Annotated[Path, typer.Argument(metavar="FILE", help="A recording in any format.")]

@@ -21,27 +21,6 @@ from rich.text import Text
 
 from fourpole.errors import FourpoleError, UnitError
 
-__all__ = [
-    "OK",
-    "SOME_REJECTED",
-    "UNREADABLE",
-    "Sign",
-    "ends_well",
-    "fail",
-    "first_of",
-    "frequencies",
-    "harmless",
-    "option",
-    "out",
-    "print_json",
-    "print_table",
-    "progress",
-    "rising",
-    "say",
-    "table_width",
-    "warn",
-]
-
 Sign: TypeAlias = Literal["any", "not negative", "positive"]
 
 #: Width of a table in characters where standard output is no terminal.

@@ -9,8 +9,6 @@ import polars as pl
 from fourpole.app.console import out, print_json, say
 from fourpole.io.write import write_table
 
-__all__ = ["deliver"]
-
 
 def deliver(frame: pl.DataFrame, file: Path | None, *, as_json: bool) -> None:
     """Write a table to `file` if it is given, and print it as JSON; without both, print it as CSV."""

@@ -19,8 +19,6 @@ from fourpole.io.look import ChannelSummary, look
 from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import SignalInfo
 
-__all__ = ["run_info"]
-
 #: Number of channels whose samples are read if no channel and no group is named.
 _MOST = 64
 _LONGEST_NAME, _LEAST_PLOT, _MOST_PLOT = 28, 8, 48

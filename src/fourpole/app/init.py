@@ -13,8 +13,6 @@ from fourpole.errors import CampaignError
 from fourpole.guess import Guess, Row, guess_campaign, keep_existing
 from fourpole.study.identified import possible_route
 
-__all__ = ["run_init"]
-
 _MOST_LISTED = 40
 _ROLES = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2", "load": "load", "deflection": "deflection"}
 

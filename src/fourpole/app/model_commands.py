@@ -13,8 +13,6 @@ from fourpole.app.console import frequencies
 from fourpole.app.options import DataOptions, FitOptions, JsonFlag, OutFile, RigOptions, Selection, amount, command
 from fourpole.models.families import NAMES
 
-__all__ = ["COMMANDS"]
-
 Results = Annotated[
     Path, typer.Argument(metavar="RESULTS", help="Results folder, a dynamic.csv, or a table that identify wrote.")
 ]

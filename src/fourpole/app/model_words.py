@@ -13,8 +13,6 @@ from fourpole.fitting.modelling import TyreMap
 from fourpole.models.operating import OperatingMap
 from fourpole.report.words.models import discrepancy
 
-__all__ = ["show_fit", "show_map", "show_row"]
-
 _MOST_ROWS = 40
 _MOST_NAMED = 12
 #: Heads of the numbers by which fits are compared.

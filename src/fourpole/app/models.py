@@ -24,8 +24,6 @@ from fourpole.models.causality import Possible, check_possible
 from fourpole.models.families import automatic, model_named, sizes_of
 from fourpole.study.results import Results, read_results
 
-__all__ = ["axis_values", "fitted", "run_causality", "run_fit", "run_map", "run_query"]
-
 #: Relative uncertainty of K* for a verdict if the table states none.
 _ASSUMED = 0.01
 _MOST_NAMED = 12

@@ -20,20 +20,6 @@ from fourpole.errors import RigError, UnitError
 if TYPE_CHECKING:
     from fourpole.core.rig import Rig
 
-__all__ = [
-    "BareRig",
-    "DataOptions",
-    "FitOptions",
-    "InfoOptions",
-    "JsonFlag",
-    "OutFile",
-    "PlanOptions",
-    "RigOptions",
-    "Selection",
-    "amount",
-    "command",
-]
-
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON document, in SI units, for programs.")]
 OutFile = Annotated[Path | None, typer.Option("--out", help="Write the table to this CSV file instead of printing it.")]
 

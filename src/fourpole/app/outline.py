@@ -7,8 +7,6 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["draws_dots", "line", "picture"]
-
 FloatArray = NDArray[np.float64]
 
 _BRAILLE = 0x2800

@@ -30,8 +30,6 @@ from fourpole.planning.plan import (
 from fourpole.planning.runsheet import run_sheet
 from fourpole.study.study import make_folder
 
-__all__ = ["run_plan"]
-
 _SHORT = {"mobility": "mobility", "relative": "relative", "transmissibility": "transmiss.", "joint": "joint"}
 _MOST_FREQUENCIES = 16
 _MOST_WAYS = 5

@@ -20,8 +20,6 @@ from fourpole.core.rig import Rig
 from fourpole.errors import LoadCurveError, RigError
 from fourpole.io.understand import ReducedTable, read_curve, read_reduced
 
-__all__ = ["run_identify", "run_predict", "run_static"]
-
 
 def run_identify(path: Path, k1: float, rig: Rig | None, file: Path | None, *, no_rig: bool, as_json: bool) -> int:
     """Identify a reduced table; the exit code says whether rows were rejected."""

@@ -12,8 +12,6 @@ from fourpole.report.page import ReportFigure, write_report
 from fourpole.report.words import sentences
 from fourpole.study.results import Results, read_results
 
-__all__ = ["make_report", "run_plot", "run_report"]
-
 
 def make_report(results: Results, folder: Path, style: Style | None = None) -> Path:
     """Draw all figures into `folder/figures` and write `folder/report.html`."""

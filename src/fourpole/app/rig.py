@@ -17,8 +17,6 @@ from fourpole.report.words.shared_values import GROUPS, ShownValue
 from fourpole.study.results import Results, read_results
 from fourpole.study.rig_estimate import Finding
 
-__all__ = ["run_rig"]
-
 _HEADS = ("value of", "unit", "as stated", "as found", "u after/before", "pull", "detection limit", "finding")
 _STYLES = {Finding.FOUND: "green", Finding.CONTRADICTED: "bold red", Finding.NOT_CALIBRATED: "yellow"}
 

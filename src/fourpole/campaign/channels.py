@@ -13,18 +13,6 @@ from fourpole.core.chain import Geophone, HighPass, Link, LowPass
 from fourpole.core.recording import CrossTalk
 from fourpole.errors import TableError, UnitError
 
-__all__ = [
-    "CHANNEL_KINDS",
-    "ChannelFile",
-    "ChannelsFile",
-    "Conversion",
-    "File",
-    "ReferenceFile",
-    "TimeFile",
-    "did_you_mean",
-    "known_keys",
-]
-
 #: What an unstated uncertainty is taken as.
 DEFAULT_GAIN_STD = 0.01
 DEFAULT_PHASE_STD = 0.5 * 3.141592653589793 / 180.0

@@ -22,8 +22,6 @@ from fourpole.io.recordings import survey
 from fourpole.io.signals import SignalInfo
 from fourpole.io.source import decode, read_bytes
 
-__all__ = ["Campaign", "Test", "condition_of", "inside", "read_campaign"]
-
 _MOST_TOML = 4_000_000
 _MOST_TESTS = 200_000_000
 _MOST_TEXT = 1000

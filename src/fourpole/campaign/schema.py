@@ -24,8 +24,6 @@ from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import CampaignError
 
-__all__ = ["CampaignFile", "Stated", "parse_campaign", "validated"]
-
 #: What an unstated uncertainty is taken as.
 DEFAULT_RIG_STD = 0.02
 

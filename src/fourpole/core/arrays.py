@@ -9,8 +9,6 @@ from typing import Any, Self, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BoolArray", "ByRows", "ByValue", "ComplexArray", "FloatArray", "same_value"]
-
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 ComplexArray: TypeAlias = NDArray[np.complexfloating[Any, Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]

@@ -9,9 +9,6 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, FloatArray
 
-__all__ = ["Branches", "in_contact", "split_branches"]
-
-
 #: A turn is accepted if the deflection then returns by this share of its whole range.
 _TURN = 0.3
 #: A branch is complete if its length is at least this share of the median length.

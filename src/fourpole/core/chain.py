@@ -15,8 +15,6 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import RecordingError
 
-__all__ = ["Calibrated", "Delay", "Geophone", "HighPass", "Link", "LowPass"]
-
 
 class Link(Protocol):
     """One link of a measurement chain."""

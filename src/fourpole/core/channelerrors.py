@@ -11,8 +11,6 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.sources import Kind, Source
 
-__all__ = ["ChannelError", "ChannelUncertainty", "error_covariance", "parts"]
-
 
 @dataclass(frozen=True, eq=False)
 class ChannelError(ByValue):

@@ -20,25 +20,6 @@ from fourpole.core.phasor import Phasors
 from fourpole.core.recording import Channel
 from fourpole.core.rig import Rig
 
-__all__ = [
-    "VERDICTS",
-    "Check",
-    "Code",
-    "check_clipping",
-    "check_consistency",
-    "check_distortion",
-    "check_excitation",
-    "check_frequency",
-    "check_gaps",
-    "check_lift_off",
-    "check_mains",
-    "check_noise",
-    "check_resonance",
-    "judged",
-    "told",
-    "worst_verdict",
-]
-
 #: Relative departure of F1 from Zr V2 above which the calibration of a channel must be wrong.
 _INCONSISTENT = 0.2
 #: The verdicts, from best to worst.

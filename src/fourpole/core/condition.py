@@ -14,8 +14,6 @@ import numpy as np
 
 from fourpole import quantities as q
 
-__all__ = ["AXES", "FREQUENCY", "PRELOAD", "PRESSURE", "Axis", "Condition", "Sameness", "Value", "axis_of"]
-
 #: A number in the unit of its column, a text, or None where nothing is stated.
 Value = float | str | None
 

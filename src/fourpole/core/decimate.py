@@ -7,8 +7,6 @@ from scipy import signal
 
 from fourpole.core.arrays import FloatArray
 
-__all__ = ["Decimator"]
-
 #: Attenuation of components that alias onto the band, and flatness of the band [dB].
 _ATTENUATION = 160.0
 #: Ends of the pass band and start of the stop band, as shares of the new rate.

@@ -9,8 +9,6 @@ import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 
-__all__ = ["Identification", "RigSolution"]
-
 
 class RigSolution(Protocol):
     """Result of the joint route besides K*; `fourpole.core.joint.Joint` has it with residuals and misfit."""

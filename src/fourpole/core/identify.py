@@ -29,8 +29,6 @@ from fourpole.core.routes import (
 from fourpole.core.sources import Kind, Source
 from fourpole.errors import RigError
 
-__all__ = ["OUTPUTS", "identify", "variance_by_source"]
-
 #: The outputs whose uncertainty is split into its sources, with their units, in the order of every budget.
 OUTPUTS = {"Re K*": "N/m", "Im K*": "N/m", "loss factor": "1", "K2": "N/m", "C": "N s/m", "TR": "1"}
 

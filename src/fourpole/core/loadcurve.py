@@ -23,9 +23,6 @@ from fourpole.core.branches import Branches, in_contact, split_branches
 from fourpole.core.meancurve import MeanCurve, fit_mean_curve
 from fourpole.errors import LoadCurveError
 
-__all__ = ["LoadCurve", "Secant", "Tangent"]
-
-
 _FEWEST_POINTS = 5
 #: A measured load may lie on the mean of the branches up to this share of the span beyond the fitted deflections.
 _EDGE = 0.02

@@ -10,9 +10,6 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, FloatArray
 
-__all__ = ["MeanCurve", "fit_mean_curve"]
-
-
 _HIGHEST_ORDER = 9
 _GAP_ORDER = 8
 _ROUND_GAP_ORDER = 3

@@ -12,8 +12,6 @@ from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
 
-__all__ = ["LEVELS", "Interval", "arm_intervals", "draw_around", "draw_route"]
-
 #: Probabilities of the quantiles.
 LEVELS = (0.025, 0.5, 0.975)
 

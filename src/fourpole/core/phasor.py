@@ -11,9 +11,6 @@ from scipy import stats
 
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 
-__all__ = ["CHANNELS", "SYMBOLS", "Phasors"]
-
-
 #: The three channels of a dynamic test, in the order of every amplitude and covariance.
 CHANNELS = ("force_in", "motion_in", "motion_out")
 #: Symbols of the channels in the paper.

@@ -13,9 +13,6 @@ from fourpole.core.chain import Link
 from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
 
-__all__ = ["DERIVATIVES", "Channel", "CrossTalk", "Recording", "uniform_time"]
-
-
 #: Number of differentiations that turn a motion into a velocity; 0 for a force.
 DERIVATIVES = {"force": 0, "displacement": 1, "velocity": 0, "acceleration": -1}
 

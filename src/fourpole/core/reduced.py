@@ -12,8 +12,6 @@ from fourpole.core.rig import Rig
 from fourpole.core.routes import maxwell_arm, mobility_route, paper_d, why_no_arm
 from fourpole.core.tyre import loss_factor, zener_stiffness
 
-__all__ = ["ReducedResult", "identify_mobility", "identify_stiffness", "predict"]
-
 
 @dataclass(frozen=True, eq=False)
 class ReducedResult(ByValue):

@@ -16,8 +16,6 @@ from scipy import fft, interpolate
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import RecordingError
 
-__all__ = ["PulseTrain", "Reference"]
-
 #: Fewest revolutions, which is the number of points of a cubic.
 _FEWEST = 4
 _FEWEST_SMOOTHED = 8

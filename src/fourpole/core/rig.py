@@ -22,9 +22,6 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.twoport import cascade, mass, spring
 from fourpole.errors import RigError
 
-__all__ = ["PARAMETERS", "Rig"]
-
-
 #: The rig's values in the order of every gradient, with their SI units.
 PARAMETERS: dict[str, str] = {
     "moving_mass": "kg",

@@ -18,19 +18,6 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 
-__all__ = [
-    "ROUTES",
-    "arm_slopes",
-    "maxwell_arm",
-    "mobility_route",
-    "paper_d",
-    "relative_route",
-    "stiffness_by",
-    "transmissibility_route",
-    "why_no_arm",
-]
-
-
 #: Routes that identify each test by itself.
 ROUTES = ("mobility", "relative", "transmissibility")
 

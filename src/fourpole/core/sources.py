@@ -10,8 +10,6 @@ from typing import Final
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.rig import PARAMETERS
 
-__all__ = ["PARTS", "RATIOS", "Kind", "Role", "Source"]
-
 #: Parts of a rig that its statement may lack, with the SI unit of their size.
 PARTS = {"mass": "kg", "spring": "N/m", "frame": "m/N", "loss": "1", "friction": "N"}
 #: Pairs of channels (over, under); K* depends on the ratio of their gains and the difference of their phases.

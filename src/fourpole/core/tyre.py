@@ -11,16 +11,6 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 
-__all__ = [
-    "energy_loss",
-    "loss_factor",
-    "mobility",
-    "transmissibility",
-    "zener_mobility",
-    "zener_stiffness",
-    "zener_transmissibility",
-]
-
 
 def _positive_omega(omega: ArrayLike) -> FloatArray:
     checked = np.asarray(omega, dtype=float)

@@ -16,8 +16,6 @@ from fourpole.plot.sheet import floats, spread, texts
 from fourpole.plot.style import Style
 from fourpole.quantities import Quantity
 
-__all__ = ["add_charts"]
-
 _DATA, _STATIC = "chart data", "chart data K1"
 _QUANTITIES = (q.K2, q.C, q.STORAGE, q.LOSS_FACTOR, q.TR_MEASURED)
 _MARKERS = ("circle", "square", "triangle", "diamond", "star", "plus")

@@ -12,8 +12,6 @@ from typing import Any
 
 from fourpole.errors import CampaignError
 
-__all__ = ["ABOUT", "KINDS", "Exported", "Kind", "Takes", "export_results"]
-
 
 class Takes(Enum):
     """Source of an export; the value describes it in messages."""

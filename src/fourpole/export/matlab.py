@@ -18,8 +18,6 @@ from fourpole.io.write import write_bytes
 from fourpole.plot.sheet import floats
 from fourpole.quantities import Quantity
 
-__all__ = ["write"]
-
 #: Length of the text at the beginning of the file [byte].
 _HEAD = 116
 #: Fields of complex values of the dynamic tests, with the correlation of real and imaginary part.

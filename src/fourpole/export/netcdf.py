@@ -25,8 +25,6 @@ from fourpole.plot.sheet import Groups, floats
 from fourpole.plot.style import counted
 from fourpole.quantities import QUANTITIES, meaning_of
 
-__all__ = ["write"]
-
 _DIMENSIONS = ("tyre", "pressure", "preload", "frequency", "setting", "repeat")
 #: Most cells of a grid; a larger grid is so sparse that a list of tests is better.
 _MOST_CELLS = 2_000_000

@@ -23,8 +23,6 @@ from fourpole.plot.style import counted, distinct
 from fourpole.study.results import Results, read_results
 from fourpole.units import column_unit, shown
 
-__all__ = ["SIGNS", "Condition", "ExportTables", "field_names", "need", "read_source", "typed", "unit_of"]
-
 #: Units and signs of all numbers, written into each exported file.
 SIGNS = (
     "SI units; e^{+jwt}; amplitudes 0 to peak; V1 and V2 positive from the contact towards the foundation, F1 as it "

@@ -16,13 +16,11 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.errors import FileError, TableError
 from fourpole.export.source import SIGNS, Condition, ExportTables, ascii_line, unit_of
-from fourpole.io.formats.tydex import TydexChannel, TydexEntry, TydexFile, write_tydex
+from fourpole.io.formats.tydex_file import TydexChannel, TydexEntry, TydexFile, write_tydex
 from fourpole.io.write import beside
 from fourpole.plot.sheet import floats
 from fourpole.plot.style import distinct
 from fourpole.quantities import DERIVED
-
-__all__ = ["write"]
 
 #: Head of the column, name and description of each channel; its unit is that of the column.
 _CHANNELS = (

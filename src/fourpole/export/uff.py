@@ -19,8 +19,6 @@ from fourpole.plot.sheet import floats
 from fourpole.plot.style import counted
 from fourpole.quantities import Quantity
 
-__all__ = ["write"]
-
 _LINE = 80
 _RESPONSE_FUNCTION = 4
 _UP = 3  # +Z translation

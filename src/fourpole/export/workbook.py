@@ -18,8 +18,6 @@ from fourpole.export.source import SIGNS, ExportTables, need
 from fourpole.io.write import write_bytes
 from fourpole.plot.sheet import floats
 
-__all__ = ["write"]
-
 #: Most rows of a sheet below the head, and most characters of a cell.
 _MOST_ROWS = 1_048_575
 _MOST_SIGNS = 32_767

@@ -13,8 +13,6 @@ from fourpole.findings.finding import Conditions, Finding, Holds, Topic
 from fourpole.findings.readings import Evidence, Lack, LackError, Reading, Tyre
 from fourpole.quantities import K1, K2, NONLINEARITY, TR, C, Quantity
 
-__all__ = ["CROSS", "RADIAL", "Claim", "claims", "pair_of_the_paper"]
-
 #: Roles of the paper's two tyres.
 CROSS, RADIAL = "cross-ply", "radial-ply"
 _WORDS = (re.compile(r"cross[- ]?ply|bias[- ]?ply|diagonal", re.I), re.compile(r"radial", re.I))

@@ -14,8 +14,6 @@ from fourpole.findings.facts import Values, common, finding_on
 from fourpole.findings.finding import Finding, Holds, Key
 from fourpole.quantities import Quantity
 
-__all__ = ["Comparison", "compare", "differences"]
-
 
 @dataclass(frozen=True)
 class Comparison:

@@ -27,8 +27,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-__all__ = ["Effect", "along", "between", "factor", "mean_effect", "residual_squares"]
-
 FloatArray = NDArray[np.float64]
 
 #: Probability that a normal error exceeds two standard uncertainties.

@@ -20,8 +20,6 @@ from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 
-__all__ = ["Curve", "Facts", "Measured", "Values", "common", "finding_on", "known", "natural", "pairs"]
-
 _AXES = {"pressure": PRESSURE, "load": PRELOAD, "frequency": FREQUENCY}
 Name = TypeVar("Name", bound=Hashable)
 #: Relative standard uncertainty of a value for which the tables have none.

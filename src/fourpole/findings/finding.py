@@ -8,8 +8,6 @@ from typing import Protocol
 
 from fourpole.quantities import Quantity
 
-__all__ = ["UNSTATED", "Conditions", "Detail", "Finding", "Holds", "Key", "Setup", "Topic"]
-
 #: The value of a pressure, load or frequency that the campaign does not state.
 UNSTATED = -1.0
 Key = tuple[float, ...]

@@ -12,8 +12,6 @@ from fourpole.findings.facts import Facts, Measured, Values, finding_on
 from fourpole.findings.finding import Finding, Holds, Key
 from fourpole.quantities import CYCLE_LOSS, NONLINEARITY, Quantity
 
-__all__ = ["CycleLoss", "Departure", "Level", "cycle_losses", "level_of", "linearity"]
-
 Kind = TypeVar("Kind", bound="Level")
 #: A curve whose departure from a straight line, relative to the load span, is below this is nearly linear.
 _NEARLY = 0.01

@@ -15,8 +15,6 @@ from fourpole.findings.verdicts import verdicts
 from fourpole.quantities import DERIVED, K1, K2, LOSS_FACTOR, STORAGE, C, Quantity
 from fourpole.study.results import Results
 
-__all__ = ["findings"]
-
 
 def findings(results: Results) -> list[Finding]:
     """Findings of a campaign, as data.

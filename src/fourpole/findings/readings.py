@@ -17,8 +17,6 @@ from fourpole.findings.resonances import peak
 from fourpole.findings.trends import Lines, Trend, lines_along
 from fourpole.quantities import K2, NONLINEARITY, C, Quantity
 
-__all__ = ["Evidence", "Lack", "LackError", "Need", "Reading", "Tyre"]
-
 #: Relative tolerance of a frequency at the edge of a band of claim 8.
 _EDGE = 1e-6
 #: Band of claim 6 [Hz], 10 to 24 Hz with the tolerance of one frequency.

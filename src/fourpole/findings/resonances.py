@@ -18,19 +18,6 @@ from fourpole.findings.facts import Curve, Facts, common, finding_on, known, nat
 from fourpole.findings.finding import Detail, Finding, Holds, Key, Setup, Topic
 from fourpole.quantities import TR
 
-__all__ = [
-    "Crossing",
-    "Crossings",
-    "Peak",
-    "Prediction",
-    "Resonance",
-    "ResonanceOrder",
-    "Who",
-    "crossings",
-    "peak",
-    "transmissibility",
-]
-
 #: Relative distance of neighbouring tested frequencies up to which a crossing between them counts as resolved.
 _FINE = 0.15
 #: A parabola locates the resonance if the three highest points are at least this fraction of the largest TR.

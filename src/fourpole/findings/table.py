@@ -8,8 +8,6 @@ import polars as pl
 
 from fourpole.findings.finding import Conditions, Finding
 
-__all__ = ["FINDING_COLUMNS", "findings_table"]
-
 #: Heads of findings.csv, each with its meaning.
 FINDING_COLUMNS = {
     "kind": "level, comparison, trend with an axis, resonance, claim with its number, or another kind of finding",

@@ -14,8 +14,6 @@ from fourpole.findings.facts import Values, finding_on
 from fourpole.findings.finding import Finding, Holds, Key
 from fourpole.quantities import Quantity
 
-__all__ = ["Extremum", "Lines", "Trend", "lines_along", "trend_of"]
-
 #: For a trend along each axis: the other axes, the first of which that was varied splits the trend.
 _SPLIT_BY = {"pressure": ("frequency", "load"), "load": ("pressure", "frequency"), "frequency": ("pressure", "load")}
 #: An extremum needs at least this many points on a line.

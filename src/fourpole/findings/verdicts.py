@@ -12,8 +12,6 @@ from fourpole.core.checks import VERDICTS, Code, worst_verdict
 from fourpole.findings.facts import Facts, natural
 from fourpole.findings.finding import Finding, Holds, Topic
 
-__all__ = ["CheckRow", "Doubt", "Tally", "checks_by_test", "verdicts"]
-
 #: Characters of a remark that stand for it where no check has a short form.
 _LONGEST = 160
 

@@ -17,8 +17,6 @@ from fourpole.models.operating import OperatingMap
 if TYPE_CHECKING:
     from xarray import Dataset
 
-__all__ = ["grid_of"]
-
 #: Variables by name: unit and long name.
 _VARIABLES = {
     "K_storage": ("N/m", "storage stiffness K', real part of K*"),

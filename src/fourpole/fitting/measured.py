@@ -25,8 +25,6 @@ from fourpole.io.source import read_bytes
 from fourpole.models.data import StiffnessData
 from fourpole.units import shown
 
-__all__ = ["Measured", "MeasuredSet", "measured_of", "read_measured", "table_of"]
-
 _MOST_BYTES = 2_000_000_000
 FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
 _STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)

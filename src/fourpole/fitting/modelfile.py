@@ -25,18 +25,6 @@ from fourpole.models.surface import Axes, ValueSurface
 from fourpole.models.together import Scatter
 from fourpole.units import shown
 
-__all__ = [
-    "FORMAT",
-    "VERSION",
-    "MapEntry",
-    "ModelEntry",
-    "ModelFile",
-    "map_of",
-    "model_of",
-    "read_model_file",
-    "schema",
-]
-
 FORMAT, VERSION = "fourpole-model", 1
 _MOST_BYTES = 50_000_000
 _LONGEST = 100_000

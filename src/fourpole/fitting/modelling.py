@@ -44,8 +44,6 @@ from fourpole.models.profile import profile_intervals
 from fourpole.models.surface import Axes
 from fourpole.models.together import fit_together, link, unlink
 
-__all__ = ["TyreFit", "TyreMap", "fit_tyres", "lacking_error", "map_tyres", "model_file", "rig_file"]
-
 Progress = Callable[[int, int], None]
 #: Maps are equally good if their leave-one-out errors differ by less than this factor; the smallest u(K*) decides.
 _ALIKE = 1.1

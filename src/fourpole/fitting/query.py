@@ -23,8 +23,6 @@ from fourpole.models.surface import Axes
 from fourpole.models.together import Scatter, link, unlink
 from fourpole.units import shown
 
-__all__ = ["Query", "ask", "maps_of", "place_of", "response", "rig_in"]
-
 #: Option of `fourpole query` that states an axis, by the column of the axis.
 _OPTIONS = {axis.column: axis.name for axis in AXES}
 

@@ -16,8 +16,6 @@ from fourpole import quantities as q
 from fourpole.core.condition import AXES, Axis, Condition, Sameness, Value
 from fourpole.units import column_unit
 
-__all__ = ["KEY", "Key", "axes_record", "conditions_in", "key_of", "keyed", "keys_of", "names_apart", "rule_in"]
-
 #: Heads of the columns that identify a row of a dynamic test.
 KEY = (q.TEST.head, q.POINT.head)
 

@@ -14,8 +14,6 @@ from fourpole.guess.signals import SignalShape
 from fourpole.guess.words import IN, MAIN, MINOR, NAMES, NUMBERED, OUT
 from fourpole.units import MOTIONS, shown
 
-__all__ = ["Column", "Role", "column_of", "dynamic_roles", "force_scale", "static_roles"]
-
 _KINDS = ("force", *MOTIONS, "voltage", "time", "pressure", "frequency", "angle")
 #: Power of j omega that turns an amplitude into that of a velocity.
 _TURNS = {"displacement": 1, "velocity": 0, "acceleration": -1}

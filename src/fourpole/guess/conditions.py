@@ -17,8 +17,6 @@ from fourpole.core.condition import AXES, FREQUENCY, axis_of
 from fourpole.guess.names import KINDS_OF, Token, plain
 from fourpole.guess.words import PASSED_OVER
 
-__all__ = ["Entry", "Told", "tell"]
-
 #: Characters of the longest name of a tyre.
 _LONGEST_TYRE = 60
 #: The tolerances of the rule of one condition, and that of a frequency, by the name of the condition.

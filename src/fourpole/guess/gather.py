@@ -21,8 +21,6 @@ from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode, read_bytes
 from fourpole.units import shown
 
-__all__ = ["FolderContents", "Seen", "gather"]
-
 _MOST_FILES = 20_000
 _MOST_CHANNELS = 64
 _MOST_NOTES = 100_000  # bytes of a file of notes

@@ -11,8 +11,6 @@ from fourpole import units
 from fourpole.errors import UnitError
 from fourpole.guess.words import CALIBRATION, DYNAMIC, ENDINGS, IN_HEADERS, KEYS, STATIC, UNITS
 
-__all__ = ["KINDS_OF", "Token", "kind_word", "plain", "read_header", "read_name", "without_ending"]
-
 #: Kind of quantity of each condition.
 KINDS_OF = {
     "pressure": "pressure",

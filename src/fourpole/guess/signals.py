@@ -12,8 +12,6 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.io.signals import Signal
 from fourpole.io.stream import Source, stream
 
-__all__ = ["SignalShape", "look", "rate_of", "samples_of", "turn"]
-
 _ENOUGH_ROWS = 1 << 18
 _SPECTRUM = 1 << 16
 _SLOW = 0.5  # Hz: no rig is excited below, no load is cycled faster

@@ -22,8 +22,6 @@ from fourpole.guess.words import CONSTRUCTIONS
 from fourpole.guess.write import Doubt, Guess, Row
 from fourpole.units import shown
 
-__all__ = ["guess_campaign"]
-
 #: Relative difference from which a stated frequency is another than that of the recording.
 _SAME_FREQUENCY = 0.05
 #: File names that serve as names of tests.

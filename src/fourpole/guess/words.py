@@ -4,11 +4,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = [
-    "CALIBRATION", "CONSTRUCTIONS", "DYNAMIC", "ENDINGS", "IN", "IN_HEADERS", "KEYS", "MAIN", "MINOR", "NAMES",
-    "NUMBERED", "OUT", "PASSED_OVER", "STATIC", "UNITS",
-]  # fmt: skip
-
 
 def _words(text: str) -> frozenset[str]:
     """The words of a text as a set."""

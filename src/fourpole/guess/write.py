@@ -17,8 +17,6 @@ from fourpole.guess.channels import Role
 from fourpole.io.write import write_text
 from fourpole.units import shown
 
-__all__ = ["Doubt", "Guess", "Row", "campaign_toml", "keep_existing", "tests_csv"]
-
 #: Columns of tests.csv: head, condition, and the SI value of 1. The first three are written even where all are blank.
 _COLUMNS = (
     *(

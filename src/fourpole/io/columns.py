@@ -22,8 +22,6 @@ from fourpole.io.layout import Layout, find_column, find_layout, split_lines
 from fourpole.io.rows import UTF8_MARK, Table, Values, length, line_start, parts, whole_lines
 from fourpole.io.source import decode, encoding_of, name_of, open_regular
 
-__all__ = ["Columns", "Survey", "column_blocks", "read_columns", "survey_columns"]
-
 #: Bytes of the first lines that are read to find the layout, and the most that are read if lines are long.
 _HEAD, _LARGEST_HEAD = 32_768, 4_000_000
 #: Bytes at the end of a file in which blank lines are counted.

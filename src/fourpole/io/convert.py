@@ -21,8 +21,6 @@ from fourpole.io.write import beside
 from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel
 from fourpole.units import shown
 
-__all__ = ["Choice", "Converted", "convert", "writers"]
-
 _MODULES = ("text", "parquet", "mdf", "tdms", "uff", "matlab", "hdf5", "wav", "tydex")
 #: As fractions of a time step: tolerance at the ends of a window; largest drift of a rate that is rounded to whole Hz.
 _INTO_STEP, _DRIFT = 1e-6, 0.1

@@ -18,19 +18,6 @@ from fourpole.io.clock import is_date, is_moment
 from fourpole.io.names import listed
 from fourpole.units import column_unit, is_unit, shown
 
-__all__ = [
-    "Layout",
-    "find_column",
-    "find_layout",
-    "is_aside",
-    "is_missing",
-    "number",
-    "plain_numbers",
-    "split_lines",
-    "splitter",
-    "trimmed",
-]
-
 #: Delimiters in the order in which they are tried; a space means any white space.
 _DELIMITERS = ("\t", ";", ",", " ")
 #: First lines of a file from which the layout is found.

@@ -15,8 +15,6 @@ from fourpole.errors import FourpoleError
 from fourpole.io.signals import FileInfo, Signal
 from fourpole.io.stream import by_halves, surveyed_stream
 
-__all__ = ["ChannelSummary", "look"]
-
 FloatArray = NDArray[np.float64]
 
 #: Number of equal parts of a recording of which the least and the greatest value are kept.

@@ -9,8 +9,6 @@ from collections.abc import Callable, Sequence
 from fourpole.errors import TableError
 from fourpole.units import column_unit, shown
 
-__all__ = ["Place", "in_group", "listed", "matching", "numbered", "only"]
-
 Place = tuple[str, str]
 """Group and name of a channel."""
 

@@ -11,8 +11,6 @@ from fourpole.io.names import in_group, matching
 from fourpole.io.signals import FileInfo, Format
 from fourpole.io.source import name_of, open_regular
 
-__all__ = ["chosen_of", "format_of", "survey"]
-
 #: Modules of `fourpole.io.formats` in the order in which they are tried; text is last, for it accepts any text.
 _MODULES = ("mdf", "tdms", "hdf5", "matlab", "parquet", "famos", "uff", "wav", "tydex", "lvm", "text")
 _HEAD = 4096

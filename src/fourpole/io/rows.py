@@ -25,8 +25,6 @@ from fourpole.units import shown
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["UTF8_MARK", "Table", "Values", "length", "line_start", "parts", "whole_lines"]
-
 UTF8_MARK = b"\xef\xbb\xbf"
 """The byte order mark of UTF-8."""
 

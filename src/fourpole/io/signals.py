@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from fourpole.core.arrays import ByValue
 
-__all__ = ["MAX_FILE_BYTES", "FileInfo", "Format", "Request", "Signal", "SignalInfo"]
-
 MAX_FILE_BYTES = 64_000_000_000
 """Largest file of which a part is read at a time [byte]."""
 

@@ -12,8 +12,6 @@ from typing import BinaryIO
 from fourpole.errors import FileError, FourpoleError, TableError
 from fourpole.units import shown
 
-__all__ = ["decode", "encoding_of", "name_of", "open_regular", "read_bytes", "reason", "sha256_of"]
-
 _UTF16 = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 _UTF32 = (b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")
 _UTF8 = b"\xef\xbb\xbf"

@@ -22,8 +22,6 @@ from fourpole.io.recordings import format_of
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.units import shown
 
-__all__ = ["Chunk", "Source", "Stream", "agreed", "by_halves", "stream", "surveyed_stream", "times_of"]
-
 FloatArray = NDArray[np.float64]
 Result = TypeVar("Result")
 

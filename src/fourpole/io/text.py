@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.columns import Columns, read_columns
 from fourpole.io.layout import (
     Layout,
     find_column,
@@ -28,8 +27,6 @@ from fourpole.io.layout import (
 )
 from fourpole.io.source import decode, name_of, read_bytes
 from fourpole.units import column_unit, shown
-
-__all__ = ["BadCell", "Columns", "TextTable", "read_columns", "read_table"]
 
 #: Largest number of lines that a quoted cell may have.
 _LONGEST_QUOTE = 100

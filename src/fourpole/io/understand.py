@@ -15,9 +15,6 @@ from fourpole.core.phasor import Phasors
 from fourpole.errors import TableError, UnitError
 from fourpole.io.text import TextTable, read_table
 
-__all__ = ["CurveTable", "ReducedTable", "read_curve", "read_reduced"]
-
-
 _MOTIONS = ("velocity", "displacement", "acceleration")
 
 

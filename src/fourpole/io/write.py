@@ -16,8 +16,6 @@ from fourpole.io.source import name_of, reason
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["beside", "replacing", "write_bytes", "write_table", "write_text"]
-
 
 def write_text(path: str | os.PathLike[str], text: str, *, label: str | None = None) -> None:
     r"""Write a text file in UTF-8, in one step.

@@ -19,8 +19,6 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import CHANCE, StiffnessData, relaxation
 
-__all__ = ["Possible", "check_possible"]
-
 #: Relaxation times per decade of the grid, and decades of the grid beyond each end of the band.
 _PER_DECADE, _BEYOND = 12, 2.0
 #: Number of times that a refinement adds around each active time, and largest number of refinements.

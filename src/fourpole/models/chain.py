@@ -13,8 +13,6 @@ from fourpole.errors import ModelError
 from fourpole.models.fractional import rational
 from fourpole.models.interface import Model, StateSpace, positive
 
-__all__ = ["four_pole", "in_time", "mobility", "transmissibility", "transmissibility_derivative"]
-
 
 def four_pole(model: Model, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
     r"""Four-pole of a model: a massless spring of its K*.

@@ -16,8 +16,6 @@ from fourpole.models.fit import Fit, best_fit, fit
 from fourpole.models.interface import Model
 from fourpole.models.starts import starts_of
 
-__all__ = ["AUTO", "Candidate", "Choice", "choose", "fit_conditions", "fixed_of"]
-
 #: Models that are tried if none is named.
 AUTO = automatic()
 #: Two models are equally good if their BIC differ by less than this: odds of 20 to 1.

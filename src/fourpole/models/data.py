@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 
-__all__ = ["CHANCE", "NORMAL_95", "SPACES", "StiffnessData", "multiplication", "relaxation", "stacked"]
-
 #: Quantities in which model and data may be compared: K*, 1/K* or jw/K*.
 SPACES = ("stiffness", "compliance", "mobility")
 #: Significance level: a model, or the data as stated, is rejected when its chi-square is less probable than this.

@@ -15,8 +15,6 @@ from scipy import stats
 from fourpole.models.causality import check_possible
 from fourpole.models.data import CHANCE, StiffnessData
 
-__all__ = ["least_misfit", "model_discrepancy", "with_error"]
-
 #: Probability of a larger chi-square at which the search for a better passive tyre ends.
 _LIKELY = 0.5
 #: The search ends when chi-square equals its degrees of freedom within this fraction.

@@ -15,8 +15,6 @@ from fourpole.errors import ModelError
 if TYPE_CHECKING:
     from fourpole.models.interface import Model
 
-__all__ = ["FAMILIES", "NAMES", "automatic", "contains", "for_maps", "model_named", "sizes_of"]
-
 #: Name and class of each family, in the order of help and of `auto`. `:N` is a size, optional if it is in brackets.
 FAMILIES = {
     "spring": "springs.Spring",

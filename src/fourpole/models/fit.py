@@ -17,8 +17,6 @@ from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
 from fourpole.models.problem import FitProblem, problem_of
 
-__all__ = ["Fit", "best_fit", "fit"]
-
 #: Maximum number of steps; start, factors after a good and a bad step, and maximum of the damping.
 _STEPS = 200
 _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 1e-3, 0.2, 5.0, 1e12

@@ -16,8 +16,6 @@ from fourpole.models.interface import Model, Parameter, columns, positive
 from fourpole.models.maxwell import GeneralisedMaxwell
 from fourpole.models.spectrum import two_springs, whitened_conditions
 
-__all__ = ["FractionalZener", "FractionalZener5", "rational"]
-
 _COMMON = (
     Parameter("K0", "N/m", 0.0, np.inf, 150e3, "stiffness at rest", log=True),
     Parameter("K_inf", "N/m", 0.0, np.inf, 400e3, "stiffness at once", log=True),

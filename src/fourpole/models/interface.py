@@ -13,8 +13,6 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 
-__all__ = ["Model", "Parameter", "StateSpace"]
-
 
 @dataclass(frozen=True)
 class Parameter:

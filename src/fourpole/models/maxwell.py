@@ -11,8 +11,6 @@ from fourpole.models.data import StiffnessData, relaxation
 from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
 from fourpole.models.spectrum import WhitenedCondition, arms_at, two_springs, whitened_conditions
 
-__all__ = ["GeneralisedMaxwell", "Zener"]
-
 _MOST_ARMS = 60
 #: Least stiffness of a start as a fraction of |K*|, and least relaxation time as a fraction of 1/omega.
 _LEAST_SPRING, _LEAST_TIME = 0.01, 1e-6

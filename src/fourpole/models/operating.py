@@ -21,8 +21,6 @@ from fourpole.models.interface import Model
 from fourpole.models.surface import Axes, Terms, ValueSurface, bends, design, term_sets, value_surface
 from fourpole.models.together import Scatter, Together, fit_together, unlink
 
-__all__ = ["Answer", "LeaveOneOut", "OperatingMap", "make_map", "misfit_of"]
-
 #: Relative scatter of conditions in the comparison of surfaces; least and largest scatter of the search.
 _SCATTER, _LEAST, _MOST = 1e-2, 1e-6, 1.0
 #: Maximum number of steps of the search for the scatter.

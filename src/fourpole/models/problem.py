@@ -17,8 +17,6 @@ from fourpole.errors import ModelError
 from fourpole.models.data import SPACES, StiffnessData, multiplication
 from fourpole.models.interface import Model
 
-__all__ = ["FitProblem", "problem_of"]
-
 #: A logarithm that is farther than this from its start counts as on its bound.
 _FARTHEST = 30.0
 #: Distance from a bound, as a fraction of the scale, within which a parameter counts as on the bound.

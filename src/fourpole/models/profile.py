@@ -21,8 +21,6 @@ from fourpole.models.fit import Fit, fit
 from fourpole.models.interface import Model, Parameter
 from fourpole.models.starts import starts_of
 
-__all__ = ["profile_intervals"]
-
 #: Distances from the best value, in standard uncertainties, at which the profile is evaluated: first near, then far.
 _NEAR = np.array([1.0, 1.6, 1.9, 2.2, 2.6, 3.2, 4.0])
 _FAR = np.array([6.0, 10.0, 20.0, 50.0, 200.0])

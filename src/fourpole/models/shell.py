@@ -35,8 +35,6 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 
-__all__ = ["Cylinder", "enough_terms", "flexibility", "mode_shape", "natural_frequencies", "ring_frequencies"]
-
 _MOST_TERMS = 1024
 
 

@@ -12,8 +12,6 @@ from scipy import optimize
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.models.data import StiffnessData, relaxation
 
-__all__ = ["WhitenedCondition", "arms_at", "two_springs", "whitened_conditions"]
-
 #: Relaxation times per decade of the grid of a spectrum, and decades of the grid beyond each end of the band.
 _FINE, _BEYOND = 8, 1.0
 #: Assumed distance of the first and the last arm to a further neighbour, in ln(tau).

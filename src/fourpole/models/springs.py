@@ -9,8 +9,6 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
 
-__all__ = ["KelvinVoigt", "Spring", "Structural"]
-
 _K = Parameter("K", "N/m", 0.0, np.inf, 180e3, "spring", log=True)
 
 

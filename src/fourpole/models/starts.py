@@ -10,8 +10,6 @@ from fourpole.core.arrays import FloatArray
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
 
-__all__ = ["start_of", "starts_of"]
-
 #: Start of a logarithmic parameter that would be zero, as a fraction of its default.
 _SMALL = 1e-6
 #: Further starts differ from the first by at most this factor. Their factors follow the golden-ratio sequence.

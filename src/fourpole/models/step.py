@@ -10,8 +10,6 @@ from fourpole.core.arrays import FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.interface import StateSpace
 
-__all__ = ["simulate"]
-
 #: Derivatives 0 to 3 of the cubic at the start of a step, times powers of the step, from x and step·v at both ends.
 _HERMITE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-6.0, -4.0, 6.0, -2.0], [12.0, 6.0, -12.0, 6.0]])
 

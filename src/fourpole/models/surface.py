@@ -13,8 +13,6 @@ from scipy import optimize
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 
-__all__ = ["Axes", "Terms", "ValueSurface", "bends", "design", "term_sets", "value_surface"]
-
 #: Exponents of each axis, term by term.
 Terms = tuple[tuple[int, ...], ...]
 #: Highest exponent of one axis.

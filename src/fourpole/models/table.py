@@ -13,8 +13,6 @@ from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model, Parameter, columns, positive
 
-__all__ = ["Gehman", "GehmanLaw"]
-
 #: Angular frequency [rad/s] to which K2 and C of `GehmanLaw` refer, 10 Hz; largest order; bound of the exponents.
 _REFERENCE, _MOST_ORDER, _STEEPEST = 20.0 * np.pi, 4, 50.0
 #: Relative tolerance of the ends of the band of a table.

@@ -24,8 +24,6 @@ from fourpole.models.data import StiffnessData, multiplication, stacked
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model, Parameter
 
-__all__ = ["Scatter", "Together", "fit_together", "link", "unlink"]
-
 #: Largest modulus of a linked value: logit between two bounds, logarithm above one bound.
 _MOST_LOGIT, _MOST_LOG = 12.0, 300.0
 #: Relative tolerance of the least-squares search.

@@ -25,8 +25,6 @@ from fourpole.models.shell import (
     wave,
 )
 
-__all__ = ["CROSS_PLY", "RADIAL_PLY", "Shell"]
-
 #: Number of times that uu, uv, uw, vv, vw and ww occur in a symmetric 3 x 3 matrix; their rows and columns.
 _TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 _ROW, _COLUMN = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])

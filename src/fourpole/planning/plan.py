@@ -28,19 +28,6 @@ from fourpole.study.identified import ADDED_MASS_STD, setup_of
 from fourpole.study.results import read_results
 from fourpole.study.static import StaticStiffness
 
-__all__ = [
-    "AS_STATED",
-    "CampaignPlan",
-    "Guess",
-    "RigPlan",
-    "Run",
-    "bare_plan",
-    "plan",
-    "plan_campaign",
-    "plan_table",
-    "with_kg",
-]
-
 #: Value of the column ``plan`` for the tests as tests.csv states them.
 AS_STATED = "as stated"
 #: Relative standard uncertainty of K1 where neither tests.csv nor the command line states one.

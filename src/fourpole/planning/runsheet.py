@@ -15,8 +15,6 @@ from fourpole.campaign.folder import Test, condition_of
 from fourpole.core.condition import Sameness
 from fourpole.planning.plan import CampaignPlan
 
-__all__ = ["INSTRUCTION", "run_sheet"]
-
 _T = TypeVar("_T")
 
 #: Head of the column of instructions.

@@ -23,8 +23,6 @@ from fourpole.plot.sheet import Sheet, read_sheet
 from fourpole.plot.style import Style
 from fourpole.study.results import Results
 
-__all__ = ["FIGURES", "budget", "source_colour"]
-
 _QUANTITIES = {one.column: one.name for one in (q.K2, q.C, q.STORAGE, q.LOSS)}
 _MOST_SOURCES = 6
 _MOST_TYRES = 3

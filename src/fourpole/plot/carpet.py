@@ -20,8 +20,6 @@ from fourpole.plot.sheet import Sheet, read_sheet
 from fourpole.plot.style import Style, counted, plain_text
 from fourpole.study.results import Results
 
-__all__ = ["FIGURES", "LoadLine", "carpet", "load_deflection", "load_lines"]
-
 #: Deflection [mm] and load [kN] in the axes of this figure.
 _MM, _KN = 1e3, 1e-3
 

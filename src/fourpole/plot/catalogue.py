@@ -16,8 +16,6 @@ from fourpole.plot.style import Style, drawing
 from fourpole.study.results import Results
 from fourpole.study.study import make_folder
 
-__all__ = ["FIGURES", "FORMATS", "FigureSpec", "draw", "render", "save_figures", "write_figure"]
-
 #: Modules with figures, in the order of a report. A new figure is a module with `FIGURES`, and its name in this list.
 _MODULES = (
     "schemes",

@@ -21,8 +21,6 @@ from fourpole.plot.sheet import read_sheet
 from fourpole.plot.style import Style, plain_text
 from fourpole.study.results import Results
 
-__all__ = ["FIGURES", "choice"]
-
 #: Difference of BIC within which models are equally good, and difference up to which its axis is linear.
 _ALIKE, _LINEAR = 6.0, 10.0
 _MOST_CANDIDATES, _MOST_TYRES = 14, 8

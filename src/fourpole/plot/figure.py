@@ -15,8 +15,6 @@ from fourpole.errors import CampaignError
 from fourpole.plot.style import Style, drawing
 from fourpole.study.results import Results
 
-__all__ = ["FORMATS", "FigureSpec", "figure_bytes"]
-
 #: File formats of a figure.
 FORMATS = ("svg", "png", "pdf")
 _DPI = 150

@@ -20,8 +20,6 @@ from fourpole.plot.panels import Extent
 from fourpole.plot.sheet import Groups, Sheet, spread
 from fourpole.plot.style import Marker, Style, counted, load_dashes, pressure_marker
 
-__all__ = ["MOST_NAMED", "WIDTH", "Grid", "Key", "Notes", "new_figure"]
-
 _T = TypeVar("_T")
 #: Width of a figure in a report [in].
 WIDTH = 7.0

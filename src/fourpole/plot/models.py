@@ -24,8 +24,6 @@ from fourpole.plot.sheet import Sheet, read_sheet, texts
 from fourpole.plot.style import Dashes, Style, load_dashes, mixed, plain_text, pressure_marker
 from fourpole.study.results import Results
 
-__all__ = ["FIGURES", "heading", "models", "numbered", "share", "steep", "steep_limits"]
-
 _MOST_COLUMNS = 4
 #: Most conditions of a panel over less than a decade of frequency, where bands overlap, and over more.
 _MOST_SERIES, _MOST_WIDE = 3, 5

@@ -18,8 +18,6 @@ from fourpole.plot.sheet import Sheet, present, read_sheet
 from fourpole.plot.style import Style
 from fourpole.study.results import Results
 
-__all__ = ["FIGURES", "crossings", "mark_crossings", "measured_against_predicted", "transmissibility"]
-
 #: The two pressures of the paper's figure 14 [Pa].
 _PRESSURES = (100e3, 168e3)
 _MOST_PANELS = 9

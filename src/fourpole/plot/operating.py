@@ -24,8 +24,6 @@ from fourpole.plot.style import Style, load_dashes, load_marker, plain_text
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 
-__all__ = ["FIGURES", "operating"]
-
 _MOST_COLUMNS = 4
 _FREQUENCIES = 3
 _GRID = 41

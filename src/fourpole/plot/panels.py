@@ -13,20 +13,6 @@ from matplotlib.ticker import MaxNLocator
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.plot.style import Dashes, Marker, Style, plain_text
 
-__all__ = [
-    "Extent",
-    "Marks",
-    "band",
-    "bars",
-    "condition",
-    "curve",
-    "few_ticks",
-    "means",
-    "rejected_tests",
-    "span",
-    "tyre_heading",
-]
-
 #: A line with more points than this has a marker at some of them only.
 _MOST_MARKERS = 60
 

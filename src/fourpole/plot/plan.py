@@ -20,8 +20,6 @@ from fourpole.plot.figure import figure_bytes
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.style import Dashes, Style, drawing, mixed
 
-__all__ = ["draw_plan", "write_plan_figure"]
-
 _KEY, _FORMATS = "plan", ("svg", "png")
 _TITLE = "Uncertainty to expect of K*, K2 and C"
 _COLUMNS = ((q.K_STAR.relative_head, "K*"), (q.K2.relative_head, "K2"), (q.C.relative_head, "C"))

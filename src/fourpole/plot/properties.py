@@ -19,8 +19,6 @@ from fourpole.plot.style import Style, load_dashes, load_marker, pressure_marker
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 
-__all__ = ["FIGURES", "property_figure", "tyre_marks"]
-
 _MOST_PANELS = 12
 _MOST_FREQUENCIES = 12
 _MOST_PRESSURES = 8

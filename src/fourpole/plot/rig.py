@@ -24,8 +24,6 @@ from fourpole.plot.style import Marker, Style, counted, plain_text
 from fourpole.study.results import Results
 from fourpole.study.rig_estimate import Finding, RigEstimate, SharedValue
 
-__all__ = ["FIGURES", "found", "mass_gain", "residual", "value_label"]
-
 _MOST_RIGS = 4
 #: Rule of equal added masses; equal masses have one marker.
 _MASS = Axis("added mass", relative=1e-3)

@@ -16,8 +16,6 @@ from fourpole.plot.stiffness import rig_stated
 from fourpole.plot.style import Style
 from fourpole.study.results import Results
 
-__all__ = ["FIGURES", "Pen", "dynamic_rig", "static_rig", "tyre_model", "whole_model"]
-
 #: Scale of the line art: units of the drawing per width of the figure.
 _UNITS = 10.0
 

@@ -17,8 +17,6 @@ from fourpole.plot.style import short_names
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 
-__all__ = ["Groups", "Sheet", "floats", "grouped", "present", "read_sheet", "spread", "texts"]
-
 IntArray = NDArray[np.int64]
 
 

@@ -39,8 +39,6 @@ from fourpole.plot.style import Dashes, Style, mixed
 from fourpole.quantities import DERIVED, Quantity
 from fourpole.study.results import Results
 
-__all__ = ["FIGURES", "mobility", "nyquist", "rig_stated", "route_stiffness", "routes", "stiffness"]
-
 _MOST_PRESSURES = 5
 _MOST_LOADS = 3
 _MOST_TYRES = 12

@@ -14,8 +14,6 @@ from matplotlib.colors import to_hex, to_rgb
 
 from fourpole.errors import CampaignError
 
-__all__ = ["THEMES", "Dashes", "Marker", "Style", "counted", "distinct", "drawing", "plain_text", "short_names"]
-
 #: A line style of matplotlib: a name, or an offset with lengths of dash and gap. Its own types differ by version.
 Dashes: TypeAlias = Any
 #: A marker of matplotlib: a letter, or a tuple of number of corners, kind and angle.

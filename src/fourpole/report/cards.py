@@ -21,8 +21,6 @@ from fourpole.report.stated import mapping
 from fourpole.study.results import Results
 from fourpole.study.tables import DYNAMIC as TABLE
 
-__all__ = ["ALPHABET", "Card", "embedded", "make_cards", "packed"]
-
 #: Two of these characters are one sample of a curve: 4095 levels between its extremes, and one for a missing sample.
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 _LEVELS = 4094

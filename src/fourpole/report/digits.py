@@ -9,8 +9,6 @@ import numpy as np
 
 from fourpole.core.condition import Axis
 
-__all__ = ["known", "number", "spread", "with_std"]
-
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Up to this number values are listed one by one; more are given as a range.
 _LISTED = 8

@@ -10,8 +10,6 @@ from fourpole.report.digits import number, with_std
 from fourpole.report.words.models import chosen, map_facts, place, question, remarks_on_map, sentences
 from fourpole.study.results import Results
 
-__all__ = ["Cell", "ModelSection", "models_section"]
-
 #: The unit shown for an SI unit, and its SI value.
 _UNITS = {"N/m": ("kN/m", 1e3), "1": ("", 1.0)}
 #: With more conditions than these the table of parameters is folded when the page opens.

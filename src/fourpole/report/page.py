@@ -24,8 +24,6 @@ from fourpole.report.stated import channel_rows, mapping, rig_rows, tested, text
 from fourpole.report.words.limits import limits
 from fourpole.study.results import Results
 
-__all__ = ["ReportFigure", "Said", "render_report", "write_report"]
-
 #: Up to this number the tests of a finding or a remark are listed by name.
 _NAMED = 12
 #: Characters that a page must not contain: control characters and lone surrogates.

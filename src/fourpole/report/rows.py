@@ -12,8 +12,6 @@ from fourpole import quantities as q
 from fourpole.quantities import DERIVED, Quantity
 from fourpole.report.digits import known, number, with_std
 
-__all__ = ["DYNAMIC", "STATIC", "VERDICTS", "Cell", "Row", "condition", "result_rows", "texts", "words", "worst"]
-
 VERDICTS = ("ok", "warning", "rejected")
 
 

@@ -10,8 +10,6 @@ from fourpole.report.words.rig import RigInWords, rigs_in_words
 from fourpole.report.words.shared_values import GROUPS, ShownValue
 from fourpole.study.results import Results
 
-__all__ = ["RigSection", "rig_sections"]
-
 #: Outliers that are listed by name.
 _NAMED = 12
 

@@ -15,19 +15,6 @@ from fourpole.report.digits import known, number, spread, with_std
 from fourpole.report.rows import VERDICTS, worst
 from fourpole.study.results import Results
 
-__all__ = [
-    "RIG_VALUES",
-    "ChannelRow",
-    "RigRow",
-    "Tested",
-    "channel_rows",
-    "mapping",
-    "rig_rows",
-    "tested",
-    "texts",
-    "verdict_counts",
-]
-
 #: Rig values by key: name in words, unit shown, SI value of this unit.
 RIG_VALUES = {
     "moving_mass": ("moving mass m", "kg", 1.0),

@@ -21,8 +21,6 @@ from fourpole.core.phasor import Phasors
 from fourpole.io.write import write_text
 from fourpole.study.outcome import Point
 
-__all__ = ["cache_name", "recall", "remember"]
-
 #: This number is raised whenever demodulation or its checks change, so that older files of the cache are not used.
 _VERSION = 7
 

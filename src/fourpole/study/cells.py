@@ -18,8 +18,6 @@ from fourpole.study.identified import Identified
 from fourpole.study.outcome import Point
 from fourpole.study.static import StaticStiffness
 
-__all__ = ["dynamic_cells", "dynamic_checks", "tyre_cells"]
-
 #: Relative uncertainty of K2 or C above which linear propagation of uncertainty is not valid.
 _LINEAR = 0.3
 #: If more than this share of the draws is not passive, no passive K2 and C exist.

@@ -19,8 +19,6 @@ from fourpole.study.load import group_of, source_of
 from fourpole.study.reduce import ROUTE_NEEDS, Job, check_part, jobs_of
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
 
-__all__ = ["Checked", "Problem", "check_campaign"]
-
 #: Largest file [bytes] whose content is compared with that of other files of its size.
 _MOST_HASHED = 500_000_000
 #: Number of samples from which the start and the sample rate of a recording are found.

@@ -17,8 +17,6 @@ from fourpole.errors import RecordingError, TableError
 from fourpole.io.signals import Signal
 from fourpole.io.stream import agreed
 
-__all__ = ["ChannelBuilder", "ReferenceBuilder", "Timing"]
-
 #: Number of samples above which a channel is thinned: the sine fit keeps some thirty values per sample in memory.
 _MOST_SAMPLES = 1 << 19
 #: Thinning keeps at least this many samples per excitation cycle.

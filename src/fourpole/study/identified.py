@@ -27,8 +27,6 @@ from fourpole.study.rig_estimate import RigEstimate, mass_gain
 from fourpole.study.rig_solution import relative_uncertainties, rig_estimate
 from fourpole.study.static import StaticStiffness
 
-__all__ = ["Group", "Identified", "Setup", "identify_tests", "possible_route", "setup_of"]
-
 #: Relative standard uncertainty of an added mass whose uncertainty is not stated.
 ADDED_MASS_STD = 1e-4
 #: Relative uncertainty of K2 or C above which their distribution is found by Monte Carlo, not taken as normal.

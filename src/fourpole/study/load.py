@@ -22,8 +22,6 @@ from fourpole.io.stream import Chunk, Source, Stream, stream, times_of
 from fourpole.study.gather import ChannelBuilder, ReferenceBuilder, Timing
 from fourpole.study.response import read_response
 
-__all__ = ["MOST_BYTES", "group_of", "load_curve", "load_recording", "source_of"]
-
 MOST_BYTES = MAX_FILE_BYTES
 #: Number of samples per chunk where only the first part of a recording is loaded.
 _ROWS_OF_PART = 1 << 14

@@ -13,8 +13,6 @@ from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
 from fourpole.fitting.rows import Key
 
-__all__ = ["Point", "Reduced", "point_keys"]
-
 
 @dataclass(frozen=True)
 class Point:

@@ -14,8 +14,6 @@ from fourpole.core.recording import Recording
 from fourpole.errors import CampaignError, FileError
 from fourpole.study.load import load_recording
 
-__all__ = ["read_recording"]
-
 
 def read_recording(file: str | Path, channels: Mapping[str, str | Mapping[str, Any]] | Campaign) -> Recording:
     r"""Read the file of one dynamic test, in any format that Fourpole reads, as channels in SI units.

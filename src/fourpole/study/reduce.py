@@ -30,8 +30,6 @@ from fourpole.study.cache import cache_name, recall, remember
 from fourpole.study.load import MOST_BYTES, load_recording
 from fourpole.study.outcome import Point, Reduced
 
-__all__ = ["ROUTE_NEEDS", "Job", "check_part", "jobs_of", "reduce_tests", "reduced_point", "response_hashes"]
-
 _WORKERS = min(os.cpu_count() or 1, 8)
 #: Errors that have a code of their own; any other error of a recording has `Code.RECORDING`.
 _CODES: dict[type[FourpoleError], Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}

@@ -13,8 +13,6 @@ from fourpole.core.chain import Calibrated
 from fourpole.errors import TableError, UnitError
 from fourpole.io.text import TextTable, read_table
 
-__all__ = ["read_response"]
-
 #: Kind of quantity of each column.
 _COLUMNS = {"frequency": "frequency", "gain": "ratio", "phase": "angle", "u(gain)": "ratio", "u(phase)": "angle"}
 _MOST_BYTES = 4_000_000

@@ -19,8 +19,6 @@ from fourpole.quantities import TYRE
 from fourpole.study.rig_estimate import RigEstimate, read_rig_estimates
 from fourpole.study.tables import DYNAMIC, OPTIONAL, TABLES, Tables, TableSpec
 
-__all__ = ["Results", "read_results"]
-
 _MOST_BYTES = 2_000_000_000
 _MADE_BY = {"model": "fit", "map": "map"}
 

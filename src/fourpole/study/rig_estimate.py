@@ -18,8 +18,6 @@ from fourpole.core.joint.misfit import Candidate
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.fitting.rows import keys_of
 
-__all__ = ["Finding", "NoteCode", "Outlier", "RigEstimate", "SharedValue", "read_rig_estimates"]
-
 #: A found value whose uncertainty is above this share of the stated uncertainty rests in part on the statement.
 _HALF = 0.5
 #: Noise that counts as more than this times what the recordings say is worth a note.

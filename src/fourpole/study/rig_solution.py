@@ -18,8 +18,6 @@ from fourpole.core.sources import RATIOS, Kind, Role, Source
 from fourpole.fitting.rows import Key
 from fourpole.study.rig_estimate import Finding, Outlier, RigEstimate, SharedValue, hidden_in, number
 
-__all__ = ["relative_uncertainties", "residual_rows", "rig_estimate"]
-
 #: A value is not determined by the tests if its uncertainty after them is more than this share of the stated one.
 NOT_DETERMINED = 0.9
 #: Information below this share of the statement's own is round-off.

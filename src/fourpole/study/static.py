@@ -16,8 +16,6 @@ from fourpole.errors import FourpoleError, LoadCurveError
 from fourpole.io.source import sha256_of
 from fourpole.study.load import MOST_BYTES, load_curve
 
-__all__ = ["StaticRow", "StaticStiffness", "StaticTest", "evaluate_statics", "stiffness_for"]
-
 #: Relative standard uncertainty of a K1 that tests.csv states without u(K1).
 _UNSTATED_K1_STD = 0.02
 _RULE = Sameness()

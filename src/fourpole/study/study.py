@@ -39,8 +39,6 @@ from fourpole.study.tables import TABLES, Tables
 if TYPE_CHECKING:
     from xarray import Dataset
 
-__all__ = ["Study", "analyse"]
-
 #: Number of Monte Carlo draws of K* and K1 where K2 and C are not normally distributed.
 DRAWS = 10_000
 #: Seed of the draws, so that each analysis gives the same intervals.

@@ -24,8 +24,6 @@ from fourpole.study.outcome import Point, point_keys
 from fourpole.study.rig_solution import residual_rows
 from fourpole.study.static import StaticTest
 
-__all__ = ["Analysed"]
-
 Row = dict[str, Any]
 #: Columns of previews.parquet: the loop of a static test and its mean, and the signals of a dynamic test.
 LOOP = tuple(one.head for one in (q.DEFLECTION, q.LOAD, q.MEAN_DEFLECTION, q.MEAN_LOAD))

@@ -22,8 +22,6 @@ from fourpole.quantities import DERIVED, QUANTITIES, Quantity
 from fourpole.study import table_rows as made
 from fourpole.study.table_rows import Analysed, Row
 
-__all__ = ["OPTIONAL", "TABLES", "TEXT_COLUMNS", "TableSpec", "Tables"]
-
 _TYPES = {"number": pl.Float64, "text": pl.String, "count": pl.Int64, "lists": pl.List(pl.Float64)}
 _KINDS = {one.head: one.kind for one in QUANTITIES}
 #: Columns of text in all tables.

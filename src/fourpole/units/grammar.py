@@ -17,8 +17,6 @@ from fourpole.errors import UnitError
 if TYPE_CHECKING:
     from pint import UnitRegistry
 
-__all__ = ["SPELLINGS", "Dimensions", "add_up", "lookup", "parse", "shown", "spelled_out"]
-
 Dimensions = tuple[tuple[str, int], ...]
 _Scaled = tuple[Fraction, Dimensions]
 _PURE: Dimensions = ()

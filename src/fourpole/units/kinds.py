@@ -11,20 +11,6 @@ from functools import lru_cache
 from fourpole.errors import UnitError
 from fourpole.units.grammar import SPELLINGS, Dimensions, add_up, lookup, parse, shown, spelled_out
 
-__all__ = [
-    "COMMON",
-    "KINDS",
-    "MOTIONS",
-    "SUGGESTED",
-    "TABLE",
-    "TEMPERATURES",
-    "Kind",
-    "affine",
-    "kind_named",
-    "kind_of",
-    "scale_of",
-]
-
 
 @dataclass(frozen=True)
 class Kind:

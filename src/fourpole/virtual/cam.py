@@ -8,8 +8,6 @@ import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 
-__all__ = ["Cam"]
-
 
 @dataclass(frozen=True)
 class Cam:

@@ -12,9 +12,6 @@ from fourpole.models.interface import StateSpace
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.march import held_force, recur, respond
 
-__all__ = ["Bench", "Motion", "Zener", "amplification", "run", "run_block", "state_matrices"]
-
-
 #: A transient has decayed after this many time constants: e^-37 is below round-off.
 _SETTLED = 37.0
 #: Largest number of states times steps of a run-up, which is 160 MB.

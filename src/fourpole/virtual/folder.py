@@ -19,9 +19,6 @@ from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
 from fourpole.virtual.truth import MORE_COLUMNS, TRUTH_COLUMNS, Statement
 from fourpole.virtual.tyres import Tyre
 
-__all__ = ["finish", "prepare", "write_recording"]
-
-
 _NOISY_CHANNELS = """\
 [channels]
 time       = {{ column = "t", unit = "s" }}

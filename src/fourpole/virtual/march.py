@@ -9,8 +9,6 @@ from scipy.signal import lfilter
 
 from fourpole.core.arrays import FloatArray
 
-__all__ = ["exponential", "held_force", "march", "recur", "respond"]
-
 
 def held_force(a: FloatArray, column: FloatArray, step: float) -> FloatArray:
     """Change of the states in one step (n, 2) per unit of a force at both ends of the step, linear between them."""

@@ -21,18 +21,6 @@ from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, Float
 from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.core.rig import PARAMETERS
 
-__all__ = [
-    "CHANNELS",
-    "FAULTS",
-    "RIG_VALUES",
-    "Conditions",
-    "DrawnLaboratory",
-    "Laboratory",
-    "PhasorCampaign",
-    "draw",
-    "simulate_phasors",
-]
-
 #: The values of a rig that a laboratory states, in the order in which their truth is drawn.
 RIG_VALUES = tuple(PARAMETERS)
 #: The channels, in the order of all triples.

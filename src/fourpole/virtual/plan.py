@@ -12,8 +12,6 @@ from fourpole.models.interface import StateSpace
 from fourpole.virtual.dynamic_rig import Zener
 from fourpole.virtual.tyres import Tyre
 
-__all__ = ["FREQUENCIES", "PRELOADS", "PRESSURES", "Test", "element", "plan_tests"]
-
 PRESSURES = (100e3, 135e3, 170e3, 205e3, 240e3)
 PRELOADS = (1000.0, 2000.0)
 FREQUENCIES = (10.0, 12.0, 14.0, 16.0, 17.0, 18.0, 19.0, 20.0, 22.0, 24.0)

@@ -17,9 +17,6 @@ from fourpole.virtual.sensors import Sensor
 from fourpole.virtual.static_rig import load_cycles
 from fourpole.virtual.truth import Truth, bench_of
 
-__all__ = ["F1_GAIN", "V1_DELAY", "cam_frequency", "record_dynamic", "record_static"]
-
-
 #: Gain of F1 [1] and delay of V1 [s], as declared in campaign.toml.
 F1_GAIN, V1_DELAY = 1.02, 0.2e-3
 #: Sampling rate of dynamic tests [Hz].

@@ -8,8 +8,6 @@ import numpy as np
 
 from fourpole.core.arrays import FloatArray
 
-__all__ = ["Sensor", "sample"]
-
 
 @dataclass(frozen=True)
 class Sensor:

@@ -15,8 +15,6 @@ from fourpole.virtual.recordings import cam_frequency, record_dynamic, record_st
 from fourpole.virtual.truth import STD_GAIN, STD_PHASE, draw_truth, state, truth_rows
 from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, Tyre
 
-__all__ = ["SimulatedCampaign", "simulate_campaign"]
-
 
 @dataclass(frozen=True)
 class SimulatedCampaign:

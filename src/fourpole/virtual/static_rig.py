@@ -9,9 +9,6 @@ import numpy as np
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.virtual.tyres import Tyre
 
-__all__ = ["StaticCycles", "load_cycles"]
-
-
 #: Share of the tyre's conditioning effect in the first and in the second cycle; it is 0 in later cycles.
 _CONDITIONING_LEFT = (1.0, 0.15)
 

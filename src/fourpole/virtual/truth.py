@@ -14,19 +14,6 @@ from fourpole.virtual.dynamic_rig import Bench, Zener, amplification
 from fourpole.virtual.phasor_rig import CHANNELS, FAULTS, Conditions, Laboratory, simulate_phasors
 from fourpole.virtual.plan import Test, element
 
-__all__ = [
-    "MORE_COLUMNS",
-    "STD_GAIN",
-    "STD_PHASE",
-    "TRUTH_COLUMNS",
-    "Statement",
-    "Truth",
-    "bench_of",
-    "draw_truth",
-    "state",
-    "truth_rows",
-]
-
 TRUTH_COLUMNS = (
     "test",
     "tyre",

@@ -15,9 +15,6 @@ from fourpole.models.chain import in_time
 from fourpole.models.interface import Model, StateSpace
 from fourpole.virtual.dynamic_rig import Zener
 
-__all__ = ["CROSS_PLY", "RADIAL_PLY", "ModelTyre", "Tyre", "VirtualTyre"]
-
-
 #: Centre and half width of the pressures from 1.0 to 2.4 bar that the laws cover [Pa].
 _PRESSURE_MID, _PRESSURE_HALF = 170e3, 70e3
 #: Centre and span of the two preloads [N].

@@ -11,15 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fourpole.errors import FileError, TableError
-from fourpole.io.formats.tydex import (
-    FORMAT,
-    TydexChannel,
-    TydexEntry,
-    TydexFile,
-    meaning,
-    read_tydex,
-    write_tydex,
-)
+from fourpole.io.formats.tydex import FORMAT, read_tydex
+from fourpole.io.formats.tydex_file import TydexChannel, TydexEntry, TydexFile, meaning, write_tydex
 from fourpole.io.signals import Request
 
 NAN = float("nan")

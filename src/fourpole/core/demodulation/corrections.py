@@ -13,8 +13,6 @@ from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import DERIVATIVES, Channel, Recording
 from fourpole.errors import RecordingError
 
-__all__ = ["Correction", "corrections_of", "links_of", "response_std", "without_crosstalk"]
-
 
 @dataclass(frozen=True)
 class Correction:

@@ -23,9 +23,6 @@ from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import DERIVATIVES, Channel, Recording
 from fourpole.errors import RecordingError, TooShortError
 
-__all__ = ["Demodulation", "demodulate", "first_guess"]
-
-
 _HARMONICS = 10
 _MOST_LINES = 12
 _LINE_PASSES = 4

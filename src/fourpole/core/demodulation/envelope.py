@@ -10,8 +10,6 @@ import numpy as np
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.tracks import Track
 
-__all__ = ["Envelope", "envelope"]
-
 #: Length and distance of stretches, in cycles: a Hann window of this length suppresses mean and double frequency.
 _LENGTH, _HOP = 4.0, 2.0
 #: Least weighted share of samples present in a stretch: with more missing, mean and harmonics leak.

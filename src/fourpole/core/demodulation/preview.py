@@ -10,8 +10,6 @@ import numpy as np
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.demodulation.sinefit import SineFit
 
-__all__ = ["Preview", "preview"]
-
 _CYCLES = 3.0
 _POINTS = 96
 _BLOCKS = 60

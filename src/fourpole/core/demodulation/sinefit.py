@@ -16,9 +16,6 @@ from scipy import linalg
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 
-__all__ = ["Course", "SineFit", "fit_sines", "refine"]
-
-
 _DRIFT_ORDER = 3  # mean, slope, parabola, cubic
 _ITERATIONS = 12
 

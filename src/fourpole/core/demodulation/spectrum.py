@@ -12,9 +12,6 @@ from scipy import linalg
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.sinefit import SineFit
 
-__all__ = ["Noise", "find_lines", "noise_beside", "off_multiples", "strongest_line"]
-
-
 #: Power over the local noise at which a line is real: one false line in some ten thousand records of 10 000 bins.
 LINE_LIMIT = 30.0
 #: Closest that a line may lie to a fitted frequency, in bins of 1/T.

@@ -13,8 +13,6 @@ from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Recording
 from fourpole.errors import RecordingError
 
-__all__ = ["steady_part"]
-
 #: The drive runs in stretches whose V1 is within these shares of its usual level and of its usual speed.
 _LEVEL, _SPEED = 0.2, 0.03
 #: A stretch is steady within this share of the mean of the middle half, or within this many of its standard deviations.

@@ -14,8 +14,6 @@ from fourpole.core.recording import Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import ConstantError, RecordingError
 
-__all__ = ["STEADY", "Track", "following", "named", "tracks_of"]
-
 _FEWEST_SAMPLES = 16
 _MOST_MISSING = 0.2
 #: Largest sample in SI units: above any measurement, and its square does not overflow.

@@ -17,8 +17,6 @@ from fourpole.core.recording import DERIVATIVES, Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
 
-__all__ = ["Wander", "follow_wander", "refine_reference"]
-
 _FEWEST_STRETCHES = 12
 #: Number of rows for mean and drift at the end of a fit's basis.
 _DRIFT = 4

@@ -7,8 +7,6 @@ import numpy as np
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.routes import maxwell_arm
 
-__all__ = ["Conditions", "group_conditions"]
-
 #: Largest ratio of successive frequencies in one condition, and of its highest to its lowest frequency.
 _STEP, _WIDTH = 1.0105, 1.0161
 #: Largest ratio of equal nominal frequencies, which allows for rounding in tests.csv.

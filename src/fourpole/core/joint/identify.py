@@ -12,8 +12,6 @@ from fourpole.core.joint.outputs import identification
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 
-__all__ = ["identify_joint"]
-
 
 def identify_joint(
     phasors: Phasors,

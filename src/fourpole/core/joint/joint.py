@@ -20,8 +20,6 @@ from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.errors import RigError
 
-__all__ = ["Joint", "solve_joint"]
-
 
 @dataclass(frozen=True, eq=False)
 class Joint(ByValue):

@@ -23,8 +23,6 @@ from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.rig import Rig
 from fourpole.core.sources import PARTS, Kind, Source
 
-__all__ = ["Candidate", "Residuals", "candidates", "pulls", "residuals"]
-
 #: A chi-square that chance exceeds with a smaller probability than this is a misfit.
 UNLIKELY = 1e-3
 #: A candidate is not identifiable when less than this fraction of its squared column norm remains after projecting out

@@ -22,18 +22,6 @@ from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Role
 
-__all__ = [
-    "Linear",
-    "Observed",
-    "cholesky_qr",
-    "inverse_upper",
-    "linearise",
-    "part_shapes",
-    "projected",
-    "upper_factor",
-    "whitened",
-]
-
 #: Least relative uncertainty of an amplitude, which is the resolution of single precision.
 FLOOR = 1e-7
 

@@ -16,8 +16,6 @@ from fourpole.core.phasor import Phasors
 from fourpole.core.routes import arm_slopes, maxwell_arm, why_no_arm
 from fourpole.core.sources import Kind, Role, Source
 
-__all__ = ["Outputs", "identification", "outputs", "variance_by_source"]
-
 
 @dataclass(frozen=True, eq=False)
 class Outputs(ByValue):

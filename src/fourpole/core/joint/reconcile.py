@@ -15,8 +15,6 @@ from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, solve, spread
 from fourpole.core.sources import PARTS, Kind
 
-__all__ = ["Misfit", "largest_part", "reconcile"]
-
 #: A stated value contradicts the tests if it departs from its estimate by more than this many standard uncertainties.
 _CONFLICT = 3.0
 #: Beyond this many, chance is excluded and the statement is set aside; below, it still counts for the estimates.

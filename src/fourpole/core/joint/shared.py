@@ -13,8 +13,6 @@ from fourpole.core.channelerrors import ChannelError
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.sources import Kind, Role, Source
 
-__all__ = ["Shared", "SharedParameter"]
-
 
 @dataclass(frozen=True)
 class SharedParameter:

@@ -12,8 +12,6 @@ from fourpole.core.joint.conditions import Conditions
 from fourpole.core.joint.model import Linear, Observed, inverse_upper, linearise, upper_factor
 from fourpole.core.joint.shared import Shared
 
-__all__ = ["Problem", "Solution", "solve", "spread", "with_columns", "without_stiffness"]
-
 #: Number of tests in a chunk, which bounds the memory.
 _CHUNK = 4096
 #: Rows of a block in the first step of a QR decomposition.

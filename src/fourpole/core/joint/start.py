@@ -11,8 +11,6 @@ from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import Shared
 from fourpole.core.routes import stiffness_by
 
-__all__ = ["closed_form_start"]
-
 #: Least relative uncertainty of a channel or of the rig in the comparison of routes.
 _LEAST = 1e-4
 

@@ -12,8 +12,6 @@ from fourpole.core.arrays import FloatArray
 from fourpole.core.plan.expect import arm_by_k1
 from fourpole.core.plan.remedies import MASSES, Effort, Plan, Remedy, k1_remedies, remedies
 
-__all__ = ["Advice", "Outcome", "advise"]
-
 #: Uncertainties count as equal within this ratio.
 _AS_GOOD = 1.02
 

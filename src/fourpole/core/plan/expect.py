@@ -24,16 +24,6 @@ from fourpole.core.rig import Rig
 from fourpole.core.routes import ROUTES, maxwell_arm
 from fourpole.core.tyre import zener_stiffness
 
-__all__ = [
-    "PLAN_ROUTES",
-    "PlannedTests",
-    "arm_by_k1",
-    "expect",
-    "planned_phasors",
-    "possible_routes",
-    "relative_uncertainties",
-]
-
 #: Every route, in the order of tables and figures.
 PLAN_ROUTES = (*ROUTES, "joint")
 #: Indices of the channels F1, V1, V2 that each route needs.

@@ -16,8 +16,6 @@ from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.plan.expect import PlannedTests, expect, possible_routes
 from fourpole.core.rig import Rig
 
-__all__ = ["MASSES", "Effort", "Plan", "Remedy", "k1_remedies", "remedies"]
-
 #: Added masses that are compared by default [kg].
 MASSES = (2.0, 5.0, 10.0, 20.0)
 _MORE_CYCLES = (4.0, 16.0)

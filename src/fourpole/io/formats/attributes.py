@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["RATES", "STEPS", "UNITS"]
-
 UNITS = ("unit", "units", "Unit", "Units")
 RATES = ("rate", "sample_rate", "sampling_rate", "samplerate", "fs", "Fs", "sampling_frequency")
 STEPS = ("dt", "increment", "step", "sample_interval")

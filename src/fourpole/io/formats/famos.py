@@ -26,8 +26,6 @@ from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
-__all__ = ["FORMAT"]
-
 _KIND = "an imc FAMOS file"
 _LONGEST_KEY = 40
 _LONGEST_CONTENT = 1 << 20

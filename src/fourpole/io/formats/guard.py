@@ -24,20 +24,6 @@ from fourpole.io.signals import Request
 from fourpole.io.source import name_of
 from fourpole.units import column_unit, shown, unit_scale
 
-__all__ = [
-    "Guard",
-    "afford",
-    "find",
-    "floats",
-    "guarded",
-    "is_time",
-    "need",
-    "of_name",
-    "seconds",
-    "tidy",
-    "time_scale",
-]
-
 Item = TypeVar("Item")
 
 _TIME = re.compile(

@@ -35,8 +35,6 @@ from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
-__all__ = ["FORMAT", "Leaf", "attributes", "is_elsewhere", "leaf_of", "leaves", "opened", "reader", "samples"]
-
 _KIND = "an HDF5 file"
 _LIBRARY = "h5py"
 _MAGIC = b"\x89HDF\r\n\x1a\n"

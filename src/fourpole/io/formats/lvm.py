@@ -24,8 +24,6 @@ from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import decode, encoding_of, name_of, read_bytes
 from fourpole.units import column_unit, shown
 
-__all__ = ["FORMAT"]
-
 _START = b"LabVIEW Measurement"
 _END_OF_HEADER = re.compile(rb"^\*\*\*End_of_Header\*\*\*[^\n]*(?:\n|\Z)", re.MULTILINE)
 _SEGMENT = re.compile(rb"^Channels(?=\W)", re.MULTILINE)

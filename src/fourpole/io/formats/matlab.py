@@ -29,8 +29,6 @@ from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
-__all__ = ["FORMAT"]
-
 _V5, _V73 = b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"
 _RATES = re.compile(r"(?:fs|f_s|rate|sample_?rate|sampling_?rate|sampling_?frequency|samp_?freq)", re.IGNORECASE)
 _STEPS = re.compile(r"(?:dt|ts|delta_?t|increment|sample_?time|sampling_?time)", re.IGNORECASE)

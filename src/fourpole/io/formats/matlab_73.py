@@ -9,8 +9,6 @@ import numpy as np
 from fourpole.io.formats import hdf5
 from fourpole.io.formats.matlab_elements import LONGEST_TEXT, MOST_TEXTS, Node
 
-__all__ = ["variables_73"]
-
 _INTEGERS = tuple(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))
 _CLASSES = (None, "double", "single", "logical", *_INTEGERS)
 

@@ -18,8 +18,6 @@ from fourpole.errors import TableError
 from fourpole.io.formats import hdf5
 from fourpole.units import shown
 
-__all__ = ["KIND", "LONGEST_TEXT", "MOST_TEXTS", "Node", "Walk"]
-
 KIND = "a MATLAB file"
 LONGEST_TEXT = 1000
 MOST_TEXTS = 4096

@@ -23,8 +23,6 @@ from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
-__all__ = ["FORMAT"]
-
 _LIBRARY = "asammdf"
 #: Samples of a time that are checked for equal steps, and largest relative difference between two steps.
 _CHECKED = 1_000_000

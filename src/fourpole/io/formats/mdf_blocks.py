@@ -15,8 +15,6 @@ from typing import BinaryIO
 from fourpole.errors import TableError
 from fourpole.io.formats.guard import afford
 
-__all__ = ["KIND", "VIRTUAL_MASTER", "check_blocks", "recognises"]
-
 KIND = "an ASAM MDF file"
 #: Channel type of a master whose time is a formula of the number of the sample; types of channels without samples.
 VIRTUAL_MASTER, _VIRTUAL = 3, (3, 6)

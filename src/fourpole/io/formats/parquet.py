@@ -38,8 +38,6 @@ from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
-__all__ = ["FORMAT"]
-
 _KIND = "a Parquet file"
 _MAGIC, _ENCRYPTED = b"PAR1", b"PARE"
 _LARGEST_FOOTER = 1 << 26

@@ -22,8 +22,6 @@ from fourpole.io.formats.tracks import OpenFile, Part, Track, track_format
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
-__all__ = ["FORMAT"]
-
 _KIND = "an NI TDMS file"
 _LIBRARY = "nptdms"
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")

@@ -15,8 +15,6 @@ from fourpole.io.names import in_group, numbered
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.units import column_unit, quantity
 
-__all__ = ["FORMAT"]
-
 _NUMBER = r"(?P<value>(?>[0-9]+(?:[.,][0-9]+)?(?:[eE][+-]?[0-9]+)?))"
 _GAP = r"\W{0,4}(?:\[(?P<before>[^\[\]]{1,8})\]|\((?P<round>[^()]{1,8})\))?[\s:=;,\"]{1,6}"
 _RATE = re.compile(

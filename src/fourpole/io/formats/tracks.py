@@ -16,8 +16,6 @@ from fourpole.io.formats.guard import Guard, guarded
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal
 from fourpole.io.source import name_of, open_regular
 
-__all__ = ["Content", "OpenFile", "Part", "Track", "in_step", "remembered", "track_format"]
-
 Part = Callable[[int, int], NDArray[np.float64]]
 """A function of two indices that returns the values from the first index up to, without, the second one."""
 

@@ -26,15 +26,12 @@ from fourpole.io.formats.tydex_file import (
     meaning,
     number_of,
     physical,
-    write_tydex,
 )
 from fourpole.io.layout import find_column, is_missing, plain_numbers
 from fourpole.io.names import in_group, numbered
 from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import encoding_of, name_of, open_regular
 from fourpole.units import shown
-
-__all__ = ["FORMAT", "TydexChannel", "TydexEntry", "TydexFile", "meaning", "read_tydex", "write_tydex"]
 
 _KEYWORD = re.compile(r"\*\*\s*([A-Za-z_]+)[ \t]*(.*)")
 _LONGEST_LINE = 1_000_000
@@ -73,6 +70,7 @@ def read_tydex(path: str | PathLike[str], *, max_bytes: int = 1_000_000_000, lab
     Examples
     --------
     >>> import tempfile, pathlib
+    >>> from fourpole.io.formats.tydex_file import write_tydex
     >>> tyre = TydexFile(
     ...     constants=(TydexEntry("INFLPRES", "2.1", "bar", "Inflation pressure"),),
     ...     channels=(TydexChannel("RUNTIME", "s"), TydexChannel("FZW", "N", "Vertical force")),

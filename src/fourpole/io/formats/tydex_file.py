@@ -27,18 +27,6 @@ from fourpole.io.source import name_of
 from fourpole.io.write import replacing
 from fourpole.units import shown
 
-__all__ = [
-    "ABSENT",
-    "SECTIONS",
-    "TydexChannel",
-    "TydexEntry",
-    "TydexFile",
-    "meaning",
-    "number_of",
-    "physical",
-    "write_tydex",
-]
-
 ABSENT = "NOTAVAIL"
 """The text that marks a missing value in the data."""
 SECTIONS = frozenset(

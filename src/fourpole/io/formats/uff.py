@@ -26,8 +26,6 @@ from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import name_of, open_regular
 from fourpole.units import shown
 
-__all__ = ["FORMAT"]
-
 _KIND = "a UFF file"
 _LIBRARY = "pyuff"
 _MARK = re.compile(rb"    -1[ ]*(?=\r|\n|$)")

@@ -15,8 +15,6 @@ from fourpole.io.formats.guard import afford, find
 from fourpole.io.formats.tracks import OpenFile, Part, Track, track_format
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 
-__all__ = ["FORMAT"]
-
 _KIND = "a WAV file"
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _STREAMED = 0xFFFFFFFF

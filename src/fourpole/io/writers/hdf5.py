@@ -10,8 +10,6 @@ from typing import Any
 from fourpole.io.formats.guard import need
 from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel, names_in_group
 
-__all__ = ["WRITER"]
-
 _KIND = "an HDF5 file"
 _CHUNK = 1 << 16
 

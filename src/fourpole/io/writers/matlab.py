@@ -13,8 +13,6 @@ import numpy as np
 from fourpole.errors import TableError
 from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, distinct, time_name
 
-__all__ = ["WRITER"]
-
 #: Largest number of characters of a name that every version of MATLAB accepts.
 _LONGEST = 31
 #: Largest size of all samples [byte]: a variable of this format holds at most 2 GB.

@@ -13,8 +13,6 @@ import numpy as np
 from fourpole.io.formats.guard import need
 from fourpole.io.writers.plan import Block, Group, Remarks, Writer, check_timed, distinct, time_name
 
-__all__ = ["WRITER"]
-
 _KIND = "an ASAM MDF file"
 
 

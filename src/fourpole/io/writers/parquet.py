@@ -9,8 +9,6 @@ from pathlib import Path
 from fourpole.io.writers.plan import Block, Group, Remarks, Writer
 from fourpole.io.writers.text import columns
 
-__all__ = ["WRITER"]
-
 
 class _Sink:
     """Each block goes to a file of its own, and the files are joined at the end: polars cannot append to a file."""

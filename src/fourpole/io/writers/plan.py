@@ -15,20 +15,6 @@ from fourpole.core.arrays import ByValue
 from fourpole.errors import TableError
 from fourpole.units import column_unit
 
-__all__ = [
-    "Block",
-    "Group",
-    "Remarks",
-    "Sink",
-    "Writer",
-    "WrittenChannel",
-    "check_timed",
-    "distinct",
-    "names_in_group",
-    "time_name",
-    "titled",
-]
-
 FloatArray = NDArray[np.float64]
 
 #: Largest deviation of a time from its rate, as a fraction of the time step, that needs no remark.

@@ -10,8 +10,6 @@ from typing import Any
 from fourpole.io.formats.guard import need
 from fourpole.io.writers.plan import Block, Group, Remarks, Writer, names_in_group
 
-__all__ = ["WRITER"]
-
 _KIND = "an NI TDMS file"
 _NO_GROUP = "recording"
 

@@ -9,8 +9,6 @@ from typing import BinaryIO
 
 from fourpole.io.writers.plan import Block, Group, Remarks, Writer, distinct, time_name, titled
 
-__all__ = ["WRITER", "columns"]
-
 
 def columns(group: Group, remarks: Remarks) -> list[str]:
     """The heads of a table's columns; the first is that of the times, if they are known."""

@@ -10,10 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.errors import TableError
-from fourpole.io.formats.tydex import TydexChannel, TydexFile, meaning, write_tydex
+from fourpole.io.formats.tydex_file import TydexChannel, TydexFile, meaning, write_tydex
 from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel, distinct
-
-__all__ = ["WRITER"]
 
 _NAME, _DESCRIPTION, _UNIT = 8, 30, 9
 #: Largest size of the samples, which are held in memory and written as text [byte].

@@ -21,8 +21,6 @@ from fourpole.errors import UnitError
 from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel, check_timed, distinct
 from fourpole.units import channel_scale
 
-__all__ = ["WRITER"]
-
 _TIME_RESPONSE, _DOUBLE, _TIME = 1, 4, 17
 _KINDS = {"displacement": 8, "velocity": 11, "acceleration": 12, "force": 13}
 _LONGEST_NAME, _LONGEST_UNIT = 80, 20

@@ -13,8 +13,6 @@ import numpy as np
 from fourpole.errors import TableError
 from fourpole.io.writers.plan import Block, Group, Remarks, Writer, titled
 
-__all__ = ["WRITER"]
-
 _FLOAT, _WIDTH = 3, 8
 _MOST = 0xFFFFFFFF - 1_000_000
 _HIGHEST = 0xFFFFFFFF

@@ -36,8 +36,6 @@ from fourpole.report.words.phrases import (
 )
 from fourpole.report.words.trend import over, span
 
-__all__ = ["claim", "claims_summary"]
-
 _NEEDS = {
     Need.BOTH: "{of} of both tyres at a condition in common",
     Need.CURVES: "load-deflection curves of both tyres at a pressure in common",

@@ -9,8 +9,6 @@ from fourpole.findings.evidence import Effect
 from fourpole.findings.finding import Finding, Holds, Key
 from fourpole.report.words.phrases import combinations, condition, opening, percent, some
 
-__all__ = ["comparison"]
-
 #: With more conditions than these their number is given instead of a list.
 _MOST_NAMED = 6
 Effects = Mapping[Key, Effect]

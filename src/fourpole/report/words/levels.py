@@ -8,8 +8,6 @@ from fourpole.findings.finding import Finding, Holds
 from fourpole.findings.levels import CycleLoss, Departure, Level
 from fourpole.report.words.phrases import condition, counted, joined, opening, percents, ranged, shown
 
-__all__ = ["cycle_loss", "level", "linearity"]
-
 _LINEAR = {
     Holds.NEARLY_LINEAR: "nearly linear",
     Holds.NON_LINEAR: "non-linear",

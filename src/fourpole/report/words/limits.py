@@ -18,8 +18,6 @@ from fourpole.report.words.phrases import counted, percent
 from fourpole.report.words.sources import About, remedy, source_in_words
 from fourpole.study.results import Results
 
-__all__ = ["Limit", "limit_rows", "limits"]
-
 _BUDGET = ("test", "quantity", "source", q.SHARE.head)
 #: Quantities of budget.csv for which a limit is given.
 _QUANTITIES = {one.column: one for one in (q.K2, q.C, q.STORAGE, q.LOSS)}

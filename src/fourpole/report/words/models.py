@@ -13,8 +13,6 @@ from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, Name
 from fourpole.report.digits import number, spread
 from fourpole.report.words.phrases import percent, ranged
 
-__all__ = ["chosen", "discrepancy", "map_facts", "place", "question", "remarks_on_map", "sentences", "tyre_option"]
-
 #: Up to this number non-passive conditions are listed one by one.
 _NAMED = 6
 #: Shown unit, its SI value and the option of `fourpole query`, by the column of an axis.

@@ -8,27 +8,6 @@ from math import floor, isfinite, log10
 from fourpole.findings.finding import UNSTATED, Finding, Key
 from fourpole.quantities import Quantity
 
-__all__ = [
-    "bar",
-    "combinations",
-    "condition",
-    "counted",
-    "each_of",
-    "hertz",
-    "joined",
-    "newton",
-    "number",
-    "opening",
-    "percent",
-    "percents",
-    "ranged",
-    "setting",
-    "shown",
-    "some",
-    "stretches",
-]
-
-
 _PLURAL = {"pressure": "pressures", "load": "loads", "frequency": "frequencies"}
 
 

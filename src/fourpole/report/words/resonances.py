@@ -22,8 +22,6 @@ from fourpole.report.words.phrases import (
     some,
 )
 
-__all__ = ["crossings", "order", "prediction", "resonance"]
-
 _AXES = ("pressure", "load")
 #: With more resonances or conditions than these their range or their number is given instead of a list.
 _MOST_NAMED = 8

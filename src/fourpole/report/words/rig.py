@@ -15,8 +15,6 @@ from fourpole.report.words.sources import source_in_words
 from fourpole.study.results import Results
 from fourpole.study.rig_estimate import Finding, NoteCode, Outlier, RigEstimate
 
-__all__ = ["RigInWords", "rigs_in_words"]
-
 #: An undeclared error is reported as hard to detect if its detection limit is above this, by the unit shown.
 #: For a value of the rig the limit for per cent counts, relative to the value.
 _LATE = {"%": 5.0, "°": 3.0}

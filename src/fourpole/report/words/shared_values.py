@@ -10,8 +10,6 @@ from fourpole.report.digits import number, with_std
 from fourpole.report.stated import RIG_VALUES
 from fourpole.study.rig_estimate import Finding, RigEstimate, SharedValue
 
-__all__ = ["DASH", "DECLARED", "GROUPS", "ShownValue", "in_words", "shown_values"]
-
 DASH = "–"
 #: Groups of values with their headings.
 GROUPS = {

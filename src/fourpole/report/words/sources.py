@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.report.stated import RIG_VALUES
 
-__all__ = ["About", "remedy", "source_in_words"]
-
 _UNSTATED = {
     "mass": "a moving mass that is not stated",
     "spring": "a spring that is not stated",

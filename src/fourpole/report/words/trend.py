@@ -15,8 +15,6 @@ from fourpole.report.words.phrases import (
     stretches,
 )
 
-__all__ = ["over", "span", "trend"]
-
 
 def trend(finding: Finding, found: Trend) -> str:
     """One sentence on a trend, or that no change exceeds the uncertainty."""

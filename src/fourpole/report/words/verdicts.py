@@ -6,8 +6,6 @@ from fourpole.findings.finding import Finding, Holds
 from fourpole.findings.verdicts import Doubt, Tally
 from fourpole.report.words.phrases import counted, some
 
-__all__ = ["doubt", "tally"]
-
 #: Tests that one sentence names; more are counted.
 _MOST_NAMED = 10
 
