@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from fourpole.core.confidence import LEVELS
 from fourpole.core.identify import ChannelUncertainty, identify
-from fourpole.core.montecarlo import LEVELS, arm_intervals, draw_around, draw_route
+from fourpole.core.montecarlo import arm_intervals, draw_around, draw_route
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.tyre import zener_stiffness

@@ -8,12 +8,10 @@ import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.confidence import LEVELS
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
-
-#: Probabilities of the quantiles.
-LEVELS = (0.025, 0.5, 0.975)
 
 
 @dataclass(frozen=True, eq=False)

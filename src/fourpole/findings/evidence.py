@@ -27,12 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from fourpole.core.confidence import CLAIM_CHANCE, SEARCH_CHANCE
+
 FloatArray = NDArray[np.float64]
 
-#: Probability that a normal error exceeds two standard uncertainties.
-_CHANCE = 0.0455
-#: Probability of any false claim where several effects are searched.
-_CHANCE_OF_ANY = 0.01
 #: No relative effect below this is claimed, because it may be round-off.
 _ROUND_OFF = 1e-9
 #: Below this many degrees of freedom Student's factor is too large to be of use.
@@ -79,7 +77,7 @@ class Effect:
 @lru_cache(maxsize=1000)
 def factor(dof: float = inf, looks: int = 1) -> float:
     """Coverage factor [1] that a claim must exceed, of Student's distribution with `dof` degrees of freedom."""
-    chance = 0.5 * (_CHANCE if looks == 1 else _CHANCE_OF_ANY / looks)
+    chance = 0.5 * (CLAIM_CHANCE if looks == 1 else SEARCH_CHANCE / looks)
     return float(stats.norm.isf(chance) if dof == inf else stats.t.isf(chance, dof))
 
 

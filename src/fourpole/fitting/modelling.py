@@ -13,6 +13,7 @@ from scipy import stats
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.confidence import CHANCE, NORMAL_95
 from fourpole.core.rig import PARAMETERS
 from fourpole.errors import ModelError
 from fourpole.fitting.measured import Measured, MeasuredSet
@@ -34,7 +35,7 @@ from fourpole.fitting.modelfile import (
 )
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of
-from fourpole.models.data import CHANCE, NORMAL_95, StiffnessData
+from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import for_maps, model_named, sizes_of
 from fourpole.models.fit import Fit

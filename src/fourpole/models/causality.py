@@ -16,8 +16,9 @@ import numpy as np
 from scipy import optimize, stats
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
-from fourpole.models.data import CHANCE, StiffnessData, relaxation
+from fourpole.models.data import StiffnessData, relaxation
 
 #: Relaxation times per decade of the grid, and decades of the grid beyond each end of the band.
 _PER_DECADE, _BEYOND = 12, 2.0

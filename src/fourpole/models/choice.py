@@ -9,8 +9,9 @@ import numpy as np
 from scipy import stats
 
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
-from fourpole.models.data import CHANCE, StiffnessData, stacked
+from fourpole.models.data import StiffnessData, stacked
 from fourpole.models.families import automatic, contains, model_named, sizes_of
 from fourpole.models.fit import Fit, best_fit, fit
 from fourpole.models.interface import Model

@@ -13,10 +13,6 @@ from fourpole.errors import ModelError
 
 #: Quantities in which model and data may be compared: K*, 1/K* or jw/K*.
 SPACES = ("stiffness", "compliance", "mobility")
-#: Significance level: a model, or the data as stated, is rejected when its chi-square is less probable than this.
-CHANCE = 1e-3
-#: Coverage factor of a two-sided 95 % interval of a normal distribution.
-NORMAL_95 = 1.959964
 #: Relative uncertainty that is added to every K*: the resolution of single precision.
 _FLOOR = 1e-7
 #: Largest entry of a covariance that is accepted [N²/m²].

@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from fourpole.core.confidence import CHANCE
 from fourpole.models.causality import check_possible
-from fourpole.models.data import CHANCE, StiffnessData
+from fourpole.models.data import StiffnessData
 
 #: Probability of a larger chi-square at which the search for a better passive tyre ends.
 _LIKELY = 0.5

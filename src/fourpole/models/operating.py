@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.confidence import NORMAL_95
 from fourpole.core.rig import Rig
 from fourpole.core.routes import arm_slopes, maxwell_arm
 from fourpole.errors import ModelError
-from fourpole.models.data import NORMAL_95, StiffnessData, multiplication
+from fourpole.models.data import StiffnessData, multiplication
 from fourpole.models.interface import Model
 from fourpole.models.surface import Axes, Terms, ValueSurface, bends, design, term_sets, value_surface
 from fourpole.models.together import Scatter, Together, fit_together, unlink

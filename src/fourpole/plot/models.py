@@ -14,9 +14,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import axis_of
+from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, column_of
 from fourpole.fitting.query import response
-from fourpole.models.data import NORMAL_95
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, band, curve, limit, span, tyre_heading

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.modelfile import MapEntry, map_of
-from fourpole.models.data import NORMAL_95
 from fourpole.models.operating import Answer, OperatingMap
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
