@@ -22,7 +22,7 @@ _STYLES = {Finding.FOUND: "green", Finding.CONTRADICTED: "bold red", Finding.NOT
 
 
 def run_rig(folder: Path, *, as_json: bool) -> None:
-    """Print each value of rig and sensors as stated and as found, the fit, and what limits K2 and C."""
+    """Print each value of rig and sensors as stated and as found, the fit, and the limits of K2 and C."""
     results = read_results(folder)
     found = rigs_in_words(results)
     if not found:

@@ -74,7 +74,7 @@ class Exported:
     path : Path
         The file; for TYDEX the folder.
     notes : tuple of str
-        What is left out of the file, and why.
+        Notes on content that is left out of the file, each with the reason.
     """
 
     path: Path

@@ -128,7 +128,7 @@ class ExportTables(ByValue):
 
     @cached_property
     def repeats(self) -> tuple[int, ...]:
-        """How many used tests stand before each one in the same cell; -1 of tests that are in no cell."""
+        """Number of used tests before each test in the same cell; -1 for tests that are in no cell."""
         sheet, before = self.sheet, dict[object, int]()
         found = []
         for row in range(self.dynamic.height):

@@ -118,7 +118,7 @@ def _tydex(source: ExportTables, condition: Condition) -> TydexFile:
 
 
 def _wrapped(text: str) -> list[str]:
-    """Lines of 80 columns; two asterisks, which begin a section, are parted."""
+    """Lines of 80 columns; a space separates two asterisks in a row, because these begin a section."""
     return [line.replace("**", "* *") for line in textwrap.wrap(ascii_line(text), 80, subsequent_indent="  ")]
 
 

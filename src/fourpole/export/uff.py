@@ -78,7 +78,7 @@ def _without(source: ExportTables) -> Iterator[str]:
 
 
 def _known(source: ExportTables, rows: Sequence[int], kind: _Kind) -> list[int]:
-    """Rows that have the value; the format has no missing values."""
+    """Rows with a finite value of this kind; the format has no missing values."""
     values = kind.values(source)
     return [row for row in rows if np.isfinite(values[row])]
 

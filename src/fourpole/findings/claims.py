@@ -20,7 +20,7 @@ _WORDS = (re.compile(r"cross[- ]?ply|bias[- ]?ply|diagonal", re.I), re.compile(r
 
 @dataclass(frozen=True)
 class Claim:
-    """One conclusion of the paper and what a campaign shows of it.
+    """One conclusion of the paper, with the evidence of a campaign for or against it.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Claim:
     names : (str, str)
         The campaign's names of the cross-ply and the radial-ply.
     states : (str, str)
-        What the names have besides where a tyre was tested at several temperatures: " at 20 °C".
+        Suffix of each name if a tyre was tested at several temperatures, such as " at 20 °C"; else empty.
     found : Evidence or Lack
         The numbers that decide, or the measurements that the campaign lacks.
     """
@@ -67,7 +67,7 @@ def _role(facts: Facts, tyre: str) -> int | None:
 
 
 def claims(facts: Facts) -> list[Finding]:
-    """All twelve, in the paper's order; none where the campaign is not one of the paper's two tyres."""
+    """All twelve claims, in the paper's order; no claim if the campaign lacks one of the paper's two tyres."""
     names = pair_of_the_paper(facts)
     if names is None or not (facts.used_static or facts.used_dynamic):
         return []

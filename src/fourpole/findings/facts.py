@@ -30,7 +30,7 @@ _MOST_PAIRED = 3
 
 @dataclass(frozen=True)
 class Measured:
-    """A value with its standard uncertainty, and the tests it is from; repeats are averaged."""
+    """A value, the mean of repeats, with its standard uncertainty and the names of its tests."""
 
     value: float
     std: float
@@ -71,7 +71,7 @@ class Facts:
     stated : mapping of str to str
         The campaign's name of each specimen: "radial".
     nominal : mapping
-        By axis, the nominal value of each value of the tables: the median of all values that are the same.
+        Nominal value of each value in the tables, by axis: the median of all values that are the same.
     """
 
     results: Results
@@ -144,7 +144,7 @@ class Facts:
         return _used(self.results.dynamic)
 
     def used(self, quantity: Quantity) -> list[dict[str, Any]]:
-        """Rows of tests that were not rejected, from the table in which a quantity stands."""
+        """Rows of tests that were not rejected, from the table that has the column of the quantity."""
         return self.used_dynamic if "frequency" in quantity.over else self.used_static
 
     def key(self, row: Mapping[str, Any], axes: Iterable[str]) -> Key:

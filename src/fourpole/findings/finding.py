@@ -14,7 +14,7 @@ Key = tuple[float, ...]
 
 
 class Topic(StrEnum):
-    """The headings under which findings stand, in the order of the report."""
+    """The headings of findings, in the order of the report."""
 
     TRUST = "trust"
     STATIC = "static stiffness"

@@ -390,7 +390,7 @@ def isolation(cross: Tyre, radial: Tyre) -> Reading:
 
 
 def resonance(cross: Tyre, radial: Tyre) -> Reading:
-    """Whether the largest measured TR of the radial-ply stands at the lower frequency."""
+    """Whether the largest measured TR of the radial-ply is at a lower frequency than that of the cross-ply."""
     pairs = [(peak(cross.curves[key]), peak(radial.curves[key])) for key in common(cross.curves, radial.curves)]
     peaks = [(a, b) for a, b in pairs if a is not None and b is not None]
     if not peaks:

@@ -24,7 +24,7 @@ _FINE = 0.15
 _HALF_POWER = sqrt(0.5)
 #: A resonance or a crossing needs at least this many tested frequencies.
 _FEWEST_POINTS = 3
-#: The order in which the largest values of curves are reported: by whether they stand inside or at an end.
+#: Outcome by the place of a curve's largest value: inside the curve or at an end; findings follow this order.
 _SIDES = {0: Holds.INSIDE, -1: Holds.AT_LOWEST, 1: Holds.AT_HIGHEST}
 Who = tuple[str, Setup]
 

@@ -12,7 +12,7 @@ from fourpole.core.checks import VERDICTS, Code, worst_verdict
 from fourpole.findings.facts import Facts, natural
 from fourpole.findings.finding import Finding, Holds, Topic
 
-#: Characters of a remark that stand for it where no check has a short form.
+#: Number of characters of a remark that are shown if its check has no short form.
 _LONGEST = 160
 
 
@@ -42,7 +42,7 @@ class Tally:
 
 @dataclass(frozen=True)
 class Doubt:
-    """Why tests were rejected or have a warning: the code of a check, or the begin of the remark if there is none."""
+    """Why tests were rejected or have a warning: the code of a check, or the start of the remark if there is none."""
 
     kind: ClassVar[str] = "doubt"
     code: Code | None

@@ -402,7 +402,7 @@ def _stated(numbers: dict[str, FloatArray]) -> FloatArray:
 
 
 def _joined(keys: Sequence[Key], covariance: pl.DataFrame) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """Of each key: own covariance (N, 2, 2), effect of the shared errors (N, 2, p), and number of its K* (N,)."""
+    """Own covariance (N, 2, 2), effect of the shared errors (N, 2, p), and number of its K* (N,), for each key."""
     own_name, re_name, im_name = (one.head for one in (q.OWN_COVARIANCE, q.SHARED_STORAGE, q.SHARED_LOSS))
     place = {key: at for at, key in enumerate(keys_of(covariance))}
     part = covariance[[place[key] for key in keys]]

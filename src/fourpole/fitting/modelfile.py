@@ -251,9 +251,9 @@ def read_model_file(path: str | Path) -> ModelFile:
     Raises
     ------
     FileError
-        If it cannot be read.
+        If the file cannot be read.
     ModelError
-        If it is not a model file, has a later version, or contradicts itself.
+        If the file is not a model file, has a later version, or contradicts itself.
     """
     name = Path(path).name
     document = _document(path)

@@ -101,7 +101,7 @@ def convert(
     out : path
         The file to write; its ending selects the format.
     choice : Choice, optional
-        By default the whole recording.
+        Channels and part of the recording to write; by default the whole recording.
     progress : callable, optional
         Called with the number of samples that are done, and the number of all samples.
 
@@ -256,7 +256,7 @@ class _Plan:
         return Group(infos[0].group, channels, rate, start, stamped, count, off)
 
     def blocks(self, chunk: Chunk) -> Iterable[tuple[int, Block]]:
-        """The block of each group that is written of a chunk, with the number of the group."""
+        """The part of a chunk that is written to each group, with the number of the group."""
         for at, base in enumerate(self._members):
             signals = [chunk[one] for one in base]
             if len({signal.samples.size for signal in signals}) > 1:
@@ -299,7 +299,7 @@ class _Plan:
                 )
 
     def check_not_empty(self) -> None:
-        """TableError if no sample lies in the window."""
+        """Raise TableError if no sample is within the window."""
         if not any(self._kept):
             if self._window is None:
                 raise TableError(f"{self._label}: holds no samples")

@@ -91,7 +91,7 @@ class TextTable:
         Parameters
         ----------
         name : str
-            As in the header, with or without its unit, in any case.
+            Name in the header, with or without its unit; upper and lower case are equal.
 
         Returns
         -------

@@ -314,7 +314,7 @@ def _text(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Seque
 
 
 def _comparison(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Sequence[str]) -> Iterator[str]:
-    """The models that are as good as the best, or else the next."""
+    """Sentences on the models that are as good as the best, or on the next model if there is none."""
     best, *others = candidates
     rivals = [one for one in others if not contains(one.name, best.name)]
     if alike:

@@ -64,7 +64,7 @@ class StiffnessData(ByValue):
         Parameters
         ----------
         omega, stiffness, k1, k1_std
-            As the attributes.
+            The attributes of the same names.
         std : float array [N/m]
             Standard uncertainty of Re K* and of Im K*; broadcasts with K*.
         covariance : float array [N²/m²]

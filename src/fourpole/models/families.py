@@ -27,7 +27,7 @@ FAMILIES = {
     "fractional5": "fractional.FractionalZener5",
     "shell": "tyre_shell.Shell",
 }
-#: All names, as they stand in help and messages.
+#: Names of all families, as help and messages list them.
 NAMES = ", ".join(FAMILIES)
 _PLACES = {key.partition(":")[0].rstrip("["): (key, place) for key, place in FAMILIES.items()}
 

@@ -53,7 +53,7 @@ def profile_intervals(
     level : float [1]
         Coverage probability.
     fixed, tied
-        As in the fit.
+        The fixed and tied parameters of the fit.
 
     Returns
     -------

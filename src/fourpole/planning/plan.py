@@ -95,7 +95,7 @@ class Run:
 
 @dataclass(frozen=True)
 class RigPlan:
-    """The planned tests of one rig; `tests` are the rows of tests.csv that `plan.tests` stands for."""
+    """The planned tests of one rig; `tests` are the rows of tests.csv for the tests of `plan`."""
 
     name: str
     plan: Plan
@@ -192,7 +192,7 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
     Parameters
     ----------
     campaign : Campaign
-        As `read_campaign` gives it.
+        The campaign, from `read_campaign`.
     guess : Guess
         The values not guessed come from tests.csv (K1), or from the nearest test of the same tyre in
         CAMPAIGN/results/dynamic.csv.
@@ -252,7 +252,7 @@ def _rig_plan(campaign: Campaign, name: str, tests: tuple[Test, ...], tyres: Seq
 
 
 def _expected(tests: Sequence[Test], tyres: Sequence[_Tyre], run: Run, **more: Any) -> PlannedTests:
-    """The planned tests with the tyre and the noise to expect of each; `more` goes to `PlannedTests.of`."""
+    """The planned tests, each with its assumed tyre and noise; `more` are further arguments of `PlannedTests.of`."""
     k1, k1_std, k2, c = np.array([astuple(tyre) for tyre in tyres]).T
     frequency = np.array([test.values["frequency"] for test in tests])
     more |= {"k1_std": k1_std, "eccentricity": run.eccentricity, "noise": run.noise_of_test}

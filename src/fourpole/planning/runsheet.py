@@ -160,7 +160,7 @@ def _dynamics(tests: Sequence[Test], rule: Sameness, repeats: int, rng: np.rando
 
 
 def _conditions(tests: Sequence[Test], rule: Sameness, rng: np.random.Generator) -> list[list[Test]]:
-    """Tests of each condition, in random order; those of one rig, temperature and pressure stand together."""
+    """Tests of each condition, in random order; tests of one rig, temperature and pressure follow each other."""
     slow = [Sameness(tuple(axis for axis in rule.axes if axis.name == name)) for name in _SLOW]
     rules = (*slow, rule.without(*_SLOW))
     groups = [each.groups([condition_of(test, each) for test in tests]).tolist() for each in rules]

@@ -324,7 +324,7 @@ def _marks(one: _Drawn, found: Sequence[_Drawn], sheet: Sheet, style: Style) -> 
 
 
 def share(part: float) -> str:
-    """A relative error in per cent."""
+    """A relative error as text in per cent."""
     return f"{100 * part:.2g} %"
 
 

@@ -36,7 +36,7 @@ _TOGETHER = (q.CORR_R_I, q.CORR_K, q.CORR_K2_C)
 
 @dataclass(frozen=True)
 class Card:
-    """One test: the key of its card, the text on the closed card, and the data from which the open card is drawn."""
+    """One test: the key of its card, the text on the closed card, and the data of the open card."""
 
     key: str
     test: str

@@ -62,7 +62,7 @@ def _fixed(value: float, decimals: int) -> str:
 
 
 def spread(values: Iterable[object], axis: Axis, unit: str, *, scale: float = 1.0) -> str:
-    """Up to eight values one by one, more of them as a range; values that are the same on an axis stand as their mean.
+    """Up to eight values as a list, more as a range; values that are the same on an axis are replaced by their mean.
 
     >>> from fourpole.core.condition import FREQUENCY, PRESSURE
     >>> spread([1e5, 1.7e5, 1.71e5], PRESSURE, "bar", scale=1e5), spread(range(1, 20), FREQUENCY, "Hz")

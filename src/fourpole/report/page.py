@@ -35,7 +35,7 @@ class Said(Protocol):
 
     @property
     def topic(self) -> str:
-        """The heading under which the finding stands."""
+        """Heading of the section with the finding."""
 
     @property
     def text(self) -> str:
@@ -97,9 +97,9 @@ def write_report(
     path : path
         The file; its folder must exist.
     findings : sequence of Finding
-        The finding in words, in the order to show; topics are gathered.
+        The findings in words, in the order of the page; findings of one topic are put together.
     figures : mapping of str to ReportFigure
-        In the order to show.
+        The figures, by their keys, in the order of the page.
 
     Raises
     ------

@@ -148,9 +148,9 @@ def identify_tests(
     Returns
     -------
     found : dict of int to Identified
-        By the place of the test in `tests`; a test stands there once per point.
+        Result of each test, by its index in `tests`; `tests` holds a test once per point.
     notes : list of str
-        Departures from the route wanted with their reasons, and notes on each rig as found.
+        Departures from the requested route with their reasons, and notes on each rig as found.
     """
     found: dict[int, Identified] = {}
     notes: list[str] = []
@@ -357,7 +357,7 @@ def _skew(result: Identification) -> BoolArray:
 
 
 def _drawn(group: Group, at: int, draws: int, rng: np.random.Generator) -> ComplexArray:
-    """K* of one row, drawn from its distribution, (draws,) [N/m]."""
+    """Random values of K* of one row from its distribution, (draws,) [N/m]."""
     if group.joint is not None:
         return draw_around(complex(group.result.stiffness[at]), group.result.stiffness_covariance[at], draws, rng)
     setup = group.setup

@@ -53,7 +53,7 @@ class Reduced:
 
 
 def point_keys(tests: Iterable[str]) -> list[Key]:
-    """Test and point of each row, where the name of a test stands once per point.
+    """Test and point of each row, from the name of the test in each row; points count from 1.
 
     Examples
     --------

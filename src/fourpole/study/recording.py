@@ -90,7 +90,7 @@ def _row(campaign: Campaign, file: str) -> Test:
 
 
 def _path(folder: Path, file: str) -> Path:
-    """Path of the file, by itself or in the folder, with or without a group."""
+    """Path of the file: as given or relative to the folder; a "#group" at its end is removed. FileError if none is."""
     for name in (file, file.rpartition("#")[0]):
         for path in (Path(name), folder / name):
             if name and path.is_file():

@@ -239,7 +239,7 @@ def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording,
 
 
 def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[Check]]:
-    """The steady part of a recording, and a check that says what was cut."""
+    """The steady part of a recording, and a check that states the length of the parts cut off."""
     try:
         part = steady_part(recording, first_guess(recording, near))
     except RecordingError:

@@ -1,4 +1,4 @@
-"""The rig as found: what the joint route says of one rig and its channels, as typed values.
+"""The rig as found: the results of the joint route for one rig and its channels, as typed values.
 
 The type is built from a joint solution, or read from a results folder; both ways give the same values.
 """
@@ -20,7 +20,7 @@ from fourpole.fitting.rows import keys_of
 
 #: A found value whose uncertainty is above this share of the stated uncertainty rests in part on the statement.
 _HALF = 0.5
-#: Noise that counts as more than this times what the recordings say is worth a note.
+#: Ratio of the noise in the joint solution to the noise in the recordings above which a note is made.
 _WORTH_SAYING = 1.2
 _MASS, _SPRING = Source(Kind.RIG_VALUE, "moving_mass"), Source(Kind.RIG_VALUE, "preload_stiffness")
 #: The part of the rig that acts as a part of the value before it, so that no test distinguishes the two.
@@ -67,7 +67,7 @@ _REMARKS = {
 
 
 class NoteCode(StrEnum):
-    """A note on the joint solution of a rig, as study.json has it."""
+    """Code of a note on the joint solution of a rig, as study.json holds it."""
 
     NOT_CONVERGED = "not converged"
     MISFIT = "misfit"
@@ -304,7 +304,7 @@ def _short(value: float | None, unit: str) -> str:
 
 
 def _candidate_record(candidate: Candidate) -> dict[str, Any]:
-    """A candidate for study.json, where its source stands as text."""
+    """A candidate for study.json, with its source as text."""
     part = candidate.source.of if candidate.of_rig else candidate.source.text
     cells = {"part" if name == "source" else name: value for name, value in vars(candidate).items()}
     return {name: number(cell) if isinstance(cell, float) else cell for name, cell in cells.items()} | {"part": part}

@@ -23,7 +23,7 @@ _RULE = Sameness()
 
 @dataclass(frozen=True)
 class StaticRow:
-    """One row of static.csv: a static test at one preload; not-a-number stands for a blank cell."""
+    """One row of static.csv: a static test at one preload; not-a-number becomes a blank cell."""
 
     test: Test
     preload: float

@@ -1,4 +1,4 @@
-"""The rows of each result table, made from an analysis; `tables.py` says which columns they stand in."""
+"""The rows of each result table, made from an analysis; `tables.py` defines the columns."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ def quantile_rows(analysed: Analysed) -> list[Row]:
 
 
 def check_rows(analysed: Analysed) -> list[Row]:
-    """Rows of checks.csv; a check of a static test stands once, not once per preload."""
+    """Rows of checks.csv; a check of a static test has one row, not a row per preload."""
     statics = [
         (dict(zip(KEY, (item.test.name, 1), strict=True)), check)
         for item in analysed.statics

@@ -1,7 +1,7 @@
-"""Both rigs of the 1982 paper in software, to test an analysis against a known truth.
+"""The static and the dynamic rig of the 1982 paper in software, to test an analysis against known true values.
 
-Nothing here shares a formula with the core: the tyre is a set of differential equations, its own or those of a causal
-model, marched in time or solved at one frequency.
+This package shares no formula with `fourpole.core`. The tyre is a set of differential equations, its own or those of a
+causal model, which is integrated in time or solved at one frequency.
 """
 
 from fourpole.virtual.cam import Cam

@@ -30,7 +30,7 @@ def respond(a: FloatArray, b: FloatArray, x1: FloatArray, v1: FloatArray, step: 
     chain[:size, size + 1] = b[:, 1]  # the time of the chain runs from 0 to 1, so its slope is step * v1
     chain[[size, size + 1, size + 2], [size + 1, size + 2, size + 3]] = 1.0
     held = exponential(chain)[:size]
-    derivatives = np.array(  # of the cubic at the start of a step, from x and step * v at its ends
+    derivatives = np.array(  # derivatives of the cubic at the start of a step, from x and step * v at its ends
         [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-6.0, -4.0, 6.0, -2.0], [12.0, 6.0, -12.0, 6.0]]
     )
     push = held[:, size:] @ derivatives

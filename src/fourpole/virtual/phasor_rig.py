@@ -21,7 +21,7 @@ from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, Float
 from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.core.rig import PARAMETERS
 
-#: The values of a rig that a laboratory states, in the order in which their truth is drawn.
+#: The values of a rig that a laboratory states, in the order in which random true values are made.
 RIG_VALUES = tuple(PARAMETERS)
 #: The channels, in the order of all triples.
 CHANNELS = tuple(SYMBOLS.values())
@@ -342,7 +342,7 @@ def simulate_phasors(
 def _amplitudes(tests: _Tests, truth: DrawnLaboratory) -> ComplexArray:
     """True F1, V1, V2 (N, 3)."""
     s = 2j * np.pi * tests.frequency
-    x1 = -1j * tests.eccentricity  # so that V1 is real
+    x1 = -1j * tests.eccentricity  # this phase makes V1 real
     added = np.array([truth.added_mass[float(mass)] for mass in tests.added_mass])
     mass = truth.moving_mass + added + np.where(tests.calibration, 0.0, truth.tyre_mass)
     leaf = truth.preload_stiffness * (1.0 + 1j * truth.preload_loss_factor) + s * truth.preload_damping

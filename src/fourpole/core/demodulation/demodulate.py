@@ -42,15 +42,15 @@ class Demodulation(ByValue):
     Attributes
     ----------
     phasors : Phasors
-        Of shape (): F1, V1, V2 with noise covariance.
+        Amplitudes of F1, V1 and V2 of one test (shape ()), with the covariance of the noise.
     cycles : float [1]
         Length of the record in cycles; it need not be whole.
     band : (float, float) [Hz]
-        Lowest and highest frequency at which the noise was taken.
+        Lowest and highest frequency at which the noise was estimated.
     distortion : (3,) float [1]
         Root of the summed squares of the harmonics over the fundamental, of F1 and of the displacements behind V1, V2.
     noise_ratio : (3,) float [1]
-        Root mean square of the residual over that of the fundamental.
+        Root mean square of the residual over root mean square of the fundamental.
     force_peak : float [N]
         Largest dynamic force, harmonics included; not-a-number without F1.
     lines : (L,) float [Hz]
@@ -101,7 +101,7 @@ def demodulate(
     Parameters
     ----------
     recording : Recording
-        At least three cycles.
+        A recording of at least three cycles.
     frequency : float [Hz], optional
         The excitation frequency, if it is known exactly. Otherwise it is the mean speed of the recording's reference,
         or it is estimated.

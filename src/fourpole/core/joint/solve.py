@@ -21,7 +21,7 @@ _MOST_STEPS = 60
 _SMALL = 1e-5
 #: If no such step is found, a last step below this share of every standard uncertainty is also accepted.
 _CLOSE = 1e-2
-#: Allowed rise of the objective, relative and absolute, because K* follows slopes of the step before.
+#: Allowed rise of the objective, relative and absolute, because K* is updated with the slopes of the previous step.
 _LAGGED = 1e-3
 #: Steps of K* alone that are tried before a step that raises the objective is halved.
 _CORRECTIONS = 4
@@ -214,7 +214,7 @@ def _moved(stiffness: ComplexArray, dlog_k: FloatArray) -> ComplexArray:
 
 
 def spread(problem: Problem, solution: Solution) -> Solution:
-    """The same values with the uncertainties from another problem."""
+    """The solution with its values unchanged, and with the uncertainties that another problem gives at these values."""
     first = _sweep(problem, solution.z, solution.stiffness)
     step = _sweep(problem, solution.z, solution.stiffness, first.slope)
     return replace(solution, covariance=step.covariance, own=step.own, slope=step.slope)

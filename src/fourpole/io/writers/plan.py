@@ -39,7 +39,7 @@ class Group:
     name : str
         Name of the group in the file that is read; several groups may have the same name.
     channels : tuple of WrittenChannel
-        At least one.
+        The channels of the group; at least one.
     rate, start : float or None, float [Hz], [s]
         Rate and first time of even times. None if the times are not even, or not known.
     stamped : bool

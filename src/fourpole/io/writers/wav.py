@@ -1,4 +1,4 @@
-"""WAV: samples as 64-bit floats, which are exact; names and units stand in a comment only."""
+"""WAV: samples as 64-bit floats, which are exact; names and units are in a comment only."""
 
 from __future__ import annotations
 

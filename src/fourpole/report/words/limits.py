@@ -34,7 +34,7 @@ class Limit:
     Attributes
     ----------
     rig, quantity : str
-        As in the tables.
+        Names as in the tables.
     source : Source
         The largest source of its uncertainty.
     share : float [1]
@@ -66,7 +66,7 @@ def limits(results: Results) -> list[Limit]:
     Returns
     -------
     list of Limit
-        By rig, then quantity. Rejected tests do not count.
+        One limit per rig and quantity, sorted by rig. Rejected tests do not count.
     """
     budget = results.budget
     if budget.is_empty() or any(name not in budget.columns for name in _BUDGET):

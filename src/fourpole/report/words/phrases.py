@@ -106,12 +106,12 @@ def condition(axes: Sequence[str], key: Key) -> str:
 
 
 def counted(count: int, singular: str, plural: str = "") -> str:
-    """'1 test', '3 tests'."""
+    """A count with its noun in the singular or plural: '1 test', '3 tests'."""
     return f"{count} {singular if count == 1 else plural or singular + 's'}"
 
 
 def joined(items: Iterable[str]) -> str:
-    """'a', 'a and b', 'a, b and c'."""
+    """The items as a list in a sentence: 'a', 'a and b', 'a, b and c'."""
     listed = list(items)
     return " and ".join([", ".join(listed[:-1]), listed[-1]] if len(listed) > 1 else listed)
 

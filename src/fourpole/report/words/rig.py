@@ -24,7 +24,7 @@ _AS_WELL = 0.9
 _MOST_CANDIDATES = 4
 #: Two gains whose errors have the same effect on F1/V2.
 _BLIND = {(Kind.GAIN, "F1"), (Kind.GAIN, "V2")}
-#: Notes whose content stands in other sentences of this module.
+#: Notes whose content is given by other sentences of this module.
 _SAID = (NoteCode.MISFIT, NoteCode.OUTLIERS, NoteCode.NOT_CONVERGED, NoteCode.SCATTER)
 
 

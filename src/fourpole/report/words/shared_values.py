@@ -26,16 +26,16 @@ _MOST = {"%": 100.0, "°": 90.0}
 
 @dataclass(frozen=True)
 class ShownValue:
-    """One shared value as people read it; numbers are in the unit shown, a gain as its departure from 1.
+    """One shared value in its shown unit; a gain is shown as its departure from 1.
 
     Attributes
     ----------
     value : SharedValue
-        In SI.
+        The value in SI.
     name, unit : str
-        In words; the unit shown.
+        Name in words; the shown unit.
     scale, zero : float
-        Size of the unit shown, and the SI value that is shown as zero.
+        SI value of one shown unit, and the SI value that is shown as zero.
     """
 
     value: SharedValue
@@ -101,13 +101,13 @@ class ShownValue:
 
     @property
     def ratio_words(self) -> str:
-        """Standard uncertainty after the tests over that before."""
+        """Ratio of the standard uncertainties after and before the tests [1], as text."""
         ratio = self.value.ratio
         return number(ratio, 3 if ratio is not None and 0.9 < ratio < 1 else 2) or DASH
 
     @property
     def pull_words(self) -> str:
-        """Found less stated, in the standard uncertainty of that difference."""
+        """Found less stated value over the standard uncertainty of their difference [1], as text."""
         pull = self.value.pull
         if pull is None:
             return DASH
