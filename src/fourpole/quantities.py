@@ -226,7 +226,7 @@ FOUND = Quantity("found", "found", "found", meaning="value after the tests")
 POSTERIOR = Quantity(
     "posterior_over_prior", "", "posterior over prior", "1", "ratio of the uncertainties after and before the tests"
 )
-PULL = Quantity("pull", "pull", "pull", "1", "found less stated, in the uncertainty of that difference")
+PULL = Quantity("pull", "pull", "pull", "1", "found less stated value over the uncertainty of their difference")
 DETECTION_LIMIT = Quantity(
     "detection_limit", "", "detection limit", column="seen from",
     meaning="smallest undeclared error that the tests would show; blank where they show none",
@@ -261,7 +261,7 @@ PHASE = Quantity("phase", "phase", "phase", "rad", "phase at the frequency, reco
 
 CODE = _text("code", "name of the check")
 STATISTIC = Quantity("statistic", "", "statistic", meaning="what the check found; blank for a check without a number")
-LIMIT = Quantity("limit", "", "limit", meaning="limit of the statistic from which it matters")
+LIMIT = Quantity("limit", "", "limit", meaning="limit of the statistic, beyond which the verdict is not ok")
 REMEDY = _text("remedy", "what to do")
 
 PHASOR_COVARIANCE = _listed(
@@ -269,13 +269,13 @@ PHASOR_COVARIANCE = _listed(
 )
 OWN_COVARIANCE = _listed(
     "own_covariance", "own covariance Re, Im K*", "N2/m2",
-    "2×2, row by row, Re before Im: what this condition does not share with others",
+    "covariance that this condition does not share with others: 2×2, row by row, Re before Im",
 )  # fmt: skip
 SHARED_STORAGE = _listed(
-    "shared_storage", "shared Re K*", "N/m", "what one standard uncertainty of each common error does to Re K*"
+    "shared_storage", "shared Re K*", "N/m", "change of Re K* by one standard uncertainty of each common error"
 )
 SHARED_LOSS = _listed(
-    "shared_loss", "shared Im K*", "N/m", "what one standard uncertainty of each common error does to Im K*"
+    "shared_loss", "shared Im K*", "N/m", "change of Im K* by one standard uncertainty of each common error"
 )
 DEFLECTION = _listed("deflection", "deflection", "m", "deflection of the static curve")
 LOAD = _listed("load", "load", "N", "load of the static curve")
@@ -286,7 +286,7 @@ RESIDUAL_TIME = _listed("residual_time", "residual time", "s", "time of the stre
 
 WINDOW = Quantity("window", "window", "window", "s", "part of the recording in use", kind="text")
 LEFT_OUT = Quantity("left_out", "", "leave-one-out error", "1", "residual of frequencies that the fit does not use")
-OUTSIDE = Quantity("outside", "", "outside", "half spans", "distance from what was measured")
+OUTSIDE = Quantity("outside", "", "outside", "half spans", "distance from the measured conditions")
 
 #: All quantities, in the order in which this module defines them.
 QUANTITIES = tuple(one for one in list(globals().values()) if isinstance(one, Quantity))

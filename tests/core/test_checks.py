@@ -23,7 +23,7 @@ from fourpole.core.checks import (
     check_resonance,
     clipped_share,
     judged,
-    told,
+    reported,
     worst_verdict,
 )
 from fourpole.core.demodulation.demodulate import demodulate
@@ -79,7 +79,7 @@ def test_a_rejection_may_have_words_of_its_own():
 
 
 def test_braces_in_a_file_name_stand_as_they_are():
-    assert "{0} {x}.csv" in told(Code.MEMORY, "rejected", file="{0} {x}.csv").remark
+    assert "{0} {x}.csv" in reported(Code.MEMORY, "rejected", file="{0} {x}.csv").remark
 
 
 def test_worst_verdict():

@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from fourpole.core.checks import Code, told
+from fourpole.core.checks import Code, reported
 from fourpole.study.results import read_results
 from fourpole.study.study import analyse
 from fourpole.virtual import simulate_campaign
@@ -59,4 +59,4 @@ def test_every_row_rests_on_its_checks(hurt):
 
 def test_equal_checks_are_one():
     """The same check of a static test at several preloads stands once; its not-a-number is no difference."""
-    assert len({told(Code.SECANT, "ok", why="x"), told(Code.SECANT, "ok", why="x")}) == 1
+    assert len({reported(Code.SECANT, "ok", why="x"), reported(Code.SECANT, "ok", why="x")}) == 1

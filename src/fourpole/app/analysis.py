@@ -30,7 +30,7 @@ _DEMO: dict[str, Any] = {
 def run_analysis(
     campaign: Path, folder: Path | None, route: str, monte_carlo: int, *, tables_only: bool, as_json: bool
 ) -> int:
-    """Analyse a campaign and write its results; the exit code says whether tests were rejected."""
+    """Analyse a campaign and write its results; the exit code is `SOME_REJECTED` if tests were rejected."""
     study, results = _analysed(campaign, folder, route, monte_carlo)
     page = None if tables_only else _drawn(study, results)
     if as_json:
@@ -44,7 +44,7 @@ def run_analysis(
 
 
 def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
-    """Simulate a campaign, analyse it, and print the findings; the exit code says whether tests were rejected."""
+    """Simulate a campaign, analyse it, and print the findings; exit code `SOME_REJECTED` if tests were rejected."""
     with progress("recording") as advance:
         simulate_campaign(folder, seed=seed, progress=advance, **_DEMO)
     study, results = _analysed(folder, None)

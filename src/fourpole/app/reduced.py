@@ -22,7 +22,7 @@ from fourpole.io.understand import ReducedTable, read_curve, read_reduced
 
 
 def run_identify(path: Path, k1: float, rig: Rig | None, file: Path | None, *, no_rig: bool, as_json: bool) -> int:
-    """Identify a reduced table; the exit code is not 0 if rows were rejected."""
+    """Identify a reduced table; the exit code is `SOME_REJECTED` if rows were rejected."""
     if no_rig and rig is not None:
         raise RigError("--no-rig and the rig's values contradict each other: keep one of them")
     table = read_reduced(path)

@@ -307,14 +307,14 @@ def worst_verdict(verdicts: Iterable[str]) -> str:
     return max(verdicts, key=VERDICTS.index, default="ok")
 
 
-def told(
+def reported(
     code: Code, verdict: str, statistic: float = nan, limit: float = nan, channel: str = "", **values: object
 ) -> Check:
     """A check with its sentence, in which `values` fill the blanks.
 
     Examples
     --------
-    >>> told(Code.MEMORY, "rejected", file="D1.csv").remark
+    >>> reported(Code.MEMORY, "rejected", file="D1.csv").remark
     'D1.csv does not fit into memory: cut it with window [s]'
     """
     known = {"statistic": statistic, "channel": channel, **values}
@@ -327,9 +327,9 @@ def judged(
 ) -> Check:
     """A check of a statistic: rejected above `reject`, else a warning above `warn`, else ok and without a sentence."""
     if statistic > reject:
-        return told(code, "rejected", statistic, reject, channel, **values)
+        return reported(code, "rejected", statistic, reject, channel, **values)
     if statistic > warn:
-        return told(code, "warning", statistic, warn, channel, **values)
+        return reported(code, "warning", statistic, warn, channel, **values)
     return Check(code, statistic, warn, "ok", channel)
 
 
@@ -413,7 +413,7 @@ def check_mains(found: Demodulation) -> Check:
     apart = min(float(off_multiples(frequency, base)) for base in (50.0, 60.0))
     bins = apart * found.cycles / frequency
     if bins < LINE_GAP:
-        return told(Code.MAINS, "warning", bins, LINE_GAP, hertz=frequency)
+        return reported(Code.MAINS, "warning", bins, LINE_GAP, hertz=frequency)
     return Check(Code.MAINS, bins, LINE_GAP, "ok")
 
 

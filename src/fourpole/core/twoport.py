@@ -142,7 +142,7 @@ def cascade(*parts: ComplexArray) -> ComplexArray:
     Parameters
     ----------
     *parts : (..., 2, 2) complex arrays
-        At least one; leading axes broadcast.
+        Four-poles of the parts, at least one; leading axes broadcast.
 
     Returns
     -------

@@ -101,7 +101,7 @@ class Finding:
     ----------
     topic : Topic
     quantity : Quantity or None
-        None where the finding is about tests.
+        The quantity that the finding is about; None if it is about tests.
     specimens : tuple of str
         Names as in the campaign.
     holds : Holds

@@ -125,7 +125,7 @@ def read_reduced(path: str | os.PathLike[str], *, label: str | None = None) -> R
     Returns
     -------
     ReducedTable
-        In SI units.
+        The table in SI units.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def read_curve(
     Returns
     -------
     CurveTable
-        In SI units.
+        The curve in SI units.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Which tests a campaign should have, and the sheet to run them by."""
+"""Planning: the tests that a campaign needs for a wanted uncertainty, and their run sheet."""

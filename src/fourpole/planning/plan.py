@@ -111,7 +111,7 @@ class CampaignPlan:
     rigs : tuple of RigPlan
         Dynamic tests and calibrations, one entry per rig.
     tests : tuple of Test
-        All tests, the static ones too.
+        All tests of the campaign, static and dynamic.
     extra_columns : tuple of str
         Columns of tests.csv that pass through to the run sheet.
     notes : tuple of str
@@ -277,7 +277,7 @@ def bare_plan(
     rig : Rig
         Its own standard uncertainties are replaced by `rig_std`.
     guess : Guess
-        With K1, K2 and C.
+        The assumed tyre, with K1, K2 and C.
     run : Run
     frequencies : sequence of float [Hz]
     preload : float [N], optional

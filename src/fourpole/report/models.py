@@ -71,7 +71,7 @@ class FittedMap:
 
 @dataclass(frozen=True)
 class ModelSection:
-    """One tyre on the page."""
+    """The model and map of one tyre, as the page shows them."""
 
     tyre: str
     model: FittedModel | None

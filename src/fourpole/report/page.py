@@ -39,7 +39,7 @@ class Said(Protocol):
 
     @property
     def text(self) -> str:
-        """One sentence, with its figures."""
+        """The finding as one sentence with its numbers."""
 
     @property
     def tests(self) -> Sequence[str]:

@@ -53,7 +53,7 @@ class Tested:
 
 @dataclass(frozen=True)
 class RigRow:
-    """One value of a rig."""
+    """One stated value of a rig, as the page shows it."""
 
     rig: str
     name: str

@@ -10,7 +10,7 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.campaign.folder import Test
 from fourpole.core.arrays import FloatArray
-from fourpole.core.checks import Check, Code, told, worst_verdict
+from fourpole.core.checks import Check, Code, reported, worst_verdict
 from fourpole.core.identification import Identification
 from fourpole.core.phasor import Phasors
 from fourpole.quantities import Quantity
@@ -32,10 +32,10 @@ def dynamic_checks(
     if found is not None:
         rows += _calibration_checks(test) if test.kind == "calibration" else _arm_checks(found, stiffness)
         rows += [stiffness.warning] if stiffness.warning is not None else []
-        rows += [told(Code.K1, "ok", why=stiffness.doubt)] if stiffness.doubt else []
+        rows += [reported(Code.K1, "ok", why=stiffness.doubt)] if stiffness.doubt else []
         rows += [*_outlier_checks(found), *_convergence_checks(found)]
     elif test.kind == "calibration" and point.phasors is not None and route != "joint":
-        rows.append(told(Code.CALIBRATION_UNUSED, "warning", route=route))
+        rows.append(reported(Code.CALIBRATION_UNUSED, "warning", route=route))
     return tuple(rows)
 
 
@@ -53,14 +53,14 @@ def dynamic_cells(point: Point, found: Identified | None, route: str, checks: Se
 
 def _calibration_checks(test: Test) -> list[Check]:
     mass = test.value("added_mass") or 0.0
-    return [told(Code.CALIBRATION, "ok", mass=mass)]
+    return [reported(Code.CALIBRATION, "ok", mass=mass)]
 
 
 def _convergence_checks(found: Identified) -> list[Check]:
     joint = found.group.joint
     if joint is None or joint.converged:
         return []
-    return [told(Code.CONVERGENCE, "warning")]
+    return [reported(Code.CONVERGENCE, "warning")]
 
 
 def _outlier_checks(found: Identified) -> list[Check]:
@@ -68,7 +68,7 @@ def _outlier_checks(found: Identified) -> list[Check]:
     factor = float(joint.outlier[found.at]) if joint is not None else 1.0
     if factor <= 1:
         return []
-    return [told(Code.AGREEMENT, "warning", factor, 1.0, times=np.sqrt(factor))]
+    return [reported(Code.AGREEMENT, "warning", factor, 1.0, times=np.sqrt(factor))]
 
 
 def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
@@ -76,13 +76,13 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
     result, at = found.result, found.at
     reason, value = result.reasons[at], result.stiffness[at]
     if stiffness.reason and value.real > 0 and value.imag > 0:
-        return [told(Code.NO_K1, "warning", why=stiffness.reason)]
+        return [reported(Code.NO_K1, "warning", why=stiffness.reason)]
     interval = _interval(found, 0) if at in found.group.intervals else ""
     if reason and interval and found.group.intervals[at][0].non_passive_share < _NEVER_PASSIVE:
         share = found.group.intervals[at][0].non_passive_share
-        return [told(Code.PASSIVE_ARM, "warning", share, _NEVER_PASSIVE, interval=interval)]
+        return [reported(Code.PASSIVE_ARM, "warning", share, _NEVER_PASSIVE, interval=interval)]
     if reason:
-        return [told(Code.PASSIVE_ARM, "rejected", limit=0.0, why=reason)]
+        return [reported(Code.PASSIVE_ARM, "rejected", limit=0.0, why=reason)]
     with np.errstate(invalid="ignore"):
         relative = np.sqrt(np.diag(result.arm_covariance[at])) / (result.k2[at], result.c[at])
     worst = float(np.max(relative))
@@ -92,7 +92,7 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
     what = ("K2", "C")[which]
     interval = _interval(found, which) if at in found.group.intervals else ""
     words = interval or " so its interval is not symmetric"
-    return [told(Code.UNCERTAINTY, "warning", worst, _LINEAR, name=what, interval=words)]
+    return [reported(Code.UNCERTAINTY, "warning", worst, _LINEAR, name=what, interval=words)]
 
 
 def _interval(found: Identified, which: int) -> str:

@@ -16,7 +16,7 @@ from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.campaign.schema import RigFile
 from fourpole.core import checks
-from fourpole.core.checks import Check, Code, told
+from fourpole.core.checks import Check, Code, reported
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
 from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.steady import steady_part
@@ -82,7 +82,7 @@ class Job:
     def run(self) -> Reduced:
         """Reduce the recording, or read the result from the cache; an error becomes a check that rejects the test."""
         if self.test.problem:
-            return Reduced((Point(None, (told(Code.STATEMENT, "rejected", why=self.test.problem),)),))
+            return Reduced((Point(None, (reported(Code.STATEMENT, "rejected", why=self.test.problem),)),))
         try:
             path = inside(self.folder, self.test.file)
             sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=self.test.file)
@@ -94,11 +94,11 @@ class Job:
                     remember(place, points)
             return Reduced(points, sha256)
         except FourpoleError as error:
-            why = told(_CODES.get(type(error), Code.RECORDING), "rejected", why=error)
+            why = reported(_CODES.get(type(error), Code.RECORDING), "rejected", why=error)
         except MemoryError:
-            why = told(Code.MEMORY, "rejected", file=self.test.file)
+            why = reported(Code.MEMORY, "rejected", file=self.test.file)
         except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
-            why = told(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
+            why = reported(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
         return Reduced((Point(None, (why,)),))
 
     def _settings(self) -> list[object]:
@@ -235,7 +235,7 @@ def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording,
             raise
         recording, remarks = load_recording(job.folder, path, job.test, job.channels, job.needed, part=part)
         rows.append(_left_out(spare[0], str(error)))
-    return recording, rows + [told(Code.TIME_BASE, "warning", why=remark) for remark in remarks]
+    return recording, rows + [reported(Code.TIME_BASE, "warning", why=remark) for remark in remarks]
 
 
 def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[Check]]:
@@ -252,7 +252,7 @@ def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[
         cut.append(f"the first {part[0] - low:.3g} s (lead-in, run-up)")
     if part[1] < high:
         cut.append(f"the last {high - part[1]:.3g} s (run-down)")
-    return recording.between(*part), [told(Code.STEADY, "ok", cut=" and ".join(cut), length=high - low)]
+    return recording.between(*part), [reported(Code.STEADY, "ok", cut=" and ".join(cut), length=high - low)]
 
 
 def _followed(recording: Recording, near: float | None) -> tuple[Demodulation, list[Check]]:
@@ -267,11 +267,11 @@ def _followed(recording: Recording, near: float | None) -> tuple[Demodulation, l
     if followed is None:
         return found, []
     better, wander = followed
-    return better, [told(Code.SPEED, "warning", wander.speed, 0.0, shift=wander.shift)]
+    return better, [reported(Code.SPEED, "warning", wander.speed, 0.0, shift=wander.shift)]
 
 
 def _left_out(role: str, why: str) -> Check:
-    return told(Code.LEFT_OUT, "warning", channel=SYMBOLS[role], why=why)
+    return reported(Code.LEFT_OUT, "warning", channel=SYMBOLS[role], why=why)
 
 
 def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:

@@ -61,7 +61,7 @@ _REMARKS = {
     Finding.NOT_DETERMINED: "not determined by your data, taken from your statement",
     Finding.CONTRADICTED: "contradicts your statement: look for the cause before you use it",
     Finding.NOT_CALIBRATED: "the rig as stated does not fit: not calibrated",
-    Finding.UNSTATED: "not stated by you: the tests want it; look for its cause and state it",
+    Finding.UNSTATED: "not stated by you, but the tests need it: look for its cause and state it",
     Finding.UNKNOWN: "",
 }
 
@@ -245,7 +245,7 @@ class RigEstimate:
         """Sentence on the values that contradict the tests, and on the best candidate for the cause."""
         against = [
             f"{value.source.text} is stated as {_short(value.stated, value.unit)}, "
-            f"the tests want {_short(value.found, value.unit)}"
+            f"the tests give {_short(value.found, value.unit)}"
             for value in self.contradicted
             if value.source.role is not Role.RATIO
         ]
@@ -292,7 +292,7 @@ _NOTES = {
     ),
     NoteCode.OUTLIERS: "{strange} not go with the others and hardly {counts}",
     NoteCode.UNSHARED_MASSES: (
-        "no condition was tested with two masses, so the added mass tells nothing of the sensors: tyre, pressure "
+        "no condition was tested with two masses, so the added mass does not calibrate the sensors: tyre, pressure "
         "(2 %), preload (1 %), temperature (5 K) and frequency (1 %) must be the same without and with it"
     ),
     NoteCode.ONE_TEST: "one test only: rig and channels are taken as you stated them",

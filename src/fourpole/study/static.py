@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fourpole.campaign.folder import Campaign, Test, condition_of, inside
-from fourpole.core.checks import Check, Code, told, worst_verdict
+from fourpole.core.checks import Check, Code, reported, worst_verdict
 from fourpole.core.condition import Condition, Sameness
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.sources import Kind, Source
@@ -127,7 +127,7 @@ def _with_remarks(
         if mine.values[at] is None and len(set(axis.groups(stated).tolist())) > 1:
             mixed.append(axis.name)
     remark = f"K1 from {', '.join(names)}: {'; '.join(remarks)}" if remarks else ""
-    warning = told(Code.K1_MIXED, "warning", axes=" and ".join(mixed)) if mixed else None
+    warning = reported(Code.K1_MIXED, "warning", axes=" and ".join(mixed)) if mixed else None
     return _Choice(names, remark, warning)
 
 
@@ -145,7 +145,7 @@ def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
     mean = float(np.mean([there[name] for name in names]))
     side = "below" if mean < own else "above"
     off, limit, listed = abs(own - mean), axis.absolute, ", ".join(names)
-    warning = told(Code.K1_TEMPERATURE, "warning", off, limit, names=listed, there=mean, side=side, own=own)
+    warning = reported(Code.K1_TEMPERATURE, "warning", off, limit, names=listed, there=mean, side=side, own=own)
     return _Choice(names, warning=warning)
 
 
@@ -160,9 +160,9 @@ def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticT
         curve = load_curve(path, test, campaign.stated.channels)
         whole = StaticRow(test, nowhere, loss=curve.hysteresis_loss, nonlinearity=curve.nonlinearity)
     except FourpoleError as error:
-        why = told(Code.LOAD_CURVE, "rejected", why=error)
+        why = reported(Code.LOAD_CURVE, "rejected", why=error)
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
-        why = told(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
+        why = reported(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
     else:
         return _read(campaign, test, curve, whole, preloads, sha256)
     rows = tuple(StaticRow(test, load, checks=(why,)) for load in preloads or [nowhere])
@@ -174,7 +174,7 @@ def _read(
 ) -> StaticTest:
     """The static test at each preload, from its curve."""
     if not preloads:
-        return StaticTest(test, curve, (replace(whole, checks=(told(Code.NO_PRELOAD, "ok"),)),), sha256)
+        return StaticTest(test, curve, (replace(whole, checks=(reported(Code.NO_PRELOAD, "ok"),)),), sha256)
     return StaticTest(test, curve, tuple(_at(campaign, test, curve, whole, load) for load in preloads), sha256)
 
 
@@ -186,9 +186,9 @@ def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load
         tangent = curve.tangent(load)
         secant = curve.secant(load)
     except LoadCurveError as error:
-        return replace(whole, preload=load, checks=(told(Code.BEYOND_CURVE, "rejected", why=error),))
-    checks = [told(Code.CURVE, "warning", why=remark) for remark in curve.remarks]
-    checks += [told(Code.SECANT, "ok", why=secant.reason)] if secant.reason else []
+        return replace(whole, preload=load, checks=(reported(Code.BEYOND_CURVE, "rejected", why=error),))
+    checks = [reported(Code.CURVE, "warning", why=remark) for remark in curve.remarks]
+    checks += [reported(Code.SECANT, "ok", why=secant.reason)] if secant.reason else []
     std = tangent.std_with_gains(channels.load.gain_std, channels.deflection.gain_std)
     parts = {
         Source(Kind.K1_FIT): tangent.fit,

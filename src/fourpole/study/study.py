@@ -128,7 +128,7 @@ class Study(Tables):
         model : str
             Name of a model, or `auto`: the model with the smallest leave-one-out error.
         tyre : str, optional
-            Only this one.
+            The tyre whose map is used; by default all tyres.
         over : sequence of str
             Further columns that are axes, in addition to pressure, preload and temperature.
         at : mapping of str to (n,) float array, optional

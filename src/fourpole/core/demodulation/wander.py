@@ -61,7 +61,7 @@ def follow_wander(recording: Recording, found: Demodulation) -> tuple[Demodulati
     Returns
     -------
     (Demodulation, Wander) or None
-        None if the speed is steady enough.
+        The demodulation along the phase of V1, and the wander; None if the speed is steady enough.
 
     Notes
     -----
