@@ -219,15 +219,19 @@ def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
         )
     if hidden:
         yield _hidden_errors(hidden, massed=found.massed)
-    if not found.massed and _gains_alike(values):
+    yield from [] if found.massed else _equal_effects(values)
+    yield from _trusted_masses(values)
+    ratios = set() if Role.CHANNEL in {value.group for value in hidden} else {Role.RATIO}
+    yield from _late_errors([value for value in values if value.group in groups | ratios and value not in common])
+
+
+def _equal_effects(values: Sequence[ShownValue]) -> Iterable[str]:
+    """Which errors have the same effect on all that tests with one mass show, as a sentence."""
+    if _gains_alike(values):
         yield (
             "These data compare F1/V2 with the rig: an error of F1's gain has the same effect as one of V2's, or as an "
             "error of the moving mass and the preload spring together."
         )
-    yield from _trusted_masses(values)
-    if not any(value.group is Role.CHANNEL for value in hidden):
-        groups.add(Role.RATIO)
-    yield from _late_errors([value for value in values if value.group in groups and value not in common])
 
 
 def _hidden(values: Sequence[ShownValue]) -> list[ShownValue]:
