@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import tomllib
 from pathlib import Path
 
@@ -115,6 +116,24 @@ def test_a_force_of_unstated_unit_is_held_against_the_static_curve(origin, tmp_p
     assert guess.roles["force_in"].unit == "kN"
     assert any("kN, " in doubt.text and "static stiffness" in doubt.text for doubt in guess.doubts)
     same(tmp_path, origin)
+
+
+@pytest.mark.parametrize("role", ["motion_in", "motion_out"])
+def test_an_inverted_sensor_leaves_the_ratio_to_the_static_stiffness_as_it_is(origin, tmp_path, role):
+    symbol = {"motion_in": "V1", "motion_out": "V2"}[role]
+    ratios = []
+    for sign in (1.0, -1.0):
+        folder = tmp_path / f"{sign:g}"
+        folder.mkdir()
+        for name, table in tables(origin):  # F1 has no unit, so the doubt on F1 states K* over the static stiffness
+            renamed(table, {}, {**UNITS, "F1": "-"}, {symbol: sign}).write_csv(folder / f"{name}.csv")
+        guess = guess_campaign(folder)
+        assert guess.roles[role].invert == (sign < 0)
+        texts = [doubt.text for doubt in guess.doubts if doubt.about == "force_in"]
+        ratios.append([re.search(r"K\* is (\S+) times the static stiffness", text) for text in texts])
+    first, second = ([match[1] for match in found if match] for found in ratios)
+    assert len(first) == 1
+    assert first == second
 
 
 def test_groups_of_one_file_are_tests(origin, tmp_path):
