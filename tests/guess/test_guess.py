@@ -15,7 +15,7 @@ from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError
 from fourpole.guess import guess_campaign
 from fourpole.guess.channels import column_of
-from fourpole.guess.conditions import Entry, tell
+from fourpole.guess.conditions import Entry, read_conditions
 from fourpole.guess.names import read_header, read_name
 from fourpole.study import analyse
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
@@ -324,10 +324,10 @@ def test_a_number_that_goes_with_the_frequencies_needs_no_doubt(origin, tmp_path
 def test_a_number_that_looks_like_a_pressure_is_none_where_the_recordings_turn_at_it():
     """5.5 and 8 could be bar; at 5.5 and 8 Hz they are frequencies, at others they are not."""
     turning = [Entry("dynamic", f, tuple(read_name(f"radial_{f:g}"))) for f in (5.5, 8.0)]
-    assert [one.values for one in tell(turning)] == [{"frequency": 5.5}, {"frequency": 8.0}]
+    assert [one.values for one in read_conditions(turning)] == [{"frequency": 5.5}, {"frequency": 8.0}]
     others = [Entry("dynamic", 20.0, entry.name) for entry in turning]
-    assert [one.values for one in tell(others)] == [{"pressure": 550e3}, {"pressure": 800e3}]
-    assert all("taken as bar" in one.doubts[0][1] for one in tell(others))
+    assert [one.values for one in read_conditions(others)] == [{"pressure": 550e3}, {"pressure": 800e3}]
+    assert all("taken as bar" in one.doubts[0][1] for one in read_conditions(others))
 
 
 def test_a_frequency_that_the_recording_does_not_show_is_not_taken(origin, tmp_path):

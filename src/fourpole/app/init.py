@@ -10,7 +10,7 @@ from fourpole import quantities as q
 from fourpole.app.console import out, print_json, print_table, progress
 from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError
-from fourpole.guess import Guess, Row, guess_campaign, keep_existing
+from fourpole.guess import GuessedCampaign, Row, guess_campaign, keep_existing
 from fourpole.study.identified import possible_route
 
 _MOST_LISTED = 40
@@ -52,7 +52,7 @@ def _following(folder: Path) -> str:
     return f"next: fourpole analyse {folder}{' --route relative' if rigless and route == 'joint' else ''}"
 
 
-def _document(guess: Guess, following: str) -> dict[str, object]:
+def _document(guess: GuessedCampaign, following: str) -> dict[str, object]:
     return {
         "folder": str(guess.folder),
         "tests": [
@@ -108,7 +108,7 @@ def _shown(value: float | None, scale: float) -> str:
     return "" if value is None else f"{value / scale:.4g}"
 
 
-def _channels(guess: Guess) -> None:
+def _channels(guess: GuessedCampaign) -> None:
     rows = []
     if guess.clock is not None:
         rows.append(("time", *guess.clock[:2], "", ""))

@@ -1,4 +1,4 @@
-"""Conditions of the tests of a folder: what their names, headers and notes say, seen over all tests together.
+"""Conditions of the tests of a folder: what their names, headers and notes state, compared over all tests.
 
 Numbers without a unit become conditions where their place in all names shows which. The words that differ between
 tests name the tyres. Dates, serial numbers and words that all tests share are not used.
@@ -57,7 +57,7 @@ class Entry:
 
 
 @dataclass
-class Told:
+class RecordingConditions:
     """Conditions of one recording in SI, its tyre, and its doubts as (subject, text)."""
 
     values: dict[str, float] = field(default_factory=dict)
@@ -76,17 +76,17 @@ class Told:
         self.doubt("tyre", text)
 
 
-def tell(entries: Sequence[Entry]) -> list[Told]:
-    """The conditions of each recording."""
+def read_conditions(entries: Sequence[Entry]) -> list[RecordingConditions]:
+    """The conditions of each recording, in the order of the entries."""
     entries = _interpreted(entries)
-    told = [_values(entry) for entry in entries]
+    conditions = [_values(entry) for entry in entries]
     repeats = [_repeat(entry) for entry in entries]
     counted = [repeat for repeat in repeats if repeat]
     if len(set(repeats)) > 1 and len(set(counted)) < len(counted):
-        for one, repeat in zip(told, repeats, strict=True):
+        for one, repeat in zip(conditions, repeats, strict=True):
             one.repeat = repeat
-    _name_tyres([pair for pair in zip(entries, told, strict=True) if pair[0].kind != "calibration"])
-    return told
+    _name_tyres([pair for pair in zip(entries, conditions, strict=True) if pair[0].kind != "calibration"])
+    return conditions
 
 
 def _repeat(entry: Entry) -> str:
@@ -94,23 +94,23 @@ def _repeat(entry: Entry) -> str:
     return " ".join(f"{token.value:g}" for token in (*entry.name, *entry.header) if token.what == "repeat")
 
 
-def _values(entry: Entry) -> Told:
+def _values(entry: Entry) -> RecordingConditions:
     """The conditions of one recording: the name counts before the header, the header before the notes."""
-    told = Told()
+    conditions = RecordingConditions()
     places = {"name": "its name", "header": "its header", "folder": "notes"}
     for place, tokens in entry.parts:
         for token in tokens:
             what = token.what
             if what not in KINDS_OF:
                 continue
-            if what not in told.values:
-                told.values[what] = token.value
+            if what not in conditions.values:
+                conditions.values[what] = token.value
                 if token.doubt:
-                    told.doubt(what, token.doubt)
-            elif not (_AXES.get(what) or axis_of(what)).same(told.values[what], token.value):
-                taken = _written(what, told.values[what])
-                told.doubt(what, f"{taken} is taken, {places[place]} also says {token.text!r}")
-    return told
+                    conditions.doubt(what, token.doubt)
+            elif not (_AXES.get(what) or axis_of(what)).same(conditions.values[what], token.value):
+                taken = _written(what, conditions.values[what])
+                conditions.doubt(what, f"{taken} is taken, {places[place]} also says {token.text!r}")
+    return conditions
 
 
 def _written(what: str, value: float) -> str:
@@ -263,35 +263,35 @@ def _with(entry: Entry, numbers: dict[_Slot, Token], meanings: Mapping[_Slot, _M
 # --- the tyre ----------------------------------------------------------------------------------------------------
 
 
-def _name_tyres(tests: Sequence[tuple[Entry, Told]]) -> None:
+def _name_tyres(tests: Sequence[tuple[Entry, RecordingConditions]]) -> None:
     """Fill in the tyre of each test: as header or notes state it, else by the words of the names that differ."""
     _name_by_words(tests)
-    if not any(told.tyre for _, told in tests):
+    if not any(conditions.tyre for _, conditions in tests):
         _name_by_numbers(tests)
-    if not any(told.tyre for _, told in tests):
-        for _, told in tests:
-            told.assume_tyre("tyre", "no name of a tyre was found: all tests are taken as of one tyre")
-    _doubt_joined([told for _, told in tests])
-    for _, told in tests:
-        if not told.tyre:
-            told.assume_tyre("unnamed", "its tyre is not named")
+    if not any(conditions.tyre for _, conditions in tests):
+        for _, conditions in tests:
+            conditions.assume_tyre("tyre", "no name of a tyre was found: all tests are taken as of one tyre")
+    _doubt_joined([conditions for _, conditions in tests])
+    for _, conditions in tests:
+        if not conditions.tyre:
+            conditions.assume_tyre("unnamed", "its tyre is not named")
 
 
-def _name_by_words(tests: Sequence[tuple[Entry, Told]]) -> None:
+def _name_by_words(tests: Sequence[tuple[Entry, RecordingConditions]]) -> None:
     """Tyres as stated; by words where more names of words come again than tyres are stated."""
     stated = [entry.stated("tyre") or entry.stated("construction") for entry, _ in tests]
     words = _distinguishing([_words(entry) for entry, _ in tests], [entry.kind for entry, _ in tests])
     often = Counter(tuple(map(plain, own)) for own in words if own)
     by_words = sum(count > 1 for count in often.values()) > len(set(map(plain, stated)))
     spelling: dict[str, str] = {}
-    for (entry, told), own, tyre in zip(tests, words, stated, strict=True):
+    for (entry, conditions), own, tyre in zip(tests, words, stated, strict=True):
         joined = " ".join(own)[:_LONGEST_TYRE].strip()
         name = joined if not tyre or (by_words and joined) else tyre
-        told.tyre = spelling.setdefault(plain(name), name)
-        told.construction = entry.stated("construction")
+        conditions.tyre = spelling.setdefault(plain(name), name)
+        conditions.construction = entry.stated("construction")
 
 
-def _name_by_numbers(tests: Sequence[tuple[Entry, Told]]) -> None:
+def _name_by_numbers(tests: Sequence[tuple[Entry, RecordingConditions]]) -> None:
     """Take a number without a meaning as that of the tyre, where there are few and each is in many names."""
     left = [[t for t in entry.name if t.what == "number" and not t.keys and t.value.is_integer()] for entry, _ in tests]
     if not all(left):
@@ -299,19 +299,19 @@ def _name_by_numbers(tests: Sequence[tuple[Entry, Told]]) -> None:
     numbers = [tokens[0].text for tokens in left]
     if 1 < len(set(numbers)) <= len(tests) / 4:
         listed = ", ".join(sorted(set(numbers))[:6])
-        for (_, told), number in zip(tests, numbers, strict=True):
-            told.assume_tyre(f"#{number}", f"the numbers {listed} of their names are taken as those of the tyres")
+        for (_, conditions), number in zip(tests, numbers, strict=True):
+            conditions.assume_tyre(f"#{number}", f"the numbers {listed} of their names are taken as those of the tyres")
 
 
-def _doubt_joined(tested: Sequence[Told]) -> None:
+def _doubt_joined(tested: Sequence[RecordingConditions]) -> None:
     """Doubt names of several words that vary by themselves: a word may be an operator, or hot and cold."""
-    names = {plain(told.tyre): told.tyre for told in tested}
+    names = {plain(conditions.tyre): conditions.tyre for conditions in tested}
     often = Counter(plain(word) for name in names.values() for word in name.split())
     several = any(len(name.split()) > 1 for name in names.values())
     if len(names) >= 4 and several and max(often.values(), default=0) > 1:
         listed = ", ".join(list(names.values())[:4])
-        for told in tested:
-            told.doubt(
+        for conditions in tested:
+            conditions.doubt(
                 "tyre",
                 f"{len(names)} tyres by the words that vary ({listed} ...): if some of them are not of a tyre, take "
                 "them out",

@@ -1,4 +1,4 @@
-"""The contents of a folder: its recordings, with what they state and what their signals show, and its notes."""
+"""The contents of a folder: its recordings with their statements and the shapes of their signals, and its notes."""
 
 from __future__ import annotations
 
@@ -15,17 +15,21 @@ from fourpole import units
 from fourpole.errors import CampaignError, FourpoleError, UnitError
 from fourpole.guess.channels import Column, column_of
 from fourpole.guess.names import Token, read_header, read_name, without_ending
-from fourpole.guess.signals import SignalShape, look, samples_of
+from fourpole.guess.signals import SignalShape, samples_of, signal_shape
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode, read_bytes
 from fourpole.units import shown
 
+#: Largest number of files in a folder.
 _MOST_FILES = 20_000
+#: Number of channels that are read of a recording.
 _MOST_CHANNELS = 64
-_MOST_NOTES = 100_000  # bytes of a file of notes
+#: Number of bytes that are read of a file of notes.
+_MOST_NOTES = 100_000
+#: Largest size of a file [bytes].
 _MOST_BYTES = 4_000_000_000
-#: Names of files that are no recordings.
+#: Names of files of a campaign folder that are no recordings.
 _OURS = frozenset({"campaign.toml", "tests.csv", "truth.csv"})
 _NEVER = re.compile(
     r"\.(toml|py|m|r|pdf|png|jpe?g|svg|gif|html?|docx?|xlsx?|pptx?|zip|gz|7z|exe|tdms_index|parquet|db|ini)$", re.I
@@ -34,30 +38,31 @@ _NOTES = re.compile(r"\.(txt|md|json|ya?ml|rst|nfo|info|log)$|^(readme|notes?|no
 
 
 @dataclass(frozen=True)
-class Seen:
-    """One recording, or one group of a file.
+class FolderRecording:
+    """One recording of a folder: a file, or one group of a file.
 
     Attributes
     ----------
     file : str
-        Its name in tests.csv.
+        Name of the recording in tests.csv.
     columns : tuple of Column
-        Its channels without the time.
+        Channels without the time.
     clock : str or None
-        Its column of the time.
+        Column of the time; None if there is none.
     clock_unit : str
-        Unit of this column.
+        Unit of the column of the time.
     rate : float or None [Hz]
+        Sample rate; None if it is not known.
     text : bool
-        Whether it is a table of text.
+        Whether the file is a table of text.
     timed : bool
         Whether the file itself states times or rates.
-    looked : SignalShape or None
-        What its samples show; None where they could not be read.
+    shape : SignalShape or None
+        Shape of the signals; None if the samples could not be read.
     name, header, folder : tuple of Token
-        Tokens of its name, of its header and notes of the same name, and of the notes of its folders.
+        Tokens of the name; of the header and of notes with the name of the recording; of the notes of its folders.
     problem : str
-        Why its samples could not be read.
+        Reason why the samples could not be read; empty if they could.
     """
 
     file: str
@@ -67,7 +72,7 @@ class Seen:
     rate: float | None
     text: bool
     timed: bool
-    looked: SignalShape | None
+    shape: SignalShape | None
     name: tuple[Token, ...]
     header: tuple[Token, ...] = ()
     folder: tuple[Token, ...] = ()
@@ -75,39 +80,39 @@ class Seen:
 
     @property
     def frequency(self) -> float:
-        """Frequency that its samples show [Hz]; not-a-number where they show none."""
-        return float("nan") if self.looked is None else self.looked.frequency
+        """Frequency of the excitation by the samples [Hz]; not-a-number if it is not known."""
+        return float("nan") if self.shape is None else self.shape.frequency
 
 
 @dataclass
 class FolderContents:
-    """All of a folder: recordings, files left out with the reason, and the tokens of the notes."""
+    """Recordings of a folder, files that are left out with the reason, and tokens of the notes."""
 
-    seen: list[Seen] = field(default_factory=list)
+    recordings: list[FolderRecording] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
     notes: list[Token] = field(default_factory=list)
 
 
 def gather(folder: Path, progress: Callable[[int, int], None] | None = None) -> FolderContents:
-    """Read all files of a folder and of the folders in it."""
+    """The contents of a folder and of the folders in it; `progress` is called with the files read and their number."""
     found = FolderContents()
     paths = _paths(folder, found)
     notes: dict[str, tuple[Token, ...]] = {}
     for done, path in enumerate(paths, 1):
         try:
             name = path.relative_to(folder).as_posix()
-            _look_at(path, name, found, notes)
+            _read_one(path, name, found, notes)
         except FourpoleError as error:
             found.left_out.append((name, _without_name(str(error), name)))
         if progress is not None:
             progress(done, len(paths))
     found.notes = [token for tokens in notes.values() for token in tokens]
-    found.seen = [_noted(one, notes) for one in found.seen]
+    found.recordings = [_noted(one, notes) for one in found.recordings]
     return found
 
 
 def _paths(folder: Path, found: FolderContents) -> list[Path]:
-    """Files that may be recordings or notes, in the order in which people count."""
+    """Paths of files that may be recordings or notes, sorted by name with D2 before D10."""
     paths: list[Path] = []
     for place, folders, files in os.walk(folder):
         here = Path(place)
@@ -128,12 +133,12 @@ def _paths(folder: Path, found: FolderContents) -> list[Path]:
 
 
 def _counting(name: str) -> list[tuple[int, int, str]]:
-    """Sorts D2 before D10."""
+    """Key that sorts D2 before D10."""
     return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"([0-9]{1,15})", name) if part]
 
 
 def _trouble(folder: Path, path: Path) -> str:
-    """Why a file cannot stand in tests.csv; empty where it can."""
+    """Reason why tests.csv cannot name a file; empty if it can."""
     name = path.relative_to(folder).as_posix()
     if not name.isprintable() or name != name.strip():
         return "its name has control characters, or blanks at its ends: rename it"
@@ -145,8 +150,8 @@ def _trouble(folder: Path, path: Path) -> str:
     return "" if within else "is a link to a place outside the folder: copy it into the folder"
 
 
-def _look_at(path: Path, name: str, found: FolderContents, notes: dict[str, tuple[Token, ...]]) -> None:
-    """One file: its recordings, or what it says as notes."""
+def _read_one(path: Path, name: str, found: FolderContents, notes: dict[str, tuple[Token, ...]]) -> None:
+    """Add the recordings of a file to `found`, or its tokens to `notes`."""
     is_note = _NOTES.search(path.name) is not None
     try:
         info = survey(path, max_bytes=_MOST_BYTES, label=name)
@@ -157,7 +162,7 @@ def _look_at(path: Path, name: str, found: FolderContents, notes: dict[str, tupl
         made = []
     strange = [one for one in made if one.problem and not any(column.quantity for column in one.columns)]
     found.left_out += [(one.file, one.problem) for one in strange]
-    found.seen += [one for one in made if one not in strange]
+    found.recordings += [one for one in made if one not in strange]
     if made:
         return
     if is_note:
@@ -167,7 +172,7 @@ def _look_at(path: Path, name: str, found: FolderContents, notes: dict[str, tupl
 
 
 def _is_table(info: FileInfo) -> bool:
-    """Whether a file has at least two channels with more than a few samples: text of notes has not."""
+    """Whether a file has at least two channels of eight samples, which a file of notes does not have."""
     return sum(signal.count >= 8 for signal in info.signals) >= 2
 
 
@@ -184,7 +189,7 @@ def _lines(path: Path, name: str) -> list[str]:
 
 
 def _flat(document: object) -> Iterator[str]:
-    """The pairs of a JSON document as lines, tables inside it too."""
+    """The pairs of a JSON document and of the tables in it, as lines "key: value"."""
     if isinstance(document, dict):
         for key, value in document.items():
             if isinstance(value, str | int | float):
@@ -194,12 +199,12 @@ def _flat(document: object) -> Iterator[str]:
 
 
 def _without_name(message: str, name: str) -> str:
-    """A message without the name of the file before it."""
+    """A message without the name of the file at its beginning."""
     return message.removeprefix(f"{shown(name, 200)[1:-1]}: ").removeprefix(f"{name}: ")
 
 
-def _recordings(path: Path, name: str, info: FileInfo) -> Iterator[Seen]:
-    """The recordings of a file: each group that has what a test needs, else the file as a whole."""
+def _recordings(path: Path, name: str, info: FileInfo) -> Iterator[FolderRecording]:
+    """Recordings of a file: each group with two channels that are not the time, else the whole file."""
     groups: dict[str, list[SignalInfo]] = {}
     for signal in info.signals:
         if signal.count >= 2 and "no numbers" not in signal.note:
@@ -210,11 +215,11 @@ def _recordings(path: Path, name: str, info: FileInfo) -> Iterator[Seen]:
     elif len(whole) == 1 and _sole(next(iter(whole)), groups):
         whole = {"": next(iter(whole.values()))}
     for group, signals in whole.items():
-        yield _seen(path, name, group, signals, info)
+        yield _recording(path, name, group, signals, info)
 
 
 def _sole(group: str, groups: dict[str, list[SignalInfo]]) -> bool:
-    """Whether no other group has a channel of the same name."""
+    """Whether no other group has a channel with the name of a channel of `group`."""
     names = {signal.name.casefold() for signal in groups[group]}
     return not any(
         signal.name.casefold() in names for other, more in groups.items() if other != group for signal in more
@@ -222,33 +227,33 @@ def _sole(group: str, groups: dict[str, list[SignalInfo]]) -> bool:
 
 
 def _enough(signals: list[SignalInfo]) -> bool:
-    """Whether some channels make a test: two that are not the time."""
+    """Whether at least two channels with eight samples are not the time."""
     columns = [column_of(signal.name, signal.unit) for signal in signals if signal.count >= 8]
     return sum(column.quantity != "time" for column in columns) >= 2
 
 
-def _seen(path: Path, name: str, group: str, signals: list[SignalInfo], info: FileInfo) -> Seen:
-    """One recording: the channels of a group of a file."""
+def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], info: FileInfo) -> FolderRecording:
+    """The recording that the channels of a group of a file make."""
     signals = signals[:_MOST_CHANNELS]
     columns = [column_of(signal.name, signal.unit) for signal in signals]
     clock = next((column for column in columns if column.quantity == "time"), None)
     own = tuple(column for column in columns if column.quantity != "time")
-    looked, problem = None, ""
+    shape, problem = None, ""
     try:
-        looked = _looked(path, name, group, own, clock, _common_rate(signals))
+        shape = _shape_of(path, name, group, own, clock, _common_rate(signals))
     except FourpoleError as error:
         problem = _without_name(str(error), name)
-    return Seen(
+    return FolderRecording(
         file=f"{name}#{group}" if group else name,
         columns=own,
         clock=clock.name if clock else None,
         clock_unit=(clock and clock.unit) or "s",
-        rate=(looked and looked.rate) or _common_rate(signals),
+        rate=(shape and shape.rate) or _common_rate(signals),
         text=info.format.startswith("text"),
         timed=all(signal.rate or signal.duration is not None for signal in signals),
-        looked=looked,
+        shape=shape,
         name=_tokens(name, group),
-        header=(*read_header(info.notes), *_recorded(own, looked)),
+        header=(*read_header(info.notes), *_recorded(own, shape)),
         problem=problem,
     )
 
@@ -266,25 +271,25 @@ def _tokens(name: str, group: str) -> tuple[Token, ...]:
     return tuple(token for text in texts for token in read_name(text))
 
 
-def _looked(
+def _shape_of(
     path: Path, name: str, group: str, own: tuple[Column, ...], clock: Column | None, rate: float | None
 ) -> SignalShape:
-    """What the samples show."""
+    """Shape of the signals of a recording, by its first samples."""
     aside = frozenset(column.name for column in own if column.quantity in _ASIDE)
     stated = {"clock": clock.name, "unit": clock.unit or "s"} if clock is not None else {}
     signals = samples_of(path, [column.name for column in own], group=group, label=name, **stated)
-    return look(signals, rate=rate, aside=aside)
+    return signal_shape(signals, rate=rate, aside=aside)
 
 
-#: Quantities whose channels do not show the excitation.
+#: Quantities whose channels do not decide on kind and frequency of a test.
 _ASIDE = frozenset({"temperature", "pressure", "frequency", "angle", "reference", "ratio"})
 #: Recorded conditions, with the range of plausible means in SI.
 _RECORDED = {"pressure": (3e4, 2e6), "temperature": (-60.0, 150.0)}
 
 
-def _recorded(columns: tuple[Column, ...], looked: SignalShape | None) -> Iterator[Token]:
-    """Pressure and temperature that were recorded beside the signals, where they are constant."""
-    samples = looked.samples if looked is not None else {}
+def _recorded(columns: tuple[Column, ...], shape: SignalShape | None) -> Iterator[Token]:
+    """Mean of each recorded pressure and temperature that is constant and plausible, as a token in SI units."""
+    samples = shape.samples if shape is not None else {}
     for column in columns:
         if column.quantity not in _RECORDED or column.unit is None or column.name not in samples:
             continue
@@ -299,8 +304,8 @@ def _recorded(columns: tuple[Column, ...], looked: SignalShape | None) -> Iterat
             yield Token(column.quantity, text, float(f"{mean:.3g}"))
 
 
-def _noted(one: Seen, notes: dict[str, tuple[Token, ...]]) -> Seen:
-    """A recording with the notes beside it: notes of its name join its header, the others are those of its folders."""
+def _noted(one: FolderRecording, notes: dict[str, tuple[Token, ...]]) -> FolderRecording:
+    """A recording with notes: those with its name join its header, those of its folders become `folder`."""
     place, _, name = one.file.partition("#")[0].rpartition("/")
     own: list[Token] = []
     shared: list[Token] = []
@@ -314,7 +319,7 @@ def _noted(one: Seen, notes: dict[str, tuple[Token, ...]]) -> Seen:
 
 
 def _is_shared(notes: dict[str, tuple[Token, ...]], title: str) -> bool:
-    """Whether notes are of a folder, not of one recording among many that have notes."""
+    """Whether a file of notes is about its folder: by its name, or because it is the only one."""
     return (
         re.match(r"readme|notes?\b|notizen|liesmich|info|rig|setup|campaign", title, re.I) is not None
         or len(notes) == 1

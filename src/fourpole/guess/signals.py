@@ -1,4 +1,4 @@
-"""What the samples of a recording show: a steady sinusoid or a slow curve, at which frequency, how large."""
+"""The shape of the signals of a recording: a steady sinusoid or a slow curve, its frequency and its amplitudes."""
 
 from __future__ import annotations
 
@@ -12,33 +12,40 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.io.signals import Signal
 from fourpole.io.stream import Source, stream
 
+#: Number of samples that are read of each channel.
 _ENOUGH_ROWS = 1 << 18
+#: Number of samples from which a spectrum is computed.
 _SPECTRUM = 1 << 16
-_SLOW = 0.5  # Hz: no rig is excited below, no load is cycled faster
-_FEWEST_TURNS = 6.0  # of a recording that knows no time
-_STEADY = 0.4  # share of the variance that a sinusoid has
-_SUSTAINED = 0.3  # least over largest amplitude of its quarters
+#: Frequency [Hz] below which a recording is static: dynamic tests are faster, static loading cycles are slower.
+_SLOW = 0.5
+#: Number of cycles below which a recording without times is static.
+_FEWEST_TURNS = 6.0
+#: Smallest share of the variance [1] that the sinusoid of a dynamic test has.
+_STEADY = 0.4
+#: Smallest ratio of the least to the largest amplitude of the quarters of a dynamic test [1].
+_SUSTAINED = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class SignalShape(ByValue):
-    """What a recording shows.
+    """Kind, frequency and amplitudes of a recording, found from its samples.
 
     Attributes
     ----------
     kind : str
-        "static", "dynamic", or empty where it is neither: noise, a blow, silence.
+        "static", "dynamic", or empty for a recording that is neither, such as noise, an impact or a constant.
     frequency : float [Hz]
-        Of the strongest line; not-a-number where there is none or no time.
+        Frequency of the strongest spectral line; not-a-number if no channel moves or no time is known.
     rate : float or None [Hz]
+        Sample rate of the channel with the strongest line; None if it is not known.
     amplitudes : dict of str to complex
-        At that frequency, of all channels, in recorded units.
+        Complex amplitude at `frequency` of each excited channel, in recorded units.
     ranges : dict of str to (float, float)
-        Least and largest value.
+        Least and largest value of each channel, in recorded units.
     samples : dict of str to array
-        Some two thousand samples of each channel, for curves.
+        About two thousand samples of each channel, in recorded units; static curves are made from them.
     pulses : dict of str to float
-        Rising edges per cycle of the channels that are no motion or force.
+        Rising edges per cycle of the excitation, for the channels that record no force or motion.
     """
 
     kind: str
@@ -50,7 +57,7 @@ class SignalShape(ByValue):
     pulses: dict[str, float] = field(default_factory=dict)
 
     def span(self, name: str) -> float:
-        """Largest less least value of a channel, in recorded units; 0 where it has none."""
+        """Largest minus least value of a channel, in recorded units; 0 for a channel without values."""
         low, high = self.ranges.get(name, (0.0, 0.0))
         return high - low
 
@@ -58,18 +65,18 @@ class SignalShape(ByValue):
 def samples_of(
     path: Path, names: Sequence[str], *, group: str, label: str, clock: str | None = None, unit: str = "s"
 ) -> dict[str, Signal]:
-    """The first samples of the channels of a recording, with times where the file or the column `clock` states them."""
+    """The first samples of some channels, with the times that the file or its column `clock` states."""
     source = Source(path, tuple(names), label, group, clock=clock, unit=unit, needs="nothing", rows=_ENOUGH_ROWS)
     return dict(zip(names, next(stream(source).chunks), strict=True))
 
 
-def look(
+def signal_shape(
     signals: Mapping[str, Signal],
     *,
     rate: float | None = None,
     aside: frozenset[str] = frozenset(),
 ) -> SignalShape:
-    """What the samples of some channels show; those `aside` do not say what is excited."""
+    """The shape of a recording by its samples; channels `aside` do not decide on kind and frequency."""
     lines = {name: _Line.of(signal, rate) for name, signal in signals.items() if np.isfinite(signal.samples).sum() > 1}
     ranges = {name: (float(one.samples.min()), float(one.samples.max())) for name, one in lines.items()}
     thin = {name: one.samples[:: max(1, one.samples.size // 2000)] for name, one in lines.items()}
@@ -98,7 +105,7 @@ def _with_excitation(shape: SignalShape, excited: dict[str, _Line], aside: dict[
 
 @dataclass(frozen=True)
 class _Line:
-    """A channel with its own rate, and the strongest line in it: turns per sample, and its share of the variance."""
+    """A channel: rate [Hz], first time [s], and strongest line with its cycles per sample and share of the variance."""
 
     samples: FloatArray
     rate: float | None
@@ -107,7 +114,7 @@ class _Line:
 
     @classmethod
     def of(cls, signal: Signal, rate: float | None) -> _Line:
-        """By the times of the signal itself, else by those of the recording."""
+        """The line of a signal; `rate` [Hz] counts if the signal states neither a rate nor times."""
         samples = _filled(signal.samples)
         own = signal.rate or (rate_of(signal.time) if signal.time is not None else None)
         start = float(signal.time[0]) if signal.time is not None else signal.start if signal.rate else 0.0
@@ -115,17 +122,17 @@ class _Line:
 
     @property
     def moves(self) -> bool:
-        """Whether it is more than a constant."""
+        """Whether the channel is not constant."""
         return bool(np.ptp(self.samples) > 1e-12 * np.max(np.abs(self.samples)))
 
     def amplitude(self, turns_per_sample: float) -> complex:
-        """Complex amplitude at a frequency, from the zero of the file's time."""
+        """Complex amplitude in recorded units; its phase is relative to time zero of the file."""
         first = self.start * (self.rate or 0.0)
         return turn(self.samples, turns_per_sample) * np.exp(-2j * np.pi * turns_per_sample * first)
 
 
 def _kind(best: _Line) -> str:
-    """Static, dynamic or empty, by the channel with the strongest line."""
+    """Kind of the recording, "static", "dynamic" or empty, by the channel with the strongest line."""
     turns, share = best.line
     slow = turns * best.rate < _SLOW if best.rate else turns * best.samples.size < _FEWEST_TURNS
     if slow:
@@ -134,7 +141,7 @@ def _kind(best: _Line) -> str:
 
 
 def _edges(column: FloatArray) -> int:
-    """How often a channel rises from its lowest to its highest third."""
+    """Number of times a channel rises from the lowest to the highest third of its range."""
     low, high = column.min(), column.max()
     state = np.where(column > high - (high - low) / 3, 1, np.where(column < low + (high - low) / 3, -1, 0))
     settled = state[state != 0]
@@ -142,7 +149,7 @@ def _edges(column: FloatArray) -> int:
 
 
 def rate_of(time: FloatArray) -> float | None:
-    """Samples per second by the median step of a time."""
+    """Sample rate [Hz] by the mean step of a time, by its median step if the two differ by 1 %; None without steps."""
     step = np.diff(time[np.isfinite(time)])
     middle = float(np.median(step)) if step.size else 0.0
     if not middle > 0:
@@ -151,7 +158,7 @@ def rate_of(time: FloatArray) -> float | None:
 
 
 def _filled(column: FloatArray) -> FloatArray:
-    """Missing samples bridged."""
+    """The samples of a channel, missing ones interpolated between their neighbours."""
     there = np.isfinite(column)
     if there.all():
         return column
@@ -160,12 +167,12 @@ def _filled(column: FloatArray) -> FloatArray:
 
 
 def _line(column: FloatArray) -> tuple[float, float]:
-    """The strongest line of a channel, in turns per sample, and its share of the variance."""
+    """Frequency of the strongest line of a channel [cycles per sample], and its share of the variance [1]."""
     part = _level(column[:_SPECTRUM])
     window = 0.5 - 0.5 * np.cos(2 * np.pi / part.size * np.arange(part.size))
     padded = 4 * part.size
     spectrum = np.abs(np.fft.rfft(part * window, padded))
-    spectrum[:3] = 0.0  # half a turn and less is drift
+    spectrum[:3] = 0.0  # up to half a cycle in the recording is drift
     at = int(np.argmax(spectrum))
     shift = 0.0
     if 0 < at < spectrum.size - 1 and np.all(spectrum[at - 1 : at + 2] > 0):
@@ -178,12 +185,12 @@ def _line(column: FloatArray) -> tuple[float, float]:
 
 
 def _level(column: FloatArray) -> FloatArray:
-    """A channel less its mean."""
+    """The samples of a channel minus their mean."""
     return np.asarray(column - column.mean())
 
 
 def turn(column: FloatArray, turns_per_sample: float) -> complex:
-    """Complex amplitude at a frequency, by least squares with a mean, a drift and two harmonics."""
+    """Complex amplitude at a frequency, by least squares together with mean, drift and two harmonics."""
     part = column[:_SPECTRUM]
     at = np.arange(part.size)
     angle = 2 * np.pi * turns_per_sample * at
@@ -197,7 +204,7 @@ def turn(column: FloatArray, turns_per_sample: float) -> complex:
 
 
 def _lasts(column: FloatArray, turns_per_sample: float) -> bool:
-    """Whether the line is as strong in each quarter of the recording."""
+    """Whether the amplitude of the line is similar in all quarters of the recording."""
     quarters = [part for part in np.array_split(column[:_SPECTRUM], 4) if part.size >= 8]
     sizes = [abs(turn(part, turns_per_sample)) for part in quarters]
     return min(sizes) > _SUSTAINED * max(sizes)

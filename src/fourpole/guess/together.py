@@ -1,4 +1,4 @@
-"""A guessed campaign from all that the recordings of a folder say and show: tests, channels, rig, and the doubts."""
+"""A guessed campaign from names, headers, notes and signals of a folder: tests, channels, rig, and the doubts."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from fourpole import quantities as q
 from fourpole import units
 from fourpole.errors import CampaignError
 from fourpole.guess.channels import Column, Role, dynamic_roles, force_scale, static_roles
-from fourpole.guess.conditions import Entry, Told, tell
-from fourpole.guess.gather import FolderContents, Seen, gather
+from fourpole.guess.conditions import Entry, RecordingConditions, read_conditions
+from fourpole.guess.gather import FolderContents, FolderRecording, gather
 from fourpole.guess.names import kind_word, without_ending
 from fourpole.guess.signals import SignalShape
 from fourpole.guess.words import CONSTRUCTIONS
-from fourpole.guess.write import Doubt, Guess, Row
+from fourpole.guess.write import Doubt, GuessedCampaign, Row
 from fourpole.units import shown
 
 #: Relative difference from which a stated frequency is another than that of the recording.
@@ -59,7 +59,7 @@ _REMEDIES = {
 }
 
 
-def guess_campaign(folder: str | Path, *, progress: Callable[[int, int], None] | None = None) -> Guess:
+def guess_campaign(folder: str | Path, *, progress: Callable[[int, int], None] | None = None) -> GuessedCampaign:
     """Guess a campaign from a folder of recordings in any format.
 
     Parameters
@@ -71,7 +71,7 @@ def guess_campaign(folder: str | Path, *, progress: Callable[[int, int], None] |
 
     Returns
     -------
-    Guess
+    GuessedCampaign
         Nothing is written before its `write`.
 
     Raises
@@ -93,7 +93,7 @@ def guess_campaign(folder: str | Path, *, progress: Callable[[int, int], None] |
     if not folder.is_dir():
         raise CampaignError(f"{units.shown(folder, 200)[1:-1]}: there is no such folder")
     gathered = gather(folder, progress)
-    if not gathered.seen:
+    if not gathered.recordings:
         why = "".join(f"; {name} {reason}" for name, reason in gathered.left_out[:3])
         raise CampaignError(f"{units.shown(folder, 200)[1:-1]}: holds no recording that can be read{why}")
     return _Together(folder, gathered).guess()
@@ -104,46 +104,48 @@ class _Together:
 
     def __init__(self, folder: Path, gathered: FolderContents) -> None:
         self.folder, self.gathered = folder, gathered
-        self.seen = gathered.seen
+        self.recordings = gathered.recordings
         self.doubts: list[Doubt] = []
         #: Doubts on single tests, by subject: index of the test and text.
         self.pending: dict[str, list[tuple[int, str]]] = {}
-        self.of_row: list[list[str]] = [[] for _ in self.seen]
-        self.kinds = [self._kind(index) for index in range(len(self.seen))]
-        self.names = _test_names(self.seen, self.kinds)
+        self.of_row: list[list[str]] = [[] for _ in self.recordings]
+        self.kinds = [self._kind(index) for index in range(len(self.recordings))]
+        self.names = _test_names(self.recordings, self.kinds)
 
-    def guess(self) -> Guess:
+    def guess(self) -> GuessedCampaign:
         entries = [
             Entry(kind, one.frequency, one.name, one.header, one.folder)
-            for kind, one in zip(self.kinds, self.seen, strict=True)
+            for kind, one in zip(self.kinds, self.recordings, strict=True)
         ]
-        told = tell(entries)
-        for index, one in enumerate(told):
+        conditions = read_conditions(entries)
+        for index, one in enumerate(conditions):
             self._frequency(index, one)
             self._only_dynamic(index, one)
-        rig = self._rig(told)
+        rig = self._rig(conditions)
         roles = self._roles()
         clock = self._clock()
-        self._condition_doubts(told)
+        self._condition_doubts(conditions)
         self._files()
-        return Guess(
+        return GuessedCampaign(
             folder=self.folder,
             title=self.folder.resolve().name,
-            rows=tuple(self._test(index, one) for index, one in enumerate(told)),
+            rows=tuple(self._test(index, one) for index, one in enumerate(conditions)),
             roles=roles,
             clock=clock,
             reference=self._reference(),
             rig=rig,
-            constructions=_constructions(told),
+            constructions=_constructions(conditions),
             doubts=tuple(self.doubts),
             left_out=tuple(self.gathered.left_out),
         )
 
-    def _test(self, index: int, told: Told) -> Row:
+    def _test(self, index: int, conditions: RecordingConditions) -> Row:
         """The row of tests.csv of one recording."""
         kind, doubts = self.kinds[index], tuple(dict.fromkeys(self.of_row[index]))
-        tyre = "" if kind == "calibration" else told.tyre
-        return Row(self.names[index], self.seen[index].file, kind, tyre, told.values, told.repeat, doubts)
+        tyre = "" if kind == "calibration" else conditions.tyre
+        return Row(
+            self.names[index], self.recordings[index].file, kind, tyre, conditions.values, conditions.repeat, doubts
+        )
 
     def _doubt(self, about: str, text: str, remedy: str = "", tests: Sequence[int] = ()) -> None:
         """Add a doubt on the campaign, or on the tests of some indices."""
@@ -164,54 +166,58 @@ class _Together:
 
     def _kind(self, index: int) -> str:
         """The kind of a test: by its signals, else by its name or header, else dynamic."""
-        one = self.seen[index]
-        shows = one.looked.kind if one.looked is not None else ""
-        said = next((kind_word(token.text) for token in (*one.name, *one.header) if token.what == "kind"), "")
+        one = self.recordings[index]
+        shows = one.shape.kind if one.shape is not None else ""
+        named = next((kind_word(token.text) for token in (*one.name, *one.header) if token.what == "kind"), "")
         if one.problem:
             self._row(index, "files", f"could not be read: {one.problem}")
-        if said == "calibration" and shows != "static":
+        if named == "calibration" and shows != "static":
             return "calibration"
         if not shows:
             if not one.problem:
                 self._row(index, "kind", "its signals show no steady sinusoid and no slow curve")
-            return said or "dynamic"
-        if said and said != shows:
+            return named or "dynamic"
+        if named and named != shows:
             what = "a slow curve" if shows == "static" else f"a steady sinusoid of {one.frequency:.4g} Hz"
-            self._row(index, "kind", f"its name says {said}, its signals show {what}: taken as {shows}")
+            self._row(index, "kind", f"its name says {named}, its signals show {what}: taken as {shows}")
         return shows
 
     # --- conditions ----------------------------------------------------------------------------------------------
 
-    def _frequency(self, index: int, told: Told) -> None:
+    def _frequency(self, index: int, conditions: RecordingConditions) -> None:
         """The frequency of a dynamic test: that of its signals counts before the stated one."""
-        one = self.seen[index]
+        one = self.recordings[index]
         if self.kinds[index] == "static":
-            told.values.pop("frequency", None)
+            conditions.values.pop("frequency", None)
             return
-        if one.looked is None or one.looked.kind != "dynamic" or not np.isfinite(one.frequency):
+        if one.shape is None or one.shape.kind != "dynamic" or not np.isfinite(one.frequency):
             return
-        found, stated = one.frequency, told.values.get("frequency")
+        found, stated = one.frequency, conditions.values.get("frequency")
         if stated is not None and abs(stated - found) <= _SAME_FREQUENCY * found:
             return
-        told.values["frequency"] = float(f"{found:.4g}")
+        conditions.values["frequency"] = float(f"{found:.4g}")
         if stated is not None and (one.rate is None or abs(stated - one.rate) > 1e-3 * one.rate):
-            told.doubt("frequency", f"{stated:g} Hz is stated, the recording shows {found:.4g} Hz, which is taken")
+            conditions.doubt(
+                "frequency", f"{stated:g} Hz is stated, the recording shows {found:.4g} Hz, which is taken"
+            )
 
-    def _only_dynamic(self, index: int, told: Told) -> None:
+    def _only_dynamic(self, index: int, conditions: RecordingConditions) -> None:
         """Remove from a static test what only dynamic tests have, if there are any."""
         if self.kinds[index] == "static" and "dynamic" in self.kinds:
             for what in ("preload", "added_mass", "amplitude"):
-                told.values.pop(what, None)
-            told.doubts = [doubt for doubt in told.doubts if doubt[0] not in ("preload", "added_mass", "frequency")]
+                conditions.values.pop(what, None)
+            conditions.doubts = [
+                doubt for doubt in conditions.doubts if doubt[0] not in ("preload", "added_mass", "frequency")
+            ]
 
-    def _condition_doubts(self, told: Sequence[Told]) -> None:
+    def _condition_doubts(self, conditions: Sequence[RecordingConditions]) -> None:
         """Doubts on conditions that are not known, then those on single tests, joined by subject."""
-        for index, one in enumerate(told):
+        for index, one in enumerate(conditions):
             for about, text in one.doubts:
                 self._row(index, about, text)
         for quantity, kinds, follows in _WANTED:
             what, tests = quantity.key, self._of_kind(*kinds)
-            lacking = [index for index in tests if what not in told[index].values]
+            lacking = [index for index in tests if what not in conditions[index].values]
             for index in lacking:
                 self.of_row[index].append(f"{what} is not known")
             if lacking:
@@ -240,7 +246,7 @@ class _Together:
             first = next(iter(self._of_kind(kind)), None)
             for role, follows in needed.items():
                 if first is not None and role not in roles:
-                    columns = ", ".join(shown(column.name, 30) for column in self.seen[first].columns[:10])
+                    columns = ", ".join(shown(column.name, 30) for column in self.recordings[first].columns[:10])
                     text = f"{role}: no column is understood as it among {columns}; {follows}"
                     self._doubt(role, text, f"state {role} in [channels] of campaign.toml")
         return roles
@@ -251,10 +257,11 @@ class _Together:
         """Roles by the columns that most recordings have, with a doubt on each recording that has others."""
         groups: dict[tuple[tuple[str, str | None], ...], list[int]] = {}
         for index in self._of_kind(*kinds):
-            key = tuple((column.name, column.unit) for column in self.seen[index].columns)
+            key = tuple((column.name, column.unit) for column in self.recordings[index].columns)
             groups.setdefault(key, []).append(index)
         found = [
-            (members, roles_of(self.seen[members[0]].columns, self._shapes(members))) for members in groups.values()
+            (members, roles_of(self.recordings[members[0]].columns, self._shapes(members)))
+            for members in groups.values()
         ]
         best = max(found, key=lambda one: (len(one[1]) >= len(kinds), len(one[0])), default=([], {}))[1]
         for members, roles in found:
@@ -269,7 +276,7 @@ class _Together:
 
     def _shapes(self, indices: Sequence[int]) -> list[SignalShape]:
         """What the signals of some tests show, where they could be read."""
-        return [shape for index in indices if (shape := self.seen[index].looked) is not None]
+        return [shape for index in indices if (shape := self.recordings[index].shape) is not None]
 
     def _scaled(self, dynamic: dict[str, Role], static: dict[str, Role]) -> dict[str, Role]:
         """Compare the dynamic stiffness with the static one: a unit of F1 that is stated nowhere follows from it."""
@@ -283,7 +290,7 @@ class _Together:
 
     def _clock(self) -> tuple[str, str] | None:
         """Column of the time and its unit; None where the recordings know their times, or nothing says them."""
-        tested = [self.seen[index] for index in self._of_kind("dynamic", "calibration")]
+        tested = [self.recordings[index] for index in self._of_kind("dynamic", "calibration")]
         clocks = Counter((one.clock, one.clock_unit) for one in tested if one.clock is not None)
         if not clocks:
             if not all(one.timed for one in tested):
@@ -291,8 +298,8 @@ class _Together:
             return None
         (column, unit), _ = clocks.most_common(1)[0]
         for index in self._of_kind("dynamic", "calibration"):
-            here = self.seen[index].clock or "not there"
-            if self.seen[index].text and here.casefold() != column.casefold():
+            here = self.recordings[index].clock or "not there"
+            if self.recordings[index].text and here.casefold() != column.casefold():
                 text = f"the time is {shown(column, 30)} in most recordings, here it is {shown(here, 30)}"
                 self._row(index, "channels", text)
         return column, unit
@@ -301,7 +308,7 @@ class _Together:
         """A tacho of all dynamic tests with a constant number of pulses per cycle: column, unit and this number."""
         tested = self._of_kind("dynamic", "calibration")
         columns = [
-            {column.name: column for column in self.seen[index].columns if column.quantity == "reference"}
+            {column.name: column for column in self.recordings[index].columns if column.quantity == "reference"}
             for index in tested
         ]
         for name, column in columns[0].items() if columns else ():
@@ -315,10 +322,10 @@ class _Together:
 
     # --- the rest ------------------------------------------------------------------------------------------------
 
-    def _rig(self, told: Sequence[Told]) -> dict[str, float]:
+    def _rig(self, conditions: Sequence[RecordingConditions]) -> dict[str, float]:
         """The values of the rig that names, headers and notes state alike."""
         stated: dict[str, set[float]] = {}
-        pairs = [(what, one.values.pop(what)) for one in told for what in _RIG if what in one.values]
+        pairs = [(what, one.values.pop(what)) for one in conditions for what in _RIG if what in one.values]
         pairs += [(token.what, token.value) for token in self.gathered.notes if token.what in _RIG]
         for what, value in pairs:
             stated.setdefault(what, set()).add(value)
@@ -378,10 +385,10 @@ def _counted(every: str, kinds: tuple[str, ...]) -> str:
     return f"{every} {what}" if every in ("every", "1") else f"{every} {what}s"
 
 
-def _test_names(seen: Sequence[Seen], kinds: Sequence[str]) -> list[str]:
+def _test_names(recordings: Sequence[FolderRecording], kinds: Sequence[str]) -> list[str]:
     """Short names of the recordings; S1, D1, C1 where their own names are long, strange or not unique."""
     names = []
-    for one in seen:
+    for one in recordings:
         file, _, group = one.file.partition("#")
         name = (group or file).rpartition("/")[2]
         names.append(name if group else without_ending(name))
@@ -396,10 +403,10 @@ def _test_names(seen: Sequence[Seen], kinds: Sequence[str]) -> list[str]:
     return numbered
 
 
-def _constructions(told: Sequence[Told]) -> dict[str, str]:
+def _constructions(conditions: Sequence[RecordingConditions]) -> dict[str, str]:
     """The construction of each tyre: as stated, else by the name of the tyre; empty where neither says it."""
     found: dict[str, str] = {}
-    for one in told:
+    for one in conditions:
         if one.tyre:
             name = re.sub(r"[\W_]", "", one.tyre.casefold())
             named = next((construction for word, construction in CONSTRUCTIONS if word in name), "")

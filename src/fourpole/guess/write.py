@@ -1,4 +1,4 @@
-"""A guessed campaign as text: campaign.toml with the doubts as comments, tests.csv with a column of doubts."""
+"""A guessed campaign as text: campaign.toml has the doubts as comments, tests.csv has a column of doubts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fourpole.guess.channels import Role
 from fourpole.io.write import write_text
 from fourpole.units import shown
 
-#: Columns of tests.csv: head, condition, and the SI value of 1. The first three are written even where all are blank.
+#: Columns of tests.csv: head, name of the condition, and SI value of one unit of the head.
 _COLUMNS = (
     *(
         (one.stated_head, one.key, one.scale)
@@ -25,30 +25,33 @@ _COLUMNS = (
     ),
     ("amplitude [mm]", "amplitude", 1e-3),
 )
+#: Number of columns, from the first, that tests.csv has even if all their cells are blank.
 _ALWAYS = 3
 _ROLES = ("force_in", "motion_in", "motion_out", "load", "deflection", "reference")
+#: Values of the rig: name, SI value of one unit, the unit, and an example; an empty example is not written.
 _RIG = (
     ("moving_mass", 1.0, "kg", "15 kg"),
     ("preload_stiffness", 1e3, "kN/m", "12.44 kN/m"),
     ("preload_damping", 1.0, "N s/m", ""),
 )
+#: Largest number of characters in a cell of doubts.
 _MOST_DOUBTS = 900
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """A part of the guess that may be wrong, or is not known.
+    """A part of the guess that may be wrong or is missing.
 
     Attributes
     ----------
     about : str
-        A channel's role, a condition, "rig", "kind" or "files".
+        Subject of the doubt: a channel's role, a condition, "rig", "kind" or "files".
     text : str
-        What was found and what was taken.
+        What was found and what was assumed.
     remedy : str
-        How to correct it.
+        How the user corrects a wrong guess.
     tests : tuple of str
-        Names of the tests concerned; empty where the doubt is on the whole campaign.
+        Names of the tests that the doubt is about; empty for a doubt on the whole campaign.
     """
 
     about: str
@@ -71,8 +74,8 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Guess:
-    """A campaign as guessed.
+class GuessedCampaign:
+    """A campaign guessed from a folder of recordings.
 
     Attributes
     ----------
@@ -82,16 +85,16 @@ class Guess:
     roles : dict of str to Role
         The channels by role.
     clock : (str, str) or None
-        Column of the time and its unit; None where the recordings state their times, or nothing states them.
+        Column of the time and its unit; None if the recordings state their times, or if no time is found.
     reference : (str, str, int) or None
         Column of a tacho or encoder, its unit, and its pulses per cycle (0 for an angle).
     rig : dict of str to float [SI]
         Values of the rig that names, headers and notes state.
     constructions : dict of str to str
-        Construction by tyre, empty where it is not known.
+        Construction by tyre; empty if it is not known.
     doubts : tuple of Doubt
     left_out : tuple of (str, str)
-        Files that are no recordings, and why.
+        Files that are no recordings, each with the reason.
     """
 
     folder: Path
@@ -106,7 +109,7 @@ class Guess:
     left_out: tuple[tuple[str, str], ...]
 
     def write(self, *, force: bool = False) -> list[Path]:
-        """Write campaign.toml and tests.csv; CampaignError where one of them is there, unless `force`."""
+        """Write campaign.toml and tests.csv and return their paths; CampaignError if one exists, unless `force`."""
         if not force:
             keep_existing(self.folder)
         for name, text in zip(_WRITTEN, (campaign_toml(self), tests_csv(self.rows)), strict=True):
@@ -118,7 +121,7 @@ _WRITTEN = ("campaign.toml", "tests.csv")
 
 
 def keep_existing(folder: Path) -> None:
-    """Refuse a folder that has a campaign.toml or tests.csv."""
+    """CampaignError if a folder has a campaign.toml or a tests.csv."""
     there = [name for name in _WRITTEN if (folder / name).exists() or (folder / name).is_symlink()]
     if there:
         raise CampaignError(
@@ -128,16 +131,16 @@ def keep_existing(folder: Path) -> None:
 
 
 def quoted(text: str) -> str:
-    """A text as a basic string of TOML."""
+    """A text as a basic string of TOML, in quotation marks."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def comment(text: str) -> str:
-    """A comment line of TOML."""
+    """A text as a comment line of TOML; a blank replaces each character that cannot be printed."""
     return "# " + "".join(c if c.isprintable() else " " for c in text) + "\n"
 
 
-def campaign_toml(guess: Guess) -> str:
+def campaign_toml(guess: GuessedCampaign) -> str:
     """The text of campaign.toml."""
     statics = sum(row.kind == "static" for row in guess.rows)
     head = (
@@ -147,12 +150,17 @@ def campaign_toml(guess: Guess) -> str:
     return "\n".join(part for part in parts if part)
 
 
-def _doubts(guess: Guess, about: str) -> str:
-    told = [doubt for doubt in guess.doubts if doubt.about == about]
-    return "".join(comment(f"doubt: {doubt.text}" + ("" if about in _ROLES else f"; {doubt.remedy}")) for doubt in told)
+def _doubts(guess: GuessedCampaign, about: str) -> str:
+    """Comment lines with the doubts on a subject; those on a channel stand above its line, without a remedy."""
+    return "".join(
+        comment(f"doubt: {doubt.text}" + ("" if about in _ROLES else f"; {doubt.remedy}"))
+        for doubt in guess.doubts
+        if doubt.about == about
+    )
 
 
-def _rig(guess: Guess) -> str:
+def _rig(guess: GuessedCampaign) -> str:
+    """[rig] with the values found; its lines are comments if the moving mass or the preload stiffness is missing."""
     if not any(row.kind != "static" for row in guess.rows) and not guess.rig:
         return ""
     whole = {"moving_mass", "preload_stiffness"} <= guess.rig.keys()
@@ -167,7 +175,8 @@ def _rig(guess: Guess) -> str:
     return "".join(lines)
 
 
-def _channels(guess: Guess) -> str:
+def _channels(guess: GuessedCampaign) -> str:
+    """[channels]: the channels found, and a comment line for each missing channel that a test needs."""
     lines = ["[channels]\n", _doubts(guess, "time")]
     if guess.clock is not None:
         lines.append(f"time       = {{ column = {quoted(guess.clock[0])}, unit = {quoted(guess.clock[1])} }}\n")
@@ -188,6 +197,7 @@ def _channels(guess: Guess) -> str:
 
 
 def _channel(role: Role) -> str:
+    """The line of a channel; a comment line if its unit is not known."""
     sign = "# " if role.unit is None else ""
     keys = [f"column = {quoted(role.column)}"]
     keys.append(f"unit = {quoted(role.unit)}" if role.unit is not None else 'unit = "V", sensitivity = "..."')
@@ -195,7 +205,8 @@ def _channel(role: Role) -> str:
     return f"{sign}{role.role:<10} = {{ {', '.join(keys)} }}\n"
 
 
-def _tyres(guess: Guess) -> list[str]:
+def _tyres(guess: GuessedCampaign) -> list[str]:
+    """The tables [tyres.NAME]; the doubts on tyres stand before the first one."""
     parts = [_doubts(guess, "tyre")] if any(doubt.about == "tyre" for doubt in guess.doubts) else []
     for name, construction in guess.constructions.items():
         key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
@@ -221,4 +232,5 @@ def tests_csv(rows: Sequence[Row]) -> str:
 
 
 def _cell(value: float | None, scale: float) -> str:
+    """An SI value in the unit of its column, as text; blank for None."""
     return "" if value is None else f"{value / scale:.10g}"
