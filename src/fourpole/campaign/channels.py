@@ -1,4 +1,4 @@
-"""What [channels] of campaign.toml may say: which column is what, and what its sensor makes of it."""
+"""[channels] of campaign.toml: the column of each channel, its unit, and the response of its sensor."""
 
 from __future__ import annotations
 
@@ -13,47 +13,43 @@ from fourpole.core.chain import Geophone, HighPass, Link, LowPass
 from fourpole.core.recording import CrossTalk
 from fourpole.errors import TableError, UnitError
 
-#: What an unstated uncertainty is taken as.
+#: Relative standard uncertainty of a gain that is assumed where none is stated [1].
 DEFAULT_GAIN_STD = 0.01
+#: Standard uncertainty of a phase that is assumed where none is stated [rad].
 DEFAULT_PHASE_STD = 0.5 * 3.141592653589793 / 180.0
+#: Highest order of a filter.
 _HIGHEST_ORDER = 12
 _MOTIONS = ("displacement", "velocity", "acceleration")
 _ROLES = ("force_in", "motion_in", "motion_out")
-#: Keys that say something of an amplitude at a frequency.
+#: Keys that only a channel of dynamic tests has, because they belong to an amplitude at a frequency.
 _DYNAMIC_ONLY = ("std_delay", "high_pass", "low_pass", "geophone", "response", "crosstalk")
 
 
 def known_keys(raw: dict[str, Any], known: tuple[str, ...]) -> None:
-    """ValueError for a key of a table that is not known, with the nearest one that is."""
+    """ValueError for an unknown key of a table; the message names the most similar known key."""
     for key in raw:
         if key not in known:
             raise ValueError(f"unknown key {units.shown(key)}{did_you_mean(key, known)}")
 
 
 def did_you_mean(key: str, known: tuple[str, ...]) -> str:
-    """The nearest known key, or all of them, as the end of a message."""
+    """End of a message: the known key most similar to `key`, or all known keys if none is similar."""
     near = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
     return f"; did you mean '{near[0]}'?" if near else f"; known are {', '.join(known)}"
 
 
-def _ratio(raw: Any) -> float:
-    return units.quantity(raw, "ratio", default_unit="1")
+def _quantity(raw: Any, kind: str) -> float:
+    """SI value of a quantity; only a ratio may stand without a unit."""
+    return units.quantity(raw, kind, default_unit="1" if kind == "ratio" else None)
 
 
-def _time(raw: Any) -> float:
-    return units.quantity(raw, "time")
-
-
-def _angle(raw: Any) -> float:
-    return units.quantity(raw, "angle")
-
-
-def _frequency(raw: Any) -> float:
-    return units.quantity(raw, "frequency")
+def _si(kind: str) -> BeforeValidator:
+    """Validator that turns a quantity of a kind into its SI value."""
+    return BeforeValidator(lambda raw: _quantity(raw, kind))
 
 
 def _numbers(raw: Any, kinds: dict[str, str], example: str) -> dict[str, float]:
-    """The quantities of a small table, all of them needed but "order"; a bare text is the first one."""
+    """SI values of a small table, each positive; only "order" may be missing, and a text alone is the first value."""
     if isinstance(raw, str):
         raw = {next(iter(kinds)): raw}
     if not isinstance(raw, dict):
@@ -62,11 +58,7 @@ def _numbers(raw: Any, kinds: dict[str, str], example: str) -> dict[str, float]:
     for name in kinds:
         if name not in raw and name != "order":
             raise ValueError(f"{name} is missing: write it as {example}")
-    found = {
-        name: units.quantity(raw[name], kind, default_unit="1" if kind == "ratio" else None)
-        for name, kind in kinds.items()
-        if name in raw
-    }
+    found = {name: _quantity(raw[name], kind) for name, kind in kinds.items() if name in raw}
     for name, value in found.items():
         if value <= 0:
             raise ValueError(f"{name} must be positive")
@@ -74,6 +66,7 @@ def _numbers(raw: Any, kinds: dict[str, str], example: str) -> dict[str, float]:
 
 
 def _filter(kind: type[HighPass] | type[LowPass]) -> Any:
+    """Function that turns a table of corner frequency and order into a filter."""
     example = '{ corner = "0.5 Hz", order = 1 }'
 
     def read(raw: Any) -> HighPass | LowPass:
@@ -87,12 +80,14 @@ def _filter(kind: type[HighPass] | type[LowPass]) -> Any:
 
 
 def _geophone(raw: Any) -> Geophone:
+    """The geophone of a table of natural frequency and damping ratio."""
     example = '{ natural_frequency = "4.5 Hz", damping = 0.7 }'
     found = _numbers(raw, {"natural_frequency": "frequency", "damping": "ratio"}, example)
     return Geophone(found["natural_frequency"], found["damping"])
 
 
-def _no_table_of_text(raw: Any) -> dict[str, str]:
+def _coefficients(raw: Any) -> dict[str, str]:
+    """The coefficients of crosstalk by the channel that they come from, as texts with units."""
     if not isinstance(raw, dict) or not all(isinstance(value, str) for value in raw.values()):
         raise ValueError('write it as { motion_in = "0.02 N/(m/s2)" }')
     known_keys(raw, _ROLES)
@@ -100,30 +95,30 @@ def _no_table_of_text(raw: Any) -> dict[str, str]:
 
 
 class File(BaseModel):
-    """A table of campaign.toml, whose unknown keys are errors."""
+    """A table of campaign.toml; an unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
 
 class ChannelFile(File):
-    """One of [channels]: which column it is, and how its numbers become SI values."""
+    """One channel of [channels]: its column, and how recorded numbers become SI values."""
 
     column: str = Field(min_length=1)
     unit: str | None = None
     gain: float = Field(1.0, allow_inf_nan=False)
     offset: float | str = 0.0
     sensitivity: str | None = None
-    delay: Annotated[float, BeforeValidator(_time)] = 0.0
-    std_delay: Annotated[float, BeforeValidator(_time), Field(ge=0)] = 0.0
+    delay: Annotated[float, _si("time")] = 0.0
+    std_delay: Annotated[float, _si("time"), Field(ge=0)] = 0.0
     high_pass: Annotated[HighPass | None, BeforeValidator(_filter(HighPass))] = None
     low_pass: Annotated[LowPass | None, BeforeValidator(_filter(LowPass))] = None
     geophone: Annotated[Geophone | None, BeforeValidator(_geophone)] = None
     response: str | None = Field(None, min_length=1)
-    crosstalk: Annotated[dict[str, str], BeforeValidator(_no_table_of_text)] = {}
+    crosstalk: Annotated[dict[str, str], BeforeValidator(_coefficients)] = {}
     invert: bool = False
     range: float | str | None = None
-    std_gain: Annotated[float, BeforeValidator(_ratio), Field(ge=0)] | None = None
-    std_phase: Annotated[float, BeforeValidator(_angle), Field(ge=0)] | None = None
+    std_gain: Annotated[float, _si("ratio"), Field(ge=0)] | None = None
+    std_phase: Annotated[float, _si("angle"), Field(ge=0)] | None = None
     exact: bool = False
 
     @model_validator(mode="after")
@@ -135,7 +130,7 @@ class ChannelFile(File):
         return self
 
     def conversion(self, kinds: tuple[str, ...]) -> Conversion:
-        """How recorded numbers become SI, for a channel that must be of one of `kinds`."""
+        """Conversion of recorded numbers to SI; the channel must record one of `kinds`."""
         kind, scale, recorded = self._recorded(kinds)
         slope = scale * self.gain * (-1.0 if self.invert else 1.0)
         offset = self._in_recorded(self.offset, recorded)
@@ -153,16 +148,16 @@ class ChannelFile(File):
 
     @property
     def has_no_unit(self) -> bool:
-        """Whether the file must say what unit its numbers have."""
+        """Whether campaign.toml states neither unit nor sensitivity, so that the recording must state the unit."""
         return self.unit is None and self.sensitivity is None
 
     @property
     def plain_unit(self) -> str | None:
-        """The unit that the file's must agree with; none where a sensitivity says what volts mean."""
+        """Unit with which the unit in the recording must agree; None for a channel with a sensitivity."""
         return self.unit if self.sensitivity is None else None
 
     def volts(self, written: str) -> str | None:
-        """The unit of the numbers recorded, of a channel with a sensitivity, by what the file says; or an error."""
+        """Voltage unit of the recorded numbers, for a channel with a sensitivity; the recording states `written`."""
         try:
             units.channel_scale(written, ("voltage",))
         except UnitError:
@@ -183,11 +178,11 @@ class ChannelFile(File):
 
     @property
     def chain(self) -> tuple[Link, ...]:
-        """What the sensor and its filters do to an amplitude, a calibrated response apart."""
+        """Filters and geophone of the channel, without its calibrated response."""
         return tuple(link for link in (self.high_pass, self.low_pass, self.geophone) if link is not None)
 
     def _recorded(self, kinds: tuple[str, ...]) -> tuple[str, float, str]:
-        """Kind measured, its SI value per recorded unit, and the recorded unit."""
+        """Kind of the measured quantity, its SI value per recorded unit, and the recorded unit."""
         if self.sensitivity is None:
             if self.unit is None:
                 raise TableError(
@@ -201,7 +196,7 @@ class ChannelFile(File):
             raise ValueError(f"sensitivity '{self.sensitivity}' is of a {kind}, a {' or '.join(kinds)} is needed")
         unit = self.unit or "V"
         stated, scale = units.channel_scale(unit, ("voltage", *kinds))
-        if stated == kind:  # the unit says what the volts mean, not what was recorded
+        if stated == kind:  # the unit is that of the measured quantity; volts were recorded
             unit, scale = "V", 1.0
         elif stated != "voltage":
             raise ValueError(f"unit '{unit}' and sensitivity '{self.sensitivity}' contradict each other")
@@ -209,7 +204,7 @@ class ChannelFile(File):
 
     @staticmethod
     def _in_recorded(value: float | str, unit: str) -> float:
-        """A number in the recorded unit, or a quantity turned into it."""
+        """Value in the recorded unit of a number, which has this unit already, or of a text with a unit."""
         if isinstance(value, float):
             return value
         kind, scale = units.channel_scale(unit, ("voltage", "force", "displacement", "velocity", "acceleration"))
@@ -228,7 +223,7 @@ class ChannelFile(File):
 
 @dataclass(frozen=True)
 class Conversion:
-    """SI value = slope · (recorded − offset); the limits and the delay are in SI."""
+    """Conversion SI value = slope · (recorded − offset); limits and delay are in SI."""
 
     kind: str
     slope: float
@@ -240,6 +235,7 @@ class Conversion:
 
 
 def _crosstalk(source: str, text: str, kind: str) -> CrossTalk:
+    """Crosstalk from the channel `source` into a channel of a kind."""
     coefficient, of = units.crosstalk(text, kind)
     if source == "force_in" and of != "force":
         raise ValueError(f"crosstalk of force_in is per force, as in '0.001 ({units.si_unit(kind)})/N', not '{text}'")
@@ -249,7 +245,7 @@ def _crosstalk(source: str, text: str, kind: str) -> CrossTalk:
 
 
 class ReferenceFile(File):
-    """What says how the drive turns: a tacho's pulses, or an encoder's angle."""
+    """Reference of the rotation of the drive: the pulses of a tacho or the angle of an encoder."""
 
     column: str = Field(min_length=1)
     unit: str = "V"
@@ -264,16 +260,16 @@ class ReferenceFile(File):
 
     @property
     def is_angle(self) -> bool:
-        """Whether the column is an angle and not a train of pulses."""
+        """Whether the column records an angle rather than pulses."""
         return units.channel_scale(self.unit, ("voltage", "angle"))[0] == "angle" and self.unit not in ("1", "-")
 
 
 class TimeFile(File):
-    """The time column, or a sample rate in its place."""
+    """The column of the time, or the sample rate if there is no such column."""
 
     column: str | None = None
     unit: str = "s"
-    sample_rate: Annotated[float, BeforeValidator(_frequency), Field(gt=0)] | None = None
+    sample_rate: Annotated[float, _si("frequency"), Field(gt=0)] | None = None
 
     @model_validator(mode="after")
     def _readable(self) -> TimeFile:
@@ -293,10 +289,10 @@ CHANNEL_KINDS: dict[str, tuple[str, ...]] = {
 
 
 class ChannelsFile(File):
-    """[channels]."""
+    """[channels] of campaign.toml."""
 
     time: TimeFile | None = None
-    sample_rate: Annotated[float, BeforeValidator(_frequency), Field(gt=0)] | None = None
+    sample_rate: Annotated[float, _si("frequency"), Field(gt=0)] | None = None
     force_in: ChannelFile | None = None
     motion_in: ChannelFile | None = None
     motion_out: ChannelFile | None = None
@@ -311,7 +307,7 @@ class ChannelsFile(File):
         for role in CHANNEL_KINDS:
             if (channel := self.named(role)) is not None:
                 try:
-                    # of a unit that the file must state, any of the kind will do to look at the rest
+                    # The recording states a missing unit. Any unit of the kind serves to check the other keys.
                     self.conversion(role, units.si_unit(CHANNEL_KINDS[role][0]) if channel.has_no_unit else None)
                 except ValueError as error:
                     raise ValueError(f"{role}: {error}") from None
@@ -326,6 +322,7 @@ class ChannelsFile(File):
         return self
 
     def _check_crosstalk(self) -> None:
+        """ValueError for crosstalk that does not come from another stated channel of the dynamic tests."""
         for role in CHANNEL_KINDS:
             channel = self.named(role)
             for source in channel.crosstalk if channel is not None else ():
@@ -334,12 +331,12 @@ class ChannelsFile(File):
                     raise ValueError(f"{role}: crosstalk is of another channel of the dynamic tests, not of {why}")
 
     def named(self, role: str) -> ChannelFile | None:
-        """The channel of a role, if it is stated."""
+        """The channel of a role; None if it is not stated."""
         channel: ChannelFile | None = getattr(self, role)
         return channel
 
     def conversion(self, role: str, written: str | None = None) -> Conversion:
-        """How the numbers of a role become SI; by the unit in the file where neither unit nor sensitivity is stated."""
+        """Conversion of the numbers of a role to SI; `written` is the unit in the recording, if it states one."""
         channel = self.named(role)
         assert channel is not None
         if channel.has_no_unit and written is not None:
@@ -350,5 +347,5 @@ class ChannelsFile(File):
 
     @property
     def rate(self) -> float | None:
-        """Sample rate stated in place of a time column [Hz]."""
+        """Sample rate stated in place of a column of the time [Hz]; None if none is stated."""
         return self.sample_rate or (self.time.sample_rate if self.time else None)

@@ -1,4 +1,4 @@
-"""What campaign.toml may say, validated by pydantic, quantities turned into SI floats; [channels] is in channels.py."""
+"""The content of campaign.toml, validated by pydantic, with quantities in SI; channels.py has the table [channels]."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import CampaignError
 
-#: What an unstated uncertainty is taken as.
+#: Relative standard uncertainty of a rig value that is assumed where none is stated [1].
 DEFAULT_RIG_STD = 0.02
 
+#: Kind of quantity of each value of the rig.
 _RIG_KINDS = {
     "moving_mass": "mass",
     "preload_stiffness": "stiffness",
@@ -40,7 +41,7 @@ _RIG_KINDS = {
 
 @dataclass(frozen=True)
 class Stated:
-    """A value with its standard uncertainty in SI; `assumed` where the uncertainty was not stated."""
+    """A value and its standard uncertainty in SI; `assumed` if campaign.toml does not state the uncertainty."""
 
     value: float
     std: float
@@ -48,7 +49,7 @@ class Stated:
 
 
 def _stated(raw: Any, kind: str) -> Stated:
-    """A rig value: "15 kg", or a table of value, unit, std, exact."""
+    """A rig value from a text such as "15 kg", or from a table of value, unit, std and exact."""
     if isinstance(raw, str):
         raw = {"value": raw}
     if not isinstance(raw, dict):
@@ -78,13 +79,14 @@ def _stated(raw: Any, kind: str) -> Stated:
 
 
 def _non_negative(value: float, std: float) -> Stated:
+    """A value with a stated standard uncertainty; ValueError if this is negative."""
     if std < 0:
         raise ValueError("std is negative: state a standard uncertainty, zero or positive")
     return Stated(value, std, assumed=False)
 
 
 class RigFile(File):
-    """[rig] or [rigs.NAME]."""
+    """[rig] or [rigs.NAME] of campaign.toml."""
 
     values: dict[str, Stated] = Field(default_factory=dict)
     output: Literal["blocked"] | None = None
@@ -114,19 +116,19 @@ class RigFile(File):
         return self
 
     def rig(self) -> Rig:
-        """The rig in the core's terms."""
+        """The rig as the core has it, with values and standard uncertainties in SI."""
         values = {name: stated.value for name, stated in self.values.items()}
         std = {name: stated.std for name, stated in self.values.items()}
         return Rig(**values, blocked=self.output == "blocked", std=std)  # type: ignore[arg-type]
 
     @property
     def assumed(self) -> list[str]:
-        """Values whose uncertainty was not stated."""
+        """Names of the values whose uncertainty is not stated."""
         return [name for name, stated in self.values.items() if stated.assumed]
 
 
 class SpecimenFile(BaseModel):
-    """[tyres.NAME] or [specimens.NAME]: construction, and whatever else is worth noting."""
+    """[tyres.NAME] or [specimens.NAME]: the construction, and further keys of any name."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -134,7 +136,7 @@ class SpecimenFile(BaseModel):
 
 
 def _axis(raw: Any) -> Axis:
-    """An axis of [conditions]: "amplitude [mm]", or a table of column, relative, absolute."""
+    """An axis of [conditions] from a text as "amplitude [mm]", or from a table of column, relative and absolute."""
     if isinstance(raw, str):
         raw = {"column": raw}
     if not isinstance(raw, dict) or not isinstance(raw.get("column"), str) or not raw["column"].strip():
@@ -159,7 +161,7 @@ def _axis(raw: Any) -> Axis:
 
 
 class ConditionsFile(File):
-    """[conditions]: the columns of tests.csv that tell conditions apart, besides those of every campaign."""
+    """[conditions]: columns of tests.csv that distinguish conditions, besides pressure, preload and temperature."""
 
     axes: tuple[Axis, ...] = ()
 
@@ -177,7 +179,7 @@ class ConditionsFile(File):
 
 
 class CampaignFile(File):
-    """campaign.toml."""
+    """The content of campaign.toml."""
 
     title: str = ""
     rig: RigFile | None = None
@@ -198,21 +200,21 @@ class CampaignFile(File):
 
     @property
     def sameness(self) -> Sameness:
-        """The rule by which two tests are of one condition."""
+        """The rule that decides whether two tests have the same condition."""
         return Sameness((*AXES, *self.conditions.axes))
 
     @property
     def all_specimens(self) -> dict[str, SpecimenFile]:
-        """Tyres and specimens together."""
+        """Tyres and specimens by name."""
         return {**self.tyres, **self.specimens}
 
     @property
     def all_rigs(self) -> dict[str, RigFile]:
-        """Rigs by name; the only one's name is empty."""
+        """Rigs by name; the name of the rig in [rig] is empty."""
         return {**({"": self.rig} if self.rig is not None else {}), **self.rigs}
 
     def summary(self) -> dict[str, Any]:
-        """What is stated of rigs, channels and specimens, in SI units, as plain data."""
+        """Statements on rigs, channels and specimens as plain data, in SI units."""
         channels = {role: channel for role in CHANNEL_KINDS if (channel := self.channels.named(role)) is not None}
         return {
             "rigs": {
@@ -245,12 +247,12 @@ class CampaignFile(File):
         }
 
     def conversion_kind(self, role: str) -> str:
-        """What the channel of a role recorded: force, displacement, velocity or acceleration; empty: the file says."""
+        """Kind of quantity that a channel records; empty if the channel or its unit is not stated."""
         channel = self.channels.named(role)
         return "" if channel is None or channel.has_no_unit else self.channels.conversion(role).kind
 
     def assumptions(self) -> list[str]:
-        """What was taken where an uncertainty is not stated, one sentence each."""
+        """Notes on the uncertainties that are assumed because campaign.toml does not state them."""
         notes = []
         for name, rig in self.all_rigs.items():
             where = f"[rigs.{name}]" if name else "[rig]"
@@ -272,11 +274,12 @@ class CampaignFile(File):
 
 
 def _lacks(channel: ChannelFile | None, what: str) -> bool:
+    """Whether a channel that is not exact lacks an uncertainty."""
     return channel is not None and not channel.exact and getattr(channel, what) is None
 
 
 def parse_campaign(text: str, name: str = "campaign.toml") -> CampaignFile:
-    """Parse and validate the text of campaign.toml; CampaignError with one short message where it cannot be used."""
+    """The content of campaign.toml from its text; CampaignError with a short message if it is not valid."""
     try:
         raw = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -285,7 +288,7 @@ def parse_campaign(text: str, name: str = "campaign.toml") -> CampaignFile:
 
 
 def validated(raw: dict[str, Any], name: str) -> CampaignFile:
-    """What campaign.toml holds as a dict, checked; CampaignError with one short message, which begins with `name`."""
+    """The content of campaign.toml from its tables; CampaignError that begins with `name` if it is not valid."""
     try:
         return CampaignFile.model_validate(raw)
     except ValidationError as error:
@@ -293,7 +296,7 @@ def validated(raw: dict[str, Any], name: str) -> CampaignFile:
 
 
 def _explain(error: ValidationError, name: str) -> str:
-    """The first few faults of a campaign file, each with its place and remedy."""
+    """Message on the first three faults of campaign.toml, each with its place and remedy."""
     faults = error.errors(include_url=False)
     lines = [_fault(fault, name) for fault in faults[:3]]
     if len(faults) > 3:
@@ -301,6 +304,7 @@ def _explain(error: ValidationError, name: str) -> str:
     return "\n".join(lines)
 
 
+#: Class of each table of campaign.toml by its name; the other tables that have keys are channels.
 _TABLES: dict[str, Any] = {
     "channels": ChannelsFile,
     "time": TimeFile,
@@ -310,6 +314,7 @@ _TABLES: dict[str, Any] = {
 
 
 def _fault(fault: Any, name: str) -> str:
+    """Message on one fault that pydantic found: place, fault and remedy."""
     path = [str(part) for part in fault["loc"]]
     kind = fault["type"]
     if kind == "extra_forbidden":
