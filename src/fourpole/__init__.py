@@ -1,8 +1,8 @@
 """Fourpole: from tyre-rig recordings to stiffness, damping, mobility and transmissibility, with uncertainty.
 
-The names below are what a script starts from; four-poles are in `fourpole.twoport`. Each name is loaded when it is
-first used, so importing fourpole loads no plotting, file or web library. Units are SI, angles radians, time factors
-e^{+jwt}.
+The names below are those that a script needs first; four-poles are in `fourpole.twoport`. Each name is loaded when it
+is first used, so importing fourpole loads no plotting, file or web library. Units are SI, angles are in radians, and
+the time factor is e^{+jwt}.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _HOME = {
     "simulate_campaign": "virtual",
 }
 _MODULES = ("models", "twoport")
-#: Where names are that earlier versions had at the top.
+#: Modules of names that earlier versions had in this package.
 _MOVED = {
     **dict.fromkeys(("energy_loss", "loss_factor", "mobility", "transmissibility", "zener_stiffness"), "core.tyre"),
     **dict.fromkeys(("identify_mobility", "predict"), "core.reduced"),

@@ -1,4 +1,4 @@
-"""Four-poles of mechanical elements, and what a chain of them does: the functions of `fourpole.core.twoport`.
+"""Four-poles of mechanical elements and of their chains: the functions of `fourpole.core.twoport`.
 
 Examples
 --------

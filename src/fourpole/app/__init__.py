@@ -1,1 +1,1 @@
-"""Commands: read, call, show; no formula lives here."""
+"""Commands: each reads its input, calls the library and prints the result; this package has no formulas."""

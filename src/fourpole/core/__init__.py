@@ -1,1 +1,1 @@
-"""The core: numpy and scipy only, SI in and SI out; no files, plots, printing or clocks."""
+"""The core: formulas and estimators in SI units, with numpy and scipy only; it uses no files, plots or clocks."""

@@ -119,7 +119,7 @@ def stiffness_by(
 
 
 def maxwell_arm(stiffness: ArrayLike, k1: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    r"""K2 and C of the arm beside K1: eqs (11) and (12), corrected.
+    r"""K2 and C of the arm parallel to K1: eqs (11) and (12), corrected.
 
     The arm is a sum of compliances, :math:`1/(K^* - K_1) = 1/K_2 + 1/(j\omega C)`, hence
 

@@ -1,1 +1,1 @@
-"""Measured K* becomes fits, maps, model files and answers to queries."""
+"""Fits of models to measured K*, operating maps, model files, and queries to them."""

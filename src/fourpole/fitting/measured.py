@@ -268,7 +268,7 @@ def measured_of(
 
 
 def _usable(numbers: Mapping[str, FloatArray], name: str, *, stated: bool) -> tuple[BoolArray, list[str]]:
-    """Which rows are used, and notes on the others; if some rows state an uncertainty, those without are not used."""
+    """Flags of the rows used, and notes on the others; if some rows state an uncertainty, rows without are not used."""
     good = np.isfinite(numbers[FREQUENCY]) & np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
     good &= (numbers[FREQUENCY] > 0) & (np.abs(numbers[FREQUENCY]) < _LARGEST)
     notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]

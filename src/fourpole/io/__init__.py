@@ -1,1 +1,1 @@
-"""Files in and out: one module per format."""
+"""Reading and writing of files, with one module per format."""

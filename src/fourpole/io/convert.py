@@ -22,7 +22,7 @@ from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, 
 from fourpole.units import shown
 
 _MODULES = ("text", "parquet", "mdf", "tdms", "uff", "matlab", "hdf5", "wav", "tydex")
-#: As fractions of a time step: tolerance at the ends of a window; largest drift of a rate that is rounded to whole Hz.
+#: Tolerance at the ends of a window, and largest drift of a rate that is rounded to whole Hz; fractions of a time step.
 _INTO_STEP, _DRIFT = 1e-6, 0.1
 #: Largest number of groups in a message.
 _NAMED = 8

@@ -200,7 +200,7 @@ def is_aside(line: str) -> bool:
 
 
 def trimmed(cells: list[str], width: int) -> list[str]:
-    """The cells of a line without the blank cell behind a delimiter at its end."""
+    """The cells of a line; a delimiter at the end of the line adds no blank cell."""
     return cells[:-1] if len(cells) == width + 1 and not cells[-1] else cells
 
 

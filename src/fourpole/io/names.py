@@ -35,7 +35,7 @@ def in_group(places: Sequence[Place], group: str, label: str) -> list[int]:
 
 
 def matching(places: Sequence[Place], chosen: Sequence[int], wanted: str, label: str) -> list[int]:
-    """Those of the chosen indices whose channel has the wanted name; TableError if there is none.
+    """The chosen indices whose channel has the wanted name; TableError if there is none.
 
     A name is compared as written, then in any case, then without the unit in its brackets. A channel in a group is
     also called `group/name`. The first comparison that finds a channel decides.

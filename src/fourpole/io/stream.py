@@ -1,7 +1,7 @@
-"""A recording as a stream of chunks: some channels of a file, one part of the time after the other, with their times.
+"""A recording as a stream of chunks: channels of a file in successive parts of the time, with their times.
 
-The time base of a recording is reconciled only here. The times come from a stated rate, from a stated column, from the
-file itself, or from a column whose name or unit says that it has times.
+The time base of a recording is reconciled only here. The times come from a stated rate, a stated column, the file
+itself, or a column whose name or unit is that of a time.
 """
 
 from __future__ import annotations

@@ -4,11 +4,11 @@ Each family is a class of this package, imported when it is first used: ``from f
 
 ==================== ==================================================================================
 `Spring`             linear spring, :math:`K^* = K`
-`KelvinVoigt`        spring beside a viscous damper, :math:`K^* = K + j\omega C`
+`KelvinVoigt`        spring parallel to a viscous damper, :math:`K^* = K + j\omega C`
 `Structural`         spring with structural damping, :math:`K^* = K (1 + j\eta)`; not causal
-`GehmanLaw`          K1 beside an arm whose K2 and C are smooth functions of the frequency; not causal
-`Zener`              the paper's K1 beside an arm of constant K2 and C
-`GeneralisedMaxwell` spring beside n arms of spring and damper in series
+`GehmanLaw`          K1 parallel to an arm whose K2 and C are smooth functions of the frequency; not causal
+`Zener`              the paper's K1 parallel to an arm of constant K2 and C
+`GeneralisedMaxwell` spring parallel to n arms of spring and damper in series
 `FractionalZener`    two springs and one power of the frequency
 `FractionalZener5`   the same with a second power, for a skew loss peak
 `Shell`              inflated cylindrical shell on radial springs, with inertia

@@ -74,7 +74,7 @@ class Zener(Model):
 
 
 class GeneralisedMaxwell(Model):
-    r"""A spring beside n arms of spring and damper in series; an arm has a stiffness and a relaxation time.
+    r"""A spring parallel to n arms of spring and damper in series; an arm has a stiffness and a relaxation time.
 
     .. math:: K^* = K_\infty + \sum_i K_i \frac{j\omega\tau_i}{1 + j\omega\tau_i}, \qquad K_\infty, K_i \ge 0
 

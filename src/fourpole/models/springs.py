@@ -1,4 +1,4 @@
-"""Models without relaxation: a spring, a spring beside a damper, a spring with structural damping."""
+"""Models without relaxation: a spring, a spring parallel to a damper, a spring with structural damping."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Spring(Model):
 
 
 class KelvinVoigt(Model):
-    r"""A spring with a viscous damper beside it: :math:`K^* = K + j\omega C`.
+    r"""A spring parallel to a viscous damper: :math:`K^* = K + j\omega C`.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Gehman's model: K1 beside an arm whose K2 and C depend on frequency, as a table or as smooth functions."""
+"""Gehman's model: K1 parallel to an arm whose K2 and C depend on frequency, as a table or as smooth functions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _EDGE = 1e-9
 
 
 class Gehman(Model):
-    r"""K1 beside an arm whose K2 and C are tables over frequency, interpolated by shape-preserving cubics.
+    r"""K1 parallel to an arm whose K2 and C are tables over frequency, interpolated by shape-preserving cubics.
 
     .. math:: K^* = K_1 + \frac{j\omega C(\omega) K_2(\omega)}{K_2(\omega) + j\omega C(\omega)}
 
@@ -95,7 +95,7 @@ class Gehman(Model):
 
 
 class GehmanLaw(Model):
-    r"""K1 beside an arm whose K2 and C are smooth functions of the frequency, with parameters to be fitted.
+    r"""K1 parallel to an arm whose K2 and C are smooth functions of the frequency, with parameters to be fitted.
 
     .. math::
 

@@ -2,11 +2,11 @@ r"""One fit to many conditions whose parameters follow common laws: shared value
 
 A link function g of each parameter of each condition follows a linear law,
 
-.. math:: g(\theta_{cp}) = \sum_k \Phi^{(p)}_{ck}\,\beta^{(p)}_k,
+.. math:: g(\theta_{cp}) = \sum_k \Phi^{(p)}_{ck}\,\beta^{(p)}_k .
 
-The matrix of a law is a column of ones for a parameter that all conditions share, a unit matrix for a parameter that
-each condition has for itself, and powers of the pressure for a surface. Errors that all tests share, such as gains of
-sensors, are parameters of the fit with their stated uncertainty, so that averaging over tests does not reduce them.
+The matrix of a law is a column of ones for a parameter that all conditions share. It is a unit matrix for a parameter
+that each condition has for itself, and it holds powers of the pressure for a surface. Errors that all tests share, such
+as gains of sensors, are parameters of the fit with their stated uncertainty: averaging over tests does not reduce them.
 """
 
 from __future__ import annotations

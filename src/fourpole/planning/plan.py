@@ -71,7 +71,7 @@ class Guess:
 
 @dataclass(frozen=True)
 class Run:
-    """How each test is run.
+    """The settings with which each test is run.
 
     Attributes
     ----------
@@ -421,10 +421,10 @@ def with_kg(mass: float) -> str:
 
 
 def plan_table(planned: CampaignPlan, masses: Sequence[float]) -> pl.DataFrame:
-    """The table of plan.csv: the uncertainty to expect of each test by each route, as stated and with added masses.
+    """The table of plan.csv: the expected uncertainty of each test by each route, as stated and with added masses.
 
-    With a mass, every test that has none is run once more with it. The joint route then has a row for all tests, each
-    other route for the tests with the mass, because the tests without it do not change.
+    In a plan with a mass, every test without a mass is repeated with it. The joint route then has a row for every test.
+    Each other route has rows for the repeated tests only, because its results for the first tests do not change.
 
     Parameters
     ----------

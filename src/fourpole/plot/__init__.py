@@ -1,4 +1,4 @@
-"""Figures from result tables: axes in, axes out."""
+"""Figures from result tables; each function draws into given matplotlib axes and returns them."""
 
 from fourpole.plot.catalogue import FIGURES, draw, render, save_figures, write_figure
 from fourpole.plot.figure import FORMATS, FigureSpec

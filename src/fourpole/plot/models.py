@@ -52,7 +52,7 @@ class _Drawn:
 
     @property
     def series(self) -> tuple[int, tuple[float, ...]]:
-        """What differs between the conditions of a panel: pressure and values on further axes."""
+        """Index of the pressure and values on further axes, in which the conditions of a panel differ."""
         return self.pressure, tuple(value for _, value in self.others)
 
     @property

@@ -30,7 +30,7 @@ _GRID = 41
 #: Conditions are the same within this share of an axis' span, or of themselves.
 _SAME = 0.02
 _PRESSURE, _PRELOAD = q.PRESSURE.head, q.PRELOAD.head
-#: How an axis is shown: its name, unit and scale.
+#: Name, unit and scale of an axis as shown.
 _SHOWN = {one.head: (one.suffix, 1 / one.scale) for one in (q.PRESSURE, q.TEMPERATURE)}
 _Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
@@ -308,8 +308,8 @@ FIGURES = (
     FigureSpec(
         "map",
         "The operating map against the tests",
-        "What the map says over the tested conditions, with its 95 % band, and the tests with standard uncertainties; "
-        "each colour is a frequency.",
+        "Values of the map over the tested conditions, with their 95 % band, and the tests with their standard "
+        "uncertainties; each colour is a frequency.",
         operating,
     ),
 )

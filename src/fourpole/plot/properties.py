@@ -68,7 +68,7 @@ def property_figure(
     return grid.finish(key=key, notes=notes, x_label=against.label, y_labels=[quantity.label])
 
 
-#: Of a preload and a tyre: the tests of each curve, and its marks.
+#: The tests of each curve of one preload and tyre, and the marks of the curve.
 _Series = Callable[[int, int], Iterator[tuple[BoolArray, Marks]]]
 
 

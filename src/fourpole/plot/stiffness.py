@@ -91,7 +91,7 @@ def mobility(results: Results, style: Style) -> Figure | None:
     )
 
 
-#: Of the tests of a condition: frequencies [Hz], and R and I in the units of their axes; None if there is no curve.
+#: Frequencies [Hz] of the tests of a condition, and R and I in the units of their axes; None if there is no curve.
 _Model = Callable[[BoolArray], tuple[FloatArray, list[FloatArray]] | None]
 
 

@@ -1,4 +1,4 @@
-"""How figures look: themes, colours of tyres, markers of pressures and loads; texts as figures show them."""
+"""Style of figures: themes, colours of tyres, markers of pressures and loads, and the form of texts."""
 
 from __future__ import annotations
 

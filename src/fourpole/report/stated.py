@@ -65,7 +65,7 @@ class RigRow:
 
 @dataclass(frozen=True)
 class ChannelRow:
-    """One channel; `gain_std` and `phase_std` are a text and whether the value was assumed."""
+    """One channel; `gain_std` and `phase_std` are each a text and a flag for an assumed value."""
 
     role: str
     column: str

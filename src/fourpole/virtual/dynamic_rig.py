@@ -26,7 +26,7 @@ _CONVERGED, _ITERATIONS = 1e-11, 500
 
 @dataclass(frozen=True)
 class Zener:
-    """A massless tyre at one frequency: K1 beside a spring K2 and a damper C in series; all > 0.
+    """A massless tyre at one frequency: K1 parallel to a spring K2 and a damper C in series; all > 0.
 
     Parameters
     ----------
@@ -191,11 +191,11 @@ def _equations(tyre: Zener | StateSpace) -> StateSpace:
 
 
 def _leaf(bench: Bench) -> tuple[float, float, float]:
-    """K3 [N/m], c3 [N s/m] and the stiffness of the frame behind them [N/m].
+    """K3 [N/m], c3 [N s/m] and the stiffness of the frame in series with them [N/m].
 
-    If the damper is so weak that the frame follows at once, leaf and frame become one spring and damper on a rigid
-    frame. The relative error of the stiffness is (omega c3)^2 / (K3 (K3 + frame)), which is 1e-11 at 24 Hz for a frame
-    500 times stiffer.
+    If the damper is so weak that the frame follows within a step, leaf and frame are combined into one spring and
+    damper on a rigid frame. The relative error of the stiffness is then (omega c3)^2 / (K3 (K3 + frame)), for example
+    1e-11 at 24 Hz for a frame 500 times stiffer than K3.
     """
     k3, c3, frame = bench.preload_stiffness, bench.preload_damping, bench.frame_stiffness
     if isinf(frame) or k3 + frame <= _AT_ONCE * c3:

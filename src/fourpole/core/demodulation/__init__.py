@@ -1,1 +1,1 @@
-"""From recordings to amplitudes: what is steady, the fit, the noise beside it, and what is undone."""
+"""Demodulation, from recordings to amplitudes: steady part, fit of sines, noise spectrum, and corrections."""

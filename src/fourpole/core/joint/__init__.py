@@ -1,8 +1,13 @@
-"""The joint route: all tests of a rig at once, with estimates of its values and of the channels' gains besides K*.
+"""The joint route: one estimate of K*, the rig's values and the channels' gains from all tests of a rig.
 
-``identify_joint`` is the entry. ``shared`` has the values that all tests share, ``conditions`` groups tests of the same
-tyre in the same state, ``model`` gives the phasors and their derivatives, ``solve`` finds the most probable values,
-``misfit`` tests whether the stated rig agrees with the tests, and ``reconcile`` applies remedies where it does not.
+The entry is ``identify_joint``. The modules are:
+
+- ``shared``: the values that all tests share;
+- ``conditions``: groups of tests of the same condition;
+- ``model``: the phasors and their derivatives;
+- ``solve``: the most probable values;
+- ``misfit``: the test whether the stated rig agrees with the tests;
+- ``reconcile``: the remedies if it does not agree.
 """
 
 from __future__ import annotations

@@ -188,8 +188,7 @@ def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
 def _with_extras(problem: Problem, solution: Solution, slope: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Triangle of shared values, extra parts and residual; squared norms of the parts' columns; slope of log K*.
 
-    `slope` (c, 2, p + extras) is the fall of log K* of each condition per unit of the shared values and parts, with
-    which K* of each test follows its neighbours.
+    `slope` (c, 2, p + extras) is the fall of log K* of each condition per unit of the shared values and parts.
     """
     shared = problem.shared
     p, rig = len(shared), shared.rig_at(solution.z)

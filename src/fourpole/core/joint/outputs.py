@@ -21,8 +21,8 @@ from fourpole.core.sources import Kind, Role, Source
 class Outputs(ByValue):
     """The six outputs of N tests with their derivatives, in the order of the given tests.
 
-    The error of an output is by_own · e + by_shared · dz + by_k1 · dK1, with e the error of log K* from the noise and
-    dz the error of the shared values. Rigid blocks have no outputs.
+    The error of an output is by_own · e + by_shared · dz + by_k1 · dK1. Here e is the error of log K* from the noise,
+    and dz is the error of the shared values. Rigid blocks have no outputs.
 
     Attributes
     ----------

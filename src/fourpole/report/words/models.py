@@ -160,7 +160,7 @@ def _bare(each: NamedValue) -> str:
 
 
 def remarks_on_map(entry: MapEntry) -> list[str]:
-    """Where the map is valid, as sentences."""
+    """Sentences on the range in which the map is valid."""
     if not entry.axes:
         return ["The tests stand at one condition: the map holds there alone."]
     where = "between the tested conditions" + (" (inside their hull)" if len(entry.axes) > 1 else "")

@@ -74,7 +74,7 @@ def _at(found: Peak) -> str:
 
 
 def order(finding: Finding, found: ResonanceOrder) -> str:
-    """Which of two specimens has the lower resonance, as a sentence."""
+    """Sentence that names the specimen with the lower resonance, of two specimens."""
     first, second = _names(finding)
     lower, upper = (first, second) if found.mean > 0 else (second, first)
     count, (clear, against) = len(found.gaps), found.counts
@@ -134,7 +134,7 @@ def _crossed(single: Mapping[Key, Crossing]) -> str:
 
 
 def _below(found: Crossings, first: str, second: str) -> str:
-    """Which curve is lower below the crossing and above it; empty if that depends on the condition."""
+    """Words on which curve is lower below and above the crossing; empty if that depends on the condition."""
     signs = {one.sign for one in found.single.values()}
     if len(signs) > 1:
         return ""

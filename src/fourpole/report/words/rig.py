@@ -226,7 +226,7 @@ def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
 
 
 def _equal_effects(values: Sequence[ShownValue]) -> Iterable[str]:
-    """Which errors have the same effect on all that tests with one mass show, as a sentence."""
+    """Sentence on errors that have the same effect on the results of all tests with one mass."""
     if _gains_alike(values):
         yield (
             "These data compare F1/V2 with the rig: an error of F1's gain has the same effect as one of V2's, or as an "
