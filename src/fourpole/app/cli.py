@@ -92,7 +92,7 @@ def init(
     force: Annotated[bool, typer.Option("--force", help="Replace campaign.toml and tests.csv that are there.")] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Make a campaign of a bare folder of recordings: guess channels, kinds and conditions, and list each doubt.
+    """Make a campaign from a bare folder of recordings: guess channels, kinds and conditions, and list each doubt.
 
     The names of files and folders, headers, notes beside them and the signals are read. Then campaign.toml and
     tests.csv are written for you to correct.

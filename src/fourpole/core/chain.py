@@ -24,7 +24,7 @@ class Link(Protocol):
         """Name of the link in tables."""
 
     def at(self, frequency: ArrayLike) -> ComplexArray:
-        """Recorded over true [1] at frequencies (...,) [Hz], > 0."""
+        """Recorded over true amplitude [1] at frequencies (...,) [Hz], > 0."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Delay:
     name: str = "delay"
 
     def at(self, frequency: ArrayLike) -> ComplexArray:
-        """Recorded over true [1]."""
+        """Recorded over true amplitude [1]."""
         return np.asarray(np.exp(-2j * np.pi * np.asarray(frequency) * self.seconds))
 
 
@@ -76,7 +76,7 @@ class HighPass:
     name: str = "high-pass"
 
     def at(self, frequency: ArrayLike) -> ComplexArray:
-        """Recorded over true [1]."""
+        """Recorded over true amplitude [1]."""
         return _butterworth(self.corner / (1j * np.asarray(frequency, dtype=float)), self.order)
 
 
@@ -102,7 +102,7 @@ class LowPass:
     name: str = "low-pass"
 
     def at(self, frequency: ArrayLike) -> ComplexArray:
-        """Recorded over true [1]."""
+        """Recorded over true amplitude [1]."""
         return _butterworth(1j * np.asarray(frequency, dtype=float) / self.corner, self.order)
 
 
@@ -140,7 +140,7 @@ class Geophone:
     name: str = "geophone"
 
     def at(self, frequency: ArrayLike) -> ComplexArray:
-        """Recorded over true [1]."""
+        """Recorded over true amplitude [1]."""
         r = np.asarray(frequency, dtype=float) / self.natural_frequency
         return np.asarray(-(r**2) / (1 - r**2 + 2j * self.damping * r))
 

@@ -107,7 +107,7 @@ class Rig:
 
     @property
     def resonance(self) -> float:
-        """Frequency at which K3 = m w^2: there the rig alone resonates and hides the tyre [Hz]; nan if blocked."""
+        """Resonance frequency of the rig alone, K3 = m w^2 [Hz], at which no test shows the tyre; nan if blocked."""
         if self.blocked:
             return float("nan")
         return float(np.sqrt(self.preload_stiffness / (self.moving_mass + self.tyre_mass)) / (2 * np.pi))

@@ -26,7 +26,7 @@ from fourpole.plot.style import counted
 from fourpole.quantities import QUANTITIES, meaning_of
 
 _DIMENSIONS = ("tyre", "pressure", "preload", "frequency", "setting", "repeat")
-#: Most cells of a grid; a larger grid is so sparse that a list of tests is better.
+#: Largest number of cells of a grid; a larger grid is so sparse that a list of tests is better.
 _MOST_CELLS = 2_000_000
 _VERDICTS = ("ok", "warning")
 _PLACED = {"tyre", q.PRESSURE.head, q.PRELOAD.head, "construction", "verdict"}

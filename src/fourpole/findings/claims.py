@@ -48,7 +48,7 @@ class Claim:
 def pair_of_the_paper(facts: Facts) -> tuple[str, str] | None:
     """The cross-ply and the radial-ply; None unless the campaign has one of each and no other tyre.
 
-    Where they were tested at several temperatures these are the two in the same state, the nearest in temperature.
+    If they were tested at several temperatures, the result is the pair of the same state with the nearest temperatures.
     """
     cross, radial = ([tyre for tyre in facts.tyres if _role(facts, tyre) == role] for role in (0, 1))
     stated = [{facts.stated[tyre] for tyre in names} for names in (cross, radial)]

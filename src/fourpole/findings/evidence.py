@@ -61,11 +61,11 @@ class Effect:
         return 0.5 * self.reach()
 
     def reach(self, looks: int = 1) -> float:
-        """The value that an effect must exceed to be claimed [1], where `looks` effects are searched."""
+        """The value that an effect must exceed to be claimed [1], if `looks` effects are compared at the same time."""
         return max(hypot(factor(self.dof, looks) * self.own, factor(inf, looks) * self.shared), _ROUND_OFF)
 
     def claimed(self, looks: int = 1) -> bool:
-        """Whether the value exceeds its uncertainty, where `looks` effects are searched."""
+        """Whether the value exceeds its uncertainty, if `looks` effects are compared at the same time."""
         return abs(self.value) > self.reach(looks)
 
     @property

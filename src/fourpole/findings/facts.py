@@ -120,7 +120,7 @@ class Facts:
         return rule_in(self.results.record).without(PRESSURE.name, PRELOAD.name)
 
     def warmer(self, one: str, other: str) -> float | None:
-        """Difference in temperature of two specimens [K], 0 if none is stated; None if their states differ."""
+        """Absolute difference in temperature of two specimens [K], 0 if not stated; None if their states differ."""
         first, second = self._states[one], self._states[other]
         if not self._rule.same(first, second):
             return None
@@ -130,7 +130,7 @@ class Facts:
 
     @property
     def tables(self) -> tuple[pl.DataFrame, pl.DataFrame]:
-        """Static and dynamic rows, rejected ones included."""
+        """Static table and dynamic table, with the rows of rejected tests."""
         return self.results.static, self.results.dynamic
 
     @cached_property

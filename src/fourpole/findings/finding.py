@@ -1,4 +1,4 @@
-"""One finding as data: its quantity, specimens and conditions, its effect with uncertainty, and what holds."""
+"""One finding as data: its quantity, specimens and conditions, its effect with uncertainty, and its outcome."""
 
 from __future__ import annotations
 

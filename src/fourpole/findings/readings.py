@@ -182,7 +182,7 @@ class Turning:
 
 @dataclass(frozen=True)
 class Likewise:
-    """K2 of the cross-ply: whether it turns, its `Trend` with frequency, how far it is `Above` the radial-ply's."""
+    """K2 of the cross-ply: whether it turns, its trend with frequency, and how far it is above K2 of the radial-ply."""
 
     turns: bool
     rising: Evidence

@@ -232,7 +232,7 @@ class ModelFile(_Strict):
 
     @property
     def document(self) -> dict[str, Any]:
-        """The document as JSON has it, with the keys of the format; `axes` only if there are any."""
+        """The document with the keys and types of JSON; without `axes` if there are none."""
         return self.model_dump(mode="json", by_alias=True, exclude=None if self.axes else {"axes"})
 
     def write(self, path: str | Path) -> None:

@@ -275,7 +275,7 @@ def bare_plan(
     Parameters
     ----------
     rig : Rig
-        Its own standard uncertainties are replaced by `rig_std`.
+        The rig; `rig_std` replaces its standard uncertainties.
     guess : Guess
         The assumed tyre, with K1, K2 and C.
     run : Run

@@ -97,12 +97,12 @@ class Pen:
         self.text(x + 1.85, y, f"{force}, {velocity}")
 
     def leader(self, x: float, y: float, at_x: float, at_y: float, text: str, ha: str = "left") -> None:
-        """A thin line from a part to its name."""
+        """Draw a thin line from a part to its name."""
         self.ax.plot([x, at_x], [y, at_y], color=self.style.look.muted, linewidth=0.7)
         self.text(at_x + (0.08 if ha == "left" else -0.08), at_y, text, ha=ha, size=8.0)
 
     def tyre_element(self, x: float, low: float, high: float) -> None:
-        """K1 beside the arm of K2 and C."""
+        """Draw the tyre: K1 parallel to the arm of K2 and C."""
         left, right, middle = x - 0.8, x + 0.8, 0.5 * (low + high)
         self.line([left, right], [low + 0.15, low + 0.15])
         self.line([left, right], [high - 0.15, high - 0.15])
@@ -133,7 +133,7 @@ class Pen:
 
 
 def tyre_model(results: Results, style: Style) -> Figure:  # noqa: ARG001  every figure takes the results
-    """Figure 1: K1 beside a Maxwell arm."""
+    """Figure 1: K1 parallel to a Maxwell arm."""
     pen = Pen(4.0, style)
     x = 4.9
     pen.tyre_element(x, 0.6, 3.4)

@@ -242,7 +242,7 @@ def short_names(names: Sequence[str], longest: int = 24) -> tuple[str, ...]:
 
 
 def distinct(names: Iterable[str], mark: str, *, taken: Collection[str] = (), fold: bool = False) -> Iterator[str]:
-    """Each name, with the mark and a number behind it if it was there before or is in `taken`.
+    """The names made distinct: a name that occurred before or is in `taken` gets the mark and a number.
 
     With `fold`, names that differ only in upper and lower case count as equal.
 

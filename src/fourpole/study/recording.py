@@ -24,11 +24,11 @@ def read_recording(file: str | Path, channels: Mapping[str, str | Mapping[str, A
         The recording; ``file#group`` names one group of a file that holds several. A relative path is looked up in
         the campaign's folder too.
     channels : dict of str to str, or Campaign
-        Which column is which channel, by role: ``motion_in`` and, where measured, ``force_in`` and ``motion_out``;
-        ``time`` or ``sample_rate`` where the file has no times of its own; ``reference``. A column is named with its
-        unit, ``"F1 [N]"``, or without where the file states the unit; or it is a table with the keys that
-        ``[channels]`` of campaign.toml takes. A Campaign gives its own ``[channels]``, and the window and frequency
-        of the row of tests.csv that names the file.
+        The column of each role: ``motion_in`` and, if measured, ``force_in``, ``motion_out`` and ``reference``; also
+        ``time`` or ``sample_rate`` if the file states no times. A column is its name with its unit, ``"F1 [N]"``; the
+        unit is not needed if the file states it. A column can also be a table with the keys of ``[channels]`` in
+        campaign.toml. A Campaign supplies its ``[channels]``, and the window and frequency of the row of tests.csv
+        that names the file.
 
     Returns
     -------

@@ -96,8 +96,8 @@ def _values(joint: Joint) -> list[SharedValue]:
 def _enlarged_std(joint: Joint) -> FloatArray:
     """Standard uncertainty of each value, enlarged where the value may contain an error of the model.
 
-    Where the rig does not fit, no uncertainty is below the stated one, or below the distance from the statement. The
-    moving part of a tyre acts as a part of the moving mass, and a frame as a part of the spring. Where these parts are
+    If the rig does not fit, no uncertainty is below the stated one, or below the distance from the statement. The
+    moving part of a tyre acts as a part of the moving mass, and a frame as a part of the spring. If these parts are
     not stated, a mass or spring that is far from its statement may contain them.
     """
     std = joint.found_std.copy()

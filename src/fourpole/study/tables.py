@@ -43,7 +43,7 @@ class TableSpec:
     columns : mapping of str to polars type
         Heads in the order of the file.
     make : callable
-        Returns the rows, or the table, of an analysis; further columns stand behind `columns`.
+        Returns the rows, or the table, of an analysis; further columns follow those of `columns`.
     key : tuple of str
         Columns that identify a row.
     endings : tuple of str

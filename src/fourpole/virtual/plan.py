@@ -52,7 +52,7 @@ def plan_tests(
     added_mass_at: tuple[str, float, float] | None = None,
     calibration_masses: Sequence[float] = (),
 ) -> list[Test]:
-    """Static tests S1 ..., dynamic tests D1 ..., calibrations C1 ..., as `simulate_campaign` says.
+    """Static tests S1 ..., dynamic tests D1 ... and calibrations C1 ...; see `simulate_campaign` for the arguments.
 
     Raises
     ------

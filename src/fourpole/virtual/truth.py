@@ -86,7 +86,7 @@ def state(
     rig_std: Mapping[str, float] | None = None,
     declared: Mapping[str, float] | None = None,
 ) -> Statement:
-    """The statement of a campaign, as `simulate_campaign` says.
+    """The statement of a campaign; see `simulate_campaign` for the arguments.
 
     Raises
     ------

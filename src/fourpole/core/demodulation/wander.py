@@ -20,7 +20,7 @@ from fourpole.errors import RecordingError
 _FEWEST_STRETCHES = 12
 #: Number of rows for mean and drift at the end of a fit's basis.
 _DRIFT = 4
-#: Following is worth its cost if it changes a ratio of amplitudes by this many standard uncertainties, ...
+#: The speed is followed if this changes a ratio of amplitudes by more than this many standard uncertainties, ...
 _MOVED = 3.0
 #: ... or if it divides the standard uncertainty of a ratio by this factor.
 _WORSE = 2.0

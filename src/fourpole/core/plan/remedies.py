@@ -265,7 +265,7 @@ def _further(added: PlannedTests, plan: Plan) -> Plan:
 
 
 def k1_remedies(plan: Plan, effort: Effort) -> list[Remedy]:
-    """Better static tests. They are separate, because their effect on K2 and C does not depend on the dynamic tests."""
+    """Remedies of better static tests; their effect on K2 and C does not depend on the dynamic tests."""
     relative: FloatArray = np.where(plan.tests.rigid, 0.0, plan.tests.k1_std / plan.tests.k1)
     listed = []
     for level, minutes in zip(_K1, effort.k1, strict=True):

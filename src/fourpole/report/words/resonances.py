@@ -23,7 +23,7 @@ from fourpole.report.words.phrases import (
 )
 
 _AXES = ("pressure", "load")
-#: With more resonances or conditions than these their range or their number is given instead of a list.
+#: Largest number of resonances or conditions that are listed; of more, the range or the number is given.
 _MOST_NAMED = 8
 
 

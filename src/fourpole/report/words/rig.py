@@ -207,7 +207,7 @@ def _gain(found: RigEstimate) -> str:
 
 def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     """Undeclared errors that the tests do not show, and what would show them, as sentences."""
-    # Where the rig does not fit, the tests did show an error of it.
+    # If the rig does not fit, the misfit already shows an error of the rig, so only errors of channels can be hidden.
     groups = {Role.RIG, Role.CHANNEL} if found.fits else {Role.CHANNEL}
     hidden = _hidden([value for value in values if value.group in groups])
     common = _common(hidden, values) if found.massed else []
