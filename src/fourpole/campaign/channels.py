@@ -19,7 +19,6 @@ DEFAULT_GAIN_STD = 0.01
 DEFAULT_PHASE_STD = 0.5 * 3.141592653589793 / 180.0
 #: Highest order of a filter.
 _HIGHEST_ORDER = 12
-_MOTIONS = ("displacement", "velocity", "acceleration")
 _ROLES = ("force_in", "motion_in", "motion_out")
 #: Keys that only a channel of dynamic tests has, because they belong to an amplitude at a frequency.
 _DYNAMIC_ONLY = ("std_delay", "high_pass", "low_pass", "geophone", "response", "crosstalk")
@@ -167,7 +166,7 @@ class ChannelFile(File):
                 "correct the unit in the file"
             ) from None
         stated = self.unit
-        if stated is None or units.channel_scale(stated, ("voltage", "force", *_MOTIONS))[0] != "voltage":
+        if stated is None or units.channel_scale(stated, ("voltage", "force", *units.MOTIONS))[0] != "voltage":
             return written
         if units.channel_scale(stated, ("voltage",)) != units.channel_scale(written, ("voltage",)):
             raise TableError(
@@ -207,7 +206,7 @@ class ChannelFile(File):
         """Value in the recorded unit of a number, which has this unit already, or of a text with a unit."""
         if isinstance(value, float):
             return value
-        kind, scale = units.channel_scale(unit, ("voltage", "force", "displacement", "velocity", "acceleration"))
+        kind, scale = units.channel_scale(unit, ("voltage", "force", *units.MOTIONS))
         return units.quantity(value, kind, default_unit=unit) / scale
 
     @property
@@ -281,8 +280,8 @@ class TimeFile(File):
 
 CHANNEL_KINDS: dict[str, tuple[str, ...]] = {
     "force_in": ("force",),
-    "motion_in": _MOTIONS,
-    "motion_out": _MOTIONS,
+    "motion_in": units.MOTIONS,
+    "motion_out": units.MOTIONS,
     "load": ("force",),
     "deflection": ("displacement",),
 }

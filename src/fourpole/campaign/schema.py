@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
-from pydantic.functional_validators import ModelWrapValidatorHandler
 
 from fourpole import units
 from fourpole.campaign.channels import (
@@ -189,14 +188,12 @@ class CampaignFile(File):
     specimens: dict[str, SpecimenFile] = Field(default_factory=dict)
     conditions: ConditionsFile = ConditionsFile()
 
-    @model_validator(mode="wrap")
-    @classmethod
-    def _once(cls, raw: Any, handler: ModelWrapValidatorHandler[CampaignFile]) -> CampaignFile:
-        found = handler(raw)
-        twice = sorted(found.tyres.keys() & found.specimens.keys())
+    @model_validator(mode="after")
+    def _once(self) -> CampaignFile:
+        twice = sorted(self.tyres.keys() & self.specimens.keys())
         if twice:
             raise ValueError(f"{units.shown(twice[0])} is both under [tyres] and [specimens]: keep one of them")
-        return found
+        return self
 
     @property
     def sameness(self) -> Sameness:

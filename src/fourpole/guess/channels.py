@@ -1,4 +1,4 @@
-"""The roles of the columns of recordings: by their units, by their names, and by what their signals show."""
+"""The roles of the columns of recordings, found from their units, names and signals."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from fourpole.units import MOTIONS, shown
 _KINDS = ("force", *MOTIONS, "voltage", "time", "pressure", "frequency", "angle")
 #: Power of j omega that turns an amplitude into that of a velocity.
 _TURNS = {"displacement": 1, "velocity": 0, "acceleration": -1}
-#: Quantities of motion, the best first.
+#: Quantities of motion, the most suitable first.
 _ORDER = ("velocity", "acceleration", "displacement")
 _SPLIT = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßà-ÿ]+|[A-ZÄÖÜ]+(?![a-zäöüßà-ÿ])|\d+")
 #: Sides of a column of force, the likeliest last.
 _SIDES = ("out", "", "in")
 _MOTIONS = ("motion_in", "motion_out")
 _SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
-#: Share of the tests that must be passive before the sign of a channel is turned.
+#: Share of the tests that must be passive with a channel inverted, or it is not inverted [1].
 _MOST = 0.9
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column as its name and unit describe it.
+    """Quantity and side of a column, as its name and unit state them.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ def column_of(name: str, unit: str | None) -> Column:
 
 
 def _words(name: str) -> list[str]:
-    """Words of a name without its unit."""
+    """The words of a name, without its unit, in small letters."""
     bare = units.column_unit(name)[0]
     found = [word.casefold() for word in _SPLIT.findall(bare)]
     return list(dict.fromkeys([*found, *filter(None, re.split(r"[\W_]+", bare.casefold()))]))
@@ -136,7 +136,7 @@ def _likely(words: Sequence[str]) -> int:
 
 
 def static_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> dict[str, Role]:
-    """Load and deflection of the static tests."""
+    """Roles of load and deflection in the static tests."""
     of = {kind: [column for column in columns if column.quantity == kind] for kind in ("force", "displacement")}
     by_curve = not all(of.values())
     if by_curve:
@@ -180,7 +180,7 @@ def _static_unit(column: Column, kind: str, largest: float) -> tuple[str | None,
 def _by_curve(
     forces: list[Column], travels: list[Column], unknown: list[Column], shapes: Sequence[SignalShape]
 ) -> tuple[list[Column], list[Column]]:
-    """Load and deflection by the sense of the loop: a passive tyre absorbs work."""
+    """Columns of load and deflection by the sense of the loop, because a passive tyre absorbs work."""
     if len(unknown) == 1 and (forces or travels):
         return forces or unknown, travels or unknown
     if forces or travels or len(unknown) != 2:
@@ -191,7 +191,7 @@ def _by_curve(
 
 
 def _work(shape: SignalShape, load: str, travel: str) -> float:
-    """Area of the loop over that of the box around it, positive where the first column is the load."""
+    """Area of the loop over that of the box around it [1]; it is positive if the first column is the load."""
     if load not in shape.samples or travel not in shape.samples:
         return 0.0
     y, x = shape.samples[load], shape.samples[travel]
@@ -206,7 +206,7 @@ def _others(column: Column, several: Sequence[Column]) -> str:
 
 
 def dynamic_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> dict[str, Role]:
-    """F1, V1 and V2 of the dynamic tests."""
+    """Roles of F1, V1 and V2 in the dynamic tests."""
     shapes = _sinusoids(shapes)
     found: dict[str, Role] = {}
     forces = [column for column in columns if column.quantity == "force"]
@@ -232,7 +232,7 @@ def _size(shapes: Sequence[SignalShape], name: str) -> float:
 
 
 def _dynamic_role(role: str, column: Column, shapes: Sequence[SignalShape], *doubts: str) -> Role:
-    """The role of a column, with its unit."""
+    """The role of a column, with its unit and doubts."""
     unit, doubt = _dynamic_unit(column, _size(shapes, column.name))
     return Role(role, column.name, unit, column.quantity, doubts=tuple(filter(None, (*doubts, doubt))))
 
@@ -254,12 +254,12 @@ def _dynamic_unit(column: Column, size: float) -> tuple[str | None, str]:
     return unit, how
 
 
-#: The column of V1 and that of V2, None where there is none, and the doubts on both.
+#: The column of V1, that of V2, and the doubts on both; a column is None if it is not found.
 _Pair = tuple[tuple[Column | None, Column | None], tuple[str, ...]]
 
 
 def _pair(motions: list[Column], force: Role | None, shapes: Sequence[SignalShape]) -> _Pair:
-    """The motions at the contact and at the moving mass: by their names, else by the power that enters."""
+    """The motions at the contact and at the moving mass, by their names or by the power that enters."""
     ins, outs, rest = _by_side(motions, shapes)
     listed = ", ".join(shown(one.name, 30) for one in motions)
     several = (f"taken of several motions: {listed}",) if len(motions) > 2 else ()
@@ -284,7 +284,7 @@ def _by_side(motions: list[Column], shapes: Sequence[SignalShape]) -> tuple[list
 
 
 def _best_pair(ins: list[Column], outs: list[Column]) -> tuple[Column, Column]:
-    """A column of each side, if possible two of the same quantity."""
+    """One column of each side, if possible two of the same quantity."""
     pairs = [(a, b) for a in ins for b in outs]
     return min(pairs, key=lambda pair: (pair[0].quantity != pair[1].quantity, _ORDER.index(pair[0].quantity)))
 
@@ -292,7 +292,7 @@ def _best_pair(ins: list[Column], outs: list[Column]) -> tuple[Column, Column]:
 def _by_power(
     a: Column, b: Column, force: Role | None, shapes: Sequence[SignalShape]
 ) -> tuple[tuple[Column, Column], str]:
-    """V1 is the motion through which power enters; behind the tyre there are only a mass and a spring."""
+    """V1, V2 and the doubt on them: power enters through V1, because only a mass and a spring follow the tyre."""
     unsaid = f"{shown(a.name, 30)} and {shown(b.name, 30)} do not say which is at the contact"
     if force is None or not shapes:
         return (a, b), f"{unsaid}: the first is taken as V1"
@@ -304,14 +304,14 @@ def _by_power(
 
 
 def _cosine(shape: SignalShape, force: Role, column: Column) -> float:
-    """Power over apparent power of a force and a motion."""
+    """Real over apparent power of a force and a motion [1]."""
     f = shape.amplitudes.get(force.column, 0j)
     v = shape.amplitudes.get(column.name, 0j) * 1j ** _TURNS[column.quantity]
     return (f * v.conjugate()).real / (abs(f) * abs(v)) if f and v else 0.0
 
 
 def _signs(roles: dict[str, Role], shapes: Sequence[SignalShape]) -> dict[str, Role]:
-    """Turn the one sensor without whose turn most tests show no passive tyre."""
+    """The roles with one sensor inverted, if only then most tests have a passive tyre."""
     if len(roles) < 3 or not shapes or any(role.unit is None for role in roles.values()):
         return roles
     shares = {"": _passive(_stiffness(roles, shapes))}
@@ -334,7 +334,7 @@ def _signs(roles: dict[str, Role], shapes: Sequence[SignalShape]) -> dict[str, R
 
 
 def _stiffness(roles: dict[str, Role], shapes: Sequence[SignalShape]) -> np.ndarray:  # type: ignore[type-arg]
-    """K* of each test by the relative route."""
+    """K* of each test by the relative route [N/m]."""
     phasors = np.array([[_velocity(shape, roles[role]) for role in _SYMBOLS] for shape in shapes])
     omega = 2 * np.pi * np.array([shape.frequency for shape in shapes])
     with np.errstate(all="ignore"):
@@ -342,7 +342,7 @@ def _stiffness(roles: dict[str, Role], shapes: Sequence[SignalShape]) -> np.ndar
 
 
 def _passive(stiffness: np.ndarray) -> float:  # type: ignore[type-arg]
-    """Share of the tests whose stiffness and loss are positive."""
+    """Share of the tests with positive stiffness and loss [1]."""
     return float(np.mean((stiffness.real > 0) & (stiffness.imag > 0)))
 
 

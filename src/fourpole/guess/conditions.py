@@ -28,7 +28,7 @@ _SHOWN["amplitude"] = ("mm", 1e-3)
 
 @dataclass(frozen=True)
 class Entry:
-    """What one recording says by itself; of each kind of tokens the nearest to the recording come first.
+    """Kind, frequency and tokens of one recording; tokens of nearer folders come before those of farther ones.
 
     Attributes
     ----------
@@ -48,11 +48,11 @@ class Entry:
 
     @property
     def parts(self) -> tuple[tuple[str, tuple[Token, ...]], ...]:
-        """Its tokens with the place where they stand, the one that counts most first."""
+        """The tokens by place: name, header, folder. A token of an earlier place has priority."""
         return ("name", self.name), ("header", self.header), ("folder", self.folder)
 
     def stated(self, what: str) -> str:
-        """The text by which header or notes state something, empty where they do not."""
+        """Text of the first token of a kind in header or notes; empty if there is none."""
         return next((token.text.strip() for token in (*self.header, *self.folder) if token.what == what), "")
 
 
@@ -67,11 +67,11 @@ class RecordingConditions:
     doubts: list[tuple[str, str]] = field(default_factory=list)
 
     def doubt(self, about: str, text: str) -> None:
-        """Add a doubt."""
+        """Add a doubt on a subject."""
         self.doubts.append((about, text))
 
     def assume_tyre(self, name: str, text: str) -> None:
-        """Take a tyre, with the doubt that belongs to it."""
+        """Set the name of the tyre, and add the doubt on it."""
         self.tyre = name
         self.doubt("tyre", text)
 
@@ -90,12 +90,12 @@ def read_conditions(entries: Sequence[Entry]) -> list[RecordingConditions]:
 
 
 def _repeat(entry: Entry) -> str:
-    """The number of the repeat as text, empty where there is none."""
+    """The number of the repeat as text; empty if none is stated."""
     return " ".join(f"{token.value:g}" for token in (*entry.name, *entry.header) if token.what == "repeat")
 
 
 def _values(entry: Entry) -> RecordingConditions:
-    """The conditions of one recording: the name counts before the header, the header before the notes."""
+    """The conditions of one recording; its name has priority over its header, and the header over the notes."""
     conditions = RecordingConditions()
     places = {"name": "its name", "header": "its header", "folder": "notes"}
     for place, tokens in entry.parts:
@@ -114,7 +114,7 @@ def _values(entry: Entry) -> RecordingConditions:
 
 
 def _written(what: str, value: float) -> str:
-    """A condition in the unit in which people read it."""
+    """A condition as text, in its shown unit."""
     unit, scale = _SHOWN.get(what, ("", 1.0))
     return f"{value / scale:g} {unit}".strip()
 
@@ -209,7 +209,7 @@ def _slots(entry: Entry) -> dict[_Slot, Token]:
 
 
 def _meaning(tokens: dict[int, Token], entries: Sequence[Entry]) -> _Meaning | None:
-    """The meaning of the numbers of one slot; None where they do not show it."""
+    """The meaning of the numbers of one slot; None if it cannot be found."""
     values = np.array([token.value for token in tokens.values()])
     keys = next(iter(tokens.values())).keys
     hertz = _hertz(tokens, entries)
@@ -278,7 +278,7 @@ def _name_tyres(tests: Sequence[tuple[Entry, RecordingConditions]]) -> None:
 
 
 def _name_by_words(tests: Sequence[tuple[Entry, RecordingConditions]]) -> None:
-    """Tyres as stated; by words where more names of words come again than tyres are stated."""
+    """Name the tyres as stated, or by words if more names made of words are repeated than tyres are stated."""
     stated = [entry.stated("tyre") or entry.stated("construction") for entry, _ in tests]
     words = _distinguishing([_words(entry) for entry, _ in tests], [entry.kind for entry, _ in tests])
     often = Counter(tuple(map(plain, own)) for own in words if own)
@@ -292,7 +292,7 @@ def _name_by_words(tests: Sequence[tuple[Entry, RecordingConditions]]) -> None:
 
 
 def _name_by_numbers(tests: Sequence[tuple[Entry, RecordingConditions]]) -> None:
-    """Take a number without a meaning as that of the tyre, where there are few and each is in many names."""
+    """Name the tyres by a number without a meaning, if few numbers stand in many names."""
     left = [[t for t in entry.name if t.what == "number" and not t.keys and t.value.is_integer()] for entry, _ in tests]
     if not all(left):
         return
@@ -304,7 +304,7 @@ def _name_by_numbers(tests: Sequence[tuple[Entry, RecordingConditions]]) -> None
 
 
 def _doubt_joined(tested: Sequence[RecordingConditions]) -> None:
-    """Doubt names of several words that vary by themselves: a word may be an operator, or hot and cold."""
+    """Add a doubt on names of several words if a word is in several names: it may be an operator, or a state."""
     names = {plain(conditions.tyre): conditions.tyre for conditions in tested}
     often = Counter(plain(word) for name in names.values() for word in name.split())
     several = any(len(name.split()) > 1 for name in names.values())
@@ -325,7 +325,7 @@ def _words(entry: Entry) -> list[str]:
 
 
 def _distinguishing(words: list[list[str]], kinds: list[str]) -> list[list[str]]:
-    """The words of each name that differ between tests; words of all tests only where a name has no others."""
+    """The words of each name that differ between tests; words of all tests are kept if a name has no others."""
     sets = [{plain(word) for word in own} for own in words]
     by_kind = _by_kind(sets, kinds)
     everywhere = set.intersection(*sets) if sets else set()
@@ -378,7 +378,7 @@ def _numbered(words: Iterable[str], once: set[str]) -> set[str]:
 
 
 def _shared_by_kinds(chosen: list[list[str]], kinds: list[str]) -> list[list[str]]:
-    """The names without words that only one kind of test has, where another word is left."""
+    """The names without words that only one kind of test has; a name without other words keeps them."""
     by_kind = _by_kind([set(map(plain, own)) for own in chosen], kinds)
     shared = set.intersection(*(set().union(*owns) for owns in by_kind.values())) if by_kind else set()
     return [[word for word in own if plain(word) in shared] or own for own in chosen]

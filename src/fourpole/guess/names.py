@@ -125,6 +125,7 @@ def read_name(text: str) -> list[Token]:
 
 
 def _taken(token: Token | None, text: str, found: list[Token]) -> str:
+    """The text that remains of a match; its token is added to `found`."""
     if token is None:
         return text
     found.append(token)
@@ -161,14 +162,14 @@ def _signed_number(match: re.Match[str], what: str) -> tuple[float, str]:
 
 
 def _mass_or_load(key: str, keys: tuple[str, ...], number: float, *, signed: bool) -> tuple[str, str, str]:
-    """Condition and unit of a number in kg, and as what it is taken; the last is empty where there is no doubt."""
+    """Condition and unit of a number in kg, and the assumption in words; the last is empty if there is no doubt."""
     if keys == ("preload",) or (not key and number >= _HEAVY):
         return "preload", "kgf", f"a load of {number:g} kgf"
     return "added_mass", "kg", "" if key or signed else "a mass that was added"
 
 
 def _keyed(match: re.Match[str]) -> Token | None:
-    """A number with letters before it and no unit behind."""
+    """The token of a number with letters before it and no unit behind; None if the letters are not known."""
     keys = KEYS.get(match["key"].casefold())
     if keys is None:
         return None
@@ -181,7 +182,7 @@ def _keyed(match: re.Match[str]) -> Token | None:
 
 
 def _bare(text: str) -> Token:
-    """A number by itself; one with leading zeros counts recordings."""
+    """The token of a number alone; a number with leading zeros or eight digits is the number of a recording."""
     if (text.startswith("0") and text.isdigit() and len(text) > 1) or len(text) > 7:
         return Token("nothing", text)
     return Token("number", text, _number(text)[0])
@@ -206,7 +207,7 @@ def _left_words(left: str) -> Iterator[str]:
 
 
 def kind_word(word: str) -> str:
-    """static, dynamic or calibration, where a word says so."""
+    """Kind of test that a word names, "static", "dynamic" or "calibration"; empty for another word."""
     bare = plain(word)
     for kind, words in (("static", STATIC), ("dynamic", DYNAMIC), ("calibration", CALIBRATION)):
         if bare in words:
@@ -227,21 +228,17 @@ def read_header(lines: Iterable[str]) -> list[Token]:
     >>> [(token.what, token.text, token.value) for token in read_header(["Pressure: 1.7 bar", "Reifen;Radial"])]
     [('pressure', 'Pressure: 1.7 bar', 170000.0), ('tyre', 'Radial', nan)]
     """
-    found: list[Token] = []
-    for line in lines:
-        for piece in _pieces(line[:1000]):
-            found += _of_line(piece)
-    return found
+    return [token for line in lines for pair in _pairs(line[:1000]) for token in _of_pair(pair)]
 
 
-def _pieces(line: str) -> list[str]:
-    """The pairs of a line."""
+def _pairs(line: str) -> list[str]:
+    """The pairs "key: value" of a line."""
     parts = re.split(r"[;,|]\s*(?=[^\W\d][\w .]{0,40}\s?[:=])", line)
     return [part.strip() for part in parts if part.strip()]
 
 
-def _of_line(line: str) -> list[Token]:
-    """The tokens of one line: those of a pair "key: value", else the conditions in its text."""
+def _of_pair(line: str) -> list[Token]:
+    """The tokens of a pair "key: value"; for a text that is no such pair, the conditions in it."""
     match = _PAIR.match(line)
     if match is None or ("," in line and not re.search(r"[:=;\t]", line) and not _meant(match["key"])):
         return [token for token in read_name(line) if token.what in KINDS_OF and _meant(line) != "nothing"]
@@ -258,13 +255,13 @@ def _of_line(line: str) -> list[Token]:
 
 
 def _meant(key: str) -> str:
-    """Meaning of a key; empty where it is not known."""
+    """Meaning of a key; empty if the key is not known."""
     spoken = key.casefold().replace("_", " ")
     return next((what for what, pattern in IN_HEADERS if pattern.search(spoken)), "")
 
 
 def _stated(what: str, line: str, value: str, unit: str | None, key: str) -> list[Token]:
-    """The value of a key; a number without any unit becomes a token "number"."""
+    """The token of a key with its value in SI; a number without a unit becomes a token "number"."""
     last = re.split(r"[\s_]", key)[-1]
     for default in (unit, last if last != key else None):
         try:

@@ -168,7 +168,7 @@ def _filled(column: FloatArray) -> FloatArray:
 
 def _line(column: FloatArray) -> tuple[float, float]:
     """Frequency of the strongest line of a channel [cycles per sample], and its share of the variance [1]."""
-    part = _level(column[:_SPECTRUM])
+    part = column[:_SPECTRUM] - column[:_SPECTRUM].mean()
     window = 0.5 - 0.5 * np.cos(2 * np.pi / part.size * np.arange(part.size))
     padded = 4 * part.size
     spectrum = np.abs(np.fft.rfft(part * window, padded))
@@ -182,11 +182,6 @@ def _line(column: FloatArray) -> tuple[float, float]:
     turns = (at + shift) / padded
     variance = float(np.mean(part**2))
     return turns, 0.5 * abs(turn(part, turns)) ** 2 / variance if variance > 0 else 0.0
-
-
-def _level(column: FloatArray) -> FloatArray:
-    """The samples of a channel minus their mean."""
-    return np.asarray(column - column.mean())
 
 
 def turn(column: FloatArray, turns_per_sample: float) -> complex:

@@ -165,7 +165,7 @@ class _Together:
     # --- kinds ---------------------------------------------------------------------------------------------------
 
     def _kind(self, index: int) -> str:
-        """The kind of a test: by its signals, else by its name or header, else dynamic."""
+        """The kind of a test by its signals, else by its name or header, else "dynamic"."""
         one = self.recordings[index]
         shows = one.shape.kind if one.shape is not None else ""
         named = next((kind_word(token.text) for token in (*one.name, *one.header) if token.what == "kind"), "")
@@ -185,7 +185,7 @@ class _Together:
     # --- conditions ----------------------------------------------------------------------------------------------
 
     def _frequency(self, index: int, conditions: RecordingConditions) -> None:
-        """The frequency of a dynamic test: that of its signals counts before the stated one."""
+        """Set the frequency of a dynamic test; that of its signals has priority over the stated one."""
         one = self.recordings[index]
         if self.kinds[index] == "static":
             conditions.values.pop("frequency", None)
@@ -202,7 +202,7 @@ class _Together:
             )
 
     def _only_dynamic(self, index: int, conditions: RecordingConditions) -> None:
-        """Remove from a static test what only dynamic tests have, if there are any."""
+        """Remove from a static test the conditions of dynamic tests, if the folder has dynamic tests."""
         if self.kinds[index] == "static" and "dynamic" in self.kinds:
             for what in ("preload", "added_mass", "amplitude"):
                 conditions.values.pop(what, None)
@@ -211,7 +211,7 @@ class _Together:
             ]
 
     def _condition_doubts(self, conditions: Sequence[RecordingConditions]) -> None:
-        """Doubts on conditions that are not known, then those on single tests, joined by subject."""
+        """Add doubts on conditions that are not known, then those on single tests, joined by subject."""
         for index, one in enumerate(conditions):
             for about, text in one.doubts:
                 self._row(index, about, text)
@@ -234,7 +234,7 @@ class _Together:
     # --- channels ------------------------------------------------------------------------------------------------
 
     def _roles(self) -> dict[str, Role]:
-        """The columns of all roles."""
+        """The column, unit and sign of each role; doubts on them are added."""
         static = self._voted(("static",), static_roles)
         dynamic = self._scaled(self._voted(("dynamic", "calibration"), dynamic_roles), static)
         roles = {**dynamic, **static}
@@ -275,11 +275,11 @@ class _Together:
         return best
 
     def _shapes(self, indices: Sequence[int]) -> list[SignalShape]:
-        """What the signals of some tests show, where they could be read."""
+        """Shapes of the signals of some tests; a test whose samples could not be read has none."""
         return [shape for index in indices if (shape := self.recordings[index].shape) is not None]
 
     def _scaled(self, dynamic: dict[str, Role], static: dict[str, Role]) -> dict[str, Role]:
-        """Compare the dynamic stiffness with the static one: a unit of F1 that is stated nowhere follows from it."""
+        """Dynamic roles; an unstated unit of F1 follows from the ratio of |K*| to the static stiffness."""
         if any(role.unit is None for role in (*dynamic.values(), *static.values())):
             return dynamic
         shapes = {kind: self._shapes(self._of_kind(kind)) for kind in ("dynamic", "static")}
@@ -289,7 +289,7 @@ class _Together:
         return {**dynamic, "force_in": _checked_force(dynamic["force_in"], ratio)}
 
     def _clock(self) -> tuple[str, str] | None:
-        """Column of the time and its unit; None where the recordings know their times, or nothing says them."""
+        """Column of the time and its unit; None if the recordings state their times, or if no time is found."""
         tested = [self.recordings[index] for index in self._of_kind("dynamic", "calibration")]
         clocks = Counter((one.clock, one.clock_unit) for one in tested if one.clock is not None)
         if not clocks:
@@ -320,10 +320,10 @@ class _Together:
                 return name, unit, pulses
         return None
 
-    # --- the rest ------------------------------------------------------------------------------------------------
+    # --- rig and files -----------------------------------------------------------------------------------------------
 
     def _rig(self, conditions: Sequence[RecordingConditions]) -> dict[str, float]:
-        """The values of the rig that names, headers and notes state alike."""
+        """Values of the rig on which names, headers and notes agree, in SI."""
         stated: dict[str, set[float]] = {}
         pairs = [(what, one.values.pop(what)) for one in conditions for what in _RIG if what in one.values]
         pairs += [(token.what, token.value) for token in self.gathered.notes if token.what in _RIG]
@@ -346,7 +346,7 @@ class _Together:
         return rig
 
     def _files(self) -> None:
-        """Doubts on the files that are no recordings."""
+        """Add doubts on the files that are no recordings."""
         left_out = self.gathered.left_out
         for name, why in left_out[:3]:
             text = f"{shown(name, 100)[1:-1]} was left out: {why}"
@@ -374,7 +374,7 @@ def _checked_force(force: Role, ratio: float) -> Role:
 
 
 def _constant(counts: Sequence[float]) -> int:
-    """The whole number within 5 % of which all counts lie; 0 where there is none."""
+    """The whole number from which all counts differ by less than 5 %; 0 if there is none."""
     number = round(float(np.median(counts))) if counts else 0
     return number if number and all(abs(count / number - 1) < 0.05 for count in counts) else 0
 
@@ -386,7 +386,7 @@ def _counted(every: str, kinds: tuple[str, ...]) -> str:
 
 
 def _test_names(recordings: Sequence[FolderRecording], kinds: Sequence[str]) -> list[str]:
-    """Short names of the recordings; S1, D1, C1 where their own names are long, strange or not unique."""
+    """Names of the tests: those of their files, or S1, D1, C1 ... if file names are long, unusual or not unique."""
     names = []
     for one in recordings:
         file, _, group = one.file.partition("#")
@@ -404,7 +404,7 @@ def _test_names(recordings: Sequence[FolderRecording], kinds: Sequence[str]) -> 
 
 
 def _constructions(conditions: Sequence[RecordingConditions]) -> dict[str, str]:
-    """The construction of each tyre: as stated, else by the name of the tyre; empty where neither says it."""
+    """The construction of each tyre, as stated or by the name of the tyre; empty if it is not known."""
     found: dict[str, str] = {}
     for one in conditions:
         if one.tyre:
