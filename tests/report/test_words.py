@@ -244,12 +244,12 @@ def test_resonances_of_two_tyres_and_the_crossing_of_their_curves():
     assert float(re.search(r"at ([\d.]+) Hz on average", text)[1]) == pytest.approx(true, abs=0.1)
 
 
-def test_equal_curves_do_not_cross_and_resonances_are_not_told_apart():
+def test_equal_curves_do_not_cross_and_resonances_are_not_distinguished():
     frequencies = tuple(np.arange(11.0, 23.0))
     tyres = {"A": Tyre(tr=rig_curve(15.0)), "B": Tyre(tr=rig_curve(15.02))}
     tables = Tables(tyres, frequencies=frequencies, u=0.02)
     assert "do not cross beyond their uncertainty" in tables.only("transmissibility", "curves")
-    assert "cannot be told apart at each of 8 conditions" in tables.only("resonance", "apart")
+    assert "cannot be distinguished at each of 8 conditions" in tables.only("resonance", "distinguished")
 
 
 def test_a_crossing_between_distant_frequencies_is_only_bracketed():
@@ -423,7 +423,7 @@ def test_a_claim_that_is_false_here_is_called_false():
 
 def test_a_claim_lacking_its_tests_cannot_be_told():
     claims = Tables(paper_pair(), pressures=(150e3,), loads=(1000.0,), frequencies=(10.0, 12.0)).texts("claims")
-    told = {i + 1 for i, text in enumerate(claims) if "cannot be told here: it needs " not in text}
+    told = {i + 1 for i, text in enumerate(claims) if "cannot be examined here: it needs " not in text}
     assert told == {1, 2, 7}
 
 

@@ -239,7 +239,7 @@ def perfect(demo, whole_truth) -> Results:
 def agreeing(results, evaluate_claims):
     """Claims of which the words say what the reference does; those that the words cannot tell are no disagreement."""
     said = {int(figures(f.text)[0]): f.text for f in findings(results) if f.topic == "claims"}
-    told = {number for number, text in said.items() if "cannot be told" not in text}
+    told = {number for number, text in said.items() if "cannot be examined" not in text}
     reference = {number: holds for number, holds, _ in evaluate_claims(results.static, results.dynamic)}
     assert sorted(said) == list(range(1, 13))
     assert {n: ") holds here" in said[n] for n in told} == {n: reference[n] for n in told}
@@ -273,5 +273,5 @@ def test_the_headline_of_the_demo(demo, perfect):
     assert 5 <= len(lines) <= 8
     assert lines[0].startswith("All ")
     assert lines[-1].startswith("Of the twelve claims of the 1982 paper 11 hold here")
-    assert "5 cannot be told" in lines[-1]
+    assert "5 cannot be examined" in lines[-1]
     assert headline(perfect)[-1].startswith("All twelve claims of the 1982 paper hold here")

@@ -50,8 +50,8 @@ class Code(Enum):
     MAINS = (
         "mains",
         "the distance to a multiple of the mains frequency, in steps of one over the length of the recording",
-        "hum of the mains cannot be told from the excitation",
-        "{hertz:.4g} Hz lies on a multiple of the mains frequency: hum cannot be told from the excitation; ",
+        "hum of the mains cannot be separated from the excitation",
+        "{hertz:.4g} Hz lies on a multiple of the mains frequency: hum cannot be separated from the excitation; ",
         "test half a hertz beside it",
     )
     DISTORTION = (
@@ -202,7 +202,7 @@ class Code(Enum):
         "passive arm",
         "the share of the drawn K2 and C that is not passive",
         "K' lies too close to K1",
-        "K2 and C cannot be told: K' lies too close to K1 for its uncertainty; K2 is{interval}: ",
+        "K2 and C are not identifiable: K' lies too close to K1 for its uncertainty; K2 is{interval}: ",
         "use K* instead",
         "",
         "{why}",

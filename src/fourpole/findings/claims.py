@@ -106,7 +106,7 @@ def _claim(cross: Tyre, radial: Tyre, number: int, quantity: Quantity, tyres: tu
         found = read()
     except LackError as error:
         detail = Claim(number, stated, states, error.lack)
-        return Finding(Topic.CLAIMS, quantity, about, Holds.UNTOLD, detail, tests=tests)
+        return Finding(Topic.CLAIMS, quantity, about, Holds.NOT_EXAMINED, detail, tests=tests)
     holds = Holds.FALSE if not found.holds else Holds.TRUE if found.sure else Holds.TRUE_UNSURE
     detail, size = Claim(number, stated, states, found.evidence), (found.effect, found.std, found.unit)
     return Finding(Topic.CLAIMS, quantity, about, holds, detail, Conditions(), *size, tests)

@@ -60,7 +60,7 @@ class Holds(StrEnum):
     TRUE = "holds"
     TRUE_UNSURE = "holds, not beyond the uncertainty"
     FALSE = "does not hold"
-    UNTOLD = "cannot be told"
+    NOT_EXAMINED = "cannot be examined"
 
 
 @dataclass(frozen=True, order=True)

@@ -58,7 +58,7 @@ def claim(finding: Finding, found: Claim) -> str:
     statement = _CLAIMS[found.number].format(a=labels[CROSS], b=labels[RADIAL])
     head = f"Claim {found.number} of the paper ({statement})"
     if isinstance(found.found, Lack):
-        return f"{head} cannot be told here: it needs {_lack(found.found, labels)}."
+        return f"{head} cannot be examined here: it needs {_lack(found.found, labels)}."
     figures = _figures(found.found, labels)
     if finding.holds is Holds.FALSE:
         return f"{head} does not hold here: {figures}."
@@ -74,17 +74,17 @@ def claims_summary(findings: Sequence[Finding]) -> str:
             numbers.setdefault(finding.holds, []).append(str(finding.detail.number))
     if not numbers:
         return ""
-    false, untold, unsure = (numbers.get(holds, []) for holds in (Holds.FALSE, Holds.UNTOLD, Holds.TRUE_UNSURE))
+    false, missing, unsure = (numbers.get(holds, []) for holds in (Holds.FALSE, Holds.NOT_EXAMINED, Holds.TRUE_UNSURE))
     held = len(numbers.get(Holds.TRUE, [])) + len(unsure)
     text = "All twelve claims of the 1982 paper hold here"
-    if false or untold:
+    if false or missing:
         text = f"Of the twelve claims of the 1982 paper {held or 'none'} {'holds' if held == 1 else 'hold'} here"
     if unsure:
         text += f" ({'claim' if len(unsure) == 1 else 'claims'} {joined(unsure)} not beyond the uncertainty)"
     if false:
         text += f", {joined(false)} {'does' if len(false) == 1 else 'do'} not"
-    if untold:
-        text += f"; {joined(untold)} cannot be told"
+    if missing:
+        text += f"; {joined(missing)} cannot be examined"
     return text + "."
 
 

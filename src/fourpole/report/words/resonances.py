@@ -86,13 +86,13 @@ def order(finding: Finding, found: ResonanceOrder) -> str:
         )
     if finding.holds is Holds.NO_DIFFERENCE:
         return (
-            f"The resonances of {first} and {second} cannot be told apart at "
+            f"The resonances of {first} and {second} cannot be distinguished at "
             f"{each_of(count)} in common: the tested frequencies resolve them to "
             f"{number(max(found.doubts.values()), 2)} Hz."
         )
     return (
         f"The resonance of {lower} lies below that of {upper} at {clear} of {counted(count, 'condition')} in common, "
-        f"above it at {against or 'none'}, and cannot be told from it at {count - clear - against or 'none'}."
+        f"above it at {against or 'none'}, and cannot be distinguished from it at {count - clear - against or 'none'}."
     )
 
 
