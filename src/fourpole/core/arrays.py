@@ -48,6 +48,8 @@ def same_value(one: Any, other: Any) -> bool:
     """Whether two values are equal; they may be or hold arrays and tables. Not-a-number equals itself."""
     if isinstance(one, np.ndarray | np.inexact | float) or isinstance(other, np.ndarray):
         one, other = np.asarray(one), np.asarray(other)
+        if (one.dtype.kind in "SU") != (other.dtype.kind in "SU"):  # old versions of numpy cannot compare these
+            return False
         return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc" and other.dtype.kind in "fc")
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return one.keys() == other.keys() and all(same_value(one[key], other[key]) for key in one)
