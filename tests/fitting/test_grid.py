@@ -28,6 +28,7 @@ def test_a_point_between_the_tests(study):
             assert float(here[f"u_{name}"]) < 0.15 * true
         assert 0 < float(here.u_TR) < 0.1 < float(here.TR)
     assert found.K2.attrs["units"] == "N/m"
+    assert found.u_K2.attrs["long_name"] == "standard uncertainty of K2"
     assert found.pressure.attrs["units"] == "Pa"
     outside = found.sel(pressure=3.0e5)
     assert np.isnan(outside.K_storage).all()

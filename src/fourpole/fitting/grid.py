@@ -12,20 +12,21 @@ from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, ModelError
+from fourpole.fitting.rows import tyre_columns
 from fourpole.models.operating import OperatingMap
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: Variables by name: unit and long name.
+#: Quantity of each variable.
 _VARIABLES = {
-    "K_storage": ("N/m", "storage stiffness K', real part of K*"),
-    "K_loss": ("N/m", "loss stiffness K'', imaginary part of K*"),
-    "loss_factor": ("1", "loss factor K''/K'"),
-    "K1": ("N/m", "static stiffness"),
-    "K2": ("N/m", "stiffness of the spring in series with C"),
-    "C": ("N s/m", "damping of the damper in series with K2"),
-    "TR": ("1", "transmissibility on the rig of the tests"),
+    "K_storage": q.STORAGE,
+    "K_loss": q.LOSS,
+    "loss_factor": q.LOSS_FACTOR,
+    "K1": q.K1,
+    "K2": q.K2,
+    "C": q.C,
+    "TR": q.TR,
 }
 
 
@@ -79,14 +80,14 @@ def grid_of(
     for one in maps.values():
         inside = np.repeat([one.axes.outside(point)[0] == 0 for point in mesh], frequency.size)
         inside &= one.octaves_beyond(times) == 0
-        for name, column in _values(one, rig, every, times).items():
-            found.setdefault(name, []).append(np.where(inside, column, np.nan).reshape(shape))
+        for head, column in _columns(one, rig, every, times).items():
+            found.setdefault(head, []).append(np.where(inside, column, np.nan).reshape(shape))
     data: dict[str, Any] = {}
-    for name, parts in found.items():
-        base = name.removeprefix("u_")
-        unit, long = _VARIABLES[base]
-        whole = long if base == name else f"standard uncertainty of {long}"
-        data[name] = (["tyre", *names, "frequency"], np.stack(parts), {"units": unit, "long_name": whole})
+    for name, quantity in _VARIABLES.items():
+        for variable, head in zip((name, f"u_{name}"), quantity.heads, strict=True):
+            if head in found:
+                attributes = {"units": quantity.unit, "long_name": q.meaning_of(head)}
+                data[variable] = (["tyre", *names, "frequency"], np.stack(found[head]), attributes)
     coordinates: dict[str, Any] = {
         name: ((name,), side, {"units": column.partition(" [")[2].removesuffix("]")})
         for name, column, side in zip(names, columns, axes, strict=True)
@@ -113,28 +114,11 @@ def _sides(
     return [*sides, np.atleast_1d(np.asarray(at.get("frequency", even), dtype=float))]
 
 
-def _values(found: OperatingMap, rig: Rig | None, points: FloatArray, frequency: FloatArray) -> dict[str, FloatArray]:
-    """Variables (Q,) of one map at points and frequencies, by name."""
+def _columns(found: OperatingMap, rig: Rig | None, points: FloatArray, frequency: FloatArray) -> dict[str, FloatArray]:
+    """Values (Q,) of one map at points and frequencies, by column."""
     answer = found.ask(points, frequency)
-    std, arm = answer.std, np.sqrt(np.diagonal(answer.arm_covariance, 0, 1, 2))
-    loss, u_loss = answer.loss_factor
-    values = {
-        "K_storage": answer.stiffness.real,
-        "u_K_storage": std[:, 0],
-        "K_loss": answer.stiffness.imag,
-        "u_K_loss": std[:, 1],
-        "loss_factor": loss,
-        "u_loss_factor": u_loss,
-        "K1": answer.k1,
-        "u_K1": std[:, 2],
-        "K2": answer.k2,
-        "u_K2": arm[:, 0],
-        "C": answer.c,
-        "u_C": arm[:, 1],
-    }
-    if rig is not None:
-        values["TR"], values["u_TR"] = answer.transmissibility(rig, frequency)
-    return values
+    tr = () if rig is None else zip(q.TR.heads, answer.transmissibility(rig, frequency), strict=True)
+    return {**tyre_columns(answer), **dict(tr)}
 
 
 def _attributes(maps: Mapping[str, OperatingMap]) -> dict[str, Any]:

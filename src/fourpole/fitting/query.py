@@ -18,7 +18,8 @@ from fourpole.core.condition import AXES
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import ModelError
 from fourpole.fitting.modelfile import LARGEST, ModelEntry, ModelFile, RigFile, column_of, map_of, model_of
-from fourpole.models.operating import Answer, LeaveOneOut, OperatingMap
+from fourpole.fitting.rows import tyre_columns
+from fourpole.models.operating import LeaveOneOut, OperatingMap
 from fourpole.models.surface import Axes
 from fourpole.models.together import Scatter, link, unlink
 from fourpole.units import shown
@@ -68,12 +69,12 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     answer = found.ask(np.repeat(point[None], frequency.size, axis=0), frequency)
     rig = query.rig if query.rig is not None else rig_in(file.rig)
     tr = None if rig is None else answer.transmissibility(rig, frequency)
-    loss = answer.loss_factor
+    columns = tyre_columns(answer)
     rows = []
     for at in range(frequency.size):
         beyond = [f"{far[at]:.3g} octaves outside the measured band"] if far[at] else []
         row = {"tyre": tyre, **found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
-        row |= {q.FREQUENCY.head: float(frequency[at]), **_cells(answer, loss, at)}
+        row |= {q.FREQUENCY.head: float(frequency[at]), **{head: float(one[at]) for head, one in columns.items()}}
         row |= {q.TR.head: None, q.TR.u_head: None}
         if tr is not None:
             row |= {q.TR.head: float(tr[0][at]), q.TR.u_head: float(tr[1][at])}
@@ -192,30 +193,6 @@ def _beyond_band(found: OperatingMap, frequency: FloatArray, *, beyond: bool) ->
             "--beyond"
         )
     return far
-
-
-def _cells(answer: Answer, loss: tuple[FloatArray, FloatArray], at: int) -> dict[str, float]:
-    """The values of one point of an answer, by column."""
-    stiffness, covariance = complex(answer.stiffness[at]), answer.covariance[at]
-    u_re, u_im, u_k1 = (float(one) for one in np.sqrt(np.diag(covariance)))
-    arm = answer.arm_covariance[at]
-    u_k2, u_c = (float(one) for one in np.sqrt(np.diag(arm)))
-    return {
-        q.STORAGE.head: stiffness.real,
-        q.LOSS.head: stiffness.imag,
-        q.STORAGE.u_head: u_re,
-        q.LOSS.u_head: u_im,
-        q.CORR_K.head: float(covariance[0, 1] / (u_re * u_im)) if u_re and u_im else 0.0,
-        q.LOSS_FACTOR.head: float(loss[0][at]),
-        q.LOSS_FACTOR.u_head: float(loss[1][at]),
-        q.K1.head: float(answer.k1[at]),
-        q.K1.u_head: u_k1,
-        q.K2.head: float(answer.k2[at]),
-        q.C.head: float(answer.c[at]),
-        q.K2.u_head: u_k2,
-        q.C.u_head: u_c,
-        q.CORR_K2_C.head: float(arm[0, 1] / (u_k2 * u_c)) if u_k2 and u_c else 0.0,
-    }
 
 
 def _finite(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Rows of the result tables: the key (test, point) and the condition of each row.
+"""Rows of the result tables: the key (test, point), the condition and the values of the tyre in each row.
 
 A row of a dynamic test is identified by its test and its point, since one recording may give several frequencies. The
 column `point` is written only if a test has more than one point.
@@ -13,7 +13,11 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import AXES, Axis, Condition, Sameness, Value
+from fourpole.core.identification import Identification
+from fourpole.models.operating import Answer
+from fourpole.quantities import Quantity
 from fourpole.units import column_unit
 
 #: Heads of the columns that identify a row of a dynamic test.
@@ -43,6 +47,27 @@ def keys_of(table: pl.DataFrame) -> list[Key]:
     """Test and point of each row."""
     held = [table[head].to_list() if head in table.columns else [None] * table.height for head in KEY]
     return [key_of(dict(zip(KEY, row, strict=True))) for row in zip(*held, strict=True)]
+
+
+def tyre_columns(found: Identification | Answer) -> dict[str, FloatArray]:
+    """K*, loss factor, K1, K2 and C by column, with their standard uncertainties and correlations."""
+    stiffness = found.stiffness
+    return {
+        **pair_columns(q.CORR_K, stiffness.real, stiffness.imag, found.stiffness_covariance),
+        **dict(zip(q.LOSS_FACTOR.heads, (found.loss_factor, found.loss_factor_std), strict=True)),
+        **dict(zip(q.K1.heads, (found.k1, found.k1_std), strict=True)),
+        **pair_columns(q.CORR_K2_C, found.k2, found.c, found.arm_covariance),
+    }
+
+
+def pair_columns(
+    correlation: Quantity, first: FloatArray, second: FloatArray, covariance: FloatArray
+) -> dict[str, FloatArray]:
+    """Two quantities (N,) by column, with their standard uncertainties and their correlation."""
+    (one, two), (u_one, u_two) = correlation.pair, np.sqrt(np.diagonal(covariance, 0, 1, 2)).T
+    with np.errstate(invalid="ignore", divide="ignore"):
+        value = np.clip(covariance[:, 0, 1] / (u_one * u_two), -1.0, 1.0)
+    return {one.head: first, two.head: second, one.u_head: u_one, two.u_head: u_two, correlation.head: value}
 
 
 _TOLERANCES = ("relative", "absolute")

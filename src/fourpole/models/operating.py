@@ -75,16 +75,25 @@ class Answer(ByValue):
     arm_covariance: FloatArray
 
     @property
-    def std(self) -> FloatArray:
-        """Standard uncertainties (Q, 3) of Re K*, Im K* and K1 [N/m]."""
-        return np.sqrt(np.diagonal(self.covariance, 0, 1, 2))
+    def stiffness_covariance(self) -> FloatArray:
+        """Covariance (Q, 2, 2) of Re K* and Im K* [N²/m²]."""
+        return self.covariance[:, :2, :2]
 
     @property
-    def loss_factor(self) -> tuple[FloatArray, FloatArray]:
-        """Loss factor K''/K' (Q,) [1] and its standard uncertainty."""
-        real, value = self.stiffness.real, self.stiffness.imag / self.stiffness.real
-        by = np.stack([-value, np.ones_like(real)], axis=1) / real[:, None]
-        return value, np.sqrt(np.einsum("qi,qij,qj->q", by, self.covariance[:, :2, :2], by))
+    def k1_std(self) -> FloatArray:
+        """Standard uncertainty (Q,) of K1 [N/m]."""
+        return np.sqrt(self.covariance[:, 2, 2])
+
+    @property
+    def loss_factor(self) -> FloatArray:
+        """Loss factor K''/K' (Q,) [1]."""
+        return self.stiffness.imag / self.stiffness.real
+
+    @property
+    def loss_factor_std(self) -> FloatArray:
+        """Standard uncertainty (Q,) of the loss factor [1]."""
+        by = np.stack([-self.loss_factor, np.ones(self.k1.size)], axis=1) / self.stiffness.real[:, None]
+        return np.sqrt(np.einsum("qi,qij,qj->q", by, self.stiffness_covariance, by))
 
     def transmissibility(self, rig: Rig, frequency: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """TR (Q,) [1] on a rig at the frequencies of the points (Q,) [Hz], and its standard uncertainty.
@@ -101,7 +110,7 @@ class Answer(ByValue):
         by_stiffness = above / (self.stiffness * whole)
         by_rig = -(1j * omega / whole)[:, None] * rig.impedance_gradient(omega)[:, :-1]
         both = np.stack([by_stiffness.real, -by_stiffness.imag], axis=1)
-        variance = np.einsum("qi,qij,qj->q", both, self.covariance[:, :2, :2], both)
+        variance = np.einsum("qi,qij,qj->q", both, self.stiffness_covariance, both)
         variance = variance + np.sum((by_rig.real * rig.uncertainties) ** 2, axis=1)
         size = np.abs(ratio)
         return size, size * np.sqrt(variance)

@@ -22,8 +22,7 @@ from fourpole.core.plan import Plan, PlannedTests
 from fourpole.core.plan.expect import arm_by_k1, planned_phasors, relative_uncertainties
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError
-from fourpole.fitting.rows import conditions_in
-from fourpole.study.cells import tyre_cells
+from fourpole.fitting.rows import conditions_in, tyre_columns
 from fourpole.study.identified import ADDED_MASS_STD, setup_of
 from fourpole.study.results import read_results
 from fourpole.study.static import StaticStiffness
@@ -457,6 +456,7 @@ def _rows(
     found = plan.expect(route)
     relative: FloatArray = relative_uncertainties(found)
     of_k1 = np.abs(arm_by_k1(plan.tests)) * plan.tests.k1_std[:, None]
+    columns = {head: column for head, column in tyre_columns(found).items() if head not in q.LOSS_FACTOR.heads}
     rows = []
     for at in which:
         test = tests[at]
@@ -473,7 +473,7 @@ def _rows(
                 q.ADDED_MASS.head: float(plan.tests.added_mass[at]),
                 q.FREQUENCY.head: float(plan.tests.frequency[at]),
                 "route": route,
-                **tyre_cells(found, at),
+                **{head: float(column[at]) for head, column in columns.items()},
                 q.K2.u_head_from(q.K1): float(of_k1[at, 0]),
                 q.C.u_head_from(q.K1): float(of_k1[at, 1]),
                 q.TR_PREDICTED.head: float(found.tr_predicted[at]),

@@ -9,11 +9,8 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Test
-from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check, Code, reported, worst_verdict
-from fourpole.core.identification import Identification
 from fourpole.core.phasor import Phasors
-from fourpole.quantities import Quantity
 from fourpole.study.identified import Identified
 from fourpole.study.outcome import Point
 from fourpole.study.static import StaticStiffness
@@ -43,9 +40,9 @@ def dynamic_cells(point: Point, found: Identified | None, route: str, checks: Se
     """Cells of a test; a test that was not identified has its amplitudes only."""
     cells: dict[str, Any] = {"route": route if found is None else found.group.route}
     if point.phasors is not None:
-        cells.update(_amplitude_cells(point.phasors))
+        cells |= _amplitude_cells(point.phasors)
     if found is not None:
-        cells.update(_identified_cells(found.result, found.at))
+        cells |= {head: float(column[found.at]) for head, column in found.group.columns.items()}
     cells["verdict"] = worst_verdict(row.verdict for row in checks)
     cells["remarks"] = "; ".join(row.remark for row in checks if row.remark)
     return cells
@@ -105,19 +102,6 @@ def _interval(found: Identified, which: int) -> str:
     return f" between {low:.3g} {unit} {upper} (95 %, drawn)"
 
 
-def _identified_cells(result: Identification, at: int) -> dict[str, float]:
-    mobility = complex(result.mobility[at])
-    return {
-        **_pair_cells(q.CORR_R_I, (mobility.real, mobility.imag), result.mobility_covariance[at]),
-        q.LOSS_FACTOR.head: float(result.loss_factor[at]),
-        q.LOSS_FACTOR.u_head: float(result.loss_factor_std[at]),
-        **tyre_cells(result, at),
-        q.TR_MEASURED.head: float(result.tr_measured[at]),
-        q.TR_PREDICTED.head: float(result.tr_predicted[at]),
-        q.TR.u_head: float(result.tr_std[at]),
-    }
-
-
 def _amplitude_cells(phasors: Phasors) -> dict[str, float]:
     """Cells of frequency, amplitudes and phases of one test."""
     f1, v1, v2 = phasors.amplitudes
@@ -129,29 +113,3 @@ def _amplitude_cells(phasors: Phasors) -> dict[str, float]:
         q.PHASE_F1.head: float(np.angle(f1 / v1)),
         q.PHASE_V2.head: float(np.angle(v2 / v1)),
     }
-
-
-def _covariance_cells(covariance: FloatArray) -> tuple[float, float, float]:
-    """Two standard uncertainties and their correlation of a 2×2 covariance."""
-    first, second = np.sqrt(np.diag(covariance))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        correlation = covariance[0, 1] / (first * second)
-    return float(first), float(second), float(np.clip(correlation, -1.0, 1.0))
-
-
-def tyre_cells(found: Identification, at: int) -> dict[str, float]:
-    """Cells of K*, K1, K2 and C of one test, with their standard uncertainties."""
-    stiffness = complex(found.stiffness[at])
-    return {
-        **_pair_cells(q.CORR_K, (stiffness.real, stiffness.imag), found.stiffness_covariance[at]),
-        q.K1.head: float(found.k1[at]),
-        q.K1.u_head: float(found.k1_std[at]),
-        **_pair_cells(q.CORR_K2_C, (float(found.k2[at]), float(found.c[at])), found.arm_covariance[at]),
-    }
-
-
-def _pair_cells(correlation: Quantity, values: tuple[float, float], covariance: FloatArray) -> dict[str, float]:
-    """Cells of two quantities, their standard uncertainties, and their correlation."""
-    (one, two), (u_one, u_two, found) = correlation.pair, _covariance_cells(covariance)
-    cells = {one.head: values[0], two.head: values[1], one.u_head: u_one, two.u_head: u_two}
-    return {**cells, correlation.head: found}

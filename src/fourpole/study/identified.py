@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign, Test, condition_of
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
@@ -21,7 +23,7 @@ from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
-from fourpole.fitting.rows import Key
+from fourpole.fitting.rows import Key, pair_columns, tyre_columns
 from fourpole.study.outcome import Point, point_keys
 from fourpole.study.rig_estimate import RigEstimate, mass_gain
 from fourpole.study.rig_solution import relative_uncertainties, rig_estimate
@@ -105,6 +107,18 @@ class Group(ByValue):
     intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
     joint: Joint | None = None
     estimate: RigEstimate | None = None
+
+    @cached_property
+    def columns(self) -> dict[str, FloatArray]:
+        """The identified values (N,) by column of dynamic.csv."""
+        found = self.result
+        return {
+            **pair_columns(q.CORR_R_I, found.mobility.real, found.mobility.imag, found.mobility_covariance),
+            **tyre_columns(found),
+            q.TR_MEASURED.head: found.tr_measured,
+            q.TR_PREDICTED.head: found.tr_predicted,
+            q.TR.u_head: found.tr_std,
+        }
 
 
 @dataclass(frozen=True)
