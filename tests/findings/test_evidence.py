@@ -17,7 +17,7 @@ def test_chance_of_one_effect_is_that_outside_of_two_standard_uncertainties():
 
 
 def test_chance_of_any_of_several_effects_is_one_per_cent():
-    assert 5 * 2 * stats.norm.sf(factor(looks=5)) == pytest.approx(0.01, rel=1e-9)
+    assert 5 * 2 * stats.norm.sf(factor(searched=5)) == pytest.approx(0.01, rel=1e-9)
     assert 2 * stats.t.sf(factor(3.0, 4), 3.0) * 4 == pytest.approx(0.01, rel=1e-9)
 
 

@@ -7,7 +7,7 @@ from tests.findings.designed import LOADS, Tables, Tyre, rig_curve
 
 from fourpole.core.checks import Code
 from fourpole.findings import Holds, findings, findings_table
-from fourpole.findings.claims import Claim
+from fourpole.findings.claims import Claim, NoCommonState
 from fourpole.findings.comparisons import Comparison
 from fourpole.findings.facts import Curve
 from fourpole.findings.levels import Departure, Level
@@ -250,11 +250,17 @@ def at_temperatures(**temperatures):
         ({"X": (20.0, 60.0), "Y": (24.0, 61.0)}, ("X at 60 °C", "Y at 61 °C")),
         ({"X": (20.0, 60.0), "Y": (22.0,)}, ("X at 20 °C", "Y")),
         ({"X": (20.0, 60.0), "Y": (40.0,)}, None),
+        ({"X": (20.0,), "Y": (26.0,)}, None),
     ],
 )
 def test_the_papers_tyres_are_compared_at_the_temperature_nearest_to_each_other(temperatures, pair):
-    claims = [each for each in at_temperatures(**temperatures) if isinstance(each.detail, Claim)]
+    found = at_temperatures(**temperatures)
+    claims = [each for each in found if isinstance(each.detail, Claim)]
     assert len(claims) == (12 if pair else 0)
+    without = [each for each in found if isinstance(each.detail, NoCommonState)]
+    assert [(each.kind, each.specimens, each.holds) for each in without] == (
+        [] if pair else [("claims", ("X", "Y"), Holds.NOT_EXAMINED)]
+    )
     if pair:
         assert claims[0].specimens == pair
         assert (claims[0].detail.names, claims[0].detail.states[0]) == (("X", "Y"), pair[0][1:])

@@ -5,7 +5,9 @@ import csv
 import pytest
 
 from fourpole import analyse
+from fourpole.core.checks import Code
 from fourpole.findings import findings
+from fourpole.findings.verdicts import Doubt
 from fourpole.report.page import render_report
 from fourpole.report.words import sentences
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
@@ -30,6 +32,29 @@ def vague(tmp_path_factory):
     return folder
 
 
+def remarks_of(page: str) -> str:
+    """The table of remarks on the page."""
+    return page[page.index('id="remarks"') :].partition("</section>")[0]
+
+
+def test_a_rejection_for_want_of_a_passive_arm_stands_once_with_its_tests(vague):
+    rows = (vague / "tests.csv").read_text()
+    (vague / "tests.csv").write_text(rows.replace("100000", "300000"))
+    try:
+        results = analyse(vague, monte_carlo=0).results
+    finally:
+        (vague / "tests.csv").write_text(rows)
+    assert results.dynamic["verdict"].to_list() == ["rejected"] * 3
+    assert len(set(results.dynamic["remarks"])) == 3
+    found = findings(results)
+    assert [(one.detail.code, one.tests) for one in found if isinstance(one.detail, Doubt)] == [
+        (Code.PASSIVE_ARM, ("D1", "D2", "D3"))
+    ]
+    remarks = remarks_of(render_report(results, findings=sentences(found), figures={}))
+    assert remarks.count("<tr>") == 2
+    assert remarks.count("a K1 taken at another load") == 1
+
+
 @pytest.mark.parametrize("monte_carlo", [0, 300])
 def test_the_commonest_warning_stands_once_in_the_report(vague, monte_carlo):
     results = analyse(vague, monte_carlo=monte_carlo).results
@@ -38,8 +63,6 @@ def test_the_commonest_warning_stands_once_in_the_report(vague, monte_carlo):
     assert [one.text for one in found if one.topic == "trust"][1:] == [
         "Use with care D1, D2 and D3: K2 or C is known too poorly."
     ]
-    page = render_report(results, findings=found, figures={})
-    remarks = page[page.index('id="remarks"') :]
-    remarks = remarks[: remarks.index("</section>")]
+    remarks = remarks_of(render_report(results, findings=found, figures={}))
     assert remarks.count("K2 or C is known too poorly") == 1
     assert remarks.count("<tr>") == 2

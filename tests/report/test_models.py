@@ -245,7 +245,7 @@ def test_models_maps_and_faults_stand_on_the_page(fitted):
         "zener chosen",
         "Parameters of zener in 6 conditions",
         "Operating map",
-        "Ask it: fourpole query map.json --tyre cross-ply --pressure",
+        "To query it: fourpole query map.json --tyre cross-ply --pressure",
     ):
         assert text in said, text
     alone = on_page(replace(fitted, models=None, maps=None, faults=("model.json: is no model file",)))

@@ -204,9 +204,9 @@ class Code(Enum):
         "K' lies too close to K1",
         "K2 and C are not identifiable: K' lies too close to K1 for its uncertainty; K2 is{interval}: ",
         "use K* instead",
-        "",
+        "no passive K2 and C exist",
         "{why}",
-        "",
+        "{what}",
     )
     UNCERTAINTY = (
         "uncertainty",

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import ClassVar
 
 from fourpole.findings import readings
 from fourpole.findings.facts import Facts
@@ -45,17 +46,15 @@ class Claim:
         return f"claim {self.number}"
 
 
-def pair_of_the_paper(facts: Facts) -> tuple[str, str] | None:
-    """The cross-ply and the radial-ply; None unless the campaign has one of each and no other tyre.
+@dataclass(frozen=True)
+class NoCommonState:
+    """The paper's two tyres have no temperature, or no value of a further axis, in common; no claim is examined."""
 
-    If they were tested at several temperatures, the result is the pair of the same state with the nearest temperatures.
-    """
-    cross, radial = ([tyre for tyre in facts.tyres if _role(facts, tyre) == role] for role in (0, 1))
-    stated = [{facts.stated[tyre] for tyre in names} for names in (cross, radial)]
-    if [*map(len, stated)] != [1, 1] or len(cross) + len(radial) < len(facts.tyres):
-        return None
-    if len(cross) == len(radial) == 1:
-        return cross[0], radial[0]
+    kind: ClassVar[str] = "claims"
+
+
+def pair_of_the_paper(facts: Facts, cross: Sequence[str], radial: Sequence[str]) -> tuple[str, str] | None:
+    """The cross-ply and the radial-ply of the same state with the nearest temperatures; None if no states agree."""
     warmer = {pair: kelvin for pair in product(cross, radial) if (kelvin := facts.warmer(*pair)) is not None}
     return min(warmer, key=lambda pair: warmer[pair], default=None)
 
@@ -67,10 +66,15 @@ def _role(facts: Facts, tyre: str) -> int | None:
 
 
 def claims(facts: Facts) -> list[Finding]:
-    """All twelve claims, in the paper's order; no claim if the campaign lacks one of the paper's two tyres."""
-    names = pair_of_the_paper(facts)
-    if names is None or not (facts.used_static or facts.used_dynamic):
+    """All twelve claims, in the paper's order; none unless the campaign has a cross-ply, a radial-ply and no other."""
+    kinds = [[tyre for tyre in facts.tyres if _role(facts, tyre) == role] for role in (0, 1)]
+    stated = [{facts.stated[tyre] for tyre in names} for names in kinds]
+    if [*map(len, stated)] != [1, 1] or sum(map(len, kinds)) < len(facts.tyres):
         return []
+    names = pair_of_the_paper(facts, *kinds)
+    if names is None:
+        both = tuple(name for names in stated for name in names)
+        return [Finding(Topic.CLAIMS, None, both, Holds.NOT_EXAMINED, NoCommonState())]
     cross, radial = (Tyre(role, name, facts) for role, name in zip((CROSS, RADIAL), names, strict=True))
     return [_claim(cross, radial, number, *each) for number, each in enumerate(_readings(cross, radial), start=1)]
 

@@ -60,13 +60,13 @@ class Effect:
         """Half of the value that a claim must exceed [1]."""
         return 0.5 * self.reach()
 
-    def reach(self, looks: int = 1) -> float:
-        """The value that an effect must exceed to be claimed [1], if `looks` effects are compared at the same time."""
-        return max(hypot(factor(self.dof, looks) * self.own, factor(inf, looks) * self.shared), _ROUND_OFF)
+    def reach(self, searched: int = 1) -> float:
+        """The value that an effect must exceed to be claimed [1], if `searched` effects are searched for any claim."""
+        return max(hypot(factor(self.dof, searched) * self.own, factor(inf, searched) * self.shared), _ROUND_OFF)
 
-    def claimed(self, looks: int = 1) -> bool:
-        """Whether the value exceeds its uncertainty, if `looks` effects are compared at the same time."""
-        return abs(self.value) > self.reach(looks)
+    def claimed(self, searched: int = 1) -> bool:
+        """Whether the value exceeds its uncertainty, if `searched` effects are searched for any claim."""
+        return abs(self.value) > self.reach(searched)
 
     @property
     def sign(self) -> int:
@@ -75,9 +75,9 @@ class Effect:
 
 
 @lru_cache(maxsize=1000)
-def factor(dof: float = inf, looks: int = 1) -> float:
+def factor(dof: float = inf, searched: int = 1) -> float:
     """Coverage factor [1] that a claim must exceed, of Student's distribution with `dof` degrees of freedom."""
-    chance = 0.5 * (CLAIM_CHANCE if looks == 1 else SEARCH_CHANCE / looks)
+    chance = 0.5 * (CLAIM_CHANCE if searched == 1 else SEARCH_CHANCE / searched)
     return float(stats.norm.isf(chance) if dof == inf else stats.t.isf(chance, dof))
 
 

@@ -329,7 +329,7 @@ def _measured_against_predicted(facts: Facts) -> list[Finding]:
             std[row["test"]] = predicted[1] / predicted[0]
     if not off:
         return []
-    reach = factor(looks=len(off))
+    reach = factor(searched=len(off))
     beyond = tuple(sorted((test for test in off if abs(off[test]) > reach * std[test]), key=natural))
     found, tests = Prediction(off, beyond), tuple(sorted(off, key=natural))
     holds = Holds.BEYOND if beyond else Holds.WITHIN

@@ -96,7 +96,7 @@ def residual(results: Results, style: Style) -> Figure | None:
     rigs = [at for at in range(len(tests.rigs)) if np.any(known & (tests.rig == at))]
     rigs = notes.first(rigs, _MOST_RIGS, "rigs are")
     grid = Grid.of(2 * len(rigs), 2, panel_height=2.6 if len(rigs) == 1 else 1.9, style=style)
-    estimates = [_of_rig(results, tests.rigs[at]) for at in rigs]
+    estimates = [results.rig_named(tests.rigs[at]) for at in rigs]
     for row, (at, estimate) in enumerate(zip(rigs, estimates, strict=True)):
         here = known & (tests.rig == at)
         for column in (0, 1):
@@ -152,11 +152,6 @@ def _as_stated(results: Results, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
     of_test = dict(zip(keys_of(sheet.table), residuals.tolist(), strict=True))
     rows = np.array([of_test.get(key, np.nan) for key in keys_of(results.residuals)], dtype=complex)
     return rows.real, rows.imag
-
-
-def _of_rig(results: Results, rig: str) -> RigEstimate:
-    """The rig as found; if the joint route found no rig of this name, one with default values."""
-    return next((found for found in results.rigs if found.rig == rig), RigEstimate(rig))
 
 
 def _residual_panel(
@@ -318,12 +313,12 @@ def mass_gain(results: Results, style: Style) -> Figure | None:
     shown = notes.first(list(gains.items()), _MOST_RIGS, "rigs are")
     most = max(len(pairs) for _, pairs in shown)
     grid = Grid.of(len(shown), min(2, len(shown)), panel_height=0.25 + 0.5 * most, style=style)
-    looks = ((style.look.muted, "without the weighed mass"), (_FINDINGS[Finding.FOUND][2] or "", "with it"))
+    bars = ((style.look.muted, "without the weighed mass"), (_FINDINGS[Finding.FOUND][2] or "", "with it"))
     for ax, (rig, pairs) in zip(grid.panels, shown, strict=True):
-        _gain_panel(ax, pairs, [colour for colour, _ in looks], len(shown))
+        _gain_panel(ax, pairs, [colour for colour, _ in bars], len(shown))
         if rig:
             ax.set_title(f"rig {plain_text(rig)}", loc="left", pad=4.5)
-    for colour, text in looks:
+    for colour, text in bars:
         key.line(text, colour, 5.0)
     label = "median standard uncertainty of the tests without the mass [%]"
     figure = grid.finish(key=key, notes=notes, x_label=label, y_labels=[""], share_x=False, share_y=False)

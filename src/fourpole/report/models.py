@@ -1,9 +1,12 @@
-"""The section on models and operating maps: choice, parameters of each condition, and the query of the map."""
+"""The section on models and operating maps: choice, parameters of each condition, and the query of the map.
+
+A function returns what the template shows of one thing, as a namespace.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 from fourpole.fitting.modelfile import CandidateFile, ConditionFile, MapEntry, ModelEntry
 from fourpole.report.digits import number, with_std
@@ -16,85 +19,24 @@ _UNITS = {"N/m": ("kN/m", 1e3), "1": ("", 1.0)}
 _OPEN = 4
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """One model that was fitted, as it is shown."""
-
-    model: str
-    chosen: bool
-    causal: str
-    cells: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A parameter of a condition: value, standard uncertainty, 95 % interval, and a mark if it was not free."""
-
-    text: str
-    std: str
-    interval: str
-    mark: str = ""
-
-
-@dataclass(frozen=True)
-class Condition:
-    """The parameters of one condition, with chi-square per degree of freedom."""
-
-    place: str
-    band: str
-    cells: list[Cell]
-    reduced: str
-    remark: str
-
-
-@dataclass(frozen=True)
-class FittedModel:
-    """The model of one tyre."""
-
-    name: str
-    sentences: list[str]
-    candidates: list[Candidate]
-    parameters: list[tuple[str, str, str]]
-    conditions: list[Condition]
-    open: bool
-
-
-@dataclass(frozen=True)
-class FittedMap:
-    """The map of one tyre."""
-
-    text: str
-    facts: list[tuple[str, str]]
-    remarks: list[str]
-    question: str
-
-
-@dataclass(frozen=True)
-class ModelSection:
-    """The model and map of one tyre, as the page shows them."""
-
-    tyre: str
-    model: FittedModel | None
-    map: FittedMap | None
-
-
-def models_section(results: Results) -> list[ModelSection]:
+def models_section(results: Results) -> list[SimpleNamespace]:
     """The model and the map of each tyre, as the page shows them."""
     models = {one.tyre: one for one in (results.models.models if results.models else [])}
     maps = {one.tyre: one for one in (results.maps.maps if results.maps else [])}
     return [
-        ModelSection(
-            tyre,
-            _model(models[tyre]) if tyre in models else None,
-            _map(maps[tyre], several=len(maps) > 1) if tyre in maps else None,
+        SimpleNamespace(
+            tyre=tyre,
+            model=_model(models[tyre]) if tyre in models else None,
+            map=_map(maps[tyre], several=len(maps) > 1) if tyre in maps else None,
         )
         for tyre in dict.fromkeys([*models, *maps])
     ]
 
 
-def _model(entry: ModelEntry) -> FittedModel:
+def _model(entry: ModelEntry) -> SimpleNamespace:
+    """The model of one tyre; each parameter as symbol, unit shown and meaning."""
     least = min((one.bic for one in entry.candidates), default=0.0)
-    return FittedModel(
+    return SimpleNamespace(
         name=entry.model,
         sentences=sentences(entry),
         candidates=[_candidate(one, entry.model, least) for one in entry.candidates],
@@ -104,8 +46,9 @@ def _model(entry: ModelEntry) -> FittedModel:
     )
 
 
-def _candidate(one: CandidateFile, best: str, least: float) -> Candidate:
-    return Candidate(
+def _candidate(one: CandidateFile, best: str, least: float) -> SimpleNamespace:
+    """One model that was fitted."""
+    return SimpleNamespace(
         model=one.model,
         chosen=one.model == best,
         causal="yes" if one.causal else "no",
@@ -130,9 +73,10 @@ def _unit(unit: str) -> tuple[str, float]:
     return _UNITS.get(unit, (unit, 1.0))
 
 
-def _condition(one: ConditionFile, entry: ModelEntry) -> Condition:
+def _condition(one: ConditionFile, entry: ModelEntry) -> SimpleNamespace:
+    """The parameters of one condition; `reduced` is chi-square per degree of freedom."""
     low, high = one.band
-    return Condition(
+    return SimpleNamespace(
         place=place(one),
         band=f"{number(low, 3)} to {number(high, 3)}" if high > low else number(low, 3),
         cells=[_cell(one, at, entry) for at in range(len(entry.parameters))],
@@ -141,17 +85,20 @@ def _condition(one: ConditionFile, entry: ModelEntry) -> Condition:
     )
 
 
-def _cell(one: ConditionFile, at: int, entry: ModelEntry) -> Cell:
+def _cell(one: ConditionFile, at: int, entry: ModelEntry) -> SimpleNamespace:
+    """A parameter of a condition: value, standard uncertainty, 95 % interval, and a mark if it was not free."""
     parameter = entry.parameters[at]
     scale = _unit(parameter.unit)[1]
     value, std = one.values[at] / scale, math.sqrt(max(one.covariance[at][at], 0.0)) / scale
     low, high = (None if end is None else end / scale for end in one.intervals[at])
-    if parameter.symbol in one.on_bound:
-        return Cell(number(value), "", _interval(low, high, 0.0), "on a bound")
-    if std == 0:
-        return Cell(number(value), "", "", "given")
-    text, about = with_std(value, std)
-    return Cell(text, about, _interval(low, high, std))
+    bound, given = parameter.symbol in one.on_bound, std == 0
+    text, about = (number(value), "") if bound or given else with_std(value, std)
+    return SimpleNamespace(
+        text=text,
+        std=about,
+        interval=_interval(low, high, 0.0 if bound else std) if bound or not given else "",
+        mark="on a bound" if bound else "given" if given else "",
+    )
 
 
 def _interval(low: float | None, high: float | None, std: float) -> str:
@@ -172,8 +119,9 @@ def _end(value: float | None, std: float) -> str:
     return with_std(value, std)[0] if std else number(value, 3)
 
 
-def _map(entry: MapEntry, *, several: bool) -> FittedMap:
-    return FittedMap(
+def _map(entry: MapEntry, *, several: bool) -> SimpleNamespace:
+    """The map of one tyre."""
+    return SimpleNamespace(
         text=chosen(entry.choice),
         facts=map_facts(entry),
         remarks=remarks_on_map(entry),

@@ -9,41 +9,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup
 
+from fourpole.core.checks import VERDICTS
 from fourpole.findings.verdicts import CheckRow, checks_by_test
 from fourpole.io.write import write_text
 from fourpole.report.cards import embedded, make_cards
+from fourpole.report.digits import number
 from fourpole.report.models import models_section
-from fourpole.report.rows import DYNAMIC, STATIC, VERDICTS, ResultTable, result_rows
-from fourpole.report.section import rig_sections
+from fourpole.report.rows import DYNAMIC, STATIC, result_rows
 from fourpole.report.stated import channel_rows, mapping, rig_rows, tested, texts, verdict_counts
+from fourpole.report.words import Sentence
 from fourpole.report.words.limits import limits
+from fourpole.report.words.rig import RigInWords, rigs_in_words
+from fourpole.report.words.shared_values import GROUPS
 from fourpole.study.results import Results
 
 #: Up to this number the tests of a finding or a remark are listed by name.
 _NAMED = 12
 #: Characters that a page must not contain: control characters and lone surrogates.
 _UNFIT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
-
-
-class Said(Protocol):
-    """A finding in words: its topic, the sentence, and the tests that it names."""
-
-    @property
-    def topic(self) -> str:
-        """Heading of the section with the finding."""
-
-    @property
-    def text(self) -> str:
-        """The finding as one sentence with its numbers."""
-
-    @property
-    def tests(self) -> Sequence[str]:
-        """Names of tests; empty where the finding concerns all of them."""
 
 
 @dataclass(frozen=True)
@@ -77,16 +65,8 @@ class ReportFigure:
         return (round(float(found[1])), round(float(found[2]))) if found else None
 
 
-@dataclass(frozen=True)
-class _Remark:
-    verdict: str
-    text: str
-    cards: list[tuple[str, str]]
-    more: int
-
-
 def write_report(
-    results: Results, path: str | Path, *, findings: Sequence[Said], figures: Mapping[str, ReportFigure]
+    results: Results, path: str | Path, *, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]
 ) -> None:
     """Write report.html in one step.
 
@@ -96,7 +76,7 @@ def write_report(
         Tables of an analysed campaign.
     path : path
         The file; its folder must exist.
-    findings : sequence of Finding
+    findings : sequence of Sentence
         The findings in words, in the order of the page; findings of one topic are put together.
     figures : mapping of str to ReportFigure
         The figures, by their keys, in the order of the page.
@@ -109,7 +89,7 @@ def write_report(
     write_text(path, render_report(results, findings=findings, figures=figures))
 
 
-def render_report(results: Results, *, findings: Sequence[Said], figures: Mapping[str, ReportFigure]) -> str:
+def render_report(results: Results, *, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> str:
     """The page that `write_report` writes, as text.
 
     Whatever stands in the tables, the record, the findings and the captions is escaped. The page loads nothing from
@@ -123,9 +103,16 @@ def render_report(results: Results, *, findings: Sequence[Said], figures: Mappin
     script = _part("page.js")
     text = _template().render(
         title=str(record.get("title") or "") or "Campaign without a title",
-        counts=verdict_counts(results),
+        counts=verdict_counts(results.static, results.dynamic),
         cards=cards,
-        tables=[table for table in _tables(dynamic, static) if table["table"].rows],
+        tables=[
+            {"key": key, "name": name, "table": table}
+            for key, name, table in (
+                ("dynamic", "Dynamic tests", dynamic),
+                ("static", "Static tests, per preload in use", static),
+            )
+            if table.rows
+        ],
         tyres=tested(results),
         tyre_index={tyre: at for at, tyre in enumerate(dict.fromkeys(card.tyre for card in cards))},
         verdicts=VERDICTS,
@@ -133,7 +120,7 @@ def render_report(results: Results, *, findings: Sequence[Said], figures: Mappin
         rigs=rig_rows(record),
         channels=channel_rows(record),
         sample_rate=mapping(record, "stated").get("sample_rate [Hz]"),
-        rigs_found=rig_sections(results, where),
+        rigs_found=[_rig_as_found(found, where) for found in rigs_in_words(results)],
         limits=limits(results),
         models=models_section(results),
         faults=list(results.faults),
@@ -166,14 +153,19 @@ def _template() -> Any:
     return environment.get_template("page")
 
 
-def _tables(dynamic: ResultTable, static: ResultTable) -> list[dict[str, Any]]:
-    return [
-        {"key": "dynamic", "name": "Dynamic tests", "table": dynamic},
-        {"key": "static", "name": "Static tests, per preload in use", "table": static},
-    ]
+def _rig_as_found(about: RigInWords, where: Mapping[str, str]) -> dict[str, Any]:
+    """One rig: its values by group, and its largest outliers, each with its card and the factor of its variance."""
+    groups = [(heading, [value for value in about.values if value.group is group]) for group, heading in GROUPS.items()]
+    named = [(one.test, where.get(one.test, ""), number(one.factor, 2)) for one in about.outliers[:_NAMED]]
+    return {
+        "about": about,
+        "groups": [(heading, values) for heading, values in groups if values],
+        "outliers": named,
+        "more": len(about.outliers) - len(named),
+    }
 
 
-def _topics(findings: Sequence[Said], where: Mapping[str, str]) -> dict[str, list[dict[str, Any]]]:
+def _topics(findings: Sequence[Sentence], where: Mapping[str, str]) -> dict[str, list[dict[str, Any]]]:
     """Findings by topic, in the order of the first finding of each topic."""
     topics: dict[str, list[dict[str, Any]]] = {}
     for finding in findings:
@@ -184,7 +176,7 @@ def _topics(findings: Sequence[Said], where: Mapping[str, str]) -> dict[str, lis
     return topics
 
 
-def _remarks(rows: Sequence[Any], short: Mapping[str, Sequence[CheckRow]]) -> list[_Remark]:
+def _remarks(rows: Sequence[Any], short: Mapping[str, Sequence[CheckRow]]) -> list[dict[str, Any]]:
     """Remarks of the checks, rejections first, each with its tests.
 
     Checks with one code are one remark, in the short form of the code; rows and cards have the numbers.
@@ -196,10 +188,10 @@ def _remarks(rows: Sequence[Any], short: Mapping[str, Sequence[CheckRow]]) -> li
             if row.remarks:
                 groups.setdefault((one.verdict, text), {})[row.test] = row.card
     found = [
-        _Remark(verdict, text, list(tests.items())[:_NAMED], max(0, len(tests) - _NAMED))
+        {"verdict": verdict, "text": text, "cards": [*tests.items()][:_NAMED], "more": max(0, len(tests) - _NAMED)}
         for (verdict, text), tests in groups.items()
     ]
-    return sorted(found, key=lambda remark: -VERDICTS.index(remark.verdict))
+    return sorted(found, key=lambda remark: -VERDICTS.index(remark["verdict"]))
 
 
 def _numbered(figures: Sequence[ReportFigure]) -> list[tuple[str, ReportFigure]]:

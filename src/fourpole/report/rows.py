@@ -9,11 +9,9 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.checks import VERDICTS, worst_verdict
 from fourpole.quantities import DERIVED, Quantity
 from fourpole.report.digits import known, number, with_std
-
-VERDICTS = ("ok", "warning", "rejected")
-
 
 STATIC = (q.PRESSURE, q.PRELOAD, q.K1, q.SECANT, q.CYCLE_LOSS, q.NONLINEARITY)
 DYNAMIC = (
@@ -103,8 +101,7 @@ def _cell(row: Mapping[str, Any], column: Quantity) -> Cell:
 
 def worst(verdicts: list[Any]) -> str:
     """The worst of some verdicts; an unknown verdict counts as a rejection."""
-    ranks = [VERDICTS.index(verdict) if verdict in VERDICTS else 2 for verdict in verdicts]
-    return VERDICTS[max(ranks, default=2)]
+    return worst_verdict(verdict if verdict in VERDICTS else "rejected" for verdict in verdicts)
 
 
 def condition(row: Mapping[str, Any], *, dynamic: bool) -> str:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import degrees
+from types import SimpleNamespace
 from typing import Any
 
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.checks import VERDICTS
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
 from fourpole.report.digits import known, number, spread, with_std
-from fourpole.report.rows import VERDICTS, worst
+from fourpole.report.rows import worst
 from fourpole.study.results import Results
 
 #: Rig values by key: name in words, unit shown, SI value of this unit.
@@ -35,47 +36,6 @@ _ROLES = {
 _STATIC_ROLES = {"load", "deflection"}
 
 
-@dataclass(frozen=True)
-class Tested:
-    """One tyre with the conditions of its tests, and their number."""
-
-    name: str
-    construction: str
-    more: list[tuple[str, str]]
-    pressures: str
-    preloads: str
-    temperatures: str
-    frequencies: str
-    static: int
-    dynamic: int
-    verdicts: dict[str, int]
-
-
-@dataclass(frozen=True)
-class RigRow:
-    """One stated value of a rig, as the page shows it."""
-
-    rig: str
-    name: str
-    value: str
-    std: str
-    unit: str
-    assumed: bool
-
-
-@dataclass(frozen=True)
-class ChannelRow:
-    """One channel; `gain_std` and `phase_std` are each a text and a flag for an assumed value."""
-
-    role: str
-    column: str
-    unit: str
-    quantity: str
-    more: list[str]
-    gain_std: tuple[str, bool]
-    phase_std: tuple[str, bool]
-
-
 def mapping(value: object, *path: str) -> dict[str, Any]:
     """The table at a path of nested tables; empty if there is none."""
     for name in path:
@@ -88,25 +48,13 @@ def texts(value: object) -> list[str]:
     return [str(item) for item in value] if isinstance(value, list) else []
 
 
-def _verdicts(results: Results, tyre: str | None = None) -> dict[str, list[str]]:
-    """Verdicts of the static and of the dynamic tests, one per test."""
-    found: dict[str, list[str]] = {}
-    for kind, frame in (("static", results.static), ("dynamic", results.dynamic)):
-        rows = frame if tyre is None else frame.filter(pl.col("tyre") == tyre)
-        by_test: dict[str, list[str]] = {}
-        for test, verdict in rows.select("test", "verdict").iter_rows():
-            by_test.setdefault(test, []).append(verdict)
-        found[kind] = [worst(verdicts) for verdicts in by_test.values()]
-    return found
-
-
-def verdict_counts(results: Results) -> dict[str, int]:
+def verdict_counts(*tables: pl.DataFrame) -> dict[str, int]:
     """Tests by verdict; one with several rows counts by its worst."""
-    found = _verdicts(results)
-    return {verdict: (found["static"] + found["dynamic"]).count(verdict) for verdict in VERDICTS}
+    found = [worst(rows["verdict"].to_list()) for table in tables for _, rows in table.group_by("test")]
+    return {verdict: found.count(verdict) for verdict in VERDICTS}
 
 
-def tested(results: Results) -> list[Tested]:
+def tested(results: Results) -> list[SimpleNamespace]:
     """One row per tyre, in the order of the tables."""
     both = [results.static.select("tyre", "construction"), results.dynamic.select("tyre", "construction")]
     constructions: dict[str, str] = {}
@@ -117,15 +65,14 @@ def tested(results: Results) -> list[Tested]:
     return [_tested(results, tyre, text, mapping(stated, tyre)) for tyre, text in constructions.items()]
 
 
-def _tested(results: Results, tyre: str, construction: str, stated: Mapping[str, Any]) -> Tested:
+def _tested(results: Results, tyre: str, construction: str, stated: Mapping[str, Any]) -> SimpleNamespace:
+    """One tyre with the conditions of its tests, and their number."""
     static, dynamic = (frame.filter(pl.col("tyre") == tyre) for frame in (results.static, results.dynamic))
-    verdicts = _verdicts(results, tyre)
-    every = verdicts["static"] + verdicts["dynamic"]
 
     def values(name: str) -> list[Any]:
         return [value for frame in (static, dynamic) if name in frame.columns for value in frame[name].to_list()]
 
-    return Tested(
+    return SimpleNamespace(
         name=tyre,
         construction=construction,
         more=[(str(key), _plain(value)) for key, value in stated.items() if key != "construction"],
@@ -133,9 +80,9 @@ def _tested(results: Results, tyre: str, construction: str, stated: Mapping[str,
         preloads=spread(values(q.PRELOAD.head), PRELOAD, "N"),
         temperatures=spread(values(q.TEMPERATURE.head), axis_of(q.TEMPERATURE.head), q.TEMPERATURE.shown),
         frequencies=spread(values(q.FREQUENCY.head), FREQUENCY, "Hz"),
-        static=len(verdicts["static"]),
-        dynamic=len(verdicts["dynamic"]),
-        verdicts={verdict: every.count(verdict) for verdict in VERDICTS},
+        static=static["test"].n_unique(),
+        dynamic=dynamic["test"].n_unique(),
+        verdicts=verdict_counts(static, dynamic),
     )
 
 
@@ -146,35 +93,43 @@ def _plain(value: object) -> str:
     return f"{found:.6g}" if found is not None else str(value)
 
 
-def rig_rows(record: Mapping[str, Any]) -> list[RigRow]:
+def rig_rows(record: Mapping[str, Any]) -> list[SimpleNamespace]:
     """Each value of each rig with its uncertainty."""
     rows = []
     for name, stated in mapping(record, "stated", "rigs").items():
         if mapping(stated) and stated.get("output") == "blocked":
-            rows.append(RigRow(str(name), "far side", "blocked", "", "", assumed=False))
+            rows.append(_shown_value(str(name), "far side", "blocked"))
         rows += [_rig_row(str(name), key, value) for key, value in mapping(stated).items() if isinstance(value, dict)]
     return rows
 
 
-def _rig_row(rig: str, key: str, stated: dict[str, Any]) -> RigRow:
+def _shown_value(
+    rig: str, name: str, value: str = "", std: str = "", unit: str = "", *, assumed: bool = False
+) -> SimpleNamespace:
+    return SimpleNamespace(rig=rig, name=name, value=value, std=std, unit=unit, assumed=assumed)
+
+
+def _rig_row(rig: str, key: str, stated: dict[str, Any]) -> SimpleNamespace:
+    """One stated value of a rig."""
     unit = str(stated.get("unit", ""))
     words, shown, scale = RIG_VALUES.get(key, (key.replace("_", " "), "" if unit == "1" else unit, 1.0))
     value, std = known(stated.get("value")), known(stated.get("std"))
     if value is None:
-        return RigRow(rig, words, "", "", shown, assumed=False)
+        return _shown_value(rig, words, unit=shown)
     text, about = with_std(value / scale, None if std is None else std / scale, 6)
     if not about:
         text = f"{value / scale:.6g}".replace("-", "−")
-    return RigRow(rig, words, text, about or "exact", shown, assumed=stated.get("assumed") is True)
+    return _shown_value(rig, words, text, about or "exact", shown, assumed=stated.get("assumed") is True)
 
 
-def channel_rows(record: Mapping[str, Any]) -> list[ChannelRow]:
+def channel_rows(record: Mapping[str, Any]) -> list[SimpleNamespace]:
     """A row per channel: column, quantity, conversion to SI values, and uncertainty."""
     channels = mapping(record, "stated", "channels")
     return [_channel_row(str(role), stated) for role, stated in channels.items() if isinstance(stated, dict)]
 
 
-def _channel_row(role: str, stated: dict[str, Any]) -> ChannelRow:
+def _channel_row(role: str, stated: dict[str, Any]) -> SimpleNamespace:
+    """One channel; `gain_std` and `phase_std` are each a text and a flag for an assumed value."""
     more = [f"{name} {_plain(stated[name])}" for name in ("gain", "offset", "sensitivity", "range") if name in stated]
     if delay := known(stated.get("delay")):
         more.append(f"delay {number(1e3 * delay, 3)} ms")
@@ -182,7 +137,7 @@ def _channel_row(role: str, stated: dict[str, Any]) -> ChannelRow:
         more.append("inverted")
     more += _chain(stated)
     gain, phase = known(stated.get("std_gain [1]")), known(stated.get("std_phase [rad]", stated.get("std_phase")))
-    return ChannelRow(
+    return SimpleNamespace(
         role=_ROLES.get(role, role),
         column=str(stated.get("column", "")),
         unit=str(stated.get("unit") or "V"),

@@ -79,7 +79,8 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
         share = found.group.intervals[at][0].non_passive_share
         return [reported(Code.PASSIVE_ARM, "warning", share, _NEVER_PASSIVE, interval=interval)]
     if reason:
-        return [reported(Code.PASSIVE_ARM, "rejected", limit=0.0, why=reason)]
+        why, mark, what = reason.partition("; ")
+        return [reported(Code.PASSIVE_ARM, "rejected", limit=0.0, why=why + mark, what=what)]
     with np.errstate(invalid="ignore"):
         relative = np.sqrt(np.diag(result.arm_covariance[at])) / (result.k2[at], result.c[at])
     worst = float(np.max(relative))

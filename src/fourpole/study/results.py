@@ -72,6 +72,10 @@ class Results(Tables):
         """The rigs as found by the joint route, in the order of rig.csv; none where another route was used."""
         return read_rig_estimates(self.rig, self.residuals, self.record.get("joint"))
 
+    def rig_named(self, name: str) -> RigEstimate:
+        """The rig of this name as found; with default values if the joint route found no such rig."""
+        return next((found for found in self.rigs if found.rig == name), RigEstimate(name))
+
     def apart(self, *, texts_only: bool = False) -> Results:
         """The results with distinct names of specimens: "radial at 60 °C" where it was tested at several temperatures.
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fourpole.findings.claims import Claim
+from fourpole.findings.claims import Claim, NoCommonState
 from fourpole.findings.comparisons import Comparison
 from fourpole.findings.finding import Finding, Topic
 from fourpole.findings.levels import CycleLoss, Departure, Level
@@ -14,7 +14,7 @@ from fourpole.findings.resonances import Crossings, Prediction, Resonance, Reson
 from fourpole.findings.trends import Trend
 from fourpole.findings.verdicts import Doubt, Tally
 from fourpole.report.words import resonances
-from fourpole.report.words.claims import claim, claims_summary
+from fourpole.report.words.claims import claim, claims_summary, no_common_state
 from fourpole.report.words.comparison import comparison
 from fourpole.report.words.levels import cycle_loss, level, linearity
 from fourpole.report.words.trend import trend
@@ -36,6 +36,7 @@ _TEMPLATES: dict[type, Callable[[Finding, Any], str]] = {
     Crossings: resonances.crossings,
     Prediction: resonances.prediction,
     Claim: claim,
+    NoCommonState: no_common_state,
 }
 
 

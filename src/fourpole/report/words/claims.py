@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from fourpole.findings.claims import CROSS, RADIAL, Claim
+from fourpole.findings.claims import CROSS, RADIAL, Claim, NoCommonState
 from fourpole.findings.evidence import Effect
 from fourpole.findings.finding import Finding, Holds
 from fourpole.findings.readings import (
@@ -64,6 +64,14 @@ def claim(finding: Finding, found: Claim) -> str:
         return f"{head} does not hold here: {figures}."
     unsure = ", though not beyond the uncertainty" if finding.holds is Holds.TRUE_UNSURE else ""
     return f"{head} holds here{unsure}: {figures}."
+
+
+def no_common_state(finding: Finding, _: NoCommonState) -> str:
+    """No claim is examined, because the two tyres were not tested in one state."""
+    return (
+        f"The claims of the paper cannot be examined here: {' and '.join(finding.specimens)} were not tested at a "
+        "temperature in common, with the same values of further conditions."
+    )
 
 
 def claims_summary(findings: Sequence[Finding]) -> str:

@@ -13,7 +13,6 @@ from fourpole import quantities as q
 from fourpole.core.sources import Source
 from fourpole.fitting.rows import KEY, keyed
 from fourpole.report.digits import known
-from fourpole.report.stated import mapping
 from fourpole.report.words.phrases import counted, percent
 from fourpole.report.words.sources import About, remedy, source_in_words
 from fourpole.study.results import Results
@@ -108,16 +107,14 @@ def _median_shares(rows: pl.DataFrame) -> list[tuple[str, float]]:
 
 def _about(results: Results, tests: pl.DataFrame, rig: str) -> About:
     here = tests.filter(pl.col("rig").fill_null("") == rig)
-    joint = mapping(results.record, "joint", rig)
-    named = joint.get("candidates")
-    first = named[0] if isinstance(named, list) and named else {}
+    found = results.rig_named(rig)
     return About(
         joint="joint" in here["route"].to_list(),
         massed=any((known(mass) or 0.0) > 0 for mass in here[q.ADDED_MASS.head].to_list()),
         with_v2=any(known(v2) for v2 in here[q.V2.head].to_list()),
-        fits=joint.get("fits") is not False,
-        scatter=bool(known(joint.get("scatter"))),
-        candidate=str(mapping(first).get("text") or ""),
+        fits=found.fits,
+        scatter=found.scatter > 0,
+        candidate=found.candidates[0].text if found.candidates else "",
     )
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from math import floor, isfinite, log10
 
 from fourpole.findings.finding import UNSTATED, Finding, Key
 from fourpole.quantities import Quantity
+from fourpole.report.digits import number as digits_of
 
 _PLURAL = {"pressure": "pressures", "load": "loads", "frequency": "frequencies"}
 
@@ -19,15 +19,7 @@ def number(value: float, digits: int = 3) -> str:
     >>> number(144216.0), number(1.0), number(0.30366), number(99.96)
     ('144000', '1.00', '0.304', '100')
     """
-    if not isfinite(value):
-        return "unknown"
-    if value == 0.0:
-        return "0"
-    rounded = float(f"{value:.{digits - 1}e}")
-    size = floor(log10(abs(rounded)))
-    if size < -4 or size > 6:
-        return f"{rounded:.{digits - 1}e}"
-    return f"{rounded:.{max(digits - 1 - size, 0)}f}"
+    return digits_of(float(f"{value:.{digits}g}"), digits) or "unknown"
 
 
 def shown(quantity: Quantity | None, value: float) -> str:

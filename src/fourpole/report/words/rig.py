@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from fourpole.core.joint.misfit import Candidate
 from fourpole.core.sources import Kind, Role
 from fourpole.findings.facts import natural
-from fourpole.report.digits import known, number
-from fourpole.report.words.phrases import counted, joined, percent
+from fourpole.report.digits import known
+from fourpole.report.words.phrases import counted, joined, number, percent
 from fourpole.report.words.shared_values import DECLARED, ShownValue, shown_values
 from fourpole.report.words.sources import source_in_words
 from fourpole.study.results import Results
@@ -99,10 +99,6 @@ def _in_words(found: RigEstimate) -> RigInWords:
     )
 
 
-def _rounded(value: float, digits: int = 3) -> str:
-    return number(float(f"{value:.{digits}g}"), digits)
-
-
 def _fit(found: RigEstimate) -> str:
     text = (
         f"{counted(found.tests, 'test')} at {counted(found.conditions, 'condition')} share "
@@ -111,8 +107,8 @@ def _fit(found: RigEstimate) -> str:
     if found.chi2 is None or found.chi2_per_dof is None:
         return f"{text}; they leave nothing over by which rig and sensors could be held against each other."
     return (
-        f"{text}. With rig and sensors as stated chi-square is {_rounded(found.chi2)} at {found.dof:.0f} degrees of "
-        f"freedom, {_rounded(found.chi2_per_dof, 2)} per degree, where chance gives about 1."
+        f"{text}. With rig and sensors as stated chi-square is {number(found.chi2)} at {found.dof:.0f} degrees of "
+        f"freedom, {number(found.chi2_per_dof, 2)} per degree, where chance gives about 1."
     )
 
 
@@ -138,7 +134,7 @@ def _was(count: int) -> str:
 
 def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     ratio = found.chi2_per_dof
-    per = f": chi-square is {_rounded(ratio, 2)} per degree of freedom, not 1" if ratio is not None else ""
+    per = f": chi-square is {number(ratio, 2)} per degree of freedom, not 1" if ratio is not None else ""
     yield f"The rig and the sensors as stated do not go with these tests{per}."
     against = [value.name for value in values if value.finding is Finding.CONTRADICTED]
     if against:
@@ -165,16 +161,16 @@ def _candidates(found: RigEstimate) -> Iterable[str]:
     """Candidates that would explain the misfit, the best first, and those not distinguishable from it."""
     best = known(found.candidates[0].explains) if found.candidates else None
     for at, candidate in enumerate(found.candidates[:_MOST_CANDIDATES]):
-        text = f"{candidate.text}{_give_or_take(candidate)}"
+        text = f"{candidate.text}{_relative_std(candidate)}"
         explains = known(candidate.explains)
         if explains is not None:
-            text += f": chi-square would fall by {_rounded(explains)}"
+            text += f": chi-square would fall by {number(explains)}"
             if at and best and explains >= _AS_WELL * best:
                 text += ", so nearly as much that the data hardly tell the two apart"
         yield text
 
 
-def _give_or_take(candidate: Candidate) -> str:
+def _relative_std(candidate: Candidate) -> str:
     value, std = known(candidate.value), known(candidate.std)
     return f" (known to {percent(std / abs(value))})" if value and std else ""
 
