@@ -206,7 +206,7 @@ class Code(Enum):
         "use K* instead",
         "no passive K2 and C exist",
         "{why}",
-        "{what}",
+        "",
     )
     UNCERTAINTY = (
         "uncertainty",

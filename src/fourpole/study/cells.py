@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -79,8 +80,8 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
         share = found.group.intervals[at][0].non_passive_share
         return [reported(Code.PASSIVE_ARM, "warning", share, _NEVER_PASSIVE, interval=interval)]
     if reason:
-        why, mark, what = reason.partition("; ")
-        return [reported(Code.PASSIVE_ARM, "rejected", limit=0.0, why=why + mark, what=what)]
+        check = reported(Code.PASSIVE_ARM, "rejected", limit=0.0, why=reason)
+        return [replace(check, remedy=reason.partition("; ")[2])]
     with np.errstate(invalid="ignore"):
         relative = np.sqrt(np.diag(result.arm_covariance[at])) / (result.k2[at], result.c[at])
     worst = float(np.max(relative))
