@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -161,15 +162,21 @@ class Model(ABC):
         if array.ndim == 0 or array.shape[-1] != len(self.parameters):
             symbols = ", ".join(self.symbols)
             raise ModelError(f"the {self.name} model has the parameters {symbols}: {array.shape} is no such set")
-        for at, parameter in enumerate(self.parameters):
-            part = array[..., at]
-            inside = (part >= parameter.low) & (part <= parameter.high)
-            if not np.all(inside):
-                raise ModelError(
-                    f"{parameter.symbol} = {part[~inside][0]:.6g} {parameter.unit} of the {self.name} model is outside "
-                    f"{parameter.low:g} to {parameter.high:g}"
-                )
+        low, high = self.bounds
+        inside = (array >= low) & (array <= high)
+        if not inside.all():
+            *_, at = place = tuple(np.argwhere(~inside)[0])
+            parameter = self.parameters[at]
+            raise ModelError(
+                f"{parameter.symbol} = {array[place]:.6g} {parameter.unit} of the {self.name} model is outside "
+                f"{parameter.low:g} to {parameter.high:g}"
+            )
         return array
+
+    @cached_property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Least and greatest values (P,) of the parameters."""
+        return np.array([one.low for one in self.parameters]), np.array([one.high for one in self.parameters])
 
     @property
     def symbols(self) -> list[str]:

@@ -188,8 +188,7 @@ class _Profile:
     def _gaussian_starts(self, at: int, values: FloatArray) -> FloatArray:
         """Starts (T, P): conditional means of a normal distribution of the parameters, given values of one of them."""
         best, covariance = self.found.values, self.found.covariance
-        low = np.array([one.low for one in self.found.model.parameters])
-        high = np.array([one.high for one in self.found.model.parameters])
+        low, high = self.found.model.bounds
         slope = covariance[:, at] / covariance[at, at] if covariance[at, at] > 0 else np.zeros(best.size)
         means = best + np.outer(values - best[at], slope)
         starts = np.clip(means, np.maximum(low, 0.2 * best), np.minimum(high, 5 * best))

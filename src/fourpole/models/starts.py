@@ -68,8 +68,7 @@ def starts_of(model: Model, data: StiffnessData, count: int) -> FloatArray:
 
 def _inside(model: Model, found: FloatArray) -> FloatArray:
     """Starts moved into the bounds; the start of a logarithmic parameter is not zero."""
-    low = np.array([parameter.low for parameter in model.parameters])
-    high = np.array([parameter.high for parameter in model.parameters])
+    low, high = model.bounds
     logs = np.array([parameter.log for parameter in model.parameters])
     usual = np.abs(model.defaults)
     inside = np.clip(np.where(np.isfinite(found), found, usual), low, high)
