@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 
-#: Quantities in which model and data may be compared: K*, 1/K* or jw/K*.
-SPACES = ("stiffness", "compliance", "mobility")
 #: Relative uncertainty that is added to every K*: the resolution of single precision.
 _FLOOR = 1e-7
 #: Largest entry of a covariance that is accepted [N²/m²].

@@ -104,7 +104,6 @@ def fit(
     *,
     fixed: Mapping[str, ArrayLike] | Sequence[str] = (),
     tied: Mapping[str, tuple[str, float]] | None = None,
-    space: str = "stiffness",
 ) -> Fit:
     """Fit a model to each condition, from one start.
 
@@ -119,8 +118,6 @@ def fit(
         Parameters that keep their start value, or the value of the mapping.
     tied : mapping of str to (str, float), optional
         Parameters that are a positive multiple of a free parameter: {"tau_2": ("tau_1", 10.0)}.
-    space : {"stiffness", "compliance", "mobility"}
-        Quantity that is compared: K*, 1/K* or jw/K*. Its covariance follows from that of K* by linear propagation.
 
     Returns
     -------
@@ -143,7 +140,7 @@ def fit(
     >>> fit(Zener(), StiffnessData.of(omega, truth, 100.0), [150e3, 100e3, 500.0]).values.round(3)
     array([180000., 120000.,    700.])
     """
-    problem = problem_of(model, data, start, fixed, tied or {}, space)
+    problem = problem_of(model, data, start, fixed, tied or {})
     return _fit_of(problem, data.stiffness.shape[:-1], *_search(problem, problem.place_of(problem.fixed)))
 
 
@@ -154,7 +151,6 @@ def best_fit(
     *,
     fixed: Mapping[str, ArrayLike] | Sequence[str] = (),
     tied: Mapping[str, tuple[str, float]] | None = None,
-    space: str = "stiffness",
 ) -> Fit:
     """The fit with the least chi-square of the fits from several starts (S, ..., P); see `starts.starts_of`.
 
@@ -168,7 +164,7 @@ def best_fit(
     """
     begins = np.asarray(starts, dtype=float)
     lead = data.stiffness.shape[:-1]
-    problem = problem_of(model, data, begins[0], fixed, tied or {}, space)
+    problem = problem_of(model, data, begins[0], fixed, tied or {})
     fits = []
     for begin in begins:
         whole = np.array(problem.fixed)

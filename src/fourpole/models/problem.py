@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import SPACES, StiffnessData, multiplication
+from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
 
 #: A logarithm that is farther than this from its start counts as on its bound.
@@ -33,9 +33,7 @@ class FitProblem(ByValue):
     data : StiffnessData
         Data (B, N).
     whiten : float array
-        Whitener of the quantity that is compared.
-    space : str
-        The quantity that is compared, one of `data.SPACES`.
+        Whitener of the data.
     free : (F,) int array
         Places of the free parameters.
     spread : (P, F) float array
@@ -55,7 +53,6 @@ class FitProblem(ByValue):
     model: Model
     data: StiffnessData
     whiten: FloatArray
-    space: str
     free: np.ndarray
     spread: FloatArray
     fixed: FloatArray
@@ -111,7 +108,7 @@ class FitProblem(ByValue):
     def residuals(self, place: FloatArray) -> FloatArray:
         """Whitened residuals, data minus model (B, M)."""
         values = self.values_of(place)
-        off = self._compared(self.data.stiffness) - self._compared(self.model.stiffness(values, self.data.omega))
+        off = self.data.stiffness - self.model.stiffness(values, self.data.omega)
         rows = self.data.whitened(self.whiten, off[..., None])[..., 0]
         if not self.has_k1:
             return rows
@@ -123,9 +120,6 @@ class FitProblem(ByValue):
         values = self.values_of(place)
         by = self.model.derivative(values, self.data.omega)
         by = by @ self.spread if self._follows.size else by[..., self.free]
-        if self.space != "stiffness":
-            stiffness = self.model.stiffness(values, self.data.omega)
-            by = by * (-self._compared(stiffness) / stiffness)[..., None]
         unit = self.unit_of(values)
         rows = self.data.whitened(self.whiten, by * unit[:, None, :])
         if not self.has_k1:
@@ -136,12 +130,6 @@ class FitProblem(ByValue):
     def _k1_std(self) -> FloatArray:
         """Standard uncertainty of K1 (B,) [N/m]; infinite where K1 is not known."""
         return np.where(np.isfinite(self.data.k1_std) & np.isfinite(self.data.k1), self.data.k1_std, np.inf)
-
-    def _compared(self, stiffness: ComplexArray) -> ComplexArray:
-        """The compared quantity: K*, 1/K* or jw/K*."""
-        if self.space == "stiffness":
-            return stiffness
-        return (1.0 if self.space == "compliance" else 1j * self.data.omega) / stiffness
 
     @cached_property
     def ends(self) -> tuple[FloatArray, FloatArray]:
@@ -177,11 +165,8 @@ def problem_of(
     start: ArrayLike,
     fixed: Mapping[str, ArrayLike] | Sequence[str],
     tied: Mapping[str, tuple[str, float]],
-    space: str,
 ) -> FitProblem:
     """The least-squares problem of `fit.fit`, checked; ModelError if it has no solution or a name is not known."""
-    if space not in SPACES:
-        raise ModelError(f"no space {space!r}: choose one of {', '.join(SPACES)}")
     symbols = model.known((*fixed, *tied, *(partner for partner, _ in tied.values())))
     lead = data.stiffness.shape[:-1]
     begin = np.array(np.broadcast_to(model.checked(start), (*lead, len(symbols))).reshape(-1, len(symbols)))
@@ -198,8 +183,7 @@ def problem_of(
     problem = FitProblem(
         model=model,
         data=flat,
-        whiten=_in_space(flat, space),
-        space=space,
+        whiten=flat.whitener(),
         free=free,
         spread=spread,
         fixed=begin,
@@ -245,20 +229,3 @@ def _spread(
         spread[symbols.index(name), at[0]] = factor
         high[at[0]] = min(high[at[0]], model.parameters[symbols.index(name)].high / factor)
     return spread, high
-
-
-def _in_space(data: StiffnessData, space: str) -> FloatArray:
-    """The whitener of the compared quantity, by linear propagation of the covariance of K*."""
-    whiten = data.whitener()
-    if space == "stiffness":
-        return whiten
-    over = 1.0 if space == "compliance" else 1j * data.omega
-    back = -(data.stiffness**2) / over  # dK*/dq
-    turn = multiplication(back)
-    if not data.full:
-        return np.asarray(whiten @ turn)
-    count = data.count
-    wide = np.zeros(whiten.shape)
-    for at in range(count):
-        wide[:, 2 * at : 2 * at + 2, 2 * at : 2 * at + 2] = turn[:, at]
-    return np.asarray(whiten @ wide)
