@@ -8,7 +8,7 @@ from typing import Any
 
 from fourpole import quantities as q
 from fourpole.app.console import first_of, out, print_table, say, warn
-from fourpole.fitting.modelfile import ConditionFile, ModelEntry, column_of
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
 from fourpole.models.operating import OperatingMap
 from fourpole.report.words.models import discrepancy
@@ -109,7 +109,7 @@ def _unit_of(entry: ModelEntry, at: int) -> str:
 def _words(one: ConditionFile) -> str:
     parts = []
     for item in one.state:
-        if column_of(item.name, item.unit) == q.PRESSURE.head:
+        if item.column == q.PRESSURE.head:
             parts.append(f"{item.value / 1e5:.4g} bar")
         else:
             named = "" if item.name in ("preload", "temperature") else f"{item.name} "

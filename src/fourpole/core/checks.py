@@ -29,8 +29,8 @@ VERDICTS = ("ok", "warning", "rejected")
 class Code(Enum):
     """The code of each check, with its words.
 
-    The words are: the name on disk, the statistic, the cause in short, the cause in full, and the remedy. The last
-    three are given twice if the words of a rejection differ from those of a warning.
+    The words are: the name on disk, the statistic, the cause in short, the cause in full, and the remedy. Those of the
+    last three that differ for a rejection follow; {short} in a full cause stands for the short one.
     """
 
     FREQUENCY = (
@@ -82,17 +82,9 @@ class Code(Enum):
         "lift-off",
         "the dynamic force over the preload",
         "the tyre is close to lifting off",
-        (
-            "the dynamic force reaches {peak:.4g} N, {statistic:.0%} of the preload of {preload:.4g} N: "
-            "the tyre is close to lifting off; "
-        ),
+        "the dynamic force reaches {peak:.4g} N, {statistic:.0%} of the preload of {preload:.4g} N: {short}; ",
         "test with a higher preload or a smaller excitation",
         "the tyre lifts off",
-        (
-            "the dynamic force reaches {peak:.4g} N, {statistic:.0%} of the preload of {preload:.4g} N: "
-            "the tyre lifts off; "
-        ),
-        "test with a higher preload or a smaller excitation",
     )
     RESONANCE = (
         "rig resonance",
@@ -247,7 +239,8 @@ class Code(Enum):
 
     def __init__(self, text: str, about: str, short: str, cause: str, remedy: str = "", *rejected: str) -> None:
         self.text, self.about = text, about
-        self._words = {"warning": (short, cause, remedy), "rejected": rejected or (short, cause, remedy)}
+        words = (short, cause, remedy)
+        self._words = {"warning": words, "rejected": (*rejected, *words[len(rejected) :])}
 
     def short(self, verdict: str) -> str:
         """Cause in a few words; empty if only the whole sentence gives the cause."""
@@ -317,7 +310,7 @@ def reported(
     >>> reported(Code.MEMORY, "rejected", file="D1.csv").remark
     'D1.csv does not fit into memory: cut it with window [s]'
     """
-    known = {"statistic": statistic, "channel": channel, **values}
+    known = {"statistic": statistic, "channel": channel, "short": code.short(verdict), **values}
     cause, remedy = (part.format(**known) for part in code.says(verdict))
     return Check(code, statistic, limit, verdict, channel, cause + remedy, remedy)
 

@@ -254,15 +254,14 @@ def measured_of(
     good, notes = _usable(numbers, name, stated=std is None and covariance is None)
     if not good.any():
         raise ModelError(f"{name}: no row has a frequency and K*: nothing can be fitted")
-    rows = _Rows.of(frame.filter(good), {column: values[good] for column, values in numbers.items()}, covariance, std)
-    notes += rows.notes(covariance is not None)
-    stated = conditions_in(frame.filter(good), rule)
+    frame = frame.filter(good)
     worded = Sameness(tuple(axis for axis in rule.axes if axis.text))
-    (named,) = names_apart([conditions_in(frame.filter(good), worded)], worded)
-    rows = replace(rows, tyres=named)
+    (tyres,) = names_apart([conditions_in(frame, worded)], worded)
+    rows = _Rows.of(tyres, keys_of(frame), {column: each[good] for column, each in numbers.items()}, covariance, std)
+    notes += rows.notes(covariance is not None)
     axes = [axis.column for axis in rule.axes if axis.column in numbers]
     cells = np.stack([rows.numbers[column] for column in axes], axis=1) if axes else np.zeros((rows.count, 0))
-    label = rule.groups(stated)
+    label = rule.groups(conditions_in(frame, rule))
     conditions = [_measured(rows, np.flatnonzero(label == one), axes, cells, k1) for one in np.unique(label)]
     return MeasuredSet(tuple(conditions), tuple(notes), rows.known, name, rule=rule)
 
@@ -301,14 +300,13 @@ class _Rows:
     @classmethod
     def of(
         cls,
-        frame: pl.DataFrame,
+        tyres: list[str],
+        keys: Sequence[Key],
         numbers: dict[str, FloatArray],
         covariance: pl.DataFrame | None,
         std: float | None,
     ) -> _Rows:
-        count = frame.height
-        tyres = _texts(frame, "tyre")
-        keys = keys_of(frame)
+        count = len(tyres)
         stiffness = numbers[RE] + 1j * numbers[IM]
         own: FloatArray = np.zeros((count, 2, 2))
         shared: FloatArray = np.zeros((count, 2, 0))
@@ -451,9 +449,3 @@ def _numbers(frame: pl.DataFrame, column: str, name: str) -> FloatArray:
             raise TableError(f"{name}: row {at + 2}, column {shown(column)}: {shown(str(series[at]))} is no number")
         series = found
     return np.asarray(series.cast(pl.Float64).fill_null(np.nan).to_numpy(), dtype=float)
-
-
-def _texts(frame: pl.DataFrame, column: str) -> list[str]:
-    if column not in frame.columns:
-        return [""] * frame.height
-    return [str(one) for one in frame[column].cast(pl.String).fill_null("").to_list()]

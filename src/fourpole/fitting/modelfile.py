@@ -7,6 +7,8 @@ the model that it names.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import astuple
 from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -54,12 +56,28 @@ Band = tuple[Annotated[float, Field(gt=0, le=1e12)], Annotated[float, Field(gt=0
 Share = Annotated[float, Field(ge=0, le=1e3)]
 
 
-class NamedValue(_Strict):
-    """A value with its name and SI unit."""
+class _Named(_Strict):
+    """Base of values and axes with the name and SI unit of a column."""
 
     name: str
     unit: str
+
+    @property
+    def column(self) -> str:
+        """The column: "pressure [Pa]"."""
+        return f"{self.name} [{self.unit}]"
+
+
+class NamedValue(_Named):
+    """A value with its name and SI unit."""
+
     value: float
+
+    @classmethod
+    def of(cls, state: Mapping[str, float]) -> list[NamedValue]:
+        """The values of a state, by column."""
+        split = [(*split_column(column), value) for column, value in state.items()]
+        return [cls(name=name, unit=unit, value=value) for name, unit, value in split]
 
 
 class ParameterFile(_Strict):
@@ -117,13 +135,18 @@ class ConditionFile(_Strict):
     verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
 
 
-class ModelEntry(_Strict):
-    """A model of one tyre, with a set of parameters for each tested condition."""
+class _Entry(_Strict):
+    """Base of the entries of one tyre: its model."""
 
     tyre: str
     model: str = Field(max_length=40)
     causal: bool
     parameters: list[ParameterFile] = Field(max_length=200)
+
+
+class ModelEntry(_Entry):
+    """A model of one tyre, with a set of parameters for each tested condition."""
+
     discrepancy: Share = Field(
         description="Model discrepancy: relative error of K* that makes chi-square equal its degrees of freedom [1]."
     )
@@ -132,11 +155,9 @@ class ModelEntry(_Strict):
     conditions: list[ConditionFile] = Field(max_length=_LONGEST)
 
 
-class AxisFile(_Strict):
+class AxisFile(_Named):
     """An axis of a map, with the value of each tested condition."""
 
-    name: str
-    unit: str
     values: list[float] = Field(max_length=_LONGEST)
 
 
@@ -150,13 +171,9 @@ class SurfaceFile(_Strict):
     std: Share = Field(description="Relative standard uncertainty that all static tests share [1].")
 
 
-class MapEntry(_Strict):
+class MapEntry(_Entry):
     """An operating map of one tyre: each linked parameter is a polynomial of the scaled axes."""
 
-    tyre: str
-    model: str = Field(max_length=40)
-    causal: bool
-    parameters: list[ParameterFile] = Field(max_length=200)
     axes: list[AxisFile] = Field(max_length=10)
     constant: list[NamedValue] = Field(max_length=20, description="Axes with one value in all conditions.")
     terms: list[list[int]] = Field(max_length=500, description="Exponents of the axes, term by term.")
@@ -390,39 +407,26 @@ def split_column(column: str) -> tuple[str, str]:
     return (name, unit.removesuffix("]")) if mark else (column, "1")
 
 
-def column_of(name: str, unit: str) -> str:
-    """The column of a name and a unit: "pressure [Pa]"."""
-    return f"{name} [{unit}]"
-
-
 def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
     """A map as it is in a file."""
+    error, inside, conditions = map(finite_or_none, astuple(found.leave_one_out))
     axes = []
     for at, column in enumerate(found.axes.names):
         name, unit = split_column(column)
         axes.append(AxisFile(name=name, unit=unit, values=found.axes.points[:, at].tolist()))
-    constant = [
-        NamedValue(name=split_column(column)[0], unit=split_column(column)[1], value=value)
-        for column, value in found.axes.constant.items()
-    ]
-    left = found.leave_one_out
     return MapEntry(
         tyre=tyre,
         model=found.model.name,
         causal=found.model.causal,
         parameters=parameters_of(found.model),
         axes=axes,
-        constant=constant,
+        constant=NamedValue.of(found.axes.constant),
         terms=[list(one) for one in found.terms],
         coefficients=found.coefficients.tolist(),
         covariance=found.covariance.tolist(),
         scatter=(found.scatter.condition, *found.scatter.frequency),
         band=found.band,
-        leave_one_out=(
-            finite_or_none(left.error),
-            finite_or_none(left.inside),
-            finite_or_none(left.conditions),
-        ),
+        leave_one_out=(error, inside, conditions),
         static=_surface_entry(found.static),
         choice=choice,
     )
@@ -454,9 +458,9 @@ def map_of(entry: MapEntry) -> OperatingMap:
     return OperatingMap(
         model=model,
         axes=Axes(
-            tuple(column_of(axis.name, axis.unit) for axis in entry.axes),
+            tuple(axis.column for axis in entry.axes),
             points,
-            {column_of(one.name, one.unit): one.value for one in entry.constant},
+            {one.column: one.value for one in entry.constant},
         ),
         terms=tuple(tuple(one) for one in entry.terms),
         coefficients=np.array(entry.coefficients, dtype=float).reshape(len(model.parameters), -1),

@@ -43,7 +43,7 @@ from fourpole.models.interface import Model
 from fourpole.models.operating import OperatingMap, make_map
 from fourpole.models.profile import profile_intervals
 from fourpole.models.surface import Axes
-from fourpole.models.together import fit_together, link, unlink
+from fourpole.models.together import fit_together, link_all, unlink_all
 
 Progress = Callable[[int, int], None]
 #: Maps are equally good if their leave-one-out errors differ by less than this factor; the smallest u(K*) decides.
@@ -219,13 +219,10 @@ def _sharing(
 
 def _normal_ends(found: Fit) -> FloatArray:
     """95 % intervals (P, 2) for a normal distribution of the linked parameters."""
-    ends = []
-    for at, parameter in enumerate(found.model.parameters):
-        linked = link(parameter, found.values[at])
-        slope = unlink(parameter, linked)[1]
-        half = NORMAL_95 * found.std[at] / slope if slope > 0 else 0.0
-        ends.append([float(unlink(parameter, linked + side * half)[0]) for side in (-1, 1)])
-    return np.array(ends)
+    linked = link_all(found.model, found.values)
+    _, slopes = unlink_all(found.model, linked)
+    half = np.divide(NORMAL_95 * found.std, slopes, out=np.zeros_like(linked), where=slopes > 0)
+    return np.stack([unlink_all(found.model, linked + side * half)[0] for side in (-1, 1)], axis=-1)
 
 
 def _common(measured: Sequence[Measured]) -> list[FloatArray]:
@@ -405,17 +402,12 @@ def _model_entry(found: TyreFit) -> ModelEntry:
 
 
 def _candidate_entry(one: Candidate) -> CandidateFile:
+    plain = ("free", "chi2", "dof", "aicc", "bic", "on_bound", "not_converged")
     return CandidateFile(
         model=one.name,
         causal=one.fit.model.causal,
-        free=one.free,
-        chi2=one.chi2,
-        dof=one.dof,
-        aicc=one.aicc,
-        bic=one.bic,
         leave_one_out=finite_or_none(one.leave_one_out),
-        on_bound=one.on_bound,
-        not_converged=one.not_converged,
+        **{name: getattr(one, name) for name in plain},
     )
 
 
@@ -434,10 +426,9 @@ def lacking_error(measured: Measured, verdict: Possible) -> float:
 
 
 def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: Possible | None) -> ConditionFile:
-    state = [(split_column(column), value) for column, value in measured.state.items()]
     symbols = [one.symbol for one in found.model.parameters]
     return ConditionFile(
-        state=[NamedValue(name=name, unit=unit, value=value) for (name, unit), value in state],
+        state=NamedValue.of(measured.state),
         tests=[name for name in measured.tests if name],
         band=(float(measured.frequency.min()), float(measured.frequency.max())),
         values=found.values.tolist(),

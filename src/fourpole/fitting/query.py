@@ -17,11 +17,11 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AXES
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import ModelError
-from fourpole.fitting.modelfile import LARGEST, ModelEntry, ModelFile, RigFile, column_of, map_of, model_of
+from fourpole.fitting.modelfile import LARGEST, ModelEntry, ModelFile, RigFile, map_of, model_of
 from fourpole.fitting.rows import tyre_columns
 from fourpole.models.operating import LeaveOneOut, OperatingMap
 from fourpole.models.surface import Axes
-from fourpole.models.together import Scatter, link, unlink
+from fourpole.models.together import Scatter, link_all, unlink_all
 from fourpole.units import shown
 
 #: Option of `fourpole query` that states an axis, by the column of the axis.
@@ -105,7 +105,7 @@ def _tyre_of(file: ModelFile, name: str | None) -> str:
 
 def _condition(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -> OperatingMap:
     """The model at the one condition that `state` names, as a map of one point."""
-    states = [{column_of(one.name, one.unit): one.value for one in each.state} for each in entry.conditions]
+    states = [{one.column: one.value for one in each.state} for each in entry.conditions]
     good = [
         at
         for at, own in enumerate(states)
@@ -119,9 +119,8 @@ def _condition(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -
             "the results with fourpole map"
         )
     one, own, model = entry.conditions[good[0]], states[good[0]], model_of(entry)
-    values = np.array(one.values)
-    linked = np.array([link(each, value) for each, value in zip(model.parameters, values, strict=True)])
-    slopes = np.array([unlink(each, value)[1] for each, value in zip(model.parameters, linked, strict=True)])
+    linked = link_all(model, np.array(one.values))
+    _, slopes = unlink_all(model, linked)
     scale = np.divide(1.0, slopes, out=np.zeros_like(slopes), where=np.abs(slopes) > 1e-100)
     covariance = np.array(one.covariance) * np.outer(scale, scale)
     return OperatingMap(

@@ -20,7 +20,7 @@ from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData, multiplication
 from fourpole.models.interface import Model
 from fourpole.models.surface import Axes, Terms, ValueSurface, bends, design, term_sets, value_surface
-from fourpole.models.together import Scatter, Together, fit_together, unlink
+from fourpole.models.together import Scatter, Together, fit_together, unlink_all
 
 #: Relative scatter of conditions in the comparison of surfaces; least and largest scatter of the search.
 _SCATTER, _LEAST, _MOST = 1e-2, 1e-6, 1.0
@@ -164,9 +164,7 @@ class OperatingMap(ByValue):
 
     def _unlinked(self, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Parameters (Q, P) from basis functions (Q, K), and their derivatives by the linked parameters."""
-        linked = basis @ self.coefficients.T
-        both = [unlink(one, linked[:, at]) for at, one in enumerate(self.model.parameters)]
-        return np.stack([one for one, _ in both], axis=1), np.stack([slope for _, slope in both], axis=1)
+        return unlink_all(self.model, basis @ self.coefficients.T)
 
     def octaves_beyond(self, frequency: ArrayLike) -> FloatArray:
         """Distance (Q,) of frequencies (Q,) [Hz] from the band, in octaves; 0 inside."""

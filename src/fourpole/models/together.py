@@ -57,6 +57,17 @@ def unlink(parameter: Parameter, linked: ArrayLike) -> tuple[FloatArray, FloatAr
     return array, np.ones_like(array)
 
 
+def link_all(model: Model, values: FloatArray) -> FloatArray:
+    """The links (..., P) of all parameters (..., P) of a model."""
+    return np.stack([link(one, values[..., at]) for at, one in enumerate(model.parameters)], axis=-1)
+
+
+def unlink_all(model: Model, linked: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """All parameters (..., P) of linked values (..., P), and their derivatives by the linked values."""
+    both = [unlink(one, linked[..., at]) for at, one in enumerate(model.parameters)]
+    return np.stack([one for one, _ in both], axis=-1), np.stack([slope for _, slope in both], axis=-1)
+
+
 @dataclass(frozen=True)
 class Scatter:
     """Relative standard deviations of conditions about their law.
@@ -118,8 +129,7 @@ class Together(ByValue):
 
     def fits(self) -> list[Fit]:
         """One fit per condition, with the covariance of its parameters and an equal part of the degrees of freedom."""
-        linked = [link(one, self.values[:, at]) for at, one in enumerate(self.model.parameters)]
-        slopes = np.stack([unlink(one, at)[1] for one, at in zip(self.model.parameters, linked, strict=True)], axis=1)
+        _, slopes = unlink_all(self.model, link_all(self.model, self.values))
         found = []
         for at, values in enumerate(self.values):
             laws = zip(slopes[at], self.designs, strict=True)
@@ -265,7 +275,7 @@ class _Search:
 
     def begin(self, values: FloatArray) -> FloatArray:
         """Unknowns whose laws are closest to parameters (B, P), with shared errors of zero."""
-        linked = [link(one, values[:, at]) for at, one in enumerate(self.model.parameters)]
+        linked = link_all(self.model, values).T
         found = [np.linalg.lstsq(design, one, rcond=None)[0] for design, one in zip(self.designs, linked, strict=True)]
         return np.concatenate([*found, np.zeros(self.common)])
 
@@ -276,8 +286,7 @@ class _Search:
 
     def parameters(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Parameters (B, P), and their derivatives by the linked parameters."""
-        both = [unlink(one, at) for one, at in zip(self.model.parameters, self.linked(u).T, strict=True)]
-        return np.stack([one for one, _ in both], axis=1), np.stack([slope for _, slope in both], axis=1)
+        return unlink_all(self.model, self.linked(u))
 
     def residuals(self, u: FloatArray) -> list[FloatArray]:
         """Whitened residuals, data minus model, of each condition; the last is that of K1, if it is known."""

@@ -15,7 +15,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import axis_of
 from fourpole.core.confidence import NORMAL_95
-from fourpole.fitting.modelfile import ConditionFile, ModelEntry, column_of
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.query import response
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
@@ -125,7 +125,7 @@ def _conditions(entry: ModelEntry, sheet: Sheet) -> list[_Drawn]:
     tyre = sheet.names.index(entry.tyre)
     found = []
     for at, one in enumerate(entry.conditions):
-        state = {column_of(each.name, each.unit): each.value for each in one.state}
+        state = {each.column: each.value for each in one.state}
         others = tuple((column, value) for column, value in state.items() if column not in _STATED)
         pressure, load = (
             groups.nearest(state[column]) if column in state else len(groups) - 1

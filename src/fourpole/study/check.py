@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -206,39 +207,30 @@ class _Inspection:
 
     def duplicates(self) -> None:
         """Find two tests of one recording, or of two files with the same content."""
-        seen: dict[tuple[object, ...], Test] = {}
+        sizes = Counter(path.stat().st_size for path in {*self.paths.values()})
+        seen: dict[object, Test] = {}
+        hashed: set[Path] = set()
         for test in self.campaign.tests:
             path = self.paths.get(test.name)
             if path is None:
                 continue
-            key = (path, group_of(path, test), test.window)
-            first = seen.setdefault(key, test)
+            first, size = seen.setdefault((path, group_of(path, test), test.window), test), path.stat().st_size
             if first is not test:
                 message = (
                     f"is the recording of test {units.shown(first.name)} (row {first.row}) too: name "
                     f"another file, group or window [s]"
                 )
                 self._say(test, "duplicate", "warning", message)
-        self._same_content()
-
-    def _same_content(self) -> None:
-        by_size: dict[int, list[tuple[Test, Path]]] = {}
-        for test in self.campaign.tests:
-            path = self.paths.get(test.name)
-            if path is not None and path not in {other for _, other in by_size.get(path.stat().st_size, [])}:
-                by_size.setdefault(path.stat().st_size, []).append((test, path))
-        for size, several in by_size.items():
-            if len(several) < 2 or size > _MOST_HASHED:
+            if path in hashed or sizes[size] < 2 or size > _MOST_HASHED:
                 continue
-            seen: dict[str, Test] = {}
-            for test, path in several:
-                first = seen.setdefault(sha256_of(path, max_bytes=MAX_FILE_BYTES, label=test.file), test)
-                if first is not test:
-                    message = (
-                        f"has the same content as {units.shown(first.file)} of test "
-                        f"{units.shown(first.name)} (row {first.row}): is it a copy?"
-                    )
-                    self._say(test, "duplicate", "warning", message)
+            hashed.add(path)
+            first = seen.setdefault(sha256_of(path, max_bytes=MAX_FILE_BYTES, label=test.file), test)
+            if first is not test:
+                message = (
+                    f"has the same content as {units.shown(first.file)} of test "
+                    f"{units.shown(first.name)} (row {first.row}): is it a copy?"
+                )
+                self._say(test, "duplicate", "warning", message)
 
     def stiffness(self, statics: Sequence[StaticRow]) -> None:
         """Check whether each dynamic test has a K1."""

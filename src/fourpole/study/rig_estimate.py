@@ -350,6 +350,8 @@ def _read(name: str, rig: pl.DataFrame, residuals: pl.DataFrame, recorded: objec
     record = _mapping(recorded)
     values = _values(rig)
     gain = _mapping(record.get("gain_of_masses"))
+    names = ("chi2", "dof", "rig_error", "inflation", "scatter", "unsteady")
+    known: dict[str, Any] = {one: found for one in names if (found := number(record.get(one))) is not None}
     masses = residuals[q.ADDED_MASS.head].to_list() if q.ADDED_MASS.head in residuals.columns else []
     return RigEstimate(
         name,
@@ -358,12 +360,7 @@ def _read(name: str, rig: pl.DataFrame, residuals: pl.DataFrame, recorded: objec
         converged=record.get("converged") is not False,
         reason=str(record.get("reason") or ""),
         **{one: int(number(record.get(one)) or 0) for one in ("steps", "tests", "conditions", "shared")},
-        chi2=number(record.get("chi2")),
-        dof=number(record.get("dof")),
-        rig_error=number(record.get("rig_error")) or 0.0,
-        inflation=number(record.get("inflation")) or 1.0,
-        scatter=number(record.get("scatter")) or 0.0,
-        unsteady=number(record.get("unsteady")) or 0.0,
+        **known,
         candidates=tuple(_candidates(record.get("candidates"))),
         outliers=_outliers(residuals),
         massed=any((number(mass) or 0.0) > 0 for mass in masses) or any(one.source.role is Role.MASS for one in values),
@@ -408,19 +405,13 @@ def _finding(text: object) -> Finding:
 
 def _candidates(listed: object) -> list[Candidate]:
     found = [item for item in _list(listed) if isinstance(item, dict) and item.get("text")]
-    return [
-        Candidate(
-            str(item.get("name") or ""),
-            _or_nan(item.get("value")),
-            _or_nan(item.get("std")),
-            str(item.get("unit") or ""),
-            _or_nan(item.get("explains")),
-            _candidate_source(str(item.get("part") or "")),
-            _or_nan(item.get("size")),
-            str(item["text"]),
-        )
+    texts, numbers = ("name", "unit", "text"), ("value", "std", "explains", "size")
+    cells: list[dict[str, Any]] = [
+        {name: str(item.get(name) or "") for name in texts} | {name: _or_nan(item.get(name)) for name in numbers}
         for item in found
     ]
+    sources = [_candidate_source(str(item.get("part") or "")) for item in found]
+    return [Candidate(source=source, **row) for source, row in zip(sources, cells, strict=True)]
 
 
 def _candidate_source(part: str) -> Source:

@@ -164,21 +164,14 @@ def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticT
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
         why = reported(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
     else:
-        return _read(campaign, test, curve, whole, preloads, sha256)
+        rows = tuple(_at(campaign, curve, whole, load) for load in preloads)
+        rows = rows or (replace(whole, checks=(reported(Code.NO_PRELOAD, "ok"),)),)
+        return StaticTest(test, curve, rows, sha256)
     rows = tuple(StaticRow(test, load, checks=(why,)) for load in preloads or [nowhere])
     return StaticTest(test, None, rows, sha256)
 
 
-def _read(
-    campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, preloads: list[float], sha256: str
-) -> StaticTest:
-    """The static test at each preload, from its curve."""
-    if not preloads:
-        return StaticTest(test, curve, (replace(whole, checks=(reported(Code.NO_PRELOAD, "ok"),)),), sha256)
-    return StaticTest(test, curve, tuple(_at(campaign, test, curve, whole, load) for load in preloads), sha256)
-
-
-def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load: float) -> StaticRow:
+def _at(campaign: Campaign, curve: LoadCurve, whole: StaticRow, load: float) -> StaticRow:
     channels = campaign.stated.channels
     assert channels.load is not None
     assert channels.deflection is not None
@@ -196,16 +189,9 @@ def _at(campaign: Campaign, test: Test, curve: LoadCurve, whole: StaticRow, load
         Source(Kind.K1_CYCLES): tangent.cycles,
         Source(Kind.K1_GAINS): float(np.sqrt(max(std**2 - tangent.std**2, 0.0))),
     }
-    return StaticRow(
-        test,
-        load,
-        stiffness=tangent.stiffness,
-        std=std,
-        parts=parts,
-        secant=secant.stiffness,
-        loss=whole.loss,
-        nonlinearity=whole.nonlinearity,
-        checks=tuple(checks),
+    k1 = tangent.stiffness
+    return replace(
+        whole, preload=load, stiffness=k1, std=std, secant=secant.stiffness, checks=tuple(checks), parts=parts
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY, axis_of
-from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, NamedValue, column_of, map_of
+from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, NamedValue, map_of
 from fourpole.report.digits import number, spread
 from fourpole.report.words.phrases import percent, ranged
 
@@ -126,8 +126,8 @@ def place(one: ConditionFile) -> str:
 
 
 def _stood(each: NamedValue) -> str:
-    unit, scale, _ = _axis(column_of(each.name, each.unit))
-    named = "" if column_of(each.name, each.unit) in _AXES else f"{each.name} "
+    unit, scale, _ = _axis(each.column)
+    named = "" if each.column in _AXES else f"{each.name} "
     return f"{named}{each.value / scale:.4g} {unit}".rstrip().replace("-", "−")
 
 
@@ -140,7 +140,7 @@ def map_facts(entry: MapEntry) -> list[tuple[str, str]]:
     """A map's axes, band and leave-one-out error, as pairs of name and value."""
     facts = [("model", entry.model + ("" if entry.causal else " (not causal)"))]
     for axis in entry.axes:
-        column = column_of(axis.name, axis.unit)
+        column = axis.column
         unit, scale, _ = _axis(column)
         facts.append((axis.name, spread(axis.values, axis_of(column), unit, scale=scale)))
     facts += [(f"{each.name}, not varied", _bare(each)) for each in entry.constant]
@@ -155,7 +155,7 @@ def map_facts(entry: MapEntry) -> list[tuple[str, str]]:
 
 
 def _bare(each: NamedValue) -> str:
-    unit, scale, _ = _axis(column_of(each.name, each.unit))
+    unit, scale, _ = _axis(each.column)
     return f"{each.value / scale:.4g} {unit}".rstrip()
 
 
@@ -173,7 +173,7 @@ def question(entry: MapEntry, *, several: bool) -> str:
     if several:
         parts.append(tyre_option(entry.tyre))
     for axis, value in zip(entry.axes, _inside(entry), strict=True):
-        column = column_of(axis.name, axis.unit)
+        column = axis.column
         unit, scale, option = _axis(column)
         if option == "--at":
             parts.append(f"--at {_quoted(f'{column}={value:.10g}')}")
