@@ -20,10 +20,10 @@ def holds_arrays(field):
     return "Callable" not in str(field.type) and any(word in str(field.type) for word in HOLDS_ARRAYS)
 
 
-def dataclasses_with_arrays():
+def dataclasses_with_arrays(*, private):
     for module in pkgutil.walk_packages(fourpole.__path__, "fourpole."):
         for name, kind in vars(import_module(module.name)).items():
-            if not inspect.isclass(kind) or kind.__module__ != module.name or name.startswith("_"):
+            if not inspect.isclass(kind) or kind.__module__ != module.name or name.startswith("_") != private:
                 continue
             if dataclasses.is_dataclass(kind) and any(map(holds_arrays, dataclasses.fields(kind))):
                 yield kind
@@ -37,7 +37,17 @@ def filled(kind, value):
     return made
 
 
-@pytest.mark.parametrize("kind", list(dataclasses_with_arrays()), ids=lambda kind: kind.__name__)
+ROOMS = tuple(f"fourpole.{room}." for room in ("core", "models", "fitting", "study"))
+PRIVATE = (kind for kind in dataclasses_with_arrays(private=True) if kind.__module__.startswith(ROOMS))
+
+
+@pytest.mark.parametrize("kind", [*PRIVATE], ids=lambda kind: kind.__qualname__)
+def test_the_comparison_of_private_classes_with_arrays_does_not_raise(kind):
+    value = np.array([1.0, 2.0])
+    assert isinstance(filled(kind, value) == filled(kind, value), bool), "state eq=False"
+
+
+@pytest.mark.parametrize("kind", list(dataclasses_with_arrays(private=False)), ids=lambda kind: kind.__name__)
 def test_a_public_class_with_arrays_compares_by_value(kind):
     assert issubclass(kind, ByValue), "state eq=False and take ByValue as base"
     value = np.array([1.0, np.nan])

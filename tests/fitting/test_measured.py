@@ -171,3 +171,12 @@ def test_a_stiffness_below_zero_is_no_tyres():
     found = measured_of(table(**{RE: [-200e3, 190e3, 195e3, 150e3]}))
     assert found.conditions[0].tests == ("D2",)
     assert "below zero" in found.notes[0]
+
+
+def test_the_table_of_the_conditions_has_the_points_of_tests_with_several():
+    rows = {"tyre": ["a"] * 3, "frequency [Hz]": [10.0, 12.0, 14.0], "Re K* [N/m]": [2e5] * 3, "Im K* [N/m]": [2e4] * 3}
+    single = measured_of(pl.DataFrame({"test": ["D1", "D2", "D3"], **rows}), std=0.01)
+    assert "point" not in table_of(single).columns
+    swept = measured_of(pl.DataFrame({"test": ["D1"] * 3, "point": [1, 2, 3], **rows}), std=0.01)
+    assert table_of(swept)["point"].to_list() == [1, 2, 3]
+    assert swept.only(None, (11.0, 15.0)).conditions[0].keys == (("D1", 2), ("D1", 3))

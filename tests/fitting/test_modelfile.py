@@ -187,6 +187,24 @@ def test_a_file_without_own_axes_is_written_as_before(fitted):
     assert "axes" not in fitted.document
 
 
+def test_a_condition_holds_the_points_of_tests_with_several(tmp_path):
+    rows = table(pressures=(1.7e5,), preloads=(1000.0,))
+    count = len(rows)
+    swept = rows.with_columns(pl.lit("D1").alias("test"), pl.Series("point", range(1, count + 1)))
+    for measured, points in ((measured_of(rows), []), (measured_of(swept), list(range(1, count + 1)))):
+        file = model_file(measured, fit_tyres(measured, "zener"))
+        (one,) = file.models[0].conditions
+        assert (len(one.tests), one.points) == (count, points)
+        assert ("points" in file.document["models"][0]["conditions"][0]) == bool(points)
+        file.write(tmp_path / "model.json")
+        assert read_model_file(tmp_path / "model.json") == file
+    document = file.document
+    document["models"][0]["conditions"][0]["points"] = [1]
+    (tmp_path / "model.json").write_text(json.dumps(document))
+    with pytest.raises(ModelError, match=f"1 points for {count} tests"):
+        read_model_file(tmp_path / "model.json")
+
+
 def test_a_fit_is_asked_at_its_conditions_only(fitted):
     with pytest.raises(ModelError, match="2 conditions are the same as the stated one"):
         ask(fitted, Query([13.7], {"pressure [Pa]": 1.7e5}, "a"))

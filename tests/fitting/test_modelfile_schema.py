@@ -10,7 +10,7 @@ import pytest
 
 from fourpole.core.tyre import zener_stiffness
 from fourpole.fitting.measured import measured_of
-from fourpole.fitting.modelfile import FORMAT, VERSION, ModelFile, read_model_file, schema
+from fourpole.fitting.modelfile import FORMAT, LATER, VERSION, ModelFile, read_model_file, schema
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -116,3 +116,16 @@ def test_the_example_of_the_page_can_be_read(tmp_path):
     assert isinstance(found, ModelFile)
     assert found.models[0].conditions[0].tests == ["D1", "D2", "D3"]
     assert json.loads(example) == found.document
+
+
+def test_the_documentation_names_the_keys_that_version_1_has_gained(written, stated):
+    """A key that is added to version 1 is optional, is written only where it holds something, and stands in LATER."""
+    (paragraph,) = (part for part in PAGE.split("\n\n") if part.startswith("**Keys that version 1 has gained.**"))
+    assert [key for key in re.findall(r"`(\w+)`", paragraph) if key != "K"] == list(LATER)
+    for part in (stated, stated["$defs"]["ConditionFile"]):
+        later = [key for key in LATER if key in part["properties"]]
+        assert later
+        assert not set(later) & set(part.get("required", []))
+    for document in written:
+        assert "axes" not in document
+        assert all("points" not in one for entry in document["models"] for one in entry["conditions"])

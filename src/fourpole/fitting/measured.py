@@ -20,7 +20,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.condition import AXES, Sameness
 from fourpole.errors import FileError, ModelError, TableError
-from fourpole.fitting.rows import Key, conditions_in, keys_of, names_apart, rule_in
+from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
 from fourpole.io.source import read_bytes
 from fourpole.models.data import StiffnessData
 from fourpole.units import shown
@@ -49,8 +49,8 @@ class Measured(ByValue):
     tyre : str
     state : dict of str to float
         Stated values of the axes, by column: {"pressure [Pa]": 1.7e5}.
-    tests : tuple of str
-        Names of the tests, rising in frequency.
+    keys : tuple of (str, int)
+        Test and point of each frequency, rising in frequency.
     own : StiffnessData
         K* with the covariance that is independent between frequencies.
     shared : (2N, p) float array [N/m]
@@ -60,9 +60,14 @@ class Measured(ByValue):
 
     tyre: str
     state: dict[str, float]
-    tests: tuple[str, ...]
+    keys: tuple[Key, ...]
     own: StiffnessData
     shared: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def tests(self) -> tuple[str, ...]:
+        """Name of the test of each frequency."""
+        return tuple(test for test, _ in self.keys)
 
     @property
     def data(self) -> StiffnessData:
@@ -154,9 +159,9 @@ def _within(one: Measured, band: tuple[float, float]) -> Measured | None:
     if not rows.size:
         return None
     both = np.stack([2 * rows, 2 * rows + 1], axis=1).ravel()
-    tests = tuple(one.tests[at] for at in rows.tolist()) if one.tests else ()
+    keys = tuple(one.keys[at] for at in rows.tolist())
     shared = one.shared[both] if one.shared.size else one.shared
-    return replace(one, tests=tests, own=one.own.part(rows), shared=shared)
+    return replace(one, keys=keys, own=one.own.part(rows), shared=shared)
 
 
 def read_measured(
@@ -215,13 +220,15 @@ def _rule_beside(table: Path) -> Sameness:
 def table_of(measured: MeasuredSet) -> pl.DataFrame:
     """The conditions as a table like dynamic.csv, with the uncertainties and K1 of the fits."""
     rows = []
+    several = any(point > 1 for one in measured.conditions for _, point in one.keys)
     for one in measured.conditions:
         own = one.data
         std = np.sqrt(np.diagonal(own.covariance) if own.full else np.diagonal(own.covariance, 0, 1, 2).ravel())
         cross = [one.own.covariance[at, 0, 1] for at in range(own.count)]
         for at in range(own.count):
             u_re, u_im = float(std[2 * at]), float(std[2 * at + 1])
-            row = {"test": one.tests[at], "tyre": one.tyre, **one.state, FREQUENCY: float(one.frequency[at])}
+            key = dict(zip(KEY if several else KEY[:1], one.keys[at], strict=False))
+            row = {**key, "tyre": one.tyre, **one.state, FREQUENCY: float(one.frequency[at])}
             row |= {RE: float(own.stiffness[at].real), IM: float(own.stiffness[at].imag)}
             if measured.known:
                 row |= {_STD[0]: u_re, _STD[1]: u_im, _STD[2]: float(cross[at] / (u_re * u_im)) if u_re * u_im else 0.0}
@@ -283,12 +290,12 @@ def _usable(numbers: Mapping[str, FloatArray], name: str, *, stated: bool) -> tu
     return good, notes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Rows:
     """The usable rows of a table."""
 
     tyres: list[str]
-    names: list[str]
+    keys: Sequence[Key]
     numbers: dict[str, FloatArray]
     covariance: FloatArray
     shared: FloatArray
@@ -321,7 +328,7 @@ class _Rows:
             own = _stated(numbers)
         else:
             known = False
-        return cls(tyres, [test for test, _ in keys], numbers, own, shared, condition, known, alone, std is not None)
+        return cls(tyres, keys, numbers, own, shared, condition, known, alone, std is not None)
 
     @property
     def count(self) -> int:
@@ -370,7 +377,7 @@ def _measured(
     return Measured(
         tyre=rows.tyres[int(places[0])],
         state={column: value for column, value in state.items() if np.isfinite(value)},
-        tests=tuple(rows.names[members[0]] for members in ordered),
+        keys=tuple(rows.keys[members[0]] for members in ordered),
         own=own,
         shared=shared.reshape(2 * len(mean), -1) if shared.shape[2] else np.zeros((0, 0)),
     )

@@ -36,6 +36,8 @@ _ROUND_OFF = 1e-6
 LARGEST = 1e30
 
 
+#: Keys that version 1 has gained: of the document, and of a condition.
+LATER = ("axes", "points")
 #: Keys of version 1 of the format whose attributes have other names.
 _KEYS = {"discrepancy": "granted", "leave_one_out": "left_out", "not_converged": "lost"}
 
@@ -121,6 +123,9 @@ class ConditionFile(_Strict):
 
     state: list[NamedValue] = Field(max_length=20)
     tests: list[str] = Field(max_length=_LONGEST)
+    points: list[int] = Field(
+        default_factory=list, max_length=_LONGEST, description="Point of each of `tests`; without it, 1."
+    )
     band: Band = Field(description="Lowest and highest frequency fitted [Hz].")
     values: list[float] = Field(max_length=200, description="Values of the parameters, in their order.")
     covariance: list[list[float]] = Field(max_length=200, description="Covariance of the parameters.")
@@ -249,8 +254,13 @@ class ModelFile(_Strict):
 
     @property
     def document(self) -> dict[str, Any]:
-        """The document with the keys and types of JSON; without `axes` if there are none."""
-        return self.model_dump(mode="json", by_alias=True, exclude=None if self.axes else {"axes"})
+        """The document with the keys and types of JSON; the keys of `LATER` stand only where they hold something."""
+        document: dict[str, Any] = self.model_dump(mode="json", by_alias=True)
+        for part in (document, *(one for entry in document["models"] for one in entry["conditions"])):
+            for key in LATER:
+                if part.get(key) == []:
+                    del part[key]
+        return document
 
     def write(self, path: str | Path) -> None:
         """Write the document in one step."""
@@ -315,6 +325,8 @@ def _check_model(name: str, entry: ModelEntry) -> None:
     size = len(model.parameters)
     for at, one in enumerate(entry.conditions):
         where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
+        if len(one.points) not in (0, len(one.tests)):
+            raise ModelError(f"{where}: {len(one.points)} points for {len(one.tests)} tests")
         if len(one.values) != size or len(one.intervals) != size:
             raise ModelError(f"{where}: {len(one.values)} values for {size} parameters")
         model.checked(one.values)

@@ -427,9 +427,11 @@ def lacking_error(measured: Measured, verdict: Possible) -> float:
 
 def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: Possible | None) -> ConditionFile:
     symbols = [one.symbol for one in found.model.parameters]
+    points = [point for name, point in measured.keys if name]
     return ConditionFile(
         state=NamedValue.of(measured.state),
         tests=[name for name in measured.tests if name],
+        points=points if any(point > 1 for point in points) else [],
         band=(float(measured.frequency.min()), float(measured.frequency.max())),
         values=found.values.tolist(),
         covariance=found.covariance.tolist(),

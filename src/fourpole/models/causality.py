@@ -120,7 +120,7 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Best:
     """The best passive tyre: chi-square, K* (N,) [N/m], whitened residuals (M,) and relaxation spectrum."""
 

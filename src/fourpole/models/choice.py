@@ -21,7 +21,7 @@ from fourpole.models.starts import starts_of
 AUTO = automatic()
 #: Two models are equally good if their BIC differ by less than this: odds of 20 to 1.
 _ALIKE = 6.0
-#: The leave-one-out error is computed if the BIC exceeds the least by less than this for each condition.
+#: The cross-validation error is computed if the BIC exceeds the least by less than this for each condition.
 _WORTH = 30.0
 #: Number of parts into which cross-validation divides the frequencies; least degrees of freedom of its fits.
 _FOLDS = 5
@@ -177,7 +177,7 @@ def choose(
     limit = candidates[0].bic + _WORTH * len(conditions)
     for at, one in enumerate(candidates):
         if one.bic < limit:
-            candidates[at] = replace(one, leave_one_out=_leave_one_out(one, conditions, known))
+            candidates[at] = replace(one, leave_one_out=_cross_validation_error(one, conditions, known))
     best = candidates[0]
     near = [one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE]
     alike = tuple(name for name in near if not contains(name, best.name))
@@ -259,7 +259,7 @@ def _candidate(model: Model, conditions: Sequence[StiffnessData], given: Sequenc
     return Candidate(fits, aicc, bic)
 
 
-def _leave_one_out(
+def _cross_validation_error(
     candidate: Candidate, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
 ) -> float:
     """Root mean square residual of frequencies, in standard uncertainties, from fits to the other four fifths."""

@@ -123,7 +123,7 @@ def _spread(condition: WhitenedCondition, arms: int, beyond: float) -> FloatArra
     return np.linspace(low, high, arms)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Spectrum:
     """The best non-negative relaxation spectrum of a condition on a fine grid of times.
 

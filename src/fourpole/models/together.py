@@ -248,7 +248,7 @@ def fit_together(
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Search:
     """The least-squares problem; its unknowns u are all coefficients in turn, then the shared errors."""
 
@@ -324,7 +324,7 @@ class _Search:
         return np.concatenate([by_linked[:, :, p, None] * law for p, law in enumerate(laws)], axis=2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Group:
     """Conditions with the same number of frequencies, and their places among all conditions."""
 

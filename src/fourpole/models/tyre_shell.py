@@ -56,7 +56,7 @@ _PARAMETERS = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Patch:
     """Harmonics n, m (pairs,) under the patch, and the three results (..., pairs) of `shell.load`."""
 

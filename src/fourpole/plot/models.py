@@ -17,6 +17,7 @@ from fourpole.core.condition import axis_of
 from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.query import response
+from fourpole.fitting.rows import keys_of
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import Extent, Marks, band, curve, limit, span, tyre_heading
@@ -139,11 +140,14 @@ def _conditions(entry: ModelEntry, sheet: Sheet) -> list[_Drawn]:
 def _rows(one: ConditionFile, state: dict[str, float], sheet: Sheet) -> BoolArray:
     """The rows that a condition was fitted to: by the names of tests, or, for tests without a name, by the state.
 
-    A model file names tests, but a test may have several points; its points used are those in the band fitted.
+    If the model file does not have the points, those of a test with several points are those in the band fitted.
     """
     frequency = sheet.values(q.FREQUENCY.head)
     mask = (frequency >= one.band[0] * (1 - 1e-9)) & (frequency <= one.band[1] * (1 + 1e-9))
     if one.tests:
+        if one.points:
+            used = {*zip(one.tests, one.points, strict=True)}
+            return np.array([key in used for key in keys_of(sheet.table)], dtype=bool)
         names = np.array(texts(sheet.table, q.TEST.head), dtype=object)
         points = Counter(names.tolist())
         single = np.array([points[name] == 1 for name in names], dtype=bool)

@@ -44,12 +44,12 @@ def state(**changes):
     tests = SimpleNamespace(whiten=np.ones((20, 6, 6)))
     problem = SimpleNamespace(
         observed=tests,
-        rewhitened=lambda whiten: problem,
+        reweighted=lambda whiten: problem,
         widened=lambda columns: problem,
         columns=lambda name, z, stiffness: np.ones((20, 6, 2)),
     )
     solution = SimpleNamespace(z=np.zeros(3), stiffness=np.ones(20, dtype=complex))
-    own = {name: changes.pop(name) for name in ("trifle", "finished") if name in changes}
+    own = {name: changes.pop(name) for name in ("negligible", "finished") if name in changes}
     return _State(problem, solution, np.ones(20), misfit=Misfit(0.0, 0.0, **changes), **own)
 
 
@@ -210,9 +210,9 @@ def test_a_misfit_that_a_part_leaves_is_an_error_of_the_rig_beyond_a_ten_thousan
     assert (here.misfit.inflation > 1) == (rig_error == 0)
 
 
-@pytest.mark.parametrize(("level", "trifle"), [(BELOW * 1e-4, True), (ABOVE * 1e-4, False)])
-def test_noise_that_is_less_than_a_ten_thousandth_of_zr_is_a_trifle(mended, level, trifle):
-    assert mended(diagnosis(rig_chi2=300.0, level=level))[0].trifle == trifle
+@pytest.mark.parametrize(("level", "negligible"), [(BELOW * 1e-4, True), (ABOVE * 1e-4, False)])
+def test_noise_that_is_less_than_a_ten_thousandth_of_zr_is_negligible(mended, level, negligible):
+    assert mended(diagnosis(rig_chi2=300.0, level=level))[0].negligible == negligible
 
 
 @pytest.mark.parametrize(("share", "named"), [(0.29, False), (0.31, True)])
@@ -222,10 +222,10 @@ def test_a_cause_is_named_that_explains_three_tenths_of_what_is_taken_for_noise(
 
 
 @pytest.mark.parametrize(
-    ("trifle", "inflation", "fits"), [(False, 1.99, True), (False, 2.01, False), (True, 9.0, True)]
+    ("negligible", "inflation", "fits"), [(False, 1.99, True), (False, 2.01, False), (True, 9.0, True)]
 )
-def test_the_rig_is_doubted_where_noise_is_twice_what_the_recordings_say(trifle, inflation, fits):
-    assert state(trifle=trifle, inflation=inflation).fits == fits
+def test_the_rig_is_doubted_where_noise_is_twice_what_the_recordings_say(negligible, inflation, fits):
+    assert state(negligible=negligible, inflation=inflation).fits == fits
 
 
 @pytest.mark.parametrize(

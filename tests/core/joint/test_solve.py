@@ -172,7 +172,7 @@ def test_what_nothing_can_lower_is_told(campaign):
     """A start at which no number exists: the best that was met is given, with a reason."""
     problem = campaign.problem()
     start = np.full(problem.conditions.count, 1e5 + 1e4j)
-    problem = problem.rewhitened(np.full_like(problem.observed.whiten, np.nan))
+    problem = problem.reweighted(np.full_like(problem.observed.whiten, np.nan))
     with np.errstate(invalid="ignore"):
         solution = solve(problem, start)
     assert not solution.converged

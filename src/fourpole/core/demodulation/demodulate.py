@@ -296,7 +296,7 @@ def _new_terms(fit: SineFit, found: FloatArray, resolution: float, rate: float) 
     return np.array(lines), tuple(sorted(unsteady))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Wave:
     """Harmonics of one channel.
 

@@ -20,16 +20,16 @@ from fourpole.errors import RecordingError
 _FEWEST_STRETCHES = 12
 #: Number of rows for mean and drift at the end of a fit's basis.
 _DRIFT = 4
-#: The speed is followed if this changes a ratio of amplitudes by more than this many standard uncertainties, ...
-_MOVED = 3.0
-#: ... or if it divides the standard uncertainty of a ratio by this factor.
-_WORSE = 2.0
+#: The speed is followed if a ratio of amplitudes then changes by more than this many standard uncertainties.
+_SHIFT = 3.0
+#: The speed is also followed if the standard uncertainty of a ratio then falls by this factor.
+_STD_FALL = 2.0
 #: The residual of V1 must fall below this share of the residual at one frequency.
-_LESS = 0.9
+_RESIDUAL_FALL = 0.9
 #: The residual of no channel may exceed this multiple of its residual at one frequency.
-_NO_MORE = 1.02
-#: The relative amplitude of a wandering drive varies by less than this share of its phase [rad].
-_SWELLS = 0.5
+_RESIDUAL_RISE = 1.02
+#: A drive wanders if its relative amplitude varies by less than this share of the variation of its phase [rad].
+_AMPLITUDE_OVER_PHASE = 0.5
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def follow_wander(recording: Recording, found: Demodulation) -> tuple[Demodulati
     The phase of V1 in stretches of four cycles replaces a tacho. Its noise is small against that of the amplitudes,
     because it is smoothed and common to all channels.
     """
-    followed = _along_v1(recording, found, _LESS)
+    followed = _along_v1(recording, found, _RESIDUAL_FALL)
     if followed is None:
         return None
     better, peak = followed
@@ -101,7 +101,7 @@ def _along_v1(recording: Recording, found: Demodulation, share: float) -> tuple[
             continue
         with suppress(RecordingError):
             followed = demodulate(replace(recording, reference=reference))
-            if _less(followed, found, share):
+            if _is_better(followed, found, share):
                 tries.append((followed, departure))
     return min(tries, key=lambda pair: float(pair[0].noise_ratio[CHANNELS.index("motion_in")]), default=None)
 
@@ -113,10 +113,10 @@ def _departure(reference: Reference) -> float:
     return float(np.max(np.abs(speed / reference.omega(low, high) - 1.0)))
 
 
-def _less(followed: Demodulation, found: Demodulation, share: float) -> bool:
+def _is_better(followed: Demodulation, found: Demodulation, share: float) -> bool:
     """Whether the residual of V1 falls to the share and that of no channel grows."""
     left = followed.noise_ratio / np.maximum(found.noise_ratio, 1e-15)
-    return bool(left[CHANNELS.index("motion_in")] <= share and np.nanmax(left) <= _NO_MORE)
+    return bool(left[CHANNELS.index("motion_in")] <= share and np.nanmax(left) <= _RESIDUAL_RISE)
 
 
 def _own_reference(recording: Recording, found: Demodulation, *, lines: bool) -> Reference | None:
@@ -159,7 +159,7 @@ def _turned(amplitude: ComplexArray) -> bool:
     index = np.arange(float(phase.size))
     turning = phase - np.polynomial.Polynomial.fit(index, phase, 1)(index)
     size = np.abs(amplitude)
-    return bool(np.std(size / np.mean(size)) < _SWELLS * np.std(turning))
+    return bool(np.std(size / np.mean(size)) < _AMPLITUDE_OVER_PHASE * np.std(turning))
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ def _change(steady: Phasors, followed: Phasors, over: int, under: int) -> _Chang
     stds = [_relative_std(phasors, over, under) for phasors in (steady, followed)]
     shift = float(abs(pair[0] / pair[1] - 1))
     least = max(stds[1], 1e-9)
-    return _Change(shift, max(shift / (_MOVED * least), stds[0] / (_WORSE * least) if shift > least else 0.0))
+    return _Change(shift, max(shift / (_SHIFT * least), stds[0] / (_STD_FALL * least) if shift > least else 0.0))
 
 
 def _relative_std(phasors: Phasors, over: int, under: int) -> float:

@@ -24,21 +24,21 @@ _OUTLIER = 50.0
 #: Largest share of outliers among all tests, and among the tests with one mass; with more, the statement is wrong.
 _FEW, _FEW_OF_A_KIND = 0.1, 0.35
 #: A stated value is blamed if it explains at least this share of what the best unstated part explains.
-_AS_GOOD = 0.8
+_SHARE_OF_BEST = 0.8
 #: A stated value is blamed together with the worst one if its departure is at least this share of the worst departure.
-_AS_FAR = 0.9
+_SHARE_OF_WORST = 0.9
 #: A part is a cause of the misfit if it explains at least this share of it.
 _WORTH_NAMING = 0.3
 #: An error of Zr below this share of its largest part counts as noise, because no rig is built that accurately.
-_TRIFLE = 1e-4
+_NEGLIGIBLE = 1e-4
 #: An unstated part is significant if its size is this many standard uncertainties, even without a misfit.
-_PLAIN = 5.0
+_SIGNIFICANT = 5.0
 #: The noise may be this many times what each recording gives before the statement of the rig counts as wrong.
 _NOISE_IN_DOUBT = 2.0
 #: An unsteady drive is the cause of the misfit if it explains more than this share of it.
 _MOSTLY = 0.7
 #: Degrees of freedom of the prior for the noise of one test about the noise of all tests.
-_KNOWN = 4.0
+_PRIOR_DOF = 4.0
 _MOST_ROUNDS = 12
 
 
@@ -82,11 +82,11 @@ class Misfit:
     candidates: tuple[Candidate, ...] = ()
 
 
-@dataclass
+@dataclass(eq=False)
 class _State:
     """The problem, its solution and the misfit after some rounds.
 
-    `doubtful` are conflicts that chance may explain; with `trifle`, the noise hides no error of Zr that matters.
+    `doubtful` are conflicts that chance may explain; `negligible` is false if enlarged noise hides an error of Zr.
     """
 
     problem: Problem
@@ -94,14 +94,14 @@ class _State:
     outlier: FloatArray
     misfit: Misfit = field(default_factory=Misfit)
     doubtful: list[int] = field(default_factory=list)
-    trifle: bool = True
+    negligible: bool = True
     finished: bool = True
 
     @property
     def fits(self) -> bool:
         """Whether rig and channels as stated agree with the tests."""
         as_stated = not (self.misfit.conflicts or self.misfit.parts or self.misfit.rig_error)
-        return self.finished and as_stated and (self.trifle or self.misfit.inflation <= _NOISE_IN_DOUBT)
+        return self.finished and as_stated and (self.negligible or self.misfit.inflation <= _NOISE_IN_DOUBT)
 
     def solve(self, problem: Problem, **misfit: Any) -> None:
         """Solve a changed problem from the present solution, and note what the misfit has become."""
@@ -129,7 +129,7 @@ def reconcile(problem: Problem, solution: Solution) -> tuple[Problem, Solution, 
         if strange.any():
             factor = np.where(strange, np.maximum(left.whole / 2, 1.0), 1.0)
             state.outlier = state.outlier * factor
-            state.solve(state.problem.rewhitened(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
+            state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
             continue
         if not diagnosed:
             state.misfit, diagnosed = _unchanged(state.solution, left), True
@@ -147,7 +147,7 @@ def reconcile(problem: Problem, solution: Solution) -> tuple[Problem, Solution, 
     return state.problem, state.solution, state.outlier, replace(state.misfit, fits=state.fits)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Diagnosis:
     """Misfit of a solution that chance cannot explain, and its possible causes.
 
@@ -204,7 +204,7 @@ class _Diagnosis:
     def contradicted(self) -> bool:
         """Whether a shared value departs too far from its statement, and no unstated part explains much more."""
         best = max(self.explained, self.pull**2)
-        return self.pull > _CONFLICT * np.sqrt(self.rest) and self.pull**2 >= _AS_GOOD * best
+        return self.pull > _CONFLICT * np.sqrt(self.rest) and self.pull**2 >= _SHARE_OF_BEST * best
 
     @property
     def scattered(self) -> bool:
@@ -216,10 +216,10 @@ class _Diagnosis:
     @property
     def part_missing(self) -> bool:
         """Whether one unstated part of the rig explains much of the misfit, or is significant by itself."""
-        if not self.named or not self.named[0].of_rig or self.effect < _TRIFLE:
+        if not self.named or not self.named[0].of_rig or self.effect < _NEGLIGIBLE:
             return False
-        plain = self.explained > _PLAIN**2 * self.rest
-        return plain or (self.rig_bad and self.explained > _WORTH_NAMING * (self.rig_chi2 - self.rig_dof))
+        significant = self.explained > _SIGNIFICANT**2 * self.rest
+        return significant or (self.rig_bad and self.explained > _WORTH_NAMING * (self.rig_chi2 - self.rig_dof))
 
     @cached_property
     def level(self) -> float:
@@ -263,7 +263,7 @@ def _remedied(state: _State, left: Residuals) -> bool:
     elif found.part_missing and found.named[0].source.of not in misfit.parts:
         _name(state, found.named)
         _add_part(state, found.named[0])
-    elif found.rig_bad and misfit.parts and found.level > _TRIFLE and misfit.rig_error < 1:
+    elif found.rig_bad and misfit.parts and found.level > _NEGLIGIBLE and misfit.rig_error < 1:
         _add_rig_error(state, found)
     elif found.rig_bad and misfit.unsteady == 0 and (drive := _unsteady_drive(state, left, found)) is not None:
         state.solve(state.problem.widened(drive[1]), unsteady=drive[0])
@@ -277,7 +277,7 @@ def _remedied(state: _State, left: Residuals) -> bool:
 def _blame(state: _State, found: _Diagnosis) -> None:
     """Note the statements that contradict the tests, and set them aside if chance is excluded."""
     _name(state, found.named)
-    blamed = np.flatnonzero(found.drawn >= _AS_FAR * found.pull).tolist()
+    blamed = np.flatnonzero(found.drawn >= _SHARE_OF_WORST * found.pull).tolist()
     conflicts = (*state.misfit.conflicts, *blamed)
     if found.pull > _IMPOSSIBLE:
         for at in blamed:
@@ -306,12 +306,12 @@ def _add_rig_error(state: _State, found: _Diagnosis) -> None:
 
 def _enlarge_noise(state: _State, found: _Diagnosis) -> None:
     """Enlarge the noise of all tests until chance explains the residuals."""
-    if found.level > _TRIFLE and found.explained > _WORTH_NAMING * found.excess:
+    if found.level > _NEGLIGIBLE and found.explained > _WORTH_NAMING * found.excess:
         _name(state, found.named)
-    state.trifle = state.trifle and found.level <= _TRIFLE
+    state.negligible = state.negligible and found.level <= _NEGLIGIBLE
     ratio = (found.rig_chi2 + found.tyre_chi2) / (found.rig_dof + found.tyre_dof)
     whiten = state.problem.observed.whiten / np.sqrt(_each(found.left, ratio))[:, None, None]
-    state.solve(state.problem.rewhitened(whiten), inflation=state.misfit.inflation * float(np.sqrt(ratio)))
+    state.solve(state.problem.reweighted(whiten), inflation=state.misfit.inflation * float(np.sqrt(ratio)))
 
 
 def _unsteady_drive(state: _State, left: Residuals, found: _Diagnosis) -> tuple[float, FloatArray] | None:
@@ -331,16 +331,16 @@ def _unsteady_drive(state: _State, left: Residuals, found: _Diagnosis) -> tuple[
     if explained < _MOSTLY * (found.rig_chi2 - found.rig_dof):
         return None
     level = _level(part[used, None], weight[used, None, None], float(used.sum()), np.ones(int(used.sum())))
-    return (level, (by_frequency * level)[:, :, None]) if level < _TRIFLE else None
+    return (level, (by_frequency * level)[:, :, None]) if level < _NEGLIGIBLE else None
 
 
 def _each(left: Residuals, ratio: float) -> FloatArray:
     """Factor (N,) of each test's variance: the ratio on average, and more for a test with a large residual.
 
-    It is the posterior mean of a variance whose prior has `_KNOWN` degrees of freedom about the ratio. Noise that is
-    larger than the recordings give is seldom equally large in all of them.
+    It is the posterior mean of a variance whose prior has `_PRIOR_DOF` degrees of freedom about the ratio. Noise that
+    is larger than the recordings give is seldom equally large in all of them.
     """
-    return ratio * (_KNOWN + left.rig / ratio) / (_KNOWN + left.rig_dof)
+    return ratio * (_PRIOR_DOF + left.rig / ratio) / (_PRIOR_DOF + left.rig_dof)
 
 
 def _name(state: _State, named: list[Candidate]) -> None:

@@ -22,7 +22,7 @@ _SMALL = 1e-5
 #: If no such step is found, a last step below this share of every standard uncertainty is also accepted.
 _CLOSE = 1e-2
 #: Allowed rise of the objective, relative and absolute, because K* is updated with the slopes of the previous step.
-_LAGGED = 1e-3
+_ALLOWED_RISE = 1e-3
 #: Steps of K* alone that are tried before a step that raises the objective is halved.
 _CORRECTIONS = 4
 
@@ -35,14 +35,14 @@ class Problem:
     conditions: Conditions
     shared: Shared
 
-    def rewhitened(self, whiten: FloatArray) -> Problem:
+    def reweighted(self, whiten: FloatArray) -> Problem:
         """The same tests with another matrix of weights."""
         return replace(self, observed=replace(self.observed, whiten=whiten))
 
     def widened(self, columns: FloatArray) -> Problem:
         """The same tests with additional noise along `columns` (N, 6, k), in units of the present noise."""
         covariance = np.eye(6) + columns @ np.swapaxes(columns, 1, 2)
-        return self.rewhitened(np.linalg.solve(np.linalg.cholesky(covariance), self.observed.whiten))
+        return self.reweighted(np.linalg.solve(np.linalg.cholesky(covariance), self.observed.whiten))
 
     def chunks(self) -> Iterator[tuple[slice, slice]]:
         """Slices of tests and of conditions that form a chunk: whole conditions, or rigid blocks alone."""
@@ -119,7 +119,7 @@ class Solution(ByValue):
     reason: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Step:
     """Result of one sweep over all tests: the objective at a point, and the Gauss-Newton step from it."""
 
@@ -204,7 +204,7 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
 
 def _no_worse(step: _Step, before: _Step) -> bool:
     """Whether the objective does not rise by more than the allowance."""
-    return bool(step.objective <= before.objective * (1 + _LAGGED) + _LAGGED)
+    return bool(step.objective <= before.objective * (1 + _ALLOWED_RISE) + _ALLOWED_RISE)
 
 
 def _moved(stiffness: ComplexArray, dlog_k: FloatArray) -> ComplexArray:
