@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import pi
 from typing import Any, Literal
 
-__all__ = ["DERIVED", "QUANTITIES", "Quantity", "meaning_of"]
+__all__ = ["DERIVED", "QUANTITIES", "RIG_VALUES", "Quantity", "meaning_of"]
 
 
 @dataclass(frozen=True)
@@ -287,6 +287,17 @@ RESIDUAL_TIME = _listed("residual_time", "residual time", "s", "time of the stre
 WINDOW = Quantity("window", "window", "window", "s", "part of the recording in use", kind="text")
 LEFT_OUT = Quantity("left_out", "", "leave-one-out error", "1", "residual of frequencies that the fit does not use")
 OUTSIDE = Quantity("outside", "", "outside", "half spans", "distance from the measured conditions")
+
+#: The values of a rig by key, in the order of every gradient.
+RIG_VALUES = {one.key: one for one in (
+    Quantity("moving_mass", "m", "moving mass m", "kg"),
+    Quantity("preload_stiffness", "K3", "preload spring K3", "N/m", shown="kN/m", scale=1e3),
+    Quantity("preload_damping", "c3", "damper c3", "N s/m"),
+    Quantity("preload_loss_factor", "", "loss factor of K3", "1"),
+    Quantity("tyre_mass", "", "moving part of the tyre", "kg"),
+    Quantity("frame_stiffness", "", "frame stiffness", "N/m", shown="kN/m", scale=1e3),
+    Quantity("input_mass", "", "input mass", "kg"),
+)}  # fmt: skip
 
 #: All quantities, in the order in which this module defines them.
 QUANTITIES = tuple(one for one in list(globals().values()) if isinstance(one, Quantity))

@@ -44,7 +44,7 @@ def test_fit_chooses_and_says_why(run, tmp_path):
     assert ran.exit_code == 0, ran.output
     said = " ".join(ran.stdout.split())
     assert "zener: 3 parameters, chi-square" in said
-    assert "K* is possible for a passive linear tyre" in said
+    assert "A passive linear tyre can have this K*" in said
     assert "zener *" in said
     document = json.loads(out.read_text())
     entry = document["models"][0]

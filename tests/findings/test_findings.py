@@ -99,6 +99,80 @@ def test_an_extremum_needs_four_points():
         assert (found.detail.extremum is not None) is extremum
 
 
+def test_a_trend_says_where_it_is_within_its_uncertainty():
+    tyre = Tyre(k2=lambda p, load, f: 80e3 * (1 + (0.3 if f > 18.0 else 0.0) * (p - 175e3) / 150e3))
+    found = only(found_in({"A": tyre}, noise=0.004), Trend, "K2", axis="pressure")
+    assert [f for f, effect in found.detail.parts.items() if not effect.sign] == [10.0, 13.0, 16.0]
+
+
+def test_two_values_are_a_difference_and_no_trend():
+    tyre = Tyre(k1=lambda p, load: 90e3 + 20.0 * load)
+    found = only(found_in({"A": tyre}), Trend, "K1", axis="load")
+    assert (found.holds, found.detail.is_line, len(found.detail.effects)) == (Holds.RISES, False, 4)
+    assert found.effect == pytest.approx(130 / 110 - 1)
+    few = found_in({"A": tyre}, pressures=(100e3, 200e3), frequencies=(10.0, 20.0))
+    assert not any(each.detail.is_line for each in few if isinstance(each.detail, Trend))
+
+
+def test_what_was_not_varied_has_no_trend():
+    tyre = Tyre(tr=rig_curve(15.0))
+    unstated = found_in({"A": tyre}, pressures=(None,))
+    assert not any("pressure" in each.kind for each in unstated)
+    assert not any(each.conditions.values("pressure") for each in unstated if "pressure" in each.conditions.axes)
+    single = found_in({"A": tyre}, pressures=(200e3,), loads=(1000.0,))
+    assert {each.kind for each in single} == {"tests", "level", "trend with frequency", "resonance", "prediction"}
+    assert only(single, Trend, "C").holds is Holds.NO_CHANGE
+
+
+def test_without_k1_there_is_no_k2_and_without_v2_no_transmissibility():
+    assert [each.kind for each in found_in({"A": Tyre(k1=None, loss=None)})] == ["tests"]
+    topics = {str(each.topic) for each in found_in({"A": Tyre()})}
+    assert not topics & {"resonance", "transmissibility"}
+
+
+def test_without_k1_of_one_tyre_both_are_compared_by_k_star():
+    results = Tables({"A": Tyre(), "B": Tyre(k1=None)}).results()
+    known = pl.when(pl.col("tyre") == "A").then(150e3).otherwise(190e3)
+    dynamic = results.dynamic.with_columns(known.alias("Re K* [N/m]"), pl.lit(1e3).alias("u(Re K*) [N/m]"))
+    found = findings(Results(results.static, dynamic, results.previews))
+    compared = only(found, Comparison, "Re K*")
+    assert (compared.detail.upper, len(compared.detail.effects)) == ("B", 40)
+    assert not [each for each in found if "B" in each.specimens and each.quantity and each.quantity.key in ("k1", "k2")]
+
+
+def test_tyres_without_a_common_condition_are_not_compared():
+    results = Tables({"A": Tyre(), "B": Tyre(k1=200e3)}).results()
+    apart = [
+        table.filter((pl.col("tyre") == "A") == (pl.col("pressure [Pa]") < 180e3))
+        for table in (results.static, results.dynamic)
+    ]
+    assert not [each for each in findings(Results(*apart, results.previews)) if isinstance(each.detail, Comparison)]
+
+
+def test_of_many_tyres_only_the_extremes_are_compared():
+    tyres = {f"T{i}": Tyre(k1=100e3 + 5e3 * i, tr=rig_curve(14.0 + 0.5 * i)) for i in range(1, 9)}
+    found = found_in(tyres)
+    compared = only(found, Comparison, "K1").detail
+    assert (compared.upper, compared.lower) == ("T8", "T1")
+    assert len(found) < 20 * len(tyres)
+
+
+def test_scatter_beyond_the_stated_uncertainty_is_seen():
+    """Noise far above u on lines of one tyre: the scatter says so."""
+    none, wrong = (Holds.NO_DIFFERENCE, Holds.NO_CHANGE), 0
+    for seed in range(100):
+        found = found_in({"A": Tyre()}, loads=(1000.0,), noise=0.03, u=0.001, seed=seed)
+        wrong += any(each.holds not in none for each in found if isinstance(each.detail, Trend))
+    assert wrong <= 15  # nine trends, of which each is wrong in 4.6 % of the cases at most
+
+
+def test_a_trend_well_above_the_noise_is_found():
+    tyre = Tyre(c=lambda p, load, f: 900.0 * (1 + 0.15 * (p - 100e3) / 150e3))
+    for seed in range(20):
+        found = only(found_in({"A": tyre}, noise=0.01, seed=seed), Trend, "C", axis="pressure")
+        assert found.holds is Holds.RISES
+
+
 def test_an_uncertainty_that_the_tests_share_is_not_taken_for_a_trend():
     # u grows along the pressure by as much as the values do, without any scatter.
     tables = Tables({"A": Tyre(c=lambda p, load, f: 900.0 * (1 + 0.02 * p / 250e3))})
@@ -123,9 +197,9 @@ def test_a_curve_is_linear_below_one_per_cent_and_markedly_not_above_three(share
     assert (found.holds, found.effect) == (holds, share)
 
 
-def test_a_level_has_its_lowest_and_highest_condition():
+def test_a_level_is_the_mean_of_its_values():
     found = only(found_in({"A": Tyre(k1=lambda p, load: p)}, loads=(1000.0,)), Level, "K1")
-    assert (found.detail.lowest, found.detail.highest) == ((100e3, 1000.0), (250e3, 1000.0))
+    assert found.detail.numbers == pytest.approx([100e3, 150e3, 200e3, 250e3])
     assert (found.effect, found.unit) == (pytest.approx(175e3), "N/m")
 
 
@@ -144,6 +218,24 @@ def test_resonances_their_order_and_the_crossing_are_found_where_they_are():
     assert crossing.holds is Holds.ONE_CROSSING
     assert crossing.effect == pytest.approx(f[np.flatnonzero(np.diff(np.sign(gap)))[0]], abs=0.1)
     assert {one.sign for one in crossing.detail.single.values()} == {-1}
+
+
+def test_a_resonance_is_found_between_the_tested_frequencies():
+    found = found_in({"A": Tyre(tr=rig_curve(15.3))}, pressures=(150e3,), loads=(1000.0,), frequencies=range(12, 19))
+    assert only(found, Resonance).effect == pytest.approx(15.3, abs=0.05)
+
+
+def test_a_coarse_grid_only_brackets_the_resonance_and_the_crossing():
+    coarse = found_in({"A": Tyre(tr=rig_curve(15.6, 0.05))}, loads=(1000.0,), frequencies=(10.0, 13.0, 16.0, 19.0))
+    peaks = only(coarse, Resonance).detail.peaks.values()
+    assert {(each.at, round(each.low), round(each.high)) for each in peaks} == {(None, 13, 19)}
+    tyres = {"A": Tyre(tr=rig_curve(15.0)), "B": Tyre(tr=rig_curve(18.0))}
+    crossing = only(found_in(tyres, frequencies=(10.0, 14.0, 20.0, 24.0)), Crossings).detail.single.values()
+    assert {(each.resolved, round(each.low), round(each.high)) for each in crossing} == {(False, 14, 20)}
+
+
+def test_a_resonance_at_the_end_of_the_range_is_no_resonance_found():
+    assert only(found_in({"A": Tyre(tr=rig_curve(30.0))}, loads=(1000.0,)), Resonance).holds is Holds.AT_HIGHEST
 
 
 def test_equal_curves_neither_cross_nor_differ():
@@ -228,6 +320,53 @@ def test_a_crossing_is_resolved_up_to_15_per_cent_between_the_frequencies(high, 
 def test_a_parabola_needs_the_neighbours_within_half_power(least, found):
     curve = Curve((10.0, 11.0, 12.0), (2.0 * least, 2.0, 1.9), (0.01,) * 3)
     assert (peak(curve).at is not None) is found
+
+
+def paper_pair(**changed):
+    cross = {"k1": 150e3, "construction": "Cross-Ply, 4 plies", "tr": rig_curve(20.0), "nonlinearity": 0.04}
+    return {
+        "X": Tyre(**(cross | changed)),
+        "Y": Tyre(construction="radial ply", tr=rig_curve(16.0), nonlinearity=0.008),
+    }
+
+
+def claims_of(tyres, **design):
+    return [each for each in found_in(tyres, **design) if isinstance(each.detail, Claim)]
+
+
+def test_claims_are_of_the_two_tyres_of_the_paper_only():
+    claims = claims_of(paper_pair())
+    assert [each.detail.number for each in claims] == list(range(1, 13))
+    assert (claims[0].holds, claims[0].detail.names) == (Holds.TRUE, ("X", "Y"))
+    for other in ("", "radial"):
+        tyres = paper_pair()
+        tyres["X"].construction = other
+        assert not claims_of(tyres)
+    assert not claims_of({**paper_pair(), "Z": Tyre()})
+    assert not claims_of({"X": paper_pair()["X"]})
+
+
+def test_a_claim_may_be_false_unsure_or_lack_its_tests():
+    false = claims_of(paper_pair(k1=80e3, nonlinearity=0.01, tr=rig_curve(13.0)))
+    assert {each.detail.number for each in false if each.holds is Holds.FALSE} >= {1, 2, 11, 12}
+    assert false[0].effect == pytest.approx(-0.2)
+    assert claims_of(paper_pair(k1=101e3))[0].holds is Holds.TRUE_UNSURE
+    few = claims_of(paper_pair(), pressures=(150e3,), loads=(1000.0,), frequencies=(10.0, 12.0))
+    assert [each.detail.number for each in few if each.holds is not Holds.NOT_EXAMINED] == [1, 2, 7]
+
+
+def test_one_tyre_at_two_temperatures_is_compared_and_not_averaged():
+    made = Tables({"A": Tyre(k1=146e3), "B": Tyre(k1=106e3)}).results()
+
+    def warmed(table):
+        warm = pl.when(pl.col("tyre") == "A").then(20.0).otherwise(60.0).alias("temperature [degC]")
+        return table.with_columns(warm).with_columns(pl.lit("A").alias("tyre"))
+
+    found = findings(Results(warmed(made.static), warmed(made.dynamic), pl.DataFrame()))
+    compared = only(found, Comparison, "K1").detail
+    assert (compared.upper, compared.lower) == ("A at 20 °C", "A at 60 °C")
+    levels = {each.effect for each in found if isinstance(each.detail, Level) and each.quantity.key == "k1"}
+    assert levels == {146e3, 106e3}
 
 
 def at_temperatures(**temperatures):

@@ -10,7 +10,7 @@ from tests.plot.conftest import empty_results, renamed, results_of
 from tests.plot.modelled import edited, elastomer, named, study_with_models, with_models
 from tests.plot.test_figures import in_order, lines, panel, points, said, texts
 
-from fourpole.fitting.modelfile import map_of
+from fourpole.fitting.modelfile import ToleranceFile, map_of
 from fourpole.fitting.query import response
 from fourpole.models.families import model_named
 from fourpole.plot import THEMES, Style, draw, render
@@ -140,6 +140,16 @@ def test_the_key_names_the_model_and_its_discrepancy(fitted):
     assert "discrepancy" not in said(exact)
 
 
+@pytest.mark.parametrize(("absolute", "drawn"), [(0.0, False), (0.5, True)])
+def test_the_tests_of_a_condition_lie_within_the_tolerance_of_its_own_axis(fitted, absolute, drawn):
+    """A table without names of tests: its rows are found by the state."""
+    dynamic = fitted.dynamic.with_columns(pl.lit(2.4).alias("camber [deg]"))
+    sheet = read_sheet(replace(fitted, tables={**fitted.tables, "dynamic": dynamic}), texts_only=True)
+    one = fitted.models.models[0].conditions[0].model_copy(update={"tests": []})
+    file = fitted.models.model_copy(update={"axes": [ToleranceFile(column="camber [deg]", absolute=absolute)]})
+    assert bool(_rows(one, {"camber [deg]": 2.0}, sheet, file).any()) is drawn
+
+
 def test_of_a_test_with_several_points_those_in_the_band_are_drawn(fitted):
     """Three rows become points of one test; the third is rejected, and a fourth is beyond the band."""
     entry = fitted.models.models[0]
@@ -154,7 +164,7 @@ def test_of_a_test_with_several_points_those_in_the_band_are_drawn(fitted):
     )
     sheet = read_sheet(replace(fitted, tables={**fitted.tables, "dynamic": dynamic}), texts_only=True)
     one = state.model_copy(update={"tests": [names[0], *state.tests[4:]]})
-    chosen = np.flatnonzero(_rows(one, {}, sheet))
+    chosen = np.flatnonzero(_rows(one, {}, sheet, fitted.models))
     order = {name: at for at, name in enumerate(fitted.dynamic["test"].to_list())}
     assert chosen.tolist() == sorted(order[name] for name in (*names[:2], *state.tests[4:]))
 

@@ -46,5 +46,5 @@ def test_the_same_plan_gives_the_same_file(frame, tmp_path, theme, form):
 
 
 def test_another_format_is_refused(frame, tmp_path):
-    with pytest.raises(CampaignError, match="svg or png"):
+    with pytest.raises(CampaignError, match="svg, png, pdf"):
         write_plan_figure(draw_plan(frame), tmp_path / "plan.gif")

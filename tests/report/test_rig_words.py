@@ -79,7 +79,7 @@ def test_the_summary_counts_what_was_found(plain):
         "120 tests at 60 conditions share 6 unknown values. With rig and sensors as stated chi-square is 250 at 240 "
         "degrees of freedom, 1.0 per degree, where chance gives about 1."
     )
-    assert (found.fits, found.misfit, found.candidates) == (True, (), ())
+    assert (found.estimate.fits, found.misfit, found.candidates) == (True, (), ())
 
 
 def test_without_degrees_of_freedom_no_fit_is_claimed(plain):
@@ -105,7 +105,7 @@ def test_another_route_has_no_rig_as_found():
 def test_where_the_rig_does_not_fit_nothing_is_called_calibrated(plain):
     values = {name: (*cells[:7], "not calibrated") for name, cells in VALUES.items()}
     found = of(with_values(plain, values, **MISFIT))
-    assert not found.fits
+    assert not found.estimate.fits
     assert found.misfit == (
         "The rig and the sensors as stated do not go with these tests: chi-square is 10 per degree of freedom, not 1.",
         (

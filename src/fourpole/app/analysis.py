@@ -8,7 +8,7 @@ from typing import Any
 
 import polars as pl
 
-from fourpole.app.console import OK, SOME_REJECTED, out, print_json, progress, say
+from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress, say
 from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError
 from fourpole.findings import findings, findings_table
@@ -52,7 +52,7 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     if as_json:
         print_json({**_summary(study, results), "report": str(page), "found": headline(findings(study.results))})
     else:
-        out(f"Virtual campaign in {folder} (seed {seed}): {_counted(study)}.")
+        out(f"Virtual campaign in {folder} (seed {seed}): {counted_tests(study.counts)}.")
         for line in headline(findings(study.results))[1:]:  # the first line repeats the number of tests
             out(line)
         out("The virtual tyres are designed so that the paper's conclusions hold; they are not its data.")
@@ -82,14 +82,6 @@ def _drawn(study: Study, results: Path) -> Path:
     return make_report(fitted(study.results, results), results)
 
 
-def _counted(study: Study) -> str:
-    counts = study.counts
-    return (
-        f"{sum(counts.values())} tests, {counts['ok']} ok, {counts['warning']} with a warning, "
-        f"{counts['rejected']} rejected"
-    )
-
-
 def _verdicts(study: Study) -> pl.DataFrame:
     """Test, verdict and remarks of every row of both tables."""
     return pl.concat([table.select("test", "verdict", "remarks") for table in (study.static, study.dynamic)])
@@ -104,7 +96,7 @@ def _report(study: Study) -> None:
             say(f"{verdict}: {test}: {remarks}")
         if rows.height > _MOST_LISTED:
             say(f"... and {rows.height - _MOST_LISTED} more with verdict {verdict}; see the tables")
-    out(f"{_counted(study)} (route: {study.route})")
+    out(f"{counted_tests(study.counts)} (route: {study.route})")
 
 
 def _summary(study: Study, results: Path) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from fourpole.app.console import OK, SOME_REJECTED, first_of, out, print_json, print_table, progress, say
+from fourpole.app.console import OK, SOME_REJECTED, counted_tests, first_of, out, print_json, print_table, progress, say
 from fourpole.campaign import read_campaign
 from fourpole.study.check import Checked, Problem, check_campaign
 
@@ -59,8 +59,5 @@ def _list(checked: Checked) -> None:
         if len(rows) > _MOST_LISTED:
             out(f"... and {len(rows) - _MOST_LISTED} more; --json lists all")
         out()
-    counts = checked.counts
-    out(
-        f"{sum(counts.values())} tests, {counts['ok']} ok, {counts['warning']} with a warning, "
-        f"{counts['rejected']} would be rejected (route: {checked.route}); nothing was analysed or written"
-    )
+    counts = counted_tests(checked.counts, "would be rejected")
+    out(f"{counts} (route: {checked.route}); nothing was analysed or written")

@@ -7,7 +7,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, Literal, NoReturn, TypeAlias
 
@@ -60,6 +60,12 @@ def first_of(names: Sequence[str], most: int) -> str:
     """The first names with commas between them, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return f"{', '.join(names[:most])}{more}"
+
+
+def counted_tests(counts: Mapping[str, int], rejected: str = "rejected") -> str:
+    """The number of tests, and how many have each verdict."""
+    listed = f"{counts['ok']} ok, {counts['warning']} with a warning, {counts['rejected']} {rejected}"
+    return f"{sum(counts.values())} tests, {listed}"
 
 
 def harmless(text: str) -> str:

@@ -11,7 +11,7 @@ from fourpole.app.console import first_of, out, print_table, say, warn
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
 from fourpole.models.operating import OperatingMap
-from fourpole.report.words.models import discrepancy
+from fourpole.report.words.models import discrepancy, place, verdicts
 
 _MOST_ROWS = 40
 _MOST_NAMED = 12
@@ -56,29 +56,16 @@ def show_fit(entry: ModelEntry) -> None:
     out(entry.choice)
     if entry.discrepancy:
         out(discrepancy(entry))
-    _show_verdicts(entry)
+    for line in verdicts(entry):
+        out(line)
     _show_parameters(entry)
-
-
-def _show_verdicts(entry: ModelEntry) -> None:
-    verdicts = [one.verdict for one in entry.conditions if one.verdict is not None]
-    bad = [one for one in verdicts if not one.possible]
-    if bad:
-        worst = max(one.misfit for one in bad)
-        out(
-            f"K* is not possible for a passive linear tyre in {len(bad)} of {len(verdicts)} conditions. It would be "
-            f"possible with an uncertainty of {100 * worst:.2g} % (fourpole causality says where)"
-        )
-    elif verdicts:
-        where = f" in all {len(verdicts)} conditions" if len(verdicts) > 1 else ""
-        out(f"K* is possible for a passive linear tyre{where}")
 
 
 def _show_parameters(entry: ModelEntry) -> None:
     fixed = [at for at in range(len(entry.parameters)) if _is_fixed(entry, at)]
     heads = {at: f"{one.symbol} [{one.unit}]" for at, one in enumerate(entry.parameters) if at not in fixed}
     shown = entry.conditions[:_MOST_ROWS]
-    rows = [(_words(one), *(_cell(one, at) for at in heads)) for one in shown]
+    rows = [(_condition(one), *(_cell(one, at) for at in heads)) for one in shown]
     print_table(("condition", *heads.values()), rows, right=list(heads.values()))
     if fixed:
         named = (
@@ -89,7 +76,7 @@ def _show_parameters(entry: ModelEntry) -> None:
     out("value ± standard uncertainty, 95 % interval by profile likelihood; (bound): on a bound, or without influence")
     if len(entry.conditions) > _MOST_ROWS:
         out(f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file")
-    alone = [_words(one) for one in entry.conditions if not one.converged]
+    alone = [_condition(one) for one in entry.conditions if not one.converged]
     if alone:
         warn(f"{len(alone)} fits did not converge: {first_of(alone, _MOST_NAMED)}")
 
@@ -106,15 +93,8 @@ def _unit_of(entry: ModelEntry, at: int) -> str:
     return "" if unit == "1" else unit
 
 
-def _words(one: ConditionFile) -> str:
-    parts = []
-    for item in one.state:
-        if item.column == q.PRESSURE.head:
-            parts.append(f"{item.value / 1e5:.4g} bar")
-        else:
-            named = "" if item.name in ("preload", "temperature") else f"{item.name} "
-            parts.append(f"{named}{item.value:.5g} {item.unit}")
-    return ", ".join(parts) or f"{one.band[0]:.4g} to {one.band[1]:.4g} Hz"
+def _condition(one: ConditionFile) -> str:
+    return place(one) or f"{one.band[0]:.4g} to {one.band[1]:.4g} Hz"
 
 
 def _cell(one: ConditionFile, at: int) -> str:

@@ -10,11 +10,10 @@ from rich.text import Text
 
 from fourpole.app.console import harmless, out, print_json, print_table
 from fourpole.errors import CampaignError
-from fourpole.report.stated import mapping
 from fourpole.report.words.limits import limit_rows, limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
 from fourpole.report.words.shared_values import GROUPS, ShownValue
-from fourpole.study.results import Results, read_results
+from fourpole.study.results import Results, read_results, section
 from fourpole.study.rig_estimate import Finding
 
 _HEADS = ("value of", "unit", "as stated", "as found", "u after/before", "pull", "detection limit", "finding")
@@ -26,7 +25,7 @@ def run_rig(folder: Path, *, as_json: bool) -> None:
     results = read_results(folder)
     found = rigs_in_words(results)
     if not found:
-        route = str(mapping(results.record, "settings").get("route") or "another")
+        route = str(section(results.record, "settings").get("route") or "another")
         raise CampaignError(
             f"{folder}: holds no rig.csv, for it was made by the {route} route; only the joint route finds the rig's "
             "values and the channels' gains: run fourpole analyse CAMPAIGN --route joint, with V1 and V2 measured"
@@ -43,8 +42,8 @@ def run_rig(folder: Path, *, as_json: bool) -> None:
 
 def _show(about: RigInWords) -> None:
     """Print one rig and its sensors as found."""
-    if about.rig:
-        out(f"Rig {about.rig}")
+    if about.estimate.rig:
+        out(f"Rig {about.estimate.rig}")
     if about.values:
         print_table(_HEADS, _rows(about.values), right=_HEADS[2:-1])
     out(about.fit)
@@ -95,7 +94,7 @@ def _document(results: Results, found: list[RigInWords]) -> dict[str, Any]:
         "rigs": [
             {
                 **about.estimate.record,
-                "rig": about.rig,
+                "rig": about.estimate.rig,
                 "values": about.estimate.rows,
                 "outliers": [{"test": item.test, "factor": item.factor} for item in about.outliers],
                 "misfit": list(about.misfit),

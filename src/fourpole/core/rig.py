@@ -21,17 +21,10 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.twoport import cascade, mass, spring
 from fourpole.errors import RigError
+from fourpole.quantities import RIG_VALUES
 
 #: The rig's values in the order of every gradient, with their SI units.
-PARAMETERS: dict[str, str] = {
-    "moving_mass": "kg",
-    "preload_stiffness": "N/m",
-    "preload_damping": "N s/m",
-    "preload_loss_factor": "1",
-    "tyre_mass": "kg",
-    "frame_stiffness": "N/m",
-    "input_mass": "kg",
-}
+PARAMETERS = {key: one.unit for key, one in RIG_VALUES.items()}
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
-from fourpole.export.source import ExportTables
+from fourpole.export.source import ExportTables, need
 from fourpole.plot.sheet import floats, spread, texts
 from fourpole.plot.style import Style
 from fourpole.quantities import Quantity
@@ -206,8 +206,5 @@ def _add_curves(
 
 def _range(sheet: str, curve: _Curve, column: int) -> str:
     """Cells of a column, as a chart names them."""
-    letters, rest = "", column + 1
-    while rest:
-        rest, letter = divmod(rest - 1, 26)
-        letters = chr(ord("A") + letter) + letters
-    return f"='{sheet}'!${letters}${curve.first + 1}:${letters}${curve.last + 1}"
+    utility = need("xlsxwriter.utility", "export")
+    return f"={utility.xl_range_formula(sheet, curve.first, column, curve.last, column)}"

@@ -16,7 +16,6 @@ import polars as pl
 from numpy.typing import NDArray
 
 from fourpole import quantities as q
-from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import PRELOAD, PRESSURE, Axis
 from fourpole.errors import TableError
 from fourpole.export.source import SIGNS, ExportTables, field_names, need, some, typed, unit_of
@@ -45,22 +44,10 @@ class _Grid:
     index: tuple[NDArray[np.int64], ...]
     rows: NDArray[np.int64]
 
-    def numbers(self, values: FloatArray) -> NDArray[np.float64]:
-        """A column of numbers on the grid; not-a-number in empty cells."""
-        whole = np.full(self.shape, np.nan)
+    def placed(self, values: NDArray[Any], empty: Any) -> NDArray[Any]:
+        """A column on the grid, with `empty` in empty cells."""
+        whole = np.full(self.shape, empty, dtype=values.dtype)
         whole[self.index] = values[self.rows]
-        return whole
-
-    def texts(self, texts: Sequence[str]) -> NDArray[np.object_]:
-        """A column of texts on the grid; empty texts in empty cells."""
-        whole = np.full(self.shape, "", dtype=object)
-        whole[self.index] = np.array(texts, dtype=object)[self.rows]
-        return whole
-
-    def flags(self, verdicts: Sequence[str]) -> NDArray[np.int8]:
-        """Verdicts on the grid as numbers; -1 in empty cells."""
-        whole = np.full(self.shape, -1, dtype=np.int8)
-        whole[self.index] = [_VERDICTS.index(verdicts[row]) if verdicts[row] in _VERDICTS else -1 for row in self.rows]
         return whole
 
 
@@ -137,8 +124,9 @@ def _dynamic(source: ExportTables, grid: _Grid) -> dict[str, Variable]:
     variables = {field: _variable(table, column, grid, held.get(column, "")) for column, field in fields.items()}
     values = np.arange(len(_VERDICTS), dtype=np.int8)
     attributes = {"flag_values": values, "flag_meanings": " ".join(_VERDICTS), "_FillValue": np.int8(-1)}
-    flags = grid.flags(source.texts("verdict"))
-    variables["verdict"] = (grid.dimensions, flags, {"long_name": "verdict on the test", **attributes})
+    flags = [_VERDICTS.index(verdict) if verdict in _VERDICTS else -1 for verdict in source.texts("verdict")]
+    placed = grid.placed(np.array(flags, dtype=np.int8), -1)
+    variables["verdict"] = (grid.dimensions, placed, {"long_name": "verdict on the test", **attributes})
     return variables
 
 
@@ -161,11 +149,12 @@ def _variable(table: pl.DataFrame, column: str, grid: _Grid, ancillary: str = ""
     """A column on the grid, with its unit and its meaning."""
     attributes: dict[str, Any] = {"long_name": meaning_of(column)}
     if table.schema[column] == pl.String:
-        return grid.dimensions, grid.texts([text or "" for text in table[column].to_list()]), attributes
+        texts = np.array([text or "" for text in table[column].to_list()], dtype=object)
+        return grid.dimensions, grid.placed(texts, ""), attributes
     attributes["units"] = unit_of(column) or "1"
     if ancillary:
         attributes["ancillary_variables"] = ancillary
-    return grid.dimensions, grid.numbers(floats(table, column)), attributes
+    return grid.dimensions, grid.placed(floats(table, column), np.nan), attributes
 
 
 def _static(source: ExportTables, grid: _Grid) -> dict[str, Variable]:

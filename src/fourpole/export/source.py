@@ -20,7 +20,8 @@ from fourpole.core.arrays import ByValue
 from fourpole.errors import CampaignError, FileError
 from fourpole.plot.sheet import Sheet, read_sheet, texts
 from fourpole.plot.style import counted, distinct
-from fourpole.study.results import Results, read_results
+from fourpole.study.results import Results, read_results, section
+from fourpole.study.results import texts as items
 from fourpole.units import column_unit, shown
 
 #: Units and signs of all numbers, written into each exported file.
@@ -87,20 +88,13 @@ class ExportTables(ByValue):
         """The tests grouped into tyres, pressures, loads, frequencies and settings."""
         return read_sheet(self.results)
 
-    def text(self, name: str) -> str:
-        """A text of study.json; empty if it has no such text."""
-        value = self.results.record.get(name)
-        return value if isinstance(value, str) else ""
-
     def section(self, name: str) -> dict[str, Any]:
         """A table of study.json; empty if it has no such table."""
-        value = self.results.record.get(name)
-        return value if isinstance(value, dict) else {}
+        return section(self.results.record, name)
 
     def listed(self, name: str) -> list[str]:
         """A list of texts of study.json; empty if it has no such list."""
-        value = self.results.record.get(name)
-        return [str(item) for item in value] if isinstance(value, list) else []
+        return items(self.results.record.get(name))
 
     @property
     def json(self) -> str:
@@ -110,7 +104,8 @@ class ExportTables(ByValue):
     @property
     def title(self) -> str:
         """The campaign's title."""
-        return self.text("title") or "Dynamic stiffness"
+        title = self.results.record.get("title")
+        return title if title and isinstance(title, str) else "Dynamic stiffness"
 
     @property
     def version(self) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -168,11 +168,6 @@ def _comments(source: ExportTables, condition: Condition) -> Iterator[str]:
     for number, row in enumerate(condition.rows, start=1):
         said = f": {remarks[row]}" if remarks[row] else ""
         yield f"MEASNUMB {number} is test {names[row]}, verdict {verdicts[row]}{said}"
-    for row in _rejected_beside(source, condition):
-        yield f"Left out is test {names[row]}, rejected: {remarks[row]}"
-
-
-def _rejected_beside(source: ExportTables, condition: Condition) -> Sequence[int]:
-    """Rows of the rejected tests of the same condition."""
-    place = condition[:4]
-    return [int(row) for row in np.flatnonzero(source.sheet.rejected) if source.place(int(row)) == place]
+    for row in np.flatnonzero(source.sheet.rejected).tolist():
+        if source.place(row) == condition[:4]:
+            yield f"Left out is test {names[row]}, rejected: {remarks[row]}"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterator, Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from fourpole.export.charts import add_charts
 from fourpole.export.source import SIGNS, ExportTables, need
 from fourpole.io.write import write_bytes
 from fourpole.plot.sheet import floats
+from fourpole.study.tables import TABLES
 
 #: Most rows of a sheet below the head, and most characters of a cell.
 _MOST_ROWS = 1_048_575
@@ -27,14 +27,6 @@ _ABOUT_WIDTH = 110
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 #: Colours of fill and text of a verdict.
 _VERDICTS = {"ok": ("#DCF1EA", "#00553D"), "warning": ("#FCEBC8", "#6B4600"), "rejected": ("#F7D9C7", "#7A2F00")}
-_ABOUT = {
-    "static": "K1 of each static test at each preload in use",
-    "dynamic": "one row per dynamic test: amplitudes, V1/F1, K*, K2, C, TR, each with its uncertainty",
-    "rig": "values of the rig and gains of the channels, as stated and as found",
-    "residuals": "F1/V2 less the rig's impedance, for each test that the joint route used",
-    "quantiles": "intervals of K2 and C that are not normal",
-    "budget": "contribution of each source to the uncertainty of each result",
-}
 
 
 class _Exact(float):
@@ -175,7 +167,7 @@ def _write_about(sheet: Any, source: ExportTables, tables: Sequence[str], styles
 
 def _about_rows(source: ExportTables, tables: Sequence[str], notes: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Name and text of each row of the first sheet; a row that continues another has no name."""
-    yield "results of", f"{source.version}, analysed {_time(source.made)}"
+    yield "results of", f"{source.version}, analysed {source.made:%Y-%m-%d %H:%M} UTC"
     yield "route to K*", source.route
     yield "tests", ", ".join(f"{count} {verdict}" for verdict, count in source.section("verdicts").items())
     yield "numbers", SIGNS
@@ -186,7 +178,8 @@ def _about_rows(source: ExportTables, tables: Sequence[str], notes: Sequence[str
     yield from _block("rejected", [f"{test}: {why}" for test, why, is_rejected in names if is_rejected])
     yield "sheet charts", "K2, C, K', loss factor and TR over frequency, K1 over pressure; one colour per tyre"
     for one in tables:
-        yield f"sheet {one}", _ABOUT.get(one, "the rows that did not fit into the sheet before")
+        about = f"each row: {TABLES[one].about}" if one in TABLES else "the rows that did not fit into the sheet before"
+        yield f"sheet {one}", about
     yield "chart data", "data of the charts, without rejected tests; the charts follow changes"
     yield from _block("charts", notes)
     versions = source.section("versions").items()
@@ -197,7 +190,3 @@ def _block(name: str, lines: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Lines under one name."""
     for at, line in enumerate(lines):
         yield (name if at == 0 else ""), line
-
-
-def _time(made: datetime) -> str:
-    return f"{made:%Y-%m-%d %H:%M} UTC"

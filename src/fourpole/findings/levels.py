@@ -31,16 +31,6 @@ class Level:
         """The values alone, in SI."""
         return [found.value for found in self.values.values()]
 
-    @property
-    def lowest(self) -> Key:
-        """Condition of the lowest value."""
-        return min(self.values, key=lambda key: (self.values[key].value, key))
-
-    @property
-    def highest(self) -> Key:
-        """Condition of the highest value."""
-        return max(self.values, key=lambda key: (self.values[key].value, key))
-
 
 @dataclass(frozen=True)
 class Departure(Level):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -58,14 +58,6 @@ _COLOURS = {
 }
 
 
-@dataclass(frozen=True)
-class _Shares:
-    """Frequencies [Hz], and median shares (frequencies, sources) of one quantity and tyre; the sum of a row is 1."""
-
-    frequency: FloatArray
-    share: FloatArray
-
-
 def source_colour(source: Source, style: Style) -> str:
     """The colour of a source of uncertainty, the same in every figure.
 
@@ -96,16 +88,18 @@ def budget(results: Results, style: Style) -> Figure | None:
     sources = rows.group_by("source").agg(pl.col("share").sum()).sort("share", "source", descending=[True, False])
     some = set(rows.filter(pl.col("share") >= _LEAST)["source"].to_list())
     named = [name for name in sources["source"].to_list() if name in some][:_MOST_SOURCES]
-    cells, count = _cells(sheet)
-    if count < len(sheet.frequencies):
-        notes.say(f"{len(sheet.frequencies)} frequencies taken together in {count} groups")
+    every = len(sheet.frequencies)
+    count = min(every, _MOST_CELLS)
+    cells = [at * count // every for at in range(every)]
+    if count < every:
+        notes.say(f"{every} frequencies taken together in {count} groups")
     rows = rows.with_columns(pl.col("frequency").replace_strict(dict(enumerate(cells)), default=-1).alias("cell"))
     grid = Grid.of(len(quantities) * len(columns), len(columns), panel_height=1.25, style=style)
     for at, ax in enumerate(grid.panels):
         row, column = divmod(at, len(columns))
         part = rows.filter(pl.col("quantity") == quantities[row])
         part = part if columns[column] < 0 else part.filter(pl.col("tyre") == columns[column])
-        _panel(ax, _shares(part, named), [*named, OTHER], style)
+        _panel(ax, *_shares(part, named), [*named, OTHER], style)
         if row == 0:
             _heading(ax, sheet, columns[column], style, len(columns))
     _one_abscissa(grid.panels, style)
@@ -132,16 +126,11 @@ def _rows(table: pl.DataFrame, sheet: Sheet) -> pl.DataFrame:
     )
 
 
-def _cells(sheet: Sheet) -> tuple[list[int], int]:
-    """The cell of each frequency group, and the number of cells."""
-    count = len(sheet.frequencies)
-    if count <= _MOST_CELLS:
-        return list(range(count)), count
-    return [at * _MOST_CELLS // count for at in range(count)], _MOST_CELLS
+def _shares(rows: pl.DataFrame, named: list[str]) -> tuple[FloatArray, FloatArray]:
+    """Frequencies [Hz] of the cells, and median shares (cells, sources) over their tests; the sum of a row is 1.
 
-
-def _shares(rows: pl.DataFrame, named: list[str]) -> _Shares:
-    """Medians over the tests of each cell, normalized to the sum 1; the sources not named are one source."""
+    The sources that are not named are one source.
+    """
     frequency, shares = [], []
     for _, part in rows.sort("cell").group_by("cell", maintain_order=True):
         keys = keys_of(part)
@@ -155,25 +144,25 @@ def _shares(rows: pl.DataFrame, named: list[str]) -> _Shares:
             middle = table.mean(axis=0)
         frequency.append(float(np.median(part["hertz"].to_numpy())))
         shares.append(middle / max(float(middle.sum()), 1e-300))
-    return _Shares(np.array(frequency), np.array(shares).reshape(len(frequency), len(named) + 1))
+    return np.array(frequency), np.array(shares).reshape(len(frequency), len(named) + 1)
 
 
-def _panel(ax: Axes, found: _Shares, sources: list[str], style: Style) -> None:
+def _panel(ax: Axes, frequency: FloatArray, share: FloatArray, sources: list[str], style: Style) -> None:
     """Draw the stacked shares of one quantity and tyre."""
     ax.set_ylim(0.0, 103.0)  # the bar in the tyre's colour needs the space above 100 %
     ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2.5, 5, 10]))
     few_ticks(ax, 6)
     ax.set_axisbelow(False)
     ax.grid(visible=False)
-    if not found.frequency.size:
+    if not frequency.size:
         ax.text(0.5, 0.5, "no value", transform=ax.transAxes, ha="center", va="center", color=style.look.muted)
         return
-    edges = _edges(found.frequency)
+    edges = _edges(frequency)
     x = np.repeat(edges, 2)[1:-1]
-    tops = np.zeros((found.frequency.size, len(sources) + 1))
-    tops[:, 1:] = 100 * np.cumsum(found.share, axis=1)
+    tops = np.zeros((frequency.size, len(sources) + 1))
+    tops[:, 1:] = 100 * np.cumsum(share, axis=1)
     for at, source in enumerate(sources):
-        if np.any(found.share[:, at] > 1e-6):
+        if np.any(share[:, at] > 1e-6):
             low, high = np.repeat(tops[:, at], 2), np.repeat(tops[:, at + 1], 2)
             colour = source_colour(Source.read(source), style)
             ax.fill_between(x, low, high, facecolor=colour, edgecolor=style.look.paper, linewidth=0.5,

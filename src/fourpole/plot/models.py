@@ -13,9 +13,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.core.condition import axis_of
 from fourpole.core.confidence import NORMAL_95
-from fourpole.fitting.modelfile import ConditionFile, ModelEntry
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile
 from fourpole.fitting.query import response
 from fourpole.fitting.rows import keys_of
 from fourpole.plot.figure import FigureSpec
@@ -80,7 +79,7 @@ def models(results: Results, style: Style) -> Figure | None:
     if results.models is None:
         return None
     sheet = read_sheet(results, texts_only=True)
-    found = [one for entry in results.models.models for one in _conditions(entry, sheet)]
+    found = [one for entry in results.models.models for one in _conditions(entry, sheet, results.models)]
     if not found:
         return None
     notes, key = Notes(), Key()
@@ -119,7 +118,7 @@ def models(results: Results, style: Style) -> Figure | None:
     return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=labels, headings="top")
 
 
-def _conditions(entry: ModelEntry, sheet: Sheet) -> list[_Drawn]:
+def _conditions(entry: ModelEntry, sheet: Sheet, file: ModelFile) -> list[_Drawn]:
     """The conditions of a model; none if its tyre is in no table."""
     if entry.tyre not in sheet.names:
         return []
@@ -132,12 +131,12 @@ def _conditions(entry: ModelEntry, sheet: Sheet) -> list[_Drawn]:
             groups.nearest(state[column]) if column in state else len(groups) - 1
             for groups, column in zip((sheet.pressures, sheet.loads), _STATED, strict=True)
         )
-        rows = _rows(one, state, sheet) & (sheet.tyre == tyre)
+        rows = _rows(one, state, sheet, file) & (sheet.tyre == tyre)
         found.append(_Drawn(entry, at, tyre, pressure, load, others, rows))
     return found
 
 
-def _rows(one: ConditionFile, state: dict[str, float], sheet: Sheet) -> BoolArray:
+def _rows(one: ConditionFile, state: dict[str, float], sheet: Sheet, file: ModelFile) -> BoolArray:
     """The rows that a condition was fitted to: by the names of tests, or, for tests without a name, by the state.
 
     If the model file does not have the points, those of a test with several points are those in the band fitted.
@@ -153,7 +152,7 @@ def _rows(one: ConditionFile, state: dict[str, float], sheet: Sheet) -> BoolArra
         single = np.array([points[name] == 1 for name in names], dtype=bool)
         return np.isin(names.astype(str), one.tests) & (single | (mask & ~sheet.rejected))
     for column, value in state.items():
-        mask &= np.array([axis_of(column).same(own, value) for own in sheet.values(column).tolist()], dtype=bool)
+        mask &= np.array([file.axis(column).same(own, value) for own in sheet.values(column).tolist()], dtype=bool)
     return np.asarray(mask)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.condition import FREQUENCY, Axis
 from fourpole.core.confidence import NORMAL_95
-from fourpole.fitting.modelfile import MapEntry, map_of
+from fourpole.fitting.modelfile import MapEntry, ModelFile, map_of
 from fourpole.models.operating import Answer, OperatingMap
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
@@ -27,8 +28,8 @@ from fourpole.study.results import Results
 _MOST_COLUMNS = 4
 _FREQUENCIES = 3
 _GRID = 41
-#: Conditions are the same within this share of an axis' span, or of themselves.
-_SAME = 0.02
+#: Distance of a point from the tested conditions, in half spans, up to which it counts as tested.
+_NEAR = 0.02
 _PRESSURE, _PRELOAD = q.PRESSURE.head, q.PRELOAD.head
 #: Name, unit and scale of an axis as shown.
 _SHOWN = {one.head: (one.suffix, 1 / one.scale) for one in (q.PRESSURE, q.TEMPERATURE)}
@@ -37,13 +38,15 @@ _Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class _Panel:
-    """The map of one tyre along one axis, with the other axes at constant values."""
+    """The map of one tyre along one axis, with the other axes at constant values; `rank` is that of the first value."""
 
     entry: MapEntry
     found: OperatingMap
     tyre: int
     along: int
-    held: dict[int, float]
+    axes: tuple[Axis, ...]
+    held: dict[int, float] = field(default_factory=dict)
+    rank: int = 0
 
     @property
     def column(self) -> str:
@@ -59,7 +62,7 @@ class _Panel:
         kept = []
         for row in rows:
             far, nearest = axes.outside(row)
-            if far <= _SAME:  # the tests of one setting are not all at quite the same value of it
+            if far <= _NEAR:  # the tests of one setting are not all at quite the same value of it
                 kept.append(nearest)
         return np.array(kept).reshape(-1, len(axes.names))
 
@@ -67,8 +70,8 @@ class _Panel:
         """True for tests at the constant values of the panel."""
         mask = sheet.tyre == self.tyre
         for at, value in self.held.items():
-            own = sheet.values(self.found.axes.names[at])
-            mask = mask & (np.abs(own - value) <= _width(self.found.axes.points[:, at], value))
+            own = sheet.values(self.found.axes.names[at]).tolist()
+            mask = mask & np.array([self.axes[at].same(one, value) for one in own], dtype=bool)
         return np.asarray(mask)
 
 
@@ -92,7 +95,8 @@ def operating(results: Results, style: Style) -> Figure | None:
         return None
     sheet = read_sheet(results, texts_only=True)
     known = [entry for entry in results.maps.maps if entry.axes and entry.tyre in sheet.names]
-    panels = sorted((one for entry in known for one in _panels(entry, sheet)), key=_order)
+    every = (one for entry in known for one in _panels(entry, sheet, results.maps))
+    panels = sorted(every, key=lambda one: (one.rank, one.tyre))
     if not panels:
         return None
     notes, key = Notes(), Key()
@@ -130,77 +134,55 @@ def operating(results: Results, style: Style) -> Figure | None:
     return figure
 
 
-def _panels(entry: MapEntry, sheet: Sheet) -> list[_Panel]:
+def _panels(entry: MapEntry, sheet: Sheet, file: ModelFile) -> list[_Panel]:
     """A panel for each value of the preload; without preload, of the first axis that is not the abscissa."""
     found = map_of(entry)
     names, points = found.axes.names, found.axes.points
     along = names.index(_PRESSURE) if _PRESSURE in names else 0
     others = [at for at in range(len(names)) if at != along]
-    tyre = sheet.names.index(entry.tyre)
+    axes = tuple(map(file.axis, names))
+    panel = _Panel(entry, found, sheet.names.index(entry.tyre), along, axes)
     if not others:
-        return [_Panel(entry, found, tyre, along, {})]
+        return [panel]
     first = names.index(_PRELOAD) if _PRELOAD in names and names.index(_PRELOAD) in others else others[0]
     made = []
-    for level in _levels(points[:, first]):
-        near = np.abs(points[:, first] - level) <= _width(points[:, first], level)
+    for rank, (level, near) in enumerate(_levels(axes[first], points[:, first])):
         # Each further axis has the value of most tests.
-        held = {first: level} | {at: _commonest(points[near, at]) for at in others if at != first}
-        made.append(_Panel(entry, found, tyre, along, held))
+        further = {at: _levels(axes[at], points[near, at]) for at in others if at != first}
+        commonest = {at: max(found, key=lambda one: int(one[1].sum()))[0] for at, found in further.items()}
+        made.append(replace(panel, held={first: level} | commonest, rank=rank))
     return made
 
 
-def _order(panel: _Panel) -> tuple[int, int]:
-    """Rank of the panel's condition, then of its tyre."""
-    if not panel.held:
-        return 0, panel.tyre
-    first, value = next(iter(panel.held.items()))
-    return int(np.sum(np.array(_levels(panel.found.axes.points[:, first])) < value)), panel.tyre
-
-
-def _width(values: FloatArray, value: float) -> float:
-    """Difference within which another value on an axis is equal to this value."""
-    return max(_SAME * float(np.ptp(values)), _SAME * abs(value))
-
-
-def _levels(values: FloatArray) -> list[float]:
-    """Distinct values of an axis in rising order."""
-    found: list[list[float]] = []
-    for value in sorted(values.tolist()):
-        if found and value - found[-1][0] <= _width(values, value):
-            found[-1].append(value)
-        else:
-            found.append([value])
-    return [float(np.median(group)) for group in found]
-
-
-def _commonest(values: FloatArray) -> float:
-    """The value that most points have."""
-    levels = _levels(values)
-    return max(levels, key=lambda level: int(np.sum(np.abs(values - level) <= _width(values, level))))
+def _levels(axis: Axis, values: FloatArray) -> list[tuple[float, BoolArray]]:
+    """Distinct values on an axis in rising order, each with a mask of the points that have it."""
+    groups = axis.groups(values.tolist())
+    return [(float(np.median(values[groups == at])), groups == at) for at in np.unique(groups)]
 
 
 def _has_arm(sheet: Sheet, panels: Sequence[_Panel]) -> bool:
     """Whether tests and maps both have K2."""
     if not np.any(np.isfinite(sheet.values(q.K2.head))):
         return False
-    middle = [panel.found.ask(panel.found.axes.points, _middle(panel)) for panel in panels]
+    maps = [panel.found for panel in panels]
+    middle = [one.ask(one.axes.points, np.full(len(one.axes.points), np.sqrt(np.prod(one.band)))) for one in maps]
     return all(np.mean(np.isfinite(one.k2)) > 0.5 for one in middle)
-
-
-def _middle(panel: _Panel) -> FloatArray:
-    low, high = panel.found.band
-    return np.full(len(panel.found.axes.points), np.sqrt(low * high))
 
 
 def _frequencies(sheet: Sheet, panels: Sequence[_Panel], notes: Notes) -> list[float]:
     """A few frequencies that were tested [Hz], within the bands of the maps."""
     low, high = min(one.found.band[0] for one in panels), max(one.found.band[1] for one in panels)
-    tested = [value for value in sheet.frequencies.values if low * (1 - _SAME) <= value <= high * (1 + _SAME)]
+    tested = [value for value in sheet.frequencies.values if _in_band(value, (low, high))]
     if not tested:
         return list(dict.fromkeys([low, float(np.sqrt(low * high)), high]))
     shown = [tested[at] for at in spread(len(tested), _FREQUENCIES)]
     notes.chosen(len(shown), len(tested), "frequencies")
     return shown
+
+
+def _in_band(frequency: float, band: tuple[float, float]) -> bool:
+    """Whether a frequency lies in a band or is the same as one of its ends."""
+    return band[0] <= frequency <= band[1] or any(FREQUENCY.same(frequency, end) for end in band)
 
 
 def _colours(groups: Sequence[float], style: Style) -> list[str]:
@@ -220,11 +202,11 @@ def _series(
     low, high = panel.found.band
     made = []
     for group, colour in zip(groups, _colours(groups, style), strict=True):
-        if not low * (1 - _SAME) <= group <= high * (1 + _SAME) or not len(points):
+        if not _in_band(group, panel.found.band) or not len(points):
             continue
         answer = panel.found.ask(points, np.full(len(points), np.clip(group, low, high)))
         lines, stds = _shown(answer, pair)
-        mask = tests & (np.abs(frequency - group) <= _SAME * group)
+        mask = tests & (np.abs(frequency - group) <= FREQUENCY.relative * group)
         drawn = [sheet.shown(quantity) for quantity in pair]
         made.append(
             _Series(

@@ -14,13 +14,12 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from fourpole import quantities as q
 from fourpole.core.plan import PLAN_ROUTES
-from fourpole.errors import CampaignError
 from fourpole.io.write import write_bytes
 from fourpole.plot.figure import figure_bytes
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.style import Dashes, Style, drawing, mixed
 
-_KEY, _FORMATS = "plan", ("svg", "png")
+_KEY = "plan"
 _TITLE = "Uncertainty to expect of K*, K2 and C"
 _COLUMNS = ((q.K_STAR.relative_head, "K*"), (q.K2.relative_head, "K2"), (q.C.relative_head, "C"))
 #: Heads of the uncertainty that K1 contributes, and of the value that it is divided by.
@@ -171,7 +170,7 @@ def write_plan_figure(figure: Figure, path: str | Path, style: Style | None = No
     figure : Figure
         A figure that `draw_plan` returned.
     path : path
-        The file; its name ends in .svg or .png.
+        The file; its name ends in .svg, .png or .pdf.
     style : Style, optional
         The style that the figure was drawn with.
 
@@ -188,8 +187,5 @@ def write_plan_figure(figure: Figure, path: str | Path, style: Style | None = No
         If the file cannot be written.
     """
     path = Path(path)
-    form = path.suffix.lower().removeprefix(".")
-    if form not in _FORMATS:
-        raise CampaignError(f"no format {form!r} of a plan's figure: choose {' or '.join(_FORMATS)}")
-    write_bytes(path, figure_bytes(figure, _KEY, _TITLE, form, style))
+    write_bytes(path, figure_bytes(figure, _KEY, _TITLE, path.suffix.lower().removeprefix("."), style))
     return path

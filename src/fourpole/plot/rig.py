@@ -21,6 +21,7 @@ from fourpole.plot.panels import Extent, Marks, curve, limit, means, rejected_te
 from fourpole.plot.sheet import Sheet, floats, grouped, read_sheet, texts
 from fourpole.plot.stiffness import phasors, rigs_stated
 from fourpole.plot.style import Marker, Style, counted, plain_text
+from fourpole.quantities import RIG_VALUES
 from fourpole.study.results import Results
 from fourpole.study.rig_estimate import Finding, RigEstimate, SharedValue
 
@@ -34,15 +35,6 @@ _FINDINGS: dict[Finding, tuple[Marker, bool, str | None, str]] = {
     Finding.NOT_DETERMINED: ("o", False, None, "not determined: as stated"),
     Finding.CONTRADICTED: ("D", True, "#D55E00", "contradicts the statement"),
     Finding.NOT_CALIBRATED: ("s", False, "#E69F00", "not calibrated: the rig does not fit"),
-}
-_NAMES = {
-    "moving_mass": "moving mass m",
-    "preload_stiffness": "preload spring K3",
-    "preload_damping": "damper c3",
-    "preload_loss_factor": "loss factor of K3",
-    "tyre_mass": "tyre mass",
-    "frame_stiffness": "frame stiffness",
-    "input_mass": "input mass",
 }
 _GROUPS = {
     Role.RIG: "rig",
@@ -64,7 +56,8 @@ def value_label(source: Source) -> str:
     >>> value_label(Source.read("moving_mass")), value_label(Source.read("gain F1/V1"))
     ('moving mass m', 'gain F1/V1')
     """
-    return _NAMES.get(source.of, plain_text(source.text.replace("_", " "), 28))
+    value = RIG_VALUES.get(source.of)
+    return value.name if value else plain_text(source.text.replace("_", " "), 28)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, new_figure
 from fourpole.plot.stiffness import rig_stated
 from fourpole.plot.style import Style
-from fourpole.study.results import Results
+from fourpole.study.results import Results, section
 
 #: Scale of the line art: units of the drawing per width of the figure.
 _UNITS = 10.0
@@ -263,7 +263,7 @@ def dynamic_rig(results: Results, style: Style) -> Figure:  # noqa: ARG001
 
 def _only_rig(results: Results) -> Rig | None:
     """The rig of the campaign, if it has one and no more."""
-    rigs = (results.record.get("stated") or {}).get("rigs") or {}
+    rigs = section(results.record, "stated", "rigs")
     return rig_stated(next(iter(rigs.values()))) if len(rigs) == 1 else None
 
 

@@ -37,7 +37,7 @@ from fourpole.plot.properties import property_figure, tyre_marks
 from fourpole.plot.sheet import IntArray, Sheet, present, read_sheet, texts
 from fourpole.plot.style import Dashes, Style, mixed
 from fourpole.quantities import DERIVED, Quantity
-from fourpole.study.results import Results
+from fourpole.study.results import Results, section
 
 _MOST_PRESSURES = 5
 _MOST_LOADS = 3
@@ -243,7 +243,7 @@ def rig_stated(stated: Mapping[str, Any]) -> Rig | None:
 
 def rigs_stated(results: Results, sheet: Sheet) -> dict[str, Rig | None]:
     """The stated rig of each name in dynamic.csv; None if there is no valid statement."""
-    stated = (results.record.get("stated") or {}).get("rigs") or {}
+    stated = section(results.record, "stated", "rigs")
     return {name: rig_stated(stated[name]) if name in stated else None for name in set(sheet.rigs)}
 
 

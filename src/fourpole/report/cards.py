@@ -17,8 +17,7 @@ from fourpole import quantities as q
 from fourpole.fitting.rows import KEY, Key, key_of
 from fourpole.report.digits import known, number
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words, worst
-from fourpole.report.stated import mapping
-from fourpole.study.results import Results
+from fourpole.study.results import Results, section
 from fourpole.study.tables import DYNAMIC as TABLE
 
 #: Two of these characters are one sample of a curve: 4095 levels between its extremes, and one for a missing sample.
@@ -109,10 +108,10 @@ def _tangents(
 
 def _dynamic_cards(results: Results, previews: Mapping[Key, Mapping[str, Any]]) -> list[Card]:
     quantities = {
-        symbol: str(mapping(results.record, "stated", "channels", role).get("quantity", ""))
+        symbol: str(section(results.record, "stated", "channels", role).get("quantity", ""))
         for symbol, role in _SIGNALS
     }
-    rigs = mapping(results.record, "stated", "rigs")
+    rigs = section(results.record, "stated", "rigs")
     more = [name for name in results.dynamic.columns if name not in (*TABLE.columns, *KEY)]
     return [
         Card(
@@ -126,7 +125,7 @@ def _dynamic_cards(results: Results, previews: Mapping[Key, Mapping[str, Any]]) 
                 previews.get(key_of(row), {}),
                 quantities,
                 more,
-                blocked=mapping(rigs, str(row["rig"] or "")).get("output") == "blocked",
+                blocked=section(rigs, str(row["rig"] or "")).get("output") == "blocked",
             ),
         )
         for at, row in enumerate(results.dynamic.rows(named=True), 1)

@@ -21,12 +21,12 @@ from fourpole.report.cards import embedded, make_cards
 from fourpole.report.digits import number
 from fourpole.report.models import models_section
 from fourpole.report.rows import DYNAMIC, STATIC, result_rows
-from fourpole.report.stated import channel_rows, mapping, rig_rows, tested, texts, verdict_counts
+from fourpole.report.stated import channel_rows, rig_rows, tested, verdict_counts
 from fourpole.report.words import Sentence
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
 from fourpole.report.words.shared_values import GROUPS
-from fourpole.study.results import Results
+from fourpole.study.results import Results, section, texts
 
 #: Up to this number the tests of a finding or a remark are listed by name.
 _NAMED = 12
@@ -119,7 +119,7 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
         topics=_topics(findings, where),
         rigs=rig_rows(record),
         channels=channel_rows(record),
-        sample_rate=mapping(record, "stated").get("sample_rate [Hz]"),
+        sample_rate=section(record, "stated").get("sample_rate [Hz]"),
         rigs_found=[_rig_as_found(found, where) for found in rigs_in_words(results)],
         limits=limits(results),
         models=models_section(results),
@@ -127,9 +127,9 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
         assumptions=texts(record.get("assumptions")),
         figures=_numbered(list(figures.values())),
         remarks=_remarks([*dynamic.rows, *static.rows], checks_by_test(results.checks)),
-        settings={str(name): str(value) for name, value in mapping(record, "settings").items()},
-        versions={str(name): str(value) for name, value in mapping(record, "versions").items()},
-        hashes={str(name): str(value) for name, value in mapping(record, "sha256").items()},
+        settings={str(name): str(value) for name, value in section(record, "settings").items()},
+        versions={str(name): str(value) for name, value in section(record, "versions").items()},
+        hashes={str(name): str(value) for name, value in section(record, "sha256").items()},
         data=Markup(embedded({card.key: card.body for card in cards})),
         style=Markup(_part("page.css")),
         script=Markup(script),

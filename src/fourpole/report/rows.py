@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 import polars as pl
@@ -38,34 +39,11 @@ def words(quantity: Quantity, row: Mapping[str, Any]) -> str:
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One number: the SI value as text, by which rows are sorted, and the value and uncertainty shown."""
-
-    key: str
-    text: str
-    std: str
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row of a table of results."""
-
-    card: str
-    test: str
-    tyre: str
-    construction: str
-    rig: str
-    cells: tuple[Cell, ...]
-    verdict: str
-    remarks: str
-
-
-@dataclass(frozen=True)
 class ResultTable:
     """Columns in use and their rows."""
 
     columns: tuple[Quantity, ...]
-    rows: list[Row] = field(default_factory=list)
+    rows: list[SimpleNamespace] = field(default_factory=list)
     rigs: bool = False
     remarks: bool = False
 
@@ -81,8 +59,9 @@ def _says_something(frame: pl.DataFrame, name: str) -> bool:
     return name in frame.columns and any(known(value) for value in frame[name].to_list())
 
 
-def _row(row: Mapping[str, Any], columns: tuple[Quantity, ...], card: str) -> Row:
-    return Row(
+def _row(row: Mapping[str, Any], columns: tuple[Quantity, ...], card: str) -> SimpleNamespace:
+    """One row of a table of results."""
+    return SimpleNamespace(
         card=card,
         test=str(row["test"]),
         tyre=str(row["tyre"] or ""),
@@ -94,9 +73,11 @@ def _row(row: Mapping[str, Any], columns: tuple[Quantity, ...], card: str) -> Ro
     )
 
 
-def _cell(row: Mapping[str, Any], column: Quantity) -> Cell:
+def _cell(row: Mapping[str, Any], column: Quantity) -> SimpleNamespace:
+    """One number: the SI value as text, by which rows are sorted, and the value and uncertainty shown."""
     value = known(row.get(column.head))
-    return Cell("" if value is None else repr(value), *texts(column, row))
+    text, std = texts(column, row)
+    return SimpleNamespace(key="" if value is None else repr(value), text=text, std=std)
 
 
 def worst(verdicts: list[Any]) -> str:

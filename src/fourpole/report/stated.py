@@ -12,20 +12,11 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.checks import VERDICTS
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
+from fourpole.quantities import RIG_VALUES, Quantity
 from fourpole.report.digits import known, number, spread, with_std
 from fourpole.report.rows import worst
-from fourpole.study.results import Results
+from fourpole.study.results import Results, section
 
-#: Rig values by key: name in words, unit shown, SI value of this unit.
-RIG_VALUES = {
-    "moving_mass": ("moving mass m", "kg", 1.0),
-    "preload_stiffness": ("preload spring K3", "kN/m", 1e3),
-    "preload_damping": ("damper c3 beside the spring", "N s/m", 1.0),
-    "preload_loss_factor": ("loss factor of the preload spring", "", 1.0),
-    "tyre_mass": ("moving part of the tyre", "kg", 1.0),
-    "frame_stiffness": ("frame stiffness", "kN/m", 1e3),
-    "input_mass": ("mass between force cell and contact", "kg", 1.0),
-}
 _ROLES = {
     "force_in": "force F1",
     "motion_in": "motion at the contact V1",
@@ -34,18 +25,6 @@ _ROLES = {
     "deflection": "static deflection",
 }
 _STATIC_ROLES = {"load", "deflection"}
-
-
-def mapping(value: object, *path: str) -> dict[str, Any]:
-    """The table at a path of nested tables; empty if there is none."""
-    for name in path:
-        value = value.get(name) if isinstance(value, dict) else None
-    return value if isinstance(value, dict) else {}
-
-
-def texts(value: object) -> list[str]:
-    """The items of a list as texts; empty if the value is no list."""
-    return [str(item) for item in value] if isinstance(value, list) else []
 
 
 def verdict_counts(*tables: pl.DataFrame) -> dict[str, int]:
@@ -61,8 +40,8 @@ def tested(results: Results) -> list[SimpleNamespace]:
     for frame in both:
         for tyre, construction in frame.iter_rows():
             constructions.setdefault(str(tyre or ""), str(construction or ""))
-    stated = mapping(results.record, "stated", "specimens")
-    return [_tested(results, tyre, text, mapping(stated, tyre)) for tyre, text in constructions.items()]
+    stated = section(results.record, "stated", "specimens")
+    return [_tested(results, tyre, text, section(stated, tyre)) for tyre, text in constructions.items()]
 
 
 def _tested(results: Results, tyre: str, construction: str, stated: Mapping[str, Any]) -> SimpleNamespace:
@@ -96,10 +75,10 @@ def _plain(value: object) -> str:
 def rig_rows(record: Mapping[str, Any]) -> list[SimpleNamespace]:
     """Each value of each rig with its uncertainty."""
     rows = []
-    for name, stated in mapping(record, "stated", "rigs").items():
-        if mapping(stated) and stated.get("output") == "blocked":
+    for name, stated in section(record, "stated", "rigs").items():
+        if section(stated) and stated.get("output") == "blocked":
             rows.append(_shown_value(str(name), "far side", "blocked"))
-        rows += [_rig_row(str(name), key, value) for key, value in mapping(stated).items() if isinstance(value, dict)]
+        rows += [_rig_row(str(name), key, value) for key, value in section(stated).items() if isinstance(value, dict)]
     return rows
 
 
@@ -112,7 +91,8 @@ def _shown_value(
 def _rig_row(rig: str, key: str, stated: dict[str, Any]) -> SimpleNamespace:
     """One stated value of a rig."""
     unit = str(stated.get("unit", ""))
-    words, shown, scale = RIG_VALUES.get(key, (key.replace("_", " "), "" if unit == "1" else unit, 1.0))
+    known_value = RIG_VALUES.get(key) or Quantity(key, "", key.replace("_", " "), unit)
+    words, shown, scale = known_value.name, known_value.suffix, known_value.scale
     value, std = known(stated.get("value")), known(stated.get("std"))
     if value is None:
         return _shown_value(rig, words, unit=shown)
@@ -124,7 +104,7 @@ def _rig_row(rig: str, key: str, stated: dict[str, Any]) -> SimpleNamespace:
 
 def channel_rows(record: Mapping[str, Any]) -> list[SimpleNamespace]:
     """A row per channel: column, quantity, conversion to SI values, and uncertainty."""
-    channels = mapping(record, "stated", "channels")
+    channels = section(record, "stated", "channels")
     return [_channel_row(str(role), stated) for role, stated in channels.items() if isinstance(stated, dict)]
 
 
@@ -154,15 +134,15 @@ def _chain(stated: dict[str, Any]) -> list[str]:
     """The corrections of the channel's amplitudes, in words."""
     more = []
     for name, words in (("high_pass", "high-pass"), ("low_pass", "low-pass")):
-        link = mapping(stated, name)
+        link = section(stated, name)
         if (corner := known(link.get("corner"))) is not None:
             more.append(f"{words} {corner:.6g} Hz, order {link.get('order', 1)}")
-    geophone = mapping(stated, "geophone")
+    geophone = section(stated, "geophone")
     if (natural := known(geophone.get("natural_frequency"))) is not None:
         more.append(f"geophone {natural:.6g} Hz, damping {_plain(geophone.get('damping'))}")
     if "response" in stated:
         more.append(f"calibrated response {stated['response']}")
-    more += [f"cross-talk of {source} {text}" for source, text in mapping(stated, "crosstalk").items()]
+    more += [f"cross-talk of {source} {text}" for source, text in section(stated, "crosstalk").items()]
     if std := known(stated.get("std_delay")):
         more.append(f"u(delay) {number(1e3 * std, 3)} ms")
     return more

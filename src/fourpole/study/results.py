@@ -92,6 +92,18 @@ class Results(Tables):
         return replace(self, tables={**self.tables, **made})
 
 
+def section(value: object, *path: str) -> dict[str, Any]:
+    """The table at a path of nested tables, as of study.json; empty if there is none."""
+    for name in path:
+        value = value.get(name) if isinstance(value, dict) else None
+    return value if isinstance(value, dict) else {}
+
+
+def texts(value: object) -> list[str]:
+    """The items of a list as texts; empty if the value is no list."""
+    return [str(item) for item in value] if isinstance(value, list) else []
+
+
 def read_results(folder: str | Path) -> Results:
     """Read what `Study.write` wrote.
 

@@ -55,7 +55,7 @@ def claim(finding: Finding, found: Claim) -> str:
     """One claim, whether it holds, and the numbers that decide, as a sentence."""
     roles = zip((CROSS, RADIAL), found.names, found.states, strict=True)
     labels = {role: _label(role, name, state) for role, name, state in roles}
-    statement = _CLAIMS[found.number].format(a=labels[CROSS], b=labels[RADIAL])
+    statement = STATEMENTS[found.number].format(a=labels[CROSS], b=labels[RADIAL])
     head = f"Claim {found.number} of the paper ({statement})"
     if isinstance(found.found, Lack):
         return f"{head} cannot be examined here: it needs {_lack(found.found, labels)}."
@@ -207,7 +207,7 @@ def _figures(found: Evidence, labels: Labels) -> str:
 
 
 #: The conclusions of the paper by number; a is its cross-ply and b its radial-ply.
-_CLAIMS = {
+STATEMENTS = {
     1: "K1 of {a} is above that of {b}",
     2: "{a} is markedly non-linear under static load, {b} nearly linear",
     3: "C of {a} has its maximum near 1.68 bar",

@@ -18,7 +18,7 @@ _LINEAR = {
 def level(finding: Finding, found: Level) -> str:
     """The lowest and the highest value, their conditions and their standard uncertainty, as a sentence."""
     axes, values = finding.conditions.axes, found.values
-    low, high = found.lowest, found.highest
+    low, high = (pick(values, key=lambda key: (values[key].value, key)) for pick in (min, max))
     least, most = (shown(finding.quantity, values[key].value) for key in (low, high))
     known = f"standard uncertainty of {percents([each.std / each.value for each in values.values()])}"
     if low == high:

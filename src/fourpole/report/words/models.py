@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,8 +19,6 @@ _NAMED = 6
 #: Shown unit, its SI value and the option of `fourpole query`, by the column of an axis.
 _AXES = {one.head: (one.suffix, one.scale, f"--{one.key}") for one in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE)}
 _SPELLED = {"°C": "degC"}
-#: Characters of a name that need no quotes in a shell.
-_PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")
 
 
 def sentences(entry: ModelEntry) -> list[str]:
@@ -29,7 +28,7 @@ def sentences(entry: ModelEntry) -> list[str]:
         said.append(discrepancy(entry))
     if not entry.causal:
         said.append("It is not causal: it describes K* at these frequencies, but cannot be stepped in time.")
-    return [*said, *_verdicts(entry)]
+    return [*said, *verdicts(entry)]
 
 
 def discrepancy(entry: ModelEntry) -> str:
@@ -49,7 +48,7 @@ def chosen(text: str) -> str:
     return text.strip().rstrip(".") + "."
 
 
-def _verdicts(entry: ModelEntry) -> list[str]:
+def verdicts(entry: ModelEntry) -> list[str]:
     """Whether K* of each condition can be that of a passive linear tyre, as sentences."""
     judged = [(one, one.verdict) for one in entry.conditions if one.verdict is not None]
     bad = [one for one, verdict in judged if not verdict.possible]
@@ -126,9 +125,8 @@ def place(one: ConditionFile) -> str:
 
 
 def _stood(each: NamedValue) -> str:
-    unit, scale, _ = _axis(each.column)
     named = "" if each.column in _AXES else f"{each.name} "
-    return f"{named}{each.value / scale:.4g} {unit}".rstrip().replace("-", "−")
+    return f"{named}{_bare(each)}".replace("-", "−")
 
 
 def _axis(column: str) -> tuple[str, float, str]:
@@ -176,7 +174,7 @@ def question(entry: MapEntry, *, several: bool) -> str:
         column = axis.column
         unit, scale, option = _axis(column)
         if option == "--at":
-            parts.append(f"--at {_quoted(f'{column}={value:.10g}')}")
+            parts.append(f"--at {shlex.quote(f'{column}={value:.10g}')}")
         else:
             parts.append(f'{option} "{value / scale:.10g} {_SPELLED.get(unit, unit)}"')
     low, high = entry.band
@@ -187,12 +185,7 @@ def question(entry: MapEntry, *, several: bool) -> str:
 
 def tyre_option(name: str) -> str:
     """The option that names a tyre."""
-    return f"--tyre {name if name and set(name) <= _PLAIN and name[0] != '-' else _quoted(name)}"
-
-
-def _quoted(text: str) -> str:
-    """The text in quotes of a POSIX shell."""
-    return "'" + text.replace("'", "'\\''") + "'"
+    return f"--tyre {shlex.quote(name)}"
 
 
 def _inside(entry: MapEntry) -> Sequence[float]:

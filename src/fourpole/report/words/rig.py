@@ -67,16 +67,6 @@ class RigInWords:
     outliers: tuple[Outlier, ...]
     gain: str
 
-    @property
-    def rig(self) -> str:
-        """Name of the rig; empty where the campaign has one rig without a name."""
-        return self.estimate.rig
-
-    @property
-    def fits(self) -> bool:
-        """Whether rig and channels as stated fit the tests."""
-        return self.estimate.fits
-
 
 def rigs_in_words(results: Results) -> list[RigInWords]:
     """Each rig as found, in the order of rig.csv; none where another route was used."""
@@ -205,8 +195,11 @@ def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     """Undeclared errors that the tests do not show, and what would show them, as sentences."""
     # If the rig does not fit, the misfit already shows an error of the rig, so only errors of channels can be hidden.
     groups = {Role.RIG, Role.CHANNEL} if found.fits else {Role.CHANNEL}
-    hidden = _hidden([value for value in values if value.group in groups])
-    common = _common(hidden, values) if found.massed else []
+    hidden = [value for value in values if value.group in groups and value.hidden]
+    hidden = [value for value in hidden if value.finding is not Finding.CONTRADICTED]
+    channels = [value for value in hidden if value.group is Role.CHANNEL and found.massed]
+    # Of these values only an error that all channels have in common is hidden.
+    common = [value for value in channels if _ratios_seen(value, values)]
     hidden = [value for value in hidden if value not in common]
     if common:
         yield (
@@ -215,34 +208,15 @@ def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
         )
     if hidden:
         yield _hidden_errors(hidden, massed=found.massed)
-    yield from [] if found.massed else _equal_effects(values)
-    yield from _trusted_masses(values)
-    ratios = set() if Role.CHANNEL in {value.group for value in hidden} else {Role.RATIO}
-    yield from _late_errors([value for value in values if value.group in groups | ratios and value not in common])
-
-
-def _equal_effects(values: Sequence[ShownValue]) -> Iterable[str]:
-    """Sentence on errors that have the same effect on the results of all tests with one mass."""
-    if _gains_alike(values):
+    unknown = {(value.source.kind, value.source.of) for value in values if not value.source.under}
+    if not found.massed and unknown >= _BLIND:
         yield (
             "These data compare F1/V2 with the rig: an error of F1's gain has the same effect as one of V2's, or as an "
             "error of the moving mass and the preload spring together."
         )
-
-
-def _hidden(values: Sequence[ShownValue]) -> list[ShownValue]:
-    """The values of which the tests show no plausible error."""
-    return [value for value in values if value.hidden and value.finding is not Finding.CONTRADICTED]
-
-
-def _common(hidden: Sequence[ShownValue], values: Sequence[ShownValue]) -> list[ShownValue]:
-    """The channels' values of which only an error that all channels have in common is hidden."""
-    return [value for value in hidden if value.group is Role.CHANNEL and _ratios_seen(value, values)]
-
-
-def _gains_alike(values: Sequence[ShownValue]) -> bool:
-    """Whether the gains of F1 and of V2 are both unknown."""
-    return {(value.source.kind, value.source.of) for value in values if not value.source.under} >= _BLIND
+    yield from _trusted_masses(values)
+    ratios = set() if Role.CHANNEL in {value.group for value in hidden} else {Role.RATIO}
+    yield from _late_errors([value for value in values if value.group in groups | ratios and value not in common])
 
 
 def _late_errors(values: Sequence[ShownValue]) -> Iterable[str]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import inf, pi
 
 from fourpole.core.sources import Kind, Role, Source
+from fourpole.quantities import RIG_VALUES
 from fourpole.report.digits import number, with_std
-from fourpole.report.stated import RIG_VALUES
 from fourpole.study.rig_estimate import Finding, RigEstimate, SharedValue
 
 DASH = "–"
@@ -159,7 +159,8 @@ def in_words(source: Source, unit: str = "") -> tuple[str, str, float, float]:
     of, under = source.of, source.under
     match source.kind:
         case Kind.RIG_VALUE:
-            return *RIG_VALUES[of], 0.0
+            value = RIG_VALUES[of]
+            return value.name, value.suffix, value.scale, 0.0
         case Kind.GAIN:
             return f"gain of {of} over {under}" if under else f"gain of {of}", "%", 0.01, 1.0
         case Kind.PHASE:

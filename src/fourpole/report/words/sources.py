@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fourpole.core.sources import Kind, Role, Source
-from fourpole.report.stated import RIG_VALUES
+from fourpole.quantities import RIG_VALUES
 
 _UNSTATED = {
     "mass": "a moving mass that is not stated",
@@ -103,11 +103,11 @@ def source_in_words(source: Source) -> str:
 
 
 def _filled(template: str, source: Source) -> str:
-    name, unit = RIG_VALUES[source.of][:2] if source.kind is Kind.RIG_VALUE else (source.text, "")
+    value = RIG_VALUES[source.of] if source.kind is Kind.RIG_VALUE else None
     return template.format(
         channel=f"{source.of} against {source.under}" if source.under else source.of,
-        name=_UNSTATED[source.of] if source.kind is Kind.UNSTATED else name,
-        measure="weigh it" if unit == "kg" else "measure it by itself",
+        name=_UNSTATED[source.of] if source.kind is Kind.UNSTATED else value.name if value else source.text,
+        measure="weigh it" if value and value.unit == "kg" else "measure it by itself",
     )
 
 
