@@ -21,7 +21,6 @@ from fourpole.units import (
     frequency_grid,
     is_unit,
     kinds,
-    motion_scale,
     quantity,
     sensitivity,
     shown,

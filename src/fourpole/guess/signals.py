@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.demodulation.spectrum import hann, peak_place
+from fourpole.io.look import filled, rate_of
 from fourpole.io.signals import Signal
 from fourpole.io.stream import Source, stream
 
@@ -103,7 +105,7 @@ def _with_excitation(shape: SignalShape, excited: dict[str, _Line], aside: dict[
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Line:
     """A channel: rate [Hz], first time [s], and strongest line with its cycles per sample and share of the variance."""
 
@@ -115,10 +117,9 @@ class _Line:
     @classmethod
     def of(cls, signal: Signal, rate: float | None) -> _Line:
         """The line of a signal; `rate` [Hz] counts if the signal states neither a rate nor times."""
-        samples = _filled(signal.samples)
-        own = signal.rate or (rate_of(signal.time) if signal.time is not None else None)
+        samples = filled(signal.samples)
         start = float(signal.time[0]) if signal.time is not None else signal.start if signal.rate else 0.0
-        return cls(samples, own or rate, start, _line(samples) if samples.size >= 16 else (0.0, 0.0))
+        return cls(samples, rate_of(signal) or rate, start, _line(samples) if samples.size >= 16 else (0.0, 0.0))
 
     @property
     def moves(self) -> bool:
@@ -148,38 +149,13 @@ def _edges(column: FloatArray) -> int:
     return int(np.count_nonzero(np.diff(settled) > 0))
 
 
-def rate_of(time: FloatArray) -> float | None:
-    """Sample rate [Hz] by the mean step of a time, by its median step if the two differ by 1 %; None without steps."""
-    step = np.diff(time[np.isfinite(time)])
-    middle = float(np.median(step)) if step.size else 0.0
-    if not middle > 0:
-        return None
-    return float(step.size / step.sum()) if abs(step.mean() / middle - 1) < 0.01 else 1.0 / middle
-
-
-def _filled(column: FloatArray) -> FloatArray:
-    """The samples of a channel, missing ones interpolated between their neighbours."""
-    there = np.isfinite(column)
-    if there.all():
-        return column
-    at = np.arange(column.size)
-    return np.interp(at, at[there], column[there])
-
-
 def _line(column: FloatArray) -> tuple[float, float]:
     """Frequency of the strongest line of a channel [cycles per sample], and its share of the variance [1]."""
     part = column[:_SPECTRUM] - column[:_SPECTRUM].mean()
-    window = 0.5 - 0.5 * np.cos(2 * np.pi / part.size * np.arange(part.size))
     padded = 4 * part.size
-    spectrum = np.abs(np.fft.rfft(part * window, padded))
+    spectrum = np.abs(np.fft.rfft(part * hann(part.size), padded))
     spectrum[:3] = 0.0  # up to half a cycle in the recording is drift
-    at = int(np.argmax(spectrum))
-    shift = 0.0
-    if 0 < at < spectrum.size - 1 and np.all(spectrum[at - 1 : at + 2] > 0):
-        left, mid, right = np.log(spectrum[at - 1 : at + 2])
-        bend = left - 2 * mid + right
-        shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
-    turns = (at + shift) / padded
+    turns = peak_place(spectrum, int(np.argmax(spectrum))) / padded
     variance = float(np.mean(part**2))
     return turns, 0.5 * abs(turn(part, turns)) ** 2 / variance if variance > 0 else 0.0
 

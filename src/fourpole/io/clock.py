@@ -27,8 +27,6 @@ _MOMENTS = tuple(rf"^\s*(?:{date}[T ] *)?{_TIME}\s*$" for date in _DATES)
 _KNOWN = tuple(re.compile(pattern) for pattern in _MOMENTS)
 _UNDATED = re.compile(r"\s*[0-9]{1,2}:")
 _DATE_ALONE = tuple(re.compile(rf"\s*{date}\s*") for date in _DATES)
-_MONTH_DAYS = np.array([0, 31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31])
-_BEFORE_MONTH = np.concatenate(([0, 0], np.cumsum(_MONTH_DAYS[1:])))
 
 
 def is_moment(cell: str) -> bool:
@@ -113,9 +111,7 @@ def _days(
     year: NDArray[np.float64], month: NDArray[np.float64], day: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Number of the day, counted from a fixed day, and whether the calendar has this day."""
-    leap = (year % 4 == 0) & ((year % 100 != 0) | (year % 400 == 0))
-    at = np.clip(month, 1, 12).astype(np.intp)
-    real = (month >= 1) & (month <= 12) & (day >= 1) & (day <= _MONTH_DAYS[at] + (leap & (at == 2)))
-    before = year - 1
-    days = before * 365 + before // 4 - before // 100 + before // 400 + _BEFORE_MONTH[at] + (leap & (at > 2)) + day
-    return days, real
+    months = (12 * (year - 1970) + month - 1).astype("datetime64[M]")
+    first, after = (edge.astype("datetime64[D]").astype(np.float64) for edge in (months, months + 1))
+    real = (month >= 1) & (month <= 12) & (day >= 1) & (day <= after - first)
+    return first + day, real

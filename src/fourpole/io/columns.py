@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
+from codecs import BOM_UTF8
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,7 +20,7 @@ from fourpole.core.arrays import ByValue
 from fourpole.errors import TableError
 from fourpole.io.clock import Clock
 from fourpole.io.layout import Layout, find_column, find_layout, split_lines
-from fourpole.io.rows import UTF8_MARK, Table, Values, length, line_start, parts, whole_lines
+from fourpole.io.rows import Table, Values, length, line_start, parts, whole_lines
 from fourpole.io.source import decode, encoding_of, name_of, open_regular
 
 #: Bytes of the first lines that are read to find the layout, and the most that are read if lines are long.
@@ -161,7 +162,7 @@ def _laid_out(file: BinaryIO, name: str) -> tuple[BinaryIO, Layout, str, bytes]:
 
 def _above(start: bytes, encoding: str, layout: Layout) -> tuple[str, ...]:
     """The lines above the rows, without the header."""
-    lines = split_lines(start.removeprefix(UTF8_MARK).decode(encoding, errors="replace"))[: layout.first_row - 1]
+    lines = split_lines(start.removeprefix(BOM_UTF8).decode(encoding, errors="replace"))[: layout.first_row - 1]
     return tuple(line for at, line in enumerate(lines, 1) if at != layout.header_line)
 
 

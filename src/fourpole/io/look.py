@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.core.arrays import ByValue
+from fourpole.core.demodulation.spectrum import hann
 from fourpole.errors import FourpoleError
 from fourpole.io.signals import FileInfo, Signal
 from fourpole.io.stream import by_halves, surveyed_stream
@@ -125,6 +126,15 @@ def _pass(
     return {one: tally.summary(names.get(one, "")) for one, tally in zip(chosen, tallies, strict=True)}
 
 
+def rate_of(signal: Signal) -> float | None:
+    """Sample rate of a signal, as stated or by its times [Hz]; None if it has neither, or if many steps are uneven."""
+    if signal.rate or signal.time is None:
+        return signal.rate
+    steps = _Steps()
+    steps.feed(signal.time)
+    return steps.rate
+
+
 @dataclass
 class _Steps:
     """Statistics of the times of a channel, which are fed in parts."""
@@ -160,7 +170,7 @@ class _Steps:
         return float(f"{mean:.10g}")  # more digits would show the rounding of the times
 
 
-@dataclass
+@dataclass(eq=False)
 class _Tally:
     """Statistics of a channel, whose samples are fed in parts."""
 
@@ -266,24 +276,29 @@ class _Tally:
         )
 
 
+def filled(samples: FloatArray) -> FloatArray:
+    """The samples of a channel; missing ones are interpolated between their neighbours."""
+    there = np.isfinite(samples)
+    if there.all():
+        return samples
+    at = np.arange(samples.size)
+    return np.interp(at, at[there], samples[there])
+
+
 def _line(samples: FloatArray, rate: float) -> float | None:
     """Frequency of the spectral line that has most of the variance [Hz]; None if no line has."""
     there = np.isfinite(samples)
     if there.sum() < 32:
         return None
-    at = np.arange(samples.size)
-    samples = np.interp(at, at[there], samples[there])
-    samples = samples - samples.mean()
-    size = samples.size
-    window = 0.5 - 0.5 * np.cos(2 * np.pi / size * at)
-    power = np.abs(np.fft.rfft(samples * window)) ** 2
+    samples = filled(samples)
+    power = np.abs(np.fft.rfft((samples - samples.mean()) * hann(samples.size))) ** 2
+    total = float(np.sum(power[1:]))
     power[:2] = 0.0
     peak = int(np.argmax(power))
     inside = power[max(peak - 2, 0) : peak + 3]
-    total = float(np.sum(np.abs(np.fft.rfft(samples * window)[1:]) ** 2))
     if peak < 3 or peak >= power.size - 1 or not inside.sum() > _CLEAR * total:
         return None
     side = 1 if power[peak + 1] > power[peak - 1] else -1
     ratio = math.sqrt(power[peak + side] / power[peak])
     # The ratio of the two highest lines of a sinusoid under a Hann window gives its frequency (Grandke 1983).
-    return float((peak + side * (2 * ratio - 1) / (ratio + 1)) * rate / size)
+    return float((peak + side * (2 * ratio - 1) / (ratio + 1)) * rate / samples.size)

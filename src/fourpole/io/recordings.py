@@ -8,18 +8,17 @@ from pathlib import Path
 
 from fourpole.errors import TableError
 from fourpole.io.names import in_group, matching
-from fourpole.io.signals import FileInfo, Format
+from fourpole.io.signals import HEAD_BYTES, FileInfo, Format
 from fourpole.io.source import name_of, open_regular
 
 #: Modules of `fourpole.io.formats` in the order in which they are tried; text is last, for it accepts any text.
 _MODULES = ("mdf", "tdms", "hdf5", "matlab", "parquet", "famos", "uff", "wav", "tydex", "lvm", "text")
-_HEAD = 4096
 
 
 def format_of(path: str | Path, *, max_bytes: int, label: str | None = None) -> Format:
     """The format of a file by its content; TableError if no format recognises it."""
     with open_regular(path, max_bytes=max_bytes, label=label) as file:
-        head = file.read(_HEAD)
+        head = file.read(HEAD_BYTES)
     for module in _MODULES:
         found: Format = import_module(f"fourpole.io.formats.{module}").FORMAT
         if found.recognises(head):

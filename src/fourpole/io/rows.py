@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -24,9 +25,6 @@ from fourpole.units import shown
 
 if TYPE_CHECKING:
     import polars as pl
-
-UTF8_MARK = b"\xef\xbb\xbf"
-"""The byte order mark of UTF-8."""
 
 #: Bytes that are read at a time; a longer line is refused.
 _PART = 1 << 25
@@ -184,7 +182,7 @@ def _times(frame: pl.DataFrame, clocks: dict[int, Clock]) -> Values | None:
 def line_start(start: bytes, line: int) -> int:
     """First byte of a line, lines counted from 1."""
     ends = islice(_LINE_END.finditer(start), line - 1)
-    return max((end.end() for end in ends), default=len(UTF8_MARK) if start.startswith(UTF8_MARK) else 0)
+    return max((end.end() for end in ends), default=len(BOM_UTF8) if start.startswith(BOM_UTF8) else 0)
 
 
 def _is_full(part: bytes, ending: bytes, layout: Layout) -> bool:

@@ -13,6 +13,8 @@ from fourpole.core.arrays import ByValue
 
 MAX_FILE_BYTES = 64_000_000_000
 """Largest file of which a part is read at a time [byte]."""
+HEAD_BYTES = 4096
+"""Number of first bytes by which a format is recognised."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +153,7 @@ class Format:
     endings : tuple of str
         Usual endings of a file's name, in lower case, with the dot.
     recognises : callable
-        Takes the first bytes of a file (up to 4096), and returns whether they are of this format. The content decides,
+        Takes the first `HEAD_BYTES` bytes of a file, and returns whether they are of this format. The content decides,
         not the ending of the name.
     survey : callable
         Takes path, label and max_bytes, and returns a FileInfo; samples are not read if the format allows it.

@@ -14,7 +14,6 @@ from fourpole.units import shown
 
 _UTF16 = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 _UTF32 = (b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")
-_UTF8 = b"\xef\xbb\xbf"
 
 
 def name_of(path: str | os.PathLike[str], label: str | None) -> str:
@@ -68,8 +67,8 @@ def encoding_of(start: bytes, name: str) -> tuple[str, int]:
     """The encoding of a text, from its first bytes, and the length of its byte order mark [byte]."""
     if start.startswith(_UTF32):
         raise TableError(f"{name}: is text in UTF-32; save it as UTF-8")
-    if start.startswith(_UTF8):
-        return "utf-8", len(_UTF8)
+    if start.startswith(codecs.BOM_UTF8):
+        return "utf-8", len(codecs.BOM_UTF8)
     if start[:2] in _UTF16:
         return _UTF16[start[:2]], 2
     if b"\x00" in start:

@@ -10,7 +10,7 @@ from pathlib import Path
 from fourpole import units
 from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
-from fourpole.guess.signals import rate_of
+from fourpole.io.look import rate_of
 from fourpole.io.recordings import survey
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import sha256_of
@@ -194,8 +194,7 @@ class _Inspection:
         (first,) = next(stream(replace(source, rows=_ROWS)).chunks)
         info = survey(path, max_bytes=MAX_FILE_BYTES, label=test.file)
         count = max(one.count for one in info.signals if source.group in ("", one.group))
-        time = times_of(first)
-        rate = rate_of(time) if time is not None else None
+        time, rate = times_of(first), rate_of(first)
         if time is None or rate is None:
             return
         (low, high), stop = test.window, float(time[0]) + (count - 1) / rate

@@ -159,7 +159,7 @@ def test_what_lies_or_cannot_be_read_is_refused(tmp_path: Path) -> None:
         (whole.replace(b",8,64,0,0,1,0", b",8,64,0,4,1,9"), "between the samples of others"),
         (whole.replace(b",8,8,64", b",8,9,64"), "kind 9"),
         (whole.replace(b"|CF,2", b"|CF,1"), "FAMOS format 1"),
-        (b"t,F1\n", "does not begin"),
+        (b"t,F1\n", "does not begin as one"),
     ):
         with pytest.raises(TableError, match=f"^a.dat: .*(?:{what})"):
             read(written(tmp_path / "a.dat", content), "F1")

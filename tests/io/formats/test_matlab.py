@@ -84,6 +84,20 @@ def test_a_matrix_with_names_and_units(tmp_path: Path) -> None:
     np.testing.assert_allclose(force.time, np.arange(N) * 0.5e-3, rtol=1e-12)
 
 
+def test_each_matrix_has_the_times_of_its_own_columns(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    slow, fast = np.arange(N) * 0.5, np.arange(N) * 0.125 + 3.0
+
+    def run(time: np.ndarray, channel: str, at: int) -> dict[str, object]:
+        return {"M": np.column_stack([time, TABLE[:, at]]), "names": cell("t", channel), "units": cell("s", "N")}
+
+    savemat(path, {"run1": run(slow, "F1", 0), "run2": run(fast, "F2", 1)}, oned_as="column")
+    first, second = FORMAT.read(asked(path, "F1", "F2"))
+    np.testing.assert_array_equal(first.time, slow)
+    np.testing.assert_array_equal(second.time, fast)
+    np.testing.assert_array_equal(second.samples, TABLE[:, 1])
+
+
 def test_version_7_3(tmp_path: Path) -> None:
     h5py = pytest.importorskip("h5py")
     path = tmp_path / "a.mat"

@@ -118,7 +118,7 @@ def test_what_lies_is_refused(tmp_path: Path) -> None:
         (whole[:-4] + b"PARE", "encrypted"),
         (whole[:-8] + b"\xff\xff\xff\x7fPAR1", "does not end as"),
         (b"PAR1" + whole[2000:], "outside the file|cannot be read"),
-        (b"PAR1", "does not begin"),
+        (b"PAR1", "is cut short"),
     ):
         path.write_bytes(made)
         for use in (lambda: FORMAT.survey(path, "a", LIMIT), lambda: read(path, "F1")):

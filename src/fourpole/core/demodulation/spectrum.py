@@ -60,7 +60,7 @@ def strongest_line(samples: FloatArray, rate: float, *, order: int) -> tuple[flo
     float [Hz], (n,) float array [Hz], (n,) float array
         Frequency of the line; frequencies and amplitudes of the spectrum.
     """
-    window = _hann(samples.size)
+    window = hann(samples.size)
     padded = (4 if samples.size < _MANY else 1) * samples.size  # a long record has fine bins without padding
     spectrum = np.abs(np.fft.rfft(samples * window, padded)) * 2.0 / window.sum()
     frequency = np.fft.rfftfreq(padded, 1.0 / rate)
@@ -70,7 +70,7 @@ def strongest_line(samples: FloatArray, rate: float, *, order: int) -> tuple[flo
     if stands_out.any():  # otherwise differentiated noise could exceed a line
         spectrum = np.where(stands_out, spectrum, 0.0)
     spectrum[lowest:] *= (2 * np.pi * frequency[lowest:]) ** order
-    return _peak(spectrum, int(np.argmax(spectrum))) * rate / padded, frequency, spectrum
+    return peak_place(spectrum, int(np.argmax(spectrum))) * rate / padded, frequency, spectrum
 
 
 def off_multiples(frequency: ArrayLike, base: float) -> FloatArray:
@@ -79,11 +79,12 @@ def off_multiples(frequency: ArrayLike, base: float) -> FloatArray:
     return np.abs(at - base * np.maximum(np.round(at / base), 1.0))
 
 
-def _hann(count: int) -> FloatArray:
+def hann(count: int) -> FloatArray:
+    """Hann window of a record of `count` samples."""
     return 0.5 - 0.5 * np.cos(2 * np.pi / count * np.arange(count))
 
 
-def _peak(spectrum: FloatArray, index: int) -> float:
+def peak_place(spectrum: FloatArray, index: int) -> float:
     """Position of a maximum in bins, by a parabola through the logarithms of three bins."""
     if not 0 < index < spectrum.size - 1 or np.any(spectrum[index - 1 : index + 2] <= 0):
         return float(index)
@@ -98,7 +99,7 @@ def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArr
     Lines with an amplitude below `least` (channels,) are ignored.
     """
     count = residual.shape[1]
-    window = _hann(count)
+    window = hann(count)
     power = np.abs(np.fft.rfft(residual * window, axis=1)) ** 2
     floor = np.maximum(_floor(power), (0.5 * window.sum() * least[:, None]) ** 2 / LINE_LIMIT)
     excess = np.max(power / np.maximum(floor, 1e-300), axis=0)
@@ -106,7 +107,7 @@ def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArr
     peaks = np.flatnonzero((middle > LINE_LIMIT) & (middle >= excess[:-2]) & (middle > excess[2:])) + 1
     peaks = peaks[np.argsort(-excess[peaks])]
     root = np.sqrt(excess)
-    return np.array([_peak(root, int(index)) for index in peaks]) * rate / count
+    return np.array([peak_place(root, int(index)) for index in peaks]) * rate / count
 
 
 def _floor(power: FloatArray, block: int = _BLOCK) -> FloatArray:

@@ -131,8 +131,6 @@ class _Content:
         """Place and size of each block of samples [byte], by its number."""
         self._order = "<"
         self._notes: list[str] = []
-        if not _recognises(file.read(16)):
-            raise TableError(f"{name}: is not {_KIND}: it does not begin with '|CF,2,'; check what wrote it")
         at = count = 0
         while at < self._end:
             at = self._key(at)

@@ -10,10 +10,11 @@ import re
 import threading
 import traceback
 import warnings
+import zlib
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, BinaryIO, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,6 +176,20 @@ def afford(needed: int, max_bytes: int, name: str, what: str = "the request") ->
     if needed > max_bytes:
         much = f"{needed / 1e6:.4g} MB of memory, more than the {max_bytes / 1e6:.4g} MB allowed"
         raise FileError(f"{name}: {what} needs {much}; read fewer channels, split the file or raise the limit")
+
+
+def inflates_to(file: BinaryIO, packed: int, most: int) -> bool:
+    """Whether the next `packed` bytes, deflated, unpack to at most `most` bytes; they are unpacked in small parts."""
+    stream, total = zlib.decompressobj(), 0
+    while (packed or stream.unconsumed_tail) and not stream.eof:
+        part = stream.unconsumed_tail
+        if not part:
+            part = file.read(min(packed, 1 << 16))
+            packed -= len(part)
+        total += len(stream.decompress(part, 1 << 20))
+        if total > most:
+            return False
+    return True
 
 
 def floats(samples: Any, channel: str, name: str) -> NDArray[np.float64]:

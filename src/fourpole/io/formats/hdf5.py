@@ -20,17 +20,17 @@ and so are filters that are not part of HDF5 itself.
 
 from __future__ import annotations
 
-import zlib
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.formats.attributes import RATES, STEPS, UNITS
-from fourpole.io.formats.guard import Guard, afford, find, is_time, of_name, tidy, time_scale
+from fourpole.io.formats.guard import afford, find, inflates_to, is_time, of_name, tidy, time_scale
 from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_format
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
@@ -72,15 +72,6 @@ class Leaf:
 
 def _recognises(head: bytes) -> bool:
     return not head.startswith(_MATLAB) and any(head[at : at + 8] == _MAGIC for at in _PLACES)
-
-
-def opened(guard: Guard, file: BinaryIO, name: str) -> Any:
-    """The root of the file in the library. It gets the open file, not a path, so that it opens no other file."""
-    head = file.read(4096)
-    if not any(head[at : at + 8] == _MAGIC for at in _PLACES):
-        raise TableError(f"{name}: is not {_KIND}: it does not begin as one; check what wrote it")
-    file.seek(0)
-    return guard.load(_LIBRARY).File(file, "r")
 
 
 def leaves(h5py: Any, root: Any, name: str) -> list[Leaf]:
@@ -250,20 +241,8 @@ def _check_chunks(dataset: Any, leaf: Leaf, max_bytes: int, name: str) -> None:
         afford(largest * _MOST_INFLATED ** len(packers), max_bytes, name, f"a part of {what}, unpacked,")
     for offset in large:
         _, packed = dataset.id.read_direct_chunk(offset)
-        if not _inflates_to(packed, declared + (4 if 3 in squeezed else 0)):
+        if not inflates_to(io.BytesIO(packed), len(packed), declared + (4 if 3 in squeezed else 0)):
             raise TableError(f"{name}: {what} unpacks to more than it declares; it is damaged: export it again")
-
-
-def _inflates_to(packed: bytes, most: int) -> bool:
-    """Whether deflated bytes unpack to at most `most` bytes; they are unpacked in small parts."""
-    stream, total = zlib.decompressobj(), 0
-    rest = packed
-    while rest and not stream.eof:
-        total += len(stream.decompress(rest, 1 << 20))
-        rest = stream.unconsumed_tail
-        if total > most:
-            return False
-    return True
 
 
 def _is_row(leaf: Leaf) -> bool:
@@ -319,10 +298,11 @@ def _unit(leaf: Leaf, own: dict[str, Any]) -> str | None:
 class _Content:
     """The datasets of an open file."""
 
-    def __init__(self, opened_file: OpenFile) -> None:
-        self._name, self._max_bytes = opened_file.name, opened_file.max_bytes
-        self._h5py = opened_file.guard.load(_LIBRARY)
-        self._root = opened_file.closing.enter_context(opened(opened_file.guard, opened_file.file, self._name))
+    def __init__(self, opened: OpenFile) -> None:
+        self._name, self._max_bytes = opened.name, opened.max_bytes
+        self._h5py = opened.guard.load(_LIBRARY)
+        # The library gets the open file, not a path, so that it opens no other file.
+        self._root = opened.closing.enter_context(self._h5py.File(opened.file, "r"))
         self._leaves = leaves(self._h5py, self._root, self._name)
         self._times: dict[str, Part] = {}
         self._groups: dict[str, dict[str, Leaf]] = {}

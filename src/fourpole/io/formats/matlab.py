@@ -16,7 +16,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
@@ -136,23 +136,16 @@ def _recognises(head: bytes) -> bool:
     )
 
 
-def _is_73(file: BinaryIO, name: str) -> bool:
-    head = file.read(4096)
-    if not _recognises(head):
-        raise TableError(f"{name}: is not {KIND} of version 5 to 7.3; save it in MATLAB with '-v7' or '-v7.3'")
-    file.seek(0)
-    return head.startswith(_V73)
-
-
 class _Content:
     """The channels of an open file."""
 
     def __init__(self, opened: OpenFile) -> None:
         self._file, self._name, self._max_bytes = opened.file, opened.name, opened.max_bytes
-        self._is_73 = _is_73(opened.file, opened.name)
+        self._is_73 = opened.file.read(len(_V73)) == _V73
+        opened.file.seek(0)
         if self._is_73:
             h5py = opened.guard.load("h5py")
-            root = opened.closing.enter_context(hdf5.opened(opened.guard, opened.file, opened.name))
+            root = opened.closing.enter_context(h5py.File(opened.file, "r"))
             self._variables = variables_73(h5py, root, opened.name)
         else:
             self._variables = Walk(opened.file, opened.name, opened.max_bytes).variables()

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import os
 import struct
-import zlib
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import afford
+from fourpole.io.formats.guard import afford, inflates_to
 
 KIND = "an ASAM MDF file"
 #: Channel type of a master whose time is a formula of the number of the sample; types of channels without samples.
@@ -179,13 +178,8 @@ def _check_packed(walk: _Walk, address: int, length: int) -> None:
     if packed * _MOST_INFLATED <= walk.max_bytes // 2:
         return
     walk.file.seek(address + 48)
-    stream, total, left = zlib.decompressobj(), 0, packed
-    while (left or stream.unconsumed_tail) and not stream.eof:
-        part = stream.unconsumed_tail or walk.file.read(min(left, 1 << 16))
-        left -= 0 if stream.unconsumed_tail else len(part)
-        total += len(stream.decompress(part, 1 << 20))
-        if total > declared:
-            raise walk.bad(f"the block DZ at byte {address} unpacks to more than it declares")
+    if not inflates_to(walk.file, packed, declared):
+        raise walk.bad(f"the block DZ at byte {address} unpacks to more than it declares")
 
 
 def _check_group_4(walk: _Walk, address: int) -> None:
@@ -280,8 +274,6 @@ def check_blocks(file: BinaryIO, name: str, max_bytes: int) -> None:
     """TableError if the blocks of a file are damaged; the file is at its beginning afterwards."""
     walk = _Walk(file, name, max_bytes, os.fstat(file.fileno()).st_size)
     head = file.read(64)
-    if not recognises(head):
-        raise TableError(f"{name}: is not {KIND}: it does not begin as one; check what wrote it")
     if len(head) < 64:
         raise walk.bad("ends within its first block")
     (version,) = struct.unpack("<H", head[28:30])

@@ -134,10 +134,8 @@ class _Footer:
 
 def _footer(file: BinaryIO, name: str, max_bytes: int) -> _Footer:
     end = os.fstat(file.fileno()).st_size
-    if file.read(4) != _MAGIC or end < 12:
-        raise TableError(f"{name}: is not {_KIND}: it does not begin as one; check what wrote it")
-    file.seek(end - 8)
-    length, magic = struct.unpack("<I4s", file.read(8))
+    file.seek(max(end - 8, 0))
+    length, magic = struct.unpack("<I4s", file.read(8).rjust(8))
     if magic == _ENCRYPTED:
         raise TableError(f"{name}: is encrypted; save it without encryption")
     if magic != _MAGIC or length > end - 12:

@@ -51,8 +51,7 @@ def _check(file: BinaryIO, name: str, max_bytes: int) -> None:
     position, held, entries = 0, 0, 0
     while len(lead) == _LEAD_IN:
         if lead[:4] != b"TDSm":
-            what = "is not " + _KIND if position == 0 else "is damaged"
-            raise TableError(f"{name}: {what}: no segment begins at byte {position}; copy or export it again")
+            raise TableError(f"{name}: is damaged: no segment begins at byte {position}; copy or export it again")
         flags = int.from_bytes(lead[4:8], "little")
         order = ">" if flags & _BIG_ENDIAN else "<"
         length, metadata = struct.unpack(f"{order}QQ", lead[12:28])

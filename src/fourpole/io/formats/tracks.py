@@ -12,8 +12,9 @@ from typing import BinaryIO, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.errors import TableError
 from fourpole.io.formats.guard import Guard, guarded
-from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal
+from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format, Request, Signal
 from fourpole.io.source import name_of, open_regular
 
 Part = Callable[[int, int], NDArray[np.float64]]
@@ -189,7 +190,11 @@ def track_format(
     def opened(path: Path, label: str, guard: Guard, max_bytes: int, max_file_bytes: int) -> Iterator[Content]:
         with ExitStack() as closing:
             file = closing.enter_context(open_regular(path, max_bytes=max_file_bytes, label=label))
-            yield content(OpenFile(path, file, name_of(path, label), max_bytes, guard, closing))
+            name = name_of(path, label)
+            if not recognises(file.read(HEAD_BYTES)):
+                raise TableError(f"{name}: is not {kind}: it does not begin as one; check what wrote it")
+            file.seek(0)
+            yield content(OpenFile(path, file, name, max_bytes, guard, closing))
 
     def survey(path: Path, label: str, max_bytes: int) -> FileInfo:
         guard = Guard(name_of(path, label), kind, library)

@@ -29,22 +29,11 @@ from fourpole.units import shown
 
 ABSENT = "NOTAVAIL"
 """The text that marks a missing value in the data."""
+_OF_MODELS = ("DEFINITION", "PARAMETERS", "COEFFICIENTS", "CHANNELS", "OUTPUTS", "END")
 SECTIONS = frozenset(
-    {
-        "HEADER",
-        "COMMENTS",
-        "CONSTANTS",
-        "MEASURCHANNELS",
-        "MEASURDATA",
-        "MODELDEFINITION",
-        "MODELPARAMETERS",
-        "MODELCOEFFICIENTS",
-        "MODELCHANNELS",
-        "MODELOUTPUTS",
-        "MODELEND",
-        "END",
-    }
+    {"HEADER", "COMMENTS", "CONSTANTS", "MEASURCHANNELS", "MEASURDATA", "END", *(f"MODEL{one}" for one in _OF_MODELS)}
 )
+"""The keywords of the format."""
 
 _QUANTITIES = {
     "RUNTIME": "running time",

@@ -84,6 +84,10 @@ class _Set:
         return int(self.header["abscissa_spacing"]) == 1
 
     @property
+    def step(self) -> float:
+        return float(self.header.get("abscissa_inc", 0.0))
+
+    @property
     def words(self) -> str:
         kind = int(self.header["func_type"])
         return _FUNCTIONS.get(kind, f"function of type {kind}")
@@ -203,8 +207,8 @@ def _unit(header: Mapping[str, Any], system: int) -> str | None:
     return units.get(kind or "")
 
 
-def _rate(header: Mapping[str, Any]) -> float | None:
-    step = float(header.get("abscissa_inc", 0.0))
+def rate_of_step(step: float) -> float | None:
+    """The rate by a step that is written with six digits [Hz]: a whole number if this has the same digits."""
     if not (np.isfinite(step) and step > 0):
         return None
     whole = round(1.0 / step) if step > 1e-12 else 0
@@ -218,7 +222,7 @@ def _info(one: _Set, name: str, system: int) -> SignalInfo:
         return SignalInfo.timed(name, None, "", one.count, note=f"no recording: {'; '.join(notes)}")
     if axis := _label(one.header, "ordinate_axis_lab"):
         notes.append(tidy(axis))
-    rate, start = _rate(one.header) if one.even else None, float(one.header["abscissa_min"])
+    rate, start = rate_of_step(one.step) if one.even else None, float(one.header["abscissa_min"])
     unit = _unit(one.header, system)
     return SignalInfo.timed(name, unit, "", one.count, rate=rate, start=start, note="; ".join(notes))
 
@@ -276,7 +280,7 @@ def _signal(found: _Content, at: int, name: str) -> Signal:
     samples = floats(read["data"][: one.count], called, name)
     unit = _unit(one.header, found.system)
     if one.even:
-        return Signal(called, unit, samples, float(one.header["abscissa_min"]), _rate(one.header))
+        return Signal(called, unit, samples, float(one.header["abscissa_min"]), rate_of_step(one.step))
     return Signal(called, unit, samples, time=floats(read["x"][: one.count], called, name))
 
 

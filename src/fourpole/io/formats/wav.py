@@ -54,10 +54,7 @@ def _recognises(head: bytes) -> bool:
 def _header(file: BinaryIO, name: str) -> _Header:
     """The header that the first chunks state; TableError if the file is smaller than they declare."""
     end = os.fstat(file.fileno()).st_size
-    head = file.read(12)
-    if not _recognises(head):
-        raise TableError(f"{name}: is not {_KIND}: it does not begin as one; check what wrote it")
-    order = ">" if head[:4] == b"RIFX" else "<"
+    order = ">" if file.read(12)[:4] == b"RIFX" else "<"
     form: tuple[int, int, int, int] | None = None
     large = None
     while len(start := file.read(8)) == 8:

@@ -18,6 +18,7 @@ from typing import BinaryIO
 import numpy as np
 
 from fourpole.errors import UnitError
+from fourpole.io.formats.uff import rate_of_step
 from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel, check_timed, distinct
 from fourpole.units import channel_scale
 
@@ -52,9 +53,7 @@ def _is_even(group: Group) -> bool:
     if group.rate is None:
         return False
     step = float(f"{1.0 / group.rate:.5e}")
-    whole = round(1.0 / step)
-    read = float(whole) if whole and f"{1.0 / whole:.5e}" == f"{step:.5e}" else 1.0 / step
-    return read == group.rate and float(f"{group.start:.5e}") == group.start
+    return rate_of_step(step) == group.rate and float(f"{group.start:.5e}") == group.start
 
 
 @contextmanager
