@@ -259,13 +259,13 @@ def test_no_algebra_breaks_it(text: str) -> None:
     ],
 )
 def test_motions(unit: str, kind: str, scale: float) -> None:
-    assert motion_scale(unit) == (kind, scale)
+    assert channel_scale(unit) == (kind, scale)
 
 
 @pytest.mark.parametrize("unit", ["N", "mg", "kg", "G", "", "foo", "V"])
 def test_what_is_no_motion(unit: str) -> None:
     with pytest.raises(UnitError):
-        motion_scale(unit)
+        channel_scale(unit)
 
 
 def test_channels_of_several_kinds() -> None:

@@ -33,7 +33,7 @@ def planned(tyre, masses, k1_std=0.0, noise=1e-4):
     f, added = np.tile(FREQUENCIES, len(masses)), np.repeat(masses, FREQUENCIES.size)
     k1 = float(tyre.static_stiffness(170e3, 1000.0))
     k2, c = tyre.k2(f, 170e3, 1000.0), tyre.c(f, 170e3, 1000.0)
-    return PlannedTests.of(f, k1, k2, c, k1_std=k1_std * k1, added_mass=added, added_mass_std=1e-4 * added, noise=noise)
+    return PlannedTests(f, k1, k2, c, k1_std=k1_std * k1, added_mass=added, added_mass_std=1e-4 * added, noise=noise)
 
 
 def stated(rig_std, gain, phase):
@@ -129,7 +129,7 @@ def test_the_planned_phasors_are_those_of_the_virtual_rig():
 def test_a_rigid_block_helps_the_joint_route_and_has_no_answer_of_its_own():
     rig, channels = stated(0.02, 0.01, 0.01)
     tests = planned(RADIAL_PLY, (0.0,))
-    block = PlannedTests.of([10.0, 24.0], 1.0, 1.0, 1.0, family=-1, added_mass=10.0, added_mass_std=1e-3)
+    block = PlannedTests([10.0, 24.0], 1.0, 1.0, 1.0, family=-1, added_mass=10.0, added_mass_std=1e-3)
     both = tests.followed_by(block)
     alone, helped = (expect(x, rig, channels=channels).arm_covariance for x in (tests, both))
     assert np.all(helped[: len(tests), 1, 1] < 0.5 * alone[:, 1, 1])
@@ -173,7 +173,7 @@ def test_more_cycles_and_repeats_are_the_same_to_white_noise():
 def test_what_cannot_be_is_refused(bad):
     values = {"frequency": 10.0, "k1": 1e5, "k2": 1e5, "c": 800.0} | bad
     with pytest.raises(ValueError, match="planned test must be"):
-        PlannedTests.of(**values)
+        PlannedTests(**values)
 
 
 def plan(k1_std=0.0, families=1):

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from fourpole.virtual import Bench, Cam, Zener, state_matrices
-from fourpole.virtual.march import exponential, held_force, march, recur, respond
+from fourpole.virtual.march import held_force, march, recur, respond
 
 TYRE = Zener(k1=150e3, k2=190e3, c=1400.0)
 
@@ -15,7 +16,7 @@ def test_modes_and_plain_marching_agree(tyre):
     assert np.isrealobj(np.linalg.eigvals(a)) == (tyre.k1 < 1e4)
     x1, v1 = Cam(15.0).motion(np.arange(400) * 2e-4)
     by_modes = respond(a, b, x1, v1, 2e-4, slice(0, None))
-    transition = exponential(a * 2e-4)
+    transition = expm(a * 2e-4)
     # the pushes, found as what the first step from rest adds for each end of the motion in turn
     ends = np.stack([x1[:-1], v1[:-1], x1[1:], v1[1:]])
     unit = [
@@ -32,17 +33,6 @@ def test_coinciding_modes_are_marched():
     t = np.arange(2001) * 1e-3
     states = respond(a, b, np.ones_like(t), np.zeros_like(t), 1e-3, slice(0, None))
     np.testing.assert_allclose(states[2], (1.0 - np.exp(-5.0 * t)) / 5.0, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("matrix", "expected"),
-    [
-        (np.diag([-800.0, 0.0, 1.5]), np.diag(np.exp([-800.0, 0.0, 1.5]))),
-        (np.array([[0.0, 3.0], [-3.0, 0.0]]), np.array([[np.cos(3), np.sin(3)], [-np.sin(3), np.cos(3)]])),
-    ],
-)
-def testexponential(matrix, expected):
-    np.testing.assert_allclose(exponential(matrix), expected, atol=1e-12)
 
 
 def test_force_is_held_straight_between_the_points():

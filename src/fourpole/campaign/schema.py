@@ -27,15 +27,7 @@ from fourpole.errors import CampaignError
 DEFAULT_RIG_STD = 0.02
 
 #: Kind of quantity of each value of the rig.
-_RIG_KINDS = {
-    "moving_mass": "mass",
-    "preload_stiffness": "stiffness",
-    "preload_damping": "damping",
-    "preload_loss_factor": "ratio",
-    "tyre_mass": "mass",
-    "frame_stiffness": "stiffness",
-    "input_mass": "mass",
-}
+_RIG_KINDS = {name: units.channel_scale(unit, units.KINDS)[0] for name, unit in PARAMETERS.items()}
 
 
 @dataclass(frozen=True)

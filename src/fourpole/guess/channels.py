@@ -9,19 +9,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fourpole import units
+from fourpole.core.recording import DERIVATIVES
 from fourpole.errors import UnitError
 from fourpole.guess.signals import SignalShape
 from fourpole.guess.words import IN, MAIN, MINOR, NAMES, NUMBERED, OUT
 from fourpole.units import MOTIONS, shown
 
 _KINDS = ("force", *MOTIONS, "voltage", "time", "pressure", "frequency", "angle")
-#: Power of j omega that turns an amplitude into that of a velocity.
-_TURNS = {"displacement": 1, "velocity": 0, "acceleration": -1}
 #: Quantities of motion, the most suitable first.
 _ORDER = ("velocity", "acceleration", "displacement")
 _SPLIT = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßà-ÿ]+|[A-ZÄÖÜ]+(?![a-zäöüßà-ÿ])|\d+")
 #: Sides of a column of force, the likeliest last.
 _SIDES = ("out", "", "in")
+#: Units of columns that state none: from a size of the recorded numbers on, below it, and this size.
+_STATIC_UNITS = {"force": ("N", "kN", 100.0), "displacement": ("mm", "m", 0.5)}
+_DYNAMIC_UNITS = {
+    "force": ("N", "kN", 1.0),
+    "velocity": ("mm/s", "m/s", 3.0),
+    "acceleration": ("m/s^2", "m/s^2", 0.0),
+    "displacement": ("mm", "m", 0.02),
+}
 _MOTIONS = ("motion_in", "motion_out")
 _SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
 #: Share of the tests that must be passive with a channel inverted, or it is not inverted [1].
@@ -158,7 +165,8 @@ def _static_role(
     column = max(several, key=lambda one: (one.likely, spans[one.name]))
     ranges = [shape.ranges[column.name] for shape in shapes if column.name in shape.ranges] or [(0.0, 0.0)]
     low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
-    unit, doubt = _static_unit(column, kind, max(abs(low), abs(high)))
+    largest = max(abs(low), abs(high))
+    unit, doubt = _unit(column, _STATIC_UNITS[kind], largest, f"for it reaches {largest:.3g}", '"4 mV/N" or "0.2 V/mm"')
     loop = "known by its loop alone (loading lies above unloading): check that it is the right column"
     turned = "mostly negative, so its sign is turned: load and deflection are positive in compression"
     invert = -low > 2 * abs(high)
@@ -166,15 +174,16 @@ def _static_role(
     return Role(role, column.name, unit, kind, invert, tuple(filter(None, (*doubts, turned if invert else ""))))
 
 
-def _static_unit(column: Column, kind: str, largest: float) -> tuple[str | None, str]:
-    """Unit of the column of a static test, and the doubt on it; None where a sensitivity is needed."""
-    if column.quantity == kind and column.unit is not None and _quantity(column.unit) == kind:
+def _unit(column: Column, usual: tuple[str, str, float], size: float, why: str, example: str) -> tuple[str | None, str]:
+    """Unit of a column, and the doubt on it; None where a sensitivity as in the `example` is needed."""
+    stated = _quantity(column.unit)
+    if stated == "voltage":
+        return None, f"recorded in volts: state its sensitivity, as sensitivity = {example}"
+    if stated:
         return column.unit, ""
-    if _quantity(column.unit) == "voltage":
-        return None, 'recorded in volts: state its sensitivity, as sensitivity = "4 mV/N" or "0.2 V/mm"'
-    large, small, limit = ("N", "kN", 100.0) if kind == "force" else ("mm", "m", 0.5)
-    unit = large if largest >= limit else small
-    return unit, f"its unit is stated nowhere: taken as {unit}, for it reaches {largest:.3g}"
+    large, small, limit = usual
+    unit = large if size >= limit else small
+    return unit, f"its unit is stated nowhere: taken as {unit}, {why}"
 
 
 def _by_curve(
@@ -233,25 +242,10 @@ def _size(shapes: Sequence[SignalShape], name: str) -> float:
 
 def _dynamic_role(role: str, column: Column, shapes: Sequence[SignalShape], *doubts: str) -> Role:
     """The role of a column, with its unit and doubts."""
-    unit, doubt = _dynamic_unit(column, _size(shapes, column.name))
+    size = _size(shapes, column.name)
+    why = f"a {column.quantity} by its name, of amplitude {size:.3g}"
+    unit, doubt = _unit(column, _DYNAMIC_UNITS[column.quantity], size, why, '"98.3 mV/g" or "4 mV/N"')
     return Role(role, column.name, unit, column.quantity, doubts=tuple(filter(None, (*doubts, doubt))))
-
-
-def _dynamic_unit(column: Column, size: float) -> tuple[str | None, str]:
-    """Unit of the column of a dynamic test, and the doubt on it; None where a sensitivity is needed."""
-    stated = _quantity(column.unit)
-    if stated == column.quantity:
-        return column.unit, ""
-    if stated == "voltage":
-        return None, 'recorded in volts: state its sensitivity, as sensitivity = "98.3 mV/g" or "4 mV/N"'
-    unit = {
-        "force": "N" if size >= 1 else "kN",
-        "velocity": "m/s" if size < 3 else "mm/s",
-        "acceleration": "m/s^2",
-        "displacement": "mm" if size > 0.02 else "m",
-    }[column.quantity]
-    how = f"its unit is stated nowhere: taken as {unit}, a {column.quantity} by its name, of amplitude {size:.3g}"
-    return unit, how
 
 
 #: The column of V1, that of V2, and the doubts on both; a column is None if it is not found.
@@ -306,7 +300,7 @@ def _by_power(
 def _cosine(shape: SignalShape, force: Role, column: Column) -> float:
     """Real over apparent power of a force and a motion [1]."""
     f = shape.amplitudes.get(force.column, 0j)
-    v = shape.amplitudes.get(column.name, 0j) * 1j ** _TURNS[column.quantity]
+    v = shape.amplitudes.get(column.name, 0j) * 1j ** DERIVATIVES[column.quantity]
     return (f * v.conjugate()).real / (abs(f) * abs(v)) if f and v else 0.0
 
 
@@ -349,7 +343,7 @@ def _passive(stiffness: np.ndarray) -> float:  # type: ignore[type-arg]
 def _velocity(shape: SignalShape, role: Role) -> complex:
     """Amplitude of a force [N], or of the velocity of a motion [m/s], with the sign of the role."""
     amplitude = shape.amplitudes.get(role.column, complex(float("nan")))
-    turn = (2j * np.pi * shape.frequency) ** _TURNS.get(role.quantity, 0)
+    turn = (2j * np.pi * shape.frequency) ** DERIVATIVES[role.quantity]
     return complex(amplitude * _scale(role) * turn * (-1 if role.invert else 1))
 
 

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fourpole import quantities as q
 from fourpole.core.condition import AXES, FREQUENCY, axis_of
-from fourpole.guess.names import KINDS_OF, Token, plain
+from fourpole.guess.names import CONDITIONS, KINDS_OF, Token, plain
 from fourpole.guess.words import PASSED_OVER
 
 #: Characters of the longest name of a tyre.
@@ -22,8 +21,7 @@ _LONGEST_TYRE = 60
 #: The tolerances of the rule of one condition, and that of a frequency, by the name of the condition.
 _AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
 #: Unit in which a condition is written in a doubt, and the SI value of one such unit.
-_SHOWN = {one.key: (one.shown, one.scale) for one in (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.TEMPERATURE, q.ADDED_MASS)}
-_SHOWN["amplitude"] = ("mm", 1e-3)
+_SHOWN = {one.key: (one.shown, one.scale) for one in CONDITIONS}
 
 
 @dataclass(frozen=True)

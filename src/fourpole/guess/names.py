@@ -7,11 +7,15 @@ import unicodedata
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
+from fourpole import quantities as q
 from fourpole import units
 from fourpole.errors import UnitError
 from fourpole.guess.words import CALIBRATION, DYNAMIC, ENDINGS, IN_HEADERS, KEYS, STATIC, UNITS
 
-#: Kind of quantity of each condition.
+AMPLITUDE = q.Quantity("amplitude", "amplitude", "amplitude", "m", "amplitude of the deflection", "mm", 1e-3)
+#: Conditions of a test that names, headers and notes may state, in the order of their columns in tests.csv.
+CONDITIONS = (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.ADDED_MASS, q.TEMPERATURE, AMPLITUDE)
+#: Kind of quantity of each condition and of each value of the rig.
 KINDS_OF = {
     "pressure": "pressure",
     "preload": "force",

@@ -16,17 +16,16 @@ from fourpole.errors import CampaignError
 from fourpole.guess.channels import Column, Role, dynamic_roles, force_scale, static_roles
 from fourpole.guess.conditions import Entry, RecordingConditions, read_conditions
 from fourpole.guess.gather import FolderContents, FolderRecording, gather
-from fourpole.guess.names import kind_word, without_ending
+from fourpole.guess.names import CONDITIONS, kind_word, without_ending
 from fourpole.guess.signals import SignalShape
 from fourpole.guess.words import CONSTRUCTIONS
-from fourpole.guess.write import Doubt, GuessedCampaign, Row
+from fourpole.guess.write import RIG_VALUES, Doubt, GuessedCampaign, Row
 from fourpole.units import shown
 
 #: Relative difference from which a stated frequency is another than that of the recording.
 _SAME_FREQUENCY = 0.05
 #: File names that serve as names of tests.
 _NAMES_LIKE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,23}")
-_RIG = ("moving_mass", "preload_stiffness", "preload_damping")
 #: Likely range of |K*| over the static stiffness.
 _LIKELY = (0.3, 12.0)
 #: Roles that each kind of test needs, with what follows where one is missing.
@@ -52,10 +51,7 @@ _REMEDIES = {
     "files": "see fourpole info FILE; export it again",
     "time": "state sample_rate in [channels] of campaign.toml",
     "reference": "correct reference in [channels] of campaign.toml, or remove it",
-    **{
-        one.key: f"check the column '{one.stated_head}' of tests.csv"
-        for one in (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.ADDED_MASS, q.TEMPERATURE)
-    },
+    **{one.key: f"check the column '{one.stated_head}' of tests.csv" for one in CONDITIONS},
 }
 
 
@@ -129,7 +125,7 @@ class _Together:
         return GuessedCampaign(
             folder=self.folder,
             title=self.folder.resolve().name,
-            rows=tuple(self._test(index, one) for index, one in enumerate(conditions)),
+            rows=tuple(map(self._test, range(len(conditions)), conditions)),
             roles=roles,
             clock=clock,
             reference=self._reference(),
@@ -139,13 +135,11 @@ class _Together:
             left_out=tuple(self.gathered.left_out),
         )
 
-    def _test(self, index: int, conditions: RecordingConditions) -> Row:
+    def _test(self, index: int, one: RecordingConditions) -> Row:
         """The row of tests.csv of one recording."""
         kind, doubts = self.kinds[index], tuple(dict.fromkeys(self.of_row[index]))
-        tyre = "" if kind == "calibration" else conditions.tyre
-        return Row(
-            self.names[index], self.recordings[index].file, kind, tyre, conditions.values, conditions.repeat, doubts
-        )
+        tyre = "" if kind == "calibration" else one.tyre
+        return Row(self.names[index], self.recordings[index].file, kind, tyre, one.values, one.repeat, doubts)
 
     def _doubt(self, about: str, text: str, remedy: str = "", tests: Sequence[int] = ()) -> None:
         """Add a doubt on the campaign, or on the tests of some indices."""
@@ -325,8 +319,8 @@ class _Together:
     def _rig(self, conditions: Sequence[RecordingConditions]) -> dict[str, float]:
         """Values of the rig on which names, headers and notes agree, in SI."""
         stated: dict[str, set[float]] = {}
-        pairs = [(what, one.values.pop(what)) for one in conditions for what in _RIG if what in one.values]
-        pairs += [(token.what, token.value) for token in self.gathered.notes if token.what in _RIG]
+        pairs = [(what, one.values.pop(what)) for one in conditions for what in RIG_VALUES if what in one.values]
+        pairs += [(token.what, token.value) for token in self.gathered.notes if token.what in RIG_VALUES]
         for what, value in pairs:
             stated.setdefault(what, set()).add(value)
         for what, values in stated.items():

@@ -11,29 +11,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fourpole import quantities as q
-from fourpole.campaign.channels import ChannelsFile
 from fourpole.errors import CampaignError
 from fourpole.guess.channels import Role
+from fourpole.guess.names import CONDITIONS
 from fourpole.io.write import write_text
 from fourpole.units import shown
 
-#: Columns of tests.csv: head, name of the condition, and SI value of one unit of the head.
-_COLUMNS = (
-    *(
-        (one.stated_head, one.key, one.scale)
-        for one in (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.ADDED_MASS, q.TEMPERATURE)
-    ),
-    ("amplitude [mm]", "amplitude", 1e-3),
-)
-#: Number of columns, from the first, that tests.csv has even if all their cells are blank.
-_ALWAYS = 3
+#: Conditions whose columns tests.csv has even if all their cells are blank.
+_ALWAYS = (q.PRESSURE, q.PRELOAD, q.FREQUENCY)
 _ROLES = ("force_in", "motion_in", "motion_out", "load", "deflection", "reference")
-#: Values of the rig: name, SI value of one unit, the unit, and an example; an empty example is not written.
-_RIG = (
-    ("moving_mass", 1.0, "kg", "15 kg"),
-    ("preload_stiffness", 1e3, "kN/m", "12.44 kN/m"),
-    ("preload_damping", 1.0, "N s/m", ""),
-)
+#: Values of the rig by name: SI value of one unit, the unit, and an example; an empty example is not written.
+RIG_VALUES = {
+    "moving_mass": (1.0, "kg", "15 kg"),
+    "preload_stiffness": (1e3, "kN/m", "12.44 kN/m"),
+    "preload_damping": (1.0, "N s/m", ""),
+}
 #: Largest number of characters in a cell of doubts.
 _MOST_DOUBTS = 900
 
@@ -166,7 +158,7 @@ def _rig(guess: GuessedCampaign) -> str:
     whole = {"moving_mass", "preload_stiffness"} <= guess.rig.keys()
     sign = "" if whole else "# "
     lines = [_doubts(guess, "rig"), f"{sign}[rig]\n"]
-    for name, scale, unit, example in _RIG:
+    for name, (scale, unit, example) in RIG_VALUES.items():
         value = guess.rig.get(name)
         if value is not None:
             lines.append(f'{sign}{name:<17} = "{value / scale:.12g} {unit}"\n')
@@ -189,7 +181,7 @@ def _channels(guess: GuessedCampaign) -> str:
             lines.append(_channel(guess.roles[role]))
         elif kinds & ({"static"} if role in ("load", "deflection") else {"dynamic", "calibration"}):
             lines.append(f'# {role:<10} = {{ column = "...", unit = "..." }}\n')
-    if guess.reference is not None and "reference" in ChannelsFile.model_fields:
+    if guess.reference is not None:
         name, unit, pulses = guess.reference
         lines.append(_doubts(guess, "reference"))
         lines.append(f"reference  = {{ column = {quoted(name)}, unit = {quoted(unit)}, pulses = {pulses} }}\n")
@@ -220,17 +212,12 @@ def tests_csv(rows: Sequence[Row]) -> str:
         head: [getattr(row, name) for row in rows]
         for head, name in (("test", "name"), ("file", "file"), ("kind", "kind"), ("tyre", "tyre"))
     }
-    for at, (head, what, scale) in enumerate(_COLUMNS):
-        cells = [_cell(row.values.get(what), scale) for row in rows]
-        if at < _ALWAYS or any(cells):
-            columns[head] = cells
+    for one in CONDITIONS:
+        cells = [f"{row.values[one.key] / one.scale:.10g}" if one.key in row.values else "" for row in rows]
+        if one in _ALWAYS or any(cells):
+            columns[one.stated_head] = cells
     last = {"repeat": [row.repeat for row in rows], "doubts": ["; ".join(row.doubts)[:_MOST_DOUBTS] for row in rows]}
     columns |= {head: cells for head, cells in last.items() if any(cells)}
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([list(columns), *zip(*columns.values(), strict=True)])
     return text.getvalue()
-
-
-def _cell(value: float | None, scale: float) -> str:
-    """An SI value in the unit of its column, as text; blank for None."""
-    return "" if value is None else f"{value / scale:.10g}"

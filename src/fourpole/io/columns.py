@@ -6,7 +6,6 @@ import io
 import os
 import re
 from codecs import BOM_UTF8
-from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -276,32 +275,19 @@ def _likely(dates: Iterable[tuple[int, int, int]]) -> tuple[int, int]:
 
 def _cut(parts: Iterator[Values], rows: int) -> Iterator[Values]:
     """The same rows in chunks of equal length."""
-    held: deque[Values] = deque()
-    count = 0
+    held: list[Values] = []
     for part in parts:
-        held.append(part)
-        count += length(part)
-        while count >= rows:
-            yield _taken(held, rows)
-            count -= rows
-    if count:
-        yield _taken(held, count)
-
-
-def _taken(held: deque[Values], rows: int) -> Values:
-    """The next rows, which are removed from `held`."""
-    found: list[Values] = []
-    while rows:
-        part = held.popleft()
-        left = max(length(part) - rows, 0)
-        if left:
-            held.appendleft({index: column[-left:] for index, column in part.items()})
-            part = {
-                index: column[:-left].copy() for index, column in part.items()
-            }  # a view would keep the whole part in memory
-        rows -= length(part)
-        found.append(part)
-    return _joined(found)
+        first = 0
+        while first < length(part):
+            last = first + rows - sum(map(length, held))
+            # A view would keep the whole part in memory.
+            held.append({index: column[first:last].copy() for index, column in part.items()})
+            first = last
+            if sum(map(length, held)) == rows:
+                yield _joined(held)
+                held = []
+    if held:
+        yield _joined(held)
 
 
 def _joined(parts: list[Values]) -> Values:

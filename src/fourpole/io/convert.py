@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fourpole.core.arrays import same_value
 from fourpole.core.recording import uniform_time
 from fourpole.errors import FileError, RecordingError, TableError
 from fourpole.io.formats.guard import tidy
@@ -286,7 +287,7 @@ class _Plan:
         """TableError if a block contradicts the times that the first chunk has shown."""
         group = self.groups[at]
         for signal in signals[1:]:
-            if not _same_times(signals[0], signal):
+            if not same_value(signals[0].time, signal.time):
                 names = f"{shown(signals[0].name)} and {shown(signal.name)}"
                 raise TableError(f"{self._label}: {names} are not sampled at the same times; convert them one by one")
         if block.stamps is not None and group.rate is not None:
@@ -319,15 +320,7 @@ def _together(found: FileInfo, places: Sequence[int], first: Sequence[Signal], o
         return False
     if signals[0].time is None and (signals[0].rate, signals[0].start) != (signals[1].rate, signals[1].start):
         return False
-    return _same_times(signals[0], signals[1])
-
-
-def _same_times(one: Signal, other: Signal) -> bool:
-    """Whether two signals state the same time for each sample, or both state none."""
-    mine, its = one.time, other.time
-    if mine is None or its is None:
-        return mine is None and its is None
-    return mine is its or np.array_equal(mine, its)
+    return same_value(signals[0].time, signals[1].time)
 
 
 def _even(time: FloatArray) -> tuple[float | None, float, float]:

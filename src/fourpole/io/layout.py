@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.clock import is_date, is_moment
-from fourpole.io.names import listed
+from fourpole.io.names import listed, named
 from fourpole.units import column_unit, is_unit, shown
 
 #: Delimiters in the order in which they are tried; a space means any white space.
@@ -162,26 +162,17 @@ def find_column(names: Sequence[str], wanted: str, name: str) -> int:
     (with the nearest name) or ambiguous.
     """
     spelling = wanted.strip()
-    bare = list(names) if spelling in names else [column_unit(one)[0] for one in names]
-    tries: tuple[Callable[[], list[bool]], ...] = (
-        lambda: [one == spelling for one in names],
-        lambda: [one == spelling for one in bare],
-        lambda: [one.casefold() == spelling.casefold() for one in names],
-        lambda: [one.casefold() == spelling.casefold() for one in bare],
-        lambda: [one.casefold() == column_unit(spelling)[0].casefold() for one in bare],
+    found = named([("", one) for one in names], range(len(names)), spelling)
+    if len(found) > 1:
+        which = ", ".join(f"{shown(names[index])} (column {index + 1})" for index in found[:5])
+        how = f"write {shown(f'{spelling}.1')} for the first, {shown(f'{spelling}.2')} for the next"
+        raise TableError(f"{name}: column {shown(wanted)} is ambiguous: {which}; {how}, or rename one of them")
+    at = found[0] if found else _nth_of_name(names, spelling)
+    if at is not None:
+        return at
+    raise TableError(
+        f"{name}: there is no column {shown(wanted)}{listed([column_unit(one)[0] for one in names], wanted)}"
     )
-    for one_way in tries:
-        found = [index for index, equal in enumerate(one_way()) if equal]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            which = ", ".join(f"{shown(names[index])} (column {index + 1})" for index in found[:5])
-            how = f"write {shown(f'{spelling}.1')} for the first, {shown(f'{spelling}.2')} for the next"
-            raise TableError(f"{name}: column {shown(wanted)} is ambiguous: {which}; {how}, or rename one of them")
-    found_nth = _nth_of_name(names, spelling)
-    if found_nth is not None:
-        return found_nth
-    raise TableError(f"{name}: there is no column {shown(wanted)}{listed(bare, wanted)}")
 
 
 def _nth_of_name(names: Sequence[str], spelling: str) -> int | None:

@@ -213,20 +213,10 @@ class _Tally:
         self.count += samples.size
 
     def _gaps(self, there: NDArray[np.bool_]) -> None:
-        missing = int(there.size - np.count_nonzero(there))
-        self.missing += missing
-        if not missing:
-            self.gap = 0
-            return
-        ends = np.flatnonzero(there)
-        if not ends.size:
-            self.gap += there.size
-            self.longest_gap = max(self.longest_gap, self.gap)
-            return
-        inside = int(np.diff(ends).max(initial=1)) - 1
-        self.longest_gap = max(self.longest_gap, self.gap + int(ends[0]), inside)
-        self.gap = there.size - 1 - int(ends[-1])
-        self.longest_gap = max(self.longest_gap, self.gap)
+        """Count the missing samples; a gap may have begun in the samples before."""
+        self.missing += int(np.count_nonzero(~there))
+        gaps = np.diff(np.flatnonzero(there), prepend=-1 - self.gap, append=there.size) - 1
+        self.gap, self.longest_gap = int(gaps[-1]), max(self.longest_gap, int(gaps.max()))
 
     def _moments(self, samples: FloatArray) -> None:
         """Combine mean, sum of squares about the mean, and range with those of the samples before."""

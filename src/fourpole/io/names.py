@@ -34,23 +34,29 @@ def in_group(places: Sequence[Place], group: str, label: str) -> list[int]:
     raise TableError(f"{label}: there is no group {shown(group)}{listed(groups, group)}")
 
 
-def matching(places: Sequence[Place], chosen: Sequence[int], wanted: str, label: str) -> list[int]:
-    """The chosen indices whose channel has the wanted name; TableError if there is none.
+def named(places: Sequence[Place], chosen: Sequence[int], wanted: str) -> list[int]:
+    """The chosen indices whose channel has the wanted name; empty if there is none.
 
-    A name is compared as written, then in any case, then without the unit in its brackets. A channel in a group is
+    A name is compared as written, then without the unit in its brackets, both then in any case. A channel in a group is
     also called `group/name`. The first comparison that finds a channel decides.
     """
     bare = column_unit(wanted)[0].casefold()
     ways: tuple[Callable[[Place], bool], ...] = (
         lambda place: place[1] == wanted,
         lambda place: "/".join(place) == wanted,
+        lambda place: column_unit(place[1])[0] == wanted,
         lambda place: place[1].casefold() == wanted.casefold(),
         lambda place: "/".join(place).casefold() == wanted.casefold(),
-        lambda place: column_unit(place[1])[0].casefold() == bare,
+        lambda place: column_unit(place[1])[0].casefold() in (wanted.casefold(), bare),
     )
-    for is_same in ways:
-        if found := [index for index in chosen if is_same(places[index])]:
-            return found
+    found = ([index for index in chosen if is_same(places[index])] for is_same in ways)
+    return next(filter(None, found), [])
+
+
+def matching(places: Sequence[Place], chosen: Sequence[int], wanted: str, label: str) -> list[int]:
+    """The chosen indices whose channel has the wanted name, as `named` finds them; TableError if there is none."""
+    if found := named(places, chosen, wanted):
+        return found
     raise TableError(
         f"{label}: there is no channel {shown(wanted)}{listed([places[index][1] for index in chosen], wanted)}"
     )

@@ -12,6 +12,7 @@ import numpy as np
 from fourpole import units
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.phasor import Phasors
+from fourpole.core.recording import DERIVATIVES
 from fourpole.errors import TableError, UnitError
 from fourpole.io.text import TextTable, read_table
 
@@ -277,7 +278,7 @@ def _mobility(
     frequency: FloatArray, force: FloatArray, motion: FloatArray, phase: FloatArray, kind: str
 ) -> ComplexArray:
     """V1/F1 from the amplitudes of the force and of any motion; the force leads that motion by `phase` [rad]."""
-    turns = {"displacement": 1, "velocity": 0, "acceleration": -1}[kind]
+    turns = DERIVATIVES[kind]
     with np.errstate(divide="ignore", invalid="ignore"):  # a zero leaves its row without a value
         velocity = motion * (2 * np.pi * frequency) ** turns
         return Phasors.from_polar(frequency, force, velocity, phase - turns * np.pi / 2).mobility

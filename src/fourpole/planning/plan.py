@@ -251,11 +251,11 @@ def _rig_plan(campaign: Campaign, name: str, tests: tuple[Test, ...], tyres: Seq
 
 
 def _expected(tests: Sequence[Test], tyres: Sequence[_Tyre], run: Run, **more: Any) -> PlannedTests:
-    """The planned tests, each with its assumed tyre and noise; `more` are further arguments of `PlannedTests.of`."""
+    """The planned tests, each with its assumed tyre and noise; `more` are further attributes of `PlannedTests`."""
     k1, k1_std, k2, c = np.array([astuple(tyre) for tyre in tyres]).T
     frequency = np.array([test.values["frequency"] for test in tests])
     more |= {"k1_std": k1_std, "eccentricity": run.eccentricity, "noise": run.noise_of_test}
-    return PlannedTests.of(frequency, k1, k2, c, **more)
+    return PlannedTests(frequency, k1, k2, c, **more)
 
 
 def bare_plan(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 from typing import Any, TypeVar
@@ -84,7 +84,7 @@ def run_sheet(
     rng = np.random.default_rng(seed)
     tests = [*planned.tests, *_with_masses(planned.tests, masses)]
     rows: list[_Row] = []
-    for tyre in _shuffled(_distinct(test.tyre for test in tests if test.kind != "calibration"), rng):
+    for tyre in _shuffled(list(dict.fromkeys(test.tyre for test in tests if test.kind != "calibration")), rng):
         mine = {kind: [one for one in tests if one.tyre == tyre and one.kind == kind] for kind in ("static", "dynamic")}
         rows += _statics(mine["static"], mine["dynamic"], rng)
         rows += _dynamics(mine["dynamic"], planned.rule, repeats, rng)
@@ -97,11 +97,6 @@ def run_sheet(
 def _shuffled(values: Sequence[_T], rng: np.random.Generator) -> list[_T]:
     """The values in random order."""
     return [values[at] for at in rng.permutation(len(values))]
-
-
-def _distinct(values: Iterable[_T]) -> list[_T]:
-    """Each value once, in the order of its first place."""
-    return list(dict.fromkeys(values))
 
 
 def _with_masses(tests: Sequence[Test], masses: Sequence[float]) -> Iterator[Test]:
@@ -167,7 +162,7 @@ def _conditions(tests: Sequence[Test], rule: Sameness, rng: np.random.Generator)
     found: dict[tuple[Any, ...], list[Test]] = {}
     for test, *key in zip(tests, (test.rig for test in tests), *groups, strict=True):
         found.setdefault(tuple(key), []).append(test)
-    levels = [_distinct(values) for values in zip(*found, strict=True)]
+    levels = [list(dict.fromkeys(values)) for values in zip(*found, strict=True)]
     ranks = [dict(zip(values, rng.permutation(len(values)).tolist(), strict=True)) for values in levels]
     order = sorted(found, key=lambda key: [rank[part] for rank, part in zip(ranks, key, strict=True)])
     return [found[key] for key in order]

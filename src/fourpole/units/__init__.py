@@ -27,7 +27,6 @@ __all__ = [
     "crosstalk",
     "frequency_grid",
     "is_unit",
-    "motion_scale",
     "quantity",
     "sensitivity",
     "shown",
@@ -161,8 +160,8 @@ def channel_scale(unit: str, kinds: Sequence[str] = MOTIONS) -> tuple[str, float
 
     Examples
     --------
-    >>> channel_scale("mm/s")
-    ('velocity', 0.001)
+    >>> channel_scale("mm/s"), channel_scale("g")
+    (('velocity', 0.001), ('acceleration', 9.80665))
     >>> channel_scale("kN", ("force", "voltage"))
     ('force', 1000.0)
     """
@@ -170,17 +169,6 @@ def channel_scale(unit: str, kinds: Sequence[str] = MOTIONS) -> tuple[str, float
         return "temperature", unit_scale(unit, "temperature")
     kind, scale = scale_of(unit, tuple(kinds))
     return kind, _finite(scale, unit)
-
-
-def motion_scale(unit: str) -> tuple[str, float]:
-    """The kind of a unit of motion (displacement, velocity or acceleration), and the SI value of one unit.
-
-    Examples
-    --------
-    >>> motion_scale("µm"), motion_scale("g")
-    (('displacement', 1e-06), ('acceleration', 9.80665))
-    """
-    return channel_scale(unit, MOTIONS)
 
 
 def is_unit(text: str) -> bool:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from math import ceil
-
 import numpy as np
+from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from fourpole.core.arrays import FloatArray
@@ -17,7 +16,7 @@ def held_force(a: FloatArray, column: FloatArray, step: float) -> FloatArray:
     chain[:size, :size] = a * step
     chain[:size, size] = column[:, 0] * step
     chain[size, size + 1] = 1.0
-    return np.asarray(exponential(chain)[:size, size:] @ np.array([[1.0, 0.0], [-1.0, 1.0]]))
+    return np.asarray(expm(chain)[:size, size:] @ np.array([[1.0, 0.0], [-1.0, 1.0]]))
 
 
 def respond(a: FloatArray, b: FloatArray, x1: FloatArray, v1: FloatArray, step: float, kept: slice) -> FloatArray:
@@ -29,7 +28,7 @@ def respond(a: FloatArray, b: FloatArray, x1: FloatArray, v1: FloatArray, step: 
     chain[:size, size] = b[:, 0] * step
     chain[:size, size + 1] = b[:, 1]  # the time of the chain runs from 0 to 1, so its slope is step * v1
     chain[[size, size + 1, size + 2], [size + 1, size + 2, size + 3]] = 1.0
-    held = exponential(chain)[:size]
+    held = expm(chain)[:size]
     derivatives = np.array(  # derivatives of the cubic at the start of a step, from x and step * v at its ends
         [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-6.0, -4.0, 6.0, -2.0], [12.0, 6.0, -12.0, 6.0]]
     )
@@ -42,7 +41,7 @@ def recur(a: FloatArray, push: FloatArray, ends: FloatArray, step: float, kept: 
     """States (n, kept) from rest: in each step the modes decay, and `push` times the input at its `ends` is added."""
     values, vectors = np.linalg.eig(a)
     if np.linalg.cond(vectors / np.abs(vectors).max(axis=1, keepdims=True)) > 1e9:
-        return march(exponential(a * step), push @ ends)[:, kept]
+        return march(expm(a * step), push @ ends)[:, kept]
     keep = values.imag >= 0.0  # one mode of each conjugate pair is sufficient
     modal_push = np.linalg.solve(vectors, push.astype(complex))[keep]
     # einsum, because the threads that matmul starts cost more time here than they save
@@ -60,19 +59,6 @@ def recur(a: FloatArray, push: FloatArray, ends: FloatArray, step: float, kept: 
             weights += [2.0 * vector.real, -2.0 * vector.imag]
     history = np.stack([np.concatenate([[0.0], mode])[kept] for mode in modes])
     return np.asarray(np.einsum("ij,ik->jk", np.stack(weights), history))
-
-
-def exponential(matrix: FloatArray) -> FloatArray:
-    """Exponential of a small matrix by scaling, a Taylor series and squaring; its error is below round-off."""
-    halvings = max(0, ceil(np.log2(2.0 * np.abs(np.linalg.eigvals(matrix)).max() + 1e-300)))
-    scaled = matrix / 2**halvings
-    term = total = np.eye(matrix.shape[0])
-    for order in range(1, 19):
-        term = term @ scaled / order
-        total = total + term
-    for _ in range(halvings):
-        total = total @ total
-    return total
 
 
 def march(transition: FloatArray, pushes: FloatArray) -> FloatArray:

@@ -177,16 +177,12 @@ def truth_rows(
         errors = (errors[channel] for errors in (truth.gain_errors, truth.phase_errors) for channel in CHANNELS)
         shared = (*shared, *parts, bench.leaf_friction, *errors)
     if test.kind == "static":
-        return [(*_static_row(test, preload), *shared) for preload in preloads]
+        tyre, pressure = test.mounted, test.pressure
+        rows = ((load, None, None, float(tyre.static_stiffness(pressure, load)), *(None,) * 5) for load in preloads)
+        return [(test.name, tyre.name, pressure, *row, *shared) for row in rows]
     if test.kind == "calibration":
         return [(test.name, None, None, None, test.added_mass, frequency, *(None,) * 5, 1.0, *shared)]
     return [(*_dynamic_row(test, frequency, truth), *shared)]
-
-
-def _static_row(test: Test, preload: float) -> tuple[object, ...]:
-    tyre = test.mounted
-    k1 = float(tyre.static_stiffness(test.pressure, preload))
-    return (test.name, tyre.name, test.pressure, preload, None, None, k1, *(None,) * 5)
 
 
 def _dynamic_row(test: Test, frequency: float, truth: Truth) -> tuple[object, ...]:

@@ -119,7 +119,7 @@ def advise(plan: Plan, wanted: float, *, masses: Sequence[float] = MASSES, effor
     >>> from fourpole.core.rig import Rig
     >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.3, "preload_stiffness": 249.0})
     >>> unsure = ChannelUncertainty(np.full(3, 0.01), np.full(3, 0.0087))
-    >>> plan = Plan(PlannedTests.of([10.0, 16.0, 24.0], 110e3, 100e3, 800.0), rig, unsure)
+    >>> plan = Plan(PlannedTests([10.0, 16.0, 24.0], 110e3, 100e3, 800.0), rig, unsure)
     >>> advise(plan, 0.003).reaching[0].text
     '2 kg added at 16 Hz; 160 cycles in place of 40'
     """

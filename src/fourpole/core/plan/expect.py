@@ -8,7 +8,7 @@ together: the bound of Cramér, Rao and van Trees.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -33,14 +33,16 @@ _ALL = (True, True, True)
 
 @dataclass(frozen=True, eq=False)
 class PlannedTests(ByValue):
-    """N planned dynamic tests of a rig, with an assumed tyre; `of` makes it.
+    """N planned dynamic tests of a rig, with an assumed tyre: one value per test, or one value for all.
 
     Attributes
     ----------
     frequency : (N,) float array [Hz]
         Excitation frequency, > 0.
-    k1, k1_std, k2, c : (N,) float arrays [N/m], [N/m], [N/m], [N s/m]
-        Assumed values of the tyre, > 0, and the expected standard uncertainty of K1.
+    k1, k2, c : (N,) float arrays [N/m], [N/m], [N s/m]
+        Assumed values of the tyre, > 0.
+    k1_std : (N,) float array [N/m]
+        Expected standard uncertainty of K1.
     family : (N,) int array
         Number of tyre, pressure and preload. A negative number is a rigid block in place of the tyre, whose mass is
         part of `added_mass`.
@@ -52,57 +54,41 @@ class PlannedTests(ByValue):
         Standard uncertainty of Re and of Im of each amplitude, relative to its modulus.
     present : (F1, V1, V2) of bool
         Channels that will be recorded.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> PlannedTests([10.0, 12.0], 180e3, 120e3, 700.0).k2.tolist()
+    [120000.0, 120000.0]
     """
 
     frequency: FloatArray
     k1: FloatArray
-    k1_std: FloatArray
     k2: FloatArray
     c: FloatArray
-    family: np.ndarray
-    added_mass: FloatArray
-    added_mass_std: FloatArray
-    eccentricity: FloatArray
-    noise: FloatArray
+    k1_std: FloatArray = field(default_factory=lambda: np.array(0.0))
+    family: np.ndarray = field(default_factory=lambda: np.array(0))
+    added_mass: FloatArray = field(default_factory=lambda: np.array(0.0))
+    added_mass_std: FloatArray = field(default_factory=lambda: np.array(0.0))
+    eccentricity: FloatArray = field(default_factory=lambda: np.array(1e-3))
+    noise: FloatArray = field(default_factory=lambda: np.array(1e-4))
     present: tuple[bool, bool, bool] = _ALL
 
-    @classmethod
-    def of(
-        cls,
-        frequency: ArrayLike,
-        k1: ArrayLike,
-        k2: ArrayLike,
-        c: ArrayLike,
-        *,
-        k1_std: ArrayLike = 0.0,
-        family: ArrayLike = 0,
-        added_mass: ArrayLike = 0.0,
-        added_mass_std: ArrayLike = 0.0,
-        eccentricity: ArrayLike = 1e-3,
-        noise: ArrayLike = 1e-4,
-        present: tuple[bool, bool, bool] = _ALL,
-    ) -> PlannedTests:
-        """Planned tests from one value per test, or one value for all.
-
-        Raises
-        ------
-        ValueError
-            If a value is out of its range.
-
-        Examples
-        --------
-        >>> PlannedTests.of([10.0, 12.0], 180e3, 120e3, 700.0).k2.tolist()
-        [120000.0, 120000.0]
-        """
-        given = (np.atleast_1d(frequency), k1, k1_std, k2, c, added_mass, added_mass_std, eccentricity, noise)
-        values = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in given))
-        f, k1_, k1_std_, k2_, c_, added, added_std, e, u = values
-        if not all(np.all(np.isfinite(x) & (x > 0)) for x in (f, k1_, k2_, c_, e)):
+    def __post_init__(self) -> None:
+        """Make an array of every attribute but `present`."""
+        given = (np.asarray(getattr(self, name), dtype=int if name == "family" else float) for name in _COLUMNS)
+        for name, value in zip(_COLUMNS, np.broadcast_arrays(np.ones(1), *given)[1:], strict=True):
+            object.__setattr__(self, name, value)
+        positive = (self.frequency, self.k1, self.k2, self.c, self.eccentricity)
+        if not all(np.all(np.isfinite(values) & (values > 0)) for values in positive):
             raise ValueError("frequency, K1, K2, C and eccentricity of a planned test must be finite and positive")
-        if not all(np.all(np.isfinite(x) & (x >= 0)) for x in (k1_std_, added, added_std, u)):
+        others = (self.k1_std, self.added_mass, self.added_mass_std, self.noise)
+        if not all(np.all(np.isfinite(values) & (values >= 0)) for values in others):
             raise ValueError("uncertainties, added mass and noise of a planned test must be zero or positive")
-        families = np.broadcast_to(np.asarray(family, dtype=int), f.shape)
-        return cls(f, k1_, k1_std_, k2_, c_, families, added, added_std, e, u, present)
 
     @property
     def rigid(self) -> BoolArray:
@@ -140,7 +126,7 @@ class PlannedTests(ByValue):
 
         Examples
         --------
-        >>> PlannedTests.of([10.0, 12.0], 180e3, 120e3, 700.0).with_mass(10.0, 1e-3, [0]).added_mass.tolist()
+        >>> PlannedTests([10.0, 12.0], 180e3, 120e3, 700.0).with_mass(10.0, 1e-3, [0]).added_mass.tolist()
         [0.0, 0.0, 10.0]
         """
         more = self.part(which)
@@ -191,7 +177,7 @@ def planned_phasors(tests: PlannedTests, rig: Rig) -> Phasors:
 
     Examples
     --------
-    >>> tests = PlannedTests.of(10.0, 180e3, 120e3, 700.0)
+    >>> tests = PlannedTests(10.0, 180e3, 120e3, 700.0)
     >>> abs(planned_phasors(tests, Rig(moving_mass=15.0, preload_stiffness=12440.0)).transmissibility).round(3)
     array([1.299])
     """
@@ -249,7 +235,7 @@ def expect(
     Examples
     --------
     >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.3, "preload_stiffness": 249.0})
-    >>> tests = PlannedTests.of([10.0, 16.0, 24.0], 110e3, 100e3, 800.0)
+    >>> tests = PlannedTests([10.0, 16.0, 24.0], 110e3, 100e3, 800.0)
     >>> alone, together = (expect(tests, rig, route) for route in ("mobility", "joint"))
     >>> bool(np.all(together.arm_covariance[:, 1, 1] < alone.arm_covariance[:, 1, 1]))
     True
@@ -275,7 +261,7 @@ def arm_by_k1(tests: PlannedTests) -> FloatArray:
 
     Examples
     --------
-    >>> arm_by_k1(PlannedTests.of(10.0, 110e3, 100e3, 800.0)).round(3)
+    >>> arm_by_k1(PlannedTests(10.0, 110e3, 100e3, 800.0)).round(3)
     array([[ 2.958, -0.016]])
     """
     # The error of these central differences is far below what a plan needs.

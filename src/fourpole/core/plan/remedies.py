@@ -137,7 +137,7 @@ def remedies(plan: Plan, effort: Effort, masses: Sequence[float] = MASSES) -> di
     Examples
     --------
     >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
-    >>> plan = Plan(PlannedTests.of([10.0, 12.0], 180e3, 120e3, 700.0), rig)
+    >>> plan = Plan(PlannedTests([10.0, 12.0], 180e3, 120e3, 700.0), rig)
     >>> [remedy.text for remedy in remedies(plan, Effort(), masses=[10.0])["more tests"]]
     ['10 kg added at 10 Hz', '10 kg added at 12 Hz', '10 kg added at all 2 frequencies', 'tests halfway between the \
 frequencies as well']

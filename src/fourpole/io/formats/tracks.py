@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
@@ -45,6 +45,19 @@ class Track:
     start: float = 0.0
     time: Part | None = None
 
+    def when(self, index: int) -> float:
+        """Time of a sample [s]; its index if neither rate nor times are known."""
+        if self.time is None:
+            return self.start + index / (self.rate or 1.0)
+        return float(self.time(index, index + 1)[0])
+
+    def until(self, limit: float, first: int, last: int) -> int:
+        """Index, from `first` to `last`, of the first sample whose time is not before `limit` [s]."""
+        if self.time is None:
+            return math.ceil(min(max((limit - self.start) * (self.rate or 1.0), first), last))
+        reached = self.time(first, last) >= limit
+        return first + int(np.argmax(reached)) if reached.any() else last
+
     def part(self, first: int, last: int) -> Signal:
         """The samples from index `first` up to `last`, as a signal."""
         samples = self.samples(first, last)
@@ -73,38 +86,12 @@ def remembered(read: Part) -> Part:
     return part
 
 
-@dataclass(frozen=True)
-class _Pace:
-    """The times of a channel; a channel without times is spread evenly over the duration of the others."""
-
-    count: int
-    rate: float
-    start: float
-    time: Part | None
-
-    def when(self, index: int) -> float:
-        if self.time is None:
-            return self.start + index / self.rate
-        return float(self.time(index, index + 1)[0])
-
-    def until(self, limit: float, first: int, last: int) -> int:
-        """Index, from `first` to `last`, of the first sample whose time is not before `limit` [s]."""
-        if self.time is None:
-            return math.ceil(min(max((limit - self.start) * self.rate, first), last))
-        reached = self.time(first, last) >= limit
-        return first + int(np.argmax(reached)) if reached.any() else last
-
-
-def _paces(tracks: Sequence[Track]) -> list[_Pace]:
-    known = [_Pace(one.count, one.rate or 1.0, one.start, one.time) for one in tracks]
-    timed = [one for one, track in zip(known, tracks, strict=True) if (track.rate or track.time) and one.count]
-    ends = [(one.when(0), one.when(one.count - 1)) for one in timed]
+def _paced(tracks: Sequence[Track]) -> list[Track]:
+    """The channels; one without times is spread evenly over the longest duration of the others."""
+    ends = [(one.when(0), one.when(one.count - 1)) for one in tracks if (one.rate or one.time) and one.count]
     spans = [(start, end - start) for start, end in ends if math.isfinite(end - start) and end > start]
     start, span = max(spans, key=lambda one: one[1], default=(0.0, 1.0))
-    return [
-        one if track.rate or track.time else _Pace(one.count, max(one.count, 1) / span, start, None)
-        for one, track in zip(known, tracks, strict=True)
-    ]
+    return [one if one.rate or one.time else replace(one, rate=max(one.count, 1) / span, start=start) for one in tracks]
 
 
 def in_step(tracks: Sequence[Track], rows: int) -> Generator[list[Signal]]:
@@ -114,25 +101,25 @@ def in_step(tracks: Sequence[Track], rows: int) -> Generator[list[Signal]]:
     """
     rows = max(rows, 1)
     same = len({(one.count, one.rate, one.start, one.time) for one in tracks}) <= 1
-    paces = [] if same else _paces(tracks)
+    paced = [] if same else _paced(tracks)
     at = [0] * len(tracks)
     while True:
         ends = [min(first + rows, one.count) for first, one in zip(at, tracks, strict=True)]
         if not same:
-            ends = _together(paces, at, ends)
+            ends = _together(paced, at, ends)
         yield [one.part(first, last) for one, first, last in zip(tracks, at, ends, strict=True)]
         at = ends
         if all(first >= one.count for first, one in zip(at, tracks, strict=True)):
             return
 
 
-def _together(paces: Sequence[_Pace], at: Sequence[int], ends: Sequence[int]) -> list[int]:
+def _together(tracks: Sequence[Track], at: Sequence[int], ends: Sequence[int]) -> list[int]:
     """Ends of a chunk at which no channel is later in time than the channel that fills its rows first."""
-    limits = [one.when(last) for one, last in zip(paces, ends, strict=True) if last < one.count]
+    limits = [one.when(last) for one, last in zip(tracks, ends, strict=True) if last < one.count]
     limit = min((one for one in limits if math.isfinite(one)), default=math.inf)
     if math.isinf(limit):
         return list(ends)
-    found = [one.until(limit, first, last) for one, first, last in zip(paces, at, ends, strict=True)]
+    found = [one.until(limit, first, last) for one, first, last in zip(tracks, at, ends, strict=True)]
     return found if found != list(at) else list(ends)
 
 

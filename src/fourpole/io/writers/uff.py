@@ -19,7 +19,7 @@ import numpy as np
 
 from fourpole.errors import UnitError
 from fourpole.io.formats.uff import rate_of_step
-from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel, check_timed, distinct
+from fourpole.io.writers.plan import Block, Group, Remarks, Writer, WrittenChannel, check_timed, distinct
 from fourpole.units import channel_scale
 
 _TIME_RESPONSE, _DOUBLE, _TIME = 1, 4, 17
@@ -40,12 +40,9 @@ class _Sink:
         group = self._groups[at]
         times = None if _is_even(group) else block.times(group)
         for file, samples in zip(self._files[at], block.columns, strict=True):
-            file.write((samples if times is None else _paired(times, samples)).astype("<f8").tobytes())
+            values = samples if times is None else np.stack([times, samples], axis=1)
+            file.write(values.astype("<f8").tobytes())
         self.counts[at] += len(block)
-
-
-def _paired(times: FloatArray, samples: FloatArray) -> FloatArray:
-    return np.stack([times, samples], axis=1).ravel()
 
 
 def _is_even(group: Group) -> bool:
