@@ -190,7 +190,7 @@ def _force_peak(recording: Recording) -> float:
 
 def _is_sine(track: Track, frequency: float) -> bool:
     """Whether each channel of a track is a sine with a small residual."""
-    fit = fit_sines(track.signals, track.present, track.time, 2 * np.pi * frequency, 1, np.empty(0))
+    fit = fit_sines(track, 2 * np.pi * frequency, 1, np.empty(0))
     left = np.sqrt(2 * np.mean(fit.residual**2, axis=1))
     return bool(np.all(left < _PLAIN_NOISE * np.abs([row[0] for row in fit.amplitudes()])))
 

@@ -6,12 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fourpole.core.demodulation.sinefit import fit_sines, refine
+from fourpole.core.demodulation.tracks import Track
 
 RATE = 500.0
 
 
 def times(samples):
     return (np.arange(samples) - 0.5 * (samples - 1)) / RATE
+
+
+def track(signals, present, time):
+    return Track(("motion_in",) * len(signals), signals, present, time, 1 / (time[1] - time[0]))
 
 
 def everything(samples):
@@ -36,7 +41,7 @@ def test_harmonics_lines_and_drift_do_not_leak_into_one_another(samples, frequen
     place = time / time[-1]
     drift = rng.standard_normal((2, 4)) @ np.stack([place**k for k in range(4)])
     signals = np.stack([wave(time, omega, row) for row in truth]) + np.cos(line * time + 0.3) + drift
-    fit = fit_sines(signals, everything(samples), time, omega, 3, np.array([line]))
+    fit = fit_sines(track(signals, everything(samples), time), omega, 3, np.array([line]))
     # the Gram matrix of eleven nearly orthogonal columns is well conditioned: a few hundred round-offs
     np.testing.assert_allclose(fit.amplitudes(), truth, atol=1e-12)
     assert np.abs(fit.residual).max() < 1e-12
@@ -46,7 +51,7 @@ def test_harmonics_lines_and_drift_do_not_leak_into_one_another(samples, frequen
 def test_variance_of_an_amplitude_is_two_over_the_samples():
     """For whole cycles; of Re and of Im alike, per unit variance of the samples."""
     time = times(1000)
-    fit = fit_sines(np.zeros((1, 1000)), everything(1000), time, 2 * np.pi * 20.0, 2, np.empty(0))
+    fit = fit_sines(track(np.zeros((1, 1000)), everything(1000), time), 2 * np.pi * 20.0, 2, np.empty(0))
     # the cubic drift correlates with 40 cycles by about 1/(pi 40), squared
     assert fit.amplitude_variance() == pytest.approx(2 / 1000, rel=2e-3)
 
@@ -55,7 +60,7 @@ def test_scatter_of_amplitudes_is_as_stated():
     rng = np.random.default_rng(2)
     samples, time, omega = 130, times(130), 2 * np.pi * 13.0  # 3.4 cycles
     noise = rng.standard_normal((4000, samples))
-    fit = fit_sines(noise, everything(samples), time, omega, 2, np.empty(0))
+    fit = fit_sines(track(noise, everything(samples), time), omega, 2, np.empty(0))
     found = fit.amplitudes()[:, 0]
     # both parts of 4000 amplitudes: the mean square is known to sqrt(2/8000) = 1.6 %, five of these; and the variance
     # is the mean of both parts', which differ in such a short record
@@ -69,7 +74,7 @@ def test_missing_samples_change_nothing_in_a_clean_signal():
     present[100:160] = False
     truth = np.array([1.0 - 0.5j, 0.1j])
     signal = np.where(present, wave(time, omega, truth) + 0.5 + time, 0.0)[None]
-    fit = fit_sines(signal, present, time, omega, 2, np.empty(0))
+    fit = fit_sines(track(signal, present, time), omega, 2, np.empty(0))
     np.testing.assert_allclose(fit.amplitudes()[0], truth, atol=1e-12)
     assert not fit.residual[:, ~present].any()
     assert fit.dof == present.sum() - 8
@@ -82,7 +87,7 @@ def test_refine_finds_the_frequency_from_within_half_a_bin(off):
     omega = 2 * np.pi * 12.34
     truth = np.array([[1.0 + 1.0j, 0.2], [0.5j, 0.0]])
     signals = np.stack([wave(time, omega, row) for row in truth])
-    start = fit_sines(signals, everything(samples), time, omega + off * bin_, 2, np.empty(0))
+    start = fit_sines(track(signals, everything(samples), time), omega + off * bin_, 2, np.empty(0))
     (fit,), _ = refine([start], informing=[np.ones(2, dtype=bool)])
     assert fit.omega == pytest.approx(omega, rel=1e-12)
     np.testing.assert_allclose(fit.amplitudes(), truth, atol=1e-10)
@@ -92,7 +97,7 @@ def test_a_frequency_that_is_given_stays_and_lines_still_move():
     samples = 800
     time, omega, line = times(samples), 2 * np.pi * 12.0, 2 * np.pi * 50.0
     signals = (wave(time, omega, [1.0]) + 0.3 * np.cos(line * time))[None]
-    start = fit_sines(signals, everything(samples), time, omega, 1, np.array([line + 1.0]))
+    start = fit_sines(track(signals, everything(samples), time), omega, 1, np.array([line + 1.0]))
     (fit,), std = refine([start], informing=[np.ones(1, dtype=bool)], free=False)
     assert fit.omega == omega
     assert std == 0.0
@@ -105,7 +110,7 @@ def test_a_harmonic_that_does_not_inform_leaves_the_frequency_alone():
     time, omega = times(samples), 2 * np.pi * 12.0
     hum = 0.3 * np.cos(2 * (omega + 0.05) * time + 1.0)  # 0.03 bins off
     signals = (wave(time, omega, [1.0, 0.1]) + hum)[None]
-    start = fit_sines(signals, everything(samples), time, omega, 2, np.empty(0))
+    start = fit_sines(track(signals, everything(samples), time), omega, 2, np.empty(0))
     (wrong,), _ = refine([start], informing=[np.array([True, True])])
     (right,), _ = refine([start], informing=[np.array([True, False])])
     assert abs(right.omega - omega) < 0.02 * abs(wrong.omega - omega)
@@ -118,7 +123,7 @@ def test_frequency_uncertainty_is_the_cramer_rao_bound(amplitudes):
     rng = np.random.default_rng(4)
     time, omega = times(samples), 2 * np.pi * 20.3
     signals = (wave(time, omega, amplitudes) + noise * rng.standard_normal(samples))[None]
-    start = fit_sines(signals, everything(samples), time, omega, len(amplitudes), np.empty(0))
+    start = fit_sines(track(signals, everything(samples), time), omega, len(amplitudes), np.empty(0))
     (fit,), std = refine([start], informing=[np.ones(len(amplitudes), dtype=bool)], weights=[np.array([noise**-2])])
     power = sum((k * a) ** 2 for k, a in enumerate(amplitudes, start=1))
     bound = np.sqrt(24 * noise**2 / (power * samples * (samples**2 - 1))) * RATE
@@ -131,8 +136,8 @@ def test_an_unsteady_harmonic_takes_a_parabola():
     time, omega = times(samples), 2 * np.pi * 12.0
     place = time / time[-1]
     signals = (wave(time, omega, [1.0]) + (0.2 + 0.1 * place - 0.3 * place**2) * np.cos(2 * omega * time))[None]
-    steady = fit_sines(signals, everything(samples), time, omega, 2, np.empty(0))
-    unsteady = fit_sines(signals, everything(samples), time, omega, 2, np.empty(0), (2,))
+    steady = fit_sines(track(signals, everything(samples), time), omega, 2, np.empty(0))
+    unsteady = fit_sines(track(signals, everything(samples), time), omega, 2, np.empty(0), (2,))
     assert np.abs(steady.residual).max() > 0.05
     assert np.abs(unsteady.residual).max() < 1e-12
     assert unsteady.dof == steady.dof - 4

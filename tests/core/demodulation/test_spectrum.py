@@ -18,11 +18,9 @@ def left(residual, present, dof, lines=NO_LINES):
     time = (np.arange(samples) - 0.5 * (samples - 1)) / RATE
     return SimpleNamespace(
         residual=residual,
-        present=present,
-        time=time,
+        track=SimpleNamespace(present=present, time=time, course=None),
         lines=2 * np.pi * lines,
         dof=dof,
-        course=None,
         rate=RATE,
         resolution=RATE / samples,
     )

@@ -157,27 +157,23 @@ def _fitted(
     for track in tracks:
         count = max(1, min(harmonics, int(0.45 * track.rate / start)))
         informing.append(_informing(start, count, track.rate / track.time.size, mains))
-        fits.append(
-            fit_sines(
-                track.signals, track.present, track.time, 2 * np.pi * start, count, np.empty(0), course=track.course
-            )
-        )
+        fits.append(fit_sines(track, 2 * np.pi * start, count, np.empty(0)))
     if free:
         fits, _ = refine(fits, informing=informing)
     fits = _remove_lines(fits, informing, mains, free=free)
 
     noise = noise_beside(fits, fits[0].omega / (2 * np.pi))
     fits, omega_std = refine(fits, informing=informing, free=free, weights=_weights(fits, noise))
-    return _assemble(recording, tracks, fits, noise, omega_std)
+    return _assemble(recording, fits, noise, omega_std)
 
 
 def _weights(fits: list[SineFit], noise: Noise) -> list[FloatArray]:
     """Inverse variances of the samples of each channel, for white noise of the level beside the frequency."""
-    variances = np.split(np.diag(noise.covariance).real, np.cumsum([len(fit.signals) for fit in fits])[:-1])
+    variances = np.split(np.diag(noise.covariance).real, np.cumsum([len(fit.track.signals) for fit in fits])[:-1])
     weights = []
     for fit, variance in zip(fits, variances, strict=True):
-        white = np.maximum(variance, 0.0) * fit.present.sum() / 4.0
-        floor = np.max(np.abs(fit.signals), axis=1) ** 2 * 1e-30 + 1e-300
+        white = np.maximum(variance, 0.0) * fit.track.present.sum() / 4.0
+        floor = np.max(np.abs(fit.track.signals), axis=1) ** 2 * 1e-30 + 1e-300
         weights.append(1.0 / np.maximum(white, floor))
     return weights
 
@@ -264,8 +260,8 @@ def _with_lines(fit: SineFit, mains: float | None) -> SineFit | None:
     stated = np.empty(0) if mains is None else mains * np.arange(1, max(1, min(5, int(0.45 * rate / mains))) + 1)
     size = np.hypot(*fit.coefficients[:2])
     shown = find_lines(fit.residual, rate, _NEGLIGIBLE * size)
-    found = np.concatenate([stated, shown if fit.course is None else _foreign(shown, fit, mains)])
-    lines, unsteady = _new_terms(fit, found, rate / fit.time.size, rate)
+    found = np.concatenate([stated, shown if fit.track.course is None else _foreign(shown, fit, mains)])
+    lines, unsteady = _new_terms(fit, found, rate / fit.track.time.size, rate)
     more = 2 * lines.size + 4 * (len(unsteady) - len(fit.unsteady))
     if not more or fit.dof < 4 * (fit.basis.shape[0] + more):
         return None
@@ -325,22 +321,20 @@ class _Wave:
         return float(np.sqrt(np.sum(np.abs(self.true / numbers)[1:] ** 2)) / np.abs(self.true[0]))
 
 
-def _waves(recording: Recording, track: Track, fit: SineFit) -> list[_Wave]:
-    """The harmonics of each channel of a track."""
-    inflation = float(np.sqrt(fit.amplitude_variance() * fit.present.sum() / 2.0))
-    residual = np.sqrt(np.sum(fit.residual**2, axis=1) / fit.time.size)
+def _waves(recording: Recording, fit: SineFit) -> list[_Wave]:
+    """The harmonics of each channel of a fit."""
+    inflation = float(np.sqrt(fit.amplitude_variance() * fit.track.present.sum() / 2.0))
+    residual = np.sqrt(np.sum(fit.residual**2, axis=1) / fit.track.time.size)
     return [
         _Wave(name, row, row * _to_velocity(recording.channels[name], fit.omega, row.size), float(rms), inflation)
-        for name, row, rms in zip(track.names, fit.amplitudes(), residual, strict=True)
+        for name, row, rms in zip(fit.track.names, fit.amplitudes(), residual, strict=True)
     ]
 
 
-def _assemble(
-    recording: Recording, tracks: list[Track], fits: list[SineFit], noise: Noise, omega_std: float
-) -> Demodulation:
+def _assemble(recording: Recording, fits: list[SineFit], noise: Noise, omega_std: float) -> Demodulation:
     """The amplitudes of F1, V1, V2 and their figures of quality, from the final fits of all tracks."""
     omega = fits[0].omega
-    waves = [wave for track, fit in zip(tracks, fits, strict=True) for wave in _waves(recording, track, fit)]
+    waves = [wave for fit in fits for wave in _waves(recording, fit)]
     names = [wave.role for wave in waves]
     at = [CHANNELS.index(name) for name in names]
     mixed, talk = without_crosstalk(recording, names, omega)
@@ -369,7 +363,7 @@ def _assemble(
         noise_ratio=noise_ratio,
         force_peak=_peak_of(waves[names.index("force_in")].true) if "force_in" in names else float("nan"),
         lines=np.concatenate([fit.lines for fit in fits]) / (2 * np.pi),
-        missing=1.0 - min(float(np.mean(fit.present)) for fit in fits),
+        missing=1.0 - min(float(np.mean(fit.track.present)) for fit in fits),
         channels=tuple(names[i] for i in order),
         preview=preview(fits, order),
         corrections=(*corrections_of(recording, names, omega), *talk),

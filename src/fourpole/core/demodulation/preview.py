@@ -41,26 +41,26 @@ class Preview(ByValue):
 def preview(fits: Sequence[SineFit], order: Sequence[int]) -> Preview:
     """The preview of the fits of all tracks, its channels in the order of the given indices."""
     first = fits[0]
-    count = first.time.size
-    step = float(first.time[1] - first.time[0])
+    count = first.track.time.size
+    step = float(first.track.time[1] - first.track.time[0])
     half = min(count // 2, max(8, round(0.5 * _CYCLES * 2 * np.pi / first.omega / step)))
     window = np.arange(count // 2 - half, count // 2 + half)
-    shown = first.time[window[:: max(1, int(np.ceil(window.size / _POINTS)))]]
-    blocks = min(_BLOCKS, *(fit.time.size for fit in fits))
-    signals = np.concatenate([_at(fit, fit.signals, shown) for fit in fits])
+    shown = first.track.time[window[:: max(1, int(np.ceil(window.size / _POINTS)))]]
+    blocks = min(_BLOCKS, *(fit.track.time.size for fit in fits))
+    signals = np.concatenate([_at(fit, fit.track.signals, shown) for fit in fits])
     left = np.concatenate([_at(fit, fit.residual, shown) for fit in fits])
     return Preview(
         time=shown,
         signals=signals[list(order)],
         fit=(signals - left)[list(order)],
-        blocks=np.repeat([part.mean() for part in np.array_split(first.time, blocks)], 2),
+        blocks=np.repeat([part.mean() for part in np.array_split(first.track.time, blocks)], 2),
         residual=np.concatenate([_extremes(fit.residual, blocks) for fit in fits])[list(order)],
     )
 
 
 def _at(fit: SineFit, values: FloatArray, times: FloatArray) -> FloatArray:
     """Values of each channel at given times [s], linearly interpolated between samples."""
-    return np.stack([np.interp(times, fit.time, row) for row in values])
+    return np.stack([np.interp(times, fit.track.time, row) for row in values])
 
 
 def _extremes(values: FloatArray, blocks: int) -> FloatArray:

@@ -15,25 +15,10 @@ import numpy as np
 from scipy import linalg
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.demodulation.tracks import Track
 
 _DRIFT_ORDER = 3  # mean, slope, parabola, cubic
 _ITERATIONS = 12
-
-
-@dataclass(frozen=True, eq=False)
-class Course(ByValue):
-    """Phase of the excitation as a reference gives it.
-
-    Attributes
-    ----------
-    turn : (N,) float [rad]
-        Phase of the fundamental minus omega·t.
-    follow : (M, N) complex [1]
-        Functions of time that the amplitude of the fundamental may follow; each is 0 at the mean speed.
-    """
-
-    turn: FloatArray
-    follow: ComplexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +27,8 @@ class SineFit(ByValue):
 
     Attributes
     ----------
-    signals : (channels, N) float
-        The signals fitted, in units of each channel; 0 for missing samples.
-    time : (N,) float [s]
-        Time from the middle of the record.
-    course : Course or None
-        Phase of the excitation if its speed was not uniform.
-    present : (N,) bool
-        False for missing samples.
+    track : Track
+        The channels fitted, in units of each channel.
     omega, lines : float, (L,) float [rad/s]
         Fundamental, and interfering lines.
     harmonics : int
@@ -65,10 +44,7 @@ class SineFit(ByValue):
         Signals minus fit; 0 for missing samples.
     """
 
-    signals: FloatArray
-    time: FloatArray
-    course: Course | None
-    present: BoolArray
+    track: Track
     omega: float
     lines: FloatArray
     harmonics: int
@@ -81,18 +57,18 @@ class SineFit(ByValue):
     @property
     def dof(self) -> int:
         """Number of samples minus number of fitted parameters."""
-        return int(self.present.sum()) - self.basis.shape[0]
+        return int(self.track.present.sum()) - self.basis.shape[0]
 
     @property
     def resolution(self) -> float:
         """Width of a bin, 1/T [Hz]."""
-        size = self.time.size
-        return float((size - 1) / (self.time[-1] - self.time[0]) / size)
+        time = self.track.time
+        return float((time.size - 1) / (time[-1] - time[0]) / time.size)
 
     @property
     def rate(self) -> float:
         """Samples per second [Hz]."""
-        return self.resolution * self.time.size
+        return self.resolution * self.track.time.size
 
     def amplitudes(self) -> ComplexArray:
         """Complex amplitudes X (channels, harmonics) of x(t) = Re(X e^{jwt}), with t from the middle of the record."""
@@ -108,39 +84,21 @@ class SineFit(ByValue):
     def at(self, omega: float, lines: FloatArray, unsteady: tuple[int, ...] | None = None) -> SineFit:
         """The same signals fitted at other frequencies."""
         kept = self.unsteady if unsteady is None else unsteady
-        return fit_sines(self.signals, self.present, self.time, omega, self.harmonics, lines, kept, self.course)
+        return fit_sines(self.track, omega, self.harmonics, lines, kept)
 
 
-def fit_sines(
-    signals: FloatArray,
-    present: BoolArray,
-    time: FloatArray,
-    omega: float,
-    harmonics: int,
-    lines: FloatArray,
-    unsteady: tuple[int, ...] = (),
-    course: Course | None = None,
-) -> SineFit:
-    """Fit (channels, N) signals at given frequencies; missing samples must be 0 in `signals`."""
-    basis = _basis(time, present, omega, harmonics, lines, unsteady, course)
+def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, unsteady: tuple[int, ...] = ()) -> SineFit:
+    """Fit the channels of a track at given frequencies [rad/s]."""
+    basis = _basis(track, omega, harmonics, lines, unsteady)
     factor = linalg.cho_factor(basis @ basis.T, lower=True)
-    coefficients = linalg.cho_solve(factor, basis @ signals.T)
-    residual = signals - coefficients.T @ basis
-    return SineFit(
-        signals, time, course, present, omega, lines, harmonics, unsteady, basis, factor, coefficients, residual
-    )
+    coefficients = linalg.cho_solve(factor, basis @ track.signals.T)
+    residual = track.signals - coefficients.T @ basis
+    return SineFit(track, omega, lines, harmonics, unsteady, basis, factor, coefficients, residual)
 
 
-def _basis(
-    time: FloatArray,
-    present: BoolArray,
-    omega: float,
-    harmonics: int,
-    lines: FloatArray,
-    unsteady: tuple[int, ...],
-    course: Course | None,
-) -> FloatArray:
+def _basis(track: Track, omega: float, harmonics: int, lines: FloatArray, unsteady: tuple[int, ...]) -> FloatArray:
     """Rows (P, N) of sines and polynomials, in the order of `SineFit.basis`."""
+    time, course = track.time, track.course
     steady = 2 * (harmonics + lines.size)
     followed = 0 if course is None else len(course.follow)
     rows = np.empty((steady + 4 * len(unsteady) + 2 * followed + _DRIFT_ORDER + 1, time.size))
@@ -162,8 +120,8 @@ def _basis(
         turned = course.follow * rotation
         rows[at : at + 2 * followed : 2], rows[at + 1 : at + 2 * followed : 2] = turned.real, -turned.imag
     rows[-4], rows[-3], rows[-2], rows[-1] = 1.0, place, place**2 - 1.0 / 3.0, place * (place**2 - 0.6)
-    if not present.all():
-        rows[:, ~present] = 0.0
+    if not track.present.all():
+        rows[:, ~track.present] = 0.0
     return rows
 
 
@@ -193,7 +151,7 @@ def refine(
         The fits, and the standard uncertainty of the fundamental.
     """
     fits = list(fits)
-    resolution = 2 * np.pi / max(fit.time[-1] - fit.time[0] for fit in fits)
+    resolution = 2 * np.pi / max(fit.track.time[-1] - fit.track.time[0] for fit in fits)
     for _ in range(_ITERATIONS):
         used = [_weights(fit) for fit in fits] if weights is None else weights
         step, std = _newton_step(fits, informing, used, free=free)
@@ -208,7 +166,7 @@ def refine(
 def _weights(fit: SineFit) -> FloatArray:
     """Inverse variances of the samples; round-off bounds the variance of a noiseless channel from below."""
     variance = np.sum(fit.residual**2, axis=1) / max(fit.dof, 1)
-    floor = np.max(np.abs(fit.signals), axis=1) ** 2 * 1e-30 + 1e-300
+    floor = np.max(np.abs(fit.track.signals), axis=1) ** 2 * 1e-30 + 1e-300
     return 1.0 / np.maximum(variance, floor)
 
 
@@ -244,4 +202,4 @@ def _slopes(fit: SineFit, informing: BoolArray, *, free: bool) -> FloatArray:
     multiple[0, : fit.harmonics] = free * informing * np.arange(1.0, fit.harmonics + 1)
     pairs = fit.coefficients[: 2 * sines].T.reshape(-1, 1, sines, 2)
     turned = (multiple[:, :, None] * pairs[..., ::-1] * [-1.0, 1.0]).reshape(len(pairs), -1, 2 * sines)
-    return turned @ fit.basis[: 2 * sines] * fit.time
+    return turned @ fit.basis[: 2 * sines] * fit.track.time

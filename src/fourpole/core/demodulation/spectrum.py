@@ -143,14 +143,14 @@ def noise_beside(fits: Sequence[SineFit], frequency: float) -> Noise:
 
 def _bins(fit: SineFit, frequency: float, offsets: np.ndarray) -> ComplexArray:
     """Amplitudes (channels, offsets) of the residual, whole bins beside the fundamental, at the record's middle."""
-    phase = 2 * np.pi * frequency * fit.time
-    shifted = fit.residual * np.exp(-1j * (phase if fit.course is None else phase + fit.course.turn))
-    to_middle = np.exp(-2j * np.pi * offsets * fit.resolution * fit.time[0])
-    return np.asarray(np.fft.fft(shifted, axis=1)[:, offsets] * (2.0 / fit.present.sum()) * to_middle)
+    phase = 2 * np.pi * frequency * fit.track.time
+    shifted = fit.residual * np.exp(-1j * (phase if fit.track.course is None else phase + fit.track.course.turn))
+    to_middle = np.exp(-2j * np.pi * offsets * fit.resolution * fit.track.time[0])
+    return np.asarray(np.fft.fft(shifted, axis=1)[:, offsets] * (2.0 / fit.track.present.sum()) * to_middle)
 
 
 def _white(fits: Sequence[SineFit], rate: float) -> Noise:
     """White noise of the level of each fit's residual, without correlation between fits."""
-    blocks = [fit.residual @ fit.residual.T / max(fit.dof, 1) * (4.0 / fit.present.sum()) for fit in fits]
+    blocks = [fit.residual @ fit.residual.T / max(fit.dof, 1) * (4.0 / fit.track.present.sum()) for fit in fits]
     dof = min(fit.dof for fit in fits)
     return Noise(linalg.block_diag(*blocks).astype(complex), (0.0, 0.5 * rate), float(max(dof, 1)))

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
-from fourpole.core.demodulation.sinefit import Course
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.core.reference import Reference
@@ -24,6 +23,22 @@ STEADY = 1e-4
 _CURVED = 3e-3
 #: A further function of the speed is fitted if at least this share of its norm is independent of those before it.
 _ALIKE = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Course(ByValue):
+    """Phase of the excitation as a reference gives it.
+
+    Attributes
+    ----------
+    turn : (N,) float [rad]
+        Phase of the fundamental minus omega·t.
+    follow : (M, N) complex [1]
+        Functions of time that the amplitude of the fundamental may follow; each is 0 at the mean speed.
+    """
+
+    turn: FloatArray
+    follow: ComplexArray
 
 
 @dataclass(frozen=True, eq=False)

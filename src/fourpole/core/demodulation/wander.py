@@ -72,11 +72,8 @@ def follow_wander(recording: Recording, found: Demodulation) -> tuple[Demodulati
     if followed is None:
         return None
     better, peak = followed
-    worst = max(
-        (_change(found.phasors, better.phasors, over, under) for over, under in ((1, 0), (2, 1))),
-        key=lambda change: change.weight,
-    )
-    return (better, Wander(peak, worst.shift)) if worst.weight > 1 else None
+    weight, shift = max(_change(found.phasors, better.phasors, over, under) for over, under in ((1, 0), (2, 1)))
+    return (better, Wander(peak, shift)) if weight > 1 else None
 
 
 def refine_reference(recording: Recording, found: Demodulation) -> Demodulation:
@@ -127,7 +124,7 @@ def _own_reference(recording: Recording, found: Demodulation, *, lines: bool) ->
     omega, middle = float(found.phasors.omega), 0.5 * sum(recording.span)
     first = tracks_of(recording, [name for name in CHANNELS if name in recording.channels])[0]
     if lines:
-        fit = fit_sines(first.signals, first.present, first.time, omega, 1, 2 * np.pi * np.unique(found.lines))
+        fit = fit_sines(first, omega, 1, 2 * np.pi * np.unique(found.lines))
         foreign = fit.coefficients[2:-_DRIFT].T @ fit.basis[2:-_DRIFT]
         first = replace(first, signals=first.signals - foreign)
     curve = None if recording.reference is None else recording.reference.curve
@@ -162,23 +159,18 @@ def _turned(amplitude: ComplexArray) -> bool:
     return bool(np.std(size / np.mean(size)) < _AMPLITUDE_OVER_PHASE * np.std(turning))
 
 
-@dataclass(frozen=True)
-class _Change:
-    """Relative change of a ratio of amplitudes [1], and its weight: above 1 the change matters."""
+def _change(steady: Phasors, followed: Phasors, over: int, under: int) -> tuple[float, float]:
+    """Weight and size [1] of the relative change of a ratio of two amplitudes, given by their indices.
 
-    shift: float
-    weight: float
-
-
-def _change(steady: Phasors, followed: Phasors, over: int, under: int) -> _Change:
-    """The change of the ratio of two amplitudes, given by their indices, between two demodulations."""
+    A change matters if its weight is above 1.
+    """
     pair = [phasors.amplitudes[over] / phasors.amplitudes[under] for phasors in (steady, followed)]
     if not np.all(np.isfinite(pair)):
-        return _Change(0.0, 0.0)
+        return 0.0, 0.0
     stds = [_relative_std(phasors, over, under) for phasors in (steady, followed)]
     shift = float(abs(pair[0] / pair[1] - 1))
     least = max(stds[1], 1e-9)
-    return _Change(shift, max(shift / (_SHIFT * least), stds[0] / (_STD_FALL * least) if shift > least else 0.0))
+    return max(shift / (_SHIFT * least), stds[0] / (_STD_FALL * least) if shift > least else 0.0), shift
 
 
 def _relative_std(phasors: Phasors, over: int, under: int) -> float:
