@@ -1,7 +1,5 @@
 """The plan against 200 laboratories drawn from what it states: independent truth, the same analysis."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -49,7 +47,6 @@ def analysed(route, phasors, rig, k1, tests, channels):
     return identify(phasors, rig, k1, route=route, k1_std=tests.k1_std, **added)
 
 
-@cache
 def scatter(laboratory, masses):
     """Errors (repeats, tests, 4) of Re K*, Im K*, K2, C by each route, and the uncertainties planned (tests, 4)."""
     rig_std, gain, phase, k1_std = LABORATORIES[laboratory]
@@ -87,26 +84,21 @@ def half_width(errors):
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("masses", MASSES)
 @pytest.mark.parametrize("laboratory", LABORATORIES)
-@pytest.mark.parametrize("route", PLAN_ROUTES)
-def test_the_plan_predicts_the_scatter_of_repeats(laboratory, masses, route):
-    errors, expected, tests = scatter(laboratory, masses)
-    ratio = half_width(errors[route]) / expected[route]
-    # K* is linear enough everywhere; K2 and C only where they are known to some 10 %
-    linear = np.ones_like(ratio, dtype=bool)
-    linear[:, 2:] = expected[route][:, 2:] < 0.1 * np.stack([tests.k2, tests.c], axis=1)
-    assert np.all(np.abs(ratio[linear] - 1) < FURTHEST)
-    assert np.all(np.abs(np.nanmedian(ratio, axis=0) - 1) < WITHIN)
-
-
-@pytest.mark.statistical
-@pytest.mark.parametrize("laboratory", LABORATORIES)
-def test_the_plan_predicts_the_gain_of_an_added_mass(laboratory):
+def test_the_plan_predicts_the_scatter_of_repeats_and_the_gain_of_an_added_mass(laboratory):
+    """One test for all routes and masses, as the draws of a laboratory are the dear part of it."""
+    alone, with_mass = (scatter(laboratory, masses) for masses in MASSES)
+    for errors, expected, tests in (alone, with_mass):
+        for route in PLAN_ROUTES:
+            ratio = half_width(errors[route]) / expected[route]
+            # K* is linear enough everywhere; K2 and C only where they are known to some 10 %
+            linear = np.ones_like(ratio, dtype=bool)
+            linear[:, 2:] = expected[route][:, 2:] < 0.1 * np.stack([tests.k2, tests.c], axis=1)
+            assert np.all(np.abs(ratio[linear] - 1) < FURTHEST), route
+            assert np.all(np.abs(np.nanmedian(ratio, axis=0) - 1) < WITHIN), route
     count = FREQUENCIES.size
-    parts = [scatter(laboratory, masses) for masses in MASSES]
-    seen = half_width(parts[0][0]["joint"]) / half_width(parts[1][0]["joint"])[:count]
-    planned_gain = parts[0][1]["joint"] / parts[1][1]["joint"][:count]
+    seen = half_width(alone[0]["joint"]) / half_width(with_mass[0]["joint"])[:count]
+    planned_gain = alone[1]["joint"] / with_mass[1]["joint"][:count]
     np.testing.assert_allclose(np.median(seen / planned_gain, axis=0), 1.0, atol=0.2)
     np.testing.assert_allclose((seen / planned_gain)[:, :2], 1.0, atol=0.2)
     assert np.median(planned_gain[:, 0]) > 3
@@ -196,7 +188,7 @@ def effect(base, outcome):
     return np.median(relative_uncertainties(found)[: len(base.tests), 1:3], axis=0)
 
 
-@pytest.mark.parametrize(("k1_std", "families", "wanted"), [(0.0, 1, 0.01), (0.002, 3, 0.01), (0.02, 1, 0.005)])
+@pytest.mark.parametrize(("k1_std", "families", "wanted"), [(0.002, 2, 0.01), (0.02, 1, 0.005)])
 def test_advice_keeps_its_word(k1_std, families, wanted):
     base = plan(k1_std, families)
     found = advise(base, wanted)
@@ -211,34 +203,34 @@ def test_advice_keeps_its_word(k1_std, families, wanted):
 
 
 def test_a_mass_at_one_frequency_of_one_condition_is_the_cheap_way():
-    cheapest = advise(plan(families=4), 0.01).reaching[0]
+    cheapest = advise(plan(families=2), 0.01, masses=[2.0, 5.0]).reaching[0]
     assert [remedy.kind for remedy in cheapest.remedies] == ["mass"]
     assert cheapest.text.endswith("of one condition")
     assert cheapest.minutes < 15
 
 
 def test_what_k1_leaves_is_said():
-    found = advise(plan(0.02), 0.01)
+    found = advise(plan(0.02), 0.01, masses=[5.0])
     assert found.of_k1 == pytest.approx(0.044, rel=0.05)
     assert all("K1" in {remedy.kind for remedy in outcome.remedies} for outcome in found.reaching)
 
 
 def test_nothing_is_promised_that_nothing_reaches():
-    found = advise(plan(0.02), 1e-6)
+    found = advise(plan(0.02), 1e-6, masses=[5.0])
     assert found.reaching == ()
     assert found.nearest.worst > 1e-6
 
 
 def test_a_plan_that_does_needs_nothing():
-    found = advise(plan(), 0.5)
+    found = advise(plan(), 0.5, masses=[5.0])
     assert found.reached
     assert found.reaching == ()
 
 
 def test_no_remedy_costs_nothing_or_harms():
     base = plan(0.02, 2)
-    now = advise(base, 0.01).now
-    for listed in remedies(base, Effort()).values():
+    now = advise(base, 0.01, masses=[5.0]).now
+    for listed in remedies(base, Effort(), [5.0]).values():
         for remedy in listed:
             assert remedy.minutes > 0
             changed = remedy.change(base)

@@ -232,7 +232,9 @@ class _Diagnosis:
 def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
     """The diagnosis of the present solution, from its residuals."""
     problem, solution = state.problem, state.solution
-    named = candidates(problem, solution)
+    rig_chi2, tyre_chi2 = float(left.rig.sum() + solution.z @ solution.z), float(left.tyre.sum())
+    # No part explains more than the whole chi-square. The exact phasors of a plan leave none, and need no candidates.
+    named = candidates(problem, solution) if rig_chi2 + tyre_chi2 > 1 else []
     size = largest_part(problem, solution)
     effect = 0.0
     if named and named[0].of_rig:
@@ -242,9 +244,9 @@ def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
         effect = float(np.max(np.abs(named[0].size * shape) / size))
     return _Diagnosis(
         left=left,
-        rig_chi2=float(left.rig.sum() + solution.z @ solution.z),
+        rig_chi2=rig_chi2,
         rig_dof=float(left.rig_dof.sum()),
-        tyre_chi2=float(left.tyre.sum()),
+        tyre_chi2=tyre_chi2,
         tyre_dof=2.0 * float((problem.conditions.sizes - 1).sum()),
         drawn=_drawn(state),
         named=named,
