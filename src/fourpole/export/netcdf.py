@@ -6,7 +6,7 @@ Several tests in one cell differ in two further dimensions: `setting`, which is 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -204,15 +204,11 @@ def _constructions(source: ExportTables) -> list[str]:
 
 def _attributes(source: ExportTables) -> dict[str, Any]:
     """Attributes of the file."""
+    versions = ", ".join(f"{name} {version}" for name, version in source.section("versions").items())
     return {
         "title": source.title,
         "Conventions": "CF-1.11",
         "source": f"{source.version}, route {source.route}",
-        "history": "\n".join(_history(source)),
+        "history": f"{source.made:%Y-%m-%dT%H:%M:%SZ}: analysed with {versions}",
         "comment": SIGNS,
     }
-
-
-def _history(source: ExportTables) -> Iterator[str]:
-    versions = ", ".join(f"{name} {version}" for name, version in source.section("versions").items())
-    yield f"{source.made:%Y-%m-%dT%H:%M:%SZ}: analysed with {versions}"

@@ -100,8 +100,11 @@ def budget(results: Results, style: Style) -> Figure | None:
         part = rows.filter(pl.col("quantity") == quantities[row])
         part = part if columns[column] < 0 else part.filter(pl.col("tyre") == columns[column])
         _panel(ax, *_shares(part, named), [*named, OTHER], style)
-        if row == 0:
-            _heading(ax, sheet, columns[column], style, len(columns))
+        if row == 0 and columns[column] < 0:
+            ax.set_title("all tyres", loc="left", pad=4.5)
+        elif row == 0:
+            tyre = columns[column]
+            tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, columns=len(columns))
     _one_abscissa(grid.panels, style)
     for source in map(Source.read, [*named, *([OTHER] if len(some) > len(named) else [])]):
         key.add(Patch(facecolor=source_colour(source, style), edgecolor=style.look.muted, linewidth=0.4),
@@ -185,14 +188,6 @@ def _edges(frequency: FloatArray) -> FloatArray:
         return np.array([0.97 * frequency[0], 1.03 * frequency[0]])
     middle = 0.5 * (frequency[1:] + frequency[:-1])
     return np.concatenate([[2 * frequency[0] - middle[0]], middle, [2 * frequency[-1] - middle[-1]]])
-
-
-def _heading(ax: Axes, sheet: Sheet, tyre: int, style: Style, columns: int) -> None:
-    """Write the name of the tyre, or "all tyres" if `tyre` is negative."""
-    if tyre < 0:
-        ax.set_title("all tyres", loc="left", pad=4.5)
-    else:
-        tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, columns=columns)
 
 
 #: Figures of this module, in the order of a report.

@@ -130,12 +130,6 @@ class Notes:
         if lacking:
             self.say(f"{counted(lacking, 'test')} {'has' if lacking == 1 else 'have'} no {what}")
 
-    def beyond(self, values: FloatArray, limits: tuple[float, float], what: str) -> None:
-        """Add how many values of rejected tests lie outside the axes."""
-        count = int(np.sum((values < min(limits)) | (values > max(limits))))
-        if count:
-            self.say(f"{what} of {counted(count, 'rejected test')} beyond the axes")
-
     def cut(self, extent: Extent, limits: tuple[float, float], style: Style, what: str = "uncertainty") -> None:
         """Add how many values and bars lie outside the axes."""
         values, cut = extent.outside(style.ylim or limits)
@@ -144,6 +138,16 @@ class Notes:
             self.say(f"{counted(values, 'value')} beyond the axes{why}")
         if cut:
             self.say(f"{counted(cut, f'{what} bar')} {'leaves' if cut == 1 else 'leave'} the axes")
+
+    def outside(
+        self, extent: Extent, limits: tuple[float, float], style: Style, rejected: FloatArray, what: str
+    ) -> None:
+        """Add how many values of rejected tests, and how many other values and bars, lie outside the axes."""
+        low, high = sorted(style.ylim or limits)
+        count = int(np.sum((rejected < low) | (rejected > high)))
+        if count:
+            self.say(f"{what} of {counted(count, 'rejected test')} beyond the axes")
+        self.cut(extent, limits, style)
 
 
 @dataclass

@@ -104,8 +104,7 @@ def transmissibility(results: Results, style: Style) -> Figure | None:
     key.loads(sheet, list(dict.fromkeys(load for load, _ in places)), style)
     key.rejected(style, lost)
     notes.tests(sheet.rejected[concerned], visible[concerned], "TR")
-    notes.beyond(y[lost], style.ylim or limits, "TR")
-    notes.cut(extent, limits, style)
+    notes.outside(extent, limits, style, y[lost], "TR")
     return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=[quantity.label])
 
 
@@ -173,8 +172,7 @@ def measured_against_predicted(results: Results, style: Style) -> Figure | None:
     key.pressures(sheet, pressures, style)
     key.rejected(style, lost)
     notes.tests(sheet.rejected, visible, "TR measured and predicted")
-    notes.beyond(difference[lost], extent.limits(), "the difference")
-    notes.cut(extent, extent.limits(), free)
+    notes.outside(extent, extent.limits(), free, difference[lost], "the difference")
     if len(pressures) > MOST_NAMED:
         notes.say("the key names some of the pressures")
     figure = grid.finish(

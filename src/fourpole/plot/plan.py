@@ -10,13 +10,13 @@ import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from fourpole import quantities as q
 from fourpole.core.plan import PLAN_ROUTES
 from fourpole.io.write import write_bytes
 from fourpole.plot.figure import figure_bytes
 from fourpole.plot.layout import Grid, Key, Notes
+from fourpole.plot.models import numbered
 from fourpole.plot.style import Dashes, Style, drawing, mixed
 
 _KEY = "plan"
@@ -80,7 +80,7 @@ def draw_plan(frame: pl.DataFrame, *, wanted: float | None = None, style: Style 
                 _draw_k1(ax, frame, name, style)
             if wanted is not None:
                 ax.axhline(100 * wanted, color=style.look.ink, linewidth=0.9, linestyle=_WANTED, zorder=1.5)
-            _axes(ax, style)
+            ax.set_yscale("log")
             ax.set_title(f"u({name}) over {name}")
         _same_limits(grid.panels, style)
         for curve in curves:
@@ -136,30 +136,16 @@ def _draw_k1(ax: Axes, frame: pl.DataFrame, name: str, style: Style) -> None:
     )  # fmt: skip
 
 
-def _axes(ax: Axes, style: Style) -> None:
-    """Make the ordinate logarithmic."""
-    ax.set_yscale("log")
-    ax.yaxis.set_major_locator(LogLocator(10.0, subs=(1.0,)))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_locator(LogLocator(10.0, subs=(2.0, 5.0)))
-    ax.yaxis.set_minor_formatter(NullFormatter())
-    ax.grid(visible=True, which="minor", axis="y", linewidth=0.35)
-    if style.xlim is not None:
-        ax.set_xlim(style.xlim)
-
-
 def _same_limits(panels: list[Axes], style: Style) -> None:
-    """Give all panels the same ordinate; with less than 200 between its ends, 2 and 5 have numbers, too."""
+    """Give all panels the same ordinate."""
     seen = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for ax in panels for line in ax.get_lines()])
     seen = seen[np.isfinite(seen) & (seen > 0)]
     if not seen.size:
         return
     low, high = style.ylim or (seen.min() / 1.4, seen.max() * 1.4)
-    for at, ax in enumerate(panels):
-        ax.set_ylim(low, high)
-        if high / low < 200 and at == 0:
-            ax.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            ax.tick_params(axis="y", which="minor", labelsize=7.5)
+    for ax in panels:
+        ax.set(xlim=style.xlim or ax.get_xlim(), ylim=(low, high))
+        numbered(ax, "y", most=5)
 
 
 def write_plan_figure(figure: Figure, path: str | Path, style: Style | None = None) -> Path:

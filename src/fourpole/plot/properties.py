@@ -63,8 +63,7 @@ def property_figure(
         limit(ax, x_limits, y_limits, style=style, ticks=6 if columns < 3 else 4)
     key.rejected(style, lost)
     notes.tests(sheet.rejected[concerned], visible[concerned], quantity.name)
-    notes.beyond(y[lost], style.ylim or y_limits, quantity.name)
-    notes.cut(extent, y_limits, style)
+    notes.outside(extent, y_limits, style, y[lost], quantity.name)
     return grid.finish(key=key, notes=notes, x_label=against.label, y_labels=[quantity.label])
 
 

@@ -142,8 +142,7 @@ def _rows(
             if row == 0:
                 tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, columns=columns)
             limit(ax, span([frequency[chosen]]), limits, style=style, ticks=6 if columns < 3 else 4)
-        notes.beyond(values[lost], style.ylim or limits, quantity.name)
-        notes.cut(extent, limits, style)
+        notes.outside(extent, limits, style, values[lost], quantity.name)
     key.pressures(sheet, choice.pressures, style)
     key.loads(sheet, choice.loads, style)
     key.rejected(style, lost)
@@ -209,8 +208,7 @@ def nyquist(results: Results, style: Style) -> Figure | None:
     key.loads(sheet, choice.loads, style)
     key.rejected(style, lost)
     notes.tests(sheet.rejected, visible, "K*")
-    notes.beyond(imag[lost], style.ylim or along.limits(), q.LOSS.name)
-    notes.cut(along, along.limits(), style)
+    notes.outside(along, along.limits(), style, imag[lost], q.LOSS.name)
     return grid.finish(key=key, notes=notes, x_label=q.STORAGE.label, y_labels=[q.LOSS.label])
 
 

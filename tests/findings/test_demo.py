@@ -1,7 +1,6 @@
-"""The finding in words on a virtual campaign, sentence by sentence against what the tyres are."""
+"""The findings on a virtual campaign, one by one against what the tyres are."""
 
 import importlib.util
-import re
 import sys
 from pathlib import Path
 
@@ -10,21 +9,10 @@ import polars as pl
 import pytest
 
 from fourpole import Study, analyse
-from fourpole.findings import findings as found_in
-from fourpole.report.words import headline as headline_of
-from fourpole.report.words import sentences
+from fourpole.findings import Holds, findings
 from fourpole.study.results import Results
 from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
-
-
-def findings(results):
-    return sentences(found_in(results))
-
-
-def headline(results):
-    return headline_of(found_in(results))
-
 
 PRESSURES, FREQUENCIES = [100e3, 170e3, 240e3], [14.0, 16.5, 18.0, 20.0, 23.0]
 KEY = ["tyre", "pressure [Pa]", "preload [N]"]
@@ -62,13 +50,16 @@ def told(demo):
     return findings(demo[0].results)
 
 
-def sentence(told, topic, *words):
-    (text,) = (f.text for f in told if f.topic == topic and all(word in f.text for word in words))
-    return text
-
-
-def figures(text):
-    return [float(number) for number in re.findall(r"(?<![\w.])-?\d+(?:\.\d+)?", text)]
+def only(told, kind, quantity, *specimens, **about):
+    """The one finding of a kind on a quantity, of these specimens, with these attributes."""
+    (found,) = (
+        each
+        for each in told
+        if (each.kind, each.quantity and each.quantity.column) == (kind, quantity)
+        and set(specimens) <= {*each.specimens}
+        and all(getattr(each, name) == value for name, value in about.items())
+    )
+    return found
 
 
 def curve(truth, column, **where):
@@ -91,35 +82,25 @@ def true(demo):
     return demo[1].with_columns((2.0 * pl.col("frequency [Hz]")).round().alias("nominal") / 2.0)
 
 
-@pytest.mark.parametrize(
-    ("topic", "symbol", "column"),
-    [("static stiffness", "K1", "K1 [N/m]"), ("dynamic stiffness", "K2", "K2 [N/m]"), ("damping", "C", "C [N s/m]")],
-)
-def test_the_comparison_is_true(told, true, topic, symbol, column):
-    text = sentence(told, topic, "cross-ply is", f"its {symbol} is above that of radial-ply")
+@pytest.mark.parametrize(("symbol", "column"), [("K1", "K1 [N/m]"), ("K2", "K2 [N/m]"), ("C", "C [N s/m]")])
+def test_the_comparison_is_true(told, true, symbol, column):
+    detail = only(told, "comparison", symbol).detail
+    assert (detail.upper, detail.lower) == ("cross-ply", "radial-ply")
     found = ratios(true.filter(pl.col("frequency [Hz]").is_null() == (symbol == "K1")), column)
-    mean, low, high = (float(x) / 100.0 for x in re.findall(r"([\d.]+) %", text)[:3])
-    assert mean == pytest.approx(found.mean(), rel=0.04)
-    assert low == pytest.approx(found.min(), rel=0.1, abs=0.01)
-    assert high == pytest.approx(found.max(), rel=0.1)
-    assert f"at each of the {found.size} " in text
+    values = [effect.value for effect in detail.effects.values()]
+    assert detail.mean.value == pytest.approx(found.mean(), rel=0.04)
+    assert min(values) == pytest.approx(found.min(), rel=0.1, abs=0.01)
+    assert max(values) == pytest.approx(found.max(), rel=0.1)
+    assert len(values) == found.size
 
 
 @pytest.mark.parametrize("tyre", ["cross-ply", "radial-ply"])
-@pytest.mark.parametrize(
-    ("topic", "symbol", "column", "scale"),
-    [
-        ("static stiffness", "K1", "K1 [N/m]", 1e3),
-        ("dynamic stiffness", "K2", "K2 [N/m]", 1e3),
-        ("damping", "C", "C [N s/m]", 1.0),
-    ],
-)
-def test_the_levels_are_true(told, true, tyre, topic, symbol, column, scale):
-    text = sentence(told, topic, f"{symbol} of {tyre} lies between")
+@pytest.mark.parametrize(("symbol", "column"), [("K1", "K1 [N/m]"), ("K2", "K2 [N/m]"), ("C", "C [N s/m]")])
+def test_the_levels_are_true(told, true, tyre, symbol, column):
+    found = only(told, "level", symbol, tyre).detail.numbers
     values = true.filter(pl.col("tyre") == tyre)[column].drop_nulls()
-    low, high = (float(x) for x in re.findall(r"([\d.]+) (?:kN/m|N s/m)", text))
-    assert low == pytest.approx(values.min() / scale, rel=0.05)
-    assert high == pytest.approx(values.max() / scale, rel=0.05)
+    assert min(found) == pytest.approx(values.min(), rel=0.05)
+    assert max(found) == pytest.approx(values.max(), rel=0.05)
 
 
 def test_the_trends_are_true(told, true):
@@ -133,24 +114,23 @@ def test_the_trends_are_true(told, true):
         return changes
 
     for tyre in ("cross-ply", "radial-ply"):
-        text = sentence(told, "static stiffness", f"K1 of {tyre} rises with pressure")
+        rising = only(told, "trend with pressure", "K1", tyre, holds=Holds.RISES)
         found = np.mean([v for k, v in relative(tyre, "K1 [N/m]", "pressure [Pa]").items() if k[-1] is None])
-        assert float(re.search(r"by ([\d.]+) %", text)[1]) / 100 == pytest.approx(found, abs=0.006)
-        text = sentence(told, "dynamic stiffness", f"K2 of {tyre}", "rises with frequency")
+        assert rising.effect == pytest.approx(found, abs=0.006)
+        rising = only(told, "trend with frequency", "K2", tyre, holds=Holds.RISES)
         found = np.mean(list(relative(tyre, "K2 [N/m]", "nominal").values()))
-        assert float(re.search(r"by ([\d.]+) %", text)[1]) / 100 == pytest.approx(found, abs=0.03)
-        turn = sentence(told, "dynamic stiffness", f"K2 of {tyre}", "crosses zero")
-        assert "falls with pressure at 14" in turn
-        assert "23 Hz" in turn
+        assert rising.effect == pytest.approx(found, abs=0.03)
+        turn = only(told, "trend with pressure", "K2", tyre, holds=Holds.MIXED).detail
+        assert (turn.parts[14.0].sign, turn.parts[23.0].sign) == (-1, 1)
         changes = relative(tyre, "K2 [N/m]", "pressure [Pa]")
         f = np.array(FREQUENCIES)
         mean = np.array([np.mean([v for k, v in changes.items() if k[-1] == at]) for at in f])
         zero = np.interp(0.0, mean, f)
-        assert float(re.search(r"about ([\d.]+) Hz", turn)[1]) == pytest.approx(zero, abs=0.3)
-    text = sentence(told, "damping", "C of radial-ply rises with pressure")
+        assert turn.zero == pytest.approx(zero, abs=0.3)
+    rising = only(told, "trend with pressure", "C", "radial-ply", holds=Holds.RISES)
     found = np.mean(list(relative("radial-ply", "C [N s/m]", "pressure [Pa]").values()))
-    assert float(re.search(r"by ([\d.]+) %", text)[1]) / 100 == pytest.approx(found, abs=0.015)
-    assert "C of radial-ply rises with frequency" in sentence(told, "damping", "C of radial-ply", "frequency from")
+    assert rising.effect == pytest.approx(found, abs=0.015)
+    assert only(told, "trend with frequency", "C", "radial-ply").holds is Holds.RISES
 
 
 def true_peak(true, tyre, pressure, load):
@@ -170,18 +150,15 @@ def true_peak(true, tyre, pressure, load):
 
 @pytest.mark.parametrize("tyre", ["cross-ply", "radial-ply"])
 def test_the_resonances_are_true(told, true, tyre):
-    text = sentence(told, "resonance", f"{tyre} at 1000 N resonates")
-    for pressure in PRESSURES:
+    peaks = only(told, "resonance", "TR", tyre, holds=Holds.INSIDE).detail.peaks
+    assert [round(pressure, -3) for pressure, _ in peaks] == PRESSURES
+    for pressure, one in zip(PRESSURES, peaks.values(), strict=True):
         f, tr = true_peak(true, tyre, pressure, 1000.0)
-        top, where = f[np.argmax(tr)], rf"Hz \({pressure / 1e5:.2f} bar\)"
-        between = re.search(rf"between the tested frequencies ([\d.]+) and ([\d.]+) {where}", text)
-        if between:
-            assert float(between[1]) < top < float(between[2])
-        else:
-            assert float(re.search(rf"([\d.]+) {where}", text)[1]) == pytest.approx(top, abs=0.25)
+        top = f[np.argmax(tr)]
+        assert one.low < top < one.high
+        assert one.at is None or one.at == pytest.approx(top, abs=0.25)
         _, tested = curve(true, "TR [1]", **dict(zip(KEY, (tyre, pressure, 1000.0), strict=True)))
-        height = float(re.findall(rf"([\d.]+) \({pressure / 1e5:.2f} bar\)", text)[-1])
-        assert height == pytest.approx(tested.max(), rel=0.005)
+        assert one.tr == pytest.approx(tested.max(), rel=0.005)
 
 
 def test_the_crossing_is_true(told, true):
@@ -189,22 +166,23 @@ def test_the_crossing_is_true(told, true):
     for pressure in PRESSURES:
         (f, cross), (_, radial) = (true_peak(true, tyre, pressure, 1000.0) for tyre in ("cross-ply", "radial-ply"))
         crossings.append(f[np.flatnonzero(np.diff(np.sign(cross - radial)))[-1]])
-    text = sentence(told, "transmissibility", "cross once")
-    assert "at each of 3 conditions in common" in text
-    assert "below it cross-ply has the lower TR, above it radial-ply" in text
-    low, high = (float(re.search(rf"{word} ([\d.]+) Hz", text)[1]) for word in ("between", "and"))
-    assert low == pytest.approx(min(crossings), abs=0.15)
-    assert high == pytest.approx(max(crossings), abs=0.15)
+    found = only(told, "crossing", "TR", "cross-ply", "radial-ply", holds=Holds.ONE_CROSSING)
+    single = found.detail.single.values()
+    assert len(single) == len(found.detail.at) == 3
+    # Below the crossing the second tyre has the higher TR.
+    assert (found.specimens, {one.sign for one in single}) == (("cross-ply", "radial-ply"), {1})
+    assert min(one.at for one in single) == pytest.approx(min(crossings), abs=0.15)
+    assert max(one.at for one in single) == pytest.approx(max(crossings), abs=0.15)
 
 
 def test_the_measured_tr_agrees_with_the_predicted(told):
-    assert sentence(told, "transmissibility", "predicted").endswith("which is within the uncertainty.")
+    assert only(told, "prediction", "TR").holds is Holds.WITHIN
 
 
 @pytest.fixture(scope="module")
 def evaluate_claims():
     path = Path(__file__).parents[1] / "reference" / "claims.py"
-    spec = importlib.util.spec_from_file_location("claims_of_the_paper_for_words", path)
+    spec = importlib.util.spec_from_file_location("claims_of_the_paper_for_findings", path)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # where a dataclass looks for its own module
     spec.loader.exec_module(module)
@@ -237,23 +215,23 @@ def perfect(demo, whole_truth) -> Results:
 
 
 def agreeing(results, evaluate_claims):
-    """Claims of which the words say what the reference does; those that the words cannot tell are no disagreement."""
-    said = {int(figures(f.text)[0]): f.text for f in findings(results) if f.topic == "claims"}
-    told = {number for number, text in said.items() if "cannot be examined" not in text}
+    """Numbers of the claims that hold as in the reference, and of those that cannot be examined."""
+    said = {each.detail.number: each.holds for each in findings(results) if each.topic == "claims"}
+    told = {number: holds is not Holds.FALSE for number, holds in said.items() if holds is not Holds.NOT_EXAMINED}
     reference = {number: holds for number, holds, _ in evaluate_claims(results.static, results.dynamic)}
     assert sorted(said) == list(range(1, 13))
-    assert {n: ") holds here" in said[n] for n in told} == {n: reference[n] for n in told}
-    return {n for n in told if reference[n]}, {n for n in said if n not in told}
+    assert told == {number: reference[number] for number in told}
+    return {number for number in told if reference[number]}, said.keys() - told.keys()
 
 
-def test_the_claims_read_as_in_the_reference(demo, perfect, evaluate_claims):
+def test_the_claims_hold_as_in_the_reference(demo, perfect, evaluate_claims):
     everything = set(range(1, 13))
     assert agreeing(perfect, evaluate_claims) == (everything, set())
     assert agreeing(demo[0].results, evaluate_claims) == (everything - {5}, {5})
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_claims_read_as_in_the_reference_where_some_are_false(perfect, evaluate_claims, seed):
+def test_the_claims_hold_as_in_the_reference_where_some_are_false(perfect, evaluate_claims, seed):
     rng = np.random.default_rng(seed)
     tables = [
         table.with_columns(
@@ -266,12 +244,3 @@ def test_the_claims_read_as_in_the_reference_where_some_are_false(perfect, evalu
     true, untold = agreeing(Results(*tables, pl.DataFrame()), evaluate_claims)
     assert not untold
     assert len(true) < 12
-
-
-def test_the_headline_of_the_demo(demo, perfect):
-    lines = headline(demo[0].results)
-    assert 5 <= len(lines) <= 8
-    assert lines[0].startswith("All ")
-    assert lines[-1].startswith("Of the twelve claims of the 1982 paper 11 hold here")
-    assert "5 cannot be examined" in lines[-1]
-    assert headline(perfect)[-1].startswith("All twelve claims of the 1982 paper hold here")
