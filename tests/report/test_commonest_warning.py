@@ -52,17 +52,16 @@ def test_a_rejection_for_want_of_a_passive_arm_stands_once_with_its_tests(vague)
     ]
     remarks = remarks_of(render_report(results, findings=sentences(found), figures={}))
     assert remarks.count("<tr>") == 2
-    assert remarks.count("a K1 taken at another load") == 1
+    assert remarks.count(Code.PASSIVE_ARM.short("rejected")) == 1
 
 
 @pytest.mark.parametrize("monte_carlo", [0, 300])
 def test_the_commonest_warning_stands_once_in_the_report(vague, monte_carlo):
     results = analyse(vague, monte_carlo=monte_carlo).results
     assert results.dynamic["verdict"].to_list() == ["warning"] * 3
-    found = sentences(findings(results))
-    assert [one.text for one in found if one.topic == "trust"][1:] == [
-        "Use with care D1, D2 and D3: K2 or C is known too poorly."
-    ]
-    remarks = remarks_of(render_report(results, findings=found, figures={}))
-    assert remarks.count("K2 or C is known too poorly") == 1
+    found = findings(results)
+    doubts = [(one.detail.code, one.tests) for one in found if isinstance(one.detail, Doubt)]
+    assert doubts == [(Code.UNCERTAINTY, ("D1", "D2", "D3"))]
+    remarks = remarks_of(render_report(results, findings=sentences(found), figures={}))
+    assert remarks.count(Code.UNCERTAINTY.short("warning")) == 1
     assert remarks.count("<tr>") == 2

@@ -221,7 +221,7 @@ def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
 
 def _late_errors(values: Sequence[ShownValue]) -> Iterable[str]:
     """The values with a large detection limit, as a sentence."""
-    late = [value for value in values if _late(value)]
+    late = [value for value in values if is_late(value)]
     if late:
         sizes = joined(f"{value.detection_words} for {_possessive(value)}" for value in late)
         yield f"Errors beyond what is stated would show only from a size of {sizes}; smaller ones stay unseen."
@@ -254,10 +254,10 @@ def _trusted_masses(values: Sequence[ShownValue]) -> Iterable[str]:
 def _ratios_seen(value: ShownValue, values: Sequence[ShownValue]) -> bool:
     """Whether an error of every channel ratio of the same kind would be detected."""
     ratios = [other for other in values if other.group is Role.RATIO and other.source.kind is value.source.kind]
-    return bool(ratios) and not any(other.hidden or _late(other) for other in ratios)
+    return bool(ratios) and not any(other.hidden or is_late(other) for other in ratios)
 
 
-def _late(value: ShownValue) -> bool:
+def is_late(value: ShownValue) -> bool:
     """Whether the detection limit is large and exceeds six stated standard uncertainties."""
     if value.detection_limit is None or value.hidden or value.group is Role.MASS:
         return False
