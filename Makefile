@@ -12,7 +12,8 @@ READY_LOWEST := .venv-lowest/.ready
 READY_BENCH := .venv-bench/.ready
 # Recordings are worked on side by side; threads inside each small product only get in the way.
 export OPENBLAS_NUM_THREADS ?= 1
-PIP_FLAGS := --quiet --disable-pip-version-check
+# Python compiles what is imported when it is imported, which is a small part of all that is installed.
+PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
@@ -89,13 +90,13 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 
 # Examples are left out here, for they show numbers as today's numpy prints them; so are warnings, for
 # those of an old library are nobody's to mend. The commands' and the report's own tests hold their exact output, which
-# is for the terminal and browser libraries of the lock alone. Tests that repeat an estimate many times ask of our
-# formulas, not of a library: once is enough.
+# is for the terminal and browser libraries of the lock alone. Tests that take long or repeat an estimate many times ask
+# of our formulas, not of a library: once is enough.
 lowest:  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
 		$(MAKE) --no-print-directory $(READY_LOWEST) && \
 		.venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib -W default \
-			$(TWO_AT_A_TIME) -m "not statistical" tests --ignore=tests/app --ignore=tests/report; \
+			$(TWO_AT_A_TIME) -m "not statistical and not thorough" tests --ignore=tests/app --ignore=tests/report; \
 	else \
 		echo "lowest: skipped, the lowest versions allowed have no wheels for $$($(PYTHON) --version)"; \
 	fi

@@ -9,6 +9,8 @@ from numpy.polynomial import Polynomial
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import FourpoleError, LoadCurveError
 
+pytestmark = pytest.mark.thorough
+
 DEPTH = 0.03
 LAW = Polynomial([0.0, 150e3, 2e6])  # [N], in m
 K1 = LAW.deriv()

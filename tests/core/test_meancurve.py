@@ -6,6 +6,8 @@ from numpy.polynomial import Chebyshev, Polynomial
 
 from fourpole.core.meancurve import fit_mean_curve
 
+pytestmark = pytest.mark.thorough
+
 X = np.concatenate([np.linspace(0.0, 0.03, 150), np.linspace(0.03, 0.0, 220)])
 SIDE = np.repeat([1.0, -1.0], [150, 220])
 LAW = Polynomial([50.0, 1.2e5, 3e6, -4e7])

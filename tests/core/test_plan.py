@@ -13,6 +13,8 @@ from fourpole.core.rig import Rig
 from fourpole.virtual.phasor_rig import Conditions, Laboratory, draw, simulate_phasors
 from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY
 
+pytestmark = pytest.mark.thorough
+
 REPEATS = 200
 #: Wanted of the middle over all frequencies. Of 200 normal deviations, the half-width that holds 68.27 % scatters by
 #: 6.8 %: of the many single ones, the furthest may be four of these away.

@@ -14,6 +14,8 @@ from fourpole.campaign import read_campaign
 from fourpole.guess import guess_campaign
 from fourpole.virtual import simulate_campaign
 
+pytestmark = pytest.mark.thorough
+
 PRESSURES, PRELOADS, FREQUENCIES = (1.7, 2.4), (1000.0, 1500.0), (10.0, 12.5)
 
 

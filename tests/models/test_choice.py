@@ -12,6 +12,8 @@ from fourpole.models.choice import AUTO, choose
 from fourpole.models.data import StiffnessData
 from fourpole.models.families import contains, model_named
 
+pytestmark = pytest.mark.thorough
+
 NARROW, WIDE = 2 * np.pi * np.linspace(5.0, 30.0, 20), 2 * np.pi * np.geomspace(0.1, 200.0, 30)
 TRUTHS = {
     "spring": ([180e3], NARROW),

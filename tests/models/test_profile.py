@@ -10,6 +10,8 @@ from fourpole.models.maxwell import GeneralisedMaxwell, Zener
 from fourpole.models.profile import profile_intervals
 from fourpole.models.springs import KelvinVoigt, Spring
 
+pytestmark = pytest.mark.thorough
+
 OMEGA = 2 * np.pi * np.linspace(5.0, 30.0, 20)
 
 

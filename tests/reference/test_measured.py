@@ -16,6 +16,8 @@ from fourpole.models.choice import choose
 from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import model_named
 
+pytestmark = pytest.mark.thorough
+
 # Static curve of a truck tyre 335/65 R22.5 at 4.14 bar, as a cubic [N/m³, N/m², N/m]
 # (Calspan test, 2010, in Project Chrono, data/vehicle/feda/tires, BSD-3).
 TRUCK = np.array([-3.486667e7, 5.205933e6, 3.756533e5])

@@ -17,6 +17,8 @@ from typer.testing import CliRunner
 from fourpole.app.cli import app
 from fourpole.study import analyse
 
+pytestmark = pytest.mark.thorough
+
 RESULTS = ["R [m/(N s)]", "Re K* [N/m]", "K2 [N/m]", "C [N s/m]", "TR predicted [1]"]
 
 

@@ -14,6 +14,8 @@ from fourpole.study import analyse
 from fourpole.study.results import read_results
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.thorough
+
 PLAN = {
     "tyres": [RADIAL_PLY],
     "pressures": [170e3],

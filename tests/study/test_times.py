@@ -8,6 +8,8 @@ from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import Bench, Zener, run, state_matrices
 from fourpole.virtual.march import respond
 
+pytestmark = pytest.mark.thorough
+
 TYRE, RIG = Zener(110e3, 90e3, 800.0), Bench(15.0, 12440.0, 15.0)
 RATE = 1000.0
 

@@ -6,6 +6,8 @@ import pytest
 
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.thorough
+
 ROUTES = ("mobility", "relative", "transmissibility")
 
 

@@ -11,6 +11,8 @@ import pytest
 
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def evaluate_claims():

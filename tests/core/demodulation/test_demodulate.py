@@ -12,6 +12,8 @@ from fourpole.core.demodulation.demodulate import demodulate
 from fourpole.core.recording import Channel, Recording
 from fourpole.errors import RecordingError
 
+pytestmark = pytest.mark.thorough
+
 F1, V1, V2 = AMPLITUDES = np.array([60 * np.exp(1.5j), 0.06 + 0j, 0.08 * np.exp(-0.3j)])
 SIZES = np.abs(AMPLITUDES)
 

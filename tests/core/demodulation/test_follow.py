@@ -13,6 +13,8 @@ from fourpole.core.demodulation.wander import follow_wander
 from fourpole.core.recording import Channel, Recording
 from fourpole.core.reference import Reference
 
+pytestmark = pytest.mark.thorough
+
 F1, V1, V2 = AMPLITUDES = np.array([60 * np.exp(1.5j), 0.06 + 0j, 0.08 * np.exp(-0.3j)])
 NAMES, KINDS = ("force_in", "motion_in", "motion_out"), ("force", "acceleration", "displacement")
 POWER = {"force": 0, "acceleration": 1, "displacement": -1}

@@ -17,6 +17,8 @@ from fourpole.errors import FileError, TableError
 from fourpole.io.formats import famos, hdf5, matlab, mdf, parquet, tdms, uff, wav
 from fourpole.io.signals import Format, Request
 
+pytestmark = pytest.mark.thorough
+
 LIMIT = 50_000_000
 VALUES = np.random.default_rng(5).normal(size=300)
 FORMATS: dict[str, Format] = {
