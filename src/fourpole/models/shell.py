@@ -287,67 +287,6 @@ def mode_shape(
     return part[0] * turn * axial, part[1] * quarter * along, part[2] * turn * along
 
 
-def ring_frequencies(
-    n: ArrayLike,
-    *,
-    radius: ArrayLike,
-    bending: ArrayLike,
-    mass: ArrayLike,
-    tension: ArrayLike = 0.0,
-    foundation: ArrayLike = 0.0,
-) -> FloatArray:
-    r"""In-plane natural frequencies of a ring that bends without stretching.
-
-    .. math:: \omega_n^2 = \frac{n^2}{m (n^2 + 1)}
-              \left(\frac{EI (n^2 - 1)^2}{R^4} + \frac{N (n^2 - 1)}{R^2} + k\right)
-
-    The condition v' = -w gives the motion w = cos(n theta), v = -sin(n theta)/n, and its potential and kinetic energy
-    give the frequency. The tension is that of a constant pressure normal to the ring; it has no effect on a
-    translation, n = 1.
-
-    Parameters
-    ----------
-    n : (...,) int array
-        Number of waves around, >= 1.
-    radius, bending, mass : float arrays [m], [N m²], [kg/m]
-        Radius R, bending stiffness EI and mass m per length; > 0.
-    tension, foundation : float arrays [N], [N/m²]
-        Tension N, and radial stiffness k per length; >= 0.
-
-    Returns
-    -------
-    (...,) float array [Hz]
-
-    Raises
-    ------
-    ModelError
-        If n is below 1, or another value is outside its bounds.
-
-    References
-    ----------
-    Lord Rayleigh, "The theory of sound", vol. 1, 2nd ed., 1894, section 233; S. C. Huang, W. Soedel, "Effects of
-    Coriolis acceleration on the free and forced in-plane vibrations of rotating rings on elastic foundation", J. Sound
-    Vib. 115, 1987 (with springs and tension).
-
-    Examples
-    --------
-    >>> ring_frequencies([1, 2, 3], radius=0.3, bending=5.0, mass=3.0).round(3)
-    array([ 0.   ,  6.126, 17.327])
-    """
-    waves = np.asarray(n, dtype=float)
-    if not np.all(waves >= 1) or not all(np.all(np.asarray(one) > 0) for one in (radius, bending, mass)):
-        raise ModelError("a ring needs one wave around or more, and a positive radius, bending stiffness and mass")
-    if not all(np.all(np.asarray(one) >= 0) for one in (tension, foundation)):
-        raise ModelError("a ring's tension and foundation must not be negative")
-    r, square = np.asarray(radius, dtype=float), waves**2
-    stiffness = (
-        np.asarray(bending) * (square - 1) ** 2 / r**4
-        + np.asarray(tension) * (square - 1) / r**2
-        + np.asarray(foundation)
-    )
-    return np.asarray(np.sqrt(stiffness * square / ((square + 1) * np.asarray(mass))) / (2 * np.pi))
-
-
 def flexibility(
     cylinder: Cylinder, length: ArrayLike, share: ArrayLike, *, around: int = 40, across: int = 10
 ) -> FloatArray:

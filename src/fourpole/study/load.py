@@ -99,10 +99,8 @@ def _gathered(
     turn = ReferenceBuilder(turning, timing) if turning is not None else None
     lines, timing = _fed(run, channels, stated, turn, timing, part)
     built = {role: line.channel() for role, line in lines.items()}
-    found, remarks = (
-        {role: channel for role, (channel, _) in built.items()},
-        [said for _, said in built.values() if said],
-    )
+    found = {role: channel for role, (channel, _) in built.items()}
+    remarks = [said for _, said in built.values() if said]
     reference = None
     if turn is not None:
         try:
