@@ -22,6 +22,8 @@ from fourpole.core.checks import (
     check_noise,
     check_resonance,
     clipped_share,
+    cut_words,
+    interval_words,
     judged,
     reported,
     worst_verdict,
@@ -318,3 +320,20 @@ def test_mains(found, hertz, verdict):
     check = check_mains(near)
     assert check.verdict == ("warning" if check.statistic < check.limit else "ok") == verdict
     assert check.code is Code.MAINS
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (1e5, 2e5, " between 1e+05 N/m and 2e+05 N/m (95 %, drawn)"),
+        (1e5, np.inf, " between 1e+05 N/m and no upper limit (95 %, drawn)"),
+        (np.inf, np.inf, " without a limit"),
+    ],
+)
+def test_an_interval_by_monte_carlo_in_words(low, high, said):
+    assert interval_words(low, high, "N/m") == said
+
+
+def test_the_parts_cut_off_in_words():
+    assert cut_words(2.0, 0.0) == "the first 2 s (lead-in, run-up)"
+    assert cut_words(2.0, 1.5) == "the first 2 s (lead-in, run-up) and the last 1.5 s (run-down)"

@@ -315,6 +315,20 @@ def reported(
     return Check(code, statistic, limit, verdict, channel, cause + remedy, remedy)
 
 
+def interval_words(low: float, high: float, unit: str) -> str:
+    """A 95 % interval that was found by Monte Carlo, as `Code.PASSIVE_ARM` and `Code.UNCERTAINTY` state it."""
+    if not np.isfinite(low):
+        return " without a limit"
+    upper = f"and {high:.3g} {unit}" if np.isfinite(high) else "and no upper limit"
+    return f" between {low:.3g} {unit} {upper} (95 %, drawn)"
+
+
+def cut_words(before: float, after: float) -> str:
+    """The parts [s] cut off both ends of a recording, as `Code.STEADY` states them."""
+    start = [f"the first {before:.3g} s (lead-in, run-up)"] if before > 0 else []
+    return " and ".join([*start, *([f"the last {after:.3g} s (run-down)"] if after > 0 else [])])
+
+
 def judged(
     code: Code, statistic: float, warn: float, reject: float = inf, channel: str = "", **values: object
 ) -> Check:

@@ -386,10 +386,9 @@ def _check_covariance(where: str, rows: list[list[float]], size: int) -> None:
 def model_of(entry: ModelEntry | MapEntry, name: str = "the model file") -> Model:
     """The model of an entry; ModelError if the parameters of the entry, or their units, differ from the model's."""
     model = model_named(entry.model)
-    symbols = [one.symbol for one in model.parameters]
     stated = [one.symbol for one in entry.parameters]
-    if stated != symbols:
-        raise ModelError(f"{name}: the {entry.model} model has the parameters {', '.join(symbols)}, not {stated}")
+    if stated != model.symbols:
+        raise ModelError(f"{name}: the {entry.model} model has the parameters {', '.join(model.symbols)}, not {stated}")
     for own, other in zip(model.parameters, entry.parameters, strict=True):
         if own.unit != other.unit:
             raise ModelError(

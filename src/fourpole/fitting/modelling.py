@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version as version_of
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -140,16 +141,13 @@ def fit_tyres(
     """
     if model != "auto" and not sizes_of(model):
         model_named(model)
-    done, every = 0, len(measured.conditions)
+    done = count()
 
     def step() -> None:
-        nonlocal done
-        done += 1
         if progress is not None:
-            progress(done, every)
+            progress(next(done), len(measured.conditions))
 
-    if progress is not None:
-        progress(0, every)
+    step()
     return [_fit_tyre(tyre, measured, model, given or {}, share, step) for tyre in measured.tyres]
 
 
@@ -426,7 +424,6 @@ def lacking_error(measured: Measured, verdict: Possible) -> float:
 
 
 def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: Possible | None) -> ConditionFile:
-    symbols = [one.symbol for one in found.model.parameters]
     points = [point for name, point in measured.keys if name]
     return ConditionFile(
         state=NamedValue.of(measured.state),
@@ -436,7 +433,7 @@ def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: 
         values=found.values.tolist(),
         covariance=found.covariance.tolist(),
         intervals=[(finite_or_none(low), finite_or_none(high)) for low, high in ends.tolist()],
-        on_bound=[symbol for symbol, held in zip(symbols, found.on_bound.tolist(), strict=True) if held],
+        on_bound=[symbol for symbol, held in zip(found.model.symbols, found.on_bound.tolist(), strict=True) if held],
         chi2=float(found.chi2),
         dof=found.dof,
         converged=bool(found.converged),

@@ -68,16 +68,13 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     far = _beyond_band(found, frequency, beyond=query.beyond)
     answer = found.ask(np.repeat(point[None], frequency.size, axis=0), frequency)
     rig = query.rig if query.rig is not None else rig_in(file.rig)
-    tr = None if rig is None else answer.transmissibility(rig, frequency)
-    columns = tyre_columns(answer)
+    tr = answer.transmissibility(rig, frequency) if rig is not None else np.full((2, frequency.size), np.nan)
+    columns = {**tyre_columns(answer), **dict(zip(q.TR.heads, tr, strict=True))}
     rows = []
     for at in range(frequency.size):
         beyond = [f"{far[at]:.3g} octaves outside the measured band"] if far[at] else []
         row = {"tyre": tyre, **found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
         row |= {q.FREQUENCY.head: float(frequency[at]), **{head: float(one[at]) for head, one in columns.items()}}
-        row |= {q.TR.head: None, q.TR.u_head: None}
-        if tr is not None:
-            row |= {q.TR.head: float(tr[0][at]), q.TR.u_head: float(tr[1][at])}
         row |= {q.OUTSIDE.head: outside, "remarks": "; ".join([*remarks, *beyond])}
         rows.append({name: _finite(value) for name, value in row.items()})
     return rows

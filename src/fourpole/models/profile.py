@@ -83,7 +83,7 @@ def profile_intervals(
     tied = tied or {}
     rise = float(np.sqrt(stats.chi2.ppf(level, 1)))
     ends = np.stack([found.values, found.values], axis=1)
-    symbols = [parameter.symbol for parameter in found.model.parameters]
+    symbols = found.model.symbols
     profile = _Profile(found, data, fixed, tied)
     for at, symbol in enumerate(symbols):
         if symbol not in fixed and symbol not in tied:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Test
-from fourpole.core.checks import Check, Code, reported, worst_verdict
+from fourpole.core.checks import Check, Code, interval_words, reported, worst_verdict
 from fourpole.core.phasor import Phasors
 from fourpole.study.identified import Identified
 from fourpole.study.outcome import Point
@@ -28,10 +28,13 @@ def dynamic_checks(
     """All checks of a test: of its reduction, of its K1 and of its identification."""
     rows = list(point.checks)
     if found is not None:
-        rows += _calibration_checks(test) if test.kind == "calibration" else _arm_checks(found, stiffness)
+        if test.kind == "calibration":
+            rows.append(reported(Code.CALIBRATION, "ok", mass=test.value("added_mass") or 0.0))
+        else:
+            rows += _arm_checks(found, stiffness)
         rows += [stiffness.warning] if stiffness.warning is not None else []
         rows += [reported(Code.K1, "ok", why=stiffness.doubt)] if stiffness.doubt else []
-        rows += [*_outlier_checks(found), *_convergence_checks(found)]
+        rows += _joint_checks(found)
     elif test.kind == "calibration" and point.phasors is not None and route != "joint":
         rows.append(reported(Code.CALIBRATION_UNUSED, "warning", route=route))
     return tuple(rows)
@@ -49,24 +52,14 @@ def dynamic_cells(point: Point, found: Identified | None, route: str, checks: Se
     return cells
 
 
-def _calibration_checks(test: Test) -> list[Check]:
-    mass = test.value("added_mass") or 0.0
-    return [reported(Code.CALIBRATION, "ok", mass=mass)]
-
-
-def _convergence_checks(found: Identified) -> list[Check]:
+def _joint_checks(found: Identified) -> list[Check]:
+    """Checks whether a test is an outlier, and whether the joint route converged."""
     joint = found.group.joint
-    if joint is None or joint.converged:
+    if joint is None:
         return []
-    return [reported(Code.CONVERGENCE, "warning")]
-
-
-def _outlier_checks(found: Identified) -> list[Check]:
-    joint = found.group.joint
-    factor = float(joint.outlier[found.at]) if joint is not None else 1.0
-    if factor <= 1:
-        return []
-    return [reported(Code.AGREEMENT, "warning", factor, 1.0, times=np.sqrt(factor))]
+    factor = float(joint.outlier[found.at])
+    rows = [reported(Code.AGREEMENT, "warning", factor, 1.0, times=np.sqrt(factor))] if factor > 1 else []
+    return rows if joint.converged else [*rows, reported(Code.CONVERGENCE, "warning")]
 
 
 def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
@@ -75,7 +68,7 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
     reason, value = result.reasons[at], result.stiffness[at]
     if stiffness.reason and value.real > 0 and value.imag > 0:
         return [reported(Code.NO_K1, "warning", why=stiffness.reason)]
-    interval = _interval(found, 0) if at in found.group.intervals else ""
+    interval = _interval(found, 0)
     if reason and interval and found.group.intervals[at][0].non_passive_share < _NEVER_PASSIVE:
         share = found.group.intervals[at][0].non_passive_share
         return [reported(Code.PASSIVE_ARM, "warning", share, _NEVER_PASSIVE, interval=interval)]
@@ -88,20 +81,16 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
     if worst <= _LINEAR:
         return [Check(Code.UNCERTAINTY, worst, _LINEAR, "ok")]
     which = int(np.argmax(relative))
-    what = ("K2", "C")[which]
-    interval = _interval(found, which) if at in found.group.intervals else ""
-    words = interval or " so its interval is not symmetric"
-    return [reported(Code.UNCERTAINTY, "warning", worst, _LINEAR, name=what, interval=words)]
+    words = _interval(found, which) or " so its interval is not symmetric"
+    return [reported(Code.UNCERTAINTY, "warning", worst, _LINEAR, name=("K2", "C")[which], interval=words)]
 
 
 def _interval(found: Identified, which: int) -> str:
-    """The 95 % interval of K2 or C by Monte Carlo, in words."""
+    """The 95 % interval of K2 or C by Monte Carlo, in words; empty if there is none."""
+    if found.at not in found.group.intervals:
+        return ""
     low, _, high = found.group.intervals[found.at][which].quantiles
-    unit = ("N/m", "N s/m")[which]
-    if not np.isfinite(low):
-        return " without a limit"
-    upper = f"and {high:.3g} {unit}" if np.isfinite(high) else "and no upper limit"
-    return f" between {low:.3g} {unit} {upper} (95 %, drawn)"
+    return interval_words(low, high, (q.K2, q.C)[which].unit)
 
 
 def _amplitude_cells(phasors: Phasors) -> dict[str, float]:

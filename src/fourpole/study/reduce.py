@@ -247,12 +247,8 @@ def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[
     if part is None:
         return recording, []
     low, high = recording.span
-    cut = []
-    if part[0] > low:
-        cut.append(f"the first {part[0] - low:.3g} s (lead-in, run-up)")
-    if part[1] < high:
-        cut.append(f"the last {high - part[1]:.3g} s (run-down)")
-    return recording.between(*part), [reported(Code.STEADY, "ok", cut=" and ".join(cut), length=high - low)]
+    cut = checks.cut_words(part[0] - low, high - part[1])
+    return recording.between(*part), [reported(Code.STEADY, "ok", cut=cut, length=high - low)]
 
 
 def _followed(recording: Recording, near: float | None) -> tuple[Demodulation, list[Check]]:

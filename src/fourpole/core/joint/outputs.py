@@ -97,16 +97,17 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
         loss = stiffness.imag / stiffness.real
         by_loss = (by_log_k.imag - loss[:, None] * by_log_k.real) / stiffness.real[:, None]
         k2, c = maxwell_arm(stiffness, k1, omega)
-        by_arm, arm_by_k1 = _arm(stiffness, by_log_k, k1, k2, c, omega)
+        by = np.concatenate([by_log_k, np.full((k1.size, 1), -1.0 + 0j)], axis=1)  # Re, Im of log K*, and K1
+        by_arm = arm_slopes(stiffness, k1, (k2, c), omega, by)
         tr = np.where(rigid, np.nan, np.abs(ratio))
         by_tr = tr[:, None] * np.stack([(1 - ratio).real, -(1 - ratio).imag], axis=1)
         tr_by_zr = -1j * omega / (stiffness + 1j * omega * impedance)
         direct = tr[:, None] * (tr_by_zr[:, None] * impedance_by).real
-    by_own = np.concatenate([by_k, by_loss[:, None], by_arm, by_tr[:, None]], axis=1)
+    by_own = np.concatenate([by_k, by_loss[:, None], by_arm[:, :, :2], by_tr[:, None]], axis=1)
     by_shared = -by_own @ slope
     by_shared[:, 5] += direct
     by_k1 = np.zeros((omega.size, 6))
-    by_k1[:, 3:5] = arm_by_k1
+    by_k1[:, 3:5] = by_arm[:, :, 2]
     return Outputs(
         value=np.stack([stiffness.real, stiffness.imag, loss, k2, c, tr], axis=1),
         by_own=by_own,
@@ -126,15 +127,6 @@ def _per_test(joint: Joint, values: np.ndarray, missing: float) -> np.ndarray:
     found = values[joint.condition].copy()
     found[joint.condition < 0] = missing
     return found
-
-
-def _arm(
-    stiffness: ComplexArray, by_log_k: ComplexArray, k1: FloatArray, k2: FloatArray, c: FloatArray, omega: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of K2 and C by Re and Im of log K* (N, 2, 2), and by K1 (N, 2)."""
-    by = np.concatenate([by_log_k, np.full((k1.size, 1), -1.0 + 0j)], axis=1)
-    both = arm_slopes(stiffness, k1, (k2, c), omega, by)
-    return both[:, :, :2], both[:, :, 2]
 
 
 def _frequency_part(joint: Joint) -> FloatArray:
