@@ -50,7 +50,7 @@ class Quantity:
         The quantity as the subject of a sentence: "The loss factor".
     over : tuple of str
         Axes over which findings compare the quantity.
-    of : callable, optional
+    from_row : callable, optional
         Function from a row of dynamic.csv, by heads, to value and standard uncertainty, for a derived quantity.
 
     Examples
@@ -75,7 +75,7 @@ class Quantity:
     more: str = ""
     start: str = ""
     over: tuple[str, ...] = ("pressure", "load", "frequency")
-    of: Callable[[Mapping[str, Any]], tuple[float, float]] | None = None
+    from_row: Callable[[Mapping[str, Any]], tuple[float, float]] | None = None
 
     def __post_init__(self) -> None:
         """Fill in the attributes whose default is made from another attribute."""
@@ -302,7 +302,7 @@ RIG_VALUES = {one.key: one for one in (
 #: All quantities, in the order in which this module defines them.
 QUANTITIES = tuple(one for one in list(globals().values()) if isinstance(one, Quantity))
 #: Derived quantities: each follows from other columns of dynamic.csv; their columns are the last of that table.
-DERIVED = tuple(one for one in QUANTITIES if one.of is not None)
+DERIVED = tuple(one for one in QUANTITIES if one.from_row is not None)
 _MEANINGS = {head: text for one in QUANTITIES for head, text in (
     (one.u_head, f"standard uncertainty of {one.u_column}"), (one.head, one.meaning)
 )}  # fmt: skip

@@ -1,4 +1,4 @@
-"""A campaign folder: campaign.toml and tests.csv become a Campaign; a row that cannot be used says why.
+"""A campaign folder: campaign.toml and tests.csv become a Campaign; each faulty row has the reason in `problem`.
 
 The rule that says when two tests are of one condition is `core.condition.Sameness`. `CampaignFile.sameness` is the
 rule with the campaign's own axes, and `condition_of` gives the condition of a row of tests.csv.
@@ -22,11 +22,12 @@ from fourpole.io.recordings import survey
 from fourpole.io.signals import SignalInfo
 from fourpole.io.source import decode, read_bytes
 
-_MOST_TOML = 4_000_000
-_MOST_TESTS = 200_000_000
+#: Largest size of campaign.toml and of tests.csv [byte].
+_MOST_TOML, _MOST_TESTS = 4_000_000, 200_000_000
+#: Largest number of characters of a cell.
 _MOST_TEXT = 1000
 
-#: Columns of quantities: name, kind of quantity, and the sign that its values must have.
+#: Kind of quantity and allowed sign of each column of numbers, by the name of the column.
 _QUANTITIES: dict[str, tuple[str, str]] = {
     "pressure": ("pressure", "zero or positive"),
     "preload": ("force", "positive"),
@@ -37,6 +38,7 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
     "u(added_mass)": ("mass", "zero or positive"),
     "temperature": ("temperature", "any"),
 }
+#: Columns of texts, and all columns with a defined meaning.
 _TEXTS = ("test", "file", "kind", "tyre", "rig")
 _NAMES = (*_TEXTS, *_QUANTITIES, "window")
 #: Columns that tests.csv must have.
@@ -46,7 +48,7 @@ _KINDS = ("static", "dynamic", "calibration")
 
 @dataclass(frozen=True)
 class Test:
-    """One row of tests.csv in SI units; `problem` says why the row cannot be used, and is empty where it can."""
+    """One row of tests.csv in SI units; `problem` is the reason why the row cannot be used, or empty."""
 
     name: str
     row: int
@@ -60,7 +62,7 @@ class Test:
     problem: str = ""
 
     def value(self, name: str) -> float | None:
-        """A number that the row states, or None: pressure [Pa], preload [N], frequency [Hz], K1 [N/m] ..."""
+        """A number of the row: pressure [Pa], preload [N], frequency [Hz], K1 [N/m] ...; None for a blank cell."""
         return self.values.get(name)
 
 
@@ -86,7 +88,7 @@ class Campaign:
     extra_columns: tuple[str, ...]
 
     def of_kind(self, kind: str) -> list[Test]:
-        """Tests of a kind; a row of no known kind is listed with the dynamic ones, so that it does not vanish."""
+        """Tests of a kind; the dynamic ones include rows of an unknown kind, so that results list every row."""
         return [test for test in self.tests if (test.kind == "static") == (kind == "static")]
 
 
@@ -101,7 +103,7 @@ def read_campaign(folder: str | Path) -> Campaign:
     Returns
     -------
     Campaign
-        With every row of tests.csv; a row that cannot be used says why.
+        With every row of tests.csv; the attribute `problem` of a faulty row has the reason.
 
     Raises
     ------
@@ -140,9 +142,9 @@ def read_campaign(folder: str | Path) -> Campaign:
 
 
 def inside(folder: Path, file: str) -> Path:
-    """Absolute path of a file of a campaign; `file#group` gives the path of the file.
+    """Absolute path of a file of a campaign; the group in `file#group` is ignored.
 
-    FileError if the path, links followed, is outside the campaign folder.
+    FileError if the path is outside the campaign folder after all links are resolved.
     """
     name = units.shown(file, 200)
     try:
@@ -158,7 +160,7 @@ def inside(folder: Path, file: str) -> Path:
 
 
 def _text(path: Path, most: int, *, strict: bool) -> str:
-    """The text of a file of at most `most` bytes; `strict`: it must be UTF-8."""
+    """The text of a file of at most `most` bytes; CampaignError if `strict` and the text is not UTF-8."""
     try:
         content = read_bytes(path, max_bytes=most, label=path.name)
         if strict:
@@ -172,7 +174,7 @@ def _text(path: Path, most: int, *, strict: bool) -> str:
 
 
 def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of each row that is not empty."""
+    """Line number and cells of each row with at least one filled cell; CampaignError for an open quotation mark."""
     head = text.lstrip("\ufeff").split("\n", 1)[0]
     delimiter = max(",;\t", key=head.count)
     reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=""), delimiter=delimiter, skipinitialspace=True)
@@ -193,7 +195,7 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 @dataclass(frozen=True)
 class _Column:
-    """A column of tests.csv; `role` is "text", "quantity", "window", or "extra" for a further column."""
+    """A column of tests.csv; its `role` is "text", "quantity", "window", or "extra" for a column of the user's own."""
 
     label: str
     name: str
@@ -203,7 +205,7 @@ class _Column:
 
 
 def _columns(header: list[str]) -> list[_Column]:
-    """The columns by the first row; CampaignError where one is missing or stands twice."""
+    """The columns that the first row names; CampaignError if one is missing or named twice."""
     columns = [_column(label) for label in header]
     names = [column.name for column in columns if column.role != "extra"]
     for name in names:
@@ -221,7 +223,7 @@ def _columns(header: list[str]) -> list[_Column]:
 
 
 def _plain(name: str) -> str:
-    """A column's name in small letters, with underscores in place of spaces."""
+    """A column's name in small letters, with underscores instead of spaces."""
     return name.strip().casefold().replace(" ", "_")
 
 
@@ -229,7 +231,7 @@ _MEANT = {_plain(name): name for name in _NAMES}
 
 
 def _column(label: str) -> _Column:
-    """The column of one head."""
+    """The column with this head; CampaignError if it lacks its unit, or is probably misspelt."""
     written, unit = units.column_unit(label)
     name = _MEANT.get(_plain(written), written)
     if (
@@ -261,7 +263,7 @@ def _column(label: str) -> _Column:
 
 
 def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFile) -> Test:
-    """The test of one row; its `problem` lists all faults of the row."""
+    """The test of one row, whose `problem` lists all faults of the row; CampaignError for a test without a name."""
     where = f"tests.csv row {row}"
     test, texts, problems = _read_cells(row, cells, columns, stated)
     if not texts.get("test"):
@@ -280,7 +282,7 @@ def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFi
 def _read_cells(
     row: int, cells: list[str], columns: list[_Column], stated: CampaignFile
 ) -> tuple[Test, dict[str, str], list[str]]:
-    """A test with the values of its cells, the texts of the row by column, and the faults of single cells."""
+    """A test with the values of its cells, the texts of the row by name of column, and the faults of single cells."""
     test, texts, problems = Test("", row), {}, []
     if len(cells) != len(columns):
         problems.append(f"has {len(cells)} cells, {len(columns)} columns are named: check its commas")
@@ -313,7 +315,7 @@ def _fill(test: Test, cell: str, column: _Column, measured: set[str]) -> None:
 
 
 def _number(cell: str, column: _Column) -> float:
-    """SI value of a cell; UnitError where its sign is not allowed."""
+    """SI value of a cell; UnitError if its sign is not allowed."""
     value = units.quantity(cell, column.kind, default_unit=column.unit)
     wanted = _QUANTITIES[column.name][1]
     if (wanted == "positive" and value <= 0) or (wanted == "zero or positive" and value < 0):
@@ -322,7 +324,7 @@ def _number(cell: str, column: _Column) -> float:
 
 
 def _plain_number(cell: str) -> float:
-    """A value on an axis that the campaign names, in the unit of its column."""
+    """Number in a cell of a numeric axis of [conditions], in the unit of its column; ValueError for a text."""
     try:
         return units.quantity(cell, "ratio", default_unit="1")
     except UnitError:
@@ -330,7 +332,7 @@ def _plain_number(cell: str) -> float:
 
 
 def _window(cell: str, unit: str) -> tuple[float, float]:
-    """First and last time of a window "2..12" [s]."""
+    """First and last time of a window such as "2..12" [s]; UnitError for another text."""
     start, dots, stop = cell.partition("..")
     if not dots:
         raise UnitError(f"{units.shown(cell)} is no window: write it as 2..12")
@@ -341,7 +343,7 @@ def _window(cell: str, unit: str) -> tuple[float, float]:
 
 
 def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str]:
-    """Problems of a row: names that campaign.toml does not state, and cells that must be filled in or left blank."""
+    """Faults of a row: names that campaign.toml lacks, and cells that must be filled in or left blank."""
     kind = texts["kind"]
     if kind not in _KINDS:
         near = difflib.get_close_matches(kind, _KINDS, n=1, cutoff=0.5)
@@ -367,7 +369,7 @@ def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str
 
 
 def _check_names(tests: list[Test]) -> None:
-    """CampaignError where two tests have the same name."""
+    """CampaignError if two tests have the same name."""
     seen: dict[str, int] = {}
     for test in tests:
         if test.name in seen:
@@ -379,7 +381,7 @@ def _check_names(tests: list[Test]) -> None:
 
 
 def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
-    """CampaignError where a channel is missing that a kind of test needs."""
+    """CampaignError if campaign.toml lacks a channel that the tests of some kind need."""
     needs = {"dynamic": ("motion_in",), "calibration": ("motion_in",), "static": ("load", "deflection")}
     for kind, roles in needs.items():
         for role in roles:
@@ -391,13 +393,13 @@ def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
 
 
 def _without_unit(stated: CampaignFile) -> dict[str, str]:
-    """Column of each dynamic channel for which campaign.toml states neither a unit nor a sensitivity."""
+    """Column of each dynamic channel without a unit and a sensitivity in campaign.toml, by role."""
     named = {role: stated.channels.named(role) for role in ("force_in", "motion_in", "motion_out")}
     return {role: channel.column for role, channel in named.items() if channel is not None and channel.has_no_unit}
 
 
 def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
-    """CampaignError where neither campaign.toml nor the first dynamic recording states the times or a unit."""
+    """CampaignError if neither campaign.toml nor the first dynamic recording states the times, or a unit."""
     timeless = stated.channels.time is None and stated.channels.rate is None
     unitless = _without_unit(stated)
     first = next((test for test in tests if test.kind == "dynamic" and not test.problem), None)
@@ -413,7 +415,7 @@ def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
 
 
 def _check_times(file: str, signals: Sequence[SignalInfo]) -> None:
-    """CampaignError where no signal of a recording has a rate or a duration."""
+    """CampaignError if no signal of a recording has a rate or a duration."""
     if all(signal.rate is None and signal.duration is None for signal in signals):
         raise CampaignError(
             f"campaign.toml: [channels] time is missing, and {units.shown(file)} does not know its times: "
@@ -422,7 +424,7 @@ def _check_times(file: str, signals: Sequence[SignalInfo]) -> None:
 
 
 def _check_units(file: str, signals: Sequence[SignalInfo], unitless: dict[str, str]) -> None:
-    """CampaignError where a recording does not state the unit of a column that campaign.toml leaves open."""
+    """CampaignError if a recording lacks the unit of a column for which campaign.toml states none."""
     with_unit = {signal.name for signal in signals if signal.unit}
     for role, column in unitless.items():
         if column not in with_unit:

@@ -238,9 +238,14 @@ def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], inf
     columns = [column_of(signal.name, signal.unit) for signal in signals]
     clock = next((column for column in columns if column.quantity == "time"), None)
     own = tuple(column for column in columns if column.quantity != "time")
+    rates = {signal.rate for signal in signals if signal.rate}
+    rate = rates.pop() if len(rates) == 1 else None
+    stated = {"clock": clock.name, "unit": clock.unit or "s"} if clock is not None else {}
     shape, problem = None, ""
     try:
-        shape = _shape_of(path, name, group, own, clock, _common_rate(signals))
+        samples = samples_of(path, [column.name for column in own], group=group, label=name, **stated)
+        aside = frozenset(column.name for column in own if column.quantity in _ASIDE)
+        shape = signal_shape(samples, rate=rate, aside=aside)
     except FourpoleError as error:
         problem = _without_name(str(error), name)
     return FolderRecording(
@@ -248,7 +253,7 @@ def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], inf
         columns=own,
         clock=clock.name if clock else None,
         clock_unit=(clock and clock.unit) or "s",
-        rate=(shape and shape.rate) or _common_rate(signals),
+        rate=(shape and shape.rate) or rate,
         text=info.format.startswith("text"),
         timed=all(signal.rate or signal.duration is not None for signal in signals),
         shape=shape,
@@ -258,27 +263,11 @@ def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], inf
     )
 
 
-def _common_rate(signals: list[SignalInfo]) -> float | None:
-    """The rate of all signals that state one [Hz]; None where they differ or state none."""
-    rates = {signal.rate for signal in signals if signal.rate}
-    return rates.pop() if len(rates) == 1 else None
-
-
 def _tokens(name: str, group: str) -> tuple[Token, ...]:
     """Tokens of a file's name, of its group, and of its folders, the nearest folder first."""
     *folders, file = name.split("/")
     texts = (without_ending(file), group.replace("/", " "), *reversed(folders))
     return tuple(token for text in texts for token in read_name(text))
-
-
-def _shape_of(
-    path: Path, name: str, group: str, own: tuple[Column, ...], clock: Column | None, rate: float | None
-) -> SignalShape:
-    """Shape of the signals of a recording, by its first samples."""
-    aside = frozenset(column.name for column in own if column.quantity in _ASIDE)
-    stated = {"clock": clock.name, "unit": clock.unit or "s"} if clock is not None else {}
-    signals = samples_of(path, [column.name for column in own], group=group, label=name, **stated)
-    return signal_shape(signals, rate=rate, aside=aside)
 
 
 #: Quantities whose channels do not decide on kind and frequency of a test.

@@ -27,9 +27,12 @@ KINDS_OF = {
     "preload_stiffness": "stiffness",
     "preload_damping": "damping",
 }
+#: Largest number of characters of a name that are read.
 _LONGEST = 400
+#: Character that replaces a token in the text that is left.
 _GONE = "\x1f"
-_HEAVY = 50.0  # kg: a load rather than a mass that is screwed on
+#: Smallest number in kg that is taken as a load, not as an added mass [kg].
+_HEAVY = 50.0
 
 
 @dataclass(frozen=True)
@@ -72,33 +75,42 @@ def without_ending(name: str) -> str:
     return stem if dot and stem and ending.casefold() in ENDINGS else name
 
 
+#: A number, with "p" as a possible decimal sign.
 _NUMBER = r"(?>\d{1,3}p\d{1,2}(?!\d)|\d{1,9}(?:[.,]\d{1,6})?)(?!\d)"
+#: Sizes of tyres.
 _SIZES = re.compile(
     r"(?<![0-9A-Za-z])P?\d{3}[-_/ ]?\d{2}[-_/ ]?Z?[RBD][-_ ]?\d{2}(?!\d)"  # 205-55R16
     r"|(?<![0-9A-Za-z])\d{3}[-_/ ]?[RS]R?[-_ ]?\d{2}(?!\d)"  # 155R13
     r"|(?<![0-9A-Za-z.,])\d{1,2}[.,]\d{2}\s?[-xXR]\s?\d{2}(?![\d.,A-Za-z])"  # 5.60-13
 )
+#: Dates with or without a time of day, and times of day.
 _DATES = re.compile(
     r"(?<!\d)(?:19|20)\d\d([-_.]?)(?:0[1-9]|1[0-2])\1(?:0[1-9]|[12]\d|3[01])(?!\d)"
     r"(?:[T_ -]?(?:[01]\d|2[0-3])[-_.h:]?[0-5]\d(?:[-_.m:]?[0-5]\d)?(?:[.,]\d+)?(?![\d.,A-Za-z]))?"
     r"|(?<!\d)(?:0?[1-9]|[12]\d|3[01])([-_./])(?:0?[1-9]|1[0-2])\2(?:(?:19|20)\d\d|[12]\d)(?![\d.,]|[A-Za-z])"
     r"|(?<!\d)(?:[01]\d|2[0-3])[h:][0-5]\d(?:[m:][0-5]\d)?s?(?!\d)"
 )
+#: Hexadecimal identifiers.
 _HASHES = re.compile(
     r"(?<![0-9A-Za-z])(?=[0-9a-f-]*[0-9])(?=[0-9a-f-]*[a-f])[0-9a-f]{8,}(?:-[0-9a-f]{4,12})*(?![0-9A-Za-z])", re.I
 )
+#: Number of a copy, such as " (2)".
 _COPY = re.compile(r"[ _]?\((\d{1,3})\)(?=$|[_. /])")
 _WORDS_BEFORE = "|".join(sorted((key for key in KEYS if len(key) > 1), key=len, reverse=True))
-# A unit that touches the number behind it belongs to that number, if a gap parts it from the number before it.
-# A key of several letters may touch what stands before it; one letter begins a word, or is a capital after a small one.
+#: Letters before a number. Several letters may follow any character; a single letter must begin a word, or be a capital
+#: after a small letter.
 _KEY = rf"(?P<key>(?i:{_WORDS_BEFORE})|(?:(?<![^\W\d_])|(?<=[a-zß-ÿ])(?=[A-Z]))[A-Za-z])"
 _UNIT = "|".join(f"(?P<u{at}>{pattern})" for at, (pattern, _, _) in enumerate(UNITS))
+#: A number with its unit. In "5 N10" the N belongs to the 10, because a gap separates it from the 5.
 _WITH_UNIT = re.compile(
     rf"(?:{_KEY}[ _=:-]{{0,2}})?(?<![0-9])(?<![0-9][.,])(?P<sign>(?<![0-9A-Za-z])[+]|(?<=[_ =:])-|(?i:minus))?"
     rf"(?P<number>(?P<under>\d_(?=\d\d?(?i:bar)))?{_NUMBER})(?:(?P<gap>[ _-])|)(?:{_UNIT})(?(gap)(?![0-9]))"
 )
+#: A number behind letters, without a unit.
 _KEYED = re.compile(rf"{_KEY}[ _=:#-]{{0,2}}(?<![0-9])(?P<number>{_NUMBER})")
+#: A number without letters and unit.
 _BARE = re.compile(r"(?<![0-9A-Za-z])(?<![0-9][.,])(?P<number>\d{1,9}(?:[.,]\d{1,6})?)(?![0-9A-Za-z])")
+#: Words within a piece of text without separators, and the separators.
 _PARTS = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßà-ÿ]+\d*|[A-ZÄÖÜ]+(?![a-zäöüßà-ÿ])\d*|[^\W_]+")
 _JOINERS = re.compile(r"[\s_,;=#+()\[\]{}/\\.&]+|(?<![A-Za-z])-|-(?![A-Za-z])|" + _GONE)
 
@@ -133,11 +145,12 @@ def _taken(token: Token | None, text: str, found: list[Token]) -> str:
     if token is None:
         return text
     found.append(token)
-    return text[: max(text.find(token.text), 0)] + _GONE  # letters before a number that are no key of it stay
+    # The text before the token is kept: it may be letters that belong to no number.
+    return text[: max(text.find(token.text), 0)] + _GONE
 
 
 def _valued(match: re.Match[str]) -> Token | None:
-    """The token of a number with its unit; None for "n" without a key, which is no newton."""
+    """The token of a number with its unit; None for "n" without letters before the number, which is no newton."""
     at = next(at for at in range(len(UNITS)) if match[f"u{at}"])
     _, unit, what = UNITS[at]
     key = match["key"] or ""
@@ -173,7 +186,7 @@ def _mass_or_load(key: str, keys: tuple[str, ...], number: float, *, signed: boo
 
 
 def _keyed(match: re.Match[str]) -> Token | None:
-    """The token of a number with letters before it and no unit behind; None if the letters are not known."""
+    """The token of a number behind letters, without a unit; None if the letters are not known."""
     keys = KEYS.get(match["key"].casefold())
     if keys is None:
         return None
@@ -219,6 +232,7 @@ def kind_word(word: str) -> str:
     return ""
 
 
+#: A line "key: value", with another separator or in quotation marks if need be.
 _PAIR = re.compile(
     r"^[\s#%\"'/*;-]*(?P<key>[^\W\d][^:=;\t\"]{0,60}?)\"?\s*(?:[:=;\t]|,(?=[^,]*$))\s*\"?(?P<value>[^\t]{1,200}?)[\s\";,\t]*$"
 )

@@ -10,9 +10,10 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-#: Endings of file names that say a format; any other text behind a dot is part of the name.
+#: Endings of file names that identify a format; any other text behind a dot is part of the name.
 ENDINGS = _words("csv txt asc dat tsv prn mf4 mdf dl3 tdms h5 hdf5 hdf mat uff unv uf58 wav wave tdx lvm log data out")
 
+#: Letters before a number in a name, by the condition that they identify.
 _KEY_WORDS = {
     "pressure": "p pr press pressure druck reifendruck luftdruck fülldruck fuelldruck innendruck infl inflation "
     "pression presion pressione pi bar kpa",
@@ -25,11 +26,11 @@ _KEY_WORDS = {
     "specimen": "tyre tire reifen pneu specimen sample probe prüfling",
     "nothing": "v ver version rev sn s/n id ser serial rec file cycle cyc test",
 }
-#: Conditions that the letters before a number may mean; if there are several, the value of the number decides.
+#: Conditions that the letters before a number may identify; of several, the value of the number selects one.
 KEYS: dict[str, tuple[str, ...]] = {word: (what,) for what, words in _KEY_WORDS.items() for word in words.split()}
 KEYS["f"] = KEYS["n"] = ("frequency", "preload")
 
-#: Units behind a number in a name: pattern, unit, and the condition whose value the number then is.
+#: Units behind a number in a name: pattern of the text, unit, and condition that a number with this unit states.
 UNITS: tuple[tuple[str, str, str], ...] = (
     ("(?i:mbar)", "mbar", "pressure"),
     ("(?i:bar)", "bar", "pressure"),
@@ -55,7 +56,7 @@ UNITS: tuple[tuple[str, str, str], ...] = (
     ("(?:ms|min|s|sec|h|cyc(?:les)?)(?![a-zA-Z])", "", "nothing"),
 )
 
-#: Words that say the kind of a test.
+#: Words that identify the kind of a test.
 STATIC = _words(
     "static stat statics statisch statik statique estatico statico quasistatic quasistatisch quasistatique qs ld "
     "kennlinie federkennlinie loaddeflection ramp slow k1 estática loadcurve springrate"
@@ -65,7 +66,7 @@ CALIBRATION = _words(
     "cal calib calibration kal kalib kalibrierung rigid rigidmass starr starrkörper starrmasse dummymass etalonnage"
 )
 
-#: Words that do not name a specimen.
+#: Words in names of recordings that are no part of a specimen's name.
 PASSED_OVER = _words(
     "tyre tire tyres tires reifen pneu pneus neumatico pneumatico specimen sample probe prüfling test tests rec "
     "recording recordings record messung messungen mess measurement measurements meas data daten log logs run "
@@ -75,7 +76,7 @@ PASSED_OVER = _words(
     "campaign sn no nr deg c essai mesure rpm"
 )
 
-#: Part of the name of a tyre, and the construction that it says.
+#: Constructions, each by a part of a tyre's name that identifies it.
 CONSTRUCTIONS: tuple[tuple[str, str], ...] = (
     ("radial", "radial-ply"),
     ("crossply", "cross-ply"),
@@ -86,10 +87,11 @@ CONSTRUCTIONS: tuple[tuple[str, str], ...] = (
 
 
 def _patterns(**patterns: str) -> tuple[tuple[str, re.Pattern[str]], ...]:
+    """Names with their compiled patterns, in the given order."""
     return tuple((what, re.compile(pattern)) for what, pattern in patterns.items())
 
 
-#: Meaning of the key in a line "key: value" above a table or in a property of a file; the first that fits counts.
+#: Meanings of the key of a line "key: value" in a header, by patterns; the first matching pattern has priority.
 IN_HEADERS = _patterns(
     nothing=r"sampl|abtast|filter|cut-?off|corner|channel|kanal|sensor|ambient|atmos|barom|umgebung|duration|dauer|limit",
     added_mass=r"added|zusatz|additional mass|extra mass|\bdm\b",
@@ -110,7 +112,7 @@ IN_HEADERS = _patterns(
     construction=r"^(construction|bauart|carcass|karkasse|ply)$",
 )
 
-#: Words in the name of a channel, by the quantity that they say.
+#: Words in the name of a channel, by the quantity that they identify.
 NAMES: dict[str, frozenset[str]] = {
     "force": _words(
         "f fz fx fy fn fin fout force forces kraft load loadcell cell kmd kraftaufnehmer kraftmessdose effort forza "
@@ -138,7 +140,7 @@ NAMES: dict[str, frozenset[str]] = {
     "pressure": _words("p pressure druck pression reifendruck luftdruck inflation"),
     "frequency": _words("freq frequency frequenz drehzahl rpm"),
 }  # fmt: skip
-#: Words in the name of a channel that say its side: at the contact, or at the moving mass.
+#: Words in the name of a channel at the contact, and in that of a channel at the moving mass.
 IN = _words(
     "1 in input lower bottom unten unter untere contact road base shaker exciter platform plate actuator kontakt "
     "eingang entree entrée bas inf inferieur boden anregung drive latsch patch cam ground erreger platte table"
@@ -147,8 +149,8 @@ OUT = _words(
     "2 out output upper top oben ober obere wheel rim axle mass sprung ausgang sortie haut sup superieur felge "
     "rad achse masse response antwort jante roue hub body aufbau far"
 )
-#: Words by which loggers number their channels; the number then does not say the side.
+#: Words by which loggers number their channels; a number beside such a word does not identify the side.
 NUMBERED = _words("channel ch chan kanal voie canal sensor signal input ai analog col column spalte")
-#: Words in the name of a channel that say it is the vertical one of its quantity, and words that say it is not.
+#: Words in the name of the vertical channel of a quantity, and in names of its other channels.
 MAIN = _words("z fz load last radlast loadcell deflection defl einfederung vertical vertikal")
 MINOR = _words("fx fy mx my mz lateral x y longitudinal quer längs raw command soll")

@@ -21,38 +21,34 @@ _MOTIONS = ("velocity", "displacement", "acceleration")
 
 @dataclass(frozen=True)
 class _Role:
-    """A quantity: its name in messages, usual names of its column (as `_plain` writes them), and kinds of unit."""
+    """A quantity: its name in messages, usual names of its column (as `_plain` writes them), and its kinds of unit."""
 
     says: str
-    names: tuple[str, ...]
+    names: str
     kinds: tuple[str, ...]
 
 
-def _role(says: str, names: str, *kinds: str) -> _Role:
-    return _Role(says, tuple(names.split()), kinds)
-
-
 _ROLES = {
-    "frequency": _role("frequency", "frequency freq f frequenz fréquence omega ω w", "frequency"),
-    "R": _role("R = Re(V1/F1)", "r rem re(m) remobility re(v1f1) mobilityre", "mobility"),
-    "I": _role("I = Im(V1/F1)", "i imm im(m) immobility im(v1f1) mobilityim", "mobility"),
-    "Re K*": _role("Re K*", "rek* rek re(k*) re(k) k' kprime storagestiffness", "stiffness"),
-    "Im K*": _role("Im K*", "imk* imk im(k*) im(k) k'' k\" kdoubleprime lossstiffness", "stiffness"),
-    "force": _role("force amplitude F1", "f1 f force forceamplitude fin forcein kraft", "force"),
-    "motion": _role(
+    "frequency": _Role("frequency", "frequency freq f frequenz fréquence omega ω w", ("frequency",)),
+    "R": _Role("R = Re(V1/F1)", "r rem re(m) remobility re(v1f1) mobilityre", ("mobility",)),
+    "I": _Role("I = Im(V1/F1)", "i imm im(m) immobility im(v1f1) mobilityim", ("mobility",)),
+    "Re K*": _Role("Re K*", "rek* rek re(k*) re(k) k' kprime storagestiffness", ("stiffness",)),
+    "Im K*": _Role("Im K*", "imk* imk im(k*) im(k) k'' k\" kdoubleprime lossstiffness", ("stiffness",)),
+    "force": _Role("force amplitude F1", "f1 f force forceamplitude fin forcein kraft", ("force",)),
+    "motion": _Role(
         "motion amplitude",
         "v1 v velocity velocityamplitude x1 x displacement displacementamplitude amplitude deflection s s1 u1 weg "
         "a1 a acceleration accelerationamplitude",
-        *_MOTIONS,
+        _MOTIONS,
     ),
-    "phase": _role(
+    "phase": _Role(
         "phase of the force ahead of the motion",
         "phase phi φ ϕ alpha α delta δ phaseangle angle phasef1v1 phasef1x1 phasefv phasefx lossangle phasenwinkel",
-        "angle",
+        ("angle",),
     ),
-    "load": _role("load", "load force f fz f1 kraft last radialload verticalload", "force"),
-    "deflection": _role(
-        "deflection", "deflection displacement x x1 z d s travel weg δ einfederung compression", "displacement"
+    "load": _Role("load", "load force f fz f1 kraft last radialload verticalload", ("force",)),
+    "deflection": _Role(
+        "deflection", "deflection displacement x x1 z d s travel weg δ einfederung compression", ("displacement",)
     ),
 }
 #: Kind of a motion whose column has no unit, by the first letter of its name.
@@ -233,7 +229,7 @@ def _matched(table: TextTable, roles: Sequence[str]) -> dict[str, _Column]:
     found: dict[str, _Column] = {}
     for index in range(len(table.names)):
         for role in roles:
-            if _plain(table.names[index]) not in _ROLES[role].names:
+            if _plain(table.names[index]) not in _ROLES[role].names.split():
                 continue
             column = _column_or_none(table, index, role)
             if column is None:
@@ -286,7 +282,7 @@ def _mobility(
 
 def _lacking(table: TextTable, role: str) -> str:
     wanted = _ROLES[role]
-    example = f"{wanted.names[0]} [{units.si_unit(wanted.kinds[0])}]"
+    example = f"{wanted.names.split()[0]} [{units.si_unit(wanted.kinds[0])}]"
     has = ", ".join(units.shown(name)[1:-1] for name in table.headers[:20])
     return f"no column is understood as the {wanted.says} among {has}: name it '{example}'"
 

@@ -141,7 +141,8 @@ def dynamic_rows(analysed: Analysed, taken: Collection[str]) -> list[Row]:
 def _derived_cells(row: Row, heads: Iterable[str]) -> dict[str, float]:
     """Quantities that follow from others; a value that a row does not have counts as not-a-number."""
     known = {head: float("nan") if row.get(head) is None else row[head] for head in heads}
-    return {head: cell for one in DERIVED if one.of for head, cell in zip(one.heads, one.of(known), strict=True)}
+    derived = ((one.heads, one.from_row(known)) for one in DERIVED if one.from_row)
+    return {head: cell for heads, cells in derived for head, cell in zip(heads, cells, strict=True)}
 
 
 def rig_rows(analysed: Analysed) -> list[Row]:

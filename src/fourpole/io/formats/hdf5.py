@@ -256,11 +256,8 @@ def _count(leaf: Leaf) -> int:
     return int(np.prod(leaf.dataset.shape, dtype=object))
 
 
-@dataclass(frozen=True)
-class _Timing:
-    rate: float | None
-    start: float
-    time: Leaf | None
+#: Rate [Hz] and start [s] of a channel, and the dataset of its times; None for what is not stated.
+_Timing = tuple[float | None, float, Leaf | None]
 
 
 def _number(stated: dict[str, Any], keys: Sequence[str]) -> float | None:
@@ -274,7 +271,7 @@ def _timing(leaf: Leaf, own: dict[str, Any], beside: dict[str, Leaf], name: str)
     for stated in (own, leaf.inherited):
         rate, step = _number(stated, RATES), _number(stated, STEPS)
         if (rate := rate or (1.0 / step if step else None)) is not None and rate > 0:
-            return _Timing(rate, start, None)
+            return rate, start, None
         if isinstance(stated.get("time"), str):
             time = beside.get(stated["time"].rpartition("/")[2])
             if time is None or not _is_row(time) or _count(time) != _count(leaf):
@@ -283,12 +280,12 @@ def _timing(leaf: Leaf, own: dict[str, Any], beside: dict[str, Leaf], name: str)
                 what = f"names the time {shown(stated['time'])}, which is not beside it or not as long"
                 raise TableError(f"{name}: channel {shown(leaf.path)} {what}; mend its attribute 'time'")
             if time is not leaf:
-                return _Timing(None, 0.0, time)
+                return None, 0.0, time
     if not is_time(leaf.name):
         for one in beside.values():
             if is_time(one.name) and _is_row(one) and _count(one) == _count(leaf):
-                return _Timing(None, 0.0, one)
-    return _Timing(None, start, None)
+                return None, 0.0, one
+    return None, start, None
 
 
 def _unit(leaf: Leaf, own: dict[str, Any]) -> str | None:
@@ -320,23 +317,15 @@ class _Content:
 
     def _info(self, leaf: Leaf) -> SignalInfo:
         own = attributes(self._h5py, leaf.dataset)
-        timing = _timing(leaf, own, self._groups[leaf.group], self._name)
+        rate, start, stamps = _timing(leaf, own, self._groups[leaf.group], self._name)
         count, ends = _count(leaf), None
         notes = [tidy(own[key]) for key in _NOTES if key in own]
-        if timing.time is not None and count:
-            time = self._seconds(timing.time)
+        if stamps is not None and count:
+            time = self._seconds(stamps)
             ends = float(time(0, 1)[0]), float(time(count - 1, count)[0])
-            notes.append(f"time from {tidy(timing.time.name)}")
-        return SignalInfo.timed(
-            leaf.name,
-            _unit(leaf, own),
-            leaf.group,
-            count,
-            rate=timing.rate,
-            start=timing.start,
-            ends=ends,
-            note="; ".join(filter(None, notes)),
-        )
+            notes.append(f"time from {tidy(stamps.name)}")
+        unit, note = _unit(leaf, own), "; ".join(filter(None, notes))
+        return SignalInfo.timed(leaf.name, unit, leaf.group, count, rate=rate, start=start, ends=ends, note=note)
 
     def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
         rows = [one for one in self._leaves if one.barred or _is_row(one)]
@@ -349,9 +338,9 @@ class _Content:
     def _track(self, leaf: Leaf) -> Track:
         values = reader(leaf, self._max_bytes, self._name)
         own = attributes(self._h5py, leaf.dataset)
-        timing = _timing(leaf, own, self._groups[leaf.group], self._name)
-        time = None if timing.time is None else self._seconds(timing.time)
-        return Track(leaf.name, _unit(leaf, own), _count(leaf), values, timing.rate, timing.start, time)
+        rate, start, stamps = _timing(leaf, own, self._groups[leaf.group], self._name)
+        time = None if stamps is None else self._seconds(stamps)
+        return Track(leaf.name, _unit(leaf, own), _count(leaf), values, rate, start, time)
 
     def _seconds(self, time: Leaf) -> Part:
         """The function that reads a part of a dataset of times [s]; channels with the same times share it."""
