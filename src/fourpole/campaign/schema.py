@@ -38,6 +38,10 @@ class Stated:
     std: float
     assumed: bool
 
+    def summary(self, unit: str) -> dict[str, Any]:
+        """The value as plain data, with its SI unit."""
+        return {"value": self.value, "std": self.std, "unit": unit, "assumed": self.assumed}
+
 
 def _stated(raw: Any, kind: str) -> Stated:
     """A rig value from a text such as "15 kg", or from a table of value, unit, std and exact."""
@@ -209,15 +213,7 @@ class CampaignFile(File):
             "rigs": {
                 name: {
                     "output": rig.output or "moving",
-                    **{
-                        value: {
-                            "value": stated.value,
-                            "std": stated.std,
-                            "unit": PARAMETERS[value],
-                            "assumed": stated.assumed,
-                        }
-                        for value, stated in rig.values.items()
-                    },
+                    **{value: stated.summary(PARAMETERS[value]) for value, stated in rig.values.items()},
                 }
                 for name, rig in self.all_rigs.items()
             },

@@ -100,8 +100,17 @@ def look(
     total = sum(found.signals[one].count for one in chosen)
 
     def read(some: list[int]) -> dict[int, ChannelSummary]:
-        before = sum(found.signals[one].count for one in result)
-        return _pass(path, found, some, label, lambda done: progress(before + done, total) if progress else None)
+        run = surveyed_stream(path, found, some, label=label)
+        tallies = [_Tally(found.signals[one].count) for one in some]
+        done = sum(found.signals[one].count for one in result)
+        for chunk in run.chunks:
+            for tally, signal in zip(tallies, chunk, strict=True):
+                tally.feed(signal)
+            done += sum(signal.samples.size for signal in chunk)
+            if progress is not None:
+                progress(done, total)
+        names = {one: found.signals[clock].name for one, clock in run.clocks.items()}
+        return {one: tally.summary(names.get(one, "")) for one, tally in zip(some, tallies, strict=True)}
 
     for some, summaries in by_halves(chosen, read):
         if isinstance(summaries, FourpoleError):
@@ -109,21 +118,6 @@ def look(
         else:
             result |= summaries
     return {one: result[one] for one in chosen}
-
-
-def _pass(
-    path: Path, found: FileInfo, chosen: Sequence[int], label: str, progress: Callable[[int], None]
-) -> dict[int, ChannelSummary]:
-    run = surveyed_stream(path, found, chosen, label=label)
-    tallies = [_Tally(found.signals[one].count) for one in chosen]
-    done = 0
-    for chunk in run.chunks:
-        for tally, signal in zip(tallies, chunk, strict=True):
-            tally.feed(signal)
-        done += sum(signal.samples.size for signal in chunk)
-        progress(done)
-    names = {one: found.signals[clock].name for one, clock in run.clocks.items()}
-    return {one: tally.summary(names.get(one, "")) for one, tally in zip(chosen, tallies, strict=True)}
 
 
 def rate_of(signal: Signal) -> float | None:

@@ -202,19 +202,13 @@ def _is_full(part: bytes, ending: bytes, layout: Layout) -> bool:
 
 def _slowly(file: BinaryIO, line: int, table: Table) -> Iterator[Values]:
     """The wanted columns, read row by row from a line on; TableError at the first row that cannot be read."""
-    import polars as pl
-
     text = io.TextIOWrapper(file, encoding=table.encoding, errors="replace")
     layout, name = table.layout, table.name
     try:
         rows = _full_rows(text, line, layout, name)
         while chunk := list(islice(rows, max(min(_CHUNK, _CELLS // layout.width), 1))):
             values = {index: _floats(chunk, index, layout, name) for index in table.numbers}
-            for index, clock in table.clocks.items():
-                cells = _moments(chunk, index, layout, name)
-                values[index] = clock.seconds(pl.Series(cells, dtype=pl.String))
-                _check_moments(chunk, cells, values[index], index, table)
-            yield values
+            yield values | {index: _seconds(chunk, index, table) for index in table.clocks}
     finally:
         text.detach()
 
@@ -245,31 +239,21 @@ def _ragged(cells: list[str], line: int, layout: Layout, name: str) -> None:
     raise TableError(f"{name} row {line}: has {found} where the header has {layout.width}; mend or remove it")
 
 
-def _moments(chunk: list[tuple[int, list[str]]], index: int, layout: Layout, name: str) -> list[str | None]:
-    """The cells of one column of times of day; None for a missing value, TableError at any other text."""
-    cells: list[str | None] = []
-    for line, row in chunk:
-        if is_moment(row[index]):
-            cells.append(row[index])
-        elif is_missing(row[index]):
-            cells.append(None)
-        else:
-            where = f"{name} row {line}, column {shown(layout.names[index])}"
-            raise TableError(f"{where}: {shown(row[index])} is no time of day, as the cells above it are; correct it")
-    return cells
+def _seconds(chunk: list[tuple[int, list[str]]], index: int, table: Table) -> NDArray[np.float64]:
+    """The times of one column of times of day [s]; not-a-number for a missing value, TableError at any other text."""
+    import polars as pl
 
-
-def _check_moments(
-    chunk: list[tuple[int, list[str]]],
-    cells: list[str | None],
-    found: NDArray[np.float64],
-    index: int,
-    table: Table,
-) -> None:
+    cells = [row[index] for _, row in chunk]
+    moments = pl.Series([cell if is_moment(cell) else None for cell in cells], dtype=pl.String)
+    found = table.clocks[index].seconds(moments)
     for (line, _), cell, value in zip(chunk, cells, found, strict=True):
-        if cell is not None and np.isnan(value):
+        if np.isnan(value) and not is_missing(cell):
             where = f"{table.name} row {line}, column {shown(table.layout.names[index])}"
-            raise TableError(f"{where}: {shown(cell)} is no time of day, or not written as the first one; mend it")
+            what = f"{where}: {shown(cell)} is no time of day"
+            if is_moment(cell):
+                raise TableError(f"{what}, or not written as the first one; mend it")
+            raise TableError(f"{what}, as the cells above it are; correct it")
+    return found
 
 
 def _floats(chunk: list[tuple[int, list[str]]], index: int, layout: Layout, name: str) -> NDArray[np.float64]:

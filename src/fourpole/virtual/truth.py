@@ -187,18 +187,10 @@ def truth_rows(
 
 def _dynamic_row(test: Test, frequency: float, truth: Truth) -> tuple[object, ...]:
     tyre = element(test, frequency)
-    return (
-        test.name,
-        test.mounted.name,
-        test.pressure,
-        test.preload,
-        test.added_mass,
-        frequency,
-        float(test.mounted.static_stiffness(test.pressure, test.preload)),
-        *((tyre.k2, tyre.c) if isinstance(tyre, Zener) else (None, None)),
-        *_two_parts(tyre, frequency),
-        _transmissibility(tyre, bench_of(test, truth), frequency),
-    )
+    stated = (test.name, test.mounted.name, test.pressure, test.preload, test.added_mass, frequency)
+    k1 = float(test.mounted.static_stiffness(test.pressure, test.preload))
+    arm = (tyre.k2, tyre.c) if isinstance(tyre, Zener) else (None, None)
+    return (*stated, k1, *arm, *_two_parts(tyre, frequency), _transmissibility(tyre, bench_of(test, truth), frequency))
 
 
 def _two_parts(tyre: Zener | StateSpace, frequency: float) -> tuple[float, float]:
