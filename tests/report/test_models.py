@@ -16,7 +16,7 @@ from fourpole.fitting.query import Query, ask
 from fourpole.report.digits import number, with_std
 from fourpole.report.models import models_section
 from fourpole.report.page import render_report
-from fourpole.report.words.models import map_facts, question, sentences, tyre_option
+from fourpole.report.words.models import discrepancy, map_facts, question, sentences, tyre_option
 
 HOSTILE = "<script>alert(1)</script>\"'& \x1b"
 #: Options of fourpole query that name an axis: the kind of quantity, and the column.
@@ -61,16 +61,34 @@ def test_the_choice_and_the_model_discrepancy_are_said(fitted):
     entry = fitted.models.models[0]
     said = sentences(entry)
     assert said[0].startswith(entry.choice.rstrip("."))
-    assert re.fullmatch(
-        r"The model does not fit within the measurement uncertainty\. "
-        r"With a model discrepancy of \d\.\d % of \|K\*\| added, "
-        r"chi-square per degree of freedom is \d(\.\d+)?; the intervals below include it\.",
-        said[1],
-    )
     assert f"{100 * entry.discrepancy:.1f} %" in said[1]
-    exact = sentences(entry.model_copy(update={"discrepancy": 0.0, "causal": False}))
-    assert not any("discrepancy" in text for text in exact)
-    assert any("not causal" in text for text in exact)
+    exact = sentences(entry.model_copy(update={"discrepancy": 0.0}))
+    assert exact == [said[0], *said[2:]]
+
+
+@pytest.mark.parametrize(
+    ("known", "text"),
+    [
+        (True, "The model does not fit within the measurement uncertainty. With a model discrepancy of 2.0 % of"),
+        (False, "The table does not state the uncertainty. With a standard uncertainty of 2.0 % of"),
+    ],
+)
+def test_the_model_discrepancy(fitted, known, text):
+    entry = judged(edited(fitted, discrepancy=0.02), [(True, 0.0, [])]).models.models[0]
+    if not known:
+        (one,) = entry.conditions
+        entry = entry.model_copy(update={"conditions": [one.model_copy(update={"verdict": None})]})
+    assert re.fullmatch(
+        re.escape(text)
+        + r" \|K\*\| added, chi-square per degree of freedom is \d(\.\d+)?; the intervals below include it\.",
+        discrepancy(entry),
+    )
+
+
+def test_a_model_that_is_not_causal(fitted):
+    entry = fitted.models.models[0]
+    (more,) = {*sentences(entry.model_copy(update={"causal": False}))} - {*sentences(entry)}
+    assert more == "It is not causal: it describes K* at these frequencies, but cannot be stepped in time."
 
 
 def test_verdicts_are_summed_up(fitted):

@@ -75,7 +75,7 @@ def test_models_get_the_same_covariance(folders):
     assert two.notes == one.notes
     for first, second in zip(one.conditions, two.conditions, strict=True):
         assert second.tests == ("D1", "D1", "D2", "D2")
-        assert replace(second, tests=first.tests) == first
+        assert replace(second, keys=first.keys) == first
 
 
 def test_the_same_sources_limit(folders):

@@ -57,6 +57,55 @@ def test_the_name_of_a_source(source, words):
     assert source_in_words(source) == words
 
 
+@pytest.mark.parametrize(
+    ("source", "text"),
+    [
+        (Source(Kind.NOISE), "record longer or over more cycles: four times as many halve it"),
+        (Source(Kind.FREQUENCY), "record longer at a steady speed"),
+        (Source(Kind.RIG_MISFIT), "resolve the misfit first: look for a part of the rig that is not stated"),
+        (Source(Kind.GAIN, "V1"), ", or calibrate the gain of V1"),
+        (Source(Kind.PHASE, "V1"), ", or calibrate the phase of V1"),
+        (Source(Kind.DELAY, "V1"), ", or measure the delay of V1 and state it with a smaller uncertainty"),
+        (Source(Kind.RESPONSE_GAIN, "V1"), ", or calibrate the response of V1 with a smaller uncertainty"),
+        (Source(Kind.UNSTATED, "mass"), "or measure it and state it in campaign.toml"),
+        (Source(Kind.ADDED_MASS, mass=10.0), "weigh the added mass on a better balance"),
+        (Source(Kind.K1_STATED), "state K1 with a smaller uncertainty, or add a static test"),
+        (Source(Kind.K1_FIT), "repeat the static test with finer steps of load round the preload"),
+        (Source(Kind.K1_GAP), "(the gap is the rubber's own hysteresis, which no test closes)"),
+        (Source(Kind.K1_CYCLES), "repeat the static test with more cycles, until two follow each other closely"),
+        (Source(Kind.K1_GAINS), "calibrate the load and deflection channels of the static rig"),
+        (Source(Kind.K1_REPEATS), "repeat them more often: four times as many halve the uncertainty of their mean"),
+        (Source(Kind.OTHER, "the moon"), "state the moon with a smaller uncertainty"),
+    ],
+    ids=lambda one: one if isinstance(one, str) else "",
+)
+def test_the_remedy_of_a_source(source, text):
+    assert remedy(source, PLAIN).endswith(text)
+
+
+def test_without_a_weighed_mass_a_channel_wants_one():
+    assert remedy(Source(Kind.GAIN, "V1"), PLAIN).startswith(
+        "repeat one condition with a weighed mass added and use the joint route, which makes calibrated sensors "
+        "unnecessary, or "
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ("moving_mass", "weigh it and state it with a smaller uncertainty"),
+        ("preload_stiffness", "measure it by itself and state it with a smaller uncertainty"),
+    ],
+)
+def test_a_value_of_the_rig_is_weighed_or_measured(value, text):
+    assert remedy(Source(Kind.RIG_VALUE, value), replace(PLAIN, massed=True)) == text
+
+
+def test_without_a_weighed_mass_a_value_of_the_rig_wants_one():
+    text = remedy(Source(Kind.RIG_VALUE, "moving_mass"), PLAIN)
+    assert text.endswith(", or repeat one condition with a weighed mass added")
+
+
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.text)
 def test_every_source_has_words_and_a_remedy_in_every_situation(source):
     said = source_in_words(source)
