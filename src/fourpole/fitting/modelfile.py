@@ -421,10 +421,8 @@ def split_column(column: str) -> tuple[str, str]:
 def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
     """A map as it is in a file."""
     error, inside, conditions = map(finite_or_none, astuple(found.leave_one_out))
-    axes = []
-    for at, column in enumerate(found.axes.names):
-        name, unit = split_column(column)
-        axes.append(AxisFile(name=name, unit=unit, values=found.axes.points[:, at].tolist()))
+    heads = zip(map(split_column, found.axes.names), found.axes.points.T.tolist(), strict=True)
+    axes = [AxisFile(name=name, unit=unit, values=values) for (name, unit), values in heads]
     return MapEntry(
         tyre=tyre,
         model=found.model.name,
@@ -446,13 +444,7 @@ def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
 def _surface_entry(found: ValueSurface | None) -> SurfaceFile | None:
     if found is None:
         return None
-    return SurfaceFile(
-        terms=[list(one) for one in found.terms],
-        coefficients=found.coefficients.tolist(),
-        covariance=found.covariance.tolist(),
-        scatter=found.scatter,
-        std=found.std,
-    )
+    return SurfaceFile(**{name: np.asarray(value).tolist() for name, value in vars(found).items()})
 
 
 def finite_or_none(value: float) -> float | None:

@@ -15,7 +15,7 @@ from fourpole.io.recordings import survey
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import sha256_of
 from fourpole.io.stream import stream, times_of
-from fourpole.study.identified import possible_route
+from fourpole.study.identified import NO_RIG, possible_route
 from fourpole.study.load import group_of, source_of
 from fourpole.study.reduce import ROUTE_NEEDS, Job, check_part, jobs_of
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
@@ -131,8 +131,7 @@ def _route(campaign: Campaign, route: str) -> tuple[str, list[str]]:
     used, note = possible_route(campaign, route)
     notes = [note] if note else []
     if campaign.of_kind("dynamic") and not campaign.stated.all_rigs and used != "relative":
-        remedy = "state moving_mass and preload_stiffness, or use --route relative"
-        notes.append(f"campaign.toml: [rig] is missing, the {used} route needs it: {remedy}")
+        notes.append(NO_RIG.format(route=used))
         used = "relative" if used == "joint" else used
     return used, notes
 

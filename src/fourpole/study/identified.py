@@ -29,6 +29,11 @@ from fourpole.study.rig_estimate import RigEstimate, mass_gain
 from fourpole.study.rig_solution import relative_uncertainties, rig_estimate
 from fourpole.study.static import StaticStiffness
 
+#: Message that a route lacks the rig.
+NO_RIG = (
+    "campaign.toml: [rig] is missing, the {route} route needs it: state moving_mass and preload_stiffness, or use "
+    "--route relative"
+)
 #: Relative standard uncertainty of an added mass whose uncertainty is not stated.
 ADDED_MASS_STD = 1e-4
 #: Relative uncertainty of K2 or C above which their distribution is found by Monte Carlo, not taken as normal.

@@ -26,7 +26,7 @@ from fourpole.fitting.rows import axes_record
 from fourpole.io.source import sha256_of
 from fourpole.io.write import write_table, write_text
 from fourpole.study.cells import dynamic_cells, dynamic_checks
-from fourpole.study.identified import identify_tests, possible_route
+from fourpole.study.identified import NO_RIG, identify_tests, possible_route
 from fourpole.study.load import MOST_BYTES
 from fourpole.study.outcome import Reduced
 from fourpole.study.reduce import jobs_of, reduce_tests, response_hashes
@@ -304,10 +304,7 @@ def _analysed(
 def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
     rigs = campaign.stated.all_rigs
     if not rigs and route != "relative" and any(test.kind in ("dynamic", "calibration") for test in dynamic):
-        raise CampaignError(
-            f"campaign.toml: [rig] is missing, the {route} route needs it: state moving_mass and preload_stiffness, "
-            "or use --route relative"
-        )
+        raise CampaignError(NO_RIG.format(route=route))
     if route == "transmissibility" and any(rig.output == "blocked" for rig in rigs.values()):
         raise CampaignError(
             "campaign.toml: [rig] output is blocked, so there is no transmissibility: use --route mobility"
