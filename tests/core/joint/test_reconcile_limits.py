@@ -30,7 +30,7 @@ def diagnosis(level=0.01, **changes):
         "rig_dof": 100.0,
         "tyre_chi2": 100.0,
         "tyre_dof": 100.0,
-        "drawn": np.zeros(3),
+        "departures": np.zeros(3),
         "named": [],
         "size": np.ones(20),
         "effect": 0.01,
@@ -80,14 +80,14 @@ def mended(monkeypatch):
 
 @pytest.mark.parametrize(("pull", "contradicted"), [(2.99, False), (3.01, True)])
 def test_a_statement_is_contradicted_beyond_three_standard_uncertainties(pull, contradicted):
-    assert diagnosis(drawn=np.array([0.0, pull, 1.0])).contradicted == contradicted
+    assert diagnosis(departures=np.array([0.0, pull, 1.0])).contradicted == contradicted
 
 
 @pytest.mark.parametrize(("factor", "contradicted"), [(BELOW, False), (ABOVE, True)])
 def test_where_the_misfit_is_large_a_statement_must_be_drawn_further(factor, contradicted):
     """Three standard uncertainties times the root of the chi-square per degree of freedom that is left without it."""
     pull = factor * 3.0 * np.sqrt(4.0)
-    found = diagnosis(rig_chi2=4.0 * 199 + pull**2 - 400.0, tyre_chi2=400.0, drawn=np.array([pull]))
+    found = diagnosis(rig_chi2=4.0 * 199 + pull**2 - 400.0, tyre_chi2=400.0, departures=np.array([pull]))
     assert found.rest == pytest.approx(4.0)
     assert found.contradicted == contradicted
 
@@ -95,21 +95,21 @@ def test_where_the_misfit_is_large_a_statement_must_be_drawn_further(factor, con
 @pytest.mark.parametrize(("factor", "contradicted"), [(BELOW, True), (ABOVE, False)])
 def test_a_part_that_explains_a_quarter_more_than_a_statement_spares_it(factor, contradicted):
     """The statement explains its squared pull; less than 0.8 of the best explanation is not as good."""
-    found = diagnosis(drawn=np.array([4.0]), named=[candidate(explains=factor * 16.0 / 0.8)])
+    found = diagnosis(departures=np.array([4.0]), named=[candidate(explains=factor * 16.0 / 0.8)])
     assert found.contradicted == contradicted
 
 
 @pytest.mark.parametrize(("pull", "aside"), [(4.99, False), (5.01, True)])
 def test_a_statement_is_set_aside_beyond_five_standard_uncertainties(mended, pull, aside):
-    here, noted = mended(diagnosis(drawn=np.array([0.0, pull, 0.0])))
+    here, noted = mended(diagnosis(departures=np.array([0.0, pull, 0.0])))
     assert here.misfit.conflicts == (1,)
     assert here.doubtful == ([] if aside else [1])
     assert noted.aside == ([1] if aside else [])
 
 
 @pytest.mark.parametrize(("share", "blamed"), [(0.89, (0,)), (0.91, (0, 1))])
-def test_statements_drawn_nearly_as_far_are_blamed_alike(mended, share, blamed):
-    assert mended(diagnosis(drawn=np.array([4.0, 4.0 * share, 1.0])))[0].misfit.conflicts == blamed
+def test_statements_drawn_nearly_as_far_are_contradictd_alike(mended, share, blamed):
+    assert mended(diagnosis(departures=np.array([4.0, 4.0 * share, 1.0])))[0].misfit.conflicts == blamed
 
 
 # Tests that do not go with the others.

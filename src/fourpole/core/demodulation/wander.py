@@ -24,9 +24,9 @@ _DRIFT = 4
 _SHIFT = 3.0
 #: The speed is also followed if the standard uncertainty of a ratio then falls by this factor.
 _STD_FALL = 2.0
-#: The residual of V1 must fall below this share of the residual at one frequency.
+#: The speed is followed only if the residual of V1 falls to this share of the residual at one frequency, or less.
 _RESIDUAL_FALL = 0.9
-#: The residual of no channel may exceed this multiple of its residual at one frequency.
+#: The speed is followed only if no channel has a residual above this multiple of that at one frequency.
 _RESIDUAL_RISE = 1.02
 #: A drive wanders if its relative amplitude varies by less than this share of the variation of its phase [rad].
 _AMPLITUDE_OVER_PHASE = 0.5

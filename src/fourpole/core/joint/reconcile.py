@@ -17,23 +17,23 @@ from fourpole.core.sources import PARTS, Kind
 
 #: A stated value contradicts the tests if it departs from its estimate by more than this many standard uncertainties.
 _CONFLICT = 3.0
-#: Beyond this many, chance is excluded and the statement is set aside; below, it still counts for the estimates.
+#: A statement is set aside beyond this many standard uncertainties; below, it still counts for the estimates.
 _IMPOSSIBLE = 5.0
 #: A test is an outlier if its squared residual is this many times the usual one.
 _OUTLIER = 50.0
-#: Largest share of outliers among all tests, and among the tests with one mass; with more, the statement is wrong.
-_FEW, _FEW_OF_A_KIND = 0.1, 0.35
-#: A stated value is blamed if it explains at least this share of what the best unstated part explains.
+#: Largest share of outliers among all tests, and among tests with the same mass; with more, the statement is wrong.
+_FEW, _FEW_OF_A_MASS = 0.1, 0.35
+#: A stated value contradicts the tests only if it explains at least this share of what the best unstated part does.
 _SHARE_OF_BEST = 0.8
-#: A stated value is blamed together with the worst one if its departure is at least this share of the worst departure.
+#: Stated values whose departures are at least this share of the largest departure contradict the tests together.
 _SHARE_OF_WORST = 0.9
 #: A part is a cause of the misfit if it explains at least this share of it.
-_WORTH_NAMING = 0.3
+_SHARE_OF_CAUSE = 0.3
 #: An error of Zr below this share of its largest part counts as noise, because no rig is built that accurately.
 _NEGLIGIBLE = 1e-4
 #: An unstated part is significant if its size is this many standard uncertainties, even without a misfit.
 _SIGNIFICANT = 5.0
-#: The noise may be this many times what each recording gives before the statement of the rig counts as wrong.
+#: The statement of the rig counts as wrong if all noise is more than this many times that of the recordings.
 _NOISE_IN_DOUBT = 2.0
 #: An unsteady drive is the cause of the misfit if it explains more than this share of it.
 _MOSTLY = 0.7
@@ -151,7 +151,7 @@ def reconcile(problem: Problem, solution: Solution) -> tuple[Problem, Solution, 
 class _Diagnosis:
     """Misfit of a solution that chance cannot explain, and its possible causes.
 
-    `drawn` is the departure of each shared value from its statement, in standard uncertainties of that departure;
+    `departures` has the departure of each shared value from its statement, in standard uncertainties of that departure;
     `size` is the largest part of Zr of each test; `effect` is the change of Zr, over `size`, by the best candidate.
     """
 
@@ -160,7 +160,7 @@ class _Diagnosis:
     rig_dof: float
     tyre_chi2: float
     tyre_dof: float
-    drawn: FloatArray
+    departures: FloatArray
     named: list[Candidate]
     size: FloatArray
     effect: float
@@ -185,7 +185,7 @@ class _Diagnosis:
     @property
     def pull(self) -> float:
         """Largest departure of a shared value from its statement, in standard uncertainties."""
-        return float(self.drawn.max(initial=0.0))
+        return float(self.departures.max(initial=0.0))
 
     @property
     def explained(self) -> float:
@@ -219,7 +219,7 @@ class _Diagnosis:
         if not self.named or not self.named[0].of_rig or self.effect < _NEGLIGIBLE:
             return False
         significant = self.explained > _SIGNIFICANT**2 * self.rest
-        return significant or (self.rig_bad and self.explained > _WORTH_NAMING * (self.rig_chi2 - self.rig_dof))
+        return significant or (self.rig_bad and self.explained > _SHARE_OF_CAUSE * (self.rig_chi2 - self.rig_dof))
 
     @cached_property
     def level(self) -> float:
@@ -248,7 +248,7 @@ def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
         rig_dof=float(left.rig_dof.sum()),
         tyre_chi2=tyre_chi2,
         tyre_dof=2.0 * float((problem.conditions.sizes - 1).sum()),
-        drawn=_drawn(state),
+        departures=_departures(state),
         named=named,
         size=size,
         effect=effect,
@@ -259,7 +259,7 @@ def _remedied(state: _State, left: Residuals) -> bool:
     """Apply one remedy to the worst misfit that chance cannot explain; False if there is none."""
     found, misfit = _diagnosed(state, left), state.misfit
     if misfit.rig_error == 0 and found.contradicted:
-        _blame(state, found)
+        _note_contradictions(state, found)
     elif found.scattered:
         _add_scatter(state, found)
     elif found.part_missing and found.named[0].source.of not in misfit.parts:
@@ -276,18 +276,18 @@ def _remedied(state: _State, left: Residuals) -> bool:
     return True
 
 
-def _blame(state: _State, found: _Diagnosis) -> None:
+def _note_contradictions(state: _State, found: _Diagnosis) -> None:
     """Note the statements that contradict the tests, and set them aside if chance is excluded."""
     _name(state, found.named)
-    blamed = np.flatnonzero(found.drawn >= _SHARE_OF_WORST * found.pull).tolist()
-    conflicts = (*state.misfit.conflicts, *blamed)
+    worst = np.flatnonzero(found.departures >= _SHARE_OF_WORST * found.pull).tolist()
+    conflicts = (*state.misfit.conflicts, *worst)
     if found.pull > _IMPOSSIBLE:
-        for at in blamed:
+        for at in worst:
             _set_aside(state, at, found.pull)
         state.solve(state.problem, conflicts=conflicts)
     else:
         state.misfit = replace(state.misfit, conflicts=conflicts)
-        state.doubtful += blamed
+        state.doubtful += worst
 
 
 def _add_scatter(state: _State, found: _Diagnosis) -> None:
@@ -308,7 +308,7 @@ def _add_rig_error(state: _State, found: _Diagnosis) -> None:
 
 def _enlarge_noise(state: _State, found: _Diagnosis) -> None:
     """Enlarge the noise of all tests until chance explains the residuals."""
-    if found.level > _NEGLIGIBLE and found.explained > _WORTH_NAMING * found.excess:
+    if found.level > _NEGLIGIBLE and found.explained > _SHARE_OF_CAUSE * found.excess:
         _name(state, found.named)
     state.negligible = state.negligible and found.level <= _NEGLIGIBLE
     ratio = (found.rig_chi2 + found.tyre_chi2) / (found.rig_dof + found.tyre_dof)
@@ -372,7 +372,7 @@ def _outliers(state: _State, left: Residuals) -> BoolArray:
     observed = state.problem.observed
     kinds = np.unique(np.stack([observed.rigid, observed.mass_at], axis=1), axis=0, return_inverse=True)[1].ravel()
     crowded = any(
-        np.sum((chosen | before)[kinds == kind]) > _FEW_OF_A_KIND * np.sum(kinds == kind) for kind in np.unique(kinds)
+        np.sum((chosen | before)[kinds == kind]) > _FEW_OF_A_MASS * np.sum(kinds == kind) for kind in np.unique(kinds)
     )
     few = max(_FEW * whole.size, 1.0 if whole.size > 2 else 0.0)
     if crowded or np.sum(strange | before) > few:
@@ -380,7 +380,7 @@ def _outliers(state: _State, left: Residuals) -> BoolArray:
     return chosen
 
 
-def _drawn(state: _State) -> FloatArray:
+def _departures(state: _State) -> FloatArray:
     """Departure of each shared value from its statement; 0 for known conflicts and for unstated parts."""
     pull = np.abs(np.nan_to_num(pulls(state.solution)))
     pull[list(state.misfit.conflicts)] = 0.0
