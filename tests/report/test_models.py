@@ -16,7 +16,7 @@ from fourpole.fitting.query import Query, ask
 from fourpole.report.digits import number, with_std
 from fourpole.report.models import models_section
 from fourpole.report.page import render_report
-from fourpole.report.words.models import discrepancy, map_facts, question, sentences, tyre_option
+from fourpole.report.words.models import discrepancy, map_facts, query_command, sentences, tyre_option
 
 HOSTILE = "<script>alert(1)</script>\"'& \x1b"
 #: Options of fourpole query that name an axis: the kind of quantity, and the column.
@@ -196,7 +196,7 @@ def test_a_table_without_tyre_has_a_section_without_name():
 @pytest.mark.parametrize("at", [0, 1])
 def test_the_question_to_a_map_is_answered_inside(fitted, at):
     part = section(fitted, at)
-    query = asked(part.map.question)
+    query = asked(part.map.command)
     assert query.tyre == part.tyre
     (row,) = ask(fitted.maps, query)
     assert row["outside [half spans]"] == 0
@@ -208,7 +208,7 @@ def test_the_question_stays_inside_where_rounded_digits_would_leave():
     """Over one axis the middle in three digits will do; of tests along a slanting line it is beside the line."""
     whole = elastomer((0.0, 20.0, 40.0))
     entry = whole.maps.maps[0]
-    query = asked(question(entry, several=False))
+    query = asked(query_command(entry, several=False))
     assert query.tyre is None
     assert 0.0 <= query.state["temperature [degC]"] <= 40.0
     thin = entry.model_copy(
@@ -223,7 +223,7 @@ def test_the_question_stays_inside_where_rounded_digits_would_leave():
             "terms": [[*term, 0] for term in entry.terms],
         }
     )
-    query = asked(question(thin, several=False))
+    query = asked(query_command(thin, several=False))
     assert query.state == pytest.approx({"pressure [Pa]": 170345.6, "camber of it [deg]": 2.00345}, rel=1e-9)
 
 

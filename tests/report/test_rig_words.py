@@ -302,6 +302,20 @@ def test_the_largest_source_is_named_with_its_share_and_its_remedy(plain):
     assert [found.quantity for found in limits(plain)] == ["K2", "C"]
 
 
+@pytest.mark.parametrize(
+    ("share", "known", "words"),
+    [
+        (0.4, True, "F1's gain is the largest part of it, with 40 % of the variance"),
+        (0.6, False, "F1's gain makes most of the uncertainty of K2, with 60 % of the variance"),
+        (0.4, False, "F1's gain limits K2 most, with 40 % of the variance"),
+    ],
+)
+def test_what_limits_by_its_share(plain, share, known, words):
+    results = plain if known else blank(plain, "u(K2) [N/m]")
+    shares = {"gain F1": share, "frequency": (1 - share) / 2, "sensor noise": (1 - share) / 2}
+    assert words in limit(with_rig_found(results, shares=shares)).text
+
+
 def test_a_misfit_comes_before_everything_that_it_makes_larger(plain):
     for source in ("rig misfit", "sensor noise"):
         assert only(plain, source, **MISFIT).remedy == (

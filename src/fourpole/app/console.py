@@ -26,9 +26,9 @@ Sign: TypeAlias = Literal["any", "not negative", "positive"]
 #: Width of a table in characters where standard output is no terminal.
 _WIDE = 150
 #: Control characters, which could steer a terminal; line ends and tabs are not among them.
-_STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
-OK, UNREADABLE, SOME_REJECTED, STOPPED, OURS = 0, 2, 3, 130, 70
+OK, UNREADABLE, SOME_REJECTED, STOPPED, INTERNAL = 0, 2, 3, 130, 70
 
 
 def _console(stderr: bool) -> Console:
@@ -52,7 +52,7 @@ def print_table(heads: Iterable[str], rows: Iterable[Sequence[str | Text]], *, r
         number = head in right
         table.add_column(Text(head), justify="right" if number else "left", no_wrap=number, overflow="fold")
     for row in rows:
-        table.add_row(*(cell if isinstance(cell, Text) else Text(harmless(cell)) for cell in row))
+        table.add_row(*(cell if isinstance(cell, Text) else Text(without_controls(cell)) for cell in row))
     _tables().print(table)
 
 
@@ -68,29 +68,29 @@ def counted_tests(counts: Mapping[str, int], rejected: str = "rejected") -> str:
     return f"{sum(counts.values())} tests, {listed}"
 
 
-def harmless(text: str) -> str:
+def without_controls(text: str) -> str:
     """Text from a file with a replacement sign in place of each control character but line ends and tabs."""
-    return _STEERING.sub("\ufffd", text)
+    return _CONTROL.sub("\ufffd", text)
 
 
 def out(text: str = "") -> None:
     """Print a result on standard output."""
-    typer.echo(harmless(text))
+    typer.echo(without_controls(text))
 
 
 def say(text: str) -> None:
     """Print on standard error what is not the result."""
-    _console(stderr=True).print(escape(harmless(text)))
+    _console(stderr=True).print(escape(without_controls(text)))
 
 
 def warn(text: str) -> None:
     """Print a warning on standard error."""
-    _console(stderr=True).print(f"[yellow]warning:[/yellow] {escape(harmless(text))}")
+    _console(stderr=True).print(f"[yellow]warning:[/yellow] {escape(without_controls(text))}")
 
 
 def fail(text: str, code: int = UNREADABLE) -> NoReturn:
     """Print an error on standard error and end with this exit code."""
-    _console(stderr=True).print(f"[red]error:[/red] {escape(harmless(text))}")
+    _console(stderr=True).print(f"[red]error:[/red] {escape(without_controls(text))}")
     raise typer.Exit(code)
 
 
@@ -151,7 +151,7 @@ def rising(text: str, name: str, example: str, read: Callable[[str], float] = fl
     return low, high
 
 
-def ends_well(run: Callable[..., int | None], **given: Any) -> None:
+def run_to_exit(run: Callable[..., int | None], **given: Any) -> None:
     """Run a command; an error becomes one message and an exit code."""
     try:
         code = run(**given)
@@ -169,7 +169,7 @@ def ends_well(run: Callable[..., int | None], **given: Any) -> None:
         if os.environ.get("FOURPOLE_DEBUG"):
             traceback.print_exc()
         kind = type(error).__name__
-        fail(f"a fault in Fourpole itself ({kind}: {error}); please report it, with FOURPOLE_DEBUG=1 set", OURS)
+        fail(f"a fault in Fourpole itself ({kind}: {error}); please report it, with FOURPOLE_DEBUG=1 set", INTERNAL)
     raise typer.Exit(code or OK)
 
 

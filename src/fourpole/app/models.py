@@ -139,7 +139,7 @@ def _show_verdict(where: str, one: Measured, verdict: Possible) -> None:
     text = f"{where}: {'possible' if verdict.possible else 'NOT possible'} for a passive linear tyre (chi-square "
     out(f"{text}{verdict.chi2:.4g} for {verdict.dof} degrees of freedom, p-value {verdict.chance:.2g})")
     if not verdict.possible:
-        out(f"  {_blamed(verdict, one.own.count)}")
+        out(f"  {_contradicting(verdict, one.own.count)}")
         error = 100 * lacking_error(one, verdict)
         out(f"  K* would be possible with an uncertainty of {error:.2g} % at each frequency")
 
@@ -258,7 +258,7 @@ def _verdict(one: Measured, verdict: Possible) -> dict[str, Any]:
     }
 
 
-def _blamed(verdict: Possible, count: int) -> str:
+def _contradicting(verdict: Possible, count: int) -> str:
     """The data that contradict the others."""
     if verdict.without_k1:
         return "K* by itself is possible: it is K1 of the static test that contradicts it"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from fourpole.app.console import Sign, ends_well, fail, option
+from fourpole.app.console import Sign, fail, option, run_to_exit
 from fourpole.errors import RigError, UnitError
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def command(run: Callable[..., int | None]) -> Callable[..., None]:
     def grouped(**given: Any) -> None:
         for name, group in groups.items():
             given[name] = group(**{one.name: given.pop(one.name) for one in fields(group)})
-        ends_well(run, **given)
+        run_to_exit(run, **given)
 
     grouped.__signature__ = signature.replace(parameters=parameters, return_annotation=None)  # type: ignore[attr-defined]
     return grouped

@@ -29,14 +29,14 @@ def line(outline: FloatArray, width: int, *, dots: bool) -> str:
     """One line of signs for the least and greatest values (places, 2) along a recording."""
     if dots:
         return picture(outline, width, 1, dots=True)[0]
-    levels = _levels(_gathered(outline, width), 3)
+    levels = _levels(_resampled(outline, width), 3)
     return "".join(" " if low < 0 else _THIRDS[int(low), int(high)] for low, high in levels).rstrip()
 
 
 def picture(outline: FloatArray, width: int, height: int, *, dots: bool) -> list[str]:
     """Several lines of signs for an outline (places, 2), with the greatest value at the top."""
     across, down = (2, 4) if dots else (1, 1)
-    levels = _levels(_gathered(outline, width * across), height * down)
+    levels = _levels(_resampled(outline, width * across), height * down)
     grid = np.zeros((height * down, width * across), dtype=bool)
     for column, (low, high) in enumerate(levels):
         if low >= 0:
@@ -51,7 +51,7 @@ def picture(outline: FloatArray, width: int, height: int, *, dots: bool) -> list
     return ["".join(chr(_BRAILLE + one) for one in row) for row in bits]
 
 
-def _gathered(outline: FloatArray, places: int) -> FloatArray:
+def _resampled(outline: FloatArray, places: int) -> FloatArray:
     """The outline (places, 2) at another number of places; values of a short outline are repeated."""
     edges = np.arange(places) * len(outline) // places
     if len(outline) < places:

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.text import Text
 
-from fourpole.app.console import harmless, out, print_json, print_table
+from fourpole.app.console import out, print_json, print_table, without_controls
 from fourpole.errors import CampaignError
 from fourpole.report.words.limits import limit_rows, limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
@@ -80,7 +80,7 @@ def _rows(values: Iterable[ShownValue]) -> Iterator[tuple[str | Text, ...]]:
             value.ratio_words,
             value.pull_words,
             value.detection_words,
-            Text(harmless(value.value.remark), style=_STYLES.get(value.finding, "")),
+            Text(without_controls(value.value.remark), style=_STYLES.get(value.finding, "")),
         )
 
 

@@ -248,10 +248,10 @@ def _load(panel: _Panel, sheet: Sheet) -> int:
 
 def _held(panel: _Panel) -> str:
     """The values of the constant axes, as a heading."""
-    return ", ".join(_stands(panel.found.axes.names[at], value) for at, value in panel.held.items())
+    return ", ".join(_value_in_words(panel.found.axes.names[at], value) for at, value in panel.held.items())
 
 
-def _stands(column: str, value: float) -> str:
+def _value_in_words(column: str, value: float) -> str:
     """The value of an axis with its name, if that is not obvious, and its unit."""
     name, _, unit = column.removesuffix("]").partition(" [")
     unit, scale = _SHOWN.get(column, ("" if unit == "1" else unit, 1.0))

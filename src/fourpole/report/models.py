@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 from fourpole.fitting.modelfile import CandidateFile, ConditionFile, MapEntry, ModelEntry
 from fourpole.report.digits import number, with_std
-from fourpole.report.words.models import chosen, map_facts, place, question, remarks_on_map, sentences
+from fourpole.report.words.models import chosen, map_facts, place, query_command, remarks_on_map, sentences
 from fourpole.study.results import Results
 
 #: The unit shown for an SI unit, and its SI value.
@@ -125,5 +125,5 @@ def _map(entry: MapEntry, *, several: bool) -> SimpleNamespace:
         text=chosen(entry.choice),
         facts=map_facts(entry),
         remarks=remarks_on_map(entry),
-        question=question(entry, several=several),
+        command=query_command(entry, several=several),
     )

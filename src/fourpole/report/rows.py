@@ -50,12 +50,12 @@ class ResultTable:
 
 def result_rows(frame: pl.DataFrame, columns: tuple[Quantity, ...], cards: list[str]) -> ResultTable:
     """All rows of static.csv or dynamic.csv; `cards` has the card of each."""
-    used = tuple(column for column in columns if column not in _SELDOM or _says_something(frame, column.head))
+    used = tuple(column for column in columns if column not in _SELDOM or _has_value(frame, column.head))
     rows = [_row(row, used, card) for row, card in zip(frame.rows(named=True), cards, strict=True)]
     return ResultTable(used, rows, any(row.rig for row in rows), any(row.remarks for row in rows))
 
 
-def _says_something(frame: pl.DataFrame, name: str) -> bool:
+def _has_value(frame: pl.DataFrame, name: str) -> bool:
     return name in frame.columns and any(known(value) for value in frame[name].to_list())
 
 

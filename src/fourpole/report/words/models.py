@@ -121,10 +121,10 @@ def place(one: ConditionFile) -> str:
     ... )
     '1.7 bar, camber 2 deg'
     """
-    return ", ".join(_stood(each) for each in one.state)
+    return ", ".join(_value_in_words(each) for each in one.state)
 
 
-def _stood(each: NamedValue) -> str:
+def _value_in_words(each: NamedValue) -> str:
     named = "" if each.column in _AXES else f"{each.name} "
     return f"{named}{_bare(each)}".replace("-", "−")
 
@@ -165,7 +165,7 @@ def remarks_on_map(entry: MapEntry) -> list[str]:
     return [f"It holds {where} and in the band; fourpole query extrapolates beyond them only on request."]
 
 
-def question(entry: MapEntry, *, several: bool) -> str:
+def query_command(entry: MapEntry, *, several: bool) -> str:
     """The command that queries the map at a point inside the tested conditions."""
     parts = ["fourpole query map.json"]
     if several:
