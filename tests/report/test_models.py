@@ -16,7 +16,7 @@ from fourpole.fitting.query import Query, ask
 from fourpole.report.digits import number, with_std
 from fourpole.report.models import models_section
 from fourpole.report.page import render_report
-from fourpole.report.words.models import discrepancy, map_facts, query_command, sentences, tyre_option
+from fourpole.report.words.models import discrepancy, map_facts, query_command, remarks_on_map, sentences, tyre_option
 
 HOSTILE = "<script>alert(1)</script>\"'& \x1b"
 #: Options of fourpole query that name an axis: the kind of quantity, and the column.
@@ -99,13 +99,13 @@ def test_verdicts_are_summed_up(fitted):
     assert verdicts(good) == "A passive linear tyre can have this K*, within its uncertainty."
     assert verdicts(good, good) == "A passive linear tyre can have K* as measured in all 2 conditions."
     assert verdicts(bad) == (
-        "No passive linear tyre can have this K*: it would take an error of K* of up to 3.1 % at each frequency. "
-        "K* cannot be at 10, 12 Hz."
+        "No passive linear tyre can have this K*: it would take an error of K* of up to 3.1 % at each frequency. K* "
+        "cannot be at 10, 12 Hz."
     )
     assert verdicts(good, bad, (False, 0.2, [14.0])) == (
-        "1 of 3 conditions is possible for a passive linear tyre; in the others it would take an error of K* of up "
-        "to 20 % at each frequency. At 1 bar, 2000 N: K* cannot be at 10, 12 Hz; at 1.7 bar, 1000 N: K* at 14.0 Hz "
-        "cannot be."
+        "1 of 3 conditions is possible for a passive linear tyre; in the others it would take an error of K* of up to "
+        "20 % at each frequency. At 1 bar, 2000 N: K* cannot be at 10, 12 Hz; at 1.7 bar, 1000 N: K* at 14.0 Hz cannot "
+        "be."
     )
     every = (False, 0.05, [10.0, 14.0, 17.0, 19.0, 24.0])
     assert verdicts(every, every) == (
@@ -234,9 +234,33 @@ def test_a_map_says_where_it_holds_and_how_well(fitted):
     assert facts["preload"] == "1000, 2000 N"
     assert facts["frequency"] == f"{entry.band[0]:.1f} to {entry.band[1]:.1f} Hz"
     assert float(facts["leave-one-out error of K*"].split()[0]) == pytest.approx(100 * entry.leave_one_out[0], abs=0.06)
-    assert "inside their hull" in section(fitted).map.remarks[0]
     untold = entry.model_copy(update={"leave_one_out": (None, None, None)})
     assert list(dict(map_facts(untold))) == ["model", "pressure", "preload", "frequency"]
+
+
+@pytest.mark.parametrize(
+    ("axes", "text"),
+    [
+        (0, "The tests stand at one condition: the map holds there alone."),
+        (
+            1,
+            (
+                "It holds between the tested conditions and in the band; fourpole query extrapolates beyond them only "
+                "on request."
+            ),
+        ),
+        (
+            2,
+            (
+                "It holds between the tested conditions (inside their hull) and in the band; fourpole query "
+                "extrapolates beyond them only on request."
+            ),
+        ),
+    ],
+)
+def test_the_range_of_a_map(fitted, axes, text):
+    entry = fitted.maps.maps[0]
+    assert remarks_on_map(entry.model_copy(update={"axes": entry.axes[:axes]})) == [text]
 
 
 @pytest.mark.parametrize("name", ["a b", "it's $HOME `x`", "--help", "", "radial-ply"])

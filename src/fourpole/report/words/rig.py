@@ -195,28 +195,18 @@ def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     """Undeclared errors that the tests do not show, and what would show them, as sentences."""
     # If the rig does not fit, the misfit already shows an error of the rig, so only errors of channels can be hidden.
     groups = {Role.RIG, Role.CHANNEL} if found.fits else {Role.CHANNEL}
-    hidden = [value for value in values if value.group in groups and value.hidden]
-    hidden = [value for value in hidden if value.finding is not Finding.CONTRADICTED]
-    channels = [value for value in hidden if value.group is Role.CHANNEL and found.massed]
+    every = [value for value in values if value.group in groups and _is_hidden(value)]
     # Of these values only an error that all channels have in common is hidden.
-    common = [value for value in channels if _ratios_seen(value, values)]
-    hidden = [value for value in hidden if value not in common]
-    if common:
-        yield (
-            f"An error of {_possessives(common)} that all channels have in common would not show in these data. It has "
-            "no effect on the results: K* needs only the ratios of the channels, whose errors would show."
-        )
+    common = [value for value in every if found.massed and _ratios_seen(value, values)]
+    hidden = [value for value in every if value not in common]
+    yield from _common_error(common)
     if hidden:
         yield _hidden_errors(hidden, massed=found.massed)
-    unknown = {(value.source.kind, value.source.of) for value in values if not value.source.under}
-    if not found.massed and unknown >= _BLIND:
-        yield (
-            "These data compare F1/V2 with the rig: an error of F1's gain has the same effect as one of V2's, or as an "
-            "error of the moving mass and the preload spring together."
-        )
+    yield from [] if found.massed else _equal_effects(values)
     yield from _trusted_masses(values)
-    ratios = set() if Role.CHANNEL in {value.group for value in hidden} else {Role.RATIO}
-    yield from _late_errors([value for value in values if value.group in groups | ratios and value not in common])
+    if Role.CHANNEL not in {value.group for value in hidden}:
+        groups = groups | {Role.RATIO}
+    yield from _late_errors([value for value in values if value.group in groups and value not in common])
 
 
 def _late_errors(values: Sequence[ShownValue]) -> Iterable[str]:
@@ -251,8 +241,33 @@ def _trusted_masses(values: Sequence[ShownValue]) -> Iterable[str]:
             )
 
 
+def _common_error(common: Sequence[ShownValue]) -> Iterable[str]:
+    """Sentence on an error that all channels have in common."""
+    if common:
+        yield (
+            f"An error of {_possessives(common)} that all channels have in common would not show in these data. It has "
+            "no effect on the results: K* needs only the ratios of the channels, whose errors would show."
+        )
+
+
+def _equal_effects(values: Sequence[ShownValue]) -> Iterable[str]:
+    """Sentence on errors that have the same effect on the results of all tests with one mass."""
+    if {(value.source.kind, value.source.of) for value in values if not value.source.under} >= _BLIND:
+        yield (
+            "These data compare F1/V2 with the rig: an error of F1's gain has the same effect as one of V2's, or as an "
+            "error of the moving mass and the preload spring together."
+        )
+
+
+def _is_hidden(value: ShownValue) -> bool:
+    """Whether the tests show no plausible error of a value; the statement of a contradicted value shows one."""
+    return value.hidden and value.finding is not Finding.CONTRADICTED
+
+
 def _ratios_seen(value: ShownValue, values: Sequence[ShownValue]) -> bool:
-    """Whether an error of every channel ratio of the same kind would be detected."""
+    """Whether an error of every channel ratio of the same kind as a channel's value would be detected."""
+    if value.group is not Role.CHANNEL:
+        return False
     ratios = [other for other in values if other.group is Role.RATIO and other.source.kind is value.source.kind]
     return bool(ratios) and not any(other.hidden or is_late(other) for other in ratios)
 
