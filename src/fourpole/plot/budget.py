@@ -90,20 +90,19 @@ def budget(results: Results, style: Style) -> Figure | None:
     named = [name for name in sources["source"].to_list() if name in some][:_MOST_SOURCES]
     every = len(sheet.frequencies)
     count = min(every, _MOST_CELLS)
-    cells = [at * count // every for at in range(every)]
     if count < every:
         notes.say(f"{every} frequencies taken together in {count} groups")
-    rows = rows.with_columns(pl.col("frequency").replace_strict(dict(enumerate(cells)), default=-1).alias("cell"))
+    rows = rows.with_columns((pl.col("frequency") * count // every).alias("cell"))
     grid = Grid.of(len(quantities) * len(columns), len(columns), panel_height=1.25, style=style)
     for at, ax in enumerate(grid.panels):
         row, column = divmod(at, len(columns))
         part = rows.filter(pl.col("quantity") == quantities[row])
         part = part if columns[column] < 0 else part.filter(pl.col("tyre") == columns[column])
         _panel(ax, *_shares(part, named), [*named, OTHER], style)
-        if row == 0 and columns[column] < 0:
+    for ax, tyre in zip(grid.panels, columns, strict=False):
+        if tyre < 0:
             ax.set_title("all tyres", loc="left", pad=4.5)
-        elif row == 0:
-            tyre = columns[column]
+        else:
             tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, columns=len(columns))
     _one_abscissa(grid.panels, style)
     for source in map(Source.read, [*named, *([OTHER] if len(some) > len(named) else [])]):
