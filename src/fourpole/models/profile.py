@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -172,18 +173,22 @@ class _Profile:
             starts[:, symbols.index(name)] = best[symbols.index(name)]
         held = [*self.fixed, symbols[at], *follows]
         tied = {name: tie for name, tie in self.tied.items() if name not in follows}
-        data = _repeated(self.data, values.size)
         if len(held) + len(tied) == len(symbols):  # no parameter is free
-            return _misfit(model, data, starts)
-        first = fit(model, data, starts, fixed=held, tied=tied)
+            return _misfit(model, _repeated(self.data, (values.size,)), starts)
+        places = [symbols.index(name) for name in held]
+
+        def fitted(begins: Sequence[FloatArray]) -> Fit:
+            """Fits (S, T) from several starts; one batch costs hardly more than one start."""
+            begun = np.array([np.broadcast_to(begin, starts.shape) for begin in begins])
+            begun[..., places] = starts[:, places]
+            return fit(model, _repeated(self.data, begun.shape[:-1]), begun, fixed=held, tied=tied)
+
         if len(symbols) - len(held) - len(tied) < _FROM_SEVERAL:
-            return np.asarray(first.chi2)
-        others = self._other_starts(first, values.size)
-        for other in others:
-            for name in held:
-                other[:, symbols.index(name)] = starts[:, symbols.index(name)]
-        chi2 = [fit(model, data, other, fixed=held, tied=tied).chi2 for other in others]
-        return np.asarray(np.min([first.chi2, *chi2], axis=0))
+            return np.asarray(fitted([starts]).chi2[0])
+        first = fitted([starts, *self._fresh_starts])
+        lowest = first.values[np.argmin(first.chi2, axis=0), np.arange(values.size)]
+        neighbours = np.concatenate([best[None], lowest[:-1]])
+        return np.asarray(np.min([*first.chi2, *fitted([neighbours]).chi2], axis=0))
 
     def _gaussian_starts(self, at: int, values: FloatArray) -> FloatArray:
         """Starts (T, P): conditional means of a normal distribution of the parameters, given values of one of them."""
@@ -194,13 +199,12 @@ class _Profile:
         starts = np.clip(means, np.maximum(low, 0.2 * best), np.minimum(high, 5 * best))
         return np.where((slope == 0) | (best <= 0), best, starts)
 
-    def _other_starts(self, first: Fit, count: int) -> list[FloatArray]:
-        """Further starts (count, P): the fits to the neighbouring values, and fresh ones if the best is uncertain."""
-        others = [np.concatenate([self.found.values[None], first.values[:-1]])]
-        if self._is_uncertain:
-            fresh = starts_of(self.found.model, self.data, _FRESH)
-            others += [np.repeat(one[None], count, axis=0) for one in fresh]
-        return others
+    @cached_property
+    def _fresh_starts(self) -> FloatArray:
+        """Starts (S, P) that do not depend on the best values; none unless these are uncertain."""
+        if not self._is_uncertain:
+            return np.zeros((0, self.found.values.size))
+        return starts_of(self.found.model, self.data, _FRESH)
 
     @property
     def _is_uncertain(self) -> bool:
@@ -228,7 +232,7 @@ def _misfit(model: Model, data: StiffnessData, values: FloatArray) -> FloatArray
     return np.asarray(chi2 + np.nan_to_num(k1) ** 2)
 
 
-def _repeated(data: StiffnessData, count: int) -> StiffnessData:
-    """The data of one condition as those of `count` equal conditions."""
+def _repeated(data: StiffnessData, shape: tuple[int, ...]) -> StiffnessData:
+    """The data of one condition as those of an array of equal conditions."""
     parts: list[Any] = [data.stiffness, data.covariance, data.k1, data.k1_std]
-    return StiffnessData(data.omega, *(np.broadcast_to(one, (count, *one.shape)) for one in parts))
+    return StiffnessData(data.omega, *(np.broadcast_to(one, (*shape, *one.shape)) for one in parts))
