@@ -35,7 +35,7 @@ _TAKEN = {*_DIMENSIONS, "verdict", "study_json", "construction", "static_test", 
 Variable = tuple[Sequence[str], NDArray[Any], dict[str, Any]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Grid:
     """Arrays over dimensions: names and shape of these, and the cell of each row of a table that is used."""
 

@@ -38,7 +38,7 @@ _USUAL, _LEAST_SHOWN = 2.0, 3.0
 _STATED = (q.PRESSURE.head, q.PRELOAD.head)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Drawn:
     """A condition of a model: its groups in the sheet, its values on further axes, and the tests it was fitted to."""
 
@@ -61,7 +61,7 @@ class _Drawn:
         return self.entry.conditions[self.at].band
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Curves:
     """One condition: points, line and half-width of the band of the model in the units of the axes; residuals."""
 

@@ -75,7 +75,7 @@ class _Panel:
         return np.asarray(mask)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Series:
     """One frequency of a panel: the curve of the map and the tests, for both quantities, in the units of the axes."""
 

@@ -36,7 +36,7 @@ _LOOKS: dict[str, tuple[int, str, Dashes]] = {
 _MASS_MARKERS = ("v", "P", "X", "*", "<", ">")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Curve:
     """Rows of the plan that make one curve, with its label in the key and its look."""
 

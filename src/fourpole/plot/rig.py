@@ -60,7 +60,7 @@ def value_label(source: Source) -> str:
     return value.name if value else plain_text(source.text.replace("_", " "), 28)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Tests:
     """The rows of residuals.csv, with the groups of rig, tyre and added mass of each row."""
 
