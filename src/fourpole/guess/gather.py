@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -238,14 +238,10 @@ def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], inf
     columns = [column_of(signal.name, signal.unit) for signal in signals]
     clock = next((column for column in columns if column.quantity == "time"), None)
     own = tuple(column for column in columns if column.quantity != "time")
-    rates = {signal.rate for signal in signals if signal.rate}
-    rate = rates.pop() if len(rates) == 1 else None
-    stated = {"clock": clock.name, "unit": clock.unit or "s"} if clock is not None else {}
+    rate = _common_rate(signals)
     shape, problem = None, ""
     try:
-        samples = samples_of(path, [column.name for column in own], group=group, label=name, **stated)
-        aside = frozenset(column.name for column in own if column.quantity in _ASIDE)
-        shape = signal_shape(samples, rate=rate, aside=aside)
+        shape = _shape(path, name, group, own, clock, rate)
     except FourpoleError as error:
         problem = _without_name(str(error), name)
     return FolderRecording(
@@ -261,6 +257,22 @@ def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], inf
         header=(*read_header(info.notes), *_recorded(own, shape)),
         problem=problem,
     )
+
+
+def _common_rate(signals: Sequence[SignalInfo]) -> float | None:
+    """The sampling rate [Hz] if all signals that state one state the same."""
+    rates = {signal.rate for signal in signals if signal.rate}
+    return rates.pop() if len(rates) == 1 else None
+
+
+def _shape(
+    path: Path, name: str, group: str, columns: Sequence[Column], clock: Column | None, rate: float | None
+) -> SignalShape:
+    """The shape of the signals in some columns of a group of a file."""
+    stated = {"clock": clock.name, "unit": clock.unit or "s"} if clock is not None else {}
+    samples = samples_of(path, [column.name for column in columns], group=group, label=name, **stated)
+    aside = frozenset(column.name for column in columns if column.quantity in _ASIDE)
+    return signal_shape(samples, rate=rate, aside=aside)
 
 
 def _tokens(name: str, group: str) -> tuple[Token, ...]:
