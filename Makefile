@@ -17,8 +17,7 @@ PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
-.NOTPARALLEL:
-.PHONY: help demo test check format chromium pytest lowest bench bench-install validate lock clean
+.PHONY: help demo test ready check format chromium pytest lowest lowest-install bench bench-install validate lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -59,7 +58,13 @@ $(READY_BENCH): requirements.lock pyproject.toml
 demo: $(READY)  ## make the demonstration campaign in ./fourpole-demo and analyse it
 	@$(BIN)/fourpole demo
 
-test: check bench-install lowest pytest  ## everything: check, the peers, the tests on the lowest versions, the tests
+# Installing waits for the network and needs one core, so two things are installed at a time; the tests take both cores.
+test: $(READY)  ## everything: check, the peers, the tests on the lowest versions, the tests
+	@$(MAKE) --no-print-directory --jobs 2 ready
+	@$(MAKE) --no-print-directory lowest
+	@$(MAKE) --no-print-directory pytest
+
+ready: bench-install lowest-install chromium check
 
 chromium:  ## the browser that the tests of the report need; installed here where that may be done
 	@for b in chromium chromium-browser google-chrome google-chrome-stable; do \
@@ -92,11 +97,13 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 # those of an old library are nobody's to mend. The commands' and the report's own tests hold their exact output, which
 # is for the terminal and browser libraries of the lock alone. Tests that take long or repeat an estimate many times ask
 # of our formulas, not of a library: once is enough.
-lowest:  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
+lowest: lowest-install  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
+	@[ ! -e $(READY_LOWEST) ] || .venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib \
+		-W default $(TWO_AT_A_TIME) -m "not statistical and not thorough" tests --ignore=tests/app --ignore=tests/report
+
+lowest-install:  ## install the lowest versions allowed
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
-		$(MAKE) --no-print-directory $(READY_LOWEST) && \
-		.venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib -W default \
-			$(TWO_AT_A_TIME) -m "not statistical and not thorough" tests --ignore=tests/app --ignore=tests/report; \
+		$(MAKE) --no-print-directory $(READY_LOWEST); \
 	else \
 		echo "lowest: skipped, the lowest versions allowed have no wheels for $$($(PYTHON) --version)"; \
 	fi
