@@ -34,7 +34,7 @@ define install
 		exit 1; } >&2
 	@echo "Installing $(2) into $(1) (once; a minute or so)"
 	@$(PYTHON) -m venv $(1)
-	@$(1)/bin/python -m pip install $(PIP_FLAGS) --requirement $(2)
+	@$(1)/bin/python -m pip install $(PIP_FLAGS) --no-deps --requirement $(2)
 	@$(1)/bin/python -m pip install $(PIP_FLAGS) --no-deps --no-build-isolation --editable .
 endef
 
@@ -59,12 +59,12 @@ demo: $(READY)  ## make the demonstration campaign in ./fourpole-demo and analys
 	@$(BIN)/fourpole demo
 
 # Installing waits for the network and needs one core, so two things are installed at a time; the tests take both cores.
-test: $(READY)  ## everything: check, the peers, the tests on the lowest versions, the tests
+test:  ## everything: check, the peers, the tests on the lowest versions, the tests
 	@$(MAKE) --no-print-directory --jobs 2 ready
 	@$(MAKE) --no-print-directory lowest
 	@$(MAKE) --no-print-directory pytest
 
-ready: bench-install lowest-install chromium check
+ready: bench-install chromium check lowest-install
 
 chromium:  ## the browser that the tests of the report need; installed here where that may be done
 	@for b in chromium chromium-browser google-chrome google-chrome-stable; do \

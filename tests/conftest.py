@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -25,6 +25,14 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip("there is no folder of reference material beside the repository")
     return folder
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_recording_at_a_time() -> Iterator[None]:
+    """The processes of the tests use all cores: threads within a process would only wait for each other."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fourpole.study.reduce._WORKERS", 1)
+        yield
 
 
 class Folder:

@@ -15,6 +15,8 @@ from packaging.requirements import Requirement
 import fourpole
 from fourpole.quantities import QUANTITIES
 
+pytestmark = pytest.mark.thorough
+
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = sorted((ROOT / "src" / "fourpole").rglob("*.py"))
 LOCKS = [ROOT / "requirements.lock", ROOT / "requirements-lowest.lock"]

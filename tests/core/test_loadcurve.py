@@ -286,9 +286,9 @@ def test_nonlinearity_of_a_quadratic(load_cycles, share):
 @pytest.mark.parametrize("shape", ["parabola", "ellipse"])
 @pytest.mark.parametrize("noise", [5.0, 50.0])
 def test_fit_uncertainty_is_honest(load_cycles, noise, shape):
-    """White noise in the load: errors over their stated uncertainties, 200 times."""
+    """White noise in the load: errors over their stated uncertainties, 100 times."""
     x, f = load_cycles(LAW, shape=shape, up=101, down=101)
-    errors, seeds = [], 200
+    errors, seeds = [], 100
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         tangent = LoadCurve(x, f + noise * rng.standard_normal(x.size)).tangent(3000.0)

@@ -84,7 +84,7 @@ def test_slope_uncertainty_is_honest(correlation, samples):
     rng = np.random.default_rng(7)
     x = np.concatenate([np.linspace(0.0, 0.03, samples // 2), np.linspace(0.03, 0.0, samples // 2)])
     side = np.repeat([1.0, -1.0], samples // 2)
-    white = 10 * rng.standard_normal((200, samples + 100))
+    white = 10 * rng.standard_normal((100, samples + 100))
     noise = np.zeros_like(white)
     for i in range(1, white.shape[1]):
         noise[:, i] = correlation * noise[:, i - 1] + np.sqrt(1 - correlation**2) * white[:, i]
@@ -92,6 +92,6 @@ def test_slope_uncertainty_is_honest(correlation, samples):
     for row in noise[:, 100:]:
         curve = fit_mean_curve(x, LAW(x) + row, side)
         errors.append((curve.slope(0.018) - LAW.deriv()(0.018)) / curve.slope_std(0.018))
-    # 200 errors: 1 ± 0.16; a wrong order now and then, and the uncertainty for it, make it 0.7 to 1.4
+    # 100 errors: 1 ± 0.22; a wrong order now and then, and the uncertainty for it, make it 0.7 to 1.4
     assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.4
-    assert abs(np.mean(errors)) < 4 * np.std(errors) / np.sqrt(200)
+    assert abs(np.mean(errors)) < 4 * np.std(errors) / np.sqrt(100)

@@ -1,4 +1,4 @@
-"""The plan against 200 laboratories drawn from what it states: independent truth, the same analysis."""
+"""The plan against 100 laboratories drawn from what it states: independent truth, the same analysis."""
 
 import numpy as np
 import pytest
@@ -15,11 +15,14 @@ from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY
 
 pytestmark = pytest.mark.thorough
 
-REPEATS = 200
-#: Wanted of the middle over all frequencies. Of 200 normal deviations, the half-width that holds 68.27 % scatters by
-#: 6.8 %: of the many single ones, the furthest may be four of these away.
-WITHIN, FURTHEST = 0.15, 0.27
+REPEATS = 100
+#: Allowed of the median over all frequencies, and of a single one. The half-width that holds 68.27 % of 100 normal
+#: deviations scatters by 9.6 %. Errors of gains are shared by all frequencies, so their median scatters as much: three
+#: times that is allowed for 32 medians, four times for all single ones.
+WITHIN, FURTHEST = 0.29, 0.38
 FREQUENCIES = np.arange(10.0, 25.0, 2.0)
+#: Channels F1, V1, V2 that are recorded: without V2 the advice is by the mobility route, which is much faster.
+WITHOUT_V2 = (True, True, False)
 #: Sensors and rig: relative uncertainty of the rig's values, of gains, of phases [rad], of K1.
 LABORATORIES = {
     "unstated": (0.02, 0.01, np.radians(0.5), 0.0),
@@ -101,8 +104,9 @@ def test_the_plan_predicts_the_scatter_of_repeats_and_the_gain_of_an_added_mass(
     count = FREQUENCIES.size
     seen = half_width(alone[0]["joint"]) / half_width(with_mass[0]["joint"])[:count]
     planned_gain = alone[1]["joint"] / with_mass[1]["joint"][:count]
-    np.testing.assert_allclose(np.median(seen / planned_gain, axis=0), 1.0, atol=0.2)
-    np.testing.assert_allclose((seen / planned_gain)[:, :2], 1.0, atol=0.2)
+    # the ratio of two half-widths scatters by the square root of two as much as one of them
+    np.testing.assert_allclose(np.median(seen / planned_gain, axis=0), 1.0, atol=np.sqrt(2) * WITHIN)
+    np.testing.assert_allclose((seen / planned_gain)[:, :2], 1.0, atol=np.sqrt(2) * FURTHEST)
     assert np.median(planned_gain[:, 0]) > 3
 
 
@@ -170,12 +174,14 @@ def test_what_cannot_be_is_refused(bad):
         PlannedTests(**values)
 
 
-def plan(k1_std=0.0, families=1):
+def plan(k1_std=0.0, families=1, present=(True, True, True)):
     rig, channels = stated(0.02, 0.01, np.radians(0.5))
     family = np.repeat(np.arange(families), FREQUENCIES.size)
     one = planned(RADIAL_PLY, (0.0,), k1_std)
     tests = one.part(np.tile(np.arange(len(one)), families))
-    return Plan(PlannedTests(**{**tests.__dict__, "family": family}), rig, channels, statics=families)
+    return Plan(
+        PlannedTests(**{**tests.__dict__, "family": family, "present": present}), rig, channels, statics=families
+    )
 
 
 def effect(base, outcome):
@@ -212,19 +218,19 @@ def test_a_mass_at_one_frequency_of_one_condition_is_the_cheap_way():
 
 
 def test_what_k1_leaves_is_said():
-    found = advise(plan(0.02), 0.01, masses=[5.0])
+    found = advise(plan(0.02, present=WITHOUT_V2), 0.01)
     assert found.of_k1 == pytest.approx(0.044, rel=0.05)
     assert all("K1" in {remedy.kind for remedy in outcome.remedies} for outcome in found.reaching)
 
 
 def test_nothing_is_promised_that_nothing_reaches():
-    found = advise(plan(0.02), 1e-6, masses=[5.0])
+    found = advise(plan(0.02, present=WITHOUT_V2), 1e-6)
     assert found.reaching == ()
     assert found.nearest.worst > 1e-6
 
 
 def test_a_plan_that_does_needs_nothing():
-    found = advise(plan(), 0.5, masses=[5.0])
+    found = advise(plan(present=WITHOUT_V2), 0.5)
     assert found.reached
     assert found.reaching == ()
 

@@ -14,6 +14,8 @@ from fourpole.study.results import Results
 from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.thorough
+
 PRESSURES, FREQUENCIES = [100e3, 170e3, 240e3], [14.0, 16.5, 18.0, 20.0, 23.0]
 KEY = ["tyre", "pressure [Pa]", "preload [N]"]
 

@@ -16,6 +16,8 @@ from fourpole.findings.trends import Trend
 from fourpole.findings.verdicts import CheckRow, Doubt, Tally, checks_by_test
 from fourpole.study.results import Results
 
+pytestmark = pytest.mark.thorough
+
 
 def only(found, detail, quantity="", **about):
     """The one finding of a kind and a quantity whose detail has these attributes."""

@@ -11,6 +11,8 @@ from fourpole.models.fractional import FractionalZener
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
 from fourpole.models.springs import KelvinVoigt, Spring, Structural
 
+pytestmark = pytest.mark.thorough
+
 BAND = 2 * np.pi * np.linspace(10.0, 24.0, 60)
 TYRES = {
     "spring": (Spring(), [180e3]),

@@ -8,6 +8,8 @@ from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import least_misfit, model_discrepancy, with_error
 from fourpole.models.maxwell import Zener
 
+pytestmark = pytest.mark.thorough
+
 OMEGA = 2 * np.pi * np.geomspace(1.0, 100.0, 60)
 CLEAN = Zener().stiffness([180e3, 120e3, 700.0], OMEGA)
 

@@ -13,6 +13,8 @@ from fourpole.models.families import model_named
 from fourpole.models.operating import OperatingMap, make_map
 from fourpole.models.surface import Axes
 
+pytestmark = pytest.mark.thorough
+
 OMEGA = 2 * np.pi * np.linspace(8.0, 25.0, 12)
 POINTS = np.array([[p, load] for p in (1.0e5, 1.35e5, 1.7e5, 2.05e5, 2.4e5) for load in (1000.0, 1500.0, 2000.0)])
 ZENER = model_named("zener")

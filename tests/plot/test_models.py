@@ -17,6 +17,8 @@ from fourpole.plot import THEMES, Style, draw, render
 from fourpole.plot.models import _rows, whitened
 from fourpole.plot.sheet import read_sheet
 
+pytestmark = pytest.mark.thorough
+
 KEYS = ("model", "model-choice", "map")
 TWO_SIDED_95 = 1.959964
 PLACES = [("cross-ply", "1000 N"), ("radial-ply", "1000 N"), ("cross-ply", "2000 N"), ("radial-ply", "2000 N")]

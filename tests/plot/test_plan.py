@@ -9,6 +9,8 @@ from fourpole.planning.plan import Guess, Run, bare_plan, plan_table
 from fourpole.plot import Style
 from fourpole.plot.plan import draw_plan, write_plan_figure
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def frame():

@@ -4,6 +4,8 @@ import pytest
 
 from fourpole.study import reduce
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture
 def demodulated(monkeypatch):

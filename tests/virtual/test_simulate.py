@@ -10,6 +10,8 @@ import pytest
 from fourpole.errors import FileError
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.thorough
+
 SMALL = {"pressures": [100e3, 170e3], "preloads": [1000.0], "frequencies": [10.0, 24.0]}
 TESTS_COLUMNS = ["test", "file", "kind", "tyre", "pressure [bar]", "preload [N]", "frequency [Hz]"]
 

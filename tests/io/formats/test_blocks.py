@@ -193,7 +193,7 @@ def folder() -> Path:
 
 
 @pytest.mark.parametrize("kind", sorted(FORMATS))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(rows=st.one_of(st.integers(1, 40), st.integers(41, 2 * N)))
 def test_pieces_are_the_whole(folder: Path, kind: str, rows: int) -> None:
     library(kind)
