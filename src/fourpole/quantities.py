@@ -153,7 +153,7 @@ TYRE = _text("tyre", "name of the tyre or specimen")
 CONSTRUCTION = _text("construction", "construction of the tyre")
 ROUTE = _text("route", "how K* was found")
 VERDICT = _text("verdict", "ok, warning or rejected")
-REMARKS = _text("remarks", "reasons for the verdict, and what to do")
+REMARKS = _text("remarks", "reasons for the verdict or the finding, and what to do")
 CONDITION = Quantity("condition", "condition", "condition", meaning="number shared by tests of one K*", kind="count")
 
 PRESSURE = Quantity("pressure", "p", "pressure", "Pa", "inflation pressure", "bar", 1e5, digits=3)
@@ -261,7 +261,10 @@ PHASE = Quantity("phase", "phase", "phase", "rad", "phase at the frequency, reco
 
 CODE = _text("code", "name of the check")
 STATISTIC = Quantity("statistic", "", "statistic", meaning="what the check found; blank for a check without a number")
-LIMIT = Quantity("limit", "", "limit", meaning="limit of the statistic, beyond which the verdict is not ok")
+LIMIT = Quantity("limit", "", "limit", meaning=(
+    "limit that the statistic exceeds for this verdict; where the verdict is ok, the limit of a warning; mains and "
+    "passive arm give a warning below it"
+))  # fmt: skip
 REMEDY = _text("remedy", "what to do")
 
 PHASOR_COVARIANCE = _listed(
@@ -285,7 +288,8 @@ TIME = _listed("time", "time", "s", "time of the samples shown")
 RESIDUAL_TIME = _listed("residual_time", "residual time", "s", "time of the stretches whose residual is shown")
 
 WINDOW = Quantity("window", "window", "window", "s", "part of the recording in use", kind="text")
-LEFT_OUT = Quantity("left_out", "", "leave-one-out error", "1", "residual of frequencies that the fit does not use")
+LEFT_OUT = Quantity("left_out", "", "leave-one-out error", "1", "error of K* at conditions that a map does not use")
+CROSS_VALIDATION = Quantity("cross_validation", "", "cross-validation error", "1", "error at frequencies left out")
 OUTSIDE = Quantity("outside", "", "outside", "half spans", "distance from the measured conditions")
 
 #: The values of a rig by key, in the order of every gradient.

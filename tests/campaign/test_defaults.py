@@ -5,9 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fourpole.campaign.channels import DEFAULT_GAIN_STD, DEFAULT_PHASE_STD
-from fourpole.campaign.schema import DEFAULT_RIG_STD
-from fourpole.study.identified import ADDED_MASS_STD
+from fourpole.campaign.defaults import GAIN_STD, K1_STD, MASS_STD, PHASE_STD, RIG_STD
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "campaign.md").read_text(encoding="utf-8")
 
@@ -15,10 +13,11 @@ TEXT = (Path(__file__).resolve().parents[2] / "docs" / "campaign.md").read_text(
 @pytest.mark.parametrize(
     ("row", "value"),
     [
-        ("`std_gain` of a channel", f"{100 * DEFAULT_GAIN_STD:g} %"),
-        ("`std_phase` of a channel", f"{np.degrees(DEFAULT_PHASE_STD):g}°"),
-        ("`std` of a value of the rig", f"{100 * DEFAULT_RIG_STD:g} % of it"),
-        ("`u(added_mass)`", f"{100 * ADDED_MASS_STD:g} % of it"),
+        ("`std_gain` of a channel", f"{100 * GAIN_STD:g} %"),
+        ("`std_phase` of a channel", f"{np.degrees(PHASE_STD):g}°"),
+        ("`std` of a value of the rig", f"{100 * RIG_STD:g} % of it"),
+        ("`u(K1)`, where tests.csv states `K1`", f"{100 * K1_STD:g} % of it"),
+        ("`u(added_mass)`", f"{100 * MASS_STD:g} % of it"),
     ],
 )
 def test_the_documentation_states_what_is_taken(row, value):

@@ -325,8 +325,8 @@ def test_mains(found, hertz, verdict):
 @pytest.mark.parametrize(
     ("low", "high", "said"),
     [
-        (1e5, 2e5, " between 1e+05 N/m and 2e+05 N/m (95 %, drawn)"),
-        (1e5, np.inf, " between 1e+05 N/m and no upper limit (95 %, drawn)"),
+        (1e5, 2e5, " between 1e+05 N/m and 2e+05 N/m (95 % by Monte Carlo)"),
+        (1e5, np.inf, " between 1e+05 N/m and no upper limit (95 % by Monte Carlo)"),
         (np.inf, np.inf, " without a limit"),
     ],
 )

@@ -16,7 +16,7 @@ from tests.export.grid import read_grid
 
 from fourpole.errors import CampaignError, FileError, TableError
 from fourpole.export import KINDS, export_results
-from fourpole.export.kinds import ABOUT, Kind, Takes
+from fourpole.export.kinds import ABOUT, ExportKind, Takes
 from fourpole.export.source import field_names, read_source, typed
 from fourpole.fitting.measured import measured_of
 from fourpole.fitting.modelling import fit_tyres, model_file
@@ -114,7 +114,7 @@ def test_a_kind_that_takes_something_else_says_what(results, tmp_path, monkeypat
     (tmp_path / "campaign.toml").touch()
     with pytest.raises(CampaignError, match=r"mat takes a results folder.* is a campaign folder"):
         export_results(tmp_path, "mat")
-    monkeypatch.setitem(KINDS, "names", Kind("names.txt", "names", "names of tyres", Takes.MODEL))
+    monkeypatch.setitem(KINDS, "names", ExportKind("names.txt", "names", "names of tyres", Takes.MODEL))
     module = types.ModuleType("fourpole.export.names")
     module.write = lambda source, path: tuple(source.tyres)
     monkeypatch.setitem(sys.modules, "fourpole.export.names", module)

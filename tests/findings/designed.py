@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from fourpole.study.results import Results
-from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
+from fourpole.study.tables import DYNAMIC, STATIC
 
 PRESSURES, LOADS, FREQUENCIES = (100e3, 150e3, 200e3, 250e3), (1000.0, 2000.0), (10.0, 13.0, 16.0, 19.0, 22.0)
 
@@ -77,7 +77,7 @@ class Tables:
                         found |= {"TR measured [1]": tr, "TR predicted [1]": tr, "u(TR) [1]": tr and self.u * tr}
                         row = {**row, "test": test_of, "frequency [Hz]": turned, "route": "mobility", **self.more}
                         dynamic.append({**row, **found, **self._verdict(test_of)})
-        return Results(frame(static, STATIC_COLUMNS), frame(dynamic, DYNAMIC_COLUMNS), pl.DataFrame())
+        return Results(frame(static, STATIC.columns), frame(dynamic, DYNAMIC.columns), pl.DataFrame())
 
     def _verdict(self, test: str) -> dict[str, str]:
         verdict, remarks = self.verdicts.get(test, ("ok", ""))
@@ -85,5 +85,5 @@ class Tables:
 
 
 def frame(rows, columns):
-    types = {name: pl.String if name in TEXT_COLUMNS else pl.Float64 for name in columns}
-    return pl.DataFrame({n: [row.get(n, "" if n in TEXT_COLUMNS else None) for row in rows] for n in columns}, types)
+    blank = {name: "" if kind == pl.String else None for name, kind in columns.items()}
+    return pl.DataFrame({n: [row.get(n, blank[n]) for row in rows] for n in columns}, columns)

@@ -11,7 +11,7 @@ import pytest
 from fourpole import Study, analyse
 from fourpole.findings import Holds, findings
 from fourpole.study.results import Results
-from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
+from fourpole.study.tables import DYNAMIC, STATIC
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 pytestmark = pytest.mark.thorough
@@ -207,12 +207,12 @@ def perfect(demo, whole_truth) -> Results:
         known = {"K1 [N/m]": "u(K1) [N/m]", "K2 [N/m]": "u(K2) [N/m]", "C [N s/m]": "u(C) [N s/m]"}
         known |= {"TR measured [1]": "u(TR) [1]"}
         rows = rows.with_columns((0.01 * pl.col(name)).alias(std) for name, std in known.items())
-        blanks = [pl.lit(None, pl.Float64).alias(n) for n in columns if n not in rows.columns and n not in TEXT_COLUMNS]
-        texts = [pl.lit("").alias(n) for n in columns if n not in rows.columns and n in TEXT_COLUMNS]
-        return rows.with_columns(*blanks, *texts).select(columns)
+        lacking = {n: kind for n, kind in columns.items() if n not in rows.columns}
+        blanks = [pl.lit("" if kind == pl.String else None, kind).alias(n) for n, kind in lacking.items()]
+        return rows.with_columns(blanks).select(list(columns))
 
     bent = pl.when(pl.col("tyre") == "cross-ply").then(0.04).otherwise(0.007)
-    tables = table("S", STATIC_COLUMNS, {"nonlinearity [1]": bent}), table("D", DYNAMIC_COLUMNS, {})
+    tables = table("S", STATIC.columns, {"nonlinearity [1]": bent}), table("D", DYNAMIC.columns, {})
     return Results(*tables, pl.DataFrame())
 
 

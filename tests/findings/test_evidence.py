@@ -24,6 +24,7 @@ def test_chance_of_any_of_several_effects_is_one_per_cent():
 def test_scatter_counts_with_students_factor():
     assert factor(3.0) == pytest.approx(stats.t.isf(0.5 * 0.0455, 3.0))
     assert Effect(1.0, 0.1, dof=3.0).reach() == pytest.approx(factor(3.0) * 0.1)
+    assert Effect(1.0, 0.03, 0.04, dof=3.0).std == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize("effect", [Effect(0.0, 0.01), Effect(0.0, 0.0, 0.01), Effect(0.0, 0.006, 0.008)])

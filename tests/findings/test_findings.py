@@ -211,6 +211,9 @@ def test_resonances_their_order_and_the_crossing_are_found_where_they_are():
     at = {each.specimens[0]: each for each in found if isinstance(each.detail, Resonance)}
     assert at["A"].effect == pytest.approx(15.0, abs=0.2)
     assert at["B"].effect == pytest.approx(18.0, abs=0.2)
+    for each in at.values():
+        errors = [peak.doubt for peak in each.detail.peaks.values()]
+        assert each.std == pytest.approx(np.mean(errors) / np.sqrt(3.0))
     order = only(found, ResonanceOrder)
     assert (order.holds, order.specimens, order.unit) == (Holds.BELOW, ("A", "B"), "Hz")
     assert order.effect == pytest.approx(-3.0, abs=0.3)

@@ -44,7 +44,7 @@ def test_the_true_family_is_chosen_or_said_to_be_alike(name):
         right += best == name or (bic[name] - bic[best] < 6.0 and not contains(name, best))
     assert right >= 11
     assert choice.best.name == name or name in choice.alike
-    assert choice.best.leave_one_out < 2.0
+    assert choice.best.cross_validation < 2.0
 
 
 def bic_of(found):
@@ -86,8 +86,8 @@ def test_a_special_case_excludes_nothing_within_six_of_bic(apart, unneeded, monk
 @pytest.mark.parametrize(("apart", "tried"), [(29.9, True), (30.1, False)])
 def test_what_is_far_off_is_not_tried_on_frequencies_left_out(apart, tried):
     choice = choose(lossy(np.log(40) + apart), ["spring", "kelvin"])
-    assert bool(np.isfinite(choice.named("spring").leave_one_out)) is tried
-    assert np.isfinite(choice.best.leave_one_out)
+    assert bool(np.isfinite(choice.named("spring").cross_validation)) is tried
+    assert np.isfinite(choice.best.cross_validation)
 
 
 @pytest.mark.parametrize(("frequencies", "tried"), [(3, False), (4, True)])
@@ -95,7 +95,7 @@ def test_too_few_frequencies_are_not_left_out(frequencies, tried):
     """A Zener has three parameters: two numbers more must be left, and two frequencies have four."""
     omega = 2 * np.pi * np.linspace(5.0, 30.0, frequencies)
     data = StiffnessData.of(omega, model_named("zener").stiffness([180e3, 120e3, 700.0], omega), 100.0)
-    assert bool(np.isfinite(choose(data, ["zener"]).best.leave_one_out)) is tried
+    assert bool(np.isfinite(choose(data, ["zener"]).best.cross_validation)) is tried
 
 
 def test_each_fifth_frequency_is_left_out_at_once(monkeypatch):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -13,7 +14,7 @@ from tests.plot.rig_found import with_rig_found
 from fourpole.core.rig import Rig
 from fourpole.core.tyre import mobility, transmissibility, zener_stiffness
 from fourpole.study.results import Results
-from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
+from fourpole.study.tables import DYNAMIC, STATIC
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, VirtualTyre
 
 RIG = Rig(moving_mass=15.0, preload_stiffness=12440.0, preload_damping=15.0)
@@ -29,9 +30,8 @@ PRESSURES = (100e3, 135e3, 170e3, 205e3, 240e3)
 FREQUENCIES = (10.0, 14.0, 17.0, 18.0, 19.0, 24.0)
 
 
-def frame(rows: Sequence[dict[str, object]], columns: Sequence[str]) -> pl.DataFrame:
-    types = {name: pl.String if name in TEXT_COLUMNS else pl.Float64 for name in columns}
-    return pl.DataFrame({name: [row.get(name) for row in rows] for name in columns}, schema=types, strict=False)
+def frame(rows: Sequence[dict[str, object]], columns: Mapping[str, Any]) -> pl.DataFrame:
+    return pl.DataFrame({name: [row.get(name) for row in rows] for name in columns}, schema=columns, strict=False)
 
 
 def dynamic_row(tyre: VirtualTyre, pressure: float, preload: float, frequency: float, number: int) -> dict[str, object]:
@@ -122,8 +122,8 @@ def results_of(
                 for frequency in frequencies:
                     dynamic.append(dynamic_row(tyre, pressure, preload, frequency, len(dynamic) + 1))
     results = Results(
-        static=frame(static, STATIC_COLUMNS),
-        dynamic=frame(dynamic, DYNAMIC_COLUMNS),
+        static=frame(static, STATIC.columns),
+        dynamic=frame(dynamic, DYNAMIC.columns),
         previews=pl.DataFrame(previews),
         record={"title": "closed formulas", "stated": {"rigs": STATED}},
     )
@@ -131,7 +131,7 @@ def results_of(
 
 
 def empty_results() -> Results:
-    return Results(frame([], STATIC_COLUMNS), frame([], DYNAMIC_COLUMNS), pl.DataFrame(), {})
+    return Results(frame([], STATIC.columns), frame([], DYNAMIC.columns), pl.DataFrame(), {})
 
 
 def renamed(results: Results, names: dict[str, str]) -> Results:

@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 
 from fourpole.study.results import Results
-from fourpole.study.tables import BUDGET_COLUMNS, RESIDUAL_COLUMNS, RIG_COLUMNS, TEXT_COLUMNS
+from fourpole.study.tables import BUDGET, RESIDUALS, RIG
 
 #: Unit, stated, u(stated), found, u(found), pull, seen from, finding of each value without a second mass.
 VALUES: dict[str, tuple[Any, ...]] = {
@@ -83,9 +83,8 @@ MISFIT: dict[str, Any] = {
 }
 
 
-def frame(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> pl.DataFrame:
-    types = {name: pl.String if name in TEXT_COLUMNS else pl.Float64 for name in columns}
-    return pl.DataFrame({name: [row.get(name) for row in rows] for name in columns}, schema=types, strict=False)
+def frame(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Any]) -> pl.DataFrame:
+    return pl.DataFrame({name: [row.get(name) for row in rows] for name in columns}, schema=columns, strict=False)
 
 
 def rig_table(values: Mapping[str, tuple[Any, ...]] = VALUES, rig: str = "") -> pl.DataFrame:
@@ -95,7 +94,7 @@ def rig_table(values: Mapping[str, tuple[Any, ...]] = VALUES, rig: str = "") -> 
         row = {"rig": rig, "value": value, **dict(zip(names, cells, strict=True))}
         row["posterior over prior [1]"] = row["u(found)"] / row["u(stated)"]
         rows.append({**row, "remarks": REMARKS[row["finding"]]})
-    return frame(rows, RIG_COLUMNS)
+    return frame(rows, RIG.columns)
 
 
 def residual_table(dynamic: pl.DataFrame, **cells: float) -> pl.DataFrame:
@@ -118,7 +117,7 @@ def residual_table(dynamic: pl.DataFrame, **cells: float) -> pl.DataFrame:
         }
         for at, row in enumerate(dynamic.rows(named=True))
     ]
-    return frame(rows, RESIDUAL_COLUMNS)
+    return frame(rows, RESIDUALS.columns)
 
 
 def budget_table(dynamic: pl.DataFrame, shares: Mapping[str, float] = SHARES) -> pl.DataFrame:
@@ -129,7 +128,7 @@ def budget_table(dynamic: pl.DataFrame, shares: Mapping[str, float] = SHARES) ->
         for quantity, unit in units.items()
         for source, share in shares.items()
     ]
-    return frame(rows, BUDGET_COLUMNS)
+    return frame(rows, BUDGET.columns)
 
 
 def with_rig_found(

@@ -207,14 +207,14 @@ def test_candidates_stand_where_their_criteria_are(tried):
     for ax, values in (
         (bic, [one.bic - least for one in entry.candidates]),
         (chi2, [one.chi2 / one.dof for one in entry.candidates]),
-        (left, [one.leave_one_out for one in entry.candidates]),
+        (left, [one.cross_validation for one in entry.candidates]),
     ):
         drawn = np.concatenate([points(ax, "_chosen"), points(ax, "_candidate")])
         expected = [(value, at) for at, value in enumerate(values) if value is not None]
         np.testing.assert_allclose(in_order(drawn), in_order(np.array(expected)), rtol=1e-12)
     assert [text.get_text() for text in bic.get_yticklabels()] == [one.model for one in entry.candidates]
     assert bic.get_ylim()[0] > bic.get_ylim()[1]  # the best on top
-    missing = sum(one.leave_one_out is None for one in entry.candidates)
+    missing = sum(one.cross_validation is None for one in entry.candidates)
     assert [text.get_text() for text in left.texts] == ["n"] * missing
     assert missing
 

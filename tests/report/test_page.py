@@ -29,7 +29,7 @@ from fourpole.report.page import ReportFigure, render_report, write_report
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import rigs_in_words
 from fourpole.study.results import Results
-from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS, TEXT_COLUMNS
+from fourpole.study.tables import DYNAMIC, STATIC
 
 # A tyre of closed formulas: K* in the tables, F1 and the deflection in the signals.
 STIFFNESS = 190e3 + 60e3j
@@ -50,8 +50,7 @@ def dynamic_row(at, **cells):
     v1, v2 = 0.1, 0.16 * cmath.exp(-0.3j)
     f1 = STIFFNESS * (v1 - v2) / (2j * math.pi * frequency)
     return {
-        **dict.fromkeys(DYNAMIC_COLUMNS),
-        **dict.fromkeys(TEXT_COLUMNS & set(DYNAMIC_COLUMNS), ""),
+        **{name: "" if kind == pl.String else None for name, kind in DYNAMIC.columns.items()},
         "test": f"D{at}",
         "tyre": ("cross", "radial")[at % 2],
         "construction": "ply",
@@ -145,7 +144,7 @@ def static_preview(test):
 
 
 def frame(rows, columns):
-    types = {name: pl.String if name in TEXT_COLUMNS else pl.Float64 for name in columns}
+    types = dict(columns)
     types |= {name: pl.String for row in rows for name in row if name not in types}
     return pl.DataFrame({name: [row.get(name) for row in rows] for name in types}, schema=types)
 
@@ -181,8 +180,8 @@ def made(dynamic=(), static=(), *, previews=True, **record):
         **record,
     }
     return Results(
-        frame(static, STATIC_COLUMNS),
-        frame(dynamic, DYNAMIC_COLUMNS),
+        frame(static, STATIC.columns),
+        frame(dynamic, DYNAMIC.columns),
         table,
         whole,
     )
@@ -207,11 +206,11 @@ def campaign(count=12, *, static=2, **record):
 def varied():
     """Two tyres, a rejected test without results, a warning, blanks."""
     dynamic = [dynamic_row(at) for at in range(1, 11)]
-    nothing = dict.fromkeys(DYNAMIC_COLUMNS[8:-3])
+    nothing = dict.fromkeys(list(DYNAMIC.columns)[8:-3])
     dynamic[3] |= {**nothing, "verdict": "rejected", "remarks": "the tyre lifts off"}
     dynamic[6] |= {"K2 [N/m]": None, "u(K2) [N/m]": None, "verdict": "warning", "remarks": "K2 is left blank"}
     results = made([row for row in dynamic if row["frequency [Hz]"]], [static_row("S1", 1000.0)])
-    return Results(results.static, frame(dynamic, DYNAMIC_COLUMNS), results.previews, results.record)
+    return Results(results.static, frame(dynamic, DYNAMIC.columns), results.previews, results.record)
 
 
 def hostile():
@@ -407,7 +406,7 @@ def test_a_table_has_all_digits_to_sort_by():
         made([dynamic_row(1)]),
         made([], [static_row("S1", None, **{"K1 [N/m]": None})]),
         made([dynamic_row(1)], [static_row("S1", 1000.0)], previews=False),
-        Results(frame([], STATIC_COLUMNS), frame([dynamic_row(1)], DYNAMIC_COLUMNS), pl.DataFrame(), {}),
+        Results(frame([], STATIC.columns), frame([dynamic_row(1)], DYNAMIC.columns), pl.DataFrame(), {}),
         made([dynamic_row(1)], stated=3, versions=None, settings=[], assumptions="no", sha256=1, title=None),
     ],
     ids=["nothing", "one dynamic", "one static", "no previews", "no record", "a strange record"],

@@ -8,7 +8,7 @@ import pytest
 from tests.findings.designed import Tables, Tyre, frame, rig_curve
 
 from fourpole.core.checks import Code
-from fourpole.findings import Conditions, Finding, Holds, Setup, Topic
+from fourpole.findings import Finding, FindingConditions, Holds, Setup, Topic
 from fourpole.findings import findings as found_in
 from fourpole.findings.claims import Claim, NoCommonState
 from fourpole.findings.comparisons import Comparison
@@ -35,7 +35,7 @@ from fourpole.quantities import CYCLE_LOSS, K1, K2, NONLINEARITY, TR, C
 from fourpole.report.words import Sentence, headline, sentences
 from fourpole.report.words.claims import STATEMENTS, claims_summary
 from fourpole.study.results import Results
-from fourpole.study.tables import DYNAMIC_COLUMNS, STATIC_COLUMNS
+from fourpole.study.tables import DYNAMIC, STATIC
 
 P1, P2, P3, P4 = (1e5, 1000.0), (1e5, 2000.0), (2e5, 1000.0), (2e5, 2000.0)
 AXES = ("pressure", "load")
@@ -43,7 +43,7 @@ AXES = ("pressure", "load")
 
 def said(detail, holds, specimens=("A", "B"), quantity=K1, axes=AXES, tests=(), mass=0.0):
     """The sentence of one finding."""
-    about = Conditions(axes, (), Setup("", mass))
+    about = FindingConditions(axes, (), Setup("", mass))
     (one,) = sentences([Finding(Topic.STATIC, quantity, specimens, holds, detail, about, tests=tests)])
     return one.text
 
@@ -127,7 +127,7 @@ def test_tests_not_to_trust(detail, holds, tests, text):
             Holds.NO_DIFFERENCE,
             (
                 "K1 of A and B shows no difference beyond the uncertainty at the 2 loads in common: that of B is 0.3 % "
-                "higher on average, no more than twice the standard uncertainty of 0.5 %."
+                "higher on average, no more than the expanded uncertainty (95 %) of 1.0 %."
             ),
         ),
     ],
@@ -162,7 +162,7 @@ def test_linearity():
 
 
 def test_the_loss_of_a_cycle_of_all_specimens():
-    about = Conditions(("pressure",))
+    about = FindingConditions(("pressure",))
     found = [
         Finding(Topic.LOSS, CYCLE_LOSS, (name,), Holds.MEASURED, CycleLoss({(1e5,): Measured(loss, 0.0)}), about)
         for name, loss in (("A", 1.5), ("B", 2.5))
@@ -203,7 +203,7 @@ def trend(values, *, line=True, axis="pressure", split=None, extremum=None, own=
             Holds.NO_CHANGE,
             (
                 "C of A does not vary measurably with pressure: from 1.00 to 2.50 bar it changes by +0.1 % at 10 Hz, "
-                "no more than twice the standard uncertainty of 0.5 %."
+                "no more than the expanded uncertainty (95 %) of 1.0 %."
             ),
         ),
         (
@@ -211,7 +211,7 @@ def trend(values, *, line=True, axis="pressure", split=None, extremum=None, own=
             Holds.NO_CHANGE,
             (
                 "C of A does not differ measurably between 1.00 and 2.50 bar: it changes by -0.1 % at 10 Hz, no more "
-                "than twice the standard uncertainty of 0.5 %."
+                "than the expanded uncertainty (95 %) of 1.0 %."
             ),
         ),
         (
@@ -616,7 +616,7 @@ def test_the_headline_is_short():
 
 
 def test_where_nothing_is_used_the_headline_is_the_number_of_tests():
-    empty = Results(frame([], STATIC_COLUMNS), frame([], DYNAMIC_COLUMNS), pl.DataFrame())
+    empty = Results(frame([], STATIC.columns), frame([], DYNAMIC.columns), pl.DataFrame())
     rejected = {f"{kind}{i}": ("rejected", "why") for kind in "SD" for i in range(1, 50)}
     tables = Tables({"A": Tyre(construction="cross-ply"), "B": Tyre(construction="radial-ply")}, verdicts=rejected)
     tables.pressures = tables.pressures[:2]

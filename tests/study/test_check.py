@@ -285,12 +285,45 @@ def test_what_lies_behind_the_first_part_is_not_looked_at(folder):
     assert [one[:3] for one in problems(folder)] == [("D2", "recording", "rejected")]
 
 
-def test_a_lead_in_warns(folder):
+def parts_read(folder, monkeypatch):
+    """Lengths [s] of the parts that check reads of each recording; no test states its frequency."""
+    edit(folder, "tests.csv", "1.7,1000,14", "1.7,1000,")
+    edit(folder, "tests.csv", "1.7,1000,10", "1.7,1000,")
+    lengths, load = {}, reduce.load_recording
+
+    def loaded(place, path, *more, part):
+        lengths.setdefault(path.stem, []).append(part)
+        return load(place, path, *more, part=part)
+
+    monkeypatch.setattr(reduce, "load_recording", loaded)
+    problems(folder)
+    return lengths
+
+
+def test_without_a_stated_frequency_two_seconds_are_read(folder, monkeypatch):
+    changed(folder, lambda t, columns: {"F1": pl.Series(np.where(t < 1.0, np.nan, columns["F1"]))})
+    assert parts_read(folder, monkeypatch) == {"D1": [2.0], "D2": [2.0, 2.0]}
+
+
+def test_of_a_slow_drive_twenty_cycles_are_read(folder, monkeypatch):
+    """Two seconds hold 1.6 cycles; eight are the first part with four, which a frequency needs."""
+    t, hertz, rng = np.arange(0.0, 60.0, 0.01), 0.8, np.random.default_rng(1)
+    waves = {name: np.sin(2 * np.pi * hertz * t) + 0.01 * rng.normal(size=t.size) for name in ("F1", "V1", "V2")}
+    pl.DataFrame({"t": t, **waves}).write_csv(folder / "recordings" / "D2.csv")
+    *found, whole = parts_read(folder, monkeypatch)["D2"]
+    assert found == [2.0, 4.0, 8.0]
+    assert whole == pytest.approx(20 / hertz, rel=0.05)
+
+
+@pytest.mark.parametrize("noise", [1e-5, 0.0])
+@pytest.mark.parametrize("stated", ["14", ""])
+def test_a_lead_in_warns(folder, noise, stated):
     """The analysis cuts it; the check sees nothing else, and says so without a rejection."""
+    edit(folder, "tests.csv", "1.7,1000,14", f"1.7,1000,{stated}")
     path = folder / "recordings" / "D2.csv"
     table = pl.read_csv(path)
     rng = np.random.default_rng(1)
-    still = {"t": np.arange(2500) / 1000, **{name: 1e-5 * rng.normal(size=2500) for name in ("F1", "V1", "V2")}}
+    still = {"t": np.arange(2500) / 1000, **{name: noise * rng.normal(size=2500) for name in ("F1", "V1", "V2")}}
     shifted = table.with_columns(pl.col("t") + 2.5)
     pl.concat([pl.DataFrame(still), shifted.select(list(still))]).write_csv(path)
     assert {one[2] for one in problems(folder)} == {"warning"}

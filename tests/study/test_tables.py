@@ -25,6 +25,8 @@ def described():
         "`fourpole analyse` writes these; [campaign.md](campaign.md) says how to read them. Values are in the",
         "unit of the column's head, SI. A table marked * has no file where it has no rows. Where a test has several",
         "rows, because its recording gave several frequencies, `point` stands after `test` and counts them.",
+        "`static.csv` has further columns for the temperature and for each axis of `[conditions]`, where a static test",
+        "states it; `dynamic.csv` has all further columns of tests.csv.",
     ]
     for spec in TABLES.values():
         files = ", ".join(f"`{spec.name}{ending}`" for ending in spec.endings)
@@ -32,7 +34,7 @@ def described():
         lines += ["", f"## {files}{'' if spec.always else ' *'}", "", f"A row: {spec.about}. Known by {key}.", ""]
         lines += ["| column | holds |", "|---|---|"]
         lines += [f"| `{head}` | {meaning_of(head)} |" for head in spec.columns]
-    lines += ["", "## `findings.csv`", "", "A row: a finding. Other than above, a head has no unit: `unit` has it.", ""]
+    lines += ["", "## `findings.csv`", "", "A row: a finding. The heads have no unit: the column `unit` states it.", ""]
     lines += ["| column | holds |", "|---|---|", *(f"| `{head}` | {text} |" for head, text in FINDING_COLUMNS.items())]
     return "\n".join(lines) + "\n"
 

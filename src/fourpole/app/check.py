@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, first_of, out, print_json, print_table, progress, say
 from fourpole.campaign import read_campaign
-from fourpole.study.check import Checked, Problem, check_campaign
+from fourpole.study.check import CampaignProblem, Checked, check_campaign
 
 _MOST_NAMED = 4
 _MOST_LISTED = 60
@@ -39,7 +39,7 @@ def _list(checked: Checked) -> None:
     """Print one row for each kind of problem, with the tests that have it."""
     for note in checked.notes:
         say(f"note: {note}")
-    groups: dict[tuple[str, str, str], list[Problem]] = {}
+    groups: dict[tuple[str, str, str], list[CampaignProblem]] = {}
     for problem in sorted(checked.problems, key=lambda one: one.verdict != "rejected"):
         groups.setdefault((problem.verdict, problem.about, problem.message), []).append(problem)
     rows = [

@@ -141,8 +141,8 @@ def check(
 def info(file: Recording, *, options: InfoOptions, as_json: JsonFlag = False) -> None:
     """Show what a file holds: its format, its channels with units, rates, ranges and gaps, and an outline of each.
 
-    The line is the frequency that has most of a channel's variance. Of a file with many channels the first 64 are
-    read; name a group or a channel for others.
+    Column `line`: the frequency with the largest share of the channel's variance. Only the first 64 channels of a file
+    are read; name a group or a channel for others.
     """
     from fourpole.app.info import run_info
 
@@ -332,7 +332,7 @@ def plot(
 
 def main() -> None:
     """Run the command."""
-    # Recordings are reduced in parallel processes; threads of the linear algebra inside each would compete with them.
+    # Recordings are reduced in parallel threads; further threads of the linear algebra would compete with them.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     app()

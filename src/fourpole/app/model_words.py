@@ -46,7 +46,7 @@ def show_fit(entry: ModelEntry) -> None:
             f"{one.chi2 / max(one.dof, 1):.3g}",
             f"{one.aicc:.5g}",
             f"{one.bic - least:.3g}",
-            "" if one.leave_one_out is None else f"{one.leave_one_out:.3g}",
+            "" if one.cross_validation is None else f"{one.cross_validation:.3g}",
             str(one.on_bound or ""),
             str(one.not_converged or ""),
         )

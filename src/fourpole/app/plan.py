@@ -28,6 +28,7 @@ from fourpole.planning.plan import (
     plan_table,
 )
 from fourpole.planning.runsheet import run_sheet
+from fourpole.study.identified import NOT_LINEAR
 from fourpole.study.study import make_folder
 
 _SHORT = {"mobility": "mobility", "relative": "relative", "transmissibility": "transmiss.", "joint": "joint"}
@@ -35,8 +36,6 @@ _MOST_FREQUENCIES = 16
 _MOST_WAYS = 5
 #: A remedy that leaves more than this share of the uncertainty is shown as no gain.
 _NO_GAIN = 0.98
-#: Relative uncertainty of K2 above which a standard uncertainty no longer describes the scatter.
-_LINEAR = 0.3
 
 
 def run_plan(campaign: Path | None, options: PlanOptions, bare: BareRig, folder: Path | None, *, as_json: bool) -> None:
@@ -141,7 +140,7 @@ def _tables(frame: pl.DataFrame) -> Iterator[str]:
     if len(kept) < len(every):
         yield f"({len(kept)} of {len(every)} frequencies shown; plan.csv has all)"
     high = stated[q.K2.relative_head].max()
-    if isinstance(high, float) and high > _LINEAR:
+    if isinstance(high, float) and high > NOT_LINEAR:
         yield "(above some 30 % the true scatter has tails that no standard uncertainty describes)"
 
 

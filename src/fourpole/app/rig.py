@@ -14,10 +14,10 @@ from fourpole.report.words.limits import limit_rows, limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
 from fourpole.report.words.shared_values import GROUPS, ShownValue
 from fourpole.study.results import Results, read_results, section
-from fourpole.study.rig_estimate import Finding
+from fourpole.study.rig_estimate import RigFinding
 
 _HEADS = ("value of", "unit", "as stated", "as found", "u after/before", "pull", "detection limit", "finding")
-_STYLES = {Finding.FOUND: "green", Finding.CONTRADICTED: "bold red", Finding.NOT_CALIBRATED: "yellow"}
+_STYLES = {RigFinding.FOUND: "green", RigFinding.CONTRADICTED: "bold red", RigFinding.NOT_CALIBRATED: "yellow"}
 
 
 def run_rig(folder: Path, *, as_json: bool) -> None:

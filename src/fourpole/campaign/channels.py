@@ -9,14 +9,11 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from fourpole import units
+from fourpole.campaign import defaults
 from fourpole.core.chain import Geophone, HighPass, Link, LowPass
 from fourpole.core.recording import CrossTalk
 from fourpole.errors import TableError, UnitError
 
-#: Relative standard uncertainty of a gain that is assumed where none is stated [1].
-DEFAULT_GAIN_STD = 0.01
-#: Standard uncertainty of a phase that is assumed where none is stated [rad].
-DEFAULT_PHASE_STD = 0.5 * 3.141592653589793 / 180.0
 #: Highest order of a filter.
 _HIGHEST_ORDER = 12
 _ROLES = ("force_in", "motion_in", "motion_out")
@@ -212,12 +209,12 @@ class ChannelFile(File):
     @property
     def gain_std(self) -> float:
         """Relative standard uncertainty of the gain."""
-        return 0.0 if self.exact else (DEFAULT_GAIN_STD if self.std_gain is None else self.std_gain)
+        return 0.0 if self.exact else (defaults.GAIN_STD if self.std_gain is None else self.std_gain)
 
     @property
     def phase_std(self) -> float:
         """Standard uncertainty of the phase [rad]."""
-        return 0.0 if self.exact else (DEFAULT_PHASE_STD if self.std_phase is None else self.std_phase)
+        return 0.0 if self.exact else (defaults.PHASE_STD if self.std_phase is None else self.std_phase)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from fourpole import units
+from fourpole.campaign import defaults
 from fourpole.campaign.channels import (
     CHANNEL_KINDS,
     ChannelFile,
@@ -22,9 +23,6 @@ from fourpole.campaign.channels import (
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import CampaignError
-
-#: Relative standard uncertainty of a rig value that is assumed where none is stated [1].
-DEFAULT_RIG_STD = 0.02
 
 #: Kind of quantity of each value of the rig.
 _RIG_KINDS = {name: units.channel_scale(unit, units.KINDS)[0] for name, unit in PARAMETERS.items()}
@@ -66,7 +64,7 @@ def _stated(raw: Any, kind: str) -> Stated:
     if exact:
         return Stated(value, 0.0, assumed=False)
     if "std" not in raw:
-        return Stated(value, DEFAULT_RIG_STD * abs(value), assumed=value != 0)
+        return Stated(value, defaults.RIG_STD * abs(value), assumed=value != 0)
     std = raw["std"]
     if isinstance(std, str) and std.strip().endswith("%"):
         return _non_negative(value, abs(value) * units.quantity(std, "ratio"))

@@ -39,7 +39,7 @@ class ChannelError(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class ChannelUncertainty(ByValue):
-    """Standard uncertainties of the channels F1, V1, V2.
+    """Standard uncertainties of the channels F1, V1, V2; the default of each is 0, an exact channel.
 
     Attributes
     ----------

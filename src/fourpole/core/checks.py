@@ -14,6 +14,7 @@ from math import inf, nan
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
+from fourpole.core.confidence import COVERAGE
 from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.demodulation.spectrum import LINE_GAP, off_multiples
 from fourpole.core.phasor import Phasors
@@ -132,7 +133,7 @@ class Code(Enum):
             "the speed of the drive wanders by up to {statistic:.2%} of its mean, which makes V1/F1 or V2/V1 wrong by "
             "{shift:.2g} of it at one frequency: followed along the phase of V1; "
         ),
-        ("record a tacho or encoder and state it as [channels] reference"),
+        "record a tacho or encoder and state it as [channels] reference",
     )
     STATEMENT = ("tests.csv", "the row of the test in tests.csv", "", "{why}")
     RECORDING = ("recording", "whether the recording can be read and used", "", "{why}")
@@ -192,7 +193,7 @@ class Code(Enum):
     )
     PASSIVE_ARM = (
         "passive arm",
-        "the share of the drawn K2 and C that is not passive",
+        "the share of the Monte Carlo trials of K2 and C that is not passive",
         "K' lies too close to K1",
         "K2 and C are not identifiable: K' lies too close to K1 for its uncertainty; K2 is{interval}: ",
         "use K* instead",
@@ -205,7 +206,7 @@ class Code(Enum):
         "the relative uncertainty of K2 or C, the larger one",
         "K2 or C is known too poorly",
         "{name} is known to {statistic:.0%} only,{interval}: ",
-        ("use K* instead, or state the rig, K1 and the channels with smaller uncertainties"),
+        "use K* instead, or state the rig, K1 and the channels with smaller uncertainties",
     )
     AGREEMENT = (
         "agreement",
@@ -316,11 +317,11 @@ def reported(
 
 
 def interval_words(low: float, high: float, unit: str) -> str:
-    """A 95 % interval that was found by Monte Carlo, as `Code.PASSIVE_ARM` and `Code.UNCERTAINTY` state it."""
+    """An interval of probability `COVERAGE` by Monte Carlo, as `Code.PASSIVE_ARM` and `Code.UNCERTAINTY` state it."""
     if not np.isfinite(low):
         return " without a limit"
     upper = f"and {high:.3g} {unit}" if np.isfinite(high) else "and no upper limit"
-    return f" between {low:.3g} {unit} {upper} (95 %, drawn)"
+    return f" between {low:.3g} {unit} {upper} ({100 * COVERAGE:g} % by Monte Carlo)"
 
 
 def cut_words(before: float, after: float) -> str:

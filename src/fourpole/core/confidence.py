@@ -1,15 +1,20 @@
-"""Confidence levels of intervals, verdicts and claims; no other module holds such a number.
+"""Confidence levels of intervals, verdicts and claims; every other module takes its levels from here.
 
-±u in a table is a standard uncertainty (about 68 %). Intervals hold 95 %.
+±u in a table is a standard uncertainty (about 68 %). Intervals hold 95 %. Limits that are multiples of a standard
+uncertainty without a stated probability stand beside the rule that uses them, as in `core.joint.reconcile`.
 """
 
-#: Probabilities of the quantiles that stand for a distribution by draws: the ends of the 95 % interval, and the median.
+#: Probability that an interval holds the value.
+COVERAGE = 0.95
+
+#: Probabilities of the quantiles that describe a distribution from Monte Carlo: ends of the interval, and the median.
 LEVELS = (0.025, 0.5, 0.975)
 #: Standard uncertainties to either side of the mean that hold 95 % of a normal distribution.
 NORMAL_95 = 1.959964
-#: A model, or data as stated, is rejected when chance exceeds its chi-square with a smaller probability than this.
+#: A model or a statement is rejected if the probability of a larger chi-square by noise alone is below this.
 CHANCE = 1e-3
-#: An effect is claimed when chance gives as large an effect with a smaller probability: two standard uncertainties.
+#: An effect is claimed if the probability of as large an effect by noise alone is below this: two standard
+#: uncertainties of a normal distribution.
 CLAIM_CHANCE = 0.0455
 #: The same probability for all effects together, when several are searched for any that stands out.
 SEARCH_CHANCE = 0.01

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
+from fourpole.core.confidence import COVERAGE
 
 #: The three channels of a dynamic test, in the order of every amplitude and covariance.
 CHANNELS = ("force_in", "motion_in", "motion_out")
@@ -26,7 +27,8 @@ class Phasors(ByRows):
     frequency : (...,) float array [Hz]
         Excitation frequency.
     amplitudes : (..., 3) complex array [N], [m/s], [m/s]
-        F1, V1, V2; not-a-number for an absent channel.
+        F1, V1, V2; not-a-number for an absent channel. V1 and V2 are positive in the same direction, from the contact
+        towards the foundation; F1 is positive where it pushes the tyre in that direction.
     covariance : (..., 6, 6) float array
         Covariance of Re F1, Im F1, Re V1, Im V1, Re V2, Im V2, in the squares of their units. It includes the noise,
         not the errors of the gains.
@@ -126,7 +128,7 @@ class Phasors(ByRows):
         """Standard uncertainty (..., 6) of Re and Im of F1, V1, V2 from the noise, in their units."""
         return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
 
-    def coverage_factor(self, level: float = 0.95) -> FloatArray:
+    def coverage_factor(self, level: float = COVERAGE) -> FloatArray:
         """Half-width of a two-sided interval in standard uncertainties, by Student's t.
 
         Parameters

@@ -152,7 +152,8 @@ class Recording:
         time : (N,) float array [s]
             Uniform time.
         force_in, motion_in, motion_out : (N,) float arrays
-            F1 [N], and the motion at the contact and beyond the tyre.
+            F1 [N], and the motion at the contact and beyond the tyre. Both motions are positive in the same direction,
+            from the contact towards the foundation; F1 is positive where it pushes the tyre in that direction.
         motion : {"displacement", "velocity", "acceleration"}
             Quantity of the motions [m], [m/s] or [m/s²].
         label : str

@@ -16,7 +16,7 @@ from scipy import fft, interpolate
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import RecordingError
 
-#: Fewest revolutions, which is the number of points of a cubic.
+#: Least number of revolutions: a cubic through the marks needs four points.
 _FEWEST = 4
 _FEWEST_SMOOTHED = 8
 _TREND = 3

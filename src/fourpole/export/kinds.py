@@ -23,7 +23,7 @@ class Takes(Enum):
 
 
 @dataclass(frozen=True)
-class Kind:
+class ExportKind:
     """A kind of export.
 
     Attributes
@@ -55,11 +55,11 @@ class Kind:
 
 
 KINDS = {
-    "xlsx": Kind("results.xlsx", "workbook", "workbook with all tables and charts", extra="export"),
-    "mat": Kind("results.mat", "matlab", "MATLAB file, level 5, a struct per table"),
-    "tydex": Kind("tydex", "tydex", "folder of TYDEX 1.3 files, one per condition"),
-    "uff": Kind("results.uff", "uff", "UFF 58: V1/F1 and K* of each condition", extra="formats"),
-    "netcdf": Kind("results.nc", "netcdf", "NetCDF: the grid of conditions and frequencies", extra="maps"),
+    "xlsx": ExportKind("results.xlsx", "workbook", "workbook with all tables and charts", extra="export"),
+    "mat": ExportKind("results.mat", "matlab", "MATLAB file, level 5, a struct per table"),
+    "tydex": ExportKind("tydex", "tydex", "folder of TYDEX 1.3 files, one per condition"),
+    "uff": ExportKind("results.uff", "uff", "UFF 58: V1/F1 and K* of each condition", extra="formats"),
+    "netcdf": ExportKind("results.nc", "netcdf", "NetCDF: the grid of conditions and frequencies", extra="maps"),
 }
 #: All kinds with their descriptions, for the help.
 ABOUT = "; ".join(f"{name}: {kind.about}" for name, kind in KINDS.items())

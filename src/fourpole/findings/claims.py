@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from fourpole.findings import readings
 from fourpole.findings.facts import Facts
-from fourpole.findings.finding import Conditions, Finding, Holds, Topic
+from fourpole.findings.finding import Finding, FindingConditions, Holds, Topic
 from fourpole.findings.readings import Evidence, Lack, LackError, Reading, Tyre
 from fourpole.quantities import K1, K2, NONLINEARITY, TR, C, Quantity
 
@@ -113,4 +113,4 @@ def _claim(cross: Tyre, radial: Tyre, number: int, quantity: Quantity, tyres: tu
         return Finding(Topic.CLAIMS, quantity, about, Holds.NOT_EXAMINED, detail, tests=tests)
     holds = Holds.FALSE if not found.holds else Holds.TRUE if found.sure else Holds.TRUE_UNSURE
     detail, size = Claim(number, stated, states, found.evidence), (found.effect, found.std, found.unit)
-    return Finding(Topic.CLAIMS, quantity, about, holds, detail, Conditions(), *size, tests)
+    return Finding(Topic.CLAIMS, quantity, about, holds, detail, FindingConditions(), *size, tests)

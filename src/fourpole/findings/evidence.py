@@ -57,8 +57,8 @@ class Effect:
 
     @property
     def std(self) -> float:
-        """Half of the value that a claim must exceed [1]."""
-        return 0.5 * self.reach()
+        """Standard uncertainty [1]."""
+        return hypot(self.own, self.shared)
 
     def reach(self, searched: int = 1) -> float:
         """The value that an effect must exceed to be claimed [1], if `searched` effects are searched for any claim."""

@@ -15,7 +15,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis, Condition, Sameness, Value
-from fourpole.findings.finding import UNSTATED, Conditions, Detail, Finding, Holds, Key, Setup, Topic
+from fourpole.findings.finding import UNSTATED, Detail, Finding, FindingConditions, Holds, Key, Setup, Topic
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
@@ -24,7 +24,8 @@ _AXES = {"pressure": PRESSURE, "load": PRELOAD, "frequency": FREQUENCY}
 Name = TypeVar("Name", bound=Hashable)
 #: Relative standard uncertainty of a value for which the tables have none.
 _UNSTATED_STD = 0.02
-#: With more specimens than these only those with the lowest and the highest mean are compared.
+#: Largest number of specimens of which every pair is compared; of more, only those with the lowest and the highest
+#: mean are.
 _MOST_PAIRED = 3
 
 
@@ -197,7 +198,7 @@ def finding_on(
     """A finding on a quantity of some specimens at conditions that all of them have; it names the tests used there."""
     keys = tuple(sorted(keys))
     tests = tuple(sorted({test for each in values.values() for key in keys for test in each[key].tests}, key=natural))
-    about = Conditions(quantity.over[: len(keys[0])], keys, setup or Setup())
+    about = FindingConditions(quantity.over[: len(keys[0])], keys, setup or Setup())
     topic = Topic(topic or quantity.topic)
     return Finding(topic, quantity, tuple(values), holds, detail, about, effect, std, unit, tests)
 
@@ -214,7 +215,7 @@ def common(first: Mapping[Key, Any], second: Mapping[Key, Any]) -> list[Key]:
 
 
 def pairs(means: Mapping[Name, float]) -> list[tuple[Name, Name]]:
-    """All pairs of up to three specimens; of more, the one with the lowest and the highest mean."""
+    """All pairs of up to `_MOST_PAIRED` specimens; of more, the pair with the lowest and the highest mean."""
     if len(means) <= _MOST_PAIRED:
         return list(combinations(means, 2))
     order = sorted(means, key=lambda name: means[name])

@@ -72,7 +72,7 @@ class Setup:
 
 
 @dataclass(frozen=True)
-class Conditions:
+class FindingConditions:
     """Nominal conditions: each key has the values of `axes`, which are pressure [Pa], load [N] and frequency [Hz]."""
 
     axes: tuple[str, ...] = ()
@@ -108,10 +108,10 @@ class Finding:
         The outcome.
     detail : Detail
         The numbers of this kind of finding; `detail.kind` names the kind.
-    conditions : Conditions
+    conditions : FindingConditions
         The conditions at which the quantity was measured.
     effect, std : float or None
-        Size of the effect and its standard uncertainty, in `unit`.
+        Size of the effect and its standard uncertainty, in `unit`. A mean over conditions has that of one condition.
     unit : str
         SI unit; "1" for a relative effect.
     tests : tuple of str
@@ -123,7 +123,7 @@ class Finding:
     specimens: tuple[str, ...]
     holds: Holds
     detail: Detail
-    conditions: Conditions = field(default_factory=Conditions)
+    conditions: FindingConditions = field(default_factory=FindingConditions)
     effect: float | None = None
     std: float | None = None
     unit: str = ""

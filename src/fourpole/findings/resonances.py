@@ -63,6 +63,11 @@ class Peak:
         width = 0.5 * (self.high - self.low)
         return 0.1 * width if self.at is not None else width
 
+    @property
+    def std(self) -> float:
+        """Standard uncertainty of `best` [Hz], of a uniform distribution within `doubt`."""
+        return self.doubt / sqrt(3.0)
+
 
 @dataclass(frozen=True)
 class Crossing:
@@ -106,7 +111,7 @@ class ResonanceOrder:
     gaps : mapping
         Resonance of the second less that of the first [Hz], by condition.
     doubts : mapping
-        Largest error of each gap [Hz].
+        Error of each gap [Hz]: root of the sum of the squares of the largest errors of both resonances.
     """
 
     kind: ClassVar[str] = "order of resonances"
@@ -235,7 +240,7 @@ def _pairs(peaks: Mapping[Who, Mapping[Key, Peak]]) -> list[tuple[Who, Who]]:
 def _resonances(facts: Facts, who: Who, peaks: Mapping[Key, Peak]) -> list[Finding]:
     """A finding per load on the resonances inside the tested frequencies; one on those at each end.
 
-    The effect is the mean frequency, its uncertainty inside is the mean doubt.
+    The effect is the mean frequency; for resonances inside, its uncertainty is the mean of theirs.
     """
     groups: dict[tuple[int, float], dict[Key, Peak]] = {}
     for key, one in peaks.items():
@@ -243,8 +248,8 @@ def _resonances(facts: Facts, who: Who, peaks: Mapping[Key, Peak]) -> list[Findi
     findings = []
     for _, each in sorted(groups.items()):
         found, holds = list(each.values()), _SIDES[next(iter(each.values())).side]
-        best, doubt = (float(np.mean(x)) for x in ([one.best for one in found], [one.doubt for one in found]))
-        size = best, doubt if holds is Holds.INSIDE else None
+        best, std = (float(np.mean(x)) for x in ([one.best for one in found], [one.std for one in found]))
+        size = best, std if holds is Holds.INSIDE else None
         findings.append(_on_curves(facts, (who,), each, Topic.RESONANCE, holds, Resonance(each), *size))
     return findings
 
@@ -272,19 +277,19 @@ def _order(facts: Facts, peaks: Mapping[Who, Mapping[Key, Peak]], first: Who, se
         return []
     gaps = {key: b[key].best - a[key].best for key in keys}
     found = ResonanceOrder(gaps, {key: hypot(a[key].doubt, b[key].doubt) for key in keys})
-    size = -found.mean, max(found.doubts.values())
+    size = -found.mean, max(hypot(a[key].std, b[key].std) for key in keys)
     return [_on_curves(facts, (first, second), keys, Topic.RESONANCE, found.holds, found, *size)]
 
 
 def crossings(first: Curve, second: Curve) -> list[Crossing]:
-    """Crossings of two curves, between tested frequencies where they differ by more than two standard uncertainties."""
+    """Crossings of two curves, between tested frequencies where they differ by more than their uncertainty allows."""
     order = np.array(first.frequency)
     tested = np.array([f for f in order if np.min(np.abs(np.array(second.frequency) / f - 1.0)) < FREQUENCY.relative])
     if tested.size < _FEWEST_POINTS:
         return []
     found = []
     gap, std = _gap(first, second, tested)
-    clear = [i for i in range(tested.size) if abs(gap[i]) > 2.0 * std[i]]
+    clear = [i for i in range(tested.size) if abs(gap[i]) > factor() * std[i]]
     for a, b in pairwise(clear):
         if gap[a] * gap[b] < 0.0:
             f = np.linspace(tested[a], tested[b], 501)

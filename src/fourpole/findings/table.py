@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from fourpole.findings.finding import Conditions, Finding
+from fourpole.findings.finding import Finding, FindingConditions
 
 #: Heads of findings.csv, each with its meaning.
 FINDING_COLUMNS = {
@@ -15,7 +15,7 @@ FINDING_COLUMNS = {
     "specimens": "names of the specimens",
     "condition": "lowest to highest pressure, load and frequency, the rig, and the added mass",
     "effect": "size of the effect",
-    "u(effect)": "its standard uncertainty",
+    "u(effect)": "its standard uncertainty; of a mean over conditions, that of one condition; blank where it has none",
     "unit": "unit of the effect, 1 for a relative one",
     "holds": "the outcome",
     "tests": "names of the tests that the finding uses",
@@ -55,7 +55,7 @@ def findings_table(found: Sequence[Finding]) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=schema, orient="row")
 
 
-def _condition(about: Conditions) -> str:
+def _condition(about: FindingConditions) -> str:
     """Lowest to highest setting of each axis in SI, and the set-up."""
     parts = []
     for axis in about.axes:

@@ -39,7 +39,9 @@ LARGEST = 1e30
 #: Keys that version 1 has gained: of the document, and of a condition.
 LATER = ("axes", "points")
 #: Keys of version 1 of the format whose attributes have other names.
-_KEYS = {"discrepancy": "granted", "leave_one_out": "left_out", "not_converged": "lost"}
+_KEYS = {
+    "discrepancy": "granted", "leave_one_out": "left_out", "cross_validation": "left_out", "not_converged": "lost"
+}  # fmt: skip
 
 
 class _Strict(BaseModel):
@@ -111,7 +113,7 @@ class CandidateFile(_Strict):
     dof: int
     aicc: float
     bic: float
-    leave_one_out: float | None = Field(
+    cross_validation: float | None = Field(
         description="Cross-validation error over frequencies, in standard uncertainties [1]; null: not computed.",
     )
     on_bound: int

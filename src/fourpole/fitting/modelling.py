@@ -404,7 +404,7 @@ def _candidate_entry(one: Candidate) -> CandidateFile:
     return CandidateFile(
         model=one.name,
         causal=one.fit.model.causal,
-        leave_one_out=finite_or_none(one.leave_one_out),
+        cross_validation=finite_or_none(one.cross_validation),
         **{name: getattr(one, name) for name in plain},
     )
 

@@ -12,7 +12,7 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.demodulation.spectrum import hann, peak_place
 from fourpole.io.look import filled, rate_of
 from fourpole.io.signals import Signal
-from fourpole.io.stream import Source, stream
+from fourpole.io.stream import StreamSource, stream
 
 #: Number of samples that are read of each channel.
 _ENOUGH_ROWS = 1 << 18
@@ -68,7 +68,7 @@ def samples_of(
     path: Path, names: Sequence[str], *, group: str, label: str, clock: str | None = None, unit: str = "s"
 ) -> dict[str, Signal]:
     """The first samples of some channels, with the times that the file or its column `clock` states."""
-    source = Source(path, tuple(names), label, group, clock=clock, unit=unit, needs="nothing", rows=_ENOUGH_ROWS)
+    source = StreamSource(path, tuple(names), label, group, clock=clock, unit=unit, needs="nothing", rows=_ENOUGH_ROWS)
     return dict(zip(names, next(stream(source).chunks), strict=True))
 
 

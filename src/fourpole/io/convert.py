@@ -136,7 +136,8 @@ def convert(
     if target.exists() and not choice.force:
         raise FileError(f"{target.name}: is there already; name another file, or replace it with --force")
     places = chosen_of(found, choice.group, choice.channels, source.name)
-    remarks = Remarks(() if found.format == "WAV" else found.notes)  # the only note on a WAV file is the reader's own
+    # The note on a WAV file is about reading and does not apply to the copy.
+    remarks = Remarks(() if found.format == "WAV" else found.notes)
     places = places if choice.channels else _readable(source, found, places, remarks)
     run = surveyed_stream(source, found, places, label=source.name)
     first = next(iter(run.chunks))

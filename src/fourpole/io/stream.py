@@ -44,7 +44,7 @@ _TIME_OF_DAY = "times of day"
 
 
 @dataclass(frozen=True)
-class Source:
+class StreamSource:
     """The channels to read from a recording, and what campaign.toml states of their times.
 
     Attributes
@@ -113,7 +113,7 @@ def _timeless(signals: Iterable[Signal]) -> bool:
 # --- channels by name, with the times that campaign.toml states -------------------------------------------------------
 
 
-def stream(source: Source) -> Stream:
+def stream(source: StreamSource) -> Stream:
     """The named channels of a recording: one chunk if they need little memory, or else one chunk after the other.
 
     Raises
@@ -135,7 +135,7 @@ def stream(source: Source) -> Stream:
     return Stream(count, _reconciled(chain([first], chunks), source, names, kind.name == "text"), {})
 
 
-def _read(kind: Format, source: Source, names: tuple[str, ...]) -> tuple[int, Iterator[Sequence[Signal]]]:
+def _read(kind: Format, source: StreamSource, names: tuple[str, ...]) -> tuple[int, Iterator[Sequence[Signal]]]:
     """Number of samples of the longest channel (0 if it is one chunk), and the chunks with the times of the file."""
     request = Request(source.path, names, source.group, source.label, _MOST_MEMORY)
     if kind.blocks is None:
@@ -153,7 +153,7 @@ def _read(kind: Format, source: Source, names: tuple[str, ...]) -> tuple[int, It
     return count, kind.blocks(request, _ROWS)
 
 
-def _count(kind: Format, source: Source, names: tuple[str, ...], *, least: int) -> int:
+def _count(kind: Format, source: StreamSource, names: tuple[str, ...], *, least: int) -> int:
     """Number of samples of the longest named channel; 0 if the file has at most `least` bytes."""
     if source.path.stat().st_size <= least:
         return 0
@@ -163,7 +163,7 @@ def _count(kind: Format, source: Source, names: tuple[str, ...], *, least: int) 
 
 
 def _reconciled(
-    chunks: Iterable[Sequence[Signal]], source: Source, names: Sequence[str], is_table: bool
+    chunks: Iterable[Sequence[Signal]], source: StreamSource, names: Sequence[str], is_table: bool
 ) -> Iterator[Chunk]:
     """Chunks with reconciled times: stated times take precedence over those of the file."""
     done = dict.fromkeys(names, 0)

@@ -44,7 +44,7 @@ class Candidate:
         One fit per condition.
     aicc, bic : float [1]
         Akaike's information criterion, corrected for few data, and the Bayesian one, summed over the conditions.
-    leave_one_out : float [1]
+    cross_validation : float [1]
         Cross-validation error: root mean square residual of frequencies that the fit did not use, in standard
         uncertainties. Not-a-number if too few frequencies would remain, or the model is far from the best.
     """
@@ -52,7 +52,7 @@ class Candidate:
     fits: tuple[Fit, ...]
     aicc: float
     bic: float
-    leave_one_out: float = float("nan")
+    cross_validation: float = float("nan")
 
     @property
     def name(self) -> str:
@@ -177,7 +177,7 @@ def choose(
     limit = candidates[0].bic + _WORTH * len(conditions)
     for at, one in enumerate(candidates):
         if one.bic < limit:
-            candidates[at] = replace(one, leave_one_out=_cross_validation_error(one, conditions, known))
+            candidates[at] = replace(one, cross_validation=_cross_validation_error(one, conditions, known))
     best = candidates[0]
     near = [one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE]
     alike = tuple(name for name in near if not contains(name, best.name))

@@ -22,7 +22,7 @@ _STEPS = 200
 _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 1e-3, 0.2, 5.0, 1e12
 #: The search ends at a step, or a reduction of chi-square, that is smaller than these fractions.
 _SMALL_STEP, _SMALL_GAIN = 1e-10, 1e-11
-#: It also ends when chi-square falls by less than this, plus this fraction of it, over `_WINDOW` steps.
+#: The search also ends when chi-square falls, over `_WINDOW` steps, by less than `_FLAT` + `_FLAT_SHARE` x chi-square.
 _FLAT, _FLAT_SHARE, _WINDOW = 1e-3, 1e-6, 20
 #: When a larger fraction of the conditions has converged, the search continues without them.
 _MOST_DONE = 0.25

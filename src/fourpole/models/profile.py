@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from fourpole.core.arrays import FloatArray
+from fourpole.core.confidence import COVERAGE
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit, fit
@@ -38,7 +39,7 @@ _FARTHEST = 12.0
 def profile_intervals(
     found: Fit,
     data: StiffnessData,
-    level: float = 0.95,
+    level: float = COVERAGE,
     *,
     fixed: Mapping[str, float] | Sequence[str] = (),
     tied: Mapping[str, tuple[str, float]] | None = None,

@@ -11,9 +11,8 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.channels import DEFAULT_GAIN_STD, DEFAULT_PHASE_STD
+from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign, Test, condition_of, read_campaign
-from fourpole.campaign.schema import DEFAULT_RIG_STD
 from fourpole.core.arrays import FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.condition import Axis, Condition, Sameness, Value
@@ -23,14 +22,12 @@ from fourpole.core.plan.expect import arm_by_k1, planned_phasors, relative_uncer
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError
 from fourpole.fitting.rows import conditions_in, tyre_columns
-from fourpole.study.identified import ADDED_MASS_STD, setup_of
+from fourpole.study.identified import setup_of
 from fourpole.study.results import read_results
 from fourpole.study.static import StaticStiffness
 
 #: Value of the column ``plan`` for the tests as tests.csv states them.
 AS_STATED = "as stated"
-#: Relative standard uncertainty of K1 where neither tests.csv nor the command line states one.
-_K1_STD = 0.02
 #: Number of recorded cycles to which the noise of a `Run` belongs.
 _CYCLES = 40.0
 #: A difference in temperature of this many tolerances counts as much as a factor of e in pressure or preload.
@@ -246,7 +243,7 @@ def _rig_plan(campaign: Campaign, name: str, tests: tuple[Test, ...], tyres: Seq
     rule = campaign.stated.sameness.without("preload")
     statics = set(rule.groups([condition_of(test, rule) for test in tests if test.kind == "dynamic"]).tolist())
     return RigPlan(
-        name, Plan(expected, setup.rig, setup.channels, run.cycles, max(len(statics), 1), ADDED_MASS_STD), tests
+        name, Plan(expected, setup.rig, setup.channels, run.cycles, max(len(statics), 1), defaults.MASS_STD), tests
     )
 
 
@@ -303,12 +300,12 @@ def bare_plan(
         "K1: no uncertainty stated, taken as 2 % (--std-k1)": guess.k1_std,
     }
     notes = [note for note, stated in taken.items() if stated is None]
-    relative = DEFAULT_RIG_STD if rig_std is None else rig_std
+    relative = defaults.RIG_STD if rig_std is None else rig_std
     values = {name: getattr(rig, name) for name in ("moving_mass", "preload_stiffness", "preload_damping")}
     rig = replace(rig, std={name: relative * value for name, value in values.items() if value})
     channels = ChannelUncertainty(
-        np.full(3, DEFAULT_GAIN_STD if gain_std is None else gain_std),
-        np.full(3, DEFAULT_PHASE_STD if phase_std is None else phase_std),
+        np.full(3, defaults.GAIN_STD if gain_std is None else gain_std),
+        np.full(3, defaults.PHASE_STD if phase_std is None else phase_std),
     )
     load = {} if preload is None else {"preload": preload}
     tests = tuple(
@@ -316,7 +313,7 @@ def bare_plan(
         for at, frequency in enumerate(frequencies, start=1)
     )
     expected = _expected(tests, [_tyre(test, guess, None) for test in tests], run)
-    only = RigPlan("", Plan(expected, rig, channels, run.cycles, 1, ADDED_MASS_STD), tests)
+    only = RigPlan("", Plan(expected, rig, channels, run.cycles, 1, defaults.MASS_STD), tests)
     static = Test("S1", 2, "recordings/S1.csv", "static", "tyre", values=dict(load))
     return CampaignPlan((only,), (static, *tests), (), (*notes, *_lift_off([only])))
 
@@ -349,7 +346,7 @@ def _tyre(test: Test, guess: Guess, earlier: _Earlier | None) -> _Tyre:
         )
     if guess.k1_std is not None:
         k1_std = guess.k1_std * k1
-    return _Tyre(k1, _K1_STD * k1 if k1_std is None else k1_std, k2, c)
+    return _Tyre(k1, defaults.K1_STD * k1 if k1_std is None else k1_std, k2, c)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ _ROW, _MARGIN = 0.17, 0.2
 
 
 def choice(results: Results, style: Style) -> Figure | None:
-    """Candidates by BIC, chi-square per degree of freedom and leave-one-out error, a row of panels per tyre."""
+    """Candidates by BIC, chi-square per degree of freedom and cross-validation error, a row of panels per tyre."""
     if results.models is None:
         return None
     sheet = read_sheet(results, texts_only=True)
@@ -48,11 +48,11 @@ def choice(results: Results, style: Style) -> Figure | None:
             notes.say(f"the best {_MOST_CANDIDATES} models shown")
     _same_abscissa(grid.panels)
     _choice_keys(key, entries, style)
-    notes.say("leave-one-out error: root mean square over the frequencies, in standard uncertainties")
-    if any(one.leave_one_out is None for entry in entries for one in entry.candidates[:_MOST_CANDIDATES]):
+    notes.say("cross-validation error: root mean square over the frequencies, in standard uncertainties")
+    if any(one.cross_validation is None for entry in entries for one in entry.candidates[:_MOST_CANDIDATES]):
         notes.say("n: not tried, for the model is far from the best or too few frequencies are left")
     figure = grid.finish(key=key, notes=notes, x_label="", y_labels=[""])
-    labels = ("BIC less the best [1]", "chi-square / dof [1]", q.LEFT_OUT.label)
+    labels = ("BIC less the best [1]", "chi-square / dof [1]", q.CROSS_VALIDATION.label)
     for ax, label in zip(grid.panels[-3:], labels, strict=True):
         ax.set_xlabel(label)
     # The names of models need a wider margin than numbers.
@@ -67,7 +67,7 @@ def _draw_choice(panels: Sequence[Axes], entry: ModelEntry, colour: str, style: 
     columns: tuple[list[float | None], ...] = (
         [one.bic - least for one in tried],
         [one.chi2 / max(one.dof, 1) for one in tried],
-        [one.leave_one_out for one in tried],
+        [one.cross_validation for one in tried],
     )
     for ax, values in zip(panels, columns, strict=True):
         for place, (one, value) in enumerate(zip(tried, values, strict=True)):
@@ -149,7 +149,7 @@ FIGURES = (
         "model-choice",
         "Which model, and why",
         "Models that were tried on each tyre, the best first: BIC less the best, chi-square per degree of freedom, and "
-        "the leave-one-out error over the frequencies.",
+        "the cross-validation error over the frequencies.",
         choice,
     ),
 )

@@ -25,7 +25,7 @@ from fourpole.plot.style import Dashes, Style, load_dashes, mixed, plain_text, p
 from fourpole.study.results import Results
 
 _MOST_COLUMNS = 4
-#: Most conditions of a panel over less than a decade of frequency, where bands overlap, and over more.
+#: Largest number of conditions in a panel: over less than a decade of frequency, where bands overlap, and over more.
 _MOST_SERIES, _MOST_WIDE = 3, 5
 #: Ratios of the ends of an axis beyond which it is logarithmic: of frequency, and of K' or K''.
 _DECADE, _STEEP = 10.0, 20.0

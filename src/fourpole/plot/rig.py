@@ -23,18 +23,18 @@ from fourpole.plot.stiffness import phasors, rigs_stated
 from fourpole.plot.style import Marker, Style, counted, plain_text
 from fourpole.quantities import RIG_VALUES
 from fourpole.study.results import Results
-from fourpole.study.rig_estimate import Finding, RigEstimate, SharedValue
+from fourpole.study.rig_estimate import RigEstimate, RigFinding, SharedValue
 
 _MOST_RIGS = 4
 #: Rule of equal added masses; equal masses have one marker.
 _MASS = Axis("added mass", relative=1e-3)
 _MASS_MARKERS: tuple[Marker, ...] = ("o", "^", "s", "D", "v", "P")
 #: Marker of each finding, whether it is filled, its colour (grey where None), and its label in the key.
-_FINDINGS: dict[Finding, tuple[Marker, bool, str | None, str]] = {
-    Finding.FOUND: ("o", True, "#0072B2", "found"),
-    Finding.NOT_DETERMINED: ("o", False, None, "not determined: as stated"),
-    Finding.CONTRADICTED: ("D", True, "#D55E00", "contradicts the statement"),
-    Finding.NOT_CALIBRATED: ("s", False, "#E69F00", "not calibrated: the rig does not fit"),
+_FINDINGS: dict[RigFinding, tuple[Marker, bool, str | None, str]] = {
+    RigFinding.FOUND: ("o", True, "#0072B2", "found"),
+    RigFinding.NOT_DETERMINED: ("o", False, None, "not determined: as stated"),
+    RigFinding.CONTRADICTED: ("D", True, "#D55E00", "contradicts the statement"),
+    RigFinding.NOT_CALIBRATED: ("s", False, "#E69F00", "not calibrated: the rig does not fit"),
 }
 _GROUPS = {
     Role.RIG: "rig",
@@ -278,7 +278,7 @@ def _dot(ax: Axes, at: int, shared: SharedValue, style: Style) -> float:
     off, wide = (value - stated) / prior, std / prior
     if not np.isfinite(off):
         return 1.0
-    marker, filled, colour, _ = _FINDINGS.get(shared.finding, _FINDINGS[Finding.NOT_DETERMINED])
+    marker, filled, colour, _ = _FINDINGS.get(shared.finding, _FINDINGS[RigFinding.NOT_DETERMINED])
     colour = colour or style.look.muted
     beyond = abs(off) > _EDGE
     place = float(np.clip(off, -_EDGE, _EDGE))
@@ -306,7 +306,7 @@ def mass_gain(results: Results, style: Style) -> Figure | None:
     shown = notes.first(list(gains.items()), _MOST_RIGS, "rigs are")
     most = max(len(pairs) for _, pairs in shown)
     grid = Grid.of(len(shown), min(2, len(shown)), panel_height=0.25 + 0.5 * most, style=style)
-    bars = ((style.look.muted, "without the weighed mass"), (_FINDINGS[Finding.FOUND][2] or "", "with it"))
+    bars = ((style.look.muted, "without the weighed mass"), (_FINDINGS[RigFinding.FOUND][2] or "", "with it"))
     for ax, (rig, pairs) in zip(grid.panels, shown, strict=True):
         _gain_panel(ax, pairs, [colour for colour, _ in bars], len(shown))
         if rig:

@@ -15,7 +15,7 @@ from fourpole.study.results import Results
 
 #: The unit shown for an SI unit, and its SI value.
 _UNITS = {"N/m": ("kN/m", 1e3), "1": ("", 1.0)}
-#: With more conditions than these the table of parameters is folded when the page opens.
+#: Largest number of conditions whose table of parameters is open when the page opens; a longer table is folded.
 _OPEN = 4
 
 
@@ -57,7 +57,7 @@ def _candidate(one: CandidateFile, best: str, least: float) -> SimpleNamespace:
             number(one.chi2 / max(one.dof, 1), 3),
             _round(one.aicc),
             _round(one.bic - least),
-            "–" if one.leave_one_out is None else number(one.leave_one_out, 3),
+            "–" if one.cross_validation is None else number(one.cross_validation, 3),
             str(one.on_bound or "–"),
             str(one.not_converged or "–"),
         ),

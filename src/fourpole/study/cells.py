@@ -12,13 +12,11 @@ from fourpole import quantities as q
 from fourpole.campaign.folder import Test
 from fourpole.core.checks import Check, Code, interval_words, reported, worst_verdict
 from fourpole.core.phasor import Phasors
-from fourpole.study.identified import Identified
+from fourpole.study.identified import NOT_LINEAR, Identified
 from fourpole.study.outcome import Point
 from fourpole.study.static import StaticStiffness
 
-#: Relative uncertainty of K2 or C above which linear propagation of uncertainty is not valid.
-_LINEAR = 0.3
-#: If more than this share of the draws is not passive, no passive K2 and C exist.
+#: If at least this share of the Monte Carlo trials is not passive, no passive K2 and C exist.
 _NEVER_PASSIVE = 0.975
 
 
@@ -73,16 +71,16 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
         share = found.group.intervals[at][0].non_passive_share
         return [reported(Code.PASSIVE_ARM, "warning", share, _NEVER_PASSIVE, interval=interval)]
     if reason:
-        check = reported(Code.PASSIVE_ARM, "rejected", limit=0.0, why=reason)
+        check = reported(Code.PASSIVE_ARM, "rejected", why=reason)
         return [replace(check, remedy=reason.partition("; ")[2])]
     with np.errstate(invalid="ignore"):
         relative = np.sqrt(np.diag(result.arm_covariance[at])) / (result.k2[at], result.c[at])
     worst = float(np.max(relative))
-    if worst <= _LINEAR:
-        return [Check(Code.UNCERTAINTY, worst, _LINEAR, "ok")]
+    if worst <= NOT_LINEAR:
+        return [Check(Code.UNCERTAINTY, worst, NOT_LINEAR, "ok")]
     which = int(np.argmax(relative))
     words = _interval(found, which) or " so its interval is not symmetric"
-    return [reported(Code.UNCERTAINTY, "warning", worst, _LINEAR, name=("K2", "C")[which], interval=words)]
+    return [reported(Code.UNCERTAINTY, "warning", worst, NOT_LINEAR, name=("K2", "C")[which], interval=words)]
 
 
 def _interval(found: Identified, which: int) -> str:

@@ -27,7 +27,7 @@ _ROWS = 1 << 10
 
 
 @dataclass(frozen=True)
-class Problem:
+class CampaignProblem:
     """A fault of a test that the check of a campaign found.
 
     Attributes
@@ -60,7 +60,7 @@ class Checked:
 
     campaign: Campaign
     route: str
-    problems: tuple[Problem, ...]
+    problems: tuple[CampaignProblem, ...]
     notes: tuple[str, ...] = ()
 
     @property
@@ -141,7 +141,7 @@ class _Inspection:
     """The problems of a campaign, found test by test."""
 
     campaign: Campaign
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[CampaignProblem] = field(default_factory=list)
     paths: dict[str, Path] = field(default_factory=dict)
 
     def test(self, job: Job) -> None:
@@ -180,7 +180,7 @@ class _Inspection:
         text = message.removeprefix(f"tests.csv row {test.row}: ")
         for label in (units.shown(test.file, 200)[1:-1], test.file):
             text = text.removeprefix(f"{label}: ").removeprefix(f"{label} ")
-        problem = Problem(test.name, test.row, test.file, about, verdict, text)
+        problem = CampaignProblem(test.name, test.row, test.file, about, verdict, text)
         if problem not in self.problems:
             self.problems.append(problem)
 

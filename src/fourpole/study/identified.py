@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fourpole import quantities as q
+from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign, Test, condition_of
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
@@ -34,10 +35,10 @@ NO_RIG = (
     "campaign.toml: [rig] is missing, the {route} route needs it: state moving_mass and preload_stiffness, or use "
     "--route relative"
 )
-#: Relative standard uncertainty of an added mass whose uncertainty is not stated.
-ADDED_MASS_STD = 1e-4
-#: Relative uncertainty of K2 or C above which their distribution is found by Monte Carlo, not taken as normal.
+#: Relative uncertainty of K2 or C above which Monte Carlo finds their distribution.
 _SKEW = 0.1
+#: Relative uncertainty of K2 or C above which linear propagation of uncertainty is not valid.
+NOT_LINEAR = 0.3
 #: A passive arm is possible if K' - K1 and K'' are above zero less this many of their standard uncertainties.
 _LOST = 3.0
 
@@ -261,7 +262,7 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         k1=np.array([k1.value for k1 in stiffness]),
         k1_std=np.array([k1.std for k1 in stiffness]),
         added=added,
-        added_std=np.array([ADDED_MASS_STD * m if s is None else s for m, s in zip(added, added_std, strict=True)]),
+        added_std=np.array([defaults.MASS_STD * m if s is None else s for m, s in zip(added, added_std, strict=True)]),
         family=_families(campaign, tests),
         nominal=np.array([test.value("frequency") or np.nan for test in tests]),
     )

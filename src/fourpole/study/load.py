@@ -18,7 +18,7 @@ from fourpole.core.recording import Channel, Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import FourpoleError, RecordingError, TableError
 from fourpole.io.signals import MAX_FILE_BYTES, Signal
-from fourpole.io.stream import Chunk, Source, Stream, stream, times_of
+from fourpole.io.stream import Chunk, Stream, StreamSource, stream, times_of
 from fourpole.study.gather import ChannelBuilder, ReferenceBuilder, Timing
 from fourpole.study.response import read_response
 
@@ -161,10 +161,10 @@ def source_of(
     columns: Sequence[ChannelFile | ReferenceFile],
     *,
     timed: bool = True,
-) -> Source:
+) -> StreamSource:
     """The columns that are read of a recording, and the stated times."""
     names = tuple(channel.column for channel in columns)
-    source = Source(path, names, test.file, group_of(path, test), needs="times" if timed else "order")
+    source = StreamSource(path, names, test.file, group_of(path, test), needs="times" if timed else "order")
     if not timed or channels.rate is not None or channels.time is None:
         return replace(source, rate=channels.rate if timed else None)
     return replace(source, clock=channels.time.column, unit=channels.time.unit)

@@ -45,8 +45,10 @@ ROUTE_NEEDS = {
 #: the amplitude of each channel, the relative error of the stated frequency, and the force over the preload. The limits
 #: of the checks that reject a test are much higher.
 _PLAIN_NOISE, _PLAIN_OFF, _PLAIN_FORCE = 0.15, 0.03, 0.8
-#: Smallest number of cycles for which the first part passes without demodulation.
+#: Smallest number of cycles for which the first part passes without demodulation, or shows a frequency.
 _CYCLES_OF_PART = 4.0
+#: Length of the first part [s], or its number of cycles if that is longer.
+_PART, _MOST_CYCLES = 2.0, 20.0
 
 
 @dataclass(frozen=True)
@@ -127,9 +129,8 @@ def reduce_tests(
     waiting = iter(enumerate(jobs))
     try:
         while len(results) < len(jobs):
-            for index, job in islice(
-                waiting, 4 * _WORKERS - len(running)
-            ):  # submitting few jobs at a time bounds the memory
+            # Submitting few jobs at a time bounds the memory.
+            for index, job in islice(waiting, 4 * _WORKERS - len(running)):
                 running[executor.submit(job.run)] = index
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 results[running.pop(future)] = future.result()
@@ -144,21 +145,35 @@ def reduce_tests(
 def check_part(job: Job) -> tuple[Check, ...]:
     """Checks of the first part of a recording that reject the test or leave out a channel.
 
-    The part has at most 2 s or 20 cycles. If no frequency is stated, it has 2 s, or 20 s where 2 s are not plainly a
-    sine. An error that would reject the test is raised.
+    The part has at most 2 s or 20 cycles, whichever is longer. If no frequency is stated, the cycles are those of the
+    frequency that the recording shows. An error that would reject the test is raised.
     """
     path, near = inside(job.folder, job.test.file), job.test.value("frequency")
-    short, long = (max(0.5, 10.0 / near), max(2.0, 20.0 / near)) if near else (2.0, 20.0)
-    recording, rows = _loaded(job, path, short)
+    length = max(0.5, 10.0 / near) if near else _PART
+    recording, rows = _loaded(job, path, length)
+    if job.test.window is None and all(np.ptp(one.samples) == 0.0 for one in recording.channels.values()):
+        return (reported(Code.CONSTANT, "warning", why="at first, no channel moves: check that the drive runs"),)
     recording, clipped = _unclipped(recording, job.needed)
     rows += clipped
-    checks = tuple(rows) if _is_plain(job, recording) else reduced_point(job, path, long).checks
+    checks = tuple(rows)
+    if not _is_plain(job, recording):
+        cycles = _MOST_CYCLES / (near or _shown_frequency(job, path, recording))
+        checks = reduced_point(job, path, max(_PART, cycles)).checks
     moved = [row for row in checks if row.code is Code.EXCITATION and row.channel == SYMBOLS["motion_in"]]
     runs = job.test.window is not None or all(row.verdict == "ok" for row in moved)
     bad = [row for row in checks if row.verdict == "rejected"]
     # The drive may start after this part, because the analysis cuts a lead-in.
     bad = bad if runs else [replace(row, verdict="warning", remark=f"at first, {row.remark}") for row in bad]
     return (*bad, *(row for row in checks if row.verdict == "warning" and row.code is Code.LEFT_OUT))
+
+
+def _shown_frequency(job: Job, path: Path, recording: Recording) -> float:
+    """Frequency of the drive [Hz], from the first part; its length is doubled until it has enough cycles."""
+    length = _PART
+    while (frequency := first_guess(recording)) * length < _CYCLES_OF_PART and recording.duration > 0.9 * length:
+        length *= 2.0
+        recording, _ = _loaded(job, path, length)
+    return frequency
 
 
 def _is_plain(job: Job, recording: Recording) -> bool:

@@ -46,7 +46,7 @@ _RECORDED = (
 )  # fmt: skip
 
 
-class Finding(StrEnum):
+class RigFinding(StrEnum):
     """Result of the tests for a shared value, as in column `finding`; the column is empty if none of these applies."""
 
     FOUND = "found"
@@ -58,11 +58,11 @@ class Finding(StrEnum):
 
 
 _REMARKS = {
-    Finding.NOT_DETERMINED: "not determined by your data, taken from your statement",
-    Finding.CONTRADICTED: "contradicts your statement: look for the cause before you use it",
-    Finding.NOT_CALIBRATED: "the rig as stated does not fit: not calibrated",
-    Finding.UNSTATED: "not stated by you, but the tests need it: look for its cause and state it",
-    Finding.UNKNOWN: "",
+    RigFinding.NOT_DETERMINED: "not determined by your data, taken from your statement",
+    RigFinding.CONTRADICTED: "contradicts your statement: look for the cause before you use it",
+    RigFinding.NOT_CALIBRATED: "the rig as stated does not fit: not calibrated",
+    RigFinding.UNSTATED: "not stated by you, but the tests need it: look for its cause and state it",
+    RigFinding.UNKNOWN: "",
 }
 
 
@@ -97,7 +97,7 @@ class SharedValue:
         Found less stated, in the standard uncertainty of that difference.
     detection_limit : float or None
         The smallest undeclared error that the tests would show; None where they show none.
-    finding : Finding
+    finding : RigFinding
     hides : Source or None
         A part that nobody stated and that the value may contain, because no test distinguishes the two.
     """
@@ -111,13 +111,13 @@ class SharedValue:
     ratio: float | None
     pull: float | None
     detection_limit: float | None
-    finding: Finding
+    finding: RigFinding
     hides: Source | None = None
 
     @property
     def remark(self) -> str:
         """Remark on the value in rig.csv."""
-        if self.finding is not Finding.FOUND:
+        if self.finding is not RigFinding.FOUND:
             return _REMARKS[self.finding]
         part, rest = (" in part", ", in part from your statement") if (self.ratio or 0.0) > _HALF else ("", "")
         return f"found{part} from your data{rest}{_HIDDEN_WORDS[self.hides] if self.hides else ''}"
@@ -214,7 +214,7 @@ class RigEstimate:
     @property
     def contradicted(self) -> tuple[SharedValue, ...]:
         """The values whose statement the tests contradict."""
-        return tuple(value for value in self.values if value.finding is Finding.CONTRADICTED)
+        return tuple(value for value in self.values if value.finding is RigFinding.CONTRADICTED)
 
     @property
     def notes(self) -> tuple[NoteCode, ...]:
@@ -356,7 +356,7 @@ def _read(name: str, rig: pl.DataFrame, residuals: pl.DataFrame, recorded: objec
     return RigEstimate(
         name,
         values,
-        fits=record.get("fits") is not False and not any(one.finding is Finding.NOT_CALIBRATED for one in values),
+        fits=record.get("fits") is not False and not any(one.finding is RigFinding.NOT_CALIBRATED for one in values),
         converged=record.get("converged") is not False,
         reason=str(record.get("reason") or ""),
         **{one: int(number(record.get(one)) or 0) for one in ("steps", "tests", "conditions", "shared")},
@@ -399,8 +399,8 @@ def _values(rows: pl.DataFrame) -> tuple[SharedValue, ...]:
     )
 
 
-def _finding(text: object) -> Finding:
-    return next((finding for finding in Finding if finding == text), Finding.UNKNOWN)
+def _finding(text: object) -> RigFinding:
+    return next((finding for finding in RigFinding if finding == text), RigFinding.UNKNOWN)
 
 
 def _candidates(listed: object) -> list[Candidate]:

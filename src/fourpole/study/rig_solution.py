@@ -16,7 +16,7 @@ from fourpole.core.joint.misfit import pulls
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import RATIOS, Kind, Role, Source
 from fourpole.fitting.rows import Key
-from fourpole.study.rig_estimate import Finding, Outlier, RigEstimate, SharedValue, hidden_in, number
+from fourpole.study.rig_estimate import Outlier, RigEstimate, RigFinding, SharedValue, hidden_in, number
 
 #: A value is not determined by the tests if its uncertainty after them is more than this share of the stated one.
 NOT_DETERMINED = 0.9
@@ -83,7 +83,7 @@ def _values(joint: Joint) -> list[SharedValue]:
             ratio=float(std[at] / prior),
             pull=number(float(pull[at])),
             detection_limit=number(_detection_limit(joint, at)),
-            finding=Finding.UNSTATED if unstated else _finding(joint, std[at] / prior, conflict=conflict),
+            finding=RigFinding.UNSTATED if unstated else _finding(joint, std[at] / prior, conflict=conflict),
             hides=hidden_in(parameter.source, stated),
         )
         if unstated:
@@ -119,12 +119,12 @@ def _detection_limit(joint: Joint, at: int) -> float:
     return float(_SHOWS * np.sqrt(1.0 + 1.0 / information) * joint.problem.shared.std[at])
 
 
-def _finding(joint: Joint, ratio: float, *, conflict: bool) -> Finding:
+def _finding(joint: Joint, ratio: float, *, conflict: bool) -> RigFinding:
     if conflict:
-        return Finding.CONTRADICTED
+        return RigFinding.CONTRADICTED
     if ratio > NOT_DETERMINED:
-        return Finding.NOT_DETERMINED
-    return Finding.FOUND if joint.misfit.fits else Finding.NOT_CALIBRATED
+        return RigFinding.NOT_DETERMINED
+    return RigFinding.FOUND if joint.misfit.fits else RigFinding.NOT_CALIBRATED
 
 
 def _ratios(joint: Joint) -> list[SharedValue]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign, Test, condition_of, inside
 from fourpole.core.checks import Check, Code, reported, worst_verdict
 from fourpole.core.condition import Condition, Sameness
@@ -16,8 +17,6 @@ from fourpole.errors import FourpoleError, LoadCurveError
 from fourpole.io.source import sha256_of
 from fourpole.study.load import MOST_BYTES, load_curve
 
-#: Relative standard uncertainty of a K1 that tests.csv states without u(K1).
-_UNSTATED_K1_STD = 0.02
 _RULE = Sameness()
 
 
@@ -138,7 +137,8 @@ def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
     near = [one for one in statics if otherwise.same(condition_of(one, otherwise), mine, blank=True)]
     if own is None or not near:
         return _Choice()
-    there = {one.name: one.values["temperature"] for one in near}  # each is stated, because a blank counts as the same
+    # All have a temperature: a static test without one would already have matched.
+    there = {one.name: one.values["temperature"] for one in near}
     at = min(there.values(), key=lambda value: (abs(value - own), value))
     axis = next(axis for axis in rule.axes if axis.name == "temperature")
     names = tuple(name for name, value in there.items() if axis.same(value, at))
@@ -200,7 +200,7 @@ def stiffness_for(test: Test, statics: Sequence[StaticRow], rule: Sameness = _RU
     stated = test.value("K1")
     if stated is not None:
         std = test.value("u(K1)")
-        std = _UNSTATED_K1_STD * stated if std is None else std
+        std = defaults.K1_STD * stated if std is None else std
         return StaticStiffness(stated, std, parts={Source(Kind.K1_STATED): std})
     choice = _choice(test, list({row.test.name: row.test for row in statics}.values()), rule)
     if not choice.names:

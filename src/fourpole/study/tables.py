@@ -24,8 +24,6 @@ from fourpole.study.table_rows import Analysed, Row
 
 _TYPES = {"number": pl.Float64, "text": pl.String, "count": pl.Int64, "lists": pl.List(pl.Float64)}
 _KINDS = {one.head: one.kind for one in QUANTITIES}
-#: Columns of text in all tables.
-TEXT_COLUMNS = {head for head, kind in _KINDS.items() if kind == "text"}
 #: Columns of numbers that a table has only where there is a value; every other further column is text.
 OPTIONAL = {q.POINT.head: pl.Int64, q.TEMPERATURE.head: pl.Float64}
 
@@ -198,5 +196,3 @@ TABLES = {
     one.name: one
     for one in (STATIC, DYNAMIC, CHECKS, RIG, RESIDUALS, QUANTILES, BUDGET, CORRECTIONS, PHASORS, COVARIANCE, PREVIEWS)
 }
-STATIC_COLUMNS, DYNAMIC_COLUMNS = (tuple(one.columns) for one in (STATIC, DYNAMIC))
-RIG_COLUMNS, RESIDUAL_COLUMNS, BUDGET_COLUMNS = (tuple(one.columns) for one in (RIG, RESIDUALS, BUDGET))

@@ -13,7 +13,7 @@ from fourpole.units.grammar import SPELLINGS, Dimensions, add_up, lookup, parse,
 
 
 @dataclass(frozen=True)
-class Kind:
+class UnitKind:
     """A kind of quantity: its SI unit, an example, and the spellings to suggest (the first few are shown)."""
 
     si: str
@@ -22,24 +22,24 @@ class Kind:
 
 
 _LENGTHS = ("m", "mm", "µm", "cm", "in", "um", "ft", "km")
-TABLE: dict[str, Kind] = {
-    "mass": Kind("kg", "15 kg", ("kg", "g", "t", "lb")),
-    "force": Kind("N", "1000 N", ("N", "kN", "kgf", "lbf", "mN", "daN", "MN")),
-    "stiffness": Kind("N/m", "12.44 kN/m", ("N/m", "kN/m", "N/mm", "kN/mm", "MN/m", "lbf/in", "kgf/mm")),
-    "damping": Kind("N s/m", "20 N s/m", ("N s/m", "kN s/m", "N s/mm", "lbf s/in", "Ns/m", "N·s/m", "kg/s")),
-    "length": Kind("m", "0.5 mm", _LENGTHS),
-    "displacement": Kind("m", "0.5 mm", _LENGTHS),
-    "velocity": Kind("m/s", "0.2 m/s", ("m/s", "mm/s", "in/s", "km/h", "cm/s", "µm/s", "mph")),
-    "acceleration": Kind("m/s^2", "9.81 m/s²", ("m/s²", "g", "mm/s²", "m/s^2", "m/s2", "in/s²", "ft/s²")),
-    "pressure": Kind("Pa", "1.7 bar", ("Pa", "kPa", "bar", "psi", "kgf/cm²", "MPa", "hPa", "mbar", "GPa")),
-    "frequency": Kind("1/s", "18 Hz", ("Hz", "kHz", "rpm", "1/min", "rad/s", "1/s", "mHz")),
-    "time": Kind("s", "0.2 ms", ("s", "ms", "µs", "min", "h", "us", "sec")),
-    "temperature": Kind("degC", "20 °C", ("°C", "degC", "K", "°F", "degF")),
-    "angle": Kind("rad", "0.2 deg", ("rad", "deg", "°", "mrad")),
-    "ratio": Kind("1", "0.5 %", ("1", "%", "ppm", "-")),
-    "mobility": Kind("m/(N s)", "0.001 m/(N s)", ("m/(N s)", "mm/(N s)", "m/(kN s)", "m/(Ns)", "s/kg")),
-    "voltage": Kind("V", "5 V", ("V", "mV", "µV", "kV")),
-    "energy": Kind("J", "3 J", ("J", "kJ", "N m", "Nm", "mJ")),
+TABLE: dict[str, UnitKind] = {
+    "mass": UnitKind("kg", "15 kg", ("kg", "g", "t", "lb")),
+    "force": UnitKind("N", "1000 N", ("N", "kN", "kgf", "lbf", "mN", "daN", "MN")),
+    "stiffness": UnitKind("N/m", "12.44 kN/m", ("N/m", "kN/m", "N/mm", "kN/mm", "MN/m", "lbf/in", "kgf/mm")),
+    "damping": UnitKind("N s/m", "20 N s/m", ("N s/m", "kN s/m", "N s/mm", "lbf s/in", "Ns/m", "N·s/m", "kg/s")),
+    "length": UnitKind("m", "0.5 mm", _LENGTHS),
+    "displacement": UnitKind("m", "0.5 mm", _LENGTHS),
+    "velocity": UnitKind("m/s", "0.2 m/s", ("m/s", "mm/s", "in/s", "km/h", "cm/s", "µm/s", "mph")),
+    "acceleration": UnitKind("m/s^2", "9.81 m/s²", ("m/s²", "g", "mm/s²", "m/s^2", "m/s2", "in/s²", "ft/s²")),
+    "pressure": UnitKind("Pa", "1.7 bar", ("Pa", "kPa", "bar", "psi", "kgf/cm²", "MPa", "hPa", "mbar", "GPa")),
+    "frequency": UnitKind("1/s", "18 Hz", ("Hz", "kHz", "rpm", "1/min", "rad/s", "1/s", "mHz")),
+    "time": UnitKind("s", "0.2 ms", ("s", "ms", "µs", "min", "h", "us", "sec")),
+    "temperature": UnitKind("degC", "20 °C", ("°C", "degC", "K", "°F", "degF")),
+    "angle": UnitKind("rad", "0.2 deg", ("rad", "deg", "°", "mrad")),
+    "ratio": UnitKind("1", "0.5 %", ("1", "%", "ppm", "-")),
+    "mobility": UnitKind("m/(N s)", "0.001 m/(N s)", ("m/(N s)", "mm/(N s)", "m/(kN s)", "m/(Ns)", "s/kg")),
+    "voltage": UnitKind("V", "5 V", ("V", "mV", "µV", "kV")),
+    "energy": UnitKind("J", "3 J", ("J", "kJ", "N m", "Nm", "mJ")),
 }
 KINDS: tuple[str, ...] = tuple(TABLE)
 """Names of the kinds of quantity, which the functions of this package take as `kind`."""
@@ -55,7 +55,7 @@ SUGGESTED = frozenset(unit for kind in TABLE.values() for unit in kind.units)
 COMMON = frozenset(unit.translate(SPELLINGS) for unit in SUGGESTED)
 
 
-def kind_named(kind: str) -> Kind:
+def kind_named(kind: str) -> UnitKind:
     """The kind of this name; ValueError if there is none."""
     try:
         return TABLE[kind]

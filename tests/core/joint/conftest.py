@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint import solve_joint
-from fourpole.core.joint.conditions import Conditions, group_conditions
+from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Problem
@@ -81,7 +81,7 @@ class Made:
         at = np.searchsorted(masses, self.added_mass) if masses.size else np.zeros(self.family.size, dtype=int)
         return Problem(
             Observed.of(self.phasors, np.where(self.added_mass > 0, at, -1), self.family < 0, self.errors),
-            Conditions(label, self.family, self.phasors.frequency, self.k1),
+            JointConditions(label, self.family, self.phasors.frequency, self.k1),
             Shared.stated(self.rig, self.errors, masses, self.laboratory.std_added * masses),
         )
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fourpole.core.joint.conditions import Conditions, group_conditions
+from fourpole.core.joint.conditions import JointConditions, group_conditions
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_what_always_holds_of_conditions(tests):
 
 def conditions(frequency, family, k1):
     label = group_conditions(family, frequency)
-    return Conditions(label, family, frequency, k1)
+    return JointConditions(label, family, frequency, k1)
 
 
 def zener(frequency, k1, k2, c):

@@ -64,7 +64,7 @@ def _named(family: np.ndarray, nominal: FloatArray | None) -> np.ndarray:
     return ~np.isin(family, lacking)
 
 
-class Conditions:
+class JointConditions:
     """Conditions of tests that are sorted by condition; tests without a tyre come first.
 
     Parameters

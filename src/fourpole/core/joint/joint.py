@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
-from fourpole.core.joint.conditions import Conditions, group_conditions
+from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.misfit import Residuals, residuals
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.reconcile import Misfit, reconcile
@@ -94,17 +94,17 @@ def solve_joint(
     errors = channels.part(order).errors(phasors.omega[order])
     stated = Shared.stated(rig, errors, masses, masses_std)
     sorted_phasors = phasors.part(order)
+    grouped = label[order], family[order], sorted_phasors.frequency
     problem = Problem(
         Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors),
-        Conditions(label[order], family[order], sorted_phasors.frequency, k1[order]),
+        JointConditions(*grouped, k1[order]),
         stated,
     )
     start = closed_form_start(problem.observed, problem.conditions, stated, channels)
     problem = _with_frequency_noise(problem, start)
     solution = solve(problem, start)
     if not solution.converged:  # K2 and C may vary too fast near their poles; without K1, K* itself is interpolated
-        smooth = np.full(count, np.nan)
-        problem = replace(problem, conditions=Conditions(label[order], family[order], sorted_phasors.frequency, smooth))
+        problem = replace(problem, conditions=JointConditions(*grouped, np.full(count, np.nan)))
         solution = solve(problem, start)
     problem, solution, outlier, misfit = reconcile(problem, solution)
     back = np.argsort(order)

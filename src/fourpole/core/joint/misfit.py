@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
+from fourpole.core.confidence import CHANCE
 from fourpole.core.joint.model import (
     Linear,
     Observed,
@@ -23,8 +24,6 @@ from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.rig import Rig
 from fourpole.core.sources import PARTS, Kind, Source
 
-#: A chi-square that chance exceeds with a smaller probability than this is a misfit.
-UNLIKELY = 1e-3
 #: A candidate is not identifiable when less than this fraction of its squared column norm remains after projecting out
 #: the free parameters.
 _IDENTIFIABLE = 1e-20
@@ -124,8 +123,8 @@ def pulls(solution: Solution) -> FloatArray:
 
 
 def is_unlikely(chi2: float, dof: float) -> bool:
-    """Whether chance exceeds a chi-square less than once in a thousand times."""
-    return bool(dof > 0 and stats.chi2.sf(chi2, dof) < UNLIKELY)
+    """Whether the probability of a larger chi-square by noise alone is below `CHANCE`."""
+    return bool(dof > 0 and stats.chi2.sf(chi2, dof) < CHANCE)
 
 
 @dataclass(frozen=True)
@@ -161,7 +160,7 @@ class Candidate:
 
     @property
     def of_rig(self) -> bool:
-        """Whether it is a part of the rig and not an error of a channel."""
+        """Whether the candidate is a part of the rig and not an error of a channel."""
         return self.source.kind is Kind.UNSTATED
 
 

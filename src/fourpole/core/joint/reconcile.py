@@ -363,7 +363,8 @@ def _outliers(state: _State, left: Residuals) -> BoolArray:
     group has in common is information about the rig.
     """
     whole, label = left.whole, state.problem.conditions.label
-    limit = _OUTLIER * max(1.0, float(np.median(whole)) / 1.4)  # 1.4: the median of chi-square with 2 degrees
+    # 1.4 is the median of chi-square with 2 degrees of freedom.
+    limit = _OUTLIER * max(1.0, float(np.median(whole)) / 1.4)
     before = state.outlier > 1
     strange = (whole > limit) & ~before
     worst = np.zeros(int(label.max(initial=-1)) + 2)

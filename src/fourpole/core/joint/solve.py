@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.joint.conditions import Conditions
+from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.model import Linear, Observed, inverse_upper, linearise, upper_factor
 from fourpole.core.joint.shared import Shared
 
@@ -32,7 +32,7 @@ class Problem:
     """Tests sorted by condition, their conditions, and the values that they share."""
 
     observed: Observed
-    conditions: Conditions
+    conditions: JointConditions
     shared: Shared
 
     def reweighted(self, whiten: FloatArray) -> Problem:

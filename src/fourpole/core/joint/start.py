@@ -6,7 +6,7 @@ import numpy as np
 
 from fourpole.core.arrays import ComplexArray
 from fourpole.core.channelerrors import ChannelUncertainty
-from fourpole.core.joint.conditions import Conditions
+from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import Shared
 from fourpole.core.routes import stiffness_by
@@ -16,7 +16,7 @@ _LEAST = 1e-4
 
 
 def closed_form_start(
-    observed: Observed, conditions: Conditions, shared: Shared, channels: ChannelUncertainty
+    observed: Observed, conditions: JointConditions, shared: Shared, channels: ChannelUncertainty
 ) -> ComplexArray:
     """K* of each condition [N/m], from the stated rig and the amplitudes as measured."""
     rig, omega = shared.rig, observed.omega

@@ -9,7 +9,7 @@ from fourpole.findings.evidence import Effect
 from fourpole.findings.finding import Finding, Holds, Key
 from fourpole.report.words.phrases import combinations, condition, opening, percent, some
 
-#: With more conditions than these their number is given instead of a list.
+#: Largest number of conditions that a sentence lists; of more it gives their number.
 _MOST_NAMED = 6
 Effects = Mapping[Key, Effect]
 Axes = tuple[str, ...]
@@ -24,8 +24,8 @@ def comparison(finding: Finding, found: Comparison) -> str:
         return (
             f"{opening(finding)} and {finding.specimens[1]} shows no difference beyond the uncertainty "
             f"{where}: that of {found.upper} is {percent(mean.value)} higher"
-            f"{' on average' if len(found.effects) > 1 else ''}, no more than twice the standard uncertainty of "
-            f"{percent(mean.std)}."
+            f"{' on average' if len(found.effects) > 1 else ''}, no more than the expanded uncertainty (95 %) of "
+            f"{percent(mean.reach())}."
         )
     if finding.holds is Holds.MIXED:
         return _mixed(said.column, axes, found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ from fourpole.report.words.phrases import counted, joined, number, percent
 from fourpole.report.words.shared_values import DECLARED, ShownValue, shown_values
 from fourpole.report.words.sources import source_in_words
 from fourpole.study.results import Results
-from fourpole.study.rig_estimate import Finding, NoteCode, Outlier, RigEstimate
+from fourpole.study.rig_estimate import NoteCode, Outlier, RigEstimate, RigFinding
 
 #: An undeclared error is reported as hard to detect if its detection limit is above this, by the unit shown.
 #: For a value of the rig the limit for per cent counts, relative to the value.
@@ -106,15 +107,13 @@ def _summary(values: Sequence[ShownValue], *, fits: bool) -> str:
     own = [value for value in values if value.group is not Role.RATIO]
     if not own:
         return "All values were stated as exact: there was nothing to find."
-    count = {
-        finding: sum(value.finding is finding for value in own) for finding in (Finding.FOUND, Finding.NOT_DETERMINED)
-    }
+    count = Counter(value.finding for value in own)
     of = f"Of {counted(len(own), 'shared value')}"
     if not fits:
         return f"{of} none is called calibrated, because the rig as stated does not fit."
-    text = f"{of} {_was(count[Finding.FOUND])} found by your data"
-    if count[Finding.NOT_DETERMINED]:
-        text += f"; {_was(count[Finding.NOT_DETERMINED])} not determined by your data, taken from your statement"
+    text = f"{of} {_was(count[RigFinding.FOUND])} found by your data"
+    if count[RigFinding.NOT_DETERMINED]:
+        text += f"; {_was(count[RigFinding.NOT_DETERMINED])} not determined by your data, taken from your statement"
     return f"{text}."
 
 
@@ -126,7 +125,7 @@ def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     ratio = found.chi2_per_dof
     per = f": chi-square is {number(ratio, 2)} per degree of freedom, not 1" if ratio is not None else ""
     yield f"The rig and the sensors as stated do not go with these tests{per}."
-    against = [value.name for value in values if value.finding is Finding.CONTRADICTED]
+    against = [value.name for value in values if value.finding is RigFinding.CONTRADICTED]
     if against:
         yield (
             f"The data contradict what you state of the {joined(against)}: "
@@ -232,7 +231,7 @@ def _hidden_errors(hidden: Sequence[ShownValue], *, massed: bool) -> str:
 def _trusted_masses(values: Sequence[ShownValue]) -> Iterable[str]:
     """The dependence of all results on the weight of an added mass, with the detection limit of its error."""
     for value in values:
-        if value.group is Role.MASS and value.finding is Finding.NOT_DETERMINED:
+        if value.group is Role.MASS and value.finding is RigFinding.NOT_DETERMINED:
             below = "" if value.detection_limit is None or value.hidden else f" below {value.detection_words}"
             yield (
                 f"The scale of the sensors, and so of K*, rests on the weight of the {value.name}: an undeclared error "
@@ -261,7 +260,7 @@ def _equal_effects(values: Sequence[ShownValue]) -> Iterable[str]:
 
 def _is_hidden(value: ShownValue) -> bool:
     """Whether the tests show no plausible error of a value; the statement of a contradicted value shows one."""
-    return value.hidden and value.finding is not Finding.CONTRADICTED
+    return value.hidden and value.finding is not RigFinding.CONTRADICTED
 
 
 def _ratios_seen(value: ShownValue, values: Sequence[ShownValue]) -> bool:

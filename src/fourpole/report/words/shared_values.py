@@ -8,7 +8,7 @@ from math import inf, pi
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.quantities import RIG_VALUES
 from fourpole.report.digits import number, with_std
-from fourpole.study.rig_estimate import Finding, RigEstimate, SharedValue
+from fourpole.study.rig_estimate import RigEstimate, RigFinding, SharedValue
 
 DASH = "–"
 #: Groups of values with their headings.
@@ -55,7 +55,7 @@ class ShownValue:
         return self.value.source
 
     @property
-    def finding(self) -> Finding:
+    def finding(self) -> RigFinding:
         """The outcome of the joint route for this value."""
         return self.value.finding
 
@@ -117,7 +117,7 @@ class ShownValue:
     @property
     def detection_words(self) -> str:
         """The detection limit with its unit, "at no size", or a dash."""
-        if self.finding in (Finding.CONTRADICTED, Finding.UNSTATED):
+        if self.finding in (RigFinding.CONTRADICTED, RigFinding.UNSTATED):
             return DASH
         return (
             "at no size"
@@ -133,7 +133,7 @@ class ShownValue:
     @property
     def hidden(self) -> bool:
         """Whether the tests would show no plausible error of the value."""
-        if self.finding is Finding.UNSTATED:
+        if self.finding is RigFinding.UNSTATED:
             return False
         if self.detection_limit is None:
             return True

@@ -54,7 +54,7 @@ def _no_change(found: Trend) -> str:
     if found.is_line:
         vary = f"vary measurably with {found.axis}: from {span(found)} it changes"
     signed = percent(mean.value) if mean.value < 0 else f"+{percent(mean.value)}"
-    return f"{vary} by {signed}{_where(found)}, no more than twice the standard uncertainty of {percent(mean.std)}"
+    return f"{vary} by {signed}{_where(found)}, no more than the expanded uncertainty (95 %) of {percent(mean.reach())}"
 
 
 def _uniform(found: Trend) -> str:

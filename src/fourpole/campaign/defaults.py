@@ -1,0 +1,18 @@
+"""Standard uncertainties that are assumed where the campaign states none.
+
+The entries of `core` assume nothing: `core.channelerrors.ChannelUncertainty` and `core.rig.Rig` have the default 0, and
+their callers state the uncertainties.
+"""
+
+from math import pi
+
+#: Relative standard uncertainty of a gain [1].
+GAIN_STD = 0.01
+#: Standard uncertainty of a phase [rad].
+PHASE_STD = 0.5 * pi / 180.0
+#: Relative standard uncertainty of a value of the rig [1].
+RIG_STD = 0.02
+#: Relative standard uncertainty of a K1 that tests.csv states without u(K1) [1].
+K1_STD = 0.02
+#: Relative standard uncertainty of an added mass [1].
+MASS_STD = 1e-4
