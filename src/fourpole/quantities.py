@@ -43,7 +43,7 @@ class Quantity:
     pair : tuple of Quantity
         The two quantities of a correlation; empty for other quantities.
     topic : str
-        The part of the findings that reports the quantity; empty if findings do not use it.
+        The part of the findings that reports the quantity, one of `fourpole.findings.Topic`; empty if none does.
     more : str
         Predicate of the tyre with the larger value: "is the stiffer".
     start : str

@@ -355,7 +355,7 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, ru
         process.wait()
     assert process.returncode == 130
     assert out == ""
-    said = "stopped; nothing is half-written; recordings done are kept: the same command goes on from there"
+    said = "stopped; no file is half-written; what is done is kept: the same command goes on from there"
     assert err.splitlines() == [said]
     # no table, whole or half, and no leftovers of writing
     assert [path.name for path in (campaign / "results").iterdir()] == ["cache"]

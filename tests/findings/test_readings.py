@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from fourpole.core.condition import AXES
 from fourpole.findings import readings
-from fourpole.findings.facts import Curve, Measured
+from fourpole.findings.facts import Curve, Measured, _nominal
 from fourpole.findings.readings import Lack, LackError, Need
 from fourpole.quantities import K1, K2, NONLINEARITY, C
 
@@ -162,3 +163,10 @@ def test_the_lower_resonance_is_that_of_the_largest_tr(at, holds):
     found = readings.resonance(tyre(curves=curves(16.0), facts=facts), tyre(curves=curves(at), facts=facts))
     assert found.holds is holds
     assert (found.effect, found.unit) == (pytest.approx(16.0 - at), "Hz")
+
+
+def test_a_pressure_is_shown_as_that_of_tests_that_are_used():
+    """Three tests at 1.70 bar are rejected: 1.73 bar, which is the same within 2 %, is shown as 1.73 bar."""
+    values, axis = [1.70e5, 1.70e5, 1.70e5, 1.73e5, 2.0e5], AXES[0]
+    assert _nominal(values, axis, {1.73e5}) == {1.70e5: 1.73e5, 1.73e5: 1.73e5, 2.0e5: 2.0e5}
+    assert _nominal(values, axis, {1.70e5, 1.73e5})[1.73e5] == 1.70e5  # the median of the four

@@ -4,6 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from fourpole.core.condition import AXES, Axis, Sameness
 from fourpole.errors import ModelError, TableError
 from fourpole.fitting.measured import COVARIANCE_COLUMNS, measured_of, read_measured, table_of
 from fourpole.study.study import Study, analyse
@@ -39,6 +40,21 @@ def test_rows_without_k_are_left_out_and_counted():
     found = measured_of(table(**{RE: [200e3, None, 195e3, 150e3]}))
     assert found.conditions[0].tests == ("D1",)
     assert "1 of 4 rows" in found.notes[0]
+
+
+def test_a_test_without_k_parts_conditions_as_it_does_where_tests_are_identified():
+    """1.70 and 1.73 bar are one condition, 1.76 bar another; without the tests at 1.70 bar, 1.76 would be as 1.73."""
+    pressures = {"pressure [Pa]": [1.70e5, 1.73e5, 1.76e5, 1.70e5], "tyre": ["a"] * 4}
+    found = measured_of(table(**pressures, **{RE: [None, 190e3, 195e3, None]}))
+    assert [one.tests for one in found.conditions] == [("D2",), ("D3",)]
+
+
+def test_text_on_an_axis_of_numbers_matters_only_where_k_is_known():
+    rule, cells = Sameness((*AXES, Axis("camber [deg]", absolute=0.5))), ["five", "1", "1", "2"]
+    found = measured_of(table(**{"camber [deg]": cells, RE: [None, 190e3, 195e3, 150e3]}), rule=rule)
+    assert {one.state["camber [deg]"] for one in found.conditions} == {1.0, 2.0}
+    with pytest.raises(TableError, match=r"row 2, column 'camber \[deg\]': 'five' is no number"):
+        measured_of(table(**{"camber [deg]": cells}), rule=rule)
 
 
 def test_uncertainties_of_the_table_are_taken_with_their_correlation():

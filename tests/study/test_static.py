@@ -400,7 +400,17 @@ def test_a_blank_temperature_between_two_that_differ_is_a_warning(warm):
     warm.dynamic("D1", "1.7,1000,")
     (row,) = warm.analyse().dynamic.rows(named=True)
     assert row["verdict"] == "warning"
-    assert "K1 is the mean of static tests that differ in temperature: state that of this test" in row["remarks"]
+    assert "K1 is the mean of static tests that differ in temperature: state that of this test, or" in row["remarks"]
+
+
+def test_static_tests_on_both_sides_of_a_pressure_that_differ_are_a_warning(bench):
+    """1.70 and 1.76 bar are each within 2 % of 1.73 bar, but not of each other."""
+    bench.static("S1", "1.70,", a=104e3)
+    bench.static("S2", "1.76,", a=100e3)
+    bench.dynamic("D1", "1.73,1000")
+    (row,) = bench.analyse().dynamic.rows(named=True)
+    assert row["verdict"] == "warning"
+    assert "K1 is the mean of static tests that differ in pressure" in row["remarks"]
 
 
 def test_k1_is_that_of_the_same_batch_and_an_axis_of_dynamic_tests_alone_does_not_matter(bench):

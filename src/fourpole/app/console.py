@@ -160,7 +160,7 @@ def run_to_exit(run: Callable[..., int | None], **given: Any) -> None:
     except FourpoleError as error:
         fail(str(error))
     except KeyboardInterrupt:
-        say("stopped; nothing is half-written; recordings done are kept: the same command goes on from there")
+        say("stopped; no file is half-written; what is done is kept: the same command goes on from there")
         code = STOPPED
     except BrokenPipeError:  # the reader of standard output, as head, has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

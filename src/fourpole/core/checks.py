@@ -183,7 +183,7 @@ class Code(Enum):
         "whether the static tests of a dynamic test are of one condition",
         "K1 is the mean of static tests of several conditions",
         "K1 is the mean of static tests that differ in {axes}: ",
-        "state that of this test",
+        "state that of this test, or make a static test at it",
     )
     NO_K1 = (
         "no K1",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -87,8 +87,9 @@ class Facts:
         names = {
             new: old or "" for before, after in pairs for new, old in zip(after["tyre"], before["tyre"], strict=True)
         }
+        every = (results.static, results.dynamic)
         nominal = {
-            name: _nominal([v for table in (results.static, results.dynamic) for v in _column(table, axis)], axis)
+            name: _nominal([v for table in every for v in _column(table, axis)], axis, _used_values(every, axis))
             for name, axis in _AXES.items()
         }
         return cls(results, names, {**nominal, "frequency": {f: _snapped(n) for f, n in nominal["frequency"].items()}})
@@ -263,12 +264,18 @@ def _number(value: Any) -> float:
     return float(value) if isinstance(value, (int, float)) else float("nan")
 
 
-def _nominal(values: Sequence[float], axis: Axis) -> dict[float, float]:
-    """Each value with the median of those that are the same on an axis."""
+def _used_values(tables: Iterable[pl.DataFrame], axis: Axis) -> set[float]:
+    """The values on an axis of the tests that are not rejected."""
+    return {value for table in tables for value in _column(table.filter(pl.col("verdict") != "rejected"), axis)}
+
+
+def _nominal(values: Sequence[float], axis: Axis, used: Set[float]) -> dict[float, float]:
+    """Each value with the median of those that are the same on an axis and of which a test is used."""
     groups: dict[int, list[float]] = {}
     for value, group in zip(values, axis.groups(values).tolist(), strict=True):
         groups.setdefault(group, []).append(value)
-    return {value: float(np.median(group)) for group in groups.values() for value in group}
+    shown = {number: [value for value in group if value in used] or group for number, group in groups.items()}
+    return {value: float(np.median(shown[number])) for number, group in groups.items() for value in group}
 
 
 def _snapped(frequency: float) -> float:

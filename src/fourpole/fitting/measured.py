@@ -257,10 +257,17 @@ def measured_of(
             raise ModelError(
                 f"{name}: has no column {shown(column)}: it has {', '.join(map(shown, frame.columns[:40]))}"
             )
-    numbers = {column: _numbers(frame, column, name) for column in frame.columns if column in _known(rule)}
+    numbers: dict[str, FloatArray] = {}
+    measured = np.ones(frame.height, dtype=bool)
+    for column in (RE, IM, *sorted(_known(rule) - {RE, IM})):
+        if column in frame.columns:
+            numbers[column] = _numbers(frame, column, name, measured)
+            measured &= np.isfinite(numbers[column]) | (column not in (RE, IM))
     good, notes = _usable(numbers, name, stated=std is None and covariance is None)
     if not good.any():
         raise ModelError(f"{name}: no row has a frequency and K*: nothing can be fitted")
+    # A test without K* can still join two conditions, as it does where the tests are identified.
+    label = rule.groups(conditions_in(frame, rule))[good]
     frame = frame.filter(good)
     worded = Sameness(tuple(axis for axis in rule.axes if axis.text))
     (tyres,) = names_apart([conditions_in(frame, worded)], worded)
@@ -268,7 +275,6 @@ def measured_of(
     notes += rows.notes(covariance is not None)
     axes = [axis.column for axis in rule.axes if axis.column in numbers]
     cells = np.stack([rows.numbers[column] for column in axes], axis=1) if axes else np.zeros((rows.count, 0))
-    label = rule.groups(conditions_in(frame, rule))
     conditions = [_measured(rows, np.flatnonzero(label == one), axes, cells, k1) for one in np.unique(label)]
     return MeasuredSet(tuple(conditions), tuple(notes), rows.known, name, rule=rule)
 
@@ -445,12 +451,13 @@ def _frame(name: str, content: bytes) -> pl.DataFrame:
         raise TableError(f"{name}: is no table of results ({str(error).splitlines()[0]})") from None
 
 
-def _numbers(frame: pl.DataFrame, column: str, name: str) -> FloatArray:
+def _numbers(frame: pl.DataFrame, column: str, name: str, used: BoolArray) -> FloatArray:
+    """A column as numbers; TableError where a row that is used has other text."""
     series = frame[column]
     if series.dtype == pl.String:
         stripped = series.str.strip_chars()
         found = stripped.cast(pl.Float64, strict=False)
-        lost = found.is_null() & stripped.is_not_null() & (stripped != "")
+        lost = found.is_null() & stripped.is_not_null() & (stripped != "") & pl.Series(used)
         if lost.any():
             at = int(lost.arg_max() or 0)
             raise TableError(f"{name}: row {at + 2}, column {shown(column)}: {shown(str(series[at]))} is no number")

@@ -123,7 +123,7 @@ def _with_remarks(
         if (mine.values[at] is None) == bool(stated) and not foreign:
             side = "the static test" if stated else "this test"
             remarks.append(f"the {axis.name} is stated of {side} only and taken as the same")
-        if mine.values[at] is None and len(set(axis.groups(stated).tolist())) > 1:
+        if len(set(axis.groups(stated).tolist())) > 1:
             mixed.append(axis.name)
     remark = f"K1 from {', '.join(names)}: {'; '.join(remarks)}" if remarks else ""
     warning = reported(Code.K1_MIXED, "warning", axes=" and ".join(mixed)) if mixed else None
