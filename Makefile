@@ -103,7 +103,7 @@ lowest: lowest-install  ## the tests of the library on the lowest versions allow
 
 lowest-install:  ## install the lowest versions allowed
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
-		$(MAKE) --no-print-directory $(READY_LOWEST); \
+		$(MAKE) --no-print-directory --silent $(READY_LOWEST); \
 	else \
 		echo "lowest: skipped, the lowest versions allowed have no wheels for $$($(PYTHON) --version)"; \
 	fi

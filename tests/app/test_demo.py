@@ -68,7 +68,7 @@ def test_the_tables_agree_with_the_truth_beside_them(demonstration):
 
 
 def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
-    """With the summary for programs, and of a small campaign, so that it is quick."""
+    """With the summary for programs, and of a small campaign without a report, so that it is quick."""
     from fourpole.app import analysis
     from fourpole.virtual import simulate_campaign
 
@@ -76,6 +76,7 @@ def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
         return simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 24.0], **settings)
 
     monkeypatch.setattr(analysis, "simulate_campaign", small)
+    monkeypatch.setattr(analysis, "_drawn", lambda study, results: results / "report.html")
     small(tmp_path / "demo", seed=8)
     (tmp_path / "demo" / "results").mkdir()
     (tmp_path / "demo" / "results" / "dynamic.csv").write_text("old")

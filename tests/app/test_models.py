@@ -119,7 +119,7 @@ def test_a_k1_that_contradicts_is_named(run, tmp_path):
 
 
 def test_results_to_model_map_and_query(run, results):
-    fitted = run("fit", results)
+    fitted = run("fit", results, "--model", "zener")
     assert fitted.exit_code == 0, fitted.output
     assert (results / "model.json").is_file()
     assert (results / "figures" / "model.svg").is_file()

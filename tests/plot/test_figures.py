@@ -21,6 +21,8 @@ from fourpole.plot.stiffness import route_stiffness
 from fourpole.study.results import Results
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 
+pytestmark = pytest.mark.thorough
+
 SCHEMES = ("fig01", "fig02", "fig03", "fig04")
 MODELS = ("model", "model-choice", "map")
 DATA = tuple(key for key in FIGURES if key not in (*SCHEMES, *MODELS))

@@ -103,6 +103,7 @@ def test_each_theme_draws_on_its_paper(study, theme):
     assert THEMES[theme].tyres[0].lower() in svg
 
 
+@pytest.mark.thorough
 def test_all_figures_are_written_and_light(tmp_path):
     calls = []
     results = against(study_with_models(), "kelvin")

@@ -15,6 +15,8 @@ from fourpole.plot import THEMES, Style, draw, render
 from fourpole.plot.budget import source_colour
 from fourpole.virtual import RADIAL_PLY
 
+pytestmark = pytest.mark.thorough
+
 KEYS = ("rig-found", "rig-residual", "mass-gain", "budget")
 
 
