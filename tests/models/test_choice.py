@@ -27,22 +27,22 @@ TRUTHS = {
 @pytest.mark.statistical
 @pytest.mark.parametrize("name", TRUTHS)
 def test_the_true_family_is_chosen_or_said_to_be_alike(name):
-    """Of 12 draws, fitted side by side, at most one may miss: BIC's odds are better than 20 to 1."""
+    """Of 8 draws, fitted side by side, at most one may miss: BIC's odds are better than 20 to 1."""
     rng = np.random.default_rng(0)
     (base, omega), model = TRUTHS[name], model_named(name)
     draws = []
-    for _ in range(12):
+    for _ in range(8):
         clean = model.stiffness(np.array(base) * rng.uniform(0.85, 1.15, len(base)), omega)
         std = 1e-3 * np.abs(clean)
         seen = clean + std * (rng.standard_normal(clean.shape) + 1j * rng.standard_normal(clean.shape))
         draws.append(StiffnessData.of(omega, seen, std))
     choice = choose(draws)
     right = 0
-    for at in range(12):
+    for at in range(8):
         bic = {one.name: bic_of(one.fits[at]) for one in choice.candidates}
         best = min(bic, key=bic.__getitem__)
         right += best == name or (bic[name] - bic[best] < 6.0 and not contains(name, best))
-    assert right >= 11
+    assert right >= 7
     assert choice.best.name == name or name in choice.alike
     assert choice.best.cross_validation < 2.0
 
