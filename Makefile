@@ -46,13 +46,11 @@ $(READY_LOWEST): requirements-lowest.lock pyproject.toml
 	$(call install,.venv-lowest,requirements-lowest.lock)
 	@touch $@
 
-# The peers stand in no lock, and some need build tools that no lock has: so they are built in isolation. The libraries
-# that they share with Fourpole are those of .venv: one line in a .pth file shows them to this environment, too.
-PURELIB := -c 'import sysconfig; print(sysconfig.get_path("purelib"))'
-$(READY_BENCH): $(READY) requirements.lock pyproject.toml
+# The peers stand in no lock, and some need build tools that no lock has: so they are built in isolation. A library that
+# they share with Fourpole has its locked version.
+$(READY_BENCH): requirements.lock pyproject.toml
 	@echo "Installing the peers of bench/ into .venv-bench (once; a minute or two)"
 	@$(PYTHON) -m venv .venv-bench
-	@$(BIN)/python $(PURELIB) > "$$(.venv-bench/bin/python $(PURELIB))/locked.pth"
 	@sed -n 's/^\([a-z0-9][^\\]*\) \\$$/\1/p' requirements.lock > .venv-bench/constraints.txt
 	@.venv-bench/bin/python -m pip install $(PIP_FLAGS) --constraint .venv-bench/constraints.txt --editable '.[bench]'
 	@touch $@
@@ -66,7 +64,7 @@ test:  ## everything: check, the peers, the tests on the lowest versions, the te
 	@$(MAKE) --no-print-directory lowest
 	@$(MAKE) --no-print-directory pytest
 
-ready: lowest-install check bench-install chromium
+ready: bench-install chromium check lowest-install
 
 chromium:  ## the browser that the tests of the report need; installed here where that may be done
 	@for b in chromium chromium-browser google-chrome google-chrome-stable; do \

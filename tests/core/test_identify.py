@@ -14,6 +14,8 @@ from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.routes import ROUTES
 from fourpole.errors import RigError
 
+pytestmark = pytest.mark.thorough
+
 EPS = np.finfo(float).eps
 DRAWS = 40_000
 

@@ -16,6 +16,8 @@ from fourpole.core.twoport import (
     spring,
 )
 
+pytestmark = pytest.mark.thorough
+
 OMEGA = 2 * np.pi * np.array([1.0, 10.0, 24.0, 100.0])
 EPS = np.finfo(float).eps
 

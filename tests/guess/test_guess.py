@@ -20,6 +20,8 @@ from fourpole.guess.names import read_header, read_name
 from fourpole.study import analyse
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.thorough
+
 UNITS = {"t": "s", "F1": "N", "V1": "m/s", "V2": "m/s", "F": "N", "x": "mm"}
 GERMAN = {"t": "Zeit", "F1": "Kraft", "V1": "Geschw_unten", "V2": "Geschw_oben", "F": "Radlast", "x": "Einfederung"}
 

@@ -12,6 +12,8 @@ from fourpole.models.maxwell import GeneralisedMaxwell, Zener
 from fourpole.models.springs import KelvinVoigt, Spring, Structural
 from fourpole.models.starts import start_of
 
+pytestmark = pytest.mark.thorough
+
 NARROW = 2 * np.pi * np.linspace(5.0, 30.0, 28)
 CASES = {
     "spring": (Spring(), [180e3], NARROW),

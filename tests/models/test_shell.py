@@ -19,6 +19,8 @@ from fourpole.models.shell import (
 from fourpole.models.step import simulate
 from fourpole.models.tyre_shell import CROSS_PLY, RADIAL_PLY, Shell
 
+pytestmark = pytest.mark.thorough
+
 OMEGA = 2 * np.pi * np.geomspace(1.0, 300.0, 30)
 PRESSURE, WIDTH, SHARE = 4, 1, 9
 

@@ -13,6 +13,8 @@ from fourpole.models.springs import KelvinVoigt, Spring, Structural
 from fourpole.models.starts import start_of, starts_of
 from fourpole.models.table import Gehman
 
+pytestmark = pytest.mark.thorough
+
 NARROW, WIDE = 2 * np.pi * np.linspace(5.0, 30.0, 28), 2 * np.pi * np.geomspace(0.1, 200.0, 50)
 TABLE = Gehman(np.geomspace(0.05, 400.0, 9), np.linspace(90e3, 150e3, 9), np.geomspace(3e3, 80.0, 9))
 #: Model, parameters, frequencies, and how far the start may be off K*: round-off of a closed form, else a grid's step.

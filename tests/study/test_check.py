@@ -14,6 +14,8 @@ from fourpole.study import analyse, reduce
 from fourpole.study.check import check_campaign
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def origin(tmp_path_factory):

@@ -4,6 +4,8 @@ import numpy as np
 import polars as pl
 import pytest
 
+pytestmark = pytest.mark.thorough
+
 F = 14.0
 G = 9.80665
 

@@ -4,6 +4,8 @@ import numpy as np
 import polars as pl
 import pytest
 
+pytestmark = pytest.mark.thorough
+
 NOT_KNOWN = ["K1 [N/m]", "u(K1) [N/m]", "K2 [N/m]", "C [N s/m]", "u(K2) [N/m]", "u(C) [N s/m]", "corr(K2,C) [1]"]
 
 

@@ -9,6 +9,8 @@ from scipy.integrate import solve_ivp
 
 from fourpole.virtual import Bench, Cam, Conditions, Laboratory, Zener, run, run_block, simulate_phasors, state_matrices
 
+pytestmark = pytest.mark.thorough
+
 TYRE = Zener(k1=150e3, k2=190e3, c=1400.0)
 BENCH = Bench(mass=15.0, preload_stiffness=12440.0, preload_damping=15.0)
 WORN = {"profile": ((2, 0.006, 0.7), (3, 0.002, 2.1)), "ripple": ((1, 1.5e-3, 0.3), (2, 1e-3, 1.0)), "wander": 1e-4}

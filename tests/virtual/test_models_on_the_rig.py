@@ -27,6 +27,8 @@ from fourpole.virtual import (
     simulate_phasors,
 )
 
+pytestmark = pytest.mark.thorough
+
 MODELS = {
     "spring": (Spring(), (180e3,)),
     "kelvin": (KelvinVoigt(), (180e3, 300.0)),

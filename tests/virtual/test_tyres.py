@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 
+pytestmark = pytest.mark.thorough
+
 TYRES = pytest.mark.parametrize("tyre", [CROSS_PLY, RADIAL_PLY], ids=lambda tyre: tyre.name)
 PRESSURE = st.floats(100e3, 240e3)
 

@@ -16,6 +16,8 @@ from fourpole.core.sources import Role
 from fourpole.errors import RigError
 from fourpole.virtual.phasor_rig import Laboratory
 
+pytestmark = pytest.mark.thorough
+
 WIDE = Laboratory(
     moving_mass=(15.0, 0.3),
     preload_stiffness=(12440.0, 250.0),

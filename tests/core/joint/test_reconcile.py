@@ -10,6 +10,8 @@ from fourpole.core.joint.outputs import identification, outputs
 from fourpole.core.rig import Rig
 from fourpole.virtual.phasor_rig import Conditions, Laboratory, simulate_phasors
 
+pytestmark = pytest.mark.thorough
+
 GOOD = Laboratory(
     moving_mass=(15.0, 0.1),
     preload_stiffness=(12440.0, 60.0),
