@@ -11,6 +11,7 @@ import numpy as np
 import polars as pl
 import pytest
 from numpy.typing import NDArray
+from tests.reference import claims
 
 from fourpole import Study, analyse
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
@@ -33,6 +34,12 @@ def one_recording_at_a_time() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fourpole.study.reduce._WORKERS", 1)
         yield
+
+
+@pytest.fixture(scope="session")
+def evaluate_claims() -> Callable[..., object]:
+    """The function that judges the twelve claims of the paper, written for the tests alone."""
+    return claims.evaluate_claims
 
 
 class Folder:

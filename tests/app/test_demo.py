@@ -1,23 +1,10 @@
 """The demonstration, end to end: made, analysed, summed up, and the paper's twelve claims read on its tables."""
 
-import importlib.util
 import json
-import sys
 from pathlib import Path
 
 import polars as pl
 import pytest
-
-
-@pytest.fixture(scope="module")
-def evaluate_claims():
-    path = Path(__file__).parents[1] / "reference" / "claims.py"
-    spec = importlib.util.spec_from_file_location("claims_for_the_demonstration", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # where a dataclass looks for its own module
-    spec.loader.exec_module(module)
-    yield module.evaluate_claims
-    del sys.modules[spec.name]
 
 
 def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):

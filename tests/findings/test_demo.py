@@ -1,7 +1,5 @@
 """The findings on a virtual campaign, one by one against what the tyres are."""
 
-import importlib.util
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -179,17 +177,6 @@ def test_the_crossing_is_true(told, true):
 
 def test_the_measured_tr_agrees_with_the_predicted(told):
     assert only(told, "prediction", "TR").holds is Holds.WITHIN
-
-
-@pytest.fixture(scope="module")
-def evaluate_claims():
-    path = Path(__file__).parents[1] / "reference" / "claims.py"
-    spec = importlib.util.spec_from_file_location("claims_of_the_paper_for_findings", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # where a dataclass looks for its own module
-    spec.loader.exec_module(module)
-    yield module.evaluate_claims
-    del sys.modules[spec.name]
 
 
 @pytest.fixture(scope="module")

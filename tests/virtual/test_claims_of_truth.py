@@ -1,9 +1,6 @@
 """What the paper claims of its tyres is true of the virtual ones, and the reading of a claim can also fail."""
 
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -12,17 +9,6 @@ import pytest
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 pytestmark = pytest.mark.thorough
-
-
-@pytest.fixture(scope="module")
-def evaluate_claims():
-    path = Path(__file__).parents[1] / "reference" / "claims.py"
-    spec = importlib.util.spec_from_file_location("claims_of_the_paper", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # where a dataclass looks for its own module
-    spec.loader.exec_module(module)
-    yield module.evaluate_claims
-    del sys.modules[spec.name]
 
 
 @pytest.fixture(scope="module")
