@@ -257,12 +257,10 @@ def measured_of(
             raise ModelError(
                 f"{name}: has no column {shown(column)}: it has {', '.join(map(shown, frame.columns[:40]))}"
             )
-    numbers: dict[str, FloatArray] = {}
-    measured = np.ones(frame.height, dtype=bool)
-    for column in (RE, IM, *sorted(_known(rule) - {RE, IM})):
-        if column in frame.columns:
-            numbers[column] = _numbers(frame, column, name, measured)
-            measured &= np.isfinite(numbers[column]) | (column not in (RE, IM))
+    numbers = {column: _numbers(frame, column, name, np.ones(frame.height, dtype=bool)) for column in (RE, IM)}
+    measured = np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
+    others = [column for column in frame.columns if column in _known(rule) - {RE, IM}]
+    numbers |= {column: _numbers(frame, column, name, measured) for column in others}
     good, notes = _usable(numbers, name, stated=std is None and covariance is None)
     if not good.any():
         raise ModelError(f"{name}: no row has a frequency and K*: nothing can be fitted")
