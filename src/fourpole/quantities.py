@@ -171,6 +171,11 @@ PHASE_V2 = Quantity(
     "phase_v2_v1", "V2 ahead of V1", "phase V2-V1", "rad", "phase of V2 ahead of V1", "°", pi / 180
 )  # fmt: skip
 
+DEFLECTION_AMPLITUDE = Quantity(
+    "deflection_amplitude", "x", "deflection amplitude", "m",
+    "amplitude of the deflection of the tyre, |V1 - V2|/w; where V2 is not known |F1/K*|", "mm", 1e-3,
+)  # fmt: skip
+
 R = Quantity("r", "R", "R", "m/(N s)", "real part of the mobility V1/F1", "mm/(N s)", 1e-3)
 I = Quantity("i", "I", "I", "m/(N s)", "imaginary part of the mobility V1/F1", "mm/(N s)", 1e-3)  # noqa: E741  the paper's symbol
 CORR_R_I = Quantity("corr_r_i", "corr(R, I)", "corr(R,I)", "1", "correlation of R and I", digits=2, pair=(R, I))

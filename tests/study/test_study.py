@@ -39,6 +39,7 @@ DYNAMIC = [
     "V2 [m/s]",
     "phase F1-V1 [rad]",
     "phase V2-V1 [rad]",
+    "deflection amplitude [m]",
     "R [m/(N s)]",
     "I [m/(N s)]",
     "u(R) [m/(N s)]",
@@ -121,6 +122,8 @@ def test_phasors_are_the_amplitudes_with_a_proper_covariance(results):
         np.testing.assert_allclose(abs(parts[name]), dynamic[f"{name} [{unit}]"], rtol=1e-14)
     np.testing.assert_allclose(np.angle(parts["F1"] / parts["V1"]), dynamic["phase F1-V1 [rad]"], rtol=1e-12)
     np.testing.assert_allclose(np.angle(parts["V2"] / parts["V1"]), dynamic["phase V2-V1 [rad]"], rtol=1e-12)
+    moved = abs(parts["V1"] - parts["V2"]) / (2 * np.pi * dynamic["frequency [Hz]"])
+    np.testing.assert_allclose(moved, dynamic["deflection amplitude [m]"], rtol=1e-12)
     mobility = dynamic["R [m/(N s)]"].to_numpy() + 1j * dynamic["I [m/(N s)]"].to_numpy()
     found = {row["value"]: row["found"] for row in rows_of(results / "rig.csv")}
     gain = float(found["gain F1/V1"]) * np.exp(1j * float(found["phase F1-V1"]))

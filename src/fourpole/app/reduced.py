@@ -13,8 +13,8 @@ import polars.selectors as cs
 from fourpole import quantities as q
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, say, warn
 from fourpole.app.deliver import deliver
-from fourpole.core.checks import check_resonance
 from fourpole.core.loadcurve import LoadCurve
+from fourpole.core.recordingchecks import check_resonance
 from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict
 from fourpole.core.rig import Rig
 from fourpole.errors import LoadCurveError, RigError

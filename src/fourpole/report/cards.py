@@ -29,7 +29,7 @@ _SIGNALS = (("F1", "force_in"), ("V1", "motion_in"), ("V2", "motion_out"))
 _UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 _SYMBOLS = {"displacement": "x", "velocity": "V", "acceleration": "a"}
 
-_SEEN = (q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2)
+_SEEN = (q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.DEFLECTION_AMPLITUDE)
 _TOGETHER = (q.CORR_R_I, q.CORR_K, q.CORR_K2_C)
 
 

@@ -38,11 +38,14 @@ def dynamic_checks(
     return tuple(rows)
 
 
-def dynamic_cells(point: Point, found: Identified | None, route: str, checks: Sequence[Check]) -> dict[str, Any]:
+def dynamic_cells(
+    point: Point, found: Identified | None, route: str, checks: Sequence[Check], *, blocked: bool
+) -> dict[str, Any]:
     """Cells of a test; a test that was not identified has its amplitudes only."""
     cells: dict[str, Any] = {"route": route if found is None else found.group.route}
     if point.phasors is not None:
         cells |= _amplitude_cells(point.phasors)
+        cells[q.DEFLECTION_AMPLITUDE.head] = deflection_amplitude(point.phasors, found, blocked=blocked)
     if found is not None:
         cells |= {head: float(column[found.at]) for head, column in found.group.columns.items()}
     cells["verdict"] = worst_verdict(row.verdict for row in checks)
@@ -89,6 +92,16 @@ def _interval(found: Identified, which: int) -> str:
         return ""
     low, _, high = found.group.intervals[found.at][which].quantiles
     return interval_words(low, high, (q.K2, q.C)[which].unit)
+
+
+def deflection_amplitude(phasors: Phasors, found: Identified | None, *, blocked: bool) -> float:
+    """Amplitude of the specimen's deflection [m]; not-a-number if it is not known."""
+    f1, v1, v2 = phasors.amplitudes
+    if blocked:
+        v2 = 0.0
+    elif np.isnan(v2) and found is not None:
+        return float(abs(f1 / found.result.stiffness[found.at]))
+    return float(abs(v1 - v2) / phasors.omega)
 
 
 def _amplitude_cells(phasors: Phasors) -> dict[str, float]:

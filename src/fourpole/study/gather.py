@@ -9,9 +9,9 @@ import numpy as np
 from fourpole import units
 from fourpole.campaign.channels import Conversion, ReferenceFile
 from fourpole.core.arrays import FloatArray
-from fourpole.core.checks import clipped_share
 from fourpole.core.decimate import Decimator
 from fourpole.core.recording import Channel, uniform_time
+from fourpole.core.recordingchecks import clipped_share
 from fourpole.core.reference import PulseTrain, Reference
 from fourpole.errors import RecordingError, TableError
 from fourpole.io.signals import Signal

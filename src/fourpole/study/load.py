@@ -11,10 +11,10 @@ import numpy as np
 from fourpole.campaign.channels import ChannelFile, ChannelsFile, ReferenceFile
 from fourpole.campaign.folder import Test, inside
 from fourpole.core.arrays import FloatArray
-from fourpole.core.checks import clipped_share
 from fourpole.core.demodulation.demodulate import first_guess
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recording import Channel, Recording
+from fourpole.core.recordingchecks import clipped_share
 from fourpole.core.reference import Reference
 from fourpole.errors import FourpoleError, RecordingError, TableError
 from fourpole.io.signals import MAX_FILE_BYTES, Signal

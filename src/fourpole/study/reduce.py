@@ -15,13 +15,14 @@ import numpy as np
 from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.campaign.schema import RigFile
-from fourpole.core import checks
-from fourpole.core.checks import Check, Code, reported
+from fourpole.core import recordingchecks as checks
+from fourpole.core.checks import Check, Code, cut_words, reported
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
 from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.steady import steady_part
 from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.demodulation.wander import follow_wander, refine_reference
+from fourpole.core.linearity import linearity_checks
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.errors import ConstantError, FourpoleError, RecordingError, TableError, TooShortError
@@ -262,7 +263,7 @@ def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[
     if part is None:
         return recording, []
     low, high = recording.span
-    cut = checks.cut_words(part[0] - low, high - part[1])
+    cut = cut_words(part[0] - low, high - part[1])
     return recording.between(*part), [reported(Code.STEADY, "ok", cut=cut, length=high - low)]
 
 
@@ -304,6 +305,9 @@ def _checks_of(job: Job, found: Demodulation) -> Iterator[Check]:
     """The checks of one demodulated test; a fault of a channel that the route does not need is a warning."""
     names = tuple(SYMBOLS[role] for role in CHANNELS)
     test, frequency = job.test, float(found.phasors.frequency)
+    rig = job.rig.rig() if job.rig is not None else None
+    added = test.value("added_mass") or 0.0
+    yield from linearity_checks(found.harmonics, frequency, rig, added)
     yield checks.check_frequency(frequency, test.value("frequency"))
     yield checks.check_gaps(found)
     yield checks.check_mains(found)
@@ -314,10 +318,9 @@ def _checks_of(job: Job, found: Demodulation) -> Iterator[Check]:
         yield replace(row, verdict="warning") if spare else row
     if np.isfinite(found.force_peak):
         yield checks.check_lift_off(found.force_peak, test.value("preload"))
-    if job.rig is not None and job.rig.output != "blocked":
-        added = test.value("added_mass") or 0.0
-        yield checks.check_resonance(frequency, job.rig.rig(), added)
-        yield checks.check_consistency(found.phasors, job.rig.rig(), added)
+    if rig is not None and not rig.blocked:
+        yield checks.check_resonance(frequency, rig, added)
+        yield checks.check_consistency(found.phasors, rig, added)
 
 
 def response_hashes(campaign: Campaign) -> dict[str, str]:

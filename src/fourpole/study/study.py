@@ -297,8 +297,17 @@ def _analysed(
     stiffness = [_stiffness(test, rows, rule) for test in tests]
     found, notes = identify_tests(campaign, tests, points, stiffness, route, draws, _SEED)
     checks = [dynamic_checks(test, points[i], stiffness[i], found.get(i), route) for i, test in enumerate(tests)]
-    cells = [dynamic_cells(point, found.get(i), route, checks[i]) for i, point in enumerate(points)]
+    cells = [
+        dynamic_cells(point, found.get(i), route, checks[i], blocked=_blocked(campaign, tests[i]))
+        for i, point in enumerate(points)
+    ]
     return Analysed(campaign, statics, tests, points, checks, cells, found), notes
+
+
+def _blocked(campaign: Campaign, test: Test) -> bool:
+    """Whether the far side of the specimen does not move."""
+    rig = campaign.stated.all_rigs.get(test.rig)
+    return rig is not None and rig.output == "blocked"
 
 
 def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:

@@ -120,7 +120,7 @@ STATIC = TableSpec(
 )  # fmt: skip
 _DYNAMIC = _columns(
     q.TEST, q.RIG, q.TYRE, q.CONSTRUCTION, q.PRESSURE, q.PRELOAD, q.ADDED_MASS, q.TEMPERATURE, q.FREQUENCY,
-    q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.R, q.I, q.R.u_head, q.I.u_head, q.CORR_R_I,
+    q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.DEFLECTION_AMPLITUDE, q.R, q.I, q.R.u_head, q.I.u_head, q.CORR_R_I,
     q.STORAGE, q.LOSS, q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K, *q.LOSS_FACTOR.heads, *q.K1.heads,
     q.K2, q.C, q.K2.u_head, q.C.u_head, q.CORR_K2_C, q.TR_MEASURED, *q.TR_PREDICTED.heads,
     *(head for one in DERIVED for head in one.heads), q.ROUTE, q.VERDICT, q.REMARKS,

@@ -8,6 +8,7 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, response_std, without_crosstalk
+from fourpole.core.demodulation.harmonics import Harmonics, harmonics_of
 from fourpole.core.demodulation.preview import Preview, preview
 from fourpole.core.demodulation.sinefit import SineFit, fit_sines, refine
 from fourpole.core.demodulation.spectrum import (
@@ -61,6 +62,8 @@ class Demodulation(ByValue):
         Roles of the channels demodulated, in the order of `preview`.
     preview : Preview
         A few cycles of signal and fit, and the extremes of the residual.
+    harmonics : Harmonics
+        The first harmonics with their noise; declared cross-talk is not removed from them.
     corrections : tuple of Correction
         Effects of the measurement chain that were removed from the amplitudes.
     """
@@ -75,6 +78,7 @@ class Demodulation(ByValue):
     missing: float
     channels: tuple[str, ...]
     preview: Preview
+    harmonics: Harmonics
     corrections: tuple[Correction, ...] = ()
 
     @property
@@ -366,6 +370,7 @@ def _assemble(recording: Recording, fits: list[SineFit], noise: Noise, omega_std
         missing=1.0 - min(float(np.mean(fit.track.present)) for fit in fits),
         channels=tuple(names[i] for i in order),
         preview=preview(fits, order),
+        harmonics=harmonics_of(fits, at, [wave.recorded for wave in waves], [wave.true for wave in waves]),
         corrections=(*corrections_of(recording, names, omega), *talk),
     )
 

@@ -1,0 +1,137 @@
+r"""Linearity of a test: harmonics of the force that no linear specimen, or no linear rig, gives.
+
+A linear specimen answers harmonic n of its deflection d with :math:`K^*(n\omega)\,d_n`, and a linear rig answers
+harmonic n of V2 with :math:`Z_r(n\omega)\,V_{2,n}`. The force that remains is the specimen's own, or the rig's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.checks import Check, Code, judged
+from fourpole.core.demodulation.harmonics import Harmonics
+from fourpole.core.rig import Rig
+
+#: Harmonics of the specimen's own force over the fundamental. A dry friction or a cubic spring whose third harmonic is
+#: 5 % makes up 15 % of the fundamental, and so K* depends on the amplitude by that much.
+_SPECIMEN = 0.05
+#: The same for the rig. Its friction then takes 3 % of the force, more than the usual uncertainty of a sensor.
+_RIG = 0.01
+#: Amplitudes below this many standard uncertainties are noise: one of 100 000 exceeds it by chance.
+_NOISE = 5.0
+#: Harmonics of F1 are the channel's own if V2 needs less than this share of them.
+_MOVED = 0.5
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Harmonics of the force that a linear test does not have, over the fundamental of F1.
+
+    Attributes
+    ----------
+    specimen, rig : float [1]
+        Root of the summed squares; not-a-number where the channels do not show it.
+    unmoved : bool
+        Whether the specimen's harmonics are not in V2, so that the channel of F1 makes them.
+    """
+
+    specimen: float
+    rig: float
+    unmoved: bool = False
+
+
+def linearity_checks(harmonics: Harmonics, frequency: float, rig: Rig | None, added_mass: float) -> list[Check]:
+    """Checks of the linearity of the specimen and of the rig; none where the channels do not show it.
+
+    Parameters
+    ----------
+    harmonics : Harmonics
+        Harmonics of the recording.
+    frequency : float [Hz]
+        Frequency of the fundamental.
+    rig : Rig or None
+        The rig as stated.
+    added_mass : float [kg]
+        Mass fixed to the moving mass in addition.
+    """
+    found = excess(harmonics, 2 * np.pi * frequency, rig, added_mass)
+    rows = []
+    if np.isfinite(found.specimen):
+        code = Code.FORCE_LINEARITY if found.unmoved and found.specimen > _SPECIMEN else Code.LINEARITY
+        rows.append(judged(code, found.specimen, _SPECIMEN))
+    if np.isfinite(found.rig):
+        rows.append(judged(Code.RIG_LINEARITY, found.rig, _RIG))
+    return rows
+
+
+def excess(harmonics: Harmonics, omega: float, rig: Rig | None, added_mass: float) -> Excess:
+    r"""Harmonics of the force that the motion's harmonics do not explain.
+
+    K* at a harmonic is taken as :math:`K^*(\omega)\,n^{2\delta/\pi}`, with :math:`\delta` the phase of K*. It is exact
+    for a spring, a damper, a mass and a power law, and close for rubber. Harmonic n may depart from it by n - 1 times
+    its size.
+
+    Examples
+    --------
+    >>> clean = np.array([[100.0, 0.0, 0.0], [0.06, 0.0, 0.0], [0.0, 0.0, 0.0]], dtype=complex)
+    >>> bent = clean + [[0.0, 0.0, 25.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    >>> still = Rig(blocked=True)
+    >>> for amplitudes in (clean, bent):
+    ...     excess(Harmonics(amplitudes, np.zeros((3, 3)), np.ones(3, dtype=bool)), 63.0, still, 0.0).specimen
+    0.0
+    0.25
+    """
+    number = np.arange(1.0, harmonics.clear.size + 1)
+    f1, v1, v2 = harmonics.amplitudes
+    clear = harmonics.clear & (number > 1)
+    if not (np.isfinite(f1[0]) and np.isfinite(v1[0])) or not clear.any() or f1[0] == 0:
+        return Excess(np.nan, np.nan)
+    jw = 1j * omega * number
+    blocked = rig is not None and rig.blocked
+    force = f1 - (0.0 if rig is None else rig.input_mass) * jw * v1
+    needed = None if rig is None or blocked else np.asarray(rig.impedance(omega * number, added_mass))
+    moved = _moved(force, v2, needed, blocked=blocked)
+    if moved is None:
+        return Excess(np.nan, np.nan)
+    deflection = (v1 - moved) / jw
+    stiffness = _extrapolated(force[0] / deflection[0], number)
+    noise = harmonics.std
+    far = 0.0 if blocked or np.isnan(v2[0]) else noise[2]
+    spread = np.hypot(noise[0], np.abs(stiffness / jw) * np.hypot(noise[1], far))
+    explained = stiffness * deflection
+    own = _above(force - explained, (number - 1) * np.abs(explained) + _NOISE * spread)
+    specimen = _share(own[clear], force)
+    if needed is None or np.isnan(v2[0]):
+        return Excess(specimen, np.nan)
+    left = _above(force - needed * v2, np.abs(force) + _NOISE * np.hypot(noise[0], np.abs(needed) * noise[2]))
+    above = clear & (own > 0)
+    in_v2 = np.linalg.norm((needed * v2)[above]) >= _MOVED * np.linalg.norm(force[above])
+    return Excess(specimen, _share(left[clear], force), unmoved=not in_v2)
+
+
+def _moved(force: ComplexArray, v2: ComplexArray, needed: ComplexArray | None, *, blocked: bool) -> ComplexArray | None:
+    """V2 of all harmonics: 0 where blocked, as measured, or as the rig's impedance gives it; None if unknown."""
+    if blocked:
+        return np.zeros_like(force)
+    if np.isfinite(v2[0]):
+        return v2
+    return None if needed is None else force / needed
+
+
+def _extrapolated(stiffness: complex, number: FloatArray) -> ComplexArray:
+    """K* at the harmonics, by the power law that has the phase of K* [N/m]."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lag = np.clip(np.angle(stiffness), 0.0, np.pi)
+        return np.asarray(stiffness * number ** (2 * lag / np.pi))
+
+
+def _above(amplitudes: ComplexArray, limit: FloatArray) -> FloatArray:
+    """The part of each amplitude's modulus above a limit."""
+    return np.maximum(np.abs(amplitudes) - limit, 0.0)
+
+
+def _share(parts: FloatArray, force: ComplexArray) -> float:
+    return float(np.linalg.norm(parts) / np.abs(force[0]))

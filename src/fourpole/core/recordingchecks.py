@@ -1,0 +1,132 @@
+"""Checks of one recording: each function compares a statistic with its limit, which stands beside the function."""
+
+from __future__ import annotations
+
+from math import nan
+
+import numpy as np
+
+from fourpole.core.arrays import FloatArray
+from fourpole.core.checks import Check, Code, judged, reported
+from fourpole.core.demodulation.demodulate import Demodulation
+from fourpole.core.demodulation.spectrum import LINE_GAP, off_multiples
+from fourpole.core.phasor import Phasors
+from fourpole.core.recording import Channel
+from fourpole.core.rig import Rig
+
+#: Relative departure of F1 from Zr V2 above which the calibration of a channel must be wrong.
+_INCONSISTENT = 0.2
+
+
+def check_frequency(found: float, stated: float | None) -> Check:
+    """Compare the stated frequency with the one found: within 1 % ok, within 5 % a warning, else rejected."""
+    off = 0.0 if not stated else abs(found - stated) / stated
+    return judged(Code.FREQUENCY, off, 0.01, 0.05, found=found, stated=stated)
+
+
+def check_lift_off(force_peak: float, preload: float | None) -> Check:
+    """Compare the peak of the dynamic force, harmonics included, with the preload; above it the tyre lifts off."""
+    share = 0.0 if preload is None else force_peak / preload if preload > 0 else np.inf
+    return judged(Code.LIFT_OFF, share, 0.9, 1.0, peak=force_peak, preload=preload or 0.0)
+
+
+def check_clipping(name: str, channel: Channel) -> Check:
+    """Check the share of samples at the end of the converter's range, which is stated or found from flat tops."""
+    return judged(Code.CLIPPING, clipped_share(channel), 0.0, 0.0, name)
+
+
+def clipped_share(channel: Channel) -> float:
+    """Share of samples [1] at the stated full scale, or in flat tops that no sine of this resolution has."""
+    if channel.clipped is not None:
+        return channel.clipped
+    samples = channel.samples[np.isfinite(channel.samples)]
+    if samples.size == 0:
+        return 0.0
+    if channel.limits is not None:
+        low, high = channel.limits
+        tolerance = 1e-4 * (high - low)
+        at_limit = float(np.mean((samples <= low + tolerance) | (samples >= high - tolerance)))
+        if at_limit > 0:
+            return at_limit
+    return sum(_flat_share(sign * samples) for sign in (1.0, -1.0))
+
+
+def _flat_share(samples: FloatArray) -> float:
+    """Share of samples [1] that equal the largest; 0 unless they are far more than at the top of a sine."""
+    top = samples.max()
+    at_top = samples == top
+    count = int(at_top.sum())
+    longest = int(np.max(np.diff(np.flatnonzero(np.concatenate([[True], ~at_top, [True]]))))) - 1
+    if count < 6 or longest < 3:
+        return 0.0
+    below = samples[~at_top]
+    if below.size == 0:
+        return 0.0
+    # A sine is within one step of the converter below its top for the fraction acos(1 - step/amplitude)/pi of a cycle.
+    step = float(np.min(np.diff(np.unique(samples))))
+    amplitude = 0.5 * float(np.ptp(samples))
+    expected = np.arccos(max(1.0 - step / amplitude, -1.0)) / np.pi
+    share = count / samples.size
+    return share if share > 3.0 * expected + 2.0 / samples.size else 0.0
+
+
+def check_distortion(found: Demodulation) -> Check:
+    """Compare the harmonics of the displacement at the contact with its fundamental; a good cam gives a sine."""
+    return judged(Code.DISTORTION, float(found.distortion[1]), 0.2)
+
+
+def check_noise(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
+    """Compare the residual of the fit with the fundamental, for each channel."""
+    ratios = zip(names, found.noise_ratio.tolist(), strict=True)
+    return [judged(Code.RESIDUAL, ratio, 0.3, channel=name) for name, ratio in ratios if np.isfinite(ratio)]
+
+
+def check_excitation(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
+    """Compare the standard uncertainty of each amplitude with the amplitude, to find channels that do not move."""
+    rows = []
+    for i, name in enumerate(names):
+        amplitude = abs(complex(found.phasors.amplitudes[i]))
+        if np.isfinite(amplitude):
+            relative = float(found.phasors.std[2 * i : 2 * i + 2].max()) / amplitude if amplitude > 0 else np.inf
+            rows.append(judged(Code.EXCITATION, relative, 0.05, 0.2, name, hertz=float(found.phasors.frequency)))
+    return rows
+
+
+def check_mains(found: Demodulation) -> Check:
+    """Compare the frequency with the multiples of 50 and 60 Hz; on a multiple, hum adds to the excitation."""
+    frequency = float(found.phasors.frequency)
+    apart = min(float(off_multiples(frequency, base)) for base in (50.0, 60.0))
+    bins = apart * found.cycles / frequency
+    if bins < LINE_GAP:
+        return reported(Code.MAINS, "warning", bins, LINE_GAP, hertz=frequency)
+    return Check(Code.MAINS, bins, LINE_GAP, "ok")
+
+
+def check_gaps(found: Demodulation) -> Check:
+    """Check the share of samples that were missing and left out of the fit."""
+    return judged(Code.MISSING, found.missing, 0.0, percent=100 * found.missing)
+
+
+def check_resonance(frequency: float, rig: Rig, added_mass: float) -> Check:
+    """Compare the rig's own stiffness K3 - m w² with its larger part; near zero, the rig's resonance hides the tyre."""
+    omega = 2 * np.pi * frequency
+    if rig.blocked:
+        return Check(Code.RESONANCE, 0.0, 20.0, "ok")
+    impedance = complex(rig.impedance(omega, added_mass))
+    spring, inertia = rig.preload_stiffness, omega**2 * (rig.moving_mass + rig.tyre_mass + added_mass)
+    left = abs(omega * impedance) / max(spring, inertia)
+    closeness = 1.0 / left if left > 0 else np.inf
+    return judged(Code.RESONANCE, closeness, 20.0, 100.0, hertz=frequency, spring=spring, inertia=inertia)
+
+
+def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
+    """Compare F1 with Zr V2, the force on the rig: by this one relation three channels check each other."""
+    omega = 2 * np.pi * float(phasors.frequency)
+    f1, v1, v2 = (complex(x) for x in phasors.amplitudes)
+    needed = complex(rig.impedance(omega, added_mass)) * v2
+    force = f1 - 1j * omega * rig.input_mass * v1
+    if not (np.isfinite(force) and np.isfinite(needed)) or needed == 0:
+        return Check(Code.CONSISTENCY, nan, _INCONSISTENT, "ok")
+    ratio = force / needed
+    size, degrees = abs(ratio), np.degrees(np.angle(ratio))
+    return judged(Code.CONSISTENCY, abs(ratio - 1.0), _INCONSISTENT, ratio=size, degrees=degrees)

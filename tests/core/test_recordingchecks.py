@@ -1,0 +1,274 @@
+"""Every check of a recording, at and above its limits; clipping is found where it is and nowhere else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fourpole.core.checks import Check, Code
+from fourpole.core.demodulation.demodulate import demodulate
+from fourpole.core.phasor import CHANNELS, Phasors
+from fourpole.core.recording import Channel
+from fourpole.core.recordingchecks import (
+    check_clipping,
+    check_consistency,
+    check_distortion,
+    check_excitation,
+    check_frequency,
+    check_gaps,
+    check_lift_off,
+    check_mains,
+    check_noise,
+    check_resonance,
+    clipped_share,
+)
+from fourpole.core.rig import Rig
+
+NAMES = ("F1", "V1", "V2")
+
+
+@pytest.fixture(scope="module")
+def found(record):
+    """A clean demodulation, to be spoilt in one place at a time."""
+    return demodulate(record(np.array([60.0, 0.06, 0.08]), 10.3, samples=1000))
+
+
+def speaks(check, verdict, *words):
+    assert check.verdict == verdict
+    assert (check.remark == "") == (verdict == "ok")
+    assert check.remark.endswith(check.remedy)
+    for word in words:
+        assert word in check.remark
+
+
+@pytest.mark.parametrize(
+    ("hertz", "verdict"),
+    [(10.0, "ok"), (10.099, "ok"), (9.901, "ok"), (10.101, "warning"), (9.899, "warning"), (10.499, "warning"),
+     (10.501, "rejected"), (9.499, "rejected"), (20.0, "rejected")],
+)  # fmt: skip
+def test_stated_frequency(hertz, verdict):
+    check = check_frequency(hertz, 10.0)
+    speaks(check, verdict, *([f"{hertz:.5g} Hz", "10 Hz is stated", "tests.csv"] if verdict != "ok" else []))
+    assert check.statistic == pytest.approx(abs(hertz - 10) / 10)
+    assert check.limit == (0.05 if verdict == "rejected" else 0.01)
+
+
+def test_no_stated_frequency():
+    speaks(check_frequency(10.0, None), "ok")
+
+
+@pytest.mark.parametrize(
+    ("peak", "verdict"), [(0.0, "ok"), (900.0, "ok"), (901.0, "warning"), (1000.0, "warning"), (1001.0, "rejected")]
+)
+def test_lift_off(peak, verdict):
+    check = check_lift_off(peak, 1000.0)
+    speaks(check, verdict)
+    if verdict == "warning":
+        assert "close to lifting off" in check.remark
+    if verdict == "rejected":
+        assert "the tyre lifts off" in check.remark
+        assert "100% of the preload of 1000 N" in check.remark
+    assert check_lift_off(peak, None).verdict == "ok"
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.0, "ok"), (0.2, "ok"), (0.201, "warning"), (5.0, "warning")])
+def test_distortion_is_that_of_the_contact(found, share, verdict):
+    spoilt = replace(found, distortion=np.array([9.0, share, 9.0]))
+    speaks(check_distortion(spoilt), verdict, *(["harmonics of the displacement"] if verdict != "ok" else []))
+
+
+@pytest.mark.parametrize(("ratio", "verdict"), [(0.0, "ok"), (0.3, "ok"), (0.301, "warning")])
+def test_noise_of_each_channel(found, ratio, verdict):
+    rows = check_noise(replace(found, noise_ratio=np.array([ratio, 0.01, np.nan])), NAMES)
+    assert [(row.code, row.channel) for row in rows] == [
+        (Code.RESIDUAL, "F1"),
+        (Code.RESIDUAL, "V1"),
+    ]  # V2 was not measured
+    speaks(rows[0], verdict)
+    speaks(rows[1], "ok")
+
+
+@pytest.mark.parametrize(
+    ("relative", "verdict"), [(0.0, "ok"), (0.049, "ok"), (0.051, "warning"), (0.199, "warning"), (0.201, "rejected")]
+)
+def test_excitation_of_each_channel(found, relative, verdict):
+    covariance = np.zeros((6, 6))
+    covariance[3, 3] = (relative * 0.06) ** 2
+    amplitudes = np.array([60.0, 0.06j, np.nan])
+    phasors = replace(found.phasors, amplitudes=amplitudes, covariance=covariance)
+    rows = check_excitation(replace(found, phasors=phasors), NAMES)
+    assert [(row.code, row.channel) for row in rows] == [(Code.EXCITATION, "F1"), (Code.EXCITATION, "V1")]
+    speaks(rows[0], "ok")
+    speaks(rows[1], verdict, *(["V1 hardly moves at 10.3 Hz"] if verdict != "ok" else []))
+
+
+def test_a_channel_that_stands_still_is_rejected(found):
+    phasors = replace(found.phasors, amplitudes=np.array([60.0, 0.0, 0.08]))
+    rows = check_excitation(replace(found, phasors=phasors), NAMES)
+    assert [row.verdict for row in rows] == ["ok", "rejected", "ok"]
+
+
+def test_gaps(found):
+    speaks(check_gaps(found), "ok")
+    speaks(check_gaps(replace(found, missing=0.0005)), "warning", "0.05 % of the samples are missing")
+
+
+def test_resonance_of_the_rig():
+    """K3 - m w² is 5 % of K3 at a frequency 2.5 % off the resonance, and 1 % at 0.5 %."""
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    for off, verdict in ((0.5, "ok"), (0.03, "ok"), (0.02, "warning"), (0.006, "warning"), (0.004, "rejected")):
+        check = check_resonance(rig.resonance * (1 - off), rig, 0.0)
+        speaks(check, verdict, *(["rig's own resonance (K3 = 1.244e+04 N/m"] if verdict != "ok" else []))
+        assert check.statistic == pytest.approx(1 / (1 - (1 - off) ** 2), rel=1e-9)
+    assert check_resonance(rig.resonance, rig, 0.0).verdict == "rejected"
+    # an added mass moves the resonance
+    speaks(check_resonance(rig.resonance, rig, 10.0), "ok")
+    heavier = Rig(moving_mass=25.0, preload_stiffness=12440.0)
+    assert check_resonance(heavier.resonance, rig, 10.0).verdict == "rejected"
+    # a damper of the rig opens it, and a rig that is free has none
+    damped = Rig(moving_mass=15.0, preload_stiffness=12440.0, preload_damping=50.0)
+    speaks(check_resonance(rig.resonance, damped, 0.0), "ok")
+    speaks(check_resonance(10.0, Rig(moving_mass=15.0), 0.0), "ok")
+
+
+def one_test(f1_gain=1.0, input_mass=0.0):
+    """Phasors of a rig of 15 kg on 12440 N/m at 10 Hz, force cell wrong by a complex gain."""
+    omega = 2 * np.pi * 10.0
+    v2 = 0.08 * np.exp(0.4j)
+    force = (15j * omega + 12440.0 / (1j * omega)) * v2 + 1j * omega * input_mass * 0.06
+    return Phasors.from_polar(10.0, abs(f1_gain * force), 0.06, np.angle(f1_gain * force), 0.08, 0.4)
+
+
+@pytest.mark.parametrize(
+    ("gain", "verdict"),
+    [(1.0, "ok"), (1.19, "ok"), (0.81, "ok"), (np.exp(0.2j), "ok"), (1.21, "warning"), (0.79, "warning"),
+     (-1.0, "warning"), (1j, "warning"), (np.exp(0.21j), "warning")],
+)  # fmt: skip
+def test_consistency_of_the_three_sensors(gain, verdict):
+    check = check_consistency(one_test(gain), Rig(moving_mass=15.0, preload_stiffness=12440.0), 0.0)
+    speaks(check, verdict)
+    assert check.statistic == pytest.approx(abs(gain - 1), abs=1e-12)
+    if gain == -1.0:
+        assert "F1 is 1.00 times, and 180 degrees off" in check.remark.replace("-180", "180")
+
+
+def test_consistency_knows_the_added_and_the_input_mass():
+    rig = Rig(moving_mass=5.0, preload_stiffness=12440.0, input_mass=2.0)
+    assert check_consistency(one_test(input_mass=2.0), rig, 10.0).statistic == pytest.approx(0.0, abs=1e-12)
+
+
+def test_consistency_says_nothing_without_all_three():
+    phasors = one_test()
+    for index, name in enumerate(CHANNELS):
+        amplitudes = phasors.amplitudes.copy()
+        amplitudes[index] = np.nan
+        if name == "motion_in":
+            continue  # only the input mass needs V1
+        check = check_consistency(
+            replace(phasors, amplitudes=amplitudes), Rig(moving_mass=15.0, preload_stiffness=12440.0), 0.0
+        )
+        speaks(check, "ok")
+        assert np.isnan(check.statistic)
+    still = phasors.amplitudes.copy()
+    still[2] = 0.0
+    speaks(check_consistency(replace(phasors, amplitudes=still), Rig(moving_mass=15.0), 0.0), "ok")
+
+
+# Clipping -------------------------------------------------------------------------------------------------------
+
+
+def sine(rate, frequency, seconds, phase=0.0):
+    return np.sin(2 * np.pi * frequency * np.arange(int(rate * seconds)) / rate + phase)
+
+
+@settings(max_examples=200)
+@given(
+    bits=st.sampled_from([12, 16]),
+    rate=st.sampled_from([200.0, 256.0, 500.0, 1000.0, 1024.0, 2000.0, 2048.0, 5000.0, 10e3, 20e3])
+    | st.floats(200.0, 20e3),
+    frequency=st.sampled_from([10.0, 12.5, 16.0, 20.0]) | st.floats(5.0, 30.0),
+    size=st.floats(0.05, 0.9995),
+    phase=st.floats(0.0, 6.28),
+    seconds=st.sampled_from([0.7, 2.0, 4.096]),
+)
+def test_clean_sines_of_a_converter_are_not_clipped(bits, rate, frequency, size, phase, seconds):
+    """Whole and broken ratios of rate and frequency, large and small, near the end of the range but not at it."""
+    steps = 2 ** (bits - 1)
+    samples = np.round(steps * size * sine(rate, frequency, seconds, phase))
+    assert clipped_share(Channel(samples, "velocity")) == 0.0
+    assert clipped_share(Channel(samples / steps, "velocity", limits=(-1.001, 1.001))) == 0.0
+
+
+def test_a_sine_that_was_never_rounded_is_not_clipped():
+    for rate in (100.0, 160.0, 1000.0, 20e3):
+        assert clipped_share(Channel(sine(rate, 10.0, 4.0), "force")) == 0.0
+
+
+def test_noise_is_not_clipping():
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        samples = np.round(2047 * (0.8 * sine(1000.0, 10.3, 2.0) + 0.01 * rng.standard_normal(2000)))
+        assert clipped_share(Channel(samples, "force")) == 0.0
+
+
+@pytest.mark.parametrize("bits", [0, 12, 16])
+@pytest.mark.parametrize("level", [0.995, 0.97, 0.9, 0.5])
+@pytest.mark.parametrize("sides", ["upper", "lower", "both"])
+def test_clipped_sines_are_found(sides, level, bits):
+    wave = sine(1000.0, 10.3, 4.0)
+    low, high = {"upper": (-2, level), "lower": (-level, 2), "both": (-level, level)}[sides]
+    clipped = np.clip(wave, low, high)
+    truly = np.mean(wave >= high) + np.mean(wave <= low)
+    if bits:
+        clipped = np.round(2 ** (bits - 1) * clipped)
+    check = check_clipping("V1", Channel(clipped, "velocity"))
+    assert check.verdict == "rejected"
+    assert check.statistic == pytest.approx(truly, rel=0.05, abs=0.01)  # a step of 12 bits widens the top
+    assert f"V1 is clipped: {check.statistic:.1%} of its samples" in check.remark
+
+
+def test_samples_at_a_stated_range_are_clipped_even_if_few():
+    wave = sine(1000.0, 10.3, 4.0)
+    at_limit = Channel(np.clip(wave, -0.9999, 0.9999), "velocity", limits=(-0.9999, 0.9999))
+    assert check_clipping("V2", at_limit).verdict == "rejected"
+    below = Channel(0.99 * wave, "velocity", limits=(-1.0, 1.0))
+    assert check_clipping("V2", below) == Check(Code.CLIPPING, 0.0, 0.0, "ok", "V2")
+    one = 0.5 * wave
+    one[77] = 1.0
+    assert clipped_share(Channel(one, "velocity", limits=(-1.0, 1.0))) == pytest.approx(1 / 4000)
+
+
+def test_a_stated_range_does_not_hide_a_flat_top_below_it():
+    """An amplifier that saturates at half the converter's range."""
+    clipped = np.clip(sine(1000.0, 10.3, 4.0), -0.5, 0.5)
+    assert clipped_share(Channel(clipped, "velocity", limits=(-1.0, 1.0))) > 0.5
+
+
+def test_missing_samples_do_not_matter_for_clipping():
+    wave = np.clip(sine(1000.0, 10.3, 4.0), -2, 0.9)
+    wave[5] = np.nan
+    assert clipped_share(Channel(wave, "velocity")) == pytest.approx(0.14, abs=0.02)
+    assert clipped_share(Channel(np.full(10, np.nan), "velocity")) == 0.0
+
+
+@pytest.mark.parametrize("steps", [3, 6, 9])
+def test_a_coarse_export_is_not_clipping(steps):
+    """V1 of 0.06 m/s written with two decimals: a sine of six steps spends 1/4 of its time on the two outer ones."""
+    assert clipped_share(Channel(np.round(steps * sine(1000.0, 10.3, 4.0)) / 100, "velocity")) == 0.0
+
+
+def test_a_blocked_rig_has_no_resonance():
+    speaks(check_resonance(10.0, Rig(blocked=True), 0.0), "ok")
+
+
+@pytest.mark.parametrize(
+    ("hertz", "verdict"), [(50.0, "warning"), (119.95, "warning"), (50.35, "ok"), (61.0, "ok"), (13.0, "ok")]
+)
+def test_mains(found, hertz, verdict):
+    """Ten seconds: LINE_GAP bins of a tenth of a hertz beside a multiple of 50 or 60 Hz."""
+    near = replace(found, phasors=replace(found.phasors, frequency=hertz), cycles=10 * hertz)
+    check = check_mains(near)
+    assert check.verdict == ("warning" if check.statistic < check.limit else "ok") == verdict
+    assert check.code is Code.MAINS

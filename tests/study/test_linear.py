@@ -1,0 +1,67 @@
+"""A bench with blocked output and no V2: a friction damper is not linear, a rubber on a poor drive is."""
+
+import numpy as np
+import pytest
+
+from fourpole.study.study import analyse
+
+CAMPAIGN = """
+[rig]
+output = "blocked"
+[channels]
+time = { column = "t", unit = "s" }
+force_in = { column = "F", unit = "N", exact = true }
+motion_in = { column = "x", unit = "mm", exact = true }
+[specimens.damper]
+"""
+FREQUENCIES, AMPLITUDE = (1.0, 4.0), 0.01
+
+
+def rubber(motion, rate):
+    """Force of a Zener body, through its spectrum."""
+    jw = 2j * np.pi * np.fft.rfftfreq(motion.size, 1 / rate)
+    return np.fft.irfft(3e5 * (1 + 1.2 * 0.02 * jw / (1 + 0.02 * jw)) * np.fft.rfft(motion), motion.size)
+
+
+def friction(motion, rate):
+    """Force of a dry friction of 800 N behind a stiff spring, with a little damping."""
+    force, slid = np.empty_like(motion), 0.0
+    for i, x in enumerate(motion):
+        slid = np.clip(slid, x - 800 / 2e6, x + 800 / 2e6)
+        force[i] = 2e6 * (x - slid)
+    return force + 100 * np.gradient(motion) * rate
+
+
+@pytest.fixture
+def bench(tmp_path):
+    def make(specimen):
+        (tmp_path / "recordings").mkdir()
+        rng, rows = np.random.default_rng(1), ["test,file,kind,specimen,frequency [Hz],K1 [N/m],u(K1) [N/m]"]
+        for at, hertz in enumerate(FREQUENCIES, 1):
+            rate = 200 * hertz
+            turn = 2 * np.pi * hertz * np.arange(2400) / rate
+            motion = AMPLITUDE * (np.sin(turn) + 0.012 * np.sin(2 * turn + 1) + 0.008 * np.sin(3 * turn + 2))
+            force = specimen(motion, rate)
+            force = force + 0.005 * np.ptp(force) * rng.normal(size=force.size) + 50
+            columns = np.c_[turn / (2 * np.pi * hertz), 1e3 * motion + 1e-3 * rng.normal(size=turn.size), force]
+            name = f"recordings/D{at}.csv"
+            np.savetxt(tmp_path / name, columns, delimiter=",", header="t,x,F", comments="", fmt="%.9g")
+            rows.append(f"D{at},{name},dynamic,damper,{hertz:g},1e3,10")
+        (tmp_path / "tests.csv").write_text("\n".join(rows) + "\n")
+        (tmp_path / "campaign.toml").write_text(CAMPAIGN)
+        return analyse(tmp_path).dynamic
+
+    return make
+
+
+def test_a_friction_damper_is_said_to_be_not_linear_before_anything_else(bench):
+    dynamic = bench(friction)
+    assert dynamic["verdict"].to_list() == ["warning", "warning"]
+    assert all(remark.startswith("the specimen is not linear") for remark in dynamic["remarks"])
+    np.testing.assert_allclose(dynamic["deflection amplitude [m]"], AMPLITUDE, rtol=1e-3)
+
+
+def test_a_rubber_is_linear(bench):
+    dynamic = bench(rubber)
+    assert dynamic["verdict"].to_list() == ["ok", "ok"]
+    assert dynamic["remarks"].to_list() == ["", ""]
