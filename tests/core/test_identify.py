@@ -330,11 +330,11 @@ def test_an_unknown_k1_leaves_k2_and_c_blank_and_nothing_else(campaign):
 
 def test_k1_alone_moves_only_the_arm():
     amplitudes = measure(13.0, zener(2 * np.pi * 13.0, **TYRE), RIG)[None]
-    found = identify(phasors_of([13.0], amplitudes), Rig(**RIG), TYRE["k1"], k1_std=100.0)
+    found = identify(phasors_of([13.0], amplitudes), Rig(**RIG), TYRE["k1"], k1_std=0.1)
     assert not found.stiffness_covariance.any()
     assert not found.tr_std.any()
     (k2, cross), (_, c) = found.arm_covariance[0]
-    # one cause: K2 and C are fully correlated, here against one another
+    # one cause: K2 and C are fully correlated, here against one another, but for the square of 0.1 N/m over K* - K1
     assert abs(cross) == pytest.approx(np.sqrt(k2 * c), rel=1e-9)
 
 

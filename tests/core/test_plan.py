@@ -7,7 +7,7 @@ from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.identify import identify
 from fourpole.core.joint import identify_joint
 from fourpole.core.plan import PLAN_ROUTES, Effort, Plan, PlannedTests, advise, expect, possible_routes
-from fourpole.core.plan.expect import arm_by_k1, planned_phasors, relative_uncertainties
+from fourpole.core.plan.expect import arm_std, planned_phasors, relative_uncertainties
 from fourpole.core.plan.remedies import remedies
 from fourpole.core.rig import Rig
 from fourpole.virtual.phasor_rig import Conditions, Laboratory, draw, simulate_phasors
@@ -251,4 +251,18 @@ def test_the_part_of_k1_is_what_identification_gives_it():
     tests = planned(CROSS_PLY, (0.0,), k1_std=0.01, noise=0.0)
     found = expect(tests, rig, "mobility")
     seen = np.sqrt(np.diagonal(found.arm_covariance, 0, 1, 2))
-    np.testing.assert_allclose(np.abs(arm_by_k1(tests)) * tests.k1_std[:, None], seen, rtol=1e-6)
+    np.testing.assert_allclose(arm_std(tests, 0.0, tests.k1_std), seen, rtol=1e-6)
+
+
+def test_no_frequency_is_magic():
+    """Where dK2/dK1 = 0, K1 to 2 % does not count as nothing: the part of K1 does not dip to zero."""
+    k1, k2, c = 110e3, 40e3, 400.0
+    magic = k2 / (2 * np.pi * c)
+    tests = PlannedTests([magic / 1.2, magic, magic * 1.2], k1, k2, c, k1_std=0.02 * k1, noise=1e-5)
+    of_k1 = arm_std(tests, 0.0, tests.k1_std)[:, 0]
+    a, b = tests.stiffness[1] - k1, 0.02 * k1 * np.random.default_rng(1982).standard_normal(20_000)
+    assert of_k1[1] > 0.75 * np.std(1 / (1 / (a - b)).real)
+    assert of_k1.min() > 0.3 * of_k1.max()
+    advice = advise(Plan(tests.part([1]), Rig(blocked=True)), 1e-3)
+    assert advice.of_k1 > 0.75 * np.std(1 / (1 / (a - b)).real) / k2
+    assert advice.now.worst >= advice.of_k1

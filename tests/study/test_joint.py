@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from fourpole.core.routes import maxwell_arm
 from fourpole.study import analyse
 from fourpole.study.results import read_results
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
@@ -329,3 +330,39 @@ def test_intervals_are_drawn_where_linear_propagation_fails(bench):
             assert row["2.5 %"] < row["50 %"] < (row["97.5 %"] if row["97.5 %"] is not None else np.inf)
         assert study.quantiles.equals(bench.analyse(route=route).quantiles)
         assert bench.analyse(route=route, monte_carlo=0).quantiles.height == 0
+
+
+@pytest.mark.parametrize("route", ["joint", "mobility", "relative", "transmissibility"])
+def test_k2_is_not_exact_where_its_first_derivative_vanishes(bench, route):
+    """K' - K1 = K'' at 17.9 Hz, so that dK2/dK1 = 0; K1 is known to 2 %, the rest is exact."""
+    bench.columns = (*bench.columns, "u(K1) [N/m]")
+    frequency = bench.k2 / (2 * np.pi * bench.c)
+    bench.dynamic("D1", "1000,110000,2200", frequency=frequency)
+    study = bench.analyse(route=route)
+    row = study.dynamic.row(0, named=True)
+    stiffness = row["Re K* [N/m]"] + 1j * row["Im K* [N/m]"]
+    drawn = row["K1 [N/m]"] + row["u(K1) [N/m]"] * np.random.default_rng(1982).standard_normal(100_000)
+    k2, c = maxwell_arm(stiffness, drawn, 2 * np.pi * row["frequency [Hz]"])
+    assert row["u(K2) [N/m]"] > 0.75 * np.std(k2)
+    assert row["u(C) [N s/m]"] > 0.75 * np.std(c)
+    # the square of a normal deviation: both ends of its interval are above the value, and the table has them
+    ends = study.quantiles.filter(quantity="K2").row(0, named=True)
+    assert [ends["2.5 %"], ends["97.5 %"]] == pytest.approx(np.quantile(k2, [0.025, 0.975]), rel=1e-3)
+    of_k2 = study.budget.filter(quantity="K2")
+    assert np.sqrt((of_k2["u"] ** 2).sum()) == pytest.approx(row["u(K2) [N/m]"], rel=1e-9)
+    assert dict(of_k2.select("source", "share [1]").rows())["K1 stated"] > 0.99
+
+
+def test_k2_and_c_scatter_as_stated_where_k1_and_k_star_are_drawn(rough):
+    """Every row: K', K'' and K1 normal with their stated uncertainties give at most 4/3 of u(K2) and of u(C)."""
+    _, study = rough
+    rng = np.random.default_rng(1982)
+    for row in study.dynamic.rows(named=True):
+        storage, loss = row["u(Re K*) [N/m]"], row["u(Im K*) [N/m]"]
+        cross = row["corr(Re,Im K*) [1]"] * storage * loss
+        off = rng.multivariate_normal([0.0, 0.0], [[storage**2, cross], [cross, loss**2]], 20_000)
+        k1 = row["K1 [N/m]"] + row["u(K1) [N/m]"] * rng.standard_normal(20_000)
+        stiffness = row["Re K* [N/m]"] + off[:, 0] + 1j * (row["Im K* [N/m]"] + off[:, 1])
+        k2, c = maxwell_arm(stiffness, k1, 2 * np.pi * row["frequency [Hz]"])
+        assert row["u(K2) [N/m]"] > 0.75 * np.std(k2), row["test"]
+        assert row["u(C) [N s/m]"] > 0.75 * np.std(c), row["test"]

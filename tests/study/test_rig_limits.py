@@ -89,6 +89,7 @@ def result(*, relative=(0.01, 0.01), off=(20e3, 30e3), spread=(1e3, 1e3), k1_std
     k2, c = (120e3, 700.0) if passive else (np.nan, np.nan)
     return SimpleNamespace(
         arm_covariance=np.diag([(relative[0] * k2) ** 2, (relative[1] * c) ** 2])[None],
+        frequency=np.array([10.0]),
         k1=np.array([180e3]),
         k1_std=np.array([k1_std]),
         k2=np.array([k2]),
@@ -103,7 +104,18 @@ def result(*, relative=(0.01, 0.01), off=(20e3, 30e3), spread=(1e3, 1e3), k1_std
 @pytest.mark.parametrize(("relative", "drawn"), [(BELOW * 0.1, False), (ABOVE * 0.1, True)])
 def test_k2_and_c_are_drawn_where_they_are_known_to_more_than_a_tenth(relative, drawn, which):
     stds = np.where(np.arange(2) == which, relative, 0.01)
-    assert _skew(result(relative=stds))[0] == drawn
+    assert _skew(result(relative=stds, spread=(1.0, 1.0)))[0] == drawn
+
+
+@pytest.mark.parametrize("side", ["K'", "K1", "K''"])
+@pytest.mark.parametrize(("factor", "drawn"), [(BELOW, False), (ABOVE, True)])
+def test_k2_and_c_are_drawn_where_curvature_moves_an_end_of_an_interval_by_a_fifth_of_u(factor, drawn, side):
+    """K2 = a + b²/a and w C = b + a²/b: the shift s = h u² of the more bent one is 0.2/1.96² of its whole u."""
+    a, b = (40e3, 20e3) if side != "K''" else (20e3, 40e3)  # C is the more bent one, or K2
+    slope, bend, share = 2 * 40e3 / 20e3, 1 / 20e3, 0.2 / 1.959964**2
+    std = factor * share * slope / (bend * np.sqrt(1 - 3 * share**2))
+    k1_std, spread = (std, (1.0, 1.0)) if side == "K1" else (0.0, np.where([side == "K'", side == "K''"], std, 1.0))
+    assert _skew(result(off=(a, b), spread=spread, k1_std=k1_std))[0] == drawn
 
 
 @pytest.mark.parametrize("which", [0, 1])

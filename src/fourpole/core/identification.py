@@ -47,7 +47,7 @@ class Identification(ByValue):
     k2, c : (N,) float [N/m], [N s/m]
         Spring and damper of the arm. Not-a-number if no passive values exist or K1 is unknown; `reasons` says why.
     arm_covariance : (N, 2, 2) float
-        Covariance of (K2, C).
+        Covariance of (K2, C) to second order; see `fourpole.core.curvature`.
     tr_measured, tr_predicted, tr_std : (N,) float [1]
         abs(V2/V1) as measured; abs(V2/V1) from K* and the rig; standard uncertainty of the latter. Without a rig it is
         the uncertainty of the measured value.

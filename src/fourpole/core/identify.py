@@ -2,7 +2,7 @@ r"""Identification of many tests at once: phasors, rig and K1 become K*, K2, C a
 
 Every derivative here is analytic. A complex value carries its derivatives by all *real* inputs: Re and Im of the three
 phasors, the rig's values, the added mass, K1 and the angular frequency. Covariances follow from them. The formulas
-themselves are in `fourpole.core.routes`.
+themselves are in `fourpole.core.routes`. K2 and C have the second-order part of `fourpole.core.curvature`, too.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty, error_covariance, parts
+from fourpole.core.curvature import Curvature
 from fourpole.core.identification import Identification
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import PARAMETERS, Rig
@@ -52,7 +53,7 @@ def identify(
     added_mass_std: ArrayLike = 0.0,
     channels: ChannelUncertainty | None = None,
 ) -> Identification:
-    r"""Identify K*, K2, C and TR of each test, with uncertainties by linear propagation.
+    r"""Identify K*, K2, C and TR of each test, with uncertainties to first order; those of K2 and C to second order.
 
     Parameters
     ----------
@@ -106,7 +107,8 @@ def identify(
     reasons = tuple(why_no_arm(*row) for row in zip(answers.stiffness, answers.k1, answers.k2, answers.c, strict=True))
     passive = np.array([not reason for reason in reasons], dtype=bool)
     with np.errstate(invalid="ignore"):
-        arm_covariance = _propagate(answers.jacobian[:, 3:5], covariance)
+        bending = _propagate(answers.jacobian[:, 6:], covariance)[:, 0, 0]
+        arm_covariance = _propagate(answers.jacobian[:, 3:5], covariance) + answers.curvature.covariance(bending)
         return Identification(
             frequency=np.asarray(phasors.frequency).reshape(passive.size),
             mobility=answers.mobility,
@@ -157,7 +159,8 @@ def variance_by_source(
     -------
     dict of Source to (N, 6) float array
         Sensor noise, frequency, each error of each channel, each of the rig's values, added mass, K1. Their sum is the
-        square of the uncertainty that `identify` gives, because the inputs are independent.
+        square of the uncertainty that `identify` gives, because the inputs are independent. The second-order part of
+        K2 and C is distributed in proportion; see `fourpole.core.curvature.Curvature`.
     """
     answers = _Answers(phasors, rig, k1, **stated)
     count = answers.k1.size
@@ -175,7 +178,7 @@ def variance_by_source(
     values = [Source(Kind.RIG_VALUE, name) for name in PARAMETERS]
     for i, source in enumerate((*values, Source(Kind.ADDED_MASS), Source(Kind.K1)), start=6):
         sources[source] = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
-    return sources
+    return answers.curvature.distributed(sources)
 
 
 def _check_route(route: str, rig: Rig | None) -> None:
@@ -191,7 +194,8 @@ def _check_route(route: str, rig: Rig | None) -> None:
 class _Answers:
     """Values of N tests for the arguments of `identify`, with their derivatives by every real input.
 
-    `jacobian` (N, 6, inputs) is in the order of `OUTPUTS`; `covariance` (N, inputs, inputs) is that of the inputs.
+    `jacobian` (N, 7, inputs) is in the order of `OUTPUTS`, followed by the error w of `curvature`; `covariance`
+    (N, inputs, inputs) is that of the inputs.
     """
 
     def __init__(
@@ -239,9 +243,13 @@ class _Answers:
         self.stiffness, by_stiffness = self._stiffness(route)
         by_stiffness[:, _OMEGA_AT] += self.stiffness / self.omega  # the factor jw of every route's formula
         self.loss_factor, by_loss = _loss_factor(self.stiffness, by_stiffness)
-        self.k2, self.c, by_arm = _arm(self.stiffness, by_stiffness, self.k1, self.omega)
+        by_difference = by_stiffness.copy()
+        by_difference[:, _K1_AT] -= 1.0
+        self.k2, self.c, by_arm = _arm(self.stiffness, by_difference, self.k1, self.omega)
+        self.curvature = Curvature.of(self.stiffness, self.k1, self.omega)
+        bending = self.curvature.by(by_difference)
         self.tr_measured, self.tr_predicted, by_tr = self._transmissibility(by_stiffness)
-        rows = [parts(by_stiffness, axis=-2), by_loss[:, None], by_arm, by_tr[:, None]]
+        rows = [parts(by_stiffness, axis=-2), by_loss[:, None], by_arm, by_tr[:, None], bending[:, None]]
         self.jacobian = np.concatenate(rows, axis=1)
 
     def _phasor(self, index: int) -> ComplexArray:
@@ -315,13 +323,11 @@ def _loss_factor(stiffness: ComplexArray, by_stiffness: ComplexArray) -> tuple[F
 
 
 def _arm(
-    stiffness: ComplexArray, by_stiffness: ComplexArray, k1: FloatArray, omega: FloatArray
+    stiffness: ComplexArray, by_difference: ComplexArray, k1: FloatArray, omega: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """K2 [N/m] and C [N s/m], and their derivatives (N, 2, inputs)."""
+    """K2 [N/m] and C [N s/m], and their derivatives (N, 2, inputs) from those of K* - K1."""
     k2, c = maxwell_arm(stiffness, k1, omega)
-    by_arm = by_stiffness.copy()
-    by_arm[:, _K1_AT] -= 1.0
-    slopes = arm_slopes(stiffness, k1, (k2, c), omega, by_arm)
+    slopes = arm_slopes(stiffness, k1, (k2, c), omega, by_difference)
     slopes[:, 1, _OMEGA_AT] -= c / omega
     return k2, c, slopes
 

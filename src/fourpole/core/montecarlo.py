@@ -1,4 +1,4 @@
-"""Coverage intervals of K2 and C by Monte Carlo, for use near the pole of K2, where linear propagation fails."""
+"""Coverage intervals of K2 and C by Monte Carlo, for use where value ± 1.96 u is not a 95 % interval."""
 
 from __future__ import annotations
 

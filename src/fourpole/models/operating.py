@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import NORMAL_95
+from fourpole.core.curvature import arm_covariance
 from fourpole.core.rig import Rig
-from fourpole.core.routes import arm_slopes, maxwell_arm
+from fourpole.core.routes import maxwell_arm
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData, multiplication
 from fourpole.models.interface import Model
@@ -64,7 +65,7 @@ class Answer(ByValue):
     k2, c : (Q,) float arrays [N/m], [N s/m]
         K2 and C; not-a-number where K* needs an arm that is not passive.
     arm_covariance : (Q, 2, 2) float array
-        Covariance of K2 and C.
+        Covariance of K2 and C to second order.
     """
 
     stiffness: ComplexArray
@@ -190,11 +191,9 @@ class OperatingMap(ByValue):
             covariance[:, 2, :] = covariance[:, :, 2] = 0.0
             covariance[:, 2, 2] = std**2
         k2, c = maxwell_arm(stiffness, k1, omega)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            by_arm = arm_slopes(stiffness, k1, (k2, c), omega, np.tile([1.0, 1j, -1.0], (k1.size, 1)))
+        difference = np.array([[1.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # Re and Im of K* - K1
+        arm = arm_covariance(stiffness, k1, omega, difference @ covariance @ difference.T)
         passive = (stiffness.real > k1) & (stiffness.imag > 0)
-        by_arm = np.where(passive[:, None, None], by_arm, 0.0)  # K2 and C do not exist there
-        arm = by_arm @ covariance @ np.swapaxes(by_arm, 1, 2)
         return Answer(
             stiffness=stiffness,
             k1=k1,

@@ -18,7 +18,7 @@ from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.condition import Axis, Condition, Sameness, Value
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.plan import Plan, PlannedTests
-from fourpole.core.plan.expect import arm_by_k1, planned_phasors, relative_uncertainties
+from fourpole.core.plan.expect import arm_std, planned_phasors, relative_uncertainties
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError
 from fourpole.fitting.rows import conditions_in, tyre_columns
@@ -452,7 +452,7 @@ def _rows(
 ) -> list[dict[str, Any]]:
     found = plan.expect(route)
     relative: FloatArray = relative_uncertainties(found)
-    of_k1 = np.abs(arm_by_k1(plan.tests)) * plan.tests.k1_std[:, None]
+    of_k1 = arm_std(plan.tests, 0.0, plan.tests.k1_std)
     columns = {head: column for head, column in tyre_columns(found).items() if head not in q.LOSS_FACTOR.heads}
     rows = []
     for at in which:

@@ -64,7 +64,7 @@ def _joint_checks(found: Identified) -> list[Check]:
 
 
 def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
-    """Check whether K2 and C exist, and whether their uncertainty is small enough for linear propagation."""
+    """Check whether K2 and C exist, and whether their uncertainty is small enough for propagation."""
     result, at = found.result, found.at
     reason, value = result.reasons[at], result.stiffness[at]
     if stiffness.reason and value.real > 0 and value.imag > 0:

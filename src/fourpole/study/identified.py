@@ -15,6 +15,7 @@ from fourpole.campaign.folder import Campaign, Test, condition_of
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import Code, worst_verdict
+from fourpole.core.curvature import largest_bend
 from fourpole.core.identification import Identification
 from fourpole.core.identify import identify, variance_by_source
 from fourpole.core.joint import Joint, solve_joint
@@ -37,7 +38,9 @@ NO_RIG = (
 )
 #: Relative uncertainty of K2 or C above which Monte Carlo finds their distribution.
 _SKEW = 0.1
-#: Relative uncertainty of K2 or C above which linear propagation of uncertainty is not valid.
+#: Monte Carlo finds the distribution of K2 and C if an end of a 95 % interval may be off value ± 1.96 u by this many u.
+_BENT = 0.2
+#: Relative uncertainty of K2 or C above which propagation of uncertainty to second order is not valid.
 NOT_LINEAR = 0.3
 #: A passive arm is possible if K' - K1 and K'' are above zero less this many of their standard uncertainties.
 _LOST = 3.0
@@ -97,7 +100,7 @@ class Group(ByValue):
     variance : dict of Source to (N, 6) float array
         Variance of each of `core.identify.OUTPUTS` by its source; K1 stands in its parts.
     intervals : dict of int to (Interval, Interval)
-        Intervals of K2 and C by Monte Carlo, for the rows where linear propagation fails.
+        Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is not a 95 % interval.
     joint : Joint or None
         The joint solution; None for another route.
     estimate : RigEstimate or None
@@ -349,7 +352,7 @@ def _k1_apart(variance: dict[Source, FloatArray], parts: Sequence[Mapping[Source
 
 
 def _intervals(group: Group, draws: int, seed: int) -> dict[int, tuple[Interval, Interval]]:
-    """Intervals of K2 and C by Monte Carlo, for the rows whose K2 or C is not normally distributed.
+    """Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is none.
 
     The random numbers of a row depend on its test and point only, not on other tests or their order.
     """
@@ -364,16 +367,20 @@ def _intervals(group: Group, draws: int, seed: int) -> dict[int, tuple[Interval,
 
 
 def _skew(result: Identification) -> BoolArray:
-    """Whether K2 or C of each test is too uncertain, or undefined by chance, for a normal distribution."""
+    """Whether K2 or C of each test is too uncertain, too bent, or undefined by chance, for a normal distribution."""
     with np.errstate(invalid="ignore", divide="ignore"):
         variance = np.diagonal(result.arm_covariance, 0, 1, 2)
         relative = np.sqrt(variance) / np.stack([result.k2, result.c], axis=1)
+        difference = result.stiffness_covariance.copy()
+        difference[:, 0, 0] += np.nan_to_num(result.k1_std) ** 2
+        bend = largest_bend(result.stiffness, result.k1, 2 * np.pi * result.frequency, difference)
+        bent = np.isfinite(result.k2) & np.any(bend > _BENT, axis=1)
         off = np.stack([result.stiffness.real - result.k1, result.stiffness.imag], axis=1)
         spread = np.sqrt(np.diagonal(result.stiffness_covariance, 0, 1, 2))
         spread[:, 0] = np.hypot(spread[:, 0], np.nan_to_num(result.k1_std))
         lost = np.isnan(result.k2) & np.all(off > -_LOST * spread, axis=1)
         known = np.isfinite(result.k1) & np.isfinite(result.stiffness)
-        return np.asarray(known & (np.any(relative > _SKEW, axis=1) | lost))
+        return np.asarray(known & (np.any(relative > _SKEW, axis=1) | bent | lost))
 
 
 def _drawn(group: Group, at: int, draws: int, rng: np.random.Generator) -> ComplexArray:

@@ -39,7 +39,7 @@ from fourpole.study.tables import TABLES, Tables
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: Number of Monte Carlo draws of K* and K1 where K2 and C are not normally distributed.
+#: Number of Monte Carlo draws of K* and K1 where value ± 1.96 u is not a 95 % interval of K2 or C.
 DRAWS = 10_000
 #: Seed of the draws, so that each analysis gives the same intervals.
 _SEED = 1982
@@ -61,7 +61,7 @@ class Study(Tables):
     rigs : tuple of RigEstimate
         The rigs as found by the joint route; none where another route was used.
     monte_carlo : int
-        Number of draws where linear propagation fails.
+        Number of draws where value ± 1.96 u is not a 95 % interval of K2 or C.
     notes : tuple of str
         Assumptions for values that the campaign does not state, and notes on the rigs.
     sha256 : dict of str to str
@@ -234,7 +234,7 @@ def analyse(
     route : {"joint", "mobility", "relative", "transmissibility"}
         The route to K*; in place of the joint route the route that the campaign allows is used, with a note.
     monte_carlo : int
-        Number of draws for the intervals of K2 and C where linear propagation fails; 0 for no intervals.
+        Number of draws for the intervals of K2 and C where value ± 1.96 u is none; 0 for no intervals.
     cache : path, optional
         Folder of the phasors of each recording; an interrupted analysis continues from it.
     executor : concurrent.futures.Executor, optional

@@ -177,7 +177,7 @@ def budget_table(analysed: Analysed, columns: Mapping[str, Any]) -> pl.DataFrame
 
 
 def quantile_rows(analysed: Analysed) -> list[Row]:
-    """Rows of quantiles.csv: intervals of K2 and C by Monte Carlo, where linear propagation fails."""
+    """Rows of quantiles.csv: intervals of K2 and C by Monte Carlo, where value ± 1.96 u is none."""
     return [
         {
             **keys[at],

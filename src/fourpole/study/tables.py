@@ -146,7 +146,7 @@ RESIDUALS = TableSpec(
     made.joint_residual_rows,
 )  # fmt: skip
 QUANTILES = TableSpec(
-    "quantiles", "K2 or C of a dynamic test, where its distribution is not normal",
+    "quantiles", "K2 or C of a dynamic test, where value ± 1.96 u is not a 95 % interval",
     _columns(q.TEST, q.QUANTITY, q.UNIT, q.LOWER, q.MEDIAN, q.UPPER, q.NON_PASSIVE),
     made.quantile_rows, key=(*KEY, q.QUANTITY.head),
 )  # fmt: skip

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fourpole.core.joint.outputs import identification, outputs
+from fourpole.core.curvature import arm_covariance
+from fourpole.core.joint.outputs import identification, outputs, variance_by_source
 from fourpole.core.routes import maxwell_arm, mobility_route
 
 STEP = 1e-5
@@ -58,7 +59,7 @@ def test_derivatives_by_stiffness(solved):
     made, joint, found = solved
     for at, turn in enumerate((1.0, 1j)):
         above, below = (moved(made, joint, log_k=side * STEP * turn) for side in (1, -1))
-        check((above - below) / (2 * STEP), found.by_own[:, :, at])
+        check((above - below) / (2 * STEP), found.by_own[:, :6, at])
 
 
 def test_derivatives_by_shared_values(solved):
@@ -69,7 +70,7 @@ def test_derivatives_by_shared_values(solved):
         step = STEP * np.eye(solution.z.size)[at]
         along = -(solution.slope[:, 0, at] + 1j * solution.slope[:, 1, at])
         above, below = (moved(made, joint, log_k=side * STEP * along, z=solution.z + side * step) for side in (1, -1))
-        check((above - below) / (2 * STEP), found.by_shared[:, :, at])
+        check((above - below) / (2 * STEP), found.by_shared[:, :6, at])
 
 
 def test_derivatives_by_k1(solved):
@@ -77,7 +78,7 @@ def test_derivatives_by_k1(solved):
     step = 1e-5 * made.k1
     # without carrying nothing else depends on K1
     above, below = (moved(made, joint, k1=made.k1 + side * step) for side in (1, -1))
-    check((above - below) / (2 * step[:, None]), found.by_k1 + 0 * found.value)
+    check((above - below) / (2 * step[:, None]), found.by_k1[:, :6] + 0 * found.value)
 
 
 def test_the_covariance_is_that_of_the_dense_problem(dense):
@@ -127,9 +128,28 @@ def test_k1_s_uncertainty_is_in_k2_and_c_alone(solved):
     )
     assert np.array_equal(without.stiffness_covariance[tyre], with_it.stiffness_covariance[tyre])
     assert np.array_equal(without.tr_std[tyre], with_it.tr_std[tyre])
-    more = with_it.arm_covariance - without.arm_covariance
+    std = 0.01 * np.nan_to_num(made.k1)
+    first = [found.covariance_of(slice(3, 5), each) for each in (0 * std, std)]
+    more = first[1] - first[0]
     by = found.by_k1[:, 3:5] * (0.01 * made.k1)[:, None]
     assert more[tyre] == pytest.approx((by[:, :, None] * by[:, None, :])[tyre], rel=1e-6)
+    for order_two, order_one in zip((without, with_it), first, strict=True):
+        second = np.diagonal(order_two.arm_covariance - order_one, 0, 1, 2)
+        assert np.all(second[tyre] > 0)
+
+
+def test_k2_and_c_are_of_second_order_and_the_budget_adds_up(solved):
+    """The covariance of K2 and C is that of K* and K1 to second order: the joint route knows nothing else of them."""
+    made, joint, found = solved
+    tyre = made.family >= 0
+    std = 0.02 * np.nan_to_num(made.k1)
+    answer = identification(joint, made.phasors, made.k1, std, found)
+    covariance = answer.stiffness_covariance.copy()
+    covariance[:, 0, 0] += std**2
+    expected = arm_covariance(answer.stiffness, made.k1, made.phasors.omega, covariance)
+    assert answer.arm_covariance[tyre] == pytest.approx(expected[tyre], rel=1e-9)
+    whole = np.sum(list(variance_by_source(joint, found, std).values()), axis=0)
+    assert whole[tyre, 3:5] == pytest.approx(np.diagonal(answer.arm_covariance, 0, 1, 2)[tyre], rel=1e-9)
 
 
 def test_k1_unknown_leaves_k2_and_c_blank_and_all_else_as_it_is(solved):

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import parts
+from fourpole.core.curvature import Curvature
 from fourpole.core.identification import Identification
 from fourpole.core.joint.joint import Joint
 from fourpole.core.joint.reconcile import largest_part
@@ -22,18 +23,21 @@ class Outputs(ByValue):
     """The six outputs of N tests with their derivatives, in the order of the given tests.
 
     The error of an output is by_own · e + by_shared · dz + by_k1 · dK1. Here e is the error of log K* from the noise,
-    and dz is the error of the shared values. Rigid blocks have no outputs.
+    and dz is the error of the shared values. The derivatives have a seventh row for the error w of `curvature`. Rigid
+    blocks have no outputs.
 
     Attributes
     ----------
     value : (N, 6) float array
         Outputs in the order of `core.identify.OUTPUTS`; not-a-number for an output that does not exist.
-    by_own : (N, 6, 2) float array
+    by_own : (N, 7, 2) float array
         Derivatives by Re and Im of the error of log K* from the noise.
-    by_shared : (N, 6, p) float array
+    by_shared : (N, 7, p) float array
         Total derivatives by the shared values, per stated standard uncertainty.
-    by_k1 : (N, 6) float array
+    by_k1 : (N, 7) float array
         Derivatives by K1.
+    curvature : Curvature
+        Second-order terms of K2 and C.
     own : (N, 2, 2) float array
         Covariance of log K* of each test's condition for known shared values.
     frequency : (N, 2, 2) float array
@@ -48,13 +52,14 @@ class Outputs(ByValue):
     by_own: FloatArray
     by_shared: FloatArray
     by_k1: FloatArray
+    curvature: Curvature
     own: FloatArray
     frequency: FloatArray
     covariance: FloatArray
     tr_of_rig: FloatArray
 
     def covariance_of(self, rows: slice, k1_std: FloatArray) -> FloatArray:
-        """Covariance (N, k, k) of some of the outputs, with the standard uncertainty of K1 (N,) [N/m]."""
+        """First-order covariance (N, k, k) of some of the outputs, with the standard uncertainty of K1 (N,) [N/m]."""
         own, shared, k1 = self.by_own[:, rows], self.by_shared[:, rows], self.by_k1[:, rows]
         with np.errstate(invalid="ignore"):
             by_k1 = np.where(k1 == 0, 0.0, k1 * k1_std[:, None])
@@ -63,6 +68,12 @@ class Outputs(ByValue):
                 + shared @ self.covariance @ np.swapaxes(shared, 1, 2)
                 + by_k1[:, :, None] * by_k1[:, None, :]
             )
+
+    def arm_covariance(self, k1_std: FloatArray) -> FloatArray:
+        """Covariance (N, 2, 2) of K2 and C to second order, with the standard uncertainty of K1 (N,) [N/m]."""
+        bending = self.covariance_of(slice(6, 7), k1_std)[:, 0, 0]
+        with np.errstate(invalid="ignore"):
+            return self.covariance_of(slice(3, 5), k1_std) + self.curvature.covariance(bending)
 
 
 def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
@@ -99,20 +110,24 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
         k2, c = maxwell_arm(stiffness, k1, omega)
         by = np.concatenate([by_log_k, np.full((k1.size, 1), -1.0 + 0j)], axis=1)  # Re, Im of log K*, and K1
         by_arm = arm_slopes(stiffness, k1, (k2, c), omega, by)
+        curvature = Curvature.of(stiffness, k1, omega)
+        bending = curvature.by(by)
         tr = np.where(rigid, np.nan, np.abs(ratio))
         by_tr = tr[:, None] * np.stack([(1 - ratio).real, -(1 - ratio).imag], axis=1)
         tr_by_zr = -1j * omega / (stiffness + 1j * omega * impedance)
         direct = tr[:, None] * (tr_by_zr[:, None] * impedance_by).real
-    by_own = np.concatenate([by_k, by_loss[:, None], by_arm[:, :, :2], by_tr[:, None]], axis=1)
+    rows = [by_k, by_loss[:, None], by_arm[:, :, :2], by_tr[:, None], bending[:, None, :2]]
+    by_own = np.concatenate(rows, axis=1)
     by_shared = -by_own @ slope
     by_shared[:, 5] += direct
-    by_k1 = np.zeros((omega.size, 6))
-    by_k1[:, 3:5] = by_arm[:, :, 2]
+    by_k1 = np.zeros((omega.size, 7))
+    by_k1[:, 3:5], by_k1[:, 6] = by_arm[:, :, 2], bending[:, 2]
     return Outputs(
         value=np.stack([stiffness.real, stiffness.imag, loss, k2, c, tr], axis=1),
         by_own=by_own,
         by_shared=by_shared,
         by_k1=by_k1,
+        curvature=curvature,
         own=_per_test(joint, solution.own, np.nan),
         frequency=_per_test(joint, _frequency_part(joint), np.nan),
         covariance=solution.covariance,
@@ -146,7 +161,8 @@ def variance_by_source(joint: Joint, found: Outputs, k1_std: ArrayLike) -> dict[
     """Variance (N, 6) of the outputs by source; the sum over all sources is the total variance.
 
     The most probable values are linear in the noise and in the stated values, so each stated value has its own share.
-    The share of the noise is the rest; it includes scatter and model discrepancy.
+    The share of the noise is the rest; it includes scatter and model discrepancy. The second-order part of K2 and C is
+    distributed in proportion; see `fourpole.core.curvature.Curvature`.
     """
     moved = found.by_shared @ found.covariance
     by_shared = np.sum(moved * found.by_shared, axis=2)
@@ -165,7 +181,7 @@ def variance_by_source(joint: Joint, found: Outputs, k1_std: ArrayLike) -> dict[
     sources[Source(Kind.RIG_MISFIT)] = misfit
     with np.errstate(invalid="ignore"):
         sources[Source(Kind.K1)] = np.where(found.by_k1 == 0, 0.0, found.by_k1 * np.asarray(k1_std)[..., None]) ** 2
-    return sources
+    return found.curvature.distributed(sources)
 
 
 def identification(
@@ -201,7 +217,7 @@ def identification(
         k1_std=k1_std,
         k2=np.where(passive, found.value[:, 3], np.nan),
         c=np.where(passive, found.value[:, 4], np.nan),
-        arm_covariance=np.where(passive[:, None, None], found.covariance_of(slice(3, 5), k1_std), np.nan),
+        arm_covariance=np.where(passive[:, None, None], found.arm_covariance(k1_std), np.nan),
         tr_measured=np.abs(phasors.transmissibility * gains[:, 1] / gains[:, 2]),
         tr_predicted=found.value[:, 5],
         tr_std=np.hypot(std[:, 3], found.tr_of_rig),

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
-from fourpole.core.plan.expect import arm_by_k1
+from fourpole.core.plan.expect import arm_std
 from fourpole.core.plan.remedies import MASSES, Effort, Plan, Remedy, k1_remedies, remedies
 
 #: Uncertainties count as equal within this ratio.
@@ -127,18 +127,17 @@ def advise(plan: Plan, wanted: float, *, masses: Sequence[float] = MASSES, effor
         raise ValueError(f"the wanted uncertainty is {wanted:g}: it must be positive")
     effort = effort or Effort()
     route = plan.best_route
-    by_k1 = arm_by_k1(plan.tests)
     of_k1 = k1_remedies(plan, effort)
     outcomes = []
-    for chosen, variance in _combinations(plan, remedies(plan, effort, masses), route):
+    for chosen, covariance in _combinations(plan, remedies(plan, effort, masses), route):
         for better in (None, *of_k1):
             listed = chosen if better is None else (*chosen, better)
-            outcomes.append(_outcome(plan, listed, variance, by_k1))
+            outcomes.append(_outcome(plan, listed, covariance))
     now = outcomes[0]
     reaching: tuple[Outcome, ...] = ()
     if now.worst > wanted:
         reaching = tuple(_cheapest([outcome for outcome in outcomes if outcome.worst <= wanted]))
-    static = _outcome(plan, (), np.zeros_like(by_k1), by_k1)
+    static = _outcome(plan, (), 0.0)
     return Advice(
         wanted=wanted,
         route=route,
@@ -153,24 +152,23 @@ def advise(plan: Plan, wanted: float, *, masses: Sequence[float] = MASSES, effor
 def _combinations(
     plan: Plan, listed: dict[str, list[Remedy]], route: str
 ) -> Iterator[tuple[tuple[Remedy, ...], FloatArray]]:
-    """Combinations, each with the variance (N, 2) of K2 and C for an exact K1; the first has no remedy."""
-    exact_k1 = replace(plan, tests=replace(plan.tests, k1_std=np.zeros(len(plan.tests))))
+    """Combinations, each with the covariance (N, 2, 2) of K* [N²/m²]; the first has no remedy."""
     either = [*product((None, *listed["sensors"]), (None, *listed["rig"])), *((more,) for more in listed["more tests"])]
     for part in either:
         for noise in (None, *listed["noise"]):
             chosen = tuple(remedy for remedy in (*part, noise) if remedy is not None)
-            changed = exact_k1
+            changed = plan
             for remedy in chosen:
                 changed = remedy.change(changed)
             found = changed.expect(route)
-            yield chosen, np.diagonal(found.arm_covariance, 0, 1, 2)[: len(plan.tests)]
+            yield chosen, found.stiffness_covariance[: len(plan.tests)]
 
 
-def _outcome(plan: Plan, chosen: tuple[Remedy, ...], variance: FloatArray, by_k1: FloatArray) -> Outcome:
-    """The outcome of remedies, from the variance (N, 2) of K2 and C for an exact K1."""
+def _outcome(plan: Plan, chosen: tuple[Remedy, ...], covariance: FloatArray | float) -> Outcome:
+    """The outcome of remedies, from the covariance (N, 2, 2) of K* [N²/m²]."""
     tests = plan.tests
     k1_std = np.minimum(tests.k1_std, min((remedy.k1 for remedy in chosen), default=np.inf) * tests.k1)
-    std = np.sqrt(variance + (by_k1 * k1_std[:, None]) ** 2)
+    std = arm_std(tests, covariance, k1_std)
     k2, c = np.median((std / np.stack([tests.k2, tests.c], axis=1))[~tests.rigid], axis=0)
     return Outcome(chosen, float(k2), float(c))
 

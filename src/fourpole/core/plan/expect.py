@@ -16,12 +16,13 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.curvature import arm_covariance
 from fourpole.core.identification import Identification
 from fourpole.core.identify import identify
 from fourpole.core.joint import identify_joint
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.routes import ROUTES, maxwell_arm
+from fourpole.core.routes import ROUTES
 from fourpole.core.tyre import zener_stiffness
 
 #: Every route, in the order of tables and figures.
@@ -229,8 +230,8 @@ def expect(
 
     Notes
     -----
-    The propagation is linear, so it holds for an uncertainty of K* - K1 that is small against K* - K1. Beyond some
-    30 % the distribution has tails that no standard uncertainty describes.
+    The propagation is of first order, for K2 and C of second order. If the uncertainty of K* - K1 exceeds some 30 % of
+    K* - K1, the distribution has tails that no standard uncertainty describes.
 
     Examples
     --------
@@ -256,16 +257,23 @@ def relative_uncertainties(found: Identification) -> FloatArray:
         return np.column_stack([stiffness, arm, found.tr_std / found.tr_predicted])
 
 
-def arm_by_k1(tests: PlannedTests) -> FloatArray:
-    """Derivatives (N, 2) of K2 and C by K1 for constant K*, which no dynamic test changes.
+def arm_std(tests: PlannedTests, stiffness_covariance: FloatArray | float, k1_std: FloatArray | float) -> FloatArray:
+    """Standard uncertainties (N, 2) of K2 and C from those of K* and of K1, which no dynamic test changes.
+
+    Parameters
+    ----------
+    tests : PlannedTests
+    stiffness_covariance : (N, 2, 2) float array [N²/m²]
+        Covariance of Re and Im of K*; 0 for the part of K1 alone.
+    k1_std : (N,) float array [N/m]
+        Standard uncertainty of K1.
 
     Examples
     --------
-    >>> arm_by_k1(PlannedTests(10.0, 110e3, 100e3, 800.0)).round(3)
-    array([[ 2.958, -0.016]])
+    >>> arm_std(PlannedTests(10.0, 110e3, 100e3, 800.0), 0.0, 1e3).round(0)
+    array([[2977.,   16.]])
     """
-    # The error of these central differences is far below what a plan needs.
-    step = 1e-5 * np.abs(tests.stiffness - tests.k1)
-    omega = 2 * np.pi * tests.frequency
-    below, above = (np.stack(maxwell_arm(tests.stiffness, tests.k1 + side * step, omega)) for side in (-1, 1))
-    return np.asarray(((above - below) / (2 * step)).T)
+    covariance: FloatArray = np.zeros((len(tests), 2, 2)) + stiffness_covariance
+    covariance[:, 0, 0] += np.square(k1_std)
+    found = arm_covariance(tests.stiffness, tests.k1, 2 * np.pi * tests.frequency, covariance)
+    return np.asarray(np.sqrt(np.diagonal(found, 0, 1, 2)))

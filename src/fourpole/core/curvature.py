@@ -1,0 +1,129 @@
+r"""Second-order uncertainty of K2 and C, which counts most where their first derivatives vanish.
+
+With :math:`K^* - K_1 = a + jb`, :math:`K_2 = a + b^2/a` and :math:`\omega C = b + a^2/b`. Both have second derivatives
+of rank one: they bend with the error :math:`w = db - (b/a)\,da` only, the change of the arm's loss factor times a.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.confidence import NORMAL_95
+from fourpole.core.routes import arm_slopes, maxwell_arm
+from fourpole.core.sources import Source
+
+#: Mean of the fourth power of a standard normal deviation: the mean square of s z² about 0, over s².
+_FOURTH_MOMENT = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature(ByValue):
+    r"""Second-order terms of K2 and C of N tests: :math:`\Delta K_2 = w^2/a`, :math:`\Delta C = a^2 w^2/(\omega b^3)`.
+
+    The mean of such a term is the shift s of K2 or C, its standard deviation :math:`\sqrt{2}\,s`. The stated value is
+    not shifted, because the sign depends on what is held fixed, the truth or the measured value. The uncertainty is the
+    root mean square deviation from the stated value, so that its second-order part is :math:`\sqrt{3}\,s`.
+
+    Attributes
+    ----------
+    loss_factor : (N,) float array [1]
+        b/a, the loss factor of the arm.
+    bend : (N, 2) float array [m/N], [m/(N s/m)²]
+        Second-order terms of K2 and C over w².
+
+    Examples
+    --------
+    >>> bent = Curvature.of(np.array([120e3 + 20e3j]), np.array([100e3]), np.array([100.0]))
+    >>> np.sqrt(bent.covariance(np.array([2e3**2]))[0, 0, 0]).round(1)  # 2000 N/m in K1, dK2/dK1 = 0
+    np.float64(346.4)
+    """
+
+    loss_factor: FloatArray
+    bend: FloatArray
+
+    @classmethod
+    def of(cls, stiffness: ComplexArray, k1: FloatArray, omega: FloatArray) -> Self:
+        """The curvature of K2 and C for K* and K1 (N,) [N/m] at an angular frequency (N,) [rad/s]."""
+        arm = stiffness - k1
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            bend = np.stack([1.0 / arm.real, arm.real**2 / (omega * arm.imag**3)], axis=1)
+            return cls(arm.imag / arm.real, bend)
+
+    def by(self, by_arm: ComplexArray) -> FloatArray:
+        """Derivatives (N, k) of w [N/m] from the complex derivatives (N, k) of K* - K1."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            return np.asarray(by_arm.imag - self.loss_factor[:, None] * by_arm.real)
+
+    def covariance(self, variance: FloatArray) -> FloatArray:
+        """Second-order part (N, 2, 2) of the mean square deviation of K2 and C, from the variance (N,) of w [N²/m²]."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            shift = self.bend * variance[:, None]
+            return np.asarray(_FOURTH_MOMENT * shift[:, :, None] * shift[:, None, :])
+
+    def distributed(self, sources: Mapping[Source, FloatArray]) -> dict[Source, FloatArray]:
+        """The variances (N, 6) of the outputs by source with the second-order part of K2 and C.
+
+        Each source has the fraction of the second-order part that it has of the variance of w.
+
+        Parameters
+        ----------
+        sources : mapping of Source to (N, 7) float array
+            First-order variances of the outputs, in the order of `core.identify.OUTPUTS`, and of w.
+        """
+        with np.errstate(invalid="ignore", over="ignore"):
+            total = np.sum([variance[:, 6] for variance in sources.values()], axis=0)
+            each = _FOURTH_MOMENT * self.bend**2 * total[:, None]
+            made = {}
+            for source, variance in sources.items():
+                made[source] = variance[:, :6].copy()
+                made[source][:, 3:5] += each * variance[:, 6:]
+            return made
+
+
+def arm_covariance(stiffness: ArrayLike, k1: ArrayLike, omega: ArrayLike, covariance: FloatArray) -> FloatArray:
+    """Covariance (N, 2, 2) of K2 [N/m] and C [N s/m] to second order, for an exact frequency.
+
+    Parameters
+    ----------
+    stiffness, k1, omega : (N,) complex and float arrays [N/m], [N/m], [rad/s]
+    covariance : (N, 2, 2) float array [N²/m²]
+        Covariance of Re and Im of K* - K1.
+
+    Examples
+    --------
+    >>> of_k1 = np.array([[[2e3**2, 0.0], [0.0, 0.0]]])
+    >>> np.sqrt(arm_covariance([120e3 + 20e3j], [100e3], [100.0], of_k1)[0].diagonal()).round(1)
+    array([346.4,  40.1])
+    """
+    stiffness, k1, omega = np.asarray(stiffness), np.asarray(k1, dtype=float), np.asarray(omega, dtype=float)
+    each = np.tile([1.0, 1j], (stiffness.size, 1))
+    bent = Curvature.of(stiffness, k1, omega)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        by = arm_slopes(stiffness, k1, maxwell_arm(stiffness, k1, omega), omega, each)
+        bending = bent.by(each)
+        variance = np.einsum("ni,nij,nj->n", bending, covariance, bending)
+        return np.asarray(by @ covariance @ np.swapaxes(by, 1, 2) + bent.covariance(variance))
+
+
+def largest_bend(stiffness: ComplexArray, k1: FloatArray, omega: FloatArray, covariance: FloatArray) -> FloatArray:
+    r"""Distance of the 95 % quantiles of K2 and C from value ± 1.96 u, over u, to second order, (N, 2) [1].
+
+    It is the upper bound :math:`1.96^2 s/u`, which is reached where the first-order part depends on w alone.
+
+    Parameters
+    ----------
+    stiffness, k1, omega, covariance
+        The same as for `arm_covariance`.
+    """
+    whole = arm_covariance(stiffness, k1, omega, covariance)
+    bent = Curvature.of(stiffness, k1, omega)
+    bending = bent.by(np.tile([1.0, 1j], (stiffness.size, 1)))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        shift = bent.bend * np.einsum("ni,nij,nj->n", bending, covariance, bending)[:, None]
+        return np.asarray(NORMAL_95**2 * np.abs(shift) / np.sqrt(np.diagonal(whole, 0, 1, 2)))
