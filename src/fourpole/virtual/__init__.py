@@ -4,8 +4,11 @@ This package shares no formula with `fourpole.core`. The tyre is a set of differ
 causal model, which is integrated in time or solved at one frequency.
 """
 
+from fourpole.virtual.bench import Bench, Rocking, Zener, state_matrices
 from fourpole.virtual.cam import Cam
-from fourpole.virtual.dynamic_rig import Bench, Motion, Zener, run, run_block, state_matrices
+from fourpole.virtual.dynamic_rig import Motion, run, run_block
+from fourpole.virtual.faults import FAULTS, Fault
+from fourpole.virtual.flaws import Flaw
 from fourpole.virtual.phasor_rig import (
     Conditions,
     DrawnLaboratory,
@@ -14,6 +17,7 @@ from fourpole.virtual.phasor_rig import (
     draw,
     simulate_phasors,
 )
+from fourpole.virtual.runs import Run, Specimen
 from fourpole.virtual.sensors import Sensor, sample
 from fourpole.virtual.simulate import SimulatedCampaign, simulate_campaign
 from fourpole.virtual.static_rig import StaticCycles, load_cycles
@@ -21,17 +25,23 @@ from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, ModelTyre, VirtualTyre
 
 __all__ = [
     "CROSS_PLY",
+    "FAULTS",
     "RADIAL_PLY",
     "Bench",
     "Cam",
     "Conditions",
     "DrawnLaboratory",
+    "Fault",
+    "Flaw",
     "Laboratory",
     "ModelTyre",
     "Motion",
     "PhasorCampaign",
+    "Rocking",
+    "Run",
     "Sensor",
     "SimulatedCampaign",
+    "Specimen",
     "StaticCycles",
     "VirtualTyre",
     "Zener",

@@ -16,7 +16,8 @@ from fourpole.core.rig import PARAMETERS
 from fourpole.errors import FileError
 from fourpole.virtual.plan import Test
 from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
-from fourpole.virtual.truth import MORE_COLUMNS, TRUTH_COLUMNS, Statement
+from fourpole.virtual.rows import MORE_COLUMNS, TRUTH_COLUMNS
+from fourpole.virtual.truth import Statement
 from fourpole.virtual.tyres import Tyre
 
 _NOISY_CHANNELS = """\

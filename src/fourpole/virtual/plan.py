@@ -9,7 +9,7 @@ from math import isclose, nan
 from typing import Literal
 
 from fourpole.models.interface import StateSpace
-from fourpole.virtual.dynamic_rig import Zener
+from fourpole.virtual.bench import Zener
 from fourpole.virtual.tyres import Tyre
 
 PRESSURES = (100e3, 135e3, 170e3, 205e3, 240e3)
@@ -51,13 +51,14 @@ def plan_tests(
     added_masses: Sequence[float] = (0.0,),
     added_mass_at: tuple[str, float, float] | None = None,
     calibration_masses: Sequence[float] = (),
+    repeats: int = 1,
 ) -> list[Test]:
     """Static tests S1 ..., dynamic tests D1 ... and calibrations C1 ...; see `simulate_campaign` for the arguments.
 
     Raises
     ------
     ValueError
-        If `added_mass_at` is no condition of the campaign, or a calibration has no mass.
+        If `added_mass_at` is no condition of the campaign, a calibration has no mass, or `repeats` is below 1.
 
     Examples
     --------
@@ -67,12 +68,14 @@ def plan_tests(
     """
     if not all(mass > 0.0 for mass in calibration_masses):
         raise ValueError(f"calibration_masses = {tuple(calibration_masses)}: the mass of a block must be > 0 kg")
+    if repeats < 1:
+        raise ValueError(f"repeats = {repeats}: a campaign has each dynamic test at least once")
     static = product(tyres, pressures)
     dynamic = [
         (*condition, frequency, mass)
         for condition, masses in _with_masses([*product(tyres, pressures, preloads)], added_masses, added_mass_at)
         for mass, frequency in product(masses, frequencies)
-    ]
+    ] * repeats
     blocks = product(calibration_masses, frequencies)
     return [
         *(Test(f"S{number}", "static", *row) for number, row in enumerate(static, start=1)),

@@ -11,11 +11,12 @@ import numpy as np
 
 from fourpole.core.arrays import FloatArray
 from fourpole.virtual.cam import Cam
-from fourpole.virtual.dynamic_rig import Motion, run, run_block
-from fourpole.virtual.plan import Test, element
+from fourpole.virtual.dynamic_rig import run, run_block
+from fourpole.virtual.plan import Test
+from fourpole.virtual.runs import Run, cubic_of, tyre_of
 from fourpole.virtual.sensors import Sensor
 from fourpole.virtual.static_rig import load_cycles
-from fourpole.virtual.truth import Truth, bench_of
+from fourpole.virtual.truth import Truth
 
 #: Gain of F1 [1] and delay of V1 [s], as declared in campaign.toml.
 F1_GAIN, V1_DELAY = 1.02, 0.2e-3
@@ -36,9 +37,17 @@ def cam_frequency(test: Test, rng: np.random.Generator, clean: bool) -> float:
     return test.frequency * (1.0 + rng.uniform(-_SPEED_ERROR, _SPEED_ERROR))
 
 
-def record_static(test: Test, truth: Truth, rng: np.random.Generator, clean: bool) -> list[tuple[str, FloatArray]]:
-    """Columns of a static test: time [s], deflection [mm] and load [N]."""
-    cycles = load_cycles(test.mounted, test.pressure, sample_rate=_STATIC_RATE)
+def record_static(
+    this: Run, truth: Truth, rng: np.random.Generator, clean: bool, chance: np.random.Generator
+) -> list[tuple[str, FloatArray]]:
+    """Columns of a static test: time [s], deflection [mm] and load [N]; `chance` draws what faults leave open."""
+    cycles = load_cycles(
+        this.real.mounted,
+        this.real.pressure,
+        sample_rate=_STATIC_RATE,
+        creep=this.specimen.creep,
+        creep_time=this.specimen.creep_time,
+    )
     deflection, load = Sensor(scale=1e3), Sensor()
     if not clean:
         # The deflection transducer has an arbitrary zero; the force cell is zeroed before the test.
@@ -60,44 +69,76 @@ def record_static(test: Test, truth: Truth, rng: np.random.Generator, clean: boo
             full_scale=5000.0,
             bits=16,
         )
-    step = 1.0 / _STATIC_RATE
-    return [
-        ("t", cycles.time),
-        ("x", deflection.record(cycles.deflection, start=0.0, step=step, times=cycles.time, rng=rng)),
-        ("F", load.record(cycles.load, start=0.0, step=step, times=cycles.time, rng=rng)),
+    signals = {"x": cycles.deflection, "F": cycles.load}
+    sensors = {"x": deflection, "F": load}
+    base = (0.0, 1.0 / _STATIC_RATE)
+    return [("t", cycles.time)] + [
+        (channel, _recorded(sensors[channel], channel, signals, base, cycles.time, rng, this, chance))
+        for channel in signals
     ]
 
 
 def record_dynamic(
-    test: Test, frequency: float, truth: Truth, rng: np.random.Generator, clean: bool
+    this: Run,
+    frequency: float,
+    truth: Truth,
+    rng: np.random.Generator,
+    clean: bool,
+    chance: np.random.Generator,
 ) -> list[tuple[str, FloatArray]]:
-    """Columns t, F1, V1 and V2 of a dynamic test or a calibration at the true `frequency` of the cam [Hz]."""
+    """Columns t, F1, V1 and V2 of a dynamic test or a calibration at the true `frequency` of the cam [Hz].
+
+    `chance` draws what faults leave open.
+    """
     cam = Cam(frequency) if clean else _worn_cam(frequency, rng)
     late = {channel: -phase / (2.0 * np.pi * frequency) for channel, phase in truth.phase_errors.items()}
     oversampling = 10 if clean else 5
     latest = max(abs(delay) for delay in late.values()) + V1_DELAY
+    latest += max((flaw.latest(_DURATION) for flaw in this.flaws.values()), default=0.0)
     guard = max(8, ceil(latest * _SAMPLE_RATE * oversampling) + 4)
-    bench = bench_of(test, truth)
-    tyre = None if test.kind == "calibration" else element(test, frequency)
-    marched = partial(run_block, cam) if tyre is None else partial(run, cam, tyre)
-    motion = marched(bench, duration=_DURATION, sample_rate=_SAMPLE_RATE, oversampling=oversampling, guard=guard)
+    if this.real.kind == "calibration":
+        marched = partial(run_block, cam)
+    else:
+        marched = partial(run, cam, tyre_of(this, frequency), cubic=cubic_of(this))
+    motion = marched(
+        this.loaded_bench, duration=_DURATION, sample_rate=_SAMPLE_RATE, oversampling=oversampling, guard=guard
+    )
     gain = truth.gain_errors
     sensors = {channel: Sensor(gain_error=gain[channel], delay=late[channel]) for channel in late}
     if not clean:
         sensors = _laboratory_sensors(gain, late, rng)
     times = np.arange(round(_DURATION * _SAMPLE_RATE)) / _SAMPLE_RATE
+    signals = {"F1": motion.force, "V1": motion.v1, "V2": motion.v2}
+    base = (float(motion.time[0]), float((motion.time[-1] - motion.time[0]) / (motion.time.size - 1)))
     return [("t", times)] + [
-        (channel, _recorded(sensors[channel], signal, motion, times, rng))
-        for channel, signal in (("F1", motion.force), ("V1", motion.v1), ("V2", motion.v2))
+        (channel, _recorded(sensors[channel], channel, signals, base, times, rng, this, chance)) for channel in signals
     ]
 
 
 def _recorded(
-    sensor: Sensor, signal: FloatArray, motion: Motion, times: FloatArray, rng: np.random.Generator
+    sensor: Sensor,
+    channel: str,
+    signals: Mapping[str, FloatArray],
+    base: tuple[float, float],
+    times: FloatArray,
+    rng: np.random.Generator,
+    this: Run,
+    chance: np.random.Generator,
 ) -> FloatArray:
-    """The record of a signal on the time base of a motion."""
-    start, step = float(motion.time[0]), (motion.time[-1] - motion.time[0]) / (motion.time.size - 1)
-    return sensor.record(signal, start=start, step=float(step), times=times, rng=rng)
+    """The record of a channel; `base` is start and step [s] of the `signals`."""
+    start, step = base
+    flaw = this.flaws.get(channel)
+    if flaw is None:
+        return sensor.record(signals[channel], start=start, step=step, times=times, rng=rng)
+    record = sensor.record(
+        flaw.heard(channel, signals),
+        start=start,
+        step=step,
+        times=flaw.times(times),
+        rng=rng,
+        disturbance=flaw.disturbance(times, chance),
+    )
+    return flaw.interrupted(record, chance)
 
 
 def _worn_cam(frequency: float, rng: np.random.Generator) -> Cam:

@@ -71,6 +71,7 @@ class Sensor:
         step: float,
         times: FloatArray,
         rng: np.random.Generator | None = None,
+        disturbance: FloatArray | None = None,
     ) -> FloatArray:
         """The record of a `signal` that begins at `start` and has a sample every `step`.
 
@@ -84,6 +85,8 @@ class Sensor:
             Uniform times of the record.
         rng : numpy.random.Generator
             Source of the noise; a sensor with noise needs it.
+        disturbance : (k,) float array [SI]
+            What is added to the signal before the converter.
 
         Returns
         -------
@@ -109,6 +112,8 @@ class Sensor:
             recorded += self.noise * rng.standard_normal(times.size)
             if self.pink:
                 recorded += self.pink * _pink(times.size, rng)
+        if disturbance is not None:
+            recorded += factor * disturbance
         if self.bits:
             lsb = 2.0 * self.full_scale / 2**self.bits
             levels = np.clip(np.rint(recorded / lsb), -(2 ** (self.bits - 1)), 2 ** (self.bits - 1) - 1)

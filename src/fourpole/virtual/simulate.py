@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from fourpole.virtual.faults import Fault
 from fourpole.virtual.folder import finish, prepare, write_recording
 from fourpole.virtual.plan import FREQUENCIES, PRELOADS, PRESSURES, plan_tests
 from fourpole.virtual.recordings import cam_frequency, record_dynamic, record_static
-from fourpole.virtual.truth import STD_GAIN, STD_PHASE, draw_truth, state, truth_rows
+from fourpole.virtual.rows import truth_rows
+from fourpole.virtual.runs import runs_of
+from fourpole.virtual.truth import STD_GAIN, STD_PHASE, draw_truth, state
 from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, Tyre
 
 
@@ -51,6 +54,8 @@ def simulate_campaign(
     rig_error: Mapping[str, float] | None = None,
     declared: Mapping[str, float] | None = None,
     undeclared: Mapping[str, float] | None = None,
+    repeats: int = 1,
+    faults: Sequence[Fault] = (),
 ) -> SimulatedCampaign:
     """Simulate static and dynamic tests of virtual tyres and write them as a campaign folder, with the true values.
 
@@ -89,6 +94,10 @@ def simulate_campaign(
     undeclared : mapping of str to float [SI]
         Parts of the rig that campaign.toml does not state: the same parts, or leaf_friction. Also errors of a channel
         in place of random ones: ``gain F1`` [1], ``phase V2`` [rad] ...
+    repeats : int
+        How often all dynamic tests are done, one series after the other.
+    faults : sequence of Fault
+        What differs from the statement, applied in this order: see `fourpole.virtual.faults`.
 
     Returns
     -------
@@ -122,6 +131,7 @@ def simulate_campaign(
         added_masses=added_masses,
         added_mass_at=added_mass_at,
         calibration_masses=calibration_masses,
+        repeats=repeats,
     )
     statement = state(clean=clean, sensors=sensors, rig_std=rig_std, declared=declared)
     truth = draw_truth(
@@ -130,20 +140,24 @@ def simulate_campaign(
         rig_error=rig_error,
         undeclared=undeclared,
     )
+    runs = runs_of(tests, truth)
+    for at, fault in enumerate(faults):
+        runs = fault.apply(runs, np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2, at))))
     usual = tuple(sensors) == (STD_GAIN, STD_PHASE)
-    more = not usual or any((calibration_masses, rig_std, rig_error, declared, undeclared))
+    more = not usual or any((calibration_masses, rig_std, rig_error, declared, undeclared, faults))
     target = prepare(Path(folder), tests)
     rows: list[tuple[object, ...]] = []
-    for done, test in enumerate(tests, start=1):
-        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1, *test.name.encode())))
-        frequency = cam_frequency(test, rng, clean)
-        if test.kind == "static":
-            columns, decimals = record_static(test, truth, rng, clean), 4
+    for done, this in enumerate(runs, start=1):
+        name = (this.copy_of or this.row.name).encode()  # a copy has the noise of its original too
+        rng, chance = (np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(at, *name))) for at in (1, 3))
+        frequency = cam_frequency(this.real, rng, clean)
+        if this.row.kind == "static":
+            columns, decimals = record_static(this, truth, rng, clean, chance), 4
         else:
-            columns, decimals = record_dynamic(test, frequency, truth, rng, clean), 6
-        write_recording(columns, target / "recordings" / f"{test.name}.csv", None if clean else decimals)
-        rows += truth_rows(test, truth, preloads=preloads, frequency=frequency, more=more)
+            columns, decimals = record_dynamic(this, frequency, truth, rng, clean, chance), 6
+        write_recording(columns, target / "recordings" / f"{this.row.name}.csv", None if clean else decimals)
+        rows += truth_rows(this, truth, preloads=preloads, frequency=frequency, more=more)
         if progress is not None:
-            progress(done, len(tests))
-    finish(target, tests, rows, statement, seed)
-    return SimulatedCampaign(folder=target, tests=len(tests), seed=seed)
+            progress(done, len(runs))
+    finish(target, [this.row for this in runs], rows, statement, seed)
+    return SimulatedCampaign(folder=target, tests=len(runs), seed=seed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.virtual.tyres import Tyre
@@ -38,6 +39,8 @@ def load_cycles(
     cycles: int = 4,
     period: float = 20.0,
     sample_rate: float = 50.0,
+    creep: float = 0.0,
+    creep_time: float = 40.0,
 ) -> StaticCycles:
     r"""Load a tyre slowly from zero deflection to `peak_load` and back, `cycles` times.
 
@@ -47,7 +50,9 @@ def load_cycles(
 
     with + for loading and - for unloading, so that the mean of the branches at equal deflection is the tyre's law. The
     last term is present only for loading, and only in the first two cycles: rubber is stiffer in its first deflections
-    (Mullins effect). No term depends on the rate.
+    (Mullins effect). None of these terms depends on the rate. With creep, a fraction s of the mean load relaxes:
+
+    .. math:: F - s\,F_{mean} + q, \qquad \dot q = s\,\dot F_{mean} - q/\tau
 
     Parameters
     ----------
@@ -59,6 +64,8 @@ def load_cycles(
         Number of complete cycles; >= 1.
     period, sample_rate : float [s], [Hz]
         Duration of one cycle; samples per second; both > 0.
+    creep, creep_time : float [1], [s]
+        s and tau of the load that relaxes.
 
     Returns
     -------
@@ -84,12 +91,12 @@ def load_cycles(
     u = np.sin(np.pi * phase) ** 2
     cycle = np.floor(phase).astype(int)
     loading = phase - cycle < 0.5
-    left = np.array((*_CONDITIONING_LEFT, 0.0))[np.minimum(cycle, len(_CONDITIONING_LEFT))]
+    share = np.array((*_CONDITIONING_LEFT, 0.0))[np.minimum(cycle, len(_CONDITIONING_LEFT))]
     mean = tyre.load(peak * u, pressure)
     gap = tyre.hysteresis * peak_load * 4.0 * u * (1.0 - u)
-    conditioning = tyre.conditioning * left * mean * (1.0 - u * u)
-    return StaticCycles(
-        time=time,
-        deflection=peak * u,
-        load=mean + np.where(loading, gap + conditioning, -gap),
-    )
+    conditioning = tyre.conditioning * share * mean * (1.0 - u * u)
+    load = mean + np.where(loading, gap + conditioning, -gap)
+    if creep:
+        left = np.exp(-1.0 / (sample_rate * creep_time))
+        load += creep * (lfilter([np.sqrt(left)], [1.0, -left], np.diff(mean, prepend=mean[0])) - mean)
+    return StaticCycles(time=time, deflection=peak * u, load=load)

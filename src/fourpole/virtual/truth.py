@@ -3,49 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 
 import numpy as np
 
-from fourpole import quantities as q
-from fourpole.models.interface import StateSpace
-from fourpole.virtual.dynamic_rig import Bench, Zener, amplification
-from fourpole.virtual.phasor_rig import CHANNELS, FAULTS, Conditions, Laboratory, simulate_phasors
-from fourpole.virtual.plan import Test, element
-
-TRUTH_COLUMNS = (
-    "test",
-    "tyre",
-    q.PRESSURE.head,
-    q.PRELOAD.head,
-    q.ADDED_MASS.head,
-    q.FREQUENCY.head,
-    q.K1.head,
-    q.K2.head,
-    q.C.head,
-    q.STORAGE.head,
-    q.LOSS.head,
-    q.TR.head,
-    "moving mass [kg]",
-    "preload stiffness [N/m]",
-    "preload damping [N s/m]",
-)
-#: Further columns for a campaign with other parts of the rig or other sensors than the usual ones.
-MORE_COLUMNS = (
-    "tyre mass [kg]",
-    "frame stiffness [N/m]",
-    "preload loss factor [1]",
-    "input mass [kg]",
-    "leaf friction [N]",
-    *(f"gain error {channel} [1]" for channel in CHANNELS),
-    *(f"phase error {channel} [rad]" for channel in CHANNELS),
-)
+from fourpole.virtual.bench import Bench
+from fourpole.virtual.phasor_rig import CHANNELS, FAULTS
 
 STD_GAIN, STD_PHASE = 2e-4, float(np.deg2rad(0.01))
 #: Stated values of the usual rig with their standard uncertainties [kg], [N/m], [N s/m].
 _PLAIN_RIG = {"moving_mass": (15.0, 0.01), "preload_stiffness": (12440.0, 20.0), "preload_damping": (15.0, 0.5)}
-_FURTHER = ("tyre_mass", "frame_stiffness", "preload_loss_factor", "input_mass")
+FURTHER = ("tyre_mass", "frame_stiffness", "preload_loss_factor", "input_mass")
 #: Relative standard uncertainty of a further part that is declared.
 _FURTHER_STD = 0.02
 
@@ -100,13 +69,13 @@ def state(
     """
     rig_std, declared = rig_std or {}, declared or {}
     _known("rig_std", rig_std, _PLAIN_RIG)
-    _known("declared", declared, _FURTHER)
+    _known("declared", declared, FURTHER)
     if min(*sensors, *rig_std.values()) < 0.0:
         raise ValueError("the uncertainties in sensors and rig_std must be zero or positive")
     if not all(0.0 < value < inf for value in declared.values()):
         raise ValueError("declared values must be positive and finite; leave out parts that the rig does not have")
     rig = {name: (value, rig_std.get(name, std)) for name, (value, std) in _PLAIN_RIG.items()}
-    rig |= {name: (declared[name], _FURTHER_STD * declared[name]) for name in _FURTHER if name in declared}
+    rig |= {name: (declared[name], _FURTHER_STD * declared[name]) for name in FURTHER if name in declared}
     return Statement(rig, *sensors, clean=clean)
 
 
@@ -135,7 +104,7 @@ def draw_truth(
     """
     rig_error, undeclared = rig_error or {}, undeclared or {}
     _known("rig_error", rig_error, statement.rig)
-    unstated = [name for name in _FURTHER if name not in statement.rig]
+    unstated = [name for name in FURTHER if name not in statement.rig]
     _known("undeclared", undeclared, (*unstated, "leaf_friction", *FAULTS))
 
     def near(stated: float, std: float) -> float:
@@ -151,65 +120,11 @@ def draw_truth(
     gains |= {channel: near(0.0, STD_GAIN) for channel in ("F", "x")}
     phases = {channel: near(0.0, statement.std_phase) for channel in CHANNELS}
     rig["mass"] = rig.pop("moving_mass")
-    rig |= of_rig(_FURTHER)
+    rig |= of_rig(FURTHER)
     rig |= {name: value for name, value in undeclared.items() if name not in FAULTS}
     for channel in CHANNELS:
         gains[channel] = undeclared.get(f"gain {channel}", gains[channel])
         phases[channel] = undeclared.get(f"phase {channel}", phases[channel])
-    bench = Bench(**rig)
+    bench = Bench(**rig)  # type: ignore[arg-type] # all of them are numbers
     bench.check()
     return Truth(bench, gains, phases)
-
-
-def bench_of(test: Test, truth: Truth) -> Bench:
-    """The rig with the added mass of a test."""
-    return replace(truth.bench, mass=truth.bench.mass + test.added_mass)
-
-
-def truth_rows(
-    test: Test, truth: Truth, *, preloads: Sequence[float], frequency: float, more: bool
-) -> list[tuple[object, ...]]:
-    """Rows of truth.csv: one per test, or one per preload for a static test; with `MORE_COLUMNS` if `more`."""
-    bench = truth.bench
-    shared: tuple[object, ...] = (bench.mass, bench.preload_stiffness, bench.preload_damping)
-    if more:
-        parts = (bench.tyre_mass, bench.frame_stiffness, bench.preload_loss_factor, bench.input_mass)
-        errors = (errors[channel] for errors in (truth.gain_errors, truth.phase_errors) for channel in CHANNELS)
-        shared = (*shared, *parts, bench.leaf_friction, *errors)
-    if test.kind == "static":
-        tyre, pressure = test.mounted, test.pressure
-        rows = ((load, None, None, float(tyre.static_stiffness(pressure, load)), *(None,) * 5) for load in preloads)
-        return [(test.name, tyre.name, pressure, *row, *shared) for row in rows]
-    if test.kind == "calibration":
-        return [(test.name, None, None, None, test.added_mass, frequency, *(None,) * 5, 1.0, *shared)]
-    return [(*_dynamic_row(test, frequency, truth), *shared)]
-
-
-def _dynamic_row(test: Test, frequency: float, truth: Truth) -> tuple[object, ...]:
-    tyre = element(test, frequency)
-    stated = (test.name, test.mounted.name, test.pressure, test.preload, test.added_mass, frequency)
-    k1 = float(test.mounted.static_stiffness(test.pressure, test.preload))
-    arm = (tyre.k2, tyre.c) if isinstance(tyre, Zener) else (None, None)
-    return (*stated, k1, *arm, *_two_parts(tyre, frequency), _transmissibility(tyre, bench_of(test, truth), frequency))
-
-
-def _two_parts(tyre: Zener | StateSpace, frequency: float) -> tuple[float, float]:
-    """Storage and loss stiffness of a tyre [N/m]."""
-    if isinstance(tyre, StateSpace):
-        stiffness = complex(tyre.stiffness(2.0 * np.pi * frequency))
-        return stiffness.real, stiffness.imag
-    x = 2.0 * np.pi * frequency * tyre.c / tyre.k2
-    return tyre.k1 + tyre.k2 * x * x / (1.0 + x * x), tyre.k2 * x / (1.0 + x * x)
-
-
-def _transmissibility(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> float:
-    """|V2/V1| [1]; with friction, that of its first harmonic."""
-    if not bench.leaf_friction:
-        return amplification(tyre, bench.damped_at(frequency), frequency)
-    names = (*_FURTHER, "preload_stiffness", "preload_damping")
-    laboratory = Laboratory(
-        moving_mass=(bench.mass, 0.0),
-        undeclared={name: getattr(bench, name) for name in (*names, "leaf_friction")},
-    )
-    tests = Conditions(frequency, stiffness=complex(*_two_parts(tyre, frequency)))
-    return float(simulate_phasors(laboratory, tests, np.random.default_rng(0)).transmissibility[0])

@@ -5,7 +5,7 @@ A virtual tyre may also be any causal model, with a linear load-deflection law.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import FloatArray
 from fourpole.models.chain import in_time
 from fourpole.models.interface import Model, StateSpace
-from fourpole.virtual.dynamic_rig import Zener
+from fourpole.virtual.bench import Zener
 
 #: Centre and half width of the pressures from 1.0 to 2.4 bar that the laws cover [Pa].
 _PRESSURE_MID, _PRESSURE_HALF = 170e3, 70e3
@@ -152,6 +152,25 @@ class VirtualTyre:
         g = (0.5 * (q + 1.0)) ** 2
         by_pressure = 1.0 + self.c_p * q - self.c_q * q * q
         return np.asarray(self.c_level * (f / _F_MID) ** self.r * by_pressure * (1.0 - self.c_l * g * _l(preload)))
+
+    def changed(self, stiffness: float, loss: float = 1.0) -> VirtualTyre:
+        """The tyre with `stiffness` times its K1 and K* at each load, and then `loss` times its C [1].
+
+        Its deflection under each load is 1/`stiffness` times what it was.
+
+        Examples
+        --------
+        >>> float((RADIAL_PLY.changed(0.9).deflection(900.0, 170e3) / RADIAL_PLY.deflection(900.0, 170e3)).round(9))
+        1.111111111
+        """
+        return replace(
+            self,
+            a0=stiffness * self.a0,
+            a_p=stiffness * self.a_p,
+            b=stiffness * stiffness * self.b,
+            k=stiffness * self.k,
+            c_level=stiffness * loss * self.c_level,
+        )
 
     def element(self, frequency: float, pressure: float, preload: float) -> Zener:
         """The element on the dynamic rig, with the constants of the cam's `frequency` [Hz]."""

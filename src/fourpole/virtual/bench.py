@@ -1,0 +1,248 @@
+"""The rig above the tyre as equations of motion: moving mass, leaf spring, frame, a mass that rocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf, isfinite, isinf
+from typing import Any
+
+import numpy as np
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.models.interface import StateSpace
+
+#: A frame that follows its spring at a rate above this is treated as quasi-static [rad/s].
+_AT_ONCE = 1e9
+
+
+@dataclass(frozen=True)
+class Zener:
+    """A massless tyre at one frequency: K1 parallel to a spring K2 and a damper C in series; all > 0.
+
+    Parameters
+    ----------
+    k1, k2, c : float [N/m], [N/m], [N s/m]
+        Spring K1, spring K2 and damper C.
+    """
+
+    k1: float
+    k2: float
+    c: float
+
+    def state_space(self) -> StateSpace:
+        r"""The element in state space: its state q [N] is the force in the arm of K2 and C.
+
+        .. math:: \dot q = K_2 v - (K_2/C)\,q, \qquad F = K_1 x + q
+
+        The deflection of the spring K2 is that of the arm minus that of the damper.
+
+        Raises
+        ------
+        ValueError
+            If a constant is not positive.
+        """
+        if not min(self.k1, self.k2, self.c) > 0.0:
+            raise ValueError("K1, K2 and C must be > 0")
+        return StateSpace(
+            np.array([[-self.k2 / self.c]]), np.array([[0.0, self.k2]]), np.ones(1), np.array([self.k1, 0.0])
+        )
+
+
+@dataclass(frozen=True)
+class Rocking:
+    r"""A moving mass that turns about its centre of gravity, because the tyre pushes beside it.
+
+    .. math:: J\,\ddot\theta = r_t F - k_\theta\,\theta - c_\theta\,\dot\theta, \qquad k_\theta = J (2\pi f)^2
+
+    Parameters
+    ----------
+    inertia, frequency, loss : float [kg m^2], [Hz], [1]
+        J, and the frequency f and loss factor of the guide that holds the mass upright; all > 0.
+    tyre_arm, sensor_arm : float [m]
+        Distance of the tyre and of the sensor V2 from the centre of gravity.
+    """
+
+    inertia: float = 0.25
+    frequency: float = 35.0
+    loss: float = 0.05
+    tyre_arm: float = 0.03
+    sensor_arm: float = 0.06
+
+
+@dataclass(frozen=True)
+class Bench:
+    r"""The rig above the tyre: a moving mass, with a leaf spring and a damper to a fixed foundation.
+
+    Parameters
+    ----------
+    mass, preload_stiffness, preload_damping : float [kg], [N/m], [N s/m]
+        m > 0, K3 >= 0, c3 >= 0.
+    tyre_mass : float [kg]
+        Moving part of the tyre, lumped with the moving mass; >= 0.
+    frame_stiffness : float [N/m]
+        Stiffness of the frame in series with leaf spring and damper; > 0, by default rigid.
+    preload_loss_factor : float [1]
+        eta of the leaf spring; >= 0. In the time domain it becomes the damper K3 eta/omega, which has the same loss at
+        the mean frequency of the cam, and n times the loss at n times that frequency.
+    leaf_friction : float [N]
+        Coulomb friction F_f between the moving mass and the foundation; >= 0.
+    input_mass : float [kg]
+        Mass between force cell and contact, whose inertia is part of F1; >= 0.
+    rocking : Rocking, optional
+        How the moving mass rocks; by default it does not.
+
+    Examples
+    --------
+    >>> Bench(preload_loss_factor=0.02).damped_at(10.0).preload_damping
+    3.9598
+    """
+
+    mass: float = 15.0
+    preload_stiffness: float = 12440.0
+    preload_damping: float = 0.0
+    tyre_mass: float = 0.0
+    frame_stiffness: float = inf
+    preload_loss_factor: float = 0.0
+    leaf_friction: float = 0.0
+    input_mass: float = 0.0
+    rocking: Rocking | None = None
+
+    def damped_at(self, frequency: float) -> Bench:
+        """The bench with its loss factor replaced by a damper of the same loss at `frequency` [Hz]."""
+        if not self.preload_loss_factor:
+            return self
+        structural = self.preload_stiffness * self.preload_loss_factor / (2.0 * np.pi * frequency)
+        return replace(self, preload_damping=self.preload_damping + structural, preload_loss_factor=0.0)
+
+    @property
+    def tyre_arm(self) -> float:
+        """Distance of the tyre from the centre of gravity of the moving mass [m]."""
+        return 0.0 if self.rocking is None else self.rocking.tyre_arm
+
+    def check(self) -> None:
+        """Raise a ValueError if a value is out of its range."""
+        least = (self.preload_stiffness, self.preload_damping, self.tyre_mass, self.preload_loss_factor)
+        if not (self.mass > 0.0 and min(*least, self.leaf_friction, self.input_mass) >= 0.0):
+            raise ValueError("the moving mass must be > 0 and all other values of the rig >= 0")
+        if not self.frame_stiffness > 0.0:
+            raise ValueError("frame_stiffness must be > 0; infinite where the frame is rigid")
+
+
+def state_matrices(tyre: Zener | StateSpace, bench: Bench) -> tuple[FloatArray, FloatArray]:
+    r"""Matrices A, B of the equations of motion y' = A y + B u with y = (x2, v2, z) and u = (x1, v1).
+
+    The states z of the tyre and its force F follow from its deflection and deflection rate:
+
+    .. math::
+
+        \dot z &= A_t z + B_t \begin{bmatrix} x_1 - x_2 \\ v_1 - v_2 \end{bmatrix}, \qquad
+        F = C_t z + D_t \begin{bmatrix} x_1 - x_2 \\ v_1 - v_2 \end{bmatrix} \\
+        m\,\dot v_2 &= F - K_3 x_2 - c_3 v_2
+
+    For a compliant frame, its motion x3 is the last state, and the force on the mass is that of the frame:
+
+    .. math::
+
+        m\,\dot v_2 &= F - K_f x_3 \\
+        c_3\,\dot x_3 &= c_3 v_2 + K_3 (x_2 - x_3) - K_f x_3
+
+    For a mass that rocks, its angle and angular velocity are the last states, and the far end of the tyre moves with
+    x2 + r_t theta.
+
+    These equations have no friction. `Bench.damped_at` must have replaced a loss factor by a damper.
+
+    Raises
+    ------
+    ValueError
+        If the bench has a loss factor, or a constant of the element is not positive.
+
+    Examples
+    --------
+    >>> a, b = state_matrices(Zener(120e3, 90e3, 800.0), Bench())
+    >>> a.shape, b.shape, bool((np.linalg.eigvals(a).real < 0).all())
+    ((3, 3), (3, 2), True)
+    """
+    if bench.preload_loss_factor:
+        raise ValueError("a loss factor has no equation of motion: replace it by a damper with Bench.damped_at")
+    tyre = equations(tyre)
+    m = bench.mass + bench.tyre_mass
+    k3, c3, frame = leaf(bench)
+    size = 2 + tyre.a.shape[0]
+    a = np.zeros((size, size))
+    a[0, 1] = 1.0
+    a[1, :2] = -(tyre.d + np.array([k3, c3])) / m
+    a[1, 2:] = tyre.c / m
+    a[2:, :2] = -tyre.b
+    a[2:, 2:] = tyre.a
+    b = np.vstack([np.zeros(2), tyre.d / m, tyre.b])
+    if isfinite(frame):
+        a = np.pad(a, (0, 1))
+        a[1, :2] = -tyre.d / m
+        a[1, -1] = -frame / m
+        a[-1, [0, 1, -1]] = k3 / c3, 1.0, -(k3 + frame) / c3
+        b = np.pad(b, ((0, 1), (0, 0)))
+    if bench.rocking is not None:
+        a, b = _rocking(a, b, tyre, bench.rocking, m)
+    return a + 0.0, b  # the sum changes negative zeros into positive ones
+
+
+def _rocking(
+    a: FloatArray, b: FloatArray, tyre: StateSpace, rocking: Rocking, mass: float
+) -> tuple[FloatArray, FloatArray]:
+    """The equations of motion with the angle and the angular velocity of the mass as two more states."""
+    size, arm = a.shape[0], rocking.tyre_arm
+    inner = slice(2, 2 + tyre.a.shape[0])
+    a, b = np.pad(a, (0, 2)), np.pad(b, ((0, 2), (0, 0)))
+    force = np.zeros(size + 2)  # of the tyre, per state
+    force[:2], force[inner], force[size:] = -tyre.d, tyre.c, -arm * tyre.d
+    a[1, size:] = -arm * tyre.d / mass
+    a[inner, size:] = -arm * tyre.b
+    omega = 2.0 * np.pi * rocking.frequency
+    a[size, size + 1] = 1.0
+    a[size + 1] = arm * force / rocking.inertia
+    a[size + 1, size:] -= omega * omega, rocking.loss * omega
+    b[size + 1] = arm * tyre.d / rocking.inertia
+    return a, b
+
+
+def moved(states: FloatArray | ComplexArray, arm: float, bench: Bench) -> Any:
+    """Displacement and velocity (2, ...) of the moving mass at a distance `arm` [m] from its centre of gravity."""
+    return states[:2] if bench.rocking is None else states[:2] + arm * states[-2:]
+
+
+def equations(tyre: Zener | StateSpace) -> StateSpace:
+    """The tyre in state space."""
+    return tyre if isinstance(tyre, StateSpace) else tyre.state_space()
+
+
+def leaf(bench: Bench) -> tuple[float, float, float]:
+    """K3 [N/m], c3 [N s/m] and the stiffness of the frame in series with them [N/m].
+
+    If the damper is so weak that the frame follows within a step, leaf and frame are combined into one spring and
+    damper on a rigid frame. The relative error of the stiffness is then (omega c3)^2 / (K3 (K3 + frame)), for example
+    1e-11 at 24 Hz for a frame 500 times stiffer than K3.
+    """
+    k3, c3, frame = bench.preload_stiffness, bench.preload_damping, bench.frame_stiffness
+    if isinf(frame) or k3 + frame <= _AT_ONCE * c3:
+        return k3, c3, frame
+    share = frame / (k3 + frame)
+    return k3 * share, c3 * share * share, inf
+
+
+def far_end(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> complex:
+    """x2/x1 [1] at one `frequency` [Hz], from the equations of motion; x2 is the motion of the tyre's far end.
+
+    Examples
+    --------
+    >>> round(abs(far_end(Zener(k1=120e3, k2=90e3, c=800.0), Bench(), 10.0)), 3)
+    1.435
+    """
+    a, b = state_matrices(tyre, bench)
+    s = 2j * np.pi * frequency
+    states = np.linalg.solve(s * np.eye(a.shape[0]) - a, b @ np.array([1.0, s]))
+    return complex(moved(states, bench.tyre_arm, bench)[0])
+
+
+def amplification(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> float:
+    """|V2/V1| [1] of the tyre's ends at one `frequency` [Hz], from the equations of motion."""
+    return abs(far_end(tyre, bench, frequency))
