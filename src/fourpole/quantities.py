@@ -213,6 +213,25 @@ TR_PREDICTED = Quantity(
 SECANT = Quantity(
     "secant", "secant", "secant", "N/m", "secant static stiffness, from the point of zero load", "kN/m", 1e3
 )
+K1_OF = _text(
+    "K1 of", 'curve whose tangent is K1: "mean" of both branches, "loading", "unloading", "points" in no order'
+)
+K1_LOADING = Quantity(
+    "k1_loading", "K1 loading", "K1 loading", "N/m", "tangent of the loading branch where the mean carries the preload",
+    "kN/m", 1e3,
+)  # fmt: skip
+K1_UNLOADING = Quantity(
+    "k1_unloading", "K1 unloading", "K1 unloading", "N/m",
+    "tangent of the unloading branch where the mean carries the preload", "kN/m", 1e3,
+)  # fmt: skip
+GAP = Quantity(
+    "gap", "gap", "branch gap", "N",
+    "load of the loading less that of the unloading branch where the mean carries the preload",
+)  # fmt: skip
+BRANCH_TIME = Quantity(
+    "branch_time", "time per branch", "time per branch", "s", "mean duration of the branches in use; blank if unknown"
+)
+CYCLE = Quantity("cycle", "cycle", "cycle", meaning="number of the cycle in use; blank for one branch", kind="count")
 CYCLE_LOSS = Quantity(
     "cycle_loss", "loss", "hysteresis loss", "J", "energy lost in the last complete cycle of the static curve",
     topic="loss", over=("pressure",),

@@ -72,7 +72,8 @@ def test_scaling(load_cycles, by_load, by_deflection):
     here, there = LoadCurve(x, f), LoadCurve(by_deflection * x, by_load * f)
     one, other = here.tangent(3000.0), there.tangent(3000.0 * by_load)
     assert other.stiffness == pytest.approx(one.stiffness * by_load / by_deflection, rel=1e-10)
-    assert other.branches == pytest.approx(one.branches * by_load / by_deflection, rel=1e-6)
+    assert other.loading == pytest.approx(one.loading * by_load / by_deflection, rel=1e-9)
+    assert other.gap == pytest.approx(one.gap * by_load, rel=1e-9)
     assert there.hysteresis_loss == pytest.approx(here.hysteresis_loss * by_load * by_deflection, rel=1e-10)
     assert there.nonlinearity == pytest.approx(here.nonlinearity, rel=1e-9)
 
@@ -105,15 +106,60 @@ def test_change_between_the_last_cycles(load_cycles):
     softer = (-150e3 + np.sqrt(150e3**2 + 8e6 * 3000 / 1.05)) / 4e6
     change = 1.05 * K1(softer) - K1(tangent.deflection)
     assert tangent.cycles == pytest.approx(abs(change) / np.sqrt(12), rel=1e-6)
-    assert tangent.std == pytest.approx(np.hypot(tangent.cycles, np.hypot(tangent.fit, tangent.branches)), rel=1e-12)
+    assert tangent.std == pytest.approx(np.hypot(tangent.cycles, np.hypot(tangent.fit, tangent.zero)), rel=1e-12)
 
 
-def test_gap_between_the_branches_tangents(load_cycles):
-    curve = LoadCurve(*load_cycles(LAW, gap=200.0))
+def test_the_gap_of_the_branches_is_a_result_and_no_uncertainty(load_cycles):
     x = 0.02
-    tangent = curve.tangent(float(LAW(x)))
-    gap = 2 * 200 * 2 * (2 * x / DEPTH - 1) * (2 / DEPTH)  # of ± 200 (1 - u²), u = 2x/D - 1
-    assert tangent.branches == pytest.approx(gap / np.sqrt(12), rel=1e-6)
+    tangent = LoadCurve(*load_cycles(LAW, gap=200.0)).tangent(float(LAW(x)))
+    place = 2 * x / DEPTH - 1
+    apart = 200 * -2 * place * (2 / DEPTH)  # slope of 200 (1 - u²), u = 2x/D - 1
+    assert (tangent.loading, tangent.unloading) == pytest.approx((K1(x) + apart, K1(x) - apart), rel=1e-6)
+    assert tangent.gap == pytest.approx(2 * 200 * (1 - place**2), rel=1e-6)
+    assert tangent.std < 1e-6 * tangent.stiffness
+
+
+def test_a_shift_of_the_load_is_an_uncertainty_of_its_zero(load_cycles):
+    """The load of the last of four cycles is 60 N higher: 240 N over the test, any part of it an error of the zero."""
+    x, f = load_cycles(LAW, shape="none", cycles=4)
+    f = f + 60.0 * (np.arange(f.size) >= 3 * 402)
+    curve = LoadCurve(x, f)
+    tangent = curve.tangent(3000.0)
+    assert curve.shift == pytest.approx(60.0, rel=1e-3)  # the turn before it belongs to both cycles
+    assert tangent.zero == pytest.approx(tangent.by_load * 240.0 / np.sqrt(3), rel=1e-3)
+
+
+def test_a_drift_does_not_cancel_where_the_branches_differ_in_duration(load_cycles):
+    """30 s up, 10 s down, and a load cell that drifts by 2 N/s: the mean's slope is off by (30 - 10) s · 2 N/s / 2D."""
+    x, f = load_cycles(LAW, shape="none", cycles=4)
+    time = np.concatenate([40.0 * n + np.append(np.linspace(0, 30, 201), np.linspace(30, 40, 201)) for n in range(4)])
+    curve = LoadCurve(x, f + 2.0 * time, time)
+    assert curve.times == pytest.approx((30.0, 10.0))
+    tangent = curve.tangent(3000.0)
+    assert tangent.stiffness - K1(tangent.deflection) == pytest.approx(20 * 2 / (2 * DEPTH), rel=1e-3)
+    assert tangent.zero**2 - (tangent.by_load * curve.zero_std) ** 2 == pytest.approx(
+        (20 * 2 / (2 * DEPTH)) ** 2 / 3, rel=0.1
+    )
+    there = float(np.interp(3000.0, f[:201], x[:201]))  # the zero has moved by 240 N and more in the last cycle
+    assert abs(tangent.stiffness - K1(there)) < 2 * tangent.std
+
+
+def test_times_of_the_branches(load_cycles):
+    x, f = load_cycles(LAW)
+    assert LoadCurve(x, f).times == ()
+    assert LoadCurve(x[:201], f[:201], 0.1 * np.arange(201)).times == pytest.approx((20.0,))
+    shuffled = np.random.default_rng(0).permutation(201)
+    assert LoadCurve(x[:201][shuffled], f[:201][shuffled], 0.1 * np.arange(201)).times == ()
+
+
+def test_the_loss_has_the_uncertainty_of_noise_and_drift(load_cycles):
+    """100 draws of 20 N of white noise: the loss scatters as its uncertainty says (± 7 %, the root of 1/200)."""
+    x, f = load_cycles(LAW)
+    rng = np.random.default_rng(3)
+    curves = [LoadCurve(x, f + 20.0 * rng.standard_normal(f.size)) for _ in range(100)]
+    noise = np.sqrt(2 * 200) * 20.0 * DEPTH / 200
+    assert np.std([curve.hysteresis_loss for curve in curves]) == pytest.approx(noise, rel=0.3)
+    assert np.median([curve.loss_std for curve in curves]) == pytest.approx(noise, rel=0.3)
 
 
 def test_a_record_that_starts_loaded(load_cycles):
@@ -126,17 +172,20 @@ def test_a_record_that_starts_loaded(load_cycles):
 
 
 @pytest.mark.parametrize("part", [slice(0, 201), slice(201, 402)], ids=["loading", "unloading"])
-def test_a_single_branch_gives_its_own_tangent_with_a_remark(load_cycles, part):
+def test_a_single_branch_gives_its_own_tangent_and_says_so(load_cycles, part):
     x, f = load_cycles(LAW, cycles=1)
     curve = LoadCurve(x[part], f[part])
     side = 1.0 if part.start == 0 else -1.0
     law = LAW + side * 200 * (1 - (Polynomial([-1, 2 / DEPTH])) ** 2)
     np.testing.assert_allclose(tangents(curve, law), np.ones(4), rtol=1e-9)
     assert curve.cycles == 0
-    assert "one branch only" in curve.remarks[0]
+    assert curve.measured == ("loading" if side > 0 else "unloading")
     assert np.isnan(curve.hysteresis_loss)
     tangent = curve.tangent(3000.0)
-    assert tangent.branches == tangent.cycles == 0.0
+    assert tangent.cycles == 0.0
+    own = {"loading": tangent.loading, "unloading": tangent.unloading}
+    assert own.pop(curve.measured) == tangent.stiffness
+    assert np.isnan([*own.values(), tangent.gap]).all()
 
 
 def test_one_cycle_is_used_with_a_remark(load_cycles):
@@ -148,7 +197,7 @@ def test_one_cycle_is_used_with_a_remark(load_cycles):
 def test_points_in_no_order():
     x = np.random.default_rng(0).uniform(0.0, DEPTH, 60)
     curve = LoadCurve(x, LAW(x))
-    assert curve.cycles == 0
+    assert (curve.cycles, curve.measured) == (0, "points")
     np.testing.assert_allclose(tangents(curve, LAW), np.ones(4), rtol=1e-9)
 
 

@@ -36,6 +36,7 @@ ALL = [
         (Source(Kind.K1_FIT), "K1 fit"),
         (Source(Kind.K1_GAP), "K1 branch gap"),
         (Source(Kind.K1_CYCLES), "K1 cycles"),
+        (Source(Kind.K1_ZERO), "K1 zero"),
         (Source(Kind.K1_GAINS), "K1 gains"),
         (Source(Kind.K1_REPEATS), "K1 repeats"),
         (Source(Kind.K1_STATED), "K1 stated"),

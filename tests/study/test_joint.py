@@ -131,7 +131,7 @@ def test_the_budget_adds_up_to_the_uncertainties(rough):
         np.testing.assert_allclose(both["share [1]"], 1.0, rtol=1e-12)
     sources = set(study.budget["source"])
     assert {"sensor noise", "frequency", "gain V1", "phase F1", "moving_mass", "added mass 10 kg"} <= sources
-    assert {"K1 fit", "K1 branch gap", "K1 gains"} <= sources
+    assert {"K1 fit", "K1 zero", "K1 gains"} <= sources
 
 
 @pytest.mark.parametrize("route", ["mobility", "relative", "transmissibility"])

@@ -19,6 +19,7 @@ from fourpole.core.reduced import ReducedResult, identify_mobility, identify_sti
 from fourpole.core.rig import Rig
 from fourpole.errors import LoadCurveError, RigError
 from fourpole.io.understand import ReducedTable, read_curve, read_reduced
+from fourpole.study.static import branch_check
 
 
 def run_identify(path: Path, k1: float, rig: Rig | None, file: Path | None, *, no_rig: bool, as_json: bool) -> int:
@@ -102,7 +103,8 @@ def run_static(
         tangent, secant = curve.tangent(load), curve.secant(load)
     except LoadCurveError as error:
         raise LoadCurveError(f"{path.name}: {error}") from None
-    remarks = [*table.warnings, *curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
+    branch = [] if curve.measured == "mean" else [branch_check(curve.measured, "K1").remark]
+    remarks = [*table.warnings, *branch, *curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
     if as_json:
         print_json(
             {
@@ -110,10 +112,15 @@ def run_static(
                 q.K1.head: tangent.stiffness,
                 q.K1.u_head: tangent.std,
                 "u(K1) from fit [N/m]": tangent.fit,
-                "u(K1) from branches [N/m]": tangent.branches,
                 "u(K1) from cycles [N/m]": tangent.cycles,
+                "u(K1) from zero [N/m]": tangent.zero,
+                q.K1_OF.head: curve.measured,
+                q.K1_LOADING.head: tangent.loading,
+                q.K1_UNLOADING.head: tangent.unloading,
+                q.GAP.head: tangent.gap,
                 q.SECANT.head: secant.stiffness,
                 q.CYCLE_LOSS.head: curve.hysteresis_loss,
+                q.CYCLE_LOSS.u_head: curve.loss_std,
                 q.NONLINEARITY.head: curve.nonlinearity,
                 "order [1]": curve.order,
                 "cycles [1]": curve.cycles,
@@ -124,7 +131,7 @@ def run_static(
         return
     _read_as(table.understood, remarks)
     loss = "" if np.isnan(curve.hysteresis_loss) else f"{curve.hysteresis_loss:.4g} J"
-    parts = f"fit {_kn_m(tangent.fit)}, branches {_kn_m(tangent.branches)}, cycles {_kn_m(tangent.cycles)}"
+    parts = f"fit {_kn_m(tangent.fit)}, cycles {_kn_m(tangent.cycles)}, zero {_kn_m(tangent.zero)}"
     rows = (
         ("tangent K1", _kn_m(tangent.stiffness)),
         ("uncertainty", f"{_kn_m(tangent.std)} ({parts}; the sensors' own comes on top)"),

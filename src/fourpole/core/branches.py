@@ -30,19 +30,30 @@ class Branches:
         Whether the deflection rises along each branch.
     cycles : tuple of (int, int)
         Indices of the two branches of each complete cycle.
+    ordered : bool
+        Whether the deflections have an order in time; False for points at deflections in no order.
     """
 
     ends: tuple[tuple[int, int], ...]
     rising: tuple[bool, ...]
     cycles: tuple[tuple[int, int], ...]
+    ordered: bool = True
+
+    @property
+    def measured(self) -> str:
+        """What a tangent is of: "mean" of both branches, "loading", "unloading", or "points" in no order."""
+        if self.cycles:
+            return "mean"
+        if not self.ordered:
+            return "points"
+        return "loading" if self.rising[0] else "unloading"
 
     def of_cycle(
         self, cycle: int, deflection: FloatArray, load: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        """Deflection, load and side (+1 loading, -1 unloading) of a cycle; without one, the longest branch and None."""
+        """Deflection, load and side (+1 loading, -1 unloading) of a cycle; without one, the only branch and None."""
         if not self.cycles:
-            lengths = [abs(deflection[b] - deflection[a]) for a, b in self.ends]
-            first, last = self.ends[int(np.argmax(lengths))]
+            first, last = self.ends[0]
             return deflection[first : last + 1], load[first : last + 1], None
         pair = self.cycles[cycle]
         pieces = [slice(self.ends[i][0], self.ends[i][1] + 1) for i in pair]
@@ -62,7 +73,8 @@ def split_branches(deflection: FloatArray) -> Branches:
     their number, are one branch.
     """
     turns = _turning_points(deflection)
-    if len(turns) > 2 + deflection.size // 3:
+    ordered = len(turns) <= 2 + deflection.size // 3
+    if not ordered:
         turns = [0, deflection.size - 1]
     ends = tuple(pairwise(turns))
     rising = tuple(bool(deflection[b] > deflection[a]) for a, b in ends)
@@ -71,7 +83,11 @@ def split_branches(deflection: FloatArray) -> Branches:
     cycles = _pairs(rising, complete, first=True) or _pairs(rising, complete, first=False)
     if len(turns) == 2:
         cycles = ()
-    return Branches(ends, rising, cycles)
+    if not cycles and len(turns) > 2:
+        # The longest branch alone is used.
+        longest = int(np.argmax(lengths))
+        ends, rising = (ends[longest],), (rising[longest],)
+    return Branches(ends, rising, cycles, ordered)
 
 
 def _pairs(rising: tuple[bool, ...], complete: BoolArray, *, first: bool) -> tuple[tuple[int, int], ...]:

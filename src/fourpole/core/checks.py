@@ -176,7 +176,13 @@ class Code(Enum):
         "a fault in Fourpole itself ({why}); ",
         "please report it with this recording",
     )
-    LOAD_CURVE = ("load curve", "whether the load-deflection curve can be read and used", "", "{why}")
+    LOAD_CURVE = (
+        "load curve",
+        "whether the load-deflection curve can be read and used",
+        "",
+        "{why}; ",
+        "correct or repeat the static test, or state K1 [N/m] in tests.csv",
+    )
     CURVE = ("curve", "the form of the load-deflection curve", "", "{why}")
     BEYOND_CURVE = (
         "preload",
@@ -208,11 +214,19 @@ class Code(Enum):
         "K1 is the mean of static tests that differ in {axes}: ",
         "state that of this test, or make a static test at it",
     )
+    K1_BRANCH = (
+        "K1 of one branch",
+        "whether K1 is the tangent of the mean of loading and unloading",
+        "K1 is not the mean of loading and unloading",
+        "{said}, and K2 and C refer to it: ",
+        "record complete cycles of loading and unloading, or state K1 [N/m] in tests.csv",
+    )
     NO_K1 = (
         "no K1",
         "whether there is a static stiffness",
         "there is no K1, so K2 and C are blank",
-        "K2 and C are left blank: {why}",
+        "K2 and C are left blank: {why}: ",
+        "{remedy}",
     )
     PASSIVE_ARM = (
         "passive arm",
@@ -306,6 +320,11 @@ class Check:
     channel: str = ""
     remark: str = ""
     remedy: str = ""
+
+    @property
+    def cause(self) -> str:
+        """The sentence without its remedy."""
+        return self.remark.removesuffix(self.remedy)
 
     @property
     def heading(self) -> str:

@@ -50,27 +50,34 @@ class Tangent:
     stiffness : float [N/m]
         K1.
     fit : float [N/m]
-        Standard uncertainty from the fit and from the choice of its order.
-    branches : float [N/m]
-        Gap between the tangents of the two branches, over the square root of 12.
+        Standard uncertainty from the fit and from the choice of its orders.
     cycles : float [N/m]
         Change from the last but one to the last complete cycle, over the square root of 12.
+    zero : float [N/m]
+        Standard uncertainty from the zero of the load and its drift.
     by_load : float [1/m]
         dK1/dF, which turns an error of the load into one of K1.
+    loading, unloading : float [N/m]
+        Tangents of the two branches at `deflection`; not-a-number for a branch that was not measured.
+    gap : float [N]
+        Load of the loading branch less that of the unloading branch at `deflection`; not-a-number without both.
     """
 
     load: float
     deflection: float
     stiffness: float
     fit: float
-    branches: float
     cycles: float
+    zero: float
     by_load: float
+    loading: float = float("nan")
+    unloading: float = float("nan")
+    gap: float = float("nan")
 
     @property
     def std(self) -> float:
         """Standard uncertainty of K1 without the contribution of the channels' gains [N/m]."""
-        return float(np.sqrt(self.fit**2 + self.branches**2 + self.cycles**2))
+        return float(np.sqrt(self.fit**2 + self.cycles**2 + self.zero**2))
 
     def std_with_gains(self, load_gain: float, deflection_gain: float) -> float:
         """Standard uncertainty of K1 with relative standard uncertainties of the two gains [N/m]."""
@@ -96,6 +103,8 @@ class LoadCurve(ByValue):
         Deflection from any zero.
     load : (N,) float array [N]
         Load; points with a missing value are removed.
+    time : (N,) float array [s], optional
+        Time of the points, for the duration of a branch.
 
     Raises
     ------
@@ -120,12 +129,15 @@ class LoadCurve(ByValue):
 
     deflection: FloatArray
     load: FloatArray
+    time: FloatArray | None = None
     missing: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         x, f = np.asarray(self.deflection, dtype=float), np.asarray(self.load, dtype=float)
         there = np.isfinite(x) & np.isfinite(f)
         x, f = x[there], f[there]
+        if self.time is not None:
+            object.__setattr__(self, "time", np.asarray(self.time, dtype=float)[there])
         object.__setattr__(self, "deflection", x)
         object.__setattr__(self, "load", f)
         object.__setattr__(self, "missing", 1.0 - float(np.mean(there)) if there.size else 0.0)
@@ -147,6 +159,20 @@ class LoadCurve(ByValue):
     def cycles(self) -> int:
         """Complete cycles; 0 for a single branch."""
         return len(self.branches.cycles)
+
+    @property
+    def measured(self) -> str:
+        """What the tangent is of: "mean" of both branches, "loading", "unloading", or "points" in no order."""
+        return self.branches.measured
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Duration of the branches in use, in the order recorded [s]; empty if the times are unknown."""
+        if self.time is None or not self.branches.ordered:
+            return ()
+        used = self.branches.cycles[-1] if self.cycles else (0,)
+        ends = [self.branches.ends[at] for at in used]
+        return tuple(float(self.time[last] - self.time[first]) for first, last in ends)
 
     @cached_property
     def _last(self) -> MeanCurve:
@@ -190,8 +216,6 @@ class LoadCurve(ByValue):
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the quality of the curve, for the reader of the result."""
         found = []
-        if self.cycles == 0:
-            found.append("one branch only: its own tangent, without the mean of loading and unloading")
         if self.cycles == 1:
             found.append(
                 "one complete cycle only: the rubber was not conditioned, and no repeat shows how steady it is"
@@ -259,22 +283,64 @@ class LoadCurve(ByValue):
             raise LoadCurveError(
                 f"the curve does not rise at {load:g} N (tangent {stiffness:.4g} N/m): no stiffness there"
             )
-        change = 0.0
-        if self._last_but_one is not None:
-            try:
-                before = self._last_but_one.slope(self._deflection_at(self._last_but_one, load))
-                change = abs(stiffness - before)
-            except LoadCurveError:
-                change = 0.0
+        by_load = curve.bend(place) / stiffness
+        own = {"loading": stiffness} if self.measured == "loading" else {}
+        own |= {"unloading": stiffness} if self.measured == "unloading" else {}
+        if self.cycles:
+            apart = 0.5 * curve.slope_gap(place)
+            own = {"loading": stiffness + apart, "unloading": stiffness - apart, "gap": curve.gap_at(place)}
         return Tangent(
             load=load,
             deflection=place,
             stiffness=stiffness,
             fit=curve.slope_std(place),
-            branches=abs(curve.slope_gap(place)) * _UNIFORM,
-            cycles=change * _UNIFORM,
-            by_load=curve.bend(place) / stiffness,
+            cycles=self._change(load, stiffness) * _UNIFORM,
+            zero=float(np.hypot(by_load * self.zero_std, self._tilt)),
+            by_load=by_load,
+            **own,
         )
+
+    def _change(self, load: float, stiffness: float) -> float:
+        """Change of the tangent from the last but one to the last complete cycle [N/m]; 0 where there is none."""
+        if self._last_but_one is None:
+            return 0.0
+        try:
+            return abs(stiffness - self._last_but_one.slope(self._deflection_at(self._last_but_one, load)))
+        except LoadCurveError:
+            return 0.0
+
+    @cached_property
+    def shift(self) -> float:
+        """Change of the load at equal deflection from the last but one to the last cycle [N], by drift or creep."""
+        before = self._last_but_one
+        if before is None:
+            return 0.0
+        low, high = max(before.span[0], self._last.span[0]), min(before.span[1], self._last.span[1])
+        at = np.linspace(low + 0.1 * (high - low), high - 0.1 * (high - low), 21)
+        return float(np.mean(self._last.value(at) - before.value(at)))
+
+    @cached_property
+    def zero_std(self) -> float:
+        """Standard uncertainty of the zero of the load [N]: its shift over all cycles, and the load without contact."""
+        x, f, _ = self.branches.of_cycle(-1, self.deflection, self.load)
+        free = ~in_contact(x, f)
+        without = float(np.mean(f[free])) if free.any() else 0.0
+        return float(np.hypot(self.shift * self.cycles, without)) * 2 * _UNIFORM
+
+    @property
+    def _tilt(self) -> float:
+        """Standard uncertainty of the mean's slope [N/m] from a drift of the load, if the branches differ in duration.
+
+        The shift over a cycle may be a drift of the load cell; with equal durations it cancels in the mean.
+        """
+        if not self.cycles:
+            return 0.0
+        durations = self.times or tuple(
+            float(last - first) for first, last in (self.branches.ends[at] for at in self.branches.cycles[-1])
+        )
+        low, high = self._last.span
+        uneven = (durations[0] - durations[1]) / (sum(durations) or 1.0)
+        return abs(0.5 * self.shift * uneven / (high - low)) * 2 * _UNIFORM
 
     def secant(self, load: float) -> Secant:
         """Load over deflection from the point of zero load.
@@ -319,6 +385,18 @@ class LoadCurve(ByValue):
         x, f, _ = self.branches.of_cycle(-1, self.deflection, self.load)
         closed_x, closed_f = np.append(x, x[0]), np.append(f, f[0])
         return float(np.sum(0.5 * (closed_f[1:] + closed_f[:-1]) * np.diff(closed_x)))
+
+    @property
+    def loss_std(self) -> float:
+        """Standard uncertainty of the loss [J] without that of the gains: noise, shift of the load, change by cycle."""
+        if self.cycles == 0:
+            return float("nan")
+        x, _, _ = self.branches.of_cycle(-1, self.deflection, self.load)
+        closed = np.concatenate([x[-1:], x, x[:1]])
+        noise = self._last.scatter * float(np.linalg.norm(0.5 * (closed[2:] - closed[:-2])))
+        # A drift by `shift` over a cycle adds half of shift times travel to the area.
+        drift = self.shift * float(np.ptp(x)) * _UNIFORM
+        return float(np.hypot(noise, drift))
 
     def loop(self, points: int = 160) -> tuple[FloatArray, FloatArray]:
         """Deflection [m] and load [N] of the last complete cycle, thinned to some `points`."""

@@ -80,6 +80,17 @@ class MeanCurve(ByValue):
         choice = sum(w * (self.slope(deflection, order) - best) ** 2 for order, w in self.weights.items())
         return float(np.sqrt(max(scatter, 0.0) + choice))
 
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of the residuals [N]."""
+        return float(np.std(self.residual))
+
+    def gap_at(self, deflection: float) -> float:
+        """Load of the loading branch minus that of the unloading branch, 2 H [N]."""
+        at = np.clip(self._place(deflection), -1.0, 1.0)
+        half_gap = chebyshev.chebval(at, self.gap) + np.sqrt(1 - at**2) * chebyshev.chebval(at, self.round_gap)
+        return float(2 * half_gap)
+
     def slope_gap(self, deflection: float) -> float:
         """Slope of the loading branch minus that of the unloading branch, 2 H' [N/m]."""
         step = 1e-4

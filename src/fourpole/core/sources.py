@@ -45,8 +45,10 @@ class Kind(Enum):
     ADDED_MASS = ("added mass", (), Role.MASS)
     K1 = ("K1", (), Role.STATIC)
     K1_FIT = ("K1 fit", (), Role.STATIC)
+    #: In tables of earlier versions only: the gap of the branches is a property of the specimen, not an error of K1.
     K1_GAP = ("K1 branch gap", (), Role.STATIC)
     K1_CYCLES = ("K1 cycles", (), Role.STATIC)
+    K1_ZERO = ("K1 zero", (), Role.STATIC)
     K1_GAINS = ("K1 gains", (), Role.STATIC)
     K1_REPEATS = ("K1 repeats", (), Role.STATIC)
     K1_STATED = ("K1 stated", (), Role.STATIC)

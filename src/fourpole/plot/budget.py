@@ -51,6 +51,7 @@ _COLOURS = {
     Source(Kind.K1_GAP): "#0072b2",
     Source(Kind.K1_FIT): "#003f63",
     Source(Kind.K1_CYCLES): "#6a51a3",
+    Source(Kind.K1_ZERO): "#4682b4",
     Source(Kind.K1_GAINS): "#b3aed6",
     Source(Kind.K1_STATED): "#332288",
     Source(Kind.ADDED_MASS): "#cc79a7",

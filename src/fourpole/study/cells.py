@@ -30,7 +30,7 @@ def dynamic_checks(
             rows.append(reported(Code.CALIBRATION, "ok", mass=test.value("added_mass") or 0.0))
         else:
             rows += _arm_checks(found, stiffness)
-        rows += [stiffness.warning] if stiffness.warning is not None else []
+        rows += stiffness.warnings
         rows += [reported(Code.K1, "ok", why=stiffness.doubt)] if stiffness.doubt else []
         rows += _joint_checks(found)
     elif test.kind == "calibration" and point.phasors is not None and route != "joint":
@@ -68,7 +68,7 @@ def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:
     result, at = found.result, found.at
     reason, value = result.reasons[at], result.stiffness[at]
     if stiffness.reason and value.real > 0 and value.imag > 0:
-        return [reported(Code.NO_K1, "warning", why=stiffness.reason)]
+        return [reported(Code.NO_K1, "warning", why=stiffness.reason, remedy=stiffness.remedy)]
     interval = _interval(found, 0)
     if reason and interval and found.group.intervals[at][0].non_passive_share < _NEVER_PASSIVE:
         share = found.group.intervals[at][0].non_passive_share

@@ -238,6 +238,6 @@ class _Inspection:
                 continue
             found = stiffness_for(test, statics, self.campaign.stated.sameness)
             if found.reason:
-                self._say(test, "K1", "warning", f"K2 and C would be left blank: {found.reason}")
-            elif found.warning is not None:
-                self._say(test, "K1", "warning", found.warning.remark)
+                self._say(test, "K1", "warning", f"K2 and C would be left blank: {found.reason}: {found.remedy}")
+            for check in found.warnings:
+                self._say(test, "K1", "warning", check.remark)

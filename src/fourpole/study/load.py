@@ -54,7 +54,8 @@ def load_recording(
 def load_curve(path: Path, test: Test, channels: ChannelsFile) -> LoadCurve:
     """The load-deflection curve of a static test.
 
-    Channels with different times are interpolated at the times of the channel with the lower sample rate.
+    Channels with different times are interpolated at the times of the channel with the lower sample rate. The curve has
+    times where the file or campaign.toml states them.
     """
     found = _gathered(path, test, channels, ("load", "deflection"), None, timed=test.window is not None)[0]
     force, travel = found["load"], found["deflection"]
@@ -69,7 +70,18 @@ def load_curve(path: Path, test: Test, channels: ChannelsFile) -> LoadCurve:
         brought = np.interp(at[within], _times(quick), quick.samples)
         own = slow.samples[within]
         load, deflection = (own, brought) if slow is force else (brought, own)
-    return LoadCurve(deflection, load)
+        return LoadCurve(deflection, load, at[within])
+    timed = force if test.window is not None else _timed(path, test, channels)
+    time = _times(timed) if timed is not None and timed.samples.size == load.size else None
+    return LoadCurve(deflection, load, time)
+
+
+def _timed(path: Path, test: Test, channels: ChannelsFile) -> Channel | None:
+    """The load with the times that the file or campaign.toml states; None if they are unknown or not uniform."""
+    try:
+        return _gathered(path, test, channels, ("load", "deflection"), None)[0]["load"]
+    except FourpoleError:
+        return None
 
 
 def _times(channel: Channel) -> FloatArray:

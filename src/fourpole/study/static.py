@@ -30,7 +30,14 @@ class StaticRow:
     std: float = float("nan")
     secant: float = float("nan")
     loss: float = float("nan")
+    loss_std: float = float("nan")
     nonlinearity: float = float("nan")
+    loading: float = float("nan")
+    unloading: float = float("nan")
+    gap: float = float("nan")
+    branch_time: float = float("nan")
+    cycle: int | None = None
+    measured: str = ""
     checks: tuple[Check, ...] = ()
     parts: Mapping[Source, float] = field(default_factory=dict)
 
@@ -47,16 +54,17 @@ class StaticRow:
 
 @dataclass(frozen=True)
 class StaticStiffness:
-    """K1 for a dynamic test with the parts of its uncertainty, or the `reason` why there is none.
+    """K1 for a dynamic test with the parts of its uncertainty, or the `reason` why there is none, with its `remedy`.
 
-    `doubt` is a remark that does not change the verdict; `warning` is a check that makes the verdict a warning.
+    `doubt` is a remark that does not change the verdict; `warnings` are checks that make the verdict a warning.
     """
 
     value: float = float("nan")
     std: float = float("nan")
     reason: str = ""
+    remedy: str = ""
     doubt: str = ""
-    warning: Check | None = None
+    warnings: tuple[Check, ...] = ()
     parts: Mapping[Source, float] = field(default_factory=dict)
 
 
@@ -158,7 +166,7 @@ def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticT
         path = inside(campaign.folder, test.file)
         sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=test.file)
         curve = load_curve(path, test, campaign.stated.channels)
-        whole = StaticRow(test, nowhere, loss=curve.hysteresis_loss, nonlinearity=curve.nonlinearity)
+        whole = _whole(campaign, test, curve)
     except FourpoleError as error:
         why = reported(Code.LOAD_CURVE, "rejected", why=error)
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
@@ -171,28 +179,71 @@ def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticT
     return StaticTest(test, None, rows, sha256)
 
 
-def _at(campaign: Campaign, curve: LoadCurve, whole: StaticRow, load: float) -> StaticRow:
+def _whole(campaign: Campaign, test: Test, curve: LoadCurve) -> StaticRow:
+    """The part of a row that does not depend on the preload."""
+    loss, times = curve.hysteresis_loss, curve.times
+    return StaticRow(
+        test,
+        float("nan"),
+        loss=loss,
+        loss_std=float(np.hypot(curve.loss_std, loss * np.hypot(*_gain_stds(campaign)))),
+        nonlinearity=curve.nonlinearity,
+        branch_time=float(np.mean(times)) if times else float("nan"),
+        cycle=curve.cycles or None,
+        measured=curve.measured,
+    )
+
+
+def _gain_stds(campaign: Campaign) -> tuple[float, float]:
+    """Relative standard uncertainties of the gains of load and deflection [1]."""
     channels = campaign.stated.channels
     assert channels.load is not None
     assert channels.deflection is not None
+    return channels.load.gain_std, channels.deflection.gain_std
+
+
+def _at(campaign: Campaign, curve: LoadCurve, whole: StaticRow, load: float) -> StaticRow:
     try:
         tangent = curve.tangent(load)
         secant = curve.secant(load)
     except LoadCurveError as error:
         return replace(whole, preload=load, checks=(reported(Code.BEYOND_CURVE, "rejected", why=error),))
-    checks = [reported(Code.CURVE, "warning", why=remark) for remark in curve.remarks]
+    checks = [branch_check(curve.measured, "K1")] if curve.measured != "mean" else []
+    checks += [reported(Code.CURVE, "warning", why=remark) for remark in curve.remarks]
     checks += [reported(Code.SECANT, "ok", why=secant.reason)] if secant.reason else []
-    std = tangent.std_with_gains(channels.load.gain_std, channels.deflection.gain_std)
+    std = tangent.std_with_gains(*_gain_stds(campaign))
     parts = {
         Source(Kind.K1_FIT): tangent.fit,
-        Source(Kind.K1_GAP): tangent.branches,
         Source(Kind.K1_CYCLES): tangent.cycles,
+        Source(Kind.K1_ZERO): tangent.zero,
         Source(Kind.K1_GAINS): float(np.sqrt(max(std**2 - tangent.std**2, 0.0))),
     }
     k1 = tangent.stiffness
     return replace(
-        whole, preload=load, stiffness=k1, std=std, secant=secant.stiffness, checks=tuple(checks), parts=parts
+        whole,
+        preload=load,
+        stiffness=k1,
+        std=std,
+        secant=secant.stiffness,
+        loading=tangent.loading,
+        unloading=tangent.unloading,
+        gap=tangent.gap,
+        checks=tuple(checks),
+        parts=parts,
     )
+
+
+#: What K1 is where it is not the mean of both branches.
+_OF = {
+    "loading": "the tangent of the loading branch alone",
+    "unloading": "the tangent of the unloading branch alone",
+    "points": "the tangent of a curve through points in no order of loading",
+}
+
+
+def branch_check(measured: str, subject: str) -> Check:
+    """The warning that K1 is not that of the mean of both branches."""
+    return reported(Code.K1_BRANCH, "warning", said=f"{subject} is {_OF[measured]}")
 
 
 def stiffness_for(test: Test, statics: Sequence[StaticRow], rule: Sameness = _RULE) -> StaticStiffness:
@@ -204,18 +255,21 @@ def stiffness_for(test: Test, statics: Sequence[StaticRow], rule: Sameness = _RU
         return StaticStiffness(stated, std, parts={Source(Kind.K1_STATED): std})
     choice = _choice(test, list({row.test.name: row.test for row in statics}.values()), rule)
     if not choice.names:
-        return StaticStiffness(reason=_no_static_test(test, statics, rule))
+        reason, remedy = _no_static_test(test, statics, rule)
+        return StaticStiffness(reason=reason, remedy=remedy)
     preload = test.value("preload")
     if preload is None:
         return StaticStiffness(
-            reason="no preload is stated, so K1 cannot be read off the static curve: fill in preload [N]"
+            reason="no preload is stated, so K1 cannot be read off the static curve", remedy="fill in preload [N]"
         )
     at_load = [row for row in statics if row.test.name in choice.names and row.preload == preload]
     good = [row for row in at_load if row.verdict != "rejected"]
     if not good:
-        why = "; ".join(dict.fromkeys(remark for row in at_load for remark in row.remarks))
+        rejected = [check for row in at_load for check in row.checks if check.verdict == "rejected"]
+        why = "; ".join(dict.fromkeys(check.cause.rstrip(":; ") for check in rejected))
         return StaticStiffness(
-            reason=f"no K1 at {preload:.6g} N: static test {at_load[0].test.name!r} was rejected: {why}"
+            reason=f"no K1 at {preload:.6g} N: static test {at_load[0].test.name!r} was rejected: {why}",
+            remedy=" or ".join(dict.fromkeys(check.remedy for check in rejected if check.remedy)),
         )
     return _mean(good, choice)
 
@@ -225,18 +279,23 @@ def _mean(good: Sequence[StaticRow], choice: _Choice) -> StaticStiffness:
     values = np.array([row.stiffness for row in good])
     spread = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
     parts = {name: float(np.mean([row.parts[name] for row in good])) for name in good[0].parts}
+    single = [row for row in good if row.measured != "mean"]
+    names = ", ".join(row.test.name for row in single)
+    warnings = [choice.warning] if choice.warning is not None else []
+    warnings += [branch_check(single[0].measured, f"K1 from {names}")] if single else []
     if spread > 0:
         parts[Source(Kind.K1_REPEATS)] = float(spread)
     std = float(np.hypot(np.mean([row.std for row in good]), spread))
-    doubts = [f"K1 from {row.test.name}: {'; '.join(row.remarks)}" for row in good if row.verdict == "warning"]
+    found = {row.test.name: [one.remark for one in row.checks if one.code is Code.CURVE] for row in good}
+    doubts = [f"K1 from {name}: {'; '.join(remarks)}" for name, remarks in found.items() if remarks]
     said = "; ".join([*([choice.remark] if choice.remark else []), *doubts])
-    return StaticStiffness(float(values.mean()), std, doubt=said, warning=choice.warning, parts=parts)
+    return StaticStiffness(float(values.mean()), std, doubt=said, warnings=tuple(warnings), parts=parts)
 
 
-def _no_static_test(test: Test, statics: Sequence[StaticRow], rule: Sameness) -> str:
-    """Message that no static test has the condition of a dynamic test, with the pressures of those of its specimen."""
+def _no_static_test(test: Test, statics: Sequence[StaticRow], rule: Sameness) -> tuple[str, str]:
+    """Message that no static test has the condition of a dynamic test, and its remedy; with the pressures there are."""
     pressures = {p for row in statics if row.test.tyre == test.tyre and (p := row.test.value("pressure")) is not None}
     at = ", ".join(f"{p / 1e5:.3g} bar" for p in sorted(pressures))
     found = f"; static tests of it are at {at}" if at else ""
     state = ", ".join(["this pressure", *(axis.name for axis in rule.further)])
-    return f"no static test of tyre {test.tyre!r} at {state}{found}: add one, or state K1 [N/m] in tests.csv"
+    return f"no static test of tyre {test.tyre!r} at {state}{found}", "add one, or state K1 [N/m] in tests.csv"

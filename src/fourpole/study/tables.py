@@ -113,8 +113,8 @@ def _plain(value: Any) -> Any:
 STATIC = TableSpec(
     "static", "a static test at a preload in use",
     _columns(
-        q.TEST, q.TYRE, q.CONSTRUCTION, q.PRESSURE, q.PRELOAD, *q.K1.heads, q.SECANT, q.CYCLE_LOSS, q.NONLINEARITY,
-        q.VERDICT, q.REMARKS,
+        q.TEST, q.TYRE, q.CONSTRUCTION, q.PRESSURE, q.PRELOAD, *q.K1.heads, q.K1_OF, q.K1_LOADING, q.K1_UNLOADING,
+        q.GAP, q.SECANT, *q.CYCLE_LOSS.heads, q.BRANCH_TIME, q.CYCLE, q.NONLINEARITY, q.VERDICT, q.REMARKS,
     ),
     made.static_rows, key=(q.TEST.head, q.PRELOAD.head), always=True,
 )  # fmt: skip

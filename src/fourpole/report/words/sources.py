@@ -55,6 +55,7 @@ _WORDS = {
     Kind.K1_FIT: "the fit of K1",
     Kind.K1_GAP: "the gap between the branches of K1",
     Kind.K1_CYCLES: "the change of K1 from cycle to cycle",
+    Kind.K1_ZERO: "the zero of the load in K1",
     Kind.K1_GAINS: "the calibration of load and deflection in K1",
     Kind.K1_REPEATS: "the scatter of K1 between repeated static tests",
     Kind.K1_STATED: "K1 as stated",
@@ -83,6 +84,7 @@ _REMEDIES = {
     Kind.K1_GAP: "use K' and K'', which need no K1; or state the K1 that you mean, with its uncertainty, in tests.csv "
     "(the gap is the rubber's own hysteresis, which no test closes)",
     Kind.K1_CYCLES: "repeat the static test with more cycles, until two follow each other closely",
+    Kind.K1_ZERO: "warm up the load cell of the static rig, and zero it without load before the test",
     Kind.K1_GAINS: "calibrate the load and deflection channels of the static rig",
     Kind.K1_REPEATS: "look for what differs between the static tests (temperature, conditioning, seating, speed of "
     "loading), or repeat them more often: four times as many halve the uncertainty of their mean",
