@@ -6,7 +6,8 @@ error does not average out over tests, and it acts only in part on their differe
 - **A line of three points or more**, as K2 against frequency: the random part of each test is the scatter about the
   straight line, and counts with Student's factor. The scatter includes the bend of the curve. The shared part is u(y),
   as an error of one sign that varies along the line as u(y) does. With fewer than three degrees of freedom u(y) counts
-  in full as each test's own, unless the scatter is larger.
+  in full as each test's own, unless the scatter is larger. The larger scatter then counts with the factor of three
+  degrees of freedom: it is mostly the bend of the curve, and the factor of one degree, 12.7 or more, hides any effect.
 - **Two single values**, as of two tyres or two loads: both u count in full.
 - **A mean over conditions** has the uncertainty of one of them.
 
@@ -90,7 +91,7 @@ def along(x: FloatArray, y: FloatArray, u: FloatArray, variance: float, dof: flo
     stated = max(float(np.linalg.norm(weights * u)), shared)
     if dof < _FEW and own <= stated:
         return Effect(float(weights @ y), stated)
-    return Effect(float(weights @ y), own, shared, dof)
+    return Effect(float(weights @ y), own, shared, max(dof, _FEW))
 
 
 def residual_squares(x: FloatArray, y: FloatArray, order: int = 1) -> float:
