@@ -1,5 +1,6 @@
 """Every check of a recording, at and above its limits; clipping is found where it is and nowhere else."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -18,10 +19,13 @@ from fourpole.core.recordingchecks import (
     check_excitation,
     check_frequency,
     check_gaps,
+    check_halves,
     check_lift_off,
     check_mains,
+    check_mean_force,
     check_noise,
     check_resonance,
+    check_spoilt,
     clipped_share,
 )
 from fourpole.core.rig import Rig
@@ -272,3 +276,63 @@ def test_mains(found, hertz, verdict):
     check = check_mains(near)
     assert check.verdict == ("warning" if check.statistic < check.limit else "ok") == verdict
     assert check.code is Code.MAINS
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.0, "ok"), (0.031, "warning")])
+def test_drop_outs_of_each_channel(found, share, verdict):
+    checks = check_spoilt(replace(found, spoilt=np.array([0.0, np.nan, share])), NAMES)
+    assert [check.channel for check in checks] == ["F1", "V2"]
+    speaks(checks[0], "ok")
+    speaks(checks[1], verdict, *(["V2 has drop-outs", "3.1 %"] if share else []))
+
+
+def drifting(record, channel, change, speed=0.0):
+    """A recording in which one channel turns by a complex factor over its length, and the speed by a share."""
+    time = (np.arange(4000) - 1999.5) / 1000.0
+    recording = record(np.array([60.0, 0.06, 0.08j]), 10.3, samples=4000)
+    wave = np.exp(2j * np.pi * 10.3 * (time + 0.5 * speed * time**2 / time[-1]))
+    for at, row in enumerate(recording.channels.values()):
+        size = [60.0, 0.06, 0.08j][at] * (np.exp(change * time / time[-1]) if at == channel else 1.0)
+        row.samples[:] = (size * wave).real + 1e-4 * abs(size) * np.random.default_rng(at).normal(size=4000)
+    return check_halves(demodulate(recording), NAMES)
+
+
+@pytest.mark.parametrize("channel", [0, 1, 2])
+@pytest.mark.parametrize(
+    ("change", "verdict", "word"),
+    [
+        (0.02, "ok", ""),
+        (0.08, "warning", "gain"),
+        (-0.08, "warning", "gain"),
+        (0.01j, "ok", ""),
+        (0.05j, "warning", "clock"),
+    ],
+)
+def test_a_channel_that_drifts_against_the_others_is_named(record, channel, change, verdict, word):
+    """From half to half a ramp from -1 to 1 changes by 1."""
+    check = drifting(record, channel, change)
+    assert (check.verdict, check.channel) == (verdict, NAMES[channel] if word else "")
+    if word:
+        assert f"{NAMES[channel]} changes by" in check.remark
+        assert word in check.remedy
+        assert ("specimen" in check.remedy) == (channel == 1)
+
+
+def test_a_clock_is_told_by_its_error(record):
+    """0.05 rad from half to half, 2 s apart at 10.3 Hz."""
+    ppm = float(re.search(r"clock (\d+) ppm off", drifting(record, 2, 0.05j).remark)[1])
+    assert ppm == pytest.approx(0.05 / (2 * np.pi * 10.3 * 2.0) * 1e6, rel=0.01)
+
+
+def test_a_change_of_speed_is_no_drift(record):
+    assert drifting(record, 2, 0.04j, speed=0.002).verdict == "ok"
+
+
+@pytest.mark.parametrize(
+    ("mean", "verdict"),
+    [(0.0, "ok"), (300.0, "ok"), (1090.0, "ok"), (-1090.0, "ok"), (1200.0, "warning"), (5000.0, "ok")],
+)
+def test_the_mean_force_is_the_preload_where_the_channel_has_it(mean, verdict):
+    check = check_mean_force(mean, 1000.0)
+    speaks(check, verdict, *(["1200 N", "1000 N"] if verdict == "warning" else []))
+    speaks(check_mean_force(mean, None), "ok")

@@ -40,6 +40,30 @@ class Code(Enum):
         "{percent:.2g} % of the samples are missing and were left out of the fit; ",
         "look at the logger",
     )
+    SPOILT = (
+        "drop-outs",
+        "the share of drop-outs and spikes among the samples of a channel",
+        "a channel has drop-outs or spikes",
+        (
+            "{channel} has drop-outs or spikes: {percent:.2g} % of its samples stand still or lie far off the rest, "
+            "and were left out of the fit; "
+        ),
+        "look at cable, plug and logger, and repeat the test",
+    )
+    HALVES = (
+        "steady channel",
+        "the change of a channel against the others between the halves, in its limits",
+        "a channel drifts against the others",
+        "{channel} changes by {change} against {others} from the first half of the recording to the second: ",
+        "{causes}",
+    )
+    MEAN_FORCE = (
+        "mean force",
+        "the departure of the mean of F1 from the preload",
+        "the mean of F1 is not the preload",
+        "the mean of F1 is {mean:.4g} N, and {preload:.4g} N is stated as preload: ",
+        "correct the preload in tests.csv, or set the zero of F1",
+    )
     MAINS = (
         "mains",
         "the distance to a multiple of the mains frequency, in steps of one over the length of the recording",

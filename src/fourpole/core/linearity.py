@@ -16,8 +16,8 @@ from fourpole.core.demodulation.harmonics import Harmonics
 from fourpole.core.rig import Rig
 
 #: Harmonics of the specimen's own force over the fundamental. A dry friction or a cubic spring whose third harmonic is
-#: 5 % makes up 15 % of the fundamental, and so K* depends on the amplitude by that much.
-_SPECIMEN = 0.05
+#: 2 % makes up 6 % of the fundamental, and so K* depends on the amplitude by that much.
+_SPECIMEN = 0.02
 #: The same for the rig. Its friction then takes 3 % of the force, more than the usual uncertainty of a sensor.
 _RIG = 0.01
 #: Amplitudes below this many standard uncertainties are noise: one of 100 000 exceeds it by chance.

@@ -107,6 +107,76 @@ def check_gaps(found: Demodulation) -> Check:
     return judged(Code.MISSING, found.missing, 0.0, percent=100 * found.missing)
 
 
+def check_spoilt(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
+    """Check the share of drop-outs and spikes, which were left out of the fit, for each channel."""
+    shares = zip(names, found.spoilt.tolist(), strict=True)
+    return [judged(Code.SPOILT, one, 0.0, channel=name, percent=100 * one) for name, one in shares if np.isfinite(one)]
+
+
+#: Largest change of a channel against the others between the halves, of amplitude [1] and phase [rad]. The K* of the
+#: whole recording is then off by up to half of it. Rubber that warms in a recording changes by 1 or 2 %.
+_CHANGES = np.array([0.05, 0.03])
+#: A change must exceed this many standard uncertainties, or the change of the speed times the sharpness of a resonance.
+_CHANGE_NOISE, _SHARPNESS = 5.0, 30.0
+#: The other channels agree if they change against each other by less than this share of the change.
+_AGREE = 0.3
+_GAIN, _CLOCK = "look for a loose sensor or a drifting gain", "record all channels by one clock"
+_SPECIMEN = "{}; if the specimen changed, let it settle first"
+
+
+def check_halves(found: Demodulation, names: tuple[str, ...]) -> Check:
+    """Compare the channels' changes between the halves: one channel that changes against the others drifts."""
+    there = np.flatnonzero(np.isfinite(found.changes[:, 0]))
+    std = 2.0 * found.phasors.std.reshape(3, 2).max(axis=1) / np.abs(found.phasors.amplitudes)
+    limits = _CHANGES + _SHARPNESS * abs(found.speed_change)
+
+    def apart(i: int, k: int) -> float:
+        """Change of one channel against another, in its limits [1]."""
+        least = np.maximum(limits, _CHANGE_NOISE * np.hypot(std[i], std[k]))
+        return float(np.max(np.abs(found.changes[i] - found.changes[k]) / least))
+
+    pairs = {(i, k): apart(i, k) for n, i in enumerate(there) for k in there[n + 1 :]}
+    worst = max(pairs.values(), default=0.0)
+    if not worst > 1.0:
+        return Check(Code.HALVES, worst, 1.0, "ok")
+    near = min(pairs, key=lambda pair: pairs[pair])
+    odd = [i for i in there if i not in near]
+    lone = len(there) == 3 and pairs[near] < _AGREE * worst
+    which = odd[0] if lone else there[0]
+    others = [i for i in there if i != which]
+    gain, phase = found.changes[which] - np.mean(found.changes[others], axis=0)
+    clock = abs(phase) / limits[1] > abs(gain) / limits[0]
+    ppm = 2e6 * phase / (2 * np.pi * found.cycles)
+    change = (
+        f"{np.degrees(phase):.2g} degrees, as by a clock {abs(ppm):.0f} ppm off," if clock else f"{100 * gain:.2g} %"
+    )
+    causes = _CLOCK if clock else _GAIN
+    return reported(
+        Code.HALVES,
+        "warning",
+        worst,
+        1.0,
+        names[which],
+        change=change,
+        others=" and ".join(names[i] for i in others),
+        causes=causes if lone and names[which] != "V1" else _SPECIMEN.format(causes),
+    )
+
+
+#: The force channel has the static load if its mean is at least this share of the preload.
+_HAS_LOAD = 0.5
+#: Largest departure of the mean of F1 from the preload, with the zero of a force cell.
+_OFF_LOAD = 0.1
+
+
+def check_mean_force(mean: float, preload: float | None) -> Check:
+    """Compare the mean of F1 with the preload, if the channel has the static load."""
+    share = abs(mean) / preload if preload else 0.0
+    if not _HAS_LOAD <= share <= 1 / _HAS_LOAD:
+        return Check(Code.MEAN_FORCE, 0.0, _OFF_LOAD, "ok")
+    return judged(Code.MEAN_FORCE, abs(share - 1.0), _OFF_LOAD, mean=mean, preload=preload)
+
+
 def check_resonance(frequency: float, rig: Rig, added_mass: float) -> Check:
     """Compare the rig's own stiffness K3 - m w² with its larger part; near zero, the rig's resonance hides the tyre."""
     omega = 2 * np.pi * frequency

@@ -22,7 +22,7 @@ from fourpole.io.write import write_text
 from fourpole.study.outcome import Point
 
 #: This number is raised whenever demodulation or its checks change, so that older files of the cache are not used.
-_VERSION = 8
+_VERSION = 9
 
 
 def cache_name(depends_on: list[object], sha256: str) -> str:

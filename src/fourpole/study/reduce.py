@@ -231,7 +231,9 @@ def reduced_point(job: Job, path: Path, part: float | None = None) -> Point:
             raise
         found, wandering = _followed(recording.without(present[0]), near)
         rows.append(_left_out(present[0], str(error)))
-    checks = (*rows, *wandering, *_checks_of(job, found))
+    force = recording.channels.get("force_in")
+    mean = float(np.nanmean(force.samples)) if force is not None and np.isfinite(force.samples).any() else 0.0
+    checks = (*rows, *wandering, *_checks_of(job, found, mean))
     return Point(found.phasors, checks, found.corrections, found.channels, found.preview)
 
 
@@ -301,7 +303,7 @@ def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording
     return recording, rows
 
 
-def _checks_of(job: Job, found: Demodulation) -> Iterator[Check]:
+def _checks_of(job: Job, found: Demodulation, mean_force: float) -> Iterator[Check]:
     """The checks of one demodulated test; a fault of a channel that the route does not need is a warning."""
     names = tuple(SYMBOLS[role] for role in CHANNELS)
     test, frequency = job.test, float(found.phasors.frequency)
@@ -310,6 +312,8 @@ def _checks_of(job: Job, found: Demodulation) -> Iterator[Check]:
     yield from linearity_checks(found.harmonics, frequency, rig, added)
     yield checks.check_frequency(frequency, test.value("frequency"))
     yield checks.check_gaps(found)
+    yield from checks.check_spoilt(found, names)
+    yield checks.check_halves(found, names)
     yield checks.check_mains(found)
     yield checks.check_distortion(found)
     spared = tuple(SYMBOLS[role] for role in CHANNELS if role not in job.needed)
@@ -318,6 +322,7 @@ def _checks_of(job: Job, found: Demodulation) -> Iterator[Check]:
         yield replace(row, verdict="warning") if spare else row
     if np.isfinite(found.force_peak):
         yield checks.check_lift_off(found.force_peak, test.value("preload"))
+        yield checks.check_mean_force(mean_force, test.value("preload"))
     if rig is not None and not rig.blocked:
         yield checks.check_resonance(frequency, rig, added)
         yield checks.check_consistency(found.phasors, rig, added)

@@ -34,7 +34,8 @@ def test_a_preview_shows_the_middle_of_the_record(record, rate, samples):
 
 
 def test_the_residuals_extremes_are_in_their_blocks(record):
-    spike = np.zeros((3, 2000))
+    # In noise of a 20th of its size a spike holds too little of the residual's energy to be left out.
+    spike = np.array([[0.0], [5e-4], [1e-3]]) * np.random.default_rng(1).normal(size=(3, 2000))
     spike[1, 1234] = 0.01
     spike[2, 77] = -0.02
     shown = demodulate(record(AMPLITUDES, 10.3, extra=spike)).preview
@@ -42,8 +43,8 @@ def test_the_residuals_extremes_are_in_their_blocks(record):
     assert shown.residual.shape == (3, 120)
     assert (shown.residual[:, 0::2] <= shown.residual[:, 1::2]).all()
     # the fit takes about 30 of 2000 parts of a spike, more of them near the ends
-    assert shown.residual[1].max() == pytest.approx(0.01, rel=0.05)
+    assert shown.residual[1].max() == pytest.approx(0.01, rel=0.1)
     assert shown.blocks[np.argmax(shown.residual[1])] == pytest.approx(1234 / 1000 - 0.9995, abs=0.017)
-    assert shown.residual[2].min() == pytest.approx(-0.02, rel=0.1)
+    assert shown.residual[2].min() == pytest.approx(-0.02, rel=0.15)
     assert shown.blocks[np.argmin(shown.residual[2])] == pytest.approx(77 / 1000 - 0.9995, abs=0.017)
     assert np.abs(shown.residual[0]).max() < 1e-9

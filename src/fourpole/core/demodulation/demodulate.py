@@ -8,6 +8,7 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, response_std, without_crosstalk
+from fourpole.core.demodulation.halves import changes_of
 from fourpole.core.demodulation.harmonics import Harmonics, harmonics_of
 from fourpole.core.demodulation.preview import Preview, preview
 from fourpole.core.demodulation.sinefit import SineFit, fit_sines, refine
@@ -19,6 +20,7 @@ from fourpole.core.demodulation.spectrum import (
     off_multiples,
     strongest_line,
 )
+from fourpole.core.demodulation.spoilt import without_spoilt
 from fourpole.core.demodulation.tracks import Track, following, named, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import DERIVATIVES, Channel, Recording
@@ -58,6 +60,12 @@ class Demodulation(ByValue):
         Interfering lines that were found, or stated, and removed.
     missing : float [1]
         Share of missing samples.
+    spoilt : (3,) float [1]
+        Share of drop-outs and spikes in each channel; the fit leaves them out of all channels.
+    changes : (3, 2) float [1], [rad]
+        Changes of amplitude and phase from the first half to the second.
+    speed_change : float [1]
+        Relative change of the speed between the halves.
     channels : tuple of str
         Roles of the channels demodulated, in the order of `preview`.
     preview : Preview
@@ -76,6 +84,9 @@ class Demodulation(ByValue):
     force_peak: float
     lines: FloatArray
     missing: float
+    spoilt: FloatArray
+    changes: FloatArray
+    speed_change: float
     channels: tuple[str, ...]
     preview: Preview
     harmonics: Harmonics
@@ -164,6 +175,7 @@ def _fitted(
         fits.append(fit_sines(track, 2 * np.pi * start, count, np.empty(0)))
     if free:
         fits, _ = refine(fits, informing=informing)
+    fits = without_spoilt(fits, informing, free=free)
     fits = _remove_lines(fits, informing, mains, free=free)
 
     noise = noise_beside(fits, fits[0].omega / (2 * np.pi))
@@ -353,6 +365,9 @@ def _assemble(recording: Recording, fits: list[SineFit], noise: Noise, omega_std
     rms = np.array([wave.residual for wave in waves])
     noise_ratio[at] = np.sqrt(2.0) * rms / np.abs([wave.recorded[0] for wave in waves])
     order = np.argsort(at).tolist()
+    spoilt = np.full(3, np.nan)
+    spoilt[at] = np.concatenate([_spoilt_share(fit.track) for fit in fits])
+    changes, speed_change = changes_of(fits, at)
     return Demodulation(
         phasors=Phasors(
             frequency=np.asarray(omega / (2 * np.pi)),
@@ -367,12 +382,25 @@ def _assemble(recording: Recording, fits: list[SineFit], noise: Noise, omega_std
         noise_ratio=noise_ratio,
         force_peak=_peak_of(waves[names.index("force_in")].true) if "force_in" in names else float("nan"),
         lines=np.concatenate([fit.lines for fit in fits]) / (2 * np.pi),
-        missing=1.0 - min(float(np.mean(fit.track.present)) for fit in fits),
+        missing=1.0 - min(float(np.mean(_there(fit.track))) for fit in fits),
+        spoilt=spoilt,
+        changes=changes,
+        speed_change=speed_change,
         channels=tuple(names[i] for i in order),
         preview=preview(fits, order),
         harmonics=harmonics_of(fits, at, [wave.recorded for wave in waves], [wave.true for wave in waves]),
         corrections=(*corrections_of(recording, names, omega), *talk),
     )
+
+
+def _there(track: Track) -> BoolArray:
+    """Flags (N,) of the samples that the recording has, drop-outs and spikes included."""
+    return track.present if track.spoilt is None else track.present | track.spoilt.any(axis=0)
+
+
+def _spoilt_share(track: Track) -> FloatArray:
+    """Share (channels,) of drop-outs and spikes among all samples."""
+    return np.zeros(len(track.names)) if track.spoilt is None else np.mean(track.spoilt, axis=1)
 
 
 def _to_velocity(channel: Channel, omega: float, harmonics: int) -> ComplexArray:

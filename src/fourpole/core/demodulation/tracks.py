@@ -59,6 +59,8 @@ class Track(ByValue):
         Samples per second.
     course : Course or None
         Phase of the excitation as a reference gives it; None without a reference.
+    spoilt : (channels, N) bool array or None
+        Drop-outs and spikes, which are not present in any channel; None if there are none.
     """
 
     names: tuple[str, ...]
@@ -67,6 +69,7 @@ class Track(ByValue):
     time: FloatArray
     rate: float
     course: Course | None = None
+    spoilt: BoolArray | None = None
 
 
 def tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:
