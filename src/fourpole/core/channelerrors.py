@@ -69,8 +69,8 @@ class ChannelUncertainty(ByValue):
         """The uncertainties for some of the tests, by anything that indexes an array."""
         return self if self.response is None else replace(self, response=self.response[rows])
 
-    def errors(self, omega: FloatArray) -> list[ChannelError]:
-        """All errors with an uncertainty, for tests at angular frequencies (N,) [rad/s]."""
+    def errors(self, omega: FloatArray, *, possible: bool = False) -> list[ChannelError]:
+        """All errors with an uncertainty, for tests at angular frequencies (N,) [rad/s]; or all that are possible."""
         one = np.ones(omega.size, dtype=complex)
         found = []
         for at, role in enumerate(CHANNELS):
@@ -83,7 +83,7 @@ class ChannelUncertainty(ByValue):
                 sources = Source(Kind.RESPONSE_GAIN, symbol), Source(Kind.RESPONSE_PHASE, symbol)
                 found.append(ChannelError(sources[0], "1", at, float(gain.any()), gain + 0j))
                 found.append(ChannelError(sources[1], "1", at, float(phase.any()), 1j * phase))
-        return [error for error in found if error.std > 0]
+        return [error for error in found if possible or error.std > 0]
 
     def covariance(self, amplitudes: ComplexArray, omega: FloatArray) -> FloatArray:
         """Covariance (N, 6, 6) of measured amplitudes (N, 3) from these uncertainties."""

@@ -58,9 +58,12 @@ class Identification(ByValue):
     stiffness_shared : (N, 2, p) float [N/m]
         S, the change of (Re, Im) of K* per standard uncertainty of each of p errors that all tests share. The
         covariance of two tests of different conditions is S_i S_j^T. The rest of `stiffness_covariance` belongs to
-        each condition alone.
+        each condition alone, and to the test.
     condition : (N,) int
-        Tests with the same number share one K*, and with it the rest of the uncertainty.
+        Tests with the same number have one condition, and share the part of the uncertainty that is its own.
+    condition_covariance : (N, 2, 2) float [N²/m²]
+        Covariance of (Re, Im) of the mean K* of the test's condition, without the shared errors. It is the rest of
+        `stiffness_covariance` if K* does not scatter from test to test.
     joint : RigSolution, optional
         Result of the joint route besides K*; None for the other routes.
 
@@ -92,4 +95,5 @@ class Identification(ByValue):
     route: str
     stiffness_shared: FloatArray
     condition: np.ndarray
+    condition_covariance: FloatArray
     joint: RigSolution | None = None

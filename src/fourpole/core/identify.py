@@ -109,12 +109,13 @@ def identify(
     with np.errstate(invalid="ignore"):
         bending = _propagate(answers.jacobian[:, 6:], covariance)[:, 0, 0]
         arm_covariance = _propagate(answers.jacobian[:, 3:5], covariance) + answers.curvature.covariance(bending)
+        stiffness_covariance, shared = _propagate(answers.jacobian[:, :2], covariance), _shared(answers)
         return Identification(
             frequency=np.asarray(phasors.frequency).reshape(passive.size),
             mobility=answers.mobility,
             mobility_covariance=_propagate(answers.by_mobility, covariance),
             stiffness=answers.stiffness,
-            stiffness_covariance=_propagate(answers.jacobian[:, :2], covariance),
+            stiffness_covariance=stiffness_covariance,
             loss_factor=answers.loss_factor,
             loss_factor_std=_std(answers.jacobian[:, 2], covariance),
             k1=answers.k1,
@@ -127,8 +128,9 @@ def identify(
             tr_std=_std(answers.jacobian[:, 5], covariance),
             reasons=reasons,
             route=route,
-            stiffness_shared=_shared(answers),
+            stiffness_shared=shared,
             condition=np.arange(passive.size),
+            condition_covariance=stiffness_covariance - shared @ np.swapaxes(shared, 1, 2),
         )
 
 

@@ -11,7 +11,7 @@ from fourpole.core.phasor import SYMBOLS
 from fourpole.core.rig import PARAMETERS
 
 #: Parts of a rig that its statement may lack, with the SI unit of their size.
-PARTS = {"mass": "kg", "spring": "N/m", "frame": "m/N", "loss": "1", "friction": "N"}
+PARTS = {"mass": "kg", "spring": "N/m", "frame": "m/N", "loss": "1", "friction": "N", "input": "kg"}
 #: Pairs of channels (over, under); K* depends on the ratio of their gains and the difference of their phases.
 RATIOS = (("F1", "V1"), ("V2", "V1"))
 
@@ -25,6 +25,7 @@ class Role(Enum):
     CHANNEL = "a channel, in all tests"
     RATIO = "one channel against another"
     MASS = "a weighed mass"
+    SPECIMEN = "a specimen, in all its tests"
     STATIC = "K1"
     OTHER = "unknown"
 
@@ -43,6 +44,8 @@ class Kind(Enum):
     RIG_VALUE = ("", (*PARAMETERS,), Role.RIG)
     UNSTATED = ("unstated ", (*PARTS,), Role.UNSTATED)
     ADDED_MASS = ("added mass", (), Role.MASS)
+    DRIFT = ("drift of ", (), Role.SPECIMEN)
+    ANGLE_DRIFT = ("loss angle drift of ", (), Role.SPECIMEN)
     K1 = ("K1", (), Role.STATIC)
     K1_FIT = ("K1 fit", (), Role.STATIC)
     #: In tables of earlier versions only: the gap of the branches is a property of the specimen, not an error of K1.
@@ -52,6 +55,7 @@ class Kind(Enum):
     K1_GAINS = ("K1 gains", (), Role.STATIC)
     K1_REPEATS = ("K1 repeats", (), Role.STATIC)
     K1_STATED = ("K1 stated", (), Role.STATIC)
+    K1_DRIFT = ("K1 drift", (), Role.STATIC)
     OTHER = ("", (), Role.OTHER)
 
     def __init__(self, text: str, of: tuple[str, ...], role: Role) -> None:
@@ -73,8 +77,8 @@ class Source:
     ----------
     kind : Kind
     of : str
-        The channel (F1, V1, V2), the rig's value (of `core.rig.PARAMETERS`) or the unstated part (of `PARTS`). For a
-        source of kind OTHER it is the whole text.
+        The channel (F1, V1, V2), the rig's value (of `core.rig.PARAMETERS`), the unstated part (of `PARTS`) or the
+        specimen. For a source of kind OTHER it is the whole text.
     under : str
         The second channel of a ratio or a difference; empty for a single channel.
     mass : float, optional [kg]
@@ -118,6 +122,9 @@ class Source:
             except ValueError:
                 return cls(kind, of, rig=rig)
             return found if found.text == text else cls(kind, of, rig=rig)
+        for drift in (Kind.DRIFT, Kind.ANGLE_DRIFT):
+            if kind is Kind.OTHER and text.startswith(drift.text):
+                return cls(drift, text.removeprefix(drift.text), rig=rig)
         return cls(kind, of, under, rig=rig)
 
 

@@ -66,6 +66,10 @@ class Setup(ByValue):
         Number of the condition without frequency; negative for a rigid block in place of the tyre.
     nominal : (N,) float array [Hz]
         Frequency as stated; not-a-number where it is not stated, or where the recording gave several frequencies.
+    specimen : tuple of N str
+        Name of the specimen.
+    time : (N,) float array
+        Time of the test [s], or its place in tests.csv.
     """
 
     rig_name: str
@@ -77,11 +81,15 @@ class Setup(ByValue):
     added_std: FloatArray
     family: np.ndarray
     nominal: FloatArray
+    specimen: tuple[str, ...]
+    time: FloatArray
 
     def part(self, rows: BoolArray) -> Setup:
         """The inputs for some of the tests."""
-        names = ("k1", "k1_std", "added", "added_std", "family", "nominal")
-        return replace(self, channels=self.channels.part(rows), **{name: getattr(self, name)[rows] for name in names})
+        names = ("k1", "k1_std", "added", "added_std", "family", "nominal", "time")
+        specimen = tuple(name for name, kept in zip(self.specimen, rows, strict=True) if kept)
+        taken = {name: getattr(self, name)[rows] for name in names}
+        return replace(self, channels=self.channels.part(rows), specimen=specimen, **taken)
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,6 +276,8 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         added_std=np.array([defaults.MASS_STD * m if s is None else s for m, s in zip(added, added_std, strict=True)]),
         family=_families(campaign, tests),
         nominal=np.array([test.value("frequency") or np.nan for test in tests]),
+        specimen=tuple(test.tyre for test in tests),
+        time=np.arange(len(tests), dtype=float),
     )
 
 
@@ -319,6 +329,8 @@ def _joint(setup: Setup, phasors: Phasors) -> tuple[Joint, Outputs, Identificati
         added_mass=setup.added,
         added_mass_std=setup.added_std,
         channels=setup.channels,
+        specimen=setup.specimen,
+        time=setup.time,
     )
     found = outputs(joint, phasors, setup.k1)
     return joint, found, identification(joint, phasors, setup.k1, setup.k1_std, found)

@@ -27,7 +27,7 @@ _SHOWS = 3.0
 #: A value further from its statement than this many stated uncertainties may contain an unstated part.
 _FAR = 2.0
 #: Roles of shared values in the order of rig.csv.
-_ORDER = (Role.RIG, Role.UNSTATED, Role.CHANNEL, Role.MASS)
+_ORDER = (Role.RIG, Role.UNSTATED, Role.CHANNEL, Role.MASS, Role.SPECIMEN)
 #: Candidates that are kept.
 _CANDIDATES = 6
 
@@ -70,7 +70,8 @@ def _values(joint: Joint) -> list[SharedValue]:
     values = []
     for at, parameter in enumerate(parameters):
         prior = float(joint.stated.std[at])
-        conflict, unstated = at in joint.misfit.conflicts, parameter.source.role is Role.UNSTATED
+        conflict = at in joint.misfit.conflicts
+        unstated = parameter.source in (*joint.misfit.added, *joint.misfit.drifts)
         if conflict:
             pull[at] = (found[at] - parameter.stated) / prior
         value = SharedValue(

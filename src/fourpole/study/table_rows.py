@@ -260,7 +260,7 @@ def covariance_rows(analysed: Analysed) -> list[Row]:
     rows = []
     for group, keys in analysed.groups:
         shared, condition = group.result.stiffness_shared, group.result.condition
-        own = group.result.stiffness_covariance - shared @ np.swapaxes(shared, 1, 2)
+        own = group.result.condition_covariance
         own = (own + np.swapaxes(own, 1, 2)) / 2  # round-off
         rows += [
             {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -24,6 +26,8 @@ def identify_joint(
     added_mass: ArrayLike = 0.0,
     added_mass_std: ArrayLike = 0.0,
     channels: ChannelUncertainty | None = None,
+    specimen: Sequence[str] | None = None,
+    time: ArrayLike | None = None,
 ) -> Identification:
     r"""Find K* of every condition, the rig's values and the channels' gains from all tests of a rig together.
 
@@ -48,6 +52,10 @@ def identify_joint(
         Mass fixed to the moving mass, and its standard uncertainty; tests with the same mass share one error.
     channels : ChannelUncertainty, optional
         Uncertainties of the channels; without it the channels count as exact.
+    specimen : sequence of N str, optional
+        Name of the specimen of each test; by default all tests are of one specimen.
+    time : (N,) float array, optional
+        Time of each test, in any unit, along which a specimen may drift; by default the order of the tests.
 
     Returns
     -------
@@ -83,5 +91,7 @@ def identify_joint(
         added_mass=added_mass,
         added_mass_std=added_mass_std,
         channels=channels,
+        specimen=specimen,
+        time=time,
     )
     return identification(joint, phasors, k1, k1_std)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +11,11 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint.conditions import JointConditions, group_conditions
+from fourpole.core.joint.gross import gross_errors
 from fourpole.core.joint.misfit import Residuals, residuals
 from fourpole.core.joint.model import Observed
-from fourpole.core.joint.reconcile import Misfit, reconcile
+from fourpole.core.joint.reconcile import Misfit, reconcile, without_rig
+from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Problem, Solution, solve
 from fourpole.core.joint.start import closed_form_start
@@ -34,7 +37,8 @@ class Joint(ByValue):
     condition : (N,) int array
         Number of the condition of each test; -1 for a rigid block.
     stated : Shared
-        Shared values as stated, and after them the unstated parts, with their size as standard uncertainty.
+        Shared values as stated, and after them drifts, unstated parts and errors, with their size as standard
+        uncertainty.
     residuals : Residuals
         Residuals of each test.
     outlier : (N,) float array [1]
@@ -78,6 +82,8 @@ def solve_joint(
     added_mass: ArrayLike = 0.0,
     added_mass_std: ArrayLike = 0.0,
     channels: ChannelUncertainty | None = None,
+    specimen: Sequence[str] | None = None,
+    time: ArrayLike | None = None,
 ) -> Joint:
     """The most probable values of all tests of a rig; the arguments are those of `identify_joint`."""
     if rig.blocked:
@@ -91,22 +97,32 @@ def solve_joint(
     label = group_conditions(family, phasors.frequency, nominal)
     order = np.lexsort((np.arange(count), label))
     masses, mass_at, masses_std = _distinct(added, added_std)
-    errors = channels.part(order).errors(phasors.omega[order])
+    errors = channels.part(order).errors(phasors.omega[order], possible=True)
     stated = Shared.stated(rig, errors, masses, masses_std)
     sorted_phasors = phasors.part(order)
     grouped = label[order], family[order], sorted_phasors.frequency
+    names, number = np.unique(np.array(specimen or [""] * count), return_inverse=True)
+    when = np.arange(count, dtype=float) if time is None else np.asarray(time, dtype=float)
+    run = number[order], _places(number, when)[order]
     problem = Problem(
-        Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors),
+        Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors, run),
         JointConditions(*grouped, k1[order]),
         stated,
+        tuple(error.source for error in errors),
+        tuple(names.tolist()),
     )
+    gross = gross_errors(problem.observed, stated)
     start = closed_form_start(problem.observed, problem.conditions, stated, channels)
     problem = _with_frequency_noise(problem, start)
+    apart = deviations(problem, np.zeros(len(stated)), start)
+    problem = replace(problem, scatter=robust_scatter(problem, apart))
+    if gross:
+        problem = without_rig(problem, np.zeros(len(stated)), start, 1.0)
     solution = solve(problem, start)
     if not solution.converged:  # K2 and C may vary too fast near their poles; without K1, K* itself is interpolated
         problem = replace(problem, conditions=JointConditions(*grouped, np.full(count, np.nan)))
         solution = solve(problem, start)
-    problem, solution, outlier, misfit = reconcile(problem, solution)
+    problem, solution, outlier, misfit = reconcile(problem, solution, gross)
     back = np.argsort(order)
     return Joint(
         problem=problem,
@@ -128,6 +144,15 @@ def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarra
     real = masses != 0
     number = np.where(real, np.cumsum(real) - 1, -1)
     return masses[real], number[at], spread[real]
+
+
+def _places(specimen: np.ndarray, time: FloatArray) -> FloatArray:
+    """Place of each test in the run, in lengths of the run, from the mean of its specimen (N,) [1]."""
+    length = float(np.ptp(time)) if time.size else 0.0
+    if not length > 0:
+        return np.zeros(time.size)
+    mean = np.bincount(specimen, time) / np.bincount(specimen)
+    return np.asarray((time - mean[specimen]) / length)
 
 
 def _with_frequency_noise(problem: Problem, stiffness: ComplexArray) -> Problem:

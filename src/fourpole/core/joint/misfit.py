@@ -19,11 +19,21 @@ from fourpole.core.joint.model import (
     upper_factor,
     whitened,
 )
+from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, with_columns, without_stiffness
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.rig import Rig
-from fourpole.core.sources import PARTS, Kind, Source
+from fourpole.core.sources import PARTS, Kind, Role, Source
 
+#: Roles of the values that have a statement.
+STATED = (Role.RIG, Role.CHANNEL, Role.MASS)
+#: A stated value of which the tests know less than this share of its variance is no candidate.
+_INFORMED = 1e-3
+#: Largest error of a channel that can be a cause: gain [1], phase [rad], delay [s].
+_LARGEST = {Kind.GAIN: 0.25, Kind.PHASE: 0.25, Kind.DELAY: 3e-3}
+#: Largest error of a mass or a spring that can be a cause, over its stated value.
+_LARGEST_SHARE = 0.5
+_BULK = ("moving_mass", "preload_stiffness", "frame_stiffness")
 #: A candidate is not identifiable when less than this fraction of its squared column norm remains after projecting out
 #: the free parameters.
 _IDENTIFIABLE = 1e-20
@@ -119,7 +129,7 @@ def pulls(solution: Solution) -> FloatArray:
     """
     gained = 1.0 - np.diag(solution.covariance)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(gained > 1e-3, solution.z / np.sqrt(gained), np.nan)
+        return np.where(gained > _INFORMED, solution.z / np.sqrt(gained), np.nan)
 
 
 def is_unlikely(chi2: float, dof: float) -> bool:
@@ -129,24 +139,24 @@ def is_unlikely(chi2: float, dof: float) -> bool:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One unstated part that would lower the misfit.
+    """One cause that would lower the misfit: an error of a stated value, or a part or error that nobody stated.
 
     Attributes
     ----------
     name : str
-        Name of the part, as in tyre mass, frame, leaf friction or sensor F1.
+        Name of the cause, as in tyre mass, frame, leaf friction or sensor F1.
     value, std : float
         Its estimated size and standard uncertainty, in the unit.
     unit : str
         SI unit of `value`.
     explains : float [1]
-        Fall of chi-square with this part.
+        Fall of chi-square with this cause.
     source : Source
-        The unstated part of the rig, or the error of a channel.
+        The stated value, the unstated part of the rig, or the error of a channel.
     size : float
-        Its estimated size in the unit of `core.sources.PARTS`, or of the error of the channel.
+        Its estimated size in the unit of `core.sources.PARTS`, of the error of the channel, or of the stated value.
     text : str
-        The part in words, with its size.
+        The cause in words, with its size.
     """
 
     name: str
@@ -160,28 +170,55 @@ class Candidate:
 
     @property
     def of_rig(self) -> bool:
-        """Whether the candidate is a part of the rig and not an error of a channel."""
+        """Whether the candidate is an unstated part of the rig."""
         return self.source.kind is Kind.UNSTATED
 
 
 def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
-    """Unstated parts that could explain a misfit, each by itself; the largest fall of chi-square comes first."""
-    p = len(problem.shared)
+    """Causes that could explain a misfit, each by itself; the largest fall of chi-square comes first.
+
+    Causes of impossible size are left out. A stated value is tried without its statement.
+    """
+    found = [*_released(problem, solution), *_unstated(problem, solution)]
+    return sorted(found, key=lambda candidate: -candidate.explains)
+
+
+def _released(problem: Problem, solution: Solution) -> list[Candidate]:
+    """The stated values without their statement."""
+    found = []
+    informed = 1.0 - np.diag(solution.covariance)
+    for at, parameter in enumerate(problem.shared.parameters):
+        if parameter.source.role not in STATED or informed[at] < _INFORMED:
+            continue
+        z = float(solution.z[at])
+        size, std = parameter.std * z / informed[at], parameter.std * np.sqrt(1 / informed[at] - 1)
+        if _possible(parameter, size) and (described := _described(parameter, size)):
+            name, value, unit, text = described
+            explains = min(z**2 / float(informed[at]), solution.objective)
+            found.append(Candidate(name, value, float(std), unit, explains, parameter.source, size, text))
+    return found
+
+
+def _unstated(problem: Problem, solution: Solution) -> list[Candidate]:
+    """The parts and errors of `_EXTRAS` that are not among the shared values."""
+    p, rig = len(problem.shared), problem.shared.rig
+    shared = {parameter.source for parameter in problem.shared.parameters}
     _, _, slope = _with_extras(problem, solution, np.zeros((problem.conditions.count, 2, p + len(_EXTRAS))))
     triangle, size, _ = _with_extras(problem, solution, slope)
     block, target = triangle[p:-1, p:-1], triangle[p:-1, -1]
     weight, pull = np.sum(block**2, axis=0), block.T @ target
     found = []
     for at, source in enumerate(_EXTRAS):
-        if not weight[at] > _IDENTIFIABLE * size[at]:
+        if not weight[at] > _IDENTIFIABLE * size[at] or source in shared:
             continue
         estimate = float(pull[at] / weight[at])
-        if (described := _described(source, estimate)) is not None:
+        part = SharedParameter(source, "", 0, 1.0 if source.kind is Kind.GAIN else 0.0, 0.0)
+        if _possible(part, estimate, _whole(source, rig)) and (described := _described(part, estimate)):
             name, value, unit, text = described
             std = abs(value) * float(np.sqrt(weight[at]) / abs(pull[at]))
             explains = min(float(pull[at] ** 2 / weight[at]), solution.objective)
             found.append(Candidate(name, value, std, unit, explains, source, estimate, text))
-    return sorted(found, key=lambda candidate: -candidate.explains)
+    return found
 
 
 def _with_extras(problem: Problem, solution: Solution, slope: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -211,15 +248,17 @@ def _extra_columns(observed: Observed, linear: Linear, rig: Rig) -> FloatArray:
     """Derivatives (N, 6, extras) by each part of `_EXTRAS`, with the drive projected out."""
     omega = observed.omega
     shapes = part_shapes(omega, rig, np.abs(linear.drive * linear.ratio), observed.rigid)
-    changes = np.stack([shapes[part] for part in PARTS], axis=-1)
+    changes = np.stack([shapes[part] for part in shapes], axis=-1)
     columns = (
         linear.by_impedance[:, :, :1] * changes.real[:, None] + linear.by_impedance[:, :, 1:] * changes.imag[:, None]
     )
-    sensor = np.zeros((omega.size, 3, 9), dtype=complex)
+    sensor = np.zeros((omega.size, 3, 10), dtype=complex)
+    sensor[:, 0, 0] = 1j * omega * linear.drive  # an input mass
     for at in range(3):
         one = linear.predicted[:, at]
-        sensor[:, at, at], sensor[:, at, 3 + at], sensor[:, at, 6 + at] = one, 1j * one, -1j * omega * one
-    return np.concatenate([columns, projected(linear.frame)(whitened(observed.whiten, sensor))], axis=2)
+        sensor[:, at, 1 + at], sensor[:, at, 4 + at], sensor[:, at, 7 + at] = one, 1j * one, -1j * omega * one
+    errors = projected(linear.frame)(whitened(observed.whiten, sensor))
+    return np.concatenate([columns, errors if linear.weigh is None else linear.weigh @ errors], axis=2)
 
 
 _SYMBOLS = tuple(SYMBOLS[role] for role in CHANNELS)
@@ -230,17 +269,45 @@ _EXTRAS = (
 )
 
 
-def _described(source: Source, size: float) -> tuple[str, float, str, str] | None:
-    """Name, value, unit and words of a part or error; None for a part whose size has an impossible sign."""
-    of = source.of
-    if source.kind is Kind.UNSTATED:
+def _whole(source: Source, rig: Rig) -> float:
+    """The value of the rig that an unstated part is a share of, in the unit of the part."""
+    whole = {"mass": rig.moving_mass, "spring": rig.preload_stiffness, "frame": 1 / rig.preload_stiffness,
+             "loss": 1.0, "input": rig.moving_mass}  # fmt: skip
+    return whole.get(source.of, np.inf) if source.kind is Kind.UNSTATED else np.inf
+
+
+def _possible(parameter: SharedParameter, size: float, whole: float = np.inf) -> bool:
+    """Whether an error of this size can be: a channel that is further off is no longer the channel that was stated."""
+    kind, role = parameter.source.kind, parameter.source.role
+    if kind in _LARGEST:
+        return abs(size) <= _LARGEST[kind]
+    if role is Role.MASS or parameter.source.of in _BULK:
+        return abs(size) <= _LARGEST_SHARE * parameter.stated
+    if role is Role.UNSTATED:
+        return abs(size) <= _LARGEST_SHARE * whole
+    return role is Role.CHANNEL or parameter.stated + size >= 0
+
+
+def _described(parameter: SharedParameter, size: float) -> tuple[str, float, str, str] | None:
+    """Name, value, unit and words of a cause; None for a part whose size has an impossible sign."""
+    source = parameter.source
+    of, kind = source.of, source.kind
+    if kind is Kind.UNSTATED:
         return _described_part(of, size)
-    if source.kind is Kind.GAIN:
+    if kind is Kind.GAIN:
         unit, text = "1", f"a gain of {of} off by {100 * size:+.2g} %"
-    elif source.kind is Kind.PHASE:
+    elif kind is Kind.PHASE:
         unit, text = "rad", f"a phase of {of} off by {np.degrees(size):+.2g} degrees at all frequencies"
-    else:
+    elif kind is Kind.DELAY:
         unit, text = "s", f"{of} {abs(size) * 1e3:.3g} ms {'late' if size > 0 else 'early'}"
+    elif source.role is Role.CHANNEL:
+        unit, text = "1", f"a {source.text} off by {abs(size):.2g} times its uncertainty"
+    else:
+        word = "added mass" if source.role is Role.MASS else of.replace("_", " ")
+        article = "an" if word[0] in "aeiou" else "a"
+        value, unit = parameter.stated + size, parameter.unit if parameter.unit != "1" else ""
+        stated = f"{parameter.stated:.5g} {unit}".strip()
+        return word, size, parameter.unit, f"{article} {word} of {value:.4g} {unit} where {stated} is stated"
     return f"sensor {of}", size, unit, text
 
 
@@ -257,5 +324,6 @@ def _described_part(part: str, size: float) -> tuple[str, float, str, str] | Non
         "frame": ("frame", 1 / size, "N/m", behind),  # its size is a compliance
         "loss": ("leaf friction", size, "1", "a loss factor of {:.3g} in the preload spring"),
         "friction": ("leaf friction", size, "N", "dry friction of {:.3g} N in the preload spring"),
+        "input": ("input mass", size, "kg", "an input mass of {:.3g} kg between the force cell and the contact"),
     }[part]
     return name, value, unit, text.format(value)

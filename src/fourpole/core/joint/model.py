@@ -5,23 +5,24 @@ With the drive d (the true V1), T = K*/(K* + jw Zr) and the channels' gains g:
 .. math:: (F_1, V_1, V_2) = d\,\bigl(g_F (Z_r T + j\omega m_{in}),\; g_1,\; g_2 T\bigr)
 
 A rigid block in place of the tyre has T = 1. The drive is free in every test, so it is projected out of residual and
-derivatives first.
+derivatives first. If K* scatters from test to test, its scatter is noise along the derivatives by K*.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
-from fourpole.core.joint.shared import Shared
+from fourpole.core.joint.shared import DRIFTS, Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.sources import Role
+from fourpole.core.sources import Kind, Role, Source
 
+_INPUT_MASSES = (Source(Kind.RIG_VALUE, "input_mass"), Source(Kind.UNSTATED, "input"))
 #: Least relative uncertainty of an amplitude, which is the resolution of single precision.
 FLOOR = 1e-7
 
@@ -44,6 +45,10 @@ class Observed(ByRows):
         True for a rigid block in place of the tyre.
     turns : (N, 3, e) complex array
         Change of the logarithm of each amplitude per unit of each error of the channels.
+    specimen : (N,) int array
+        Number of the specimen of each test.
+    place : (N,) float array [1]
+        Place of each test in the run of its specimen, in lengths of the run; 0 on average.
     """
 
     omega: FloatArray
@@ -53,12 +58,19 @@ class Observed(ByRows):
     mass_at: np.ndarray
     rigid: BoolArray
     turns: ComplexArray
+    specimen: np.ndarray
+    place: FloatArray
 
     @classmethod
     def of(
-        cls, phasors: Phasors, mass_at: np.ndarray, rigid: BoolArray, errors: Sequence[ChannelError] = ()
+        cls,
+        phasors: Phasors,
+        mass_at: np.ndarray,
+        rigid: BoolArray,
+        errors: Sequence[ChannelError] = (),
+        run: tuple[np.ndarray, FloatArray] | None = None,
     ) -> Observed:
-        """The phasors of N tests, with the errors of their channels for the same tests."""
+        """The phasors of N tests, with the errors of their channels, and `run`: specimen and place of each test."""
         amplitudes = phasors.amplitudes
         present = np.isfinite(amplitudes) & (amplitudes != 0)
         amplitudes = np.where(present, amplitudes, 0.0)
@@ -66,11 +78,26 @@ class Observed(ByRows):
         turns = np.zeros((len(amplitudes), 3, len(errors)), dtype=complex)
         for at, error in enumerate(errors):
             turns[:, error.channel, at] = error.turn
-        return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid, turns)
+        specimen, place = run or (np.zeros(len(amplitudes), dtype=int), np.zeros(len(amplitudes)))
+        return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid, turns, specimen, place)
 
     def gains(self, shared: Shared, z: FloatArray) -> ComplexArray:
         """Complex gains of F1, V1, V2 in each test, measured over true: exp(a + j phi), (N, 3)."""
         return np.asarray(np.exp(self.turns @ shared.channels_at(z, self.turns.shape[-1])))
+
+    def drifted(self, shared: Shared, z: FloatArray) -> ComplexArray:
+        """K* of each test over that of the middle of the run of its specimen (N,) [1]."""
+        drift = shared.drift_at(z, int(self.specimen.max(initial=0)) + 1)
+        return np.asarray(np.exp(drift[self.specimen] * self.place))
+
+    def by_drift(self, shared: Shared) -> FloatArray:
+        """Derivatives of Re and Im of log `drifted` by the shared values (N, 2, p), per stated uncertainty."""
+        change = np.zeros((self.place.size, len(shared)), dtype=complex)
+        for at, parameter in enumerate(shared.parameters):
+            if parameter.source.kind in DRIFTS:
+                own = self.specimen == parameter.index
+                change[:, at] = np.where(own, DRIFTS[parameter.source.kind] * self.place * parameter.std, 0.0)
+        return parts(change, axis=1)
 
 
 def whitening(covariance: FloatArray, amplitudes: ComplexArray, present: BoolArray) -> FloatArray:
@@ -110,6 +137,9 @@ class Linear(ByValue):
         F1, V1, V2 as the channels would record them, by the model.
     frame : (N, 6, 2) float array
         Orthonormal basis of the changes by the drive.
+    weigh : (N, 6, 6) float array, optional
+        M with M (1 + s² B B^T) M^T = 1 for the derivatives B by log K* and its scatter s; None without scatter. It is
+        applied to residual and derivatives already.
     """
 
     residual: FloatArray
@@ -122,11 +152,24 @@ class Linear(ByValue):
     impedance_by_shared: ComplexArray
     predicted: ComplexArray
     frame: FloatArray
+    weigh: FloatArray | None = None
+
+    def scattered(self, scatter: float) -> Linear:
+        """The same tests, of a specimen whose log K* scatters by `scatter`, in Re and in Im."""
+        if scatter == 0:
+            return self
+        by_k = self.by_stiffness
+        covariance = np.eye(6) + scatter**2 * by_k @ np.swapaxes(by_k, 1, 2)
+        weigh = np.linalg.inv(np.linalg.cholesky(covariance))
+        names = ("by_stiffness", "by_impedance", "by_shared")
+        weighed = {name: weigh @ getattr(self, name) for name in names}
+        return replace(self, residual=(weigh @ self.residual[..., None])[..., 0], weigh=weigh, **weighed)
 
 
 def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: ComplexArray) -> Linear:
-    """The model and its derivatives at shared values z and K* of each test [N/m]."""
+    """The model and its derivatives at shared values z, and at K* of each test [N/m] in the middle of its run."""
     jw = 1j * observed.omega
+    stiffness = stiffness * observed.drifted(shared, z)
     rig, gains = shared.rig_at(z), observed.gains(shared, z)
     added = np.where(observed.mass_at >= 0, np.append(shared.masses_at(z), 0.0)[observed.mass_at], 0.0)
     added = added - np.where(observed.rigid, rig.tyre_mass, 0.0)
@@ -134,12 +177,13 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     extra = shared.extra_at(z)
     if extra:
         shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]), observed.rigid)
-        impedance = impedance + sum(value * shapes[part] for part, value in extra.items())
+        impedance = impedance + sum(value * shapes[part] for part, value in extra.items() if part in shapes)
+    input_mass = rig.input_mass + extra.get("input", 0.0)
     ratio = np.where(observed.rigid, 1.0, stiffness / (stiffness + jw * impedance))
     by_log_k = ratio * (1 - ratio)
     by_zr = np.where(observed.rigid, 0.0, -jw * stiffness / (stiffness + jw * impedance) ** 2)
 
-    unit = np.stack([impedance * ratio + jw * rig.input_mass, np.ones_like(ratio), ratio], axis=-1) * gains
+    unit = np.stack([impedance * ratio + jw * input_mass, np.ones_like(ratio), ratio], axis=-1) * gains
     frame, triangle = _orthonormal(_both(observed.whiten, unit))
     measured = whitened(observed.whiten, observed.amplitudes[..., None])[..., 0]
     share = np.einsum("nij,ni->nj", frame, measured)
@@ -153,11 +197,12 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     zr_by_shared = _impedance_by_shared(observed, shared, rig, rig.impedance_gradient(observed.omega, added))
     by_shared = _by_shared(observed, shared, zr_by_shared, zr, predicted, jw * scaled[:, 0])
     fit_out = projected(frame)
+    by_stiffness = fit_out(_both(observed.whiten, log_k))
     return Linear(
         residual=fit_out(measured[..., None])[..., 0],
-        by_stiffness=fit_out(_both(observed.whiten, log_k)),
+        by_stiffness=by_stiffness,
         by_impedance=fit_out(_both(observed.whiten, zr)),
-        by_shared=fit_out(whitened(observed.whiten, by_shared)),
+        by_shared=fit_out(whitened(observed.whiten, by_shared)) + by_stiffness @ observed.by_drift(shared),
         drive=drive,
         impedance=impedance,
         ratio=ratio,
@@ -168,7 +213,7 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
 
 
 def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray, rigid: BoolArray) -> dict[str, ComplexArray]:
-    """Derivative of Zr by each of `core.sources.PARTS`, (N,) each.
+    """Derivative of Zr by each of `core.sources.PARTS` that is a part of Zr, (N,) each.
 
     Parameters
     ----------
@@ -200,7 +245,7 @@ def _impedance_by_shared(observed: Observed, shared: Shared, rig: Rig, gradient:
             change[:, at] = gradient[:, parameter.index]
             if of == "tyre_mass":
                 change[observed.rigid, at] = 0.0
-        elif role is Role.UNSTATED:
+        elif role is Role.UNSTATED and of in shapes:
             change[:, at] = shapes[of]
         elif role is Role.MASS:
             change[:, at] = np.where(observed.mass_at == parameter.index, gradient[:, -1], 0.0)
@@ -220,7 +265,7 @@ def _by_shared(
     for at, parameter in enumerate(shared.parameters):
         if parameter.source.role is Role.CHANNEL:
             change[:, :, at] = observed.turns[:, :, parameter.index] * parameter.std * predicted
-        elif parameter.source.of == "input_mass":
+        elif parameter.source in _INPUT_MASSES:
             change[:, 0, at] = parameter.std * by_input_mass
     return change
 

@@ -13,6 +13,7 @@ from fourpole.core.curvature import Curvature
 from fourpole.core.identification import Identification
 from fourpole.core.joint.joint import Joint
 from fourpole.core.joint.reconcile import largest_part
+from fourpole.core.joint.scatter import OwnTests, own_tests
 from fourpole.core.phasor import Phasors
 from fourpole.core.routes import arm_slopes, maxwell_arm, why_no_arm
 from fourpole.core.sources import Kind, Role, Source
@@ -39,7 +40,9 @@ class Outputs(ByValue):
     curvature : Curvature
         Second-order terms of K2 and C.
     own : (N, 2, 2) float array
-        Covariance of log K* of each test's condition for known shared values.
+        Covariance of log K* of each test for known shared values.
+    condition : (N, 2, 2) float array
+        Covariance of log K* of each test's condition for known shared values; `own` if K* does not scatter.
     frequency : (N, 2, 2) float array
         The part of `own` from the uncertainty of the frequency.
     covariance : (p, p) float array
@@ -54,6 +57,7 @@ class Outputs(ByValue):
     by_k1: FloatArray
     curvature: Curvature
     own: FloatArray
+    condition: FloatArray
     frequency: FloatArray
     covariance: FloatArray
     tr_of_rig: FloatArray
@@ -77,7 +81,7 @@ class Outputs(ByValue):
 
 
 def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
-    """Outputs of a joint solution for each test at its own frequency.
+    """Outputs of a joint solution for each test at its own frequency, in its own place in the run.
 
     Parameters
     ----------
@@ -91,16 +95,18 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
     omega = np.asarray(phasors.omega)
     k1 = np.broadcast_to(np.asarray(k1, dtype=float), omega.shape)
     rigid = joint.condition < 0
+    own = own_tests(problem, solution).part(back)
+    moved = problem.conditions.carried(solution.stiffness) * problem.observed.drifted(problem.shared, solution.z)
     stiffness = np.where(
         rigid,
         complex(np.nan, np.nan),
-        _per_test(joint, solution.stiffness, np.nan) * problem.conditions.carried(solution.stiffness)[back],
+        _per_test(joint, solution.stiffness, np.nan) * moved[back] * np.exp(own.shift @ [1, 1j]),
     )
     slope = _per_test(joint, solution.slope, 0.0) - problem.conditions.lead(solution.slope)[back]
+    slope = own.keep @ slope - own.by_shared - problem.observed.by_drift(problem.shared)[back]
     linear = [part for _, _, part in problem.linearised(solution.z, solution.stiffness)]
-    impedance, ratio, impedance_by = (
-        np.concatenate([getattr(part, name) for part in linear])[back]
-        for name in ("impedance", "ratio", "impedance_by_shared")
+    impedance, impedance_by = (
+        np.concatenate([getattr(part, name) for part in linear])[back] for name in ("impedance", "impedance_by_shared")
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         by_log_k = stiffness[:, None] * np.array([1.0, 1j])
@@ -112,7 +118,8 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
         by_arm = arm_slopes(stiffness, k1, (k2, c), omega, by)
         curvature = Curvature.of(stiffness, k1, omega)
         bending = curvature.by(by)
-        tr = np.where(rigid, np.nan, np.abs(ratio))
+        ratio = stiffness / (stiffness + 1j * omega * impedance)
+        tr = np.abs(ratio)
         by_tr = tr[:, None] * np.stack([(1 - ratio).real, -(1 - ratio).imag], axis=1)
         tr_by_zr = -1j * omega / (stiffness + 1j * omega * impedance)
         direct = tr[:, None] * (tr_by_zr[:, None] * impedance_by).real
@@ -122,17 +129,37 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
     by_shared[:, 5] += direct
     by_k1 = np.zeros((omega.size, 7))
     by_k1[:, 3:5], by_k1[:, 6] = by_arm[:, :, 2], bending[:, 2]
+    condition = _per_test(joint, solution.own, np.nan)
     return Outputs(
         value=np.stack([stiffness.real, stiffness.imag, loss, k2, c, tr], axis=1),
         by_own=by_own,
         by_shared=by_shared,
         by_k1=by_k1,
         curvature=curvature,
-        own=_per_test(joint, solution.own, np.nan),
-        frequency=_per_test(joint, _frequency_part(joint), np.nan),
+        own=own.covariance + _both_sides(own.keep, condition),
+        condition=condition,
+        frequency=_own_frequency(joint, own) + _both_sides(own.keep, _per_test(joint, _frequency_part(joint), np.nan)),
         covariance=solution.covariance,
         tr_of_rig=tr * np.abs(tr_by_zr) * (joint.misfit.rig_error * largest_part(problem, solution))[back],
     )
+
+
+def _both_sides(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
+    """A S A^T of matrices A (N, k, k) and covariances S (N, k, k)."""
+    return np.asarray(matrix @ covariance @ np.swapaxes(matrix, 1, 2))
+
+
+def _own_frequency(joint: Joint, own: OwnTests) -> FloatArray:
+    """Covariance (N, 2, 2) of log K* of each test from the uncertainty of its frequency, by its own part alone."""
+    relative = _relative_frequency(joint)[np.argsort(joint.order)]
+    moved = own.by_frequency * relative[:, None]
+    return np.asarray(moved[:, :, None] * moved[:, None, :])
+
+
+def _relative_frequency(joint: Joint) -> FloatArray:
+    """Relative standard uncertainty (N,) of the frequency of each test, in the order of the problem."""
+    observed = joint.problem.observed
+    return np.hypot(2 * np.pi * observed.frequency_std / observed.omega, joint.misfit.unsteady)
 
 
 def _per_test(joint: Joint, values: np.ndarray, missing: float) -> np.ndarray:
@@ -147,8 +174,7 @@ def _per_test(joint: Joint, values: np.ndarray, missing: float) -> np.ndarray:
 def _frequency_part(joint: Joint) -> FloatArray:
     """Covariance (c, 2, 2) of log K* of each condition from the uncertainty of its tests' frequencies."""
     problem, solution = joint.problem, joint.solution
-    conditions, observed = problem.conditions, problem.observed
-    relative = np.hypot(2 * np.pi * observed.frequency_std / observed.omega, joint.misfit.unsteady)
+    conditions, relative = problem.conditions, _relative_frequency(joint)
     if not np.any(relative > 0):
         return np.zeros((conditions.count, 2, 2))
     change = problem.by_log_frequency(solution.z, solution.stiffness) * relative[:, None]
@@ -225,6 +251,7 @@ def identification(
         route="joint",
         stiffness_shared=found.by_shared[:, :2] @ _root(found.covariance),
         condition=joint.condition,
+        condition_covariance=_both_sides(found.by_own[:, :2], found.condition),
         joint=joint,
     )
 

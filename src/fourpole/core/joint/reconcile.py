@@ -1,37 +1,39 @@
-"""Reconcile the statement with the tests: outliers, contradicted values, missing parts, scatter and noise."""
+"""Reconcile the statement with the tests: scatter, drift, outliers, causes of a misfit, noise."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
-from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.core.joint.misfit import Candidate, Residuals, candidates, is_unlikely, pulls, residuals
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.confidence import CHANCE
+from fourpole.core.joint.misfit import STATED, Candidate, Residuals, candidates, is_unlikely, residuals
 from fourpole.core.joint.model import cholesky_qr, part_shapes, projected
-from fourpole.core.joint.shared import SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, solve, spread
-from fourpole.core.sources import PARTS, Kind
+from fourpole.core.joint.scatter import deviations, robust_scatter, scatter_of, squares
+from fourpole.core.joint.shared import DRIFTS, SharedParameter
+from fourpole.core.joint.solve import Problem, Solution, solve, with_columns, without_stiffness
+from fourpole.core.sources import PARTS, Kind, Role, Source
 
-#: A stated value contradicts the tests if it departs from its estimate by more than this many standard uncertainties.
+#: A stated value is a cause of the misfit if it departs from its estimate by this many standard uncertainties.
 _CONFLICT = 3.0
-#: A statement is set aside beyond this many standard uncertainties; below, it still counts for the estimates.
-_IMPOSSIBLE = 5.0
 #: A test is an outlier if its squared residual is this many times the usual one.
 _OUTLIER = 50.0
 #: Largest share of outliers among all tests, and among tests with the same mass; with more, the statement is wrong.
 _FEW, _FEW_OF_A_MASS = 0.1, 0.35
-#: A stated value contradicts the tests only if it explains at least this share of what the best unstated part does.
-_SHARE_OF_BEST = 0.8
-#: Stated values whose departures are at least this share of the largest departure contradict the tests together.
-_SHARE_OF_WORST = 0.9
+#: Least share of a cause's variance that is allowed for, where its hold just begins to end.
+_LEAST_LOSS = 1e-4
+#: Causes that explain the misfit within this chi-square of the best one are named with it: 2 standard uncertainties.
+_TIE = 4.0
 #: A part is a cause of the misfit if it explains at least this share of it.
 _SHARE_OF_CAUSE = 0.3
 #: An error of Zr below this share of its largest part counts as noise, because no rig is built that accurately.
 _NEGLIGIBLE = 1e-4
-#: An unstated part is significant if its size is this many standard uncertainties, even without a misfit.
+#: What nobody stated is a cause if its size is this many standard uncertainties, even without a misfit.
 _SIGNIFICANT = 5.0
 #: The statement of the rig counts as wrong if all noise is more than this many times that of the recordings.
 _NOISE_IN_DOUBT = 2.0
@@ -39,7 +41,12 @@ _NOISE_IN_DOUBT = 2.0
 _MOSTLY = 0.7
 #: Degrees of freedom of the prior for the noise of one test about the noise of all tests.
 _PRIOR_DOF = 4.0
+#: Scatter that changes by less than this share is not solved for again.
+_SETTLED = 0.05
+#: Prior standard deviation of a drift of log K* over the run.
+_DRIFT = 0.3
 _MOST_ROUNDS = 12
+_SCATTER_ROUNDS = 4
 
 
 @dataclass(frozen=True)
@@ -59,15 +66,19 @@ class Misfit:
     inflation : float [1]
         Factor of all noise over the noise that each recording gives; 1 if the recordings' noise explains the residuals.
     scatter : float [1]
-        Relative scatter of K* between tests of one condition in addition to the noise; 0 for none.
+        Relative scatter of K* between tests of one condition in addition to the noise; 0 if the noise explains it.
     unsteady : float [1]
         Relative error of the frequency of each test, from a drive without a steady speed; 0 for none.
     conflicts : tuple of int
-        Indices of the shared values that the tests contradict. If chance is excluded, their statement was set aside.
-    parts : tuple of str
-        Unstated parts, of `core.sources.PARTS`, that were added to the rig; their sizes are among the shared values.
+        Indices of the shared values that the tests contradict; their statement lost its hold.
+    added : tuple of Source
+        Unstated parts of the rig and errors of channels that were added; their sizes are among the shared values.
+    drifts : tuple of Source
+        Drifts of the specimens that were added to the shared values.
     candidates : tuple of Candidate
-        Unstated parts that would explain a misfit, the best first; empty if there is no misfit.
+        Causes that would explain a misfit, the best first; empty if there is no misfit.
+    tied : int
+        Number of the first candidates that explain the misfit equally well.
     """
 
     chi2: float = 0.0
@@ -78,29 +89,30 @@ class Misfit:
     scatter: float = 0.0
     unsteady: float = 0.0
     conflicts: tuple[int, ...] = ()
-    parts: tuple[str, ...] = ()
+    added: tuple[Source, ...] = ()
+    drifts: tuple[Source, ...] = ()
     candidates: tuple[Candidate, ...] = ()
+    tied: int = 0
 
 
 @dataclass(eq=False)
 class _State:
     """The problem, its solution and the misfit after some rounds.
 
-    `doubtful` are conflicts that chance may explain; `negligible` is false if enlarged noise hides an error of Zr.
+    `negligible` is false if enlarged noise hides an error of Zr.
     """
 
     problem: Problem
     solution: Solution
     outlier: FloatArray
     misfit: Misfit = field(default_factory=Misfit)
-    doubtful: list[int] = field(default_factory=list)
     negligible: bool = True
     finished: bool = True
 
     @property
     def fits(self) -> bool:
         """Whether rig and channels as stated agree with the tests."""
-        as_stated = not (self.misfit.conflicts or self.misfit.parts or self.misfit.rig_error)
+        as_stated = not (self.misfit.conflicts or self.misfit.added or self.misfit.rig_error)
         return self.finished and as_stated and (self.negligible or self.misfit.inflation <= _NOISE_IN_DOUBT)
 
     def solve(self, problem: Problem, **misfit: Any) -> None:
@@ -110,8 +122,19 @@ class _State:
         self.solution = solve(problem, self.solution.stiffness, self.solution.z)
 
 
-def reconcile(problem: Problem, solution: Solution) -> tuple[Problem, Solution, FloatArray, Misfit]:
-    """Repeat remedies until chance explains the residuals: outliers, contradictions, missing parts, scatter, noise.
+def reconcile(
+    problem: Problem, solution: Solution, gross: Sequence[Candidate] = ()
+) -> tuple[Problem, Solution, FloatArray, Misfit]:
+    """Repeat remedies until chance explains the residuals: scatter, outliers, drift, causes, noise.
+
+    The specimen comes first, because K* of repeats that scatters looks like an error of any channel.
+
+    Parameters
+    ----------
+    problem, solution : Problem, Solution
+        The tests, and their solution with the statement unchanged.
+    gross : sequence of Candidate
+        Gross errors of the statement. If there are any, no smaller cause is looked for.
 
     Returns
     -------
@@ -122,36 +145,116 @@ def reconcile(problem: Problem, solution: Solution) -> tuple[Problem, Solution, 
     misfit : Misfit
     """
     state = _State(problem, solution, np.ones(problem.observed.omega.size))
-    diagnosed = False
-    for _ in range(_MOST_ROUNDS):
+    for count in range(_MOST_ROUNDS):
+        _fit_specimens(state)
         left = residuals(state.problem, state.solution)
-        strange = _outliers(state, left)
-        if strange.any():
-            factor = np.where(strange, np.maximum(left.whole / 2, 1.0), 1.0)
-            state.outlier = state.outlier * factor
-            state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
-            continue
-        if not diagnosed:
-            state.misfit, diagnosed = _unchanged(state.solution, left), True
+        if not count:
+            state.misfit = replace(state.misfit, **_unchanged(state.solution, left))
+        if gross:
+            state.misfit = replace(state.misfit, rig_error=1.0, candidates=tuple(gross), tied=len(gross))
+            break
         if not _remedied(state, left):
             break
     else:
         state.finished = False
-    # Doubtful values keep their estimates; their uncertainties are those without the doubtful statement.
-    for at in state.doubtful:
-        _set_aside(state, at, _IMPOSSIBLE)
-    if state.doubtful:
-        state.solution = spread(state.problem, state.solution)
-    if not diagnosed:
-        state.misfit = _unchanged(state.solution, residuals(state.problem, state.solution))
     return state.problem, state.solution, state.outlier, replace(state.misfit, fits=state.fits)
+
+
+def _fit_specimens(state: _State) -> None:
+    """Find the outliers, the scatter and the drift of K* that the tests ask for."""
+    _set_scatter(state, robust=True)
+    for _ in range(_MOST_ROUNDS):
+        left = residuals(state.problem, state.solution)
+        strange = _outliers(state, left)
+        if not strange.any():
+            break
+        factor = np.where(strange, np.maximum(left.whole / 2, 1.0), 1.0)
+        state.outlier = state.outlier * factor
+        state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
+    _set_scatter(state)
+    if not state.misfit.drifts and _add_drifts(state):
+        _set_scatter(state)
+
+
+def _set_scatter(state: _State, *, robust: bool = False) -> None:
+    """Solve with the scatter of K* that its repeats show, until both agree."""
+    for _ in range(_SCATTER_ROUNDS):
+        found = deviations(state.problem, state.solution.z, state.solution.stiffness)
+        used = state.outlier == 1
+        if robust:
+            scatter = robust_scatter(state.problem, found)
+        else:
+            scatter = scatter_of(state.problem, found, used, len(state.misfit.drifts))
+            sizes = state.problem.conditions.sum(used.astype(float))
+            dof = 2.0 * float(np.sum(np.maximum(sizes - 1, 0.0)))
+            seen = is_unlikely(float(np.sum(squares(state.problem.conditions, found, 0.0)[used])), dof)
+            state.misfit = replace(state.misfit, scatter=scatter if seen else 0.0)
+        if abs(scatter - state.problem.scatter) <= _SETTLED * max(scatter, state.problem.scatter):
+            return
+        state.solve(replace(state.problem, scatter=scatter))
+
+
+def _add_drifts(state: _State) -> bool:
+    """Add the drifts of the specimens that were repeated, if chance cannot explain them; False if it can."""
+    problem, observed = state.problem, state.problem.observed
+    repeated = _repeated(problem)
+    if not repeated.size or not np.ptp(observed.place):
+        return False
+    wider = replace(problem, shared=_with_drifts(problem, repeated, _DRIFT))
+    fall, lost = _fall(wider, state.solution), 2.0 * repeated.size
+    dof = 2.0 * float((problem.conditions.sizes - 1).sum()) - lost
+    tyre = float(residuals(problem, state.solution).tyre.sum())
+    if dof <= 0 or stats.f.sf(fall / lost / max((tyre - fall) / dof, 1.0), lost, dof) > CHANCE:
+        return False
+    z = np.append(state.solution.z, np.zeros(len(wider.shared) - state.solution.z.size))
+    state.solution = replace(state.solution, z=z)
+    state.solve(wider)
+    found = wider.shared.drift_at(state.solution.z, int(observed.specimen.max()) + 1)[repeated]
+    others = np.setdiff1d(np.unique(observed.specimen[problem.conditions.first :]), repeated)
+    if others.size:  # they drifted as much, as far as anybody knows
+        size = float(np.sqrt(np.mean(np.abs(found) ** 2)))
+        state.solution = replace(state.solution, z=np.append(state.solution.z, np.zeros(2 * others.size)))
+        state.solve(replace(state.problem, shared=_with_drifts(state.problem, others, size)))
+    listed = tuple(one.source for one in state.problem.shared.parameters if one.source.kind in DRIFTS)
+    state.misfit = replace(state.misfit, drifts=listed)
+    return True
+
+
+def _repeated(problem: Problem) -> np.ndarray:
+    """Numbers of the specimens with a repeated condition."""
+    conditions = problem.conditions
+    many = conditions.sizes[conditions.label[conditions.first :]] > 1
+    return np.unique(problem.observed.specimen[conditions.first :][many])
+
+
+def _with_drifts(problem: Problem, specimens: np.ndarray, std: float) -> Any:
+    """The shared values with drifts of some specimens."""
+    names = problem.names
+    added = [
+        SharedParameter(Source(kind, names[at]), unit, at, 0.0, std)
+        for at in specimens.tolist()
+        for kind, unit in ((Kind.DRIFT, "1"), (Kind.ANGLE_DRIFT, "rad"))
+    ]
+    return replace(problem.shared, parameters=(*problem.shared.parameters, *added))
+
+
+def _fall(wider: Problem, solution: Solution) -> float:
+    """Fall of the objective when the last shared values of a problem, 0 so far, are free."""
+    p, z = len(wider.shared), np.append(solution.z, np.zeros(len(wider.shared) - solution.z.size))
+    triangle = np.hstack([np.eye(p), -z[:, None]])
+    for rows, group, linear in wider.linearised(z, solution.stiffness):
+        columns = np.concatenate([linear.by_shared, linear.residual[:, :, None]], axis=2)
+        if group.stop > group.start:
+            starts = wider.conditions.starts[group] - rows.start
+            columns = without_stiffness(linear.by_stiffness, columns, starts)[2]
+        triangle = with_columns(triangle, columns)
+    return float(np.sum(triangle[solution.z.size : p, -1] ** 2))
 
 
 @dataclass(frozen=True, eq=False)
 class _Diagnosis:
     """Misfit of a solution that chance cannot explain, and its possible causes.
 
-    `departures` has the departure of each shared value from its statement, in standard uncertainties of that departure;
     `size` is the largest part of Zr of each test; `effect` is the change of Zr, over `size`, by the best candidate.
     """
 
@@ -160,66 +263,43 @@ class _Diagnosis:
     rig_dof: float
     tyre_chi2: float
     tyre_dof: float
-    departures: FloatArray
     named: list[Candidate]
     size: FloatArray
     effect: float
 
     @property
-    def bad(self) -> bool:
-        """Whether chance cannot explain the residuals of rig or tyre."""
-        return self.rig_bad or self.tyre_bad
-
-    @property
     def rig_bad(self) -> bool:
+        """Whether chance cannot explain the residuals of the rig."""
         return is_unlikely(self.rig_chi2, self.rig_dof)
 
     @property
-    def tyre_bad(self) -> bool:
-        return is_unlikely(self.tyre_chi2, self.tyre_dof)
-
-    @property
     def excess(self) -> float:
-        return self.rig_chi2 - self.rig_dof + self.tyre_chi2 - self.tyre_dof
-
-    @property
-    def pull(self) -> float:
-        """Largest departure of a shared value from its statement, in standard uncertainties."""
-        return float(self.departures.max(initial=0.0))
-
-    @property
-    def explained(self) -> float:
-        """Fall of chi-square by the best unstated part."""
-        return self.named[0].explains if self.named else 0.0
+        """Chi-square of the rig that chance does not explain."""
+        return self.rig_chi2 - self.rig_dof
 
     @property
     def rest(self) -> float:
-        """Chi-square per degree of freedom without the statement of largest departure; at least 1."""
-        if not self.bad:
-            return 1.0
+        """Chi-square per degree of freedom without the best candidate; at least 1."""
         dof = max(self.rig_dof + self.tyre_dof - 1, 1.0)
-        return max((self.rig_chi2 + self.tyre_chi2 - self.pull**2) / dof, 1.0)
+        explained = self.named[0].explains if self.named else 0.0
+        return max((self.rig_chi2 + self.tyre_chi2 - explained) / dof, 1.0)
 
-    @property
-    def contradicted(self) -> bool:
-        """Whether a shared value departs too far from its statement, and no unstated part explains much more."""
-        best = max(self.explained, self.pull**2)
-        return self.pull > _CONFLICT * np.sqrt(self.rest) and self.pull**2 >= _SHARE_OF_BEST * best
-
-    @property
-    def scattered(self) -> bool:
-        """Whether K* differs between tests of one condition, and no gain or part of the rig explains it."""
-        best = max(self.explained, self.pull**2)
-        more_tyre = self.tyre_chi2 - self.tyre_dof > self.rig_chi2 - self.rig_dof
-        return self.tyre_bad and best < 0.5 * self.excess and more_tyre
-
-    @property
-    def part_missing(self) -> bool:
-        """Whether one unstated part of the rig explains much of the misfit, or is significant by itself."""
-        if not self.named or not self.named[0].of_rig or self.effect < _NEGLIGIBLE:
+    def is_cause(self, one: Candidate) -> bool:
+        """Whether a candidate by itself explains too much for chance."""
+        if one.source.role in STATED and one.explains > _CONFLICT**2 * self.rest:
+            return True
+        if one.of_rig and one is self.named[0] and self.effect < _NEGLIGIBLE:
             return False
-        significant = self.explained > _SIGNIFICANT**2 * self.rest
-        return significant or (self.rig_bad and self.explained > _SHARE_OF_CAUSE * (self.rig_chi2 - self.rig_dof))
+        significant = one.explains > _SIGNIFICANT**2 * self.rest
+        return significant or (self.rig_bad and one.explains > max(_SHARE_OF_CAUSE * self.excess, _CONFLICT**2))
+
+    @cached_property
+    def causes(self) -> list[Candidate]:
+        """The best cause, and those that explain the misfit as well; empty if no candidate is a cause."""
+        if not any(self.is_cause(one) for one in self.named[:1]):
+            return []
+        least = self.named[0].explains - _TIE * self.rest
+        return [one for one in self.named if one.explains >= least]
 
     @cached_property
     def level(self) -> float:
@@ -235,12 +315,15 @@ def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
     rig_chi2, tyre_chi2 = float(left.rig.sum() + solution.z @ solution.z), float(left.tyre.sum())
     # No part explains more than the whole chi-square. The exact phasors of a plan leave none, and need no candidates.
     named = candidates(problem, solution) if rig_chi2 + tyre_chi2 > 1 else []
+    known = {*state.misfit.added, *(problem.shared.parameters[at].source for at in state.misfit.conflicts)}
+    named = [one for one in named if one.source not in known]
     size = largest_part(problem, solution)
-    effect = 0.0
+    effect = np.inf
     if named and named[0].of_rig:
         speed = np.abs(problem.observed.amplitudes[:, 2])
         rig = problem.shared.rig_at(solution.z)
-        shape = part_shapes(problem.observed.omega, rig, speed, problem.observed.rigid)[named[0].source.of]
+        shapes = part_shapes(problem.observed.omega, rig, speed, problem.observed.rigid)
+        shape = shapes.get(named[0].source.of, 1j * problem.observed.omega)
         effect = float(np.max(np.abs(named[0].size * shape) / size))
     return _Diagnosis(
         left=left,
@@ -248,7 +331,6 @@ def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
         rig_dof=float(left.rig_dof.sum()),
         tyre_chi2=tyre_chi2,
         tyre_dof=2.0 * float((problem.conditions.sizes - 1).sum()),
-        departures=_departures(state),
         named=named,
         size=size,
         effect=effect,
@@ -258,60 +340,94 @@ def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
 def _remedied(state: _State, left: Residuals) -> bool:
     """Apply one remedy to the worst misfit that chance cannot explain; False if there is none."""
     found, misfit = _diagnosed(state, left), state.misfit
-    if misfit.rig_error == 0 and found.contradicted:
-        _note_contradictions(state, found)
-    elif found.scattered:
-        _add_scatter(state, found)
-    elif found.part_missing and found.named[0].source.of not in misfit.parts:
-        _name(state, found.named)
-        _add_part(state, found.named[0])
-    elif found.rig_bad and misfit.parts and found.level > _NEGLIGIBLE and misfit.rig_error < 1:
-        _add_rig_error(state, found)
+    if misfit.rig_error == 0 and found.causes:
+        _apply(state, found)
     elif found.rig_bad and misfit.unsteady == 0 and (drive := _unsteady_drive(state, left, found)) is not None:
         state.solve(state.problem.widened(drive[1]), unsteady=drive[0])
-    elif found.bad:
+    elif found.rig_bad and misfit.rig_error == 0 and _is_of_rig(state, found):
+        _add_rig_error(state, found)
+    elif found.rig_bad:
         _enlarge_noise(state, found)
     else:
         return False
     return True
 
 
-def _note_contradictions(state: _State, found: _Diagnosis) -> None:
-    """Note the statements that contradict the tests, and set them aside if chance is excluded."""
-    _name(state, found.named)
-    worst = np.flatnonzero(found.departures >= _SHARE_OF_WORST * found.pull).tolist()
-    conflicts = (*state.misfit.conflicts, *worst)
-    if found.pull > _IMPOSSIBLE:
-        for at in worst:
-            _set_aside(state, at, found.pull)
-        state.solve(state.problem, conflicts=conflicts)
-    else:
-        state.misfit = replace(state.misfit, conflicts=conflicts)
-        state.doubtful += worst
+def _is_of_rig(state: _State, found: _Diagnosis) -> bool:
+    """Whether the misfit that is left is an error of the rig, not noise."""
+    if found.level <= _NEGLIGIBLE:
+        return False
+    noise = state.misfit.inflation * np.sqrt(found.rig_chi2 / found.rig_dof)
+    return bool(state.misfit.conflicts or state.misfit.added or noise > _NOISE_IN_DOUBT)
 
 
-def _add_scatter(state: _State, found: _Diagnosis) -> None:
-    """Add a random error of K* to each test, of the size that chance then explains."""
-    problem, solution, left = state.problem, state.solution, found.left
-    scatter = _level(left.tyre_part, left.tyre_weight, found.tyre_dof, np.ones(left.tyre.size))
-    columns = problem.columns("by_stiffness", solution.z, solution.stiffness) * scatter
-    state.solve(problem.widened(columns), scatter=float(np.hypot(state.misfit.scatter, scatter)))
+def _apply(state: _State, found: _Diagnosis) -> None:
+    """Take the hold from the statements that may be the cause of the misfit, and add what nobody stated."""
+    if not state.misfit.candidates:
+        state.misfit = replace(state.misfit, candidates=tuple(found.named), tied=len(found.causes))
+    shared, z = state.problem.shared, state.solution.z.copy()
+    listed, conflicts, added = list(shared.parameters), list(state.misfit.conflicts), list(state.misfit.added)
+    at = {parameter.source: i for i, parameter in enumerate(listed)}
+    for cause in found.causes:
+        here = at.get(cause.source)
+        # A statement loses its hold smoothly, from 3 standard uncertainties on.
+        loss = np.sqrt(max(1.0 - _CONFLICT**2 * found.rest / cause.explains, _LEAST_LOSS))
+        if here is not None:
+            wider = float(np.hypot(listed[here].std, loss * cause.size))
+            z[here] *= listed[here].std / wider
+            listed[here] = replace(listed[here], std=wider)
+            conflicts.append(here)
+        elif _TWINS.get(cause.source.of) not in at:
+            listed.append(_parameter(cause, loss, len(added), state.problem))
+            z = np.append(z, 0.0)
+            added.append(cause.source)
+    state.solution = replace(state.solution, z=z)
+    wide = replace(state.problem, shared=replace(shared, parameters=tuple(listed)))
+    state.solve(wide, conflicts=tuple(conflicts), added=tuple(added))
+
+
+#: The value of the rig that acts as an unstated part does.
+_TWINS = {
+    "mass": Source(Kind.RIG_VALUE, "moving_mass"),
+    "spring": Source(Kind.RIG_VALUE, "preload_stiffness"),
+    "loss": Source(Kind.RIG_VALUE, "preload_loss_factor"),
+    "input": Source(Kind.RIG_VALUE, "input_mass"),
+}
+
+
+def _parameter(cause: Candidate, loss: float, number: int, problem: Problem) -> SharedParameter:
+    """A cause that nobody stated, as a shared value: it is 0 as stated, and its uncertainty is of the estimated size."""
+    std = float(loss * abs(cause.size))
+    if cause.source.role is Role.UNSTATED:
+        return SharedParameter(cause.source, PARTS[cause.source.of], number, 0.0, std)
+    centre = 1.0 if cause.source.kind is Kind.GAIN else 0.0
+    at = problem.errors.index(cause.source)
+    return SharedParameter(cause.source, cause.unit, at, centre, std)
 
 
 def _add_rig_error(state: _State, found: _Diagnosis) -> None:
-    """Add a random error of Zr to each test, of the size that chance then explains."""
-    problem, solution = state.problem, state.solution
-    columns = problem.columns("by_impedance", solution.z, solution.stiffness)
-    widened = problem.widened(columns * (found.level * found.size)[:, None, None])
+    """Add an error of Zr to each test, of the size that chance then explains."""
+    widened = without_rig(state.problem, state.solution.z, state.solution.stiffness, found.level)
+    if not state.misfit.candidates:
+        state.misfit = replace(state.misfit, candidates=tuple(found.named))
     state.solve(widened, rig_error=float(np.hypot(state.misfit.rig_error, found.level)))
 
 
+def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level: float) -> Problem:
+    """The problem with an error of Zr in each test of a size relative to its largest part.
+
+    The error may be common to all tests. Their mean then knows Zr no better than a single test does, so that its
+    variance counts as many times as there are tests. K* rests on the channels then, and hardly on the rig.
+    """
+    columns = replace(problem, scatter=0.0).columns("by_impedance", z, stiffness)
+    size = level * np.sqrt(len(columns)) * _largest(problem, z, stiffness)
+    return problem.widened(columns * size[:, None, None])
+
+
 def _enlarge_noise(state: _State, found: _Diagnosis) -> None:
-    """Enlarge the noise of all tests until chance explains the residuals."""
-    if found.level > _NEGLIGIBLE and found.explained > _SHARE_OF_CAUSE * found.excess:
-        _name(state, found.named)
+    """Enlarge the noise of all tests until chance explains the residuals of the rig."""
     state.negligible = state.negligible and found.level <= _NEGLIGIBLE
-    ratio = (found.rig_chi2 + found.tyre_chi2) / (found.rig_dof + found.tyre_dof)
+    ratio = found.rig_chi2 / found.rig_dof
     whiten = state.problem.observed.whiten / np.sqrt(_each(found.left, ratio))[:, None, None]
     state.solve(state.problem.reweighted(whiten), inflation=state.misfit.inflation * float(np.sqrt(ratio)))
 
@@ -321,7 +437,7 @@ def _unsteady_drive(state: _State, left: Residuals, found: _Diagnosis) -> tuple[
 
     A drive with a wandering speed has no single frequency, and the inertia of the rig is proportional to its square.
     """
-    problem, solution = state.problem, state.solution
+    problem, solution = replace(state.problem, scatter=0.0), state.solution
     by_k, residual = (problem.columns(name, solution.z, solution.stiffness) for name in ("by_stiffness", "residual"))
     basis, _ = cholesky_qr(by_k)
     by_frequency = problem.by_log_frequency(solution.z, solution.stiffness)
@@ -345,15 +461,9 @@ def _each(left: Residuals, ratio: float) -> FloatArray:
     return ratio * (_PRIOR_DOF + left.rig / ratio) / (_PRIOR_DOF + left.rig_dof)
 
 
-def _name(state: _State, named: list[Candidate]) -> None:
-    """Keep the candidates of the first misfit; those of later rounds are judged with enlarged noise."""
-    if not state.misfit.candidates:
-        state.misfit = replace(state.misfit, candidates=tuple(named))
-
-
-def _unchanged(solution: Solution, left: Residuals) -> Misfit:
-    """The misfit of a solution before any remedy."""
-    return Misfit(float(left.rig.sum() + solution.z @ solution.z), float(left.rig_dof.sum()))
+def _unchanged(solution: Solution, left: Residuals) -> dict[str, float]:
+    """Chi-square of the rig and its degrees of freedom before any remedy."""
+    return {"chi2": float(left.rig.sum() + solution.z @ solution.z), "dof": float(left.rig_dof.sum())}
 
 
 def _outliers(state: _State, left: Residuals) -> BoolArray:
@@ -381,40 +491,14 @@ def _outliers(state: _State, left: Residuals) -> BoolArray:
     return chosen
 
 
-def _departures(state: _State) -> FloatArray:
-    """Departure of each shared value from its statement; 0 for known conflicts and for unstated parts."""
-    pull = np.abs(np.nan_to_num(pulls(state.solution)))
-    pull[list(state.misfit.conflicts)] = 0.0
-    pull[[at for at, one in enumerate(state.problem.shared.parameters) if one.source.kind is Kind.UNSTATED]] = 0.0
-    return pull
-
-
-def _set_aside(state: _State, at: int, pull: float) -> None:
-    """Enlarge the uncertainty of a statement until it has hardly any weight, and scale z accordingly."""
-    shared, z = state.problem.shared, state.solution.z.copy()
-    wider = 10.0 * max(pull, 1.0)
-    listed = list(shared.parameters)
-    listed[at] = replace(listed[at], std=listed[at].std * wider)
-    z[at] /= wider
-    state.problem = replace(state.problem, shared=replace(shared, parameters=tuple(listed)))
-    state.solution = replace(state.solution, z=z)
-
-
-def _add_part(state: _State, candidate: Candidate) -> None:
-    """Add an unstated part to the rig: its stated size is 0, with the estimated size as standard uncertainty."""
-    shared = state.problem.shared
-    source, size = candidate.source, abs(candidate.size)
-    parts = state.misfit.parts
-    part = SharedParameter(source, PARTS[source.of], len(parts), 0.0, size)
-    state.solution = replace(state.solution, z=np.append(state.solution.z, 1.0))
-    wider = replace(state.problem, shared=replace(shared, parameters=(*shared.parameters, part)))
-    state.solve(wider, parts=(*parts, source.of))
-
-
 def largest_part(problem: Problem, solution: Solution) -> FloatArray:
     """Modulus of the larger part of Zr, mass or spring (N,) [N s/m]; unlike Zr it does not vanish at resonance."""
-    rig, omega = problem.shared.rig_at(solution.z), problem.observed.omega
-    impedance = problem.columns("impedance", solution.z, solution.stiffness)
+    return _largest(problem, solution.z, solution.stiffness)
+
+
+def _largest(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> FloatArray:
+    rig, omega = problem.shared.rig_at(z), problem.observed.omega
+    impedance = problem.columns("impedance", z, stiffness)
     spring = rig.preload_stiffness / omega
     return np.maximum(np.abs(impedance + 1j * spring), spring)
 

@@ -1,4 +1,4 @@
-"""Shared parameters of all tests of a rig: the rig's values, the channels' gains and phases, the weighed masses."""
+"""Shared parameters of all tests of a rig: the rig's values, gains and phases, weighed masses, drifts of specimens."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.sources import Kind, Role, Source
+
+#: Change of log K* per unit of each kind of drift: of the modulus, and of the angle.
+DRIFTS = {Kind.DRIFT: 1.0, Kind.ANGLE_DRIFT: 1j}
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class SharedParameter:
         SI unit.
     index : int
         Index of the value, by the role of the source: in `core.rig.PARAMETERS`, in the list of errors from
-        `core.channelerrors.ChannelUncertainty.errors`, or in the distinct masses.
+        `core.channelerrors.ChannelUncertainty.errors`, in the distinct masses, or in the specimens.
     stated, std : float
         Stated value and standard uncertainty, in the unit.
     """
@@ -106,6 +109,14 @@ class Shared(ByValue):
     def masses_at(self, z: FloatArray) -> FloatArray:
         """The distinct masses at z [kg]."""
         return self.masses + self._offsets(z, Role.MASS, self.masses.size)
+
+    def drift_at(self, z: FloatArray, count: int) -> ComplexArray:
+        """Drift of log K* of each specimen over the run at z, (count,) [1] + j [rad]."""
+        drift = np.zeros(count, dtype=complex)
+        for value, parameter in zip(z * self.std, self.parameters, strict=True):
+            if parameter.source.kind in DRIFTS:
+                drift[parameter.index] += DRIFTS[parameter.source.kind] * value
+        return drift
 
     def extra_at(self, z: FloatArray) -> dict[str, float]:
         """Sizes of the unstated parts at z, by name, in the units of `core.sources.PARTS`."""

@@ -11,6 +11,7 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.model import Linear, Observed, inverse_upper, linearise, upper_factor
 from fourpole.core.joint.shared import Shared
+from fourpole.core.sources import Source
 
 #: Number of tests in a chunk, which bounds the memory.
 _CHUNK = 4096
@@ -29,11 +30,27 @@ _CORRECTIONS = 4
 
 @dataclass(frozen=True)
 class Problem:
-    """Tests sorted by condition, their conditions, and the values that they share."""
+    """Tests sorted by condition, and what they share.
+
+    Attributes
+    ----------
+    observed : Observed
+    conditions : JointConditions
+    shared : Shared
+    errors : tuple of Source
+        The errors of the channels, in the order of `Observed.turns`.
+    names : tuple of str
+        The specimens, in the order of `Observed.specimen`.
+    scatter : float [1]
+        Standard deviation of Re and Im of log K* of a test about those of its condition, besides the noise.
+    """
 
     observed: Observed
     conditions: JointConditions
     shared: Shared
+    errors: tuple[Source, ...] = ()
+    names: tuple[str, ...] = ("",)
+    scatter: float = 0.0
 
     def reweighted(self, whiten: FloatArray) -> Problem:
         """The same tests with another matrix of weights."""
@@ -62,7 +79,7 @@ class Problem:
         label = self.conditions.label
         for rows, group in self.chunks():
             own = stiffness[label[rows]] * carried[rows] if group.stop else np.ones(rows.stop - rows.start, complex)
-            yield rows, group, linearise(self.observed.part(rows), self.shared, z, own)
+            yield rows, group, linearise(self.observed.part(rows), self.shared, z, own).scattered(self.scatter)
 
     def columns(self, name: str, z: FloatArray, stiffness: ComplexArray) -> np.ndarray:
         """One field of the linearised model for all tests, by its name in `Linear`."""
@@ -211,13 +228,6 @@ def _moved(stiffness: ComplexArray, dlog_k: FloatArray) -> ComplexArray:
     """K* with changes (c, 2) of Re and Im of its logarithm, each limited to a modulus of 1."""
     change = dlog_k[:, 0] + 1j * dlog_k[:, 1]
     return np.asarray(stiffness * np.exp(change / np.maximum(1.0, np.abs(change))))
-
-
-def spread(problem: Problem, solution: Solution) -> Solution:
-    """The solution with its values unchanged, and with the uncertainties that another problem gives at these values."""
-    first = _sweep(problem, solution.z, solution.stiffness)
-    step = _sweep(problem, solution.z, solution.stiffness, first.slope)
-    return replace(solution, covariance=step.covariance, own=step.own, slope=step.slope)
 
 
 def _sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray | None = None) -> _Step:

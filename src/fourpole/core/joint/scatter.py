@@ -1,0 +1,169 @@
+r"""K* of single tests: its scatter about K* of the condition, and the K* of a test by itself.
+
+The log K* of test i is that of its condition plus a random part of standard deviation s, in Re and in Im. With the
+derivatives B by log K* of the whitened residual r, the weight of the test's own data is :math:`W = B^T B`, and its
+random part has the mean :math:`(W + s^{-2})^{-1} B^T r` and the covariance :math:`(W + s^{-2})^{-1}`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray
+from fourpole.core.joint.conditions import JointConditions
+from fourpole.core.joint.model import inverse_upper, upper_factor
+from fourpole.core.joint.solve import Problem, Solution
+
+#: Median of chi-square with 2 degrees of freedom.
+MEDIAN = 1.386
+#: Largest scatter of log K* that is considered.
+_MOST = 1.0
+#: Least number of tests with a repeat for a robust estimate of the scatter.
+_ENOUGH = 6
+_HALVINGS = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Deviations(ByRows):
+    """Departure of log K* of each test by itself from that of its condition.
+
+    Attributes
+    ----------
+    value : (N, 2) float array
+        Its Re and Im; 0 for a rigid block.
+    covariance : (N, 2, 2) float array
+        Its covariance from the noise of the test.
+    """
+
+    value: FloatArray
+    covariance: FloatArray
+
+
+def deviations(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> Deviations:
+    """The departures at shared values z and K* of each condition, for all tests of the problem."""
+    linear = [part for _, _, part in replace(problem, scatter=0.0).linearised(z, stiffness)]
+    by_k, residual = (np.concatenate([getattr(part, name) for part in linear]) for name in ("by_stiffness", "residual"))
+    root = inverse_upper(upper_factor(np.swapaxes(by_k, 1, 2) @ by_k))
+    covariance = root @ np.swapaxes(root, 1, 2)
+    value = np.einsum("nij,njk,nk->ni", covariance, np.swapaxes(by_k, 1, 2), residual)
+    return Deviations(value, covariance)
+
+
+def squares(conditions: JointConditions, found: Deviations, scatter: float) -> FloatArray:
+    """Squared normalised departure of each test from the weighted mean of its condition (N,); 0 for a test alone.
+
+    Its expectation over all tests of a condition is 2 (n - 1) for n tests.
+    """
+    here = slice(conditions.first, None)
+    label = conditions.label[here]
+    value, weight = found.value[here], np.linalg.inv(found.covariance[here] + scatter**2 * np.eye(2))
+    pull = (weight @ value[..., None])[..., 0]
+    starts = conditions.starts - conditions.first
+    total = np.linalg.inv(np.add.reduceat(weight, starts, axis=0))
+    mean = (total @ np.add.reduceat(pull, starts, axis=0)[..., None])[..., 0]
+    off = value - mean[label]
+    whole = np.zeros(conditions.label.size)
+    whole[here] = np.einsum("ni,nij,nj->n", off, weight, off)
+    return whole
+
+
+def scatter_of(problem: Problem, found: Deviations, used: BoolArray, lost: float = 0.0) -> float:
+    """Scatter of log K* with which the squared departures equal their degrees of freedom (Paule and Mandel).
+
+    Parameters
+    ----------
+    problem : Problem
+    found : Deviations
+    used : (N,) bool array
+        The tests that count; the others are taken out of their conditions.
+    lost : float
+        Degrees of freedom that drifts of the specimens took.
+
+    Returns
+    -------
+    float [1]
+        0 if the noise explains the departures.
+    """
+    conditions = problem.conditions
+    if not conditions.count:
+        return 0.0
+    kept = np.where(used[:, None, None], found.covariance, 1e12 * np.eye(2))
+    counted = replace(found, covariance=kept)
+    sizes = conditions.sum(used.astype(float))
+    dof = 2.0 * float(np.sum(np.maximum(sizes - 1, 0))) - lost
+    return _where(lambda scatter: float(np.sum(squares(conditions, counted, scatter)[used])) - dof) if dof > 0 else 0.0
+
+
+def robust_scatter(problem: Problem, found: Deviations) -> float:
+    """Scatter of log K* by the median of the squared departures, which a few bad tests do not change."""
+    conditions = problem.conditions
+    sizes = np.ones(conditions.label.size)
+    sizes[conditions.first :] = conditions.sizes[conditions.label[conditions.first :]]
+    repeated = sizes > 1
+    if np.sum(repeated) < _ENOUGH:
+        return scatter_of(problem, found, np.ones(repeated.size, dtype=bool))
+    free = 1 - 1 / sizes[repeated]
+    return _where(lambda scatter: float(np.median(squares(conditions, found, scatter)[repeated] / free)) - MEDIAN)
+
+
+def _where(excess) -> float:  # type: ignore[no-untyped-def]
+    """The scatter at which a falling function is zero; 0 if it is never positive."""
+    if excess(0.0) <= 0:
+        return 0.0
+    low, high = 0.0, _MOST
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return high
+
+
+@dataclass(frozen=True, eq=False)
+class OwnTests(ByRows):
+    """K* of each test by itself and its condition together.
+
+    Attributes
+    ----------
+    shift : (N, 2) float array
+        Re and Im of log K* of the test less those of its condition.
+    keep : (N, 2, 2) float array
+        Change of log K* of the test per change of that of its condition; 1 without scatter.
+    covariance : (N, 2, 2) float array
+        Covariance of log K* of the test for known shared values and a known K* of the condition; 0 without scatter.
+    by_shared : (N, 2, p) float array
+        Change of `shift` with the shared values for a known K* of the condition.
+    by_frequency : (N, 2) float array
+        Change of `shift` with log frequency.
+    """
+
+    shift: FloatArray
+    keep: FloatArray
+    covariance: FloatArray
+    by_shared: FloatArray
+    by_frequency: FloatArray
+
+
+def own_tests(problem: Problem, solution: Solution) -> OwnTests:
+    """The part of each test in its own K*, in the order of the problem."""
+    count = problem.conditions.label.size
+    if problem.scatter == 0:
+        zero = np.zeros((count, 2, 2))
+        nothing = np.zeros((count, 2, len(problem.shared)))
+        return OwnTests(zero[:, 0], zero + np.eye(2), zero, nothing, zero[:, 0])
+    plain = replace(problem, scatter=0.0)
+    linear = [part for _, _, part in plain.linearised(solution.z, solution.stiffness)]
+    by_k, residual, by_shared = (
+        np.concatenate([getattr(part, name) for part in linear]) for name in ("by_stiffness", "residual", "by_shared")
+    )
+    weight = np.swapaxes(by_k, 1, 2) @ by_k
+    covariance = np.linalg.inv(weight + np.eye(2) / problem.scatter**2)
+    drawn = covariance @ np.swapaxes(by_k, 1, 2)
+    by_frequency = plain.by_log_frequency(solution.z, solution.stiffness)
+    return OwnTests(
+        shift=(drawn @ residual[..., None])[..., 0],
+        keep=np.eye(2) - covariance @ weight,
+        covariance=covariance,
+        by_shared=-drawn @ by_shared,
+        by_frequency=(drawn @ by_frequency[..., None])[..., 0],
+    )
