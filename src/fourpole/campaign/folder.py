@@ -11,6 +11,7 @@ import difflib
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, time
 from pathlib import Path
 
 from fourpole import units
@@ -40,7 +41,9 @@ _QUANTITIES: dict[str, tuple[str, str]] = {
 }
 #: Columns of texts, and all columns with a defined meaning.
 _TEXTS = ("test", "file", "kind", "tyre", "rig")
-_NAMES = (*_TEXTS, *_QUANTITIES, "window")
+_NAMES = (*_TEXTS, *_QUANTITIES, "window", "time")
+#: Roles of the columns that pass through to the results unchanged.
+_PASSED = ("extra", "time")
 #: Columns that tests.csv must have.
 _REQUIRED = ("test", "file", "kind", "tyre")
 _KINDS = ("static", "dynamic", "calibration")
@@ -131,7 +134,7 @@ def read_campaign(folder: str | Path) -> Campaign:
     _check_names(tests)
     _check_channels(stated, tests)
     _check_files(folder, stated, tests)
-    extra = tuple(column.label for column in columns if column.role == "extra" and column.label)
+    extra = tuple(column.label for column in columns if column.role in _PASSED and column.label)
     for axis in stated.conditions.axes:
         if axis.name not in extra:
             raise CampaignError(
@@ -195,7 +198,7 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 @dataclass(frozen=True)
 class _Column:
-    """A column of tests.csv; its `role` is "text", "quantity", "window", or "extra" for a column of the user's own."""
+    """A column of tests.csv; its `role`: "text", "quantity", "window", "time", "extra" (of the user's own)."""
 
     label: str
     name: str
@@ -207,7 +210,7 @@ class _Column:
 def _columns(header: list[str]) -> list[_Column]:
     """The columns that the first row names; CampaignError if one is missing or named twice."""
     columns = [_column(label) for label in header]
-    names = [column.name for column in columns if column.role != "extra"]
+    names = [column.name for column in columns if column.role not in _PASSED]
     for name in names:
         if names.count(name) > 1:
             raise CampaignError(f"tests.csv row 1: column '{name}' stands twice: keep one of them")
@@ -216,7 +219,7 @@ def _columns(header: list[str]) -> list[_Column]:
             near = difflib.get_close_matches(name, header, n=1)
             hint = f"; did you mean {units.shown(near[0])}?" if near else ""
             raise CampaignError(f"tests.csv row 1: column '{name}' is missing{hint}")
-    labels = [column.label for column in columns if column.role == "extra" and column.label]
+    labels = [column.label for column in columns if column.role in _PASSED and column.label]
     if len(set(labels)) < len(labels):
         raise CampaignError("tests.csv row 1: two further columns have the same name: rename one of them")
     return columns
@@ -247,6 +250,8 @@ def _column(label: str) -> _Column:
         return _Column(label, name, "text")
     if name == "specimen":
         return _Column(label, "tyre", "text")
+    if name == "time":
+        return _Column(label, name, "time", unit or "s")
     if name not in _QUANTITIES and name != "window":
         return _Column(label, label, "extra")
     kind = "time" if name == "window" else _QUANTITIES[name][0]
@@ -307,6 +312,10 @@ def _fill(test: Test, cell: str, column: _Column, measured: set[str]) -> None:
     """Put the cell of a quantity or of a further column into a test; `measured` are the numeric axes of conditions."""
     if column.role == "quantity" and cell:
         test.values[column.name] = _number(cell, column)
+    elif column.role == "time":
+        test.extra[column.label] = cell
+        if (moment := _moment(cell, column.unit)) is not None:
+            test.values["time"] = moment
     elif column.role == "extra":
         test.extra[column.label] = cell
         if cell and column.label in measured:
@@ -329,6 +338,23 @@ def _plain_number(cell: str) -> float:
         return units.quantity(cell, "ratio", default_unit="1")
     except UnitError:
         raise ValueError(f"{units.shown(cell)} is no number, which [conditions] axes needs in this column") from None
+
+
+def _moment(cell: str, unit: str) -> float | None:
+    """Seconds of a date and time, of a time of day, or of a number with a unit; None for another text."""
+    try:
+        return datetime.fromisoformat(cell).replace(tzinfo=UTC).timestamp()
+    except ValueError:
+        pass
+    try:
+        clock = time.fromisoformat(cell)
+        return 3600.0 * clock.hour + 60.0 * clock.minute + clock.second
+    except ValueError:
+        pass
+    try:
+        return units.quantity(cell, "time", default_unit=unit)
+    except UnitError:
+        return None
 
 
 def _window(cell: str, unit: str) -> tuple[float, float]:

@@ -279,6 +279,13 @@ class Code(Enum):
         ),
         "look for a wrong load, mass, range or a loose sensor, and repeat it",
     )
+    RIG = (
+        "rig",
+        "chi-square of the rig as stated over its degrees of freedom",
+        "the rig as stated does not fit its tests",
+        "the rig and channels as stated do not fit their tests{causes}: ",
+        "find the cause, state it, and analyse again",
+    )
     CONVERGENCE = (
         "convergence",
         "whether the joint route converged",

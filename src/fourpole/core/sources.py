@@ -41,6 +41,7 @@ class Kind(Enum):
     DELAY = ("delay ", (*SYMBOLS.values(),), Role.CHANNEL)
     RESPONSE_GAIN = ("response gain ", (*SYMBOLS.values(),), Role.CHANNEL)
     RESPONSE_PHASE = ("response phase ", (*SYMBOLS.values(),), Role.CHANNEL)
+    GAIN_DRIFT = ("gain drift ", (*SYMBOLS.values(),), Role.CHANNEL)
     RIG_VALUE = ("", (*PARAMETERS,), Role.RIG)
     UNSTATED = ("unstated ", (*PARTS,), Role.UNSTATED)
     ADDED_MASS = ("added mass", (), Role.MASS)

@@ -54,12 +54,16 @@ def dynamic_cells(
 
 
 def _joint_checks(found: Identified) -> list[Check]:
-    """Checks whether a test is an outlier, and whether the joint route converged."""
-    joint = found.group.joint
-    if joint is None:
+    """Checks whether a test is an outlier, whether the rig fits, and whether the joint route converged."""
+    joint, estimate = found.group.joint, found.group.estimate
+    if joint is None or estimate is None:
         return []
     factor = float(joint.outlier[found.at])
     rows = [reported(Code.AGREEMENT, "warning", factor, 1.0, times=np.sqrt(factor))] if factor > 1 else []
+    if not estimate.fits:
+        causes = ", or ".join(one.text for one in estimate.causes or estimate.candidates[:1])
+        said = f" (best explained by {causes})" if causes else ""
+        rows.append(reported(Code.RIG, "warning", estimate.chi2_per_dof or np.nan, 1.0, causes=said))
     return rows if joint.converged else [*rows, reported(Code.CONVERGENCE, "warning")]
 
 

@@ -69,7 +69,11 @@ class Setup(ByValue):
     specimen : tuple of N str
         Name of the specimen.
     time : (N,) float array
-        Time of the test [s], or its place in tests.csv.
+        Time of the test [s]; its place in tests.csv if not all times are known.
+    static_time : (N,) float array
+        Time of the static tests that gave K1; not-a-number if it is unknown.
+    by_time : bool
+        Whether the times are known.
     """
 
     rig_name: str
@@ -83,10 +87,12 @@ class Setup(ByValue):
     nominal: FloatArray
     specimen: tuple[str, ...]
     time: FloatArray
+    static_time: FloatArray
+    by_time: bool
 
     def part(self, rows: BoolArray) -> Setup:
         """The inputs for some of the tests."""
-        names = ("k1", "k1_std", "added", "added_std", "family", "nominal", "time")
+        names = ("k1", "k1_std", "added", "added_std", "family", "nominal", "time", "static_time")
         specimen = tuple(name for name, kept in zip(self.specimen, rows, strict=True) if kept)
         taken = {name: getattr(self, name)[rows] for name in names}
         return replace(self, channels=self.channels.part(rows), specimen=specimen, **taken)
@@ -266,6 +272,8 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
     stated = campaign.stated.all_rigs.get(rig_name)
     added = np.array([test.value("added_mass") or 0.0 for test in tests])
     added_std = [test.value("u(added_mass)") for test in tests]
+    time = np.array([test.values.get("time", np.nan) for test in tests])
+    by_time = bool(np.all(np.isfinite(time)))
     return Setup(
         rig_name=rig_name,
         rig=stated.rig() if stated is not None else None,
@@ -277,7 +285,9 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         family=_families(campaign, tests),
         nominal=np.array([test.value("frequency") or np.nan for test in tests]),
         specimen=tuple(test.tyre for test in tests),
-        time=np.arange(len(tests), dtype=float),
+        time=time if by_time else np.arange(len(tests), dtype=float),
+        static_time=np.array([k1.time if by_time else np.nan for k1 in stiffness]),
+        by_time=by_time,
     )
 
 
@@ -300,9 +310,11 @@ def _identified(
     keys: tuple[Key, ...], setup: Setup, phasors: Phasors, route: str, parts: Sequence[Mapping[Source, float]]
 ) -> Group:
     if route == "joint":
-        joint, found, result = _joint(setup, phasors)
-        estimate = rig_estimate(setup.rig_name, keys, joint)
-        estimate = replace(estimate, mass_gain=_mass_gain(joint, setup, phasors, found, result))
+        joint = _solved(setup, phasors)
+        setup, parts = _with_drift(setup, joint, parts)
+        found, result = _results(setup, phasors, joint)
+        estimate = rig_estimate(setup.rig_name, keys, joint, found)
+        estimate = replace(estimate, by_time=setup.by_time, mass_gain=_mass_gain(joint, setup, phasors, found, result))
         variance = _k1_apart(joint_variance_by_source(joint, found, setup.k1_std), parts)
         return Group(keys, setup, phasors, route, result, variance, joint=joint, estimate=estimate)
     arguments: dict[str, Any] = {
@@ -317,10 +329,10 @@ def _identified(
     return Group(keys, setup, phasors, route, result, _k1_apart(variance, parts))
 
 
-def _joint(setup: Setup, phasors: Phasors) -> tuple[Joint, Outputs, Identification]:
-    """The joint solution of some tests, and what it gives for each of them."""
+def _solved(setup: Setup, phasors: Phasors) -> Joint:
+    """The joint solution of some tests."""
     assert setup.rig is not None
-    joint = solve_joint(
+    return solve_joint(
         phasors,
         setup.rig,
         setup.k1,
@@ -332,8 +344,37 @@ def _joint(setup: Setup, phasors: Phasors) -> tuple[Joint, Outputs, Identificati
         specimen=setup.specimen,
         time=setup.time,
     )
+
+
+def _results(setup: Setup, phasors: Phasors, joint: Joint) -> tuple[Outputs, Identification]:
+    """What a joint solution gives for each of its tests."""
     found = outputs(joint, phasors, setup.k1)
-    return joint, found, identification(joint, phasors, setup.k1, setup.k1_std, found)
+    return found, identification(joint, phasors, setup.k1, setup.k1_std, found)
+
+
+def _with_drift(
+    setup: Setup, joint: Joint, parts: Sequence[Mapping[Source, float]]
+) -> tuple[Setup, Sequence[Mapping[Source, float]]]:
+    """Add the drift of the specimens between a test and its static test to the uncertainty of K1.
+
+    Without times the static test was made at any time of the run. K1 need not drift as K* does, so it is not corrected.
+    """
+    drift = {
+        one.source.of: float(np.hypot(joint.found[at], joint.found_std[at]))
+        for at, one in enumerate(joint.stated.parameters)
+        if one.source.kind is Kind.DRIFT
+    }
+    length = float(np.ptp(setup.time))
+    if not drift or not length:
+        return setup, parts
+    place = joint.problem.observed.place[np.argsort(joint.order)]
+    apart = np.where(
+        np.isfinite(setup.static_time), (setup.time - setup.static_time) / length, np.sqrt(place**2 + 1 / 12)
+    )
+    moved = np.array([drift.get(name, 0.0) for name in setup.specimen]) * np.abs(apart) * np.nan_to_num(setup.k1)
+    source = Source(Kind.K1_DRIFT)
+    wider = [{**part, source: float(one)} if part else part for part, one in zip(parts, moved, strict=True)]
+    return replace(setup, k1_std=np.hypot(setup.k1_std, moved)), wider
 
 
 def _mass_gain(
@@ -344,7 +385,8 @@ def _mass_gain(
     if bare.all() or not bare.any():
         return {}
     fewer, fewer_phasors = setup.part(bare), phasors.part(bare)
-    alone, alone_found, alone_result = _joint(fewer, fewer_phasors)
+    alone = _solved(fewer, fewer_phasors)
+    alone_found, alone_result = _results(fewer, fewer_phasors, alone)
     exact = identification(alone, fewer_phasors, fewer.k1, 0.0, alone_found)
     without = relative_uncertainties(alone_result, exact, np.ones(fewer.k1.size, dtype=bool))
     exact = identification(joint, phasors, setup.k1, 0.0, found)

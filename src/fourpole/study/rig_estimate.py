@@ -42,7 +42,7 @@ _CELLS = {
 #: Fields that study.json has under their own names, before notes and candidates.
 _RECORDED = (
     "tests", "conditions", "shared", "chi2", "dof", "fits", "rig_error", "inflation", "scatter", "unsteady",
-    "converged", "reason", "steps",
+    "converged", "reason", "steps", "tied", "rests", "by_time",
 )  # fmt: skip
 
 
@@ -74,9 +74,11 @@ class NoteCode(StrEnum):
     NOISE = "noise"
     UNSTEADY = "unsteady drive"
     SCATTER = "scatter"
+    DRIFT = "drift"
     OUTLIERS = "outliers"
     UNSHARED_MASSES = "masses without a common condition"
     ONE_TEST = "one test"
+    RESTS = "rests on"
 
 
 @dataclass(frozen=True)
@@ -174,7 +176,13 @@ class RigEstimate:
     unsteady : float [1]
         Relative error added to the frequency of each test, because the drive is unsteady.
     candidates : tuple of Candidate
-        Unstated parts that would lower a misfit, the best first.
+        Causes that would lower a misfit, the best first.
+    tied : int
+        Number of the first candidates that explain the misfit equally well.
+    rests : str
+        What the scale of K* rests on, and what no test of the rig can show; one sentence.
+    by_time : bool
+        Whether the times of the tests are known, along which a specimen may drift; else it is the order of tests.csv.
     outliers : tuple of Outlier
         In the order of residuals.csv.
     massed : bool
@@ -201,6 +209,9 @@ class RigEstimate:
     scatter: float = 0.0
     unsteady: float = 0.0
     candidates: tuple[Candidate, ...] = ()
+    tied: int = 0
+    rests: str = ""
+    by_time: bool = False
     outliers: tuple[Outlier, ...] = ()
     massed: bool = False
     unshared_masses: bool = False
@@ -217,6 +228,16 @@ class RigEstimate:
         return tuple(value for value in self.values if value.finding is RigFinding.CONTRADICTED)
 
     @property
+    def causes(self) -> tuple[Candidate, ...]:
+        """The candidates that explain the misfit best, and equally well."""
+        return self.candidates[: self.tied]
+
+    @property
+    def drifts(self) -> tuple[SharedValue, ...]:
+        """The drifts of the specimens that the tests show."""
+        return tuple(value for value in self.values if value.source.kind is Kind.DRIFT and value.finding)
+
+    @property
     def notes(self) -> tuple[NoteCode, ...]:
         """Codes of the notes for the user, the gravest first; the numbers of a note are fields of this class."""
         true = {
@@ -225,9 +246,11 @@ class RigEstimate:
             NoteCode.NOISE: self.fits and self.inflation > _WORTH_SAYING,
             NoteCode.UNSTEADY: self.unsteady > 0,
             NoteCode.SCATTER: self.scatter > 0,
+            NoteCode.DRIFT: bool(self.drifts),
             NoteCode.OUTLIERS: bool(self.outliers),
             NoteCode.UNSHARED_MASSES: self.unshared_masses,
             NoteCode.ONE_TEST: self.tests == 1,
+            NoteCode.RESTS: bool(self.rests),
         }
         return tuple(code for code, holds in true.items() if holds)
 
@@ -239,6 +262,11 @@ class RigEstimate:
             misfit=self._misfit() if code is NoteCode.MISFIT else "",
             strange=f"{len(self.outliers)} tests do" if many else "1 test does",
             counts="count" if many else "counts",
+            drifts="; ".join(
+                f"K* of {value.source.of} drifts by {100 * (value.found or 0.0):+.2g} % over the run"
+                for value in self.drifts
+            ),
+            order="by the column time" if self.by_time else "in the order of tests.csv",
         )
 
     def _misfit(self) -> str:
@@ -250,8 +278,15 @@ class RigEstimate:
             if value.source.role is not Role.RATIO
         ]
         chi2 = f"chi-square is {self.chi2 or 0.0:.3g} for {self.dof or 0.0:.0f} degrees of freedom"
-        best = f"; best explained by {self.candidates[0].text}" if self.candidates else ""
-        return f"({'; '.join(against) or chi2}){best}"
+        named = [one.text for one in self.causes or self.candidates[:1]]
+        best = f"; best explained by {', or '.join(named)}" if named else ""
+        return f"({'; '.join(against) or chi2}){best}; {self._remedy()}"
+
+    def _remedy(self) -> str:
+        """The consequence of a misfit for the uncertainties."""
+        if self.rig_error > 0:
+            return "K* rests on the channels as stated and not on the rig, with their uncertainty"
+        return "the uncertainties hold " + ("these causes" if len(self.causes) > 1 else "this")
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -275,8 +310,8 @@ class RigEstimate:
 _NOTES = {
     NoteCode.NOT_CONVERGED: "the joint route did not converge: {found.reason}; use --route relative",
     NoteCode.MISFIT: (
-        "rig and channels as stated do not fit their tests {misfit}; "
-        "uncertainties are enlarged and no value is called calibrated"
+        "rig and channels as stated do not fit their tests {misfit}; no row counts as ok, and no value is called "
+        "calibrated"
     ),
     NoteCode.NOISE: (
         "noise counts as {found.inflation:.2g} times what each recording by itself says: the tests differ by more, "
@@ -287,9 +322,11 @@ _NOTES = {
         "the uncertainties hold that"
     ),
     NoteCode.SCATTER: (
-        "K* of repeated tests of one condition scatters by {found.scatter:.2g} of its value beyond the noise: look at "
-        "temperature, conditioning and amplitude; the uncertainties hold this scatter"
+        "K* repeats to {found.scatter:.2%} from test to test, besides the noise; each row has K* of its own test: look "
+        "at temperature, conditioning and amplitude if this scatter is too large"
     ),
+    NoteCode.DRIFT: "{drifts}, {order}; each row has K* of its own place in the run",
+    NoteCode.RESTS: "{found.rests}",
     NoteCode.OUTLIERS: "{strange} not go with the others and hardly {counts}",
     NoteCode.UNSHARED_MASSES: (
         "no condition was tested with two masses, so the added mass does not calibrate the sensors: tyre, pressure "
@@ -364,6 +401,9 @@ def _read(name: str, rig: pl.DataFrame, residuals: pl.DataFrame, recorded: objec
         candidates=tuple(_candidates(record.get("candidates"))),
         outliers=_outliers(residuals),
         massed=any((number(mass) or 0.0) > 0 for mass in masses) or any(one.source.role is Role.MASS for one in values),
+        tied=int(number(record.get("tied")) or 0),
+        rests=str(record.get("rests") or ""),
+        by_time=record.get("by_time") is True,
         unshared_masses=NoteCode.UNSHARED_MASSES in _list(record.get("note_codes")),
         mass_gain=mass_gain(_mapping(gain.get("without")), _mapping(gain.get("with"))),
     )

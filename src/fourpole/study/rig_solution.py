@@ -13,6 +13,7 @@ from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.identification import Identification
 from fourpole.core.joint import Joint
 from fourpole.core.joint.misfit import pulls
+from fourpole.core.joint.outputs import Outputs
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import RATIOS, Kind, Role, Source
 from fourpole.fitting.rows import Key
@@ -30,10 +31,12 @@ _FAR = 2.0
 _ORDER = (Role.RIG, Role.UNSTATED, Role.CHANNEL, Role.MASS, Role.SPECIMEN)
 #: Candidates that are kept.
 _CANDIDATES = 6
+#: Least lever on K' that is told, and the number of levers.
+_LEVER, _MOST_LEVERS = 0.1, 3
 
 
-def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint) -> RigEstimate:
-    """The rig as found, from a joint solution of the tests with these keys."""
+def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, found: Outputs) -> RigEstimate:
+    """The rig as found, from a joint solution of the tests with these keys and its outputs."""
     misfit, solution = joint.misfit, joint.solution
     factors = zip(keys, joint.outlier.tolist(), strict=True)
     return RigEstimate(
@@ -54,8 +57,10 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint) -> RigEstimate:
         unsteady=misfit.unsteady,
         candidates=tuple(
             replace(candidate, explains=min(candidate.explains, misfit.chi2))
-            for candidate in misfit.candidates[:_CANDIDATES]
+            for candidate in misfit.candidates[: max(_CANDIDATES, misfit.tied)]
         ),
+        tied=misfit.tied,
+        rests=_rests(joint, found),
         outliers=tuple(Outlier(test, factor, point) for (test, point), factor in factors if factor > 1),
         massed=bool(np.any(_added(joint) > 0)),
         unshared_masses=_unshared_masses(joint),
@@ -165,6 +170,56 @@ def _combined(joint: Joint, source: Source, unit: str, centre: float, weights: F
         detection_limit=None if limit is None else float(limit),
         finding=_finding(joint, ratio, conflict=any(weights[i] for i in joint.misfit.conflicts)),
     )
+
+
+def _rests(joint: Joint, found: Outputs) -> str:
+    """What the scale of K* rests on, with its lever, and what no test of the rig can show."""
+    lever = _levers(joint, found)
+    order = sorted(lever, key=lambda source: -abs(lever[source]))
+    parts = [
+        f"{_in_words(source)} (by {lever[source]:+.2g} % per 1 % of it)"
+        for source in order[:_MOST_LEVERS]
+        if abs(lever[source]) > _LEVER
+    ]
+    said = [f"the scale of K' rests on {', '.join(parts)}"] if parts else []
+    unseen = []
+    for at, parameter in enumerate(joint.stated.parameters):
+        kept = joint.solution.covariance[at, at] > NOT_DETERMINED**2
+        if parameter.source.role is Role.CHANNEL and parameter.source.kind in _SAYS and kept:
+            unseen.append(f"{_in_words(parameter.source)} ({_SAYS[parameter.source.kind](parameter.std)} as stated)")
+        elif parameter.source.role is Role.MASS and np.isfinite(limit := _detection_limit(joint, at)):
+            unseen.append(f"{_in_words(parameter.source)} below {limit:.2g} kg")
+    if unseen:
+        massed = bool(np.any(_added(joint) > 0))
+        remedy = "" if massed else "; a weighed mass, added to the moving mass, would show it"
+        said.append(f"no test of this rig shows an error of {', of '.join(unseen)}{remedy}")
+    return "; ".join(said)
+
+
+_SAYS = {
+    Kind.GAIN: lambda std: f"{100 * std:.2g} %",
+    Kind.PHASE: lambda std: f"{np.degrees(std):.2g} degrees",
+}
+
+
+def _in_words(source: Source) -> str:
+    if source.role is Role.MASS:
+        return f"the {source.text}"
+    if source.role is Role.CHANNEL:
+        return f"the {source.kind.text.strip()} of {source.of}"
+    return f"the {source.of.replace('_', ' ')}"
+
+
+def _levers(joint: Joint, found: Outputs) -> dict[Source, float]:
+    """Relative change of K' per relative change of each stated gain, mass and spring, as the median of all tests."""
+    moved = (found.by_shared[:, 0] @ found.covariance) / found.value[:, :1]
+    tyres = np.isfinite(found.value[:, 0])
+    levers = {}
+    for at, parameter in enumerate(joint.problem.shared.parameters):
+        bulk = parameter.source.of in ("moving_mass", "preload_stiffness")
+        if tyres.any() and (parameter.is_gain or bulk or parameter.source.role is Role.MASS):
+            levers[parameter.source] = float(np.median(moved[tyres, at])) * parameter.stated / parameter.std
+    return levers
 
 
 def _added(joint: Joint) -> FloatArray:

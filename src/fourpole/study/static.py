@@ -56,7 +56,8 @@ class StaticRow:
 class StaticStiffness:
     """K1 for a dynamic test with the parts of its uncertainty, or the `reason` why there is none, with its `remedy`.
 
-    `doubt` is a remark that does not change the verdict; `warnings` are checks that make the verdict a warning.
+    `doubt` is a remark that does not change the verdict; `warnings` are checks that make the verdict a warning. `time`
+    is the mean time of the static tests [s]; not-a-number if one of them is unknown.
     """
 
     value: float = float("nan")
@@ -66,6 +67,7 @@ class StaticStiffness:
     doubt: str = ""
     warnings: tuple[Check, ...] = ()
     parts: Mapping[Source, float] = field(default_factory=dict)
+    time: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -289,7 +291,8 @@ def _mean(good: Sequence[StaticRow], choice: _Choice) -> StaticStiffness:
     found = {row.test.name: [one.remark for one in row.checks if one.code is Code.CURVE] for row in good}
     doubts = [f"K1 from {name}: {'; '.join(remarks)}" for name, remarks in found.items() if remarks]
     said = "; ".join([*([choice.remark] if choice.remark else []), *doubts])
-    return StaticStiffness(float(values.mean()), std, doubt=said, warnings=tuple(warnings), parts=parts)
+    time = float(np.mean([row.test.values.get("time", np.nan) for row in good]))
+    return StaticStiffness(float(values.mean()), std, doubt=said, warnings=tuple(warnings), parts=parts, time=time)
 
 
 def _no_static_test(test: Test, statics: Sequence[StaticRow], rule: Sameness) -> tuple[str, str]:

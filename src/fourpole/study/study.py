@@ -327,8 +327,12 @@ def _stiffness(test: Test, rows: Sequence[StaticRow], rule: Sameness) -> StaticS
 
 def _assumed(tests: Sequence[Test]) -> list[str]:
     """Assumptions where tests.csv states no uncertainty."""
-    unsure = [test.name for test in tests if test.value("K1") is not None and test.value("u(K1)") is None]
-    return ["tests.csv: K1 is stated without u(K1), taken as 2 %"] if unsure else []
+    stated = (("K1", "2 %"), ("added_mass", "0.2 % of it"))
+    return [
+        f"tests.csv: {name} is stated without u({name}), taken as {taken}"
+        for name, taken in stated
+        if any(test.value(name) and test.value(f"u({name})") is None for test in tests)
+    ]
 
 
 def _hashes(

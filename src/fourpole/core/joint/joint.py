@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.channelerrors import ChannelError, ChannelUncertainty
 from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.gross import gross_errors
 from fourpole.core.joint.misfit import Residuals, residuals
@@ -19,8 +19,9 @@ from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Problem, Solution, solve
 from fourpole.core.joint.start import closed_form_start
-from fourpole.core.phasor import Phasors
+from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.core.rig import Rig
+from fourpole.core.sources import Kind, Source
 from fourpole.errors import RigError
 
 
@@ -97,13 +98,17 @@ def solve_joint(
     label = group_conditions(family, phasors.frequency, nominal)
     order = np.lexsort((np.arange(count), label))
     masses, mass_at, masses_std = _distinct(added, added_std)
-    errors = channels.part(order).errors(phasors.omega[order], possible=True)
-    stated = Shared.stated(rig, errors, masses, masses_std)
-    sorted_phasors = phasors.part(order)
-    grouped = label[order], family[order], sorted_phasors.frequency
     names, number = np.unique(np.array(specimen or [""] * count), return_inverse=True)
     when = np.arange(count, dtype=float) if time is None else np.asarray(time, dtype=float)
     run = number[order], _places(number, when)[order]
+    errors = channels.part(order).errors(phasors.omega[order], possible=True)
+    errors += [
+        ChannelError(Source(Kind.GAIN_DRIFT, symbol), "1", at, 0.0, run[1] + 0j)
+        for at, symbol in enumerate(SYMBOLS.values())
+    ]
+    stated = Shared.stated(rig, errors, masses, masses_std)
+    sorted_phasors = phasors.part(order)
+    grouped = label[order], family[order], sorted_phasors.frequency
     problem = Problem(
         Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors, run),
         JointConditions(*grouped, k1[order]),

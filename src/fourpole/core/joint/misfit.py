@@ -21,7 +21,6 @@ from fourpole.core.joint.model import (
 )
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, with_columns, without_stiffness
-from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.rig import Rig
 from fourpole.core.sources import PARTS, Kind, Role, Source
 
@@ -30,7 +29,7 @@ STATED = (Role.RIG, Role.CHANNEL, Role.MASS)
 #: A stated value of which the tests know less than this share of its variance is no candidate.
 _INFORMED = 1e-3
 #: Largest error of a channel that can be a cause: gain [1], phase [rad], delay [s].
-_LARGEST = {Kind.GAIN: 0.25, Kind.PHASE: 0.25, Kind.DELAY: 3e-3}
+_LARGEST = {Kind.GAIN: 0.25, Kind.PHASE: 0.25, Kind.DELAY: 3e-3, Kind.GAIN_DRIFT: 0.25}
 #: Largest error of a mass or a spring that can be a cause, over its stated value.
 _LARGEST_SHARE = 0.5
 _BULK = ("moving_mass", "preload_stiffness", "frame_stiffness")
@@ -200,15 +199,15 @@ def _released(problem: Problem, solution: Solution) -> list[Candidate]:
 
 
 def _unstated(problem: Problem, solution: Solution) -> list[Candidate]:
-    """The parts and errors of `_EXTRAS` that are not among the shared values."""
-    p, rig = len(problem.shared), problem.shared.rig
+    """The parts of a rig and the errors of the channels that are not among the shared values."""
+    p, rig, extras = len(problem.shared), problem.shared.rig, _extras(problem)
     shared = {parameter.source for parameter in problem.shared.parameters}
-    _, _, slope = _with_extras(problem, solution, np.zeros((problem.conditions.count, 2, p + len(_EXTRAS))))
+    _, _, slope = _with_extras(problem, solution, np.zeros((problem.conditions.count, 2, p + len(extras))))
     triangle, size, _ = _with_extras(problem, solution, slope)
     block, target = triangle[p:-1, p:-1], triangle[p:-1, -1]
     weight, pull = np.sum(block**2, axis=0), block.T @ target
     found = []
-    for at, source in enumerate(_EXTRAS):
+    for at, source in enumerate(extras):
         if not weight[at] > _IDENTIFIABLE * size[at] or source in shared:
             continue
         estimate = float(pull[at] / weight[at])
@@ -228,8 +227,9 @@ def _with_extras(problem: Problem, solution: Solution, slope: FloatArray) -> tup
     """
     shared = problem.shared
     p, rig = len(shared), shared.rig_at(solution.z)
-    triangle = np.hstack([np.eye(p), np.zeros((p, len(_EXTRAS))), -solution.z[:, None]])
-    size, slopes = np.zeros(len(_EXTRAS)), [np.zeros((0, 2, slope.shape[2]))]
+    count = len(_extras(problem))
+    triangle = np.hstack([np.eye(p), np.zeros((p, count)), -solution.z[:, None]])
+    size, slopes = np.zeros(count), [np.zeros((0, 2, slope.shape[2]))]
     lead = problem.conditions.lead(slope)
     for rows, group, linear in problem.linearised(solution.z, solution.stiffness):
         extra = _extra_columns(problem.observed.part(rows), linear, rig)
@@ -245,28 +245,23 @@ def _with_extras(problem: Problem, solution: Solution, slope: FloatArray) -> tup
 
 
 def _extra_columns(observed: Observed, linear: Linear, rig: Rig) -> FloatArray:
-    """Derivatives (N, 6, extras) by each part of `_EXTRAS`, with the drive projected out."""
+    """Derivatives (N, 6, extras) by each part and error of `_extras`, with the drive projected out."""
     omega = observed.omega
     shapes = part_shapes(omega, rig, np.abs(linear.drive * linear.ratio), observed.rigid)
     changes = np.stack([shapes[part] for part in shapes], axis=-1)
     columns = (
         linear.by_impedance[:, :, :1] * changes.real[:, None] + linear.by_impedance[:, :, 1:] * changes.imag[:, None]
     )
-    sensor = np.zeros((omega.size, 3, 10), dtype=complex)
-    sensor[:, 0, 0] = 1j * omega * linear.drive  # an input mass
-    for at in range(3):
-        one = linear.predicted[:, at]
-        sensor[:, at, 1 + at], sensor[:, at, 4 + at], sensor[:, at, 7 + at] = one, 1j * one, -1j * omega * one
+    input_mass = np.zeros((omega.size, 3, 1), dtype=complex)
+    input_mass[:, 0, 0] = 1j * omega * linear.drive
+    sensor = np.concatenate([input_mass, observed.turns * linear.predicted[:, :, None]], axis=2)
     errors = projected(linear.frame)(whitened(observed.whiten, sensor))
     return np.concatenate([columns, errors if linear.weigh is None else linear.weigh @ errors], axis=2)
 
 
-_SYMBOLS = tuple(SYMBOLS[role] for role in CHANNELS)
-#: The parts and errors that are tried as explanations, in the order of `_extra_columns`.
-_EXTRAS = (
-    *(Source(Kind.UNSTATED, part) for part in PARTS),
-    *(Source(kind, symbol) for kind in (Kind.GAIN, Kind.PHASE, Kind.DELAY) for symbol in _SYMBOLS),
-)
+def _extras(problem: Problem) -> tuple[Source, ...]:
+    """The parts and errors that are tried as explanations, in the order of `_extra_columns`."""
+    return (*(Source(Kind.UNSTATED, part) for part in PARTS), *problem.errors)
 
 
 def _whole(source: Source, rig: Rig) -> float:
@@ -300,6 +295,8 @@ def _described(parameter: SharedParameter, size: float) -> tuple[str, float, str
         unit, text = "rad", f"a phase of {of} off by {np.degrees(size):+.2g} degrees at all frequencies"
     elif kind is Kind.DELAY:
         unit, text = "s", f"{of} {abs(size) * 1e3:.3g} ms {'late' if size > 0 else 'early'}"
+    elif kind is Kind.GAIN_DRIFT:
+        unit, text = "1", f"a gain of {of} that drifts by {100 * size:+.2g} % over the run"
     elif source.role is Role.CHANNEL:
         unit, text = "1", f"a {source.text} off by {abs(size):.2g} times its uncertainty"
     else:

@@ -396,7 +396,7 @@ _TWINS = {
 
 
 def _parameter(cause: Candidate, loss: float, number: int, problem: Problem) -> SharedParameter:
-    """A cause that nobody stated, as a shared value: it is 0 as stated, and its uncertainty is of the estimated size."""
+    """A cause that nobody stated, as a shared value: 0 as stated, with an uncertainty of the estimated size."""
     std = float(loss * abs(cause.size))
     if cause.source.role is Role.UNSTATED:
         return SharedParameter(cause.source, PARTS[cause.source.of], number, 0.0, std)
@@ -461,7 +461,7 @@ def _each(left: Residuals, ratio: float) -> FloatArray:
     return ratio * (_PRIOR_DOF + left.rig / ratio) / (_PRIOR_DOF + left.rig_dof)
 
 
-def _unchanged(solution: Solution, left: Residuals) -> dict[str, float]:
+def _unchanged(solution: Solution, left: Residuals) -> dict[str, Any]:
     """Chi-square of the rig and its degrees of freedom before any remedy."""
     return {"chi2": float(left.rig.sum() + solution.z @ solution.z), "dof": float(left.rig_dof.sum())}
 
