@@ -286,6 +286,13 @@ class Code(Enum):
         "the rig and channels as stated do not fit their tests{causes}: ",
         "find the cause, state it, and analyse again",
     )
+    SCATTER = (
+        "scatter",
+        "the relative scatter of K* between tests of one condition",
+        "K* repeats badly",
+        "K* of tests of one condition scatters by {statistic:.1%}, where tyres repeat to 1 % and better: ",
+        "look for exchanged labels, another amplitude, temperature or pressure, and a sensor that depends on the mass",
+    )
     CONVERGENCE = (
         "convergence",
         "whether the joint route converged",

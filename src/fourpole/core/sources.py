@@ -16,6 +16,10 @@ PARTS = {"mass": "kg", "spring": "N/m", "frame": "m/N", "loss": "1", "friction":
 RATIOS = (("F1", "V1"), ("V2", "V1"))
 
 
+#: One channel in another.
+_CROSSED = tuple(f"{one} in {other}" for one in SYMBOLS.values() for other in SYMBOLS.values() if one != other)
+
+
 class Role(Enum):
     """The object to which an error belongs."""
 
@@ -41,6 +45,7 @@ class Kind(Enum):
     DELAY = ("delay ", (*SYMBOLS.values(),), Role.CHANNEL)
     RESPONSE_GAIN = ("response gain ", (*SYMBOLS.values(),), Role.CHANNEL)
     RESPONSE_PHASE = ("response phase ", (*SYMBOLS.values(),), Role.CHANNEL)
+    CROSSTALK = ("cross-talk ", (*_CROSSED,), Role.CHANNEL)
     GAIN_DRIFT = ("gain drift ", (*SYMBOLS.values(),), Role.CHANNEL)
     RIG_VALUE = ("", (*PARAMETERS,), Role.RIG)
     UNSTATED = ("unstated ", (*PARTS,), Role.UNSTATED)

@@ -16,6 +16,8 @@ from fourpole.study.identified import NOT_LINEAR, Identified
 from fourpole.study.outcome import Point
 from fourpole.study.static import StaticStiffness
 
+#: Relative scatter of K* from test to test beyond which more than the specimen differs; tyres repeat to 0.03-1 %.
+_MOST_SCATTER = 0.02
 #: If at least this share of the Monte Carlo trials is not passive, no passive K2 and C exist.
 _NEVER_PASSIVE = 0.975
 
@@ -64,6 +66,8 @@ def _joint_checks(found: Identified) -> list[Check]:
         causes = ", or ".join(one.text for one in estimate.causes or estimate.candidates[:1])
         said = f" (best explained by {causes})" if causes else ""
         rows.append(reported(Code.RIG, "warning", estimate.chi2_per_dof or np.nan, 1.0, causes=said))
+    if estimate.scatter > _MOST_SCATTER:
+        rows.append(reported(Code.SCATTER, "warning", estimate.scatter, _MOST_SCATTER))
     return rows if joint.converged else [*rows, reported(Code.CONVERGENCE, "warning")]
 
 

@@ -22,6 +22,8 @@ from fourpole.fitting.rows import keys_of
 _HALF = 0.5
 #: Ratio of the noise in the joint solution to the noise in the recordings above which a note is made.
 _WORTH_SAYING = 1.2
+#: Relative drift of K* over the run above which a note is made.
+_DRIFTS = 1e-3
 _MASS, _SPRING = Source(Kind.RIG_VALUE, "moving_mass"), Source(Kind.RIG_VALUE, "preload_stiffness")
 #: The part of the rig that acts as a part of the value before it, so that no test distinguishes the two.
 _HIDDEN_IN = {_MASS: Source(Kind.RIG_VALUE, "tyre_mass"), _SPRING: Source(Kind.RIG_VALUE, "frame_stiffness")}
@@ -234,8 +236,9 @@ class RigEstimate:
 
     @property
     def drifts(self) -> tuple[SharedValue, ...]:
-        """The drifts of the specimens that the tests show."""
-        return tuple(value for value in self.values if value.source.kind is Kind.DRIFT and value.finding)
+        """The drifts of the specimens that the tests show and that are worth saying."""
+        drifts = [value for value in self.values if value.source.kind is Kind.DRIFT and value.found is not None]
+        return tuple(value for value in drifts if abs(value.found or 0.0) > _DRIFTS)
 
     @property
     def notes(self) -> tuple[NoteCode, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
@@ -89,6 +91,12 @@ class JointConditions:
         self._omega = 2 * np.pi * frequency
         here = slice(self.first, None)
         self._apart = np.log(frequency[here] / self.mean_frequency[label[here]]) if self.count else np.zeros(0)
+
+    def without_k1(self) -> JointConditions:
+        """The same conditions with K1 unknown, so that K* itself is interpolated over frequency."""
+        other = copy(self)
+        other.k1 = np.full(self.count, np.nan)
+        return other
 
     def sum(self, values: np.ndarray) -> np.ndarray:
         """Sum over the tests of each condition, along the first axis."""

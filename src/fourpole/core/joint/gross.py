@@ -46,14 +46,15 @@ def gross_errors(observed: Observed, shared: Shared, chi2: float = np.inf) -> li
         ratio = (force - input_force) / (impedance * wheel)
         exchanged = force / (impedance * contact)
     used = np.isfinite(ratio) & (ratio != 0) & _off_resonance(observed, shared, impedance)
-    if not used.any() or not _agree(ratio[used]):
-        return []
-    size, angle = _middle(ratio[used])
-    if abs(np.log(size)) < _GROSS and abs(angle) < _TURNED:
+    if not used.any():
         return []
     other = exchanged[used]
-    if np.all(np.isfinite(other)) and _is_one(*_middle(other)) and _agree(other):
+    swapped = bool(np.all(np.isfinite(other))) and _is_one(*_middle(other)) and _agree(other)
+    size, angle = _middle(ratio[used])
+    if swapped and not (_is_one(size, angle) and _agree(ratio[used])):
         return [_gross("V1", "V1 and V2 exchanged: their columns, or the sensors", 1.0, chi2)]
+    if not _agree(ratio[used]) or (abs(np.log(size)) < _GROSS and abs(angle) < _TURNED):
+        return []
     return [_gross(of, text, size, chi2) for of, text in _words(size, angle)]
 
 

@@ -17,7 +17,7 @@ from fourpole.core.joint.model import Observed
 from fourpole.core.joint.reconcile import Misfit, reconcile, without_rig
 from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import Shared
-from fourpole.core.joint.solve import Problem, Solution, solve
+from fourpole.core.joint.solve import Problem, Solution, solve_either
 from fourpole.core.joint.start import closed_form_start
 from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.core.rig import Rig
@@ -102,16 +102,12 @@ def solve_joint(
     when = np.arange(count, dtype=float) if time is None else np.asarray(time, dtype=float)
     run = number[order], _places(number, when)[order]
     errors = channels.part(order).errors(phasors.omega[order], possible=True)
-    errors += [
-        ChannelError(Source(Kind.GAIN_DRIFT, symbol), "1", at, 0.0, run[1] + 0j)
-        for at, symbol in enumerate(SYMBOLS.values())
-    ]
+    errors += _unstated_errors(phasors.amplitudes[order], run[1])
     stated = Shared.stated(rig, errors, masses, masses_std)
     sorted_phasors = phasors.part(order)
-    grouped = label[order], family[order], sorted_phasors.frequency
     problem = Problem(
         Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors, run),
-        JointConditions(*grouped, k1[order]),
+        JointConditions(label[order], family[order], sorted_phasors.frequency, k1[order]),
         stated,
         tuple(error.source for error in errors),
         tuple(names.tolist()),
@@ -123,11 +119,8 @@ def solve_joint(
     problem = replace(problem, scatter=robust_scatter(problem, apart))
     if gross:
         problem = without_rig(problem, np.zeros(len(stated)), start, 1.0)
-    solution = solve(problem, start)
-    if not solution.converged:  # K2 and C may vary too fast near their poles; without K1, K* itself is interpolated
-        problem = replace(problem, conditions=JointConditions(*grouped, np.full(count, np.nan)))
-        solution = solve(problem, start)
-    problem, solution, outlier, misfit = reconcile(problem, solution, gross)
+    problem, solution = solve_either(problem, start)
+    problem, solution, outlier, misfit = reconcile(problem, solution, start, gross)
     back = np.argsort(order)
     return Joint(
         problem=problem,
@@ -149,6 +142,23 @@ def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarra
     real = masses != 0
     number = np.where(real, np.cumsum(real) - 1, -1)
     return masses[real], number[at], spread[real]
+
+
+def _unstated_errors(amplitudes: ComplexArray, place: FloatArray) -> list[ChannelError]:
+    """Errors of the channels that a campaign does not state: gains that drift over the run, and cross-talk.
+
+    The unit of a cross-talk is the root mean square of the channel that it disturbs over that of its source.
+    """
+    errors = []
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scaled = amplitudes / np.sqrt(np.nanmean(np.abs(amplitudes) ** 2, axis=0))
+        for at, symbol in enumerate(SYMBOLS.values()):
+            errors.append(ChannelError(Source(Kind.GAIN_DRIFT, symbol), "1", at, 0.0, place + 0j))
+            for other, name in enumerate(SYMBOLS.values()):
+                if other != at:
+                    turn = np.nan_to_num(scaled[:, other] / scaled[:, at], posinf=0.0, neginf=0.0)
+                    errors.append(ChannelError(Source(Kind.CROSSTALK, f"{name} in {symbol}"), "1", at, 0.0, turn))
+    return errors
 
 
 def _places(specimen: np.ndarray, time: FloatArray) -> FloatArray:

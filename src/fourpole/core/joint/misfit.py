@@ -29,7 +29,7 @@ STATED = (Role.RIG, Role.CHANNEL, Role.MASS)
 #: A stated value of which the tests know less than this share of its variance is no candidate.
 _INFORMED = 1e-3
 #: Largest error of a channel that can be a cause: gain [1], phase [rad], delay [s].
-_LARGEST = {Kind.GAIN: 0.25, Kind.PHASE: 0.25, Kind.DELAY: 3e-3, Kind.GAIN_DRIFT: 0.25}
+_LARGEST = {Kind.GAIN: 0.25, Kind.PHASE: 0.25, Kind.DELAY: 3e-3, Kind.GAIN_DRIFT: 0.25, Kind.CROSSTALK: 0.25}
 #: Largest error of a mass or a spring that can be a cause, over its stated value.
 _LARGEST_SHARE = 0.5
 _BULK = ("moving_mass", "preload_stiffness", "frame_stiffness")
@@ -297,6 +297,9 @@ def _described(parameter: SharedParameter, size: float) -> tuple[str, float, str
         unit, text = "s", f"{of} {abs(size) * 1e3:.3g} ms {'late' if size > 0 else 'early'}"
     elif kind is Kind.GAIN_DRIFT:
         unit, text = "1", f"a gain of {of} that drifts by {100 * size:+.2g} % over the run"
+    elif kind is Kind.CROSSTALK:
+        one, _, other = of.partition(" in ")
+        return f"sensor {other}", size, "1", f"cross-talk of {one} in {other}, {100 * size:+.2g} % of its size"
     elif source.role is Role.CHANNEL:
         unit, text = "1", f"a {source.text} off by {abs(size):.2g} times its uncertainty"
     else:

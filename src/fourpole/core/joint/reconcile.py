@@ -16,13 +16,15 @@ from fourpole.core.joint.misfit import STATED, Candidate, Residuals, candidates,
 from fourpole.core.joint.model import cholesky_qr, part_shapes, projected
 from fourpole.core.joint.scatter import deviations, robust_scatter, scatter_of, squares
 from fourpole.core.joint.shared import DRIFTS, SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, solve, with_columns, without_stiffness
+from fourpole.core.joint.solve import Problem, Solution, solve_either, with_columns, without_stiffness
 from fourpole.core.sources import PARTS, Kind, Role, Source
 
 #: A stated value is a cause of the misfit if it departs from its estimate by this many standard uncertainties.
 _CONFLICT = 3.0
 #: A test is an outlier if its squared residual is this many times the usual one.
 _OUTLIER = 50.0
+#: A bad test bends the solution if the squared residual of the others falls by this factor without it.
+_BENT = 10.0
 #: Largest share of outliers among all tests, and among tests with the same mass; with more, the statement is wrong.
 _FEW, _FEW_OF_A_MASS = 0.1, 0.35
 #: Least share of a cause's variance that is allowed for, where its hold just begins to end.
@@ -99,11 +101,12 @@ class Misfit:
 class _State:
     """The problem, its solution and the misfit after some rounds.
 
-    `negligible` is false if enlarged noise hides an error of Zr.
+    `start` is the first K* of each condition; `negligible` is false if enlarged noise hides an error of Zr.
     """
 
     problem: Problem
     solution: Solution
+    start: ComplexArray
     outlier: FloatArray
     misfit: Misfit = field(default_factory=Misfit)
     negligible: bool = True
@@ -118,12 +121,11 @@ class _State:
     def solve(self, problem: Problem, **misfit: Any) -> None:
         """Solve a changed problem from the present solution, and note what the misfit has become."""
         self.misfit = replace(self.misfit, **misfit)
-        self.problem = problem
-        self.solution = solve(problem, self.solution.stiffness, self.solution.z)
+        self.problem, self.solution = solve_either(problem, self.solution.stiffness, self.solution.z)
 
 
 def reconcile(
-    problem: Problem, solution: Solution, gross: Sequence[Candidate] = ()
+    problem: Problem, solution: Solution, start: ComplexArray, gross: Sequence[Candidate] = ()
 ) -> tuple[Problem, Solution, FloatArray, Misfit]:
     """Repeat remedies until chance explains the residuals: scatter, outliers, drift, causes, noise.
 
@@ -133,6 +135,8 @@ def reconcile(
     ----------
     problem, solution : Problem, Solution
         The tests, and their solution with the statement unchanged.
+    start : (c,) complex array [N/m]
+        First value of K* of each condition.
     gross : sequence of Candidate
         Gross errors of the statement. If there are any, no smaller cause is looked for.
 
@@ -144,7 +148,7 @@ def reconcile(
         Factor by which the variance of each test was enlarged as an outlier; 1 for the others.
     misfit : Misfit
     """
-    state = _State(problem, solution, np.ones(problem.observed.omega.size))
+    state = _State(problem, solution, start, np.ones(problem.observed.omega.size))
     for count in range(_MOST_ROUNDS):
         _fit_specimens(state)
         left = residuals(state.problem, state.solution)
@@ -165,15 +169,38 @@ def _fit_specimens(state: _State) -> None:
     _set_scatter(state, robust=True)
     for _ in range(_MOST_ROUNDS):
         left = residuals(state.problem, state.solution)
-        strange = _outliers(state, left)
+        strange, many = _outliers(state, left)
+        if many and _without_worst(state, left):
+            continue
         if not strange.any():
             break
-        factor = np.where(strange, np.maximum(left.whole / 2, 1.0), 1.0)
-        state.outlier = state.outlier * factor
-        state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
+        _weaken(state, np.where(strange, np.maximum(left.whole / 2, 1.0), 1.0))
     _set_scatter(state)
     if not state.misfit.drifts and _add_drifts(state):
         _set_scatter(state)
+
+
+def _weaken(state: _State, factor: FloatArray) -> None:
+    """Enlarge the variance of tests by factors, and solve."""
+    state.outlier = state.outlier * factor
+    state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
+
+
+def _without_worst(state: _State, left: Residuals) -> bool:
+    """Weaken the worst test if the other tests then agree much better; else leave all as it is.
+
+    One bad test may bend the whole solution, so that many tests look bad.
+    """
+    at = int(np.argmax(np.where(state.outlier > 1, 0.0, left.whole)))
+    others = np.arange(left.whole.size) != at
+    fresh = replace(state.solution, stiffness=state.start, z=np.zeros(len(state.problem.shared)))
+    trial = replace(state, solution=fresh)
+    _weaken(trial, np.where(others, 1.0, max(left.whole[at] / 2, 1.0) * _BENT))
+    after = residuals(trial.problem, trial.solution).whole[others]
+    if np.sum(after) * _BENT > np.sum(left.whole[others]):
+        return False
+    state.problem, state.solution, state.outlier = trial.problem, trial.solution, trial.outlier
+    return True
 
 
 def _set_scatter(state: _State, *, robust: bool = False) -> None:
@@ -466,8 +493,8 @@ def _unchanged(solution: Solution, left: Residuals) -> dict[str, Any]:
     return {"chi2": float(left.rig.sum() + solution.z @ solution.z), "dof": float(left.rig_dof.sum())}
 
 
-def _outliers(state: _State, left: Residuals) -> BoolArray:
-    """Flags (N,) of the tests that do not agree with the others, the worst of each condition first.
+def _outliers(state: _State, left: Residuals) -> tuple[BoolArray, bool]:
+    """Flags (N,) of the tests that do not agree with the others, the worst of each condition first; are there too many?
 
     No test is flagged if too many of all tests, of the tests with one mass or of the rigid blocks would be: what such a
     group has in common is information about the rig.
@@ -476,7 +503,7 @@ def _outliers(state: _State, left: Residuals) -> BoolArray:
     # 1.4 is the median of chi-square with 2 degrees of freedom.
     limit = _OUTLIER * max(1.0, float(np.median(whole)) / 1.4)
     before = state.outlier > 1
-    strange = (whole > limit) & ~before
+    strange = whole > limit
     worst = np.zeros(int(label.max(initial=-1)) + 2)
     np.maximum.at(worst, label, whole)
     chosen = strange & (whole >= worst[label])
@@ -487,8 +514,8 @@ def _outliers(state: _State, left: Residuals) -> BoolArray:
     )
     few = max(_FEW * whole.size, 1.0 if whole.size > 2 else 0.0)
     if crowded or np.sum(strange | before) > few:
-        return np.zeros(whole.size, dtype=bool)
-    return chosen
+        return np.zeros(whole.size, dtype=bool), bool(strange.any())
+    return chosen, False
 
 
 def largest_part(problem: Problem, solution: Solution) -> FloatArray:

@@ -219,6 +219,18 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
     return Solution(z, stiffness, step.covariance, step.own, step.slope, step.objective, count, converged, reason)
 
 
+def solve_either(problem: Problem, start: ComplexArray, z: FloatArray | None = None) -> tuple[Problem, Solution]:
+    """The solution of a problem; if its search does not converge, of the problem with K1 unknown, and that problem.
+
+    K2 and C may vary too fast near their poles to be interpolated; K* itself does not.
+    """
+    solution = solve(problem, start, z)
+    if solution.converged or not np.isfinite(problem.conditions.k1).any():
+        return problem, solution
+    simpler = replace(problem, conditions=problem.conditions.without_k1())
+    return simpler, solve(simpler, start, z)
+
+
 def _no_worse(step: _Step, before: _Step) -> bool:
     """Whether the objective does not rise by more than the allowance."""
     return bool(step.objective <= before.objective * (1 + _ALLOWED_RISE) + _ALLOWED_RISE)
