@@ -14,11 +14,12 @@ from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.gross import gross_errors
 from fourpole.core.joint.misfit import Residuals, residuals
 from fourpole.core.joint.model import Observed
-from fourpole.core.joint.reconcile import Misfit, reconcile, without_rig
+from fourpole.core.joint.reconcile import reconcile, without_rig
 from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Problem, Solution, solve_either
 from fourpole.core.joint.start import closed_form_start
+from fourpole.core.joint.state import Misfit
 from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source

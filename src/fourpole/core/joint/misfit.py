@@ -136,6 +136,19 @@ def is_unlikely(chi2: float, dof: float) -> bool:
     return bool(dof > 0 and stats.chi2.sf(chi2, dof) < CHANCE)
 
 
+def largest_part(problem: Problem, solution: Solution) -> FloatArray:
+    """Modulus of the larger part of Zr, mass or spring (N,) [N s/m]; unlike Zr it does not vanish at resonance."""
+    return largest_at(problem, solution.z, solution.stiffness)
+
+
+def largest_at(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> FloatArray:
+    """`largest_part` at shared values z and K* of each condition."""
+    rig, omega = problem.shared.rig_at(z), problem.observed.omega
+    impedance = problem.columns("impedance", z, stiffness)
+    spring = rig.preload_stiffness / omega
+    return np.maximum(np.abs(impedance + 1j * spring), spring)
+
+
 @dataclass(frozen=True)
 class Candidate:
     """One cause that would lower the misfit: an error of a stated value, or a part or error that nobody stated.

@@ -12,7 +12,7 @@ from fourpole.core.channelerrors import parts
 from fourpole.core.curvature import Curvature
 from fourpole.core.identification import Identification
 from fourpole.core.joint.joint import Joint
-from fourpole.core.joint.reconcile import largest_part
+from fourpole.core.joint.misfit import largest_part
 from fourpole.core.joint.scatter import OwnTests, own_tests
 from fourpole.core.phasor import Phasors
 from fourpole.core.routes import arm_slopes, maxwell_arm, why_no_arm

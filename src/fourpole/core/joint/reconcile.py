@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
-from fourpole.core.confidence import CHANCE
-from fourpole.core.joint.misfit import STATED, Candidate, Residuals, candidates, is_unlikely, residuals
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.joint.misfit import (
+    STATED,
+    Candidate,
+    Residuals,
+    candidates,
+    is_unlikely,
+    largest_at,
+    largest_part,
+    residuals,
+)
 from fourpole.core.joint.model import cholesky_qr, part_shapes, projected
-from fourpole.core.joint.scatter import deviations, robust_scatter, scatter_of, squares
-from fourpole.core.joint.shared import DRIFTS, SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, solve_either, with_columns, without_stiffness
+from fourpole.core.joint.shared import SharedParameter
+from fourpole.core.joint.solve import Problem, Solution
+from fourpole.core.joint.specimens import fit_specimens
+from fourpole.core.joint.state import NOISE_IN_DOUBT, Misfit, State
 from fourpole.core.sources import PARTS, Kind, Role, Source
 
 #: A stated value is a cause of the misfit if it departs from its estimate by this many standard uncertainties.
 _CONFLICT = 3.0
-#: A test is an outlier if its squared residual is this many times the usual one.
-_OUTLIER = 50.0
-#: A bad test bends the solution if the squared residual of the others falls by this factor without it.
-_BENT = 10.0
-#: Largest share of outliers among all tests, and among tests with the same mass; with more, the statement is wrong.
-_FEW, _FEW_OF_A_MASS = 0.1, 0.35
 #: Least share of a cause's variance that is allowed for, where its hold just begins to end.
 _LEAST_LOSS = 1e-4
 #: Causes that explain the misfit within this chi-square of the best one are named with it: 2 standard uncertainties.
@@ -37,91 +39,11 @@ _SHARE_OF_CAUSE = 0.3
 _NEGLIGIBLE = 1e-4
 #: What nobody stated is a cause if its size is this many standard uncertainties, even without a misfit.
 _SIGNIFICANT = 5.0
-#: The statement of the rig counts as wrong if all noise is more than this many times that of the recordings.
-_NOISE_IN_DOUBT = 2.0
 #: An unsteady drive is the cause of the misfit if it explains more than this share of it.
 _MOSTLY = 0.7
 #: Degrees of freedom of the prior for the noise of one test about the noise of all tests.
 _PRIOR_DOF = 4.0
-#: Scatter that changes by less than this share is not solved for again.
-_SETTLED = 0.05
-#: Prior standard deviation of a drift of log K* over the run.
-_DRIFT = 0.3
 _MOST_ROUNDS = 12
-_SCATTER_ROUNDS = 4
-
-
-@dataclass(frozen=True)
-class Misfit:
-    """Agreement of the stated rig and channels with the tests.
-
-    Attributes
-    ----------
-    chi2, dof : float [1]
-        Chi-square that no tyre can explain, and its degrees of freedom, with the statement unchanged. It includes
-        F1/V2 - Zr of all tests, and the departure of the shared values from the statement.
-    fits : bool
-        False if the tests contradict a stated value, if a part of the rig is missing, or if the misfit is far larger
-        than noise could be.
-    rig_error : float [1]
-        Model discrepancy of the rig: relative error of Zr, of its largest part, in each test; 0 if the rig fits.
-    inflation : float [1]
-        Factor of all noise over the noise that each recording gives; 1 if the recordings' noise explains the residuals.
-    scatter : float [1]
-        Relative scatter of K* between tests of one condition in addition to the noise; 0 if the noise explains it.
-    unsteady : float [1]
-        Relative error of the frequency of each test, from a drive without a steady speed; 0 for none.
-    conflicts : tuple of int
-        Indices of the shared values that the tests contradict; their statement lost its hold.
-    added : tuple of Source
-        Unstated parts of the rig and errors of channels that were added; their sizes are among the shared values.
-    drifts : tuple of Source
-        Drifts of the specimens that were added to the shared values.
-    candidates : tuple of Candidate
-        Causes that would explain a misfit, the best first; empty if there is no misfit.
-    tied : int
-        Number of the first candidates that explain the misfit equally well.
-    """
-
-    chi2: float = 0.0
-    dof: float = 0.0
-    fits: bool = True
-    rig_error: float = 0.0
-    inflation: float = 1.0
-    scatter: float = 0.0
-    unsteady: float = 0.0
-    conflicts: tuple[int, ...] = ()
-    added: tuple[Source, ...] = ()
-    drifts: tuple[Source, ...] = ()
-    candidates: tuple[Candidate, ...] = ()
-    tied: int = 0
-
-
-@dataclass(eq=False)
-class _State:
-    """The problem, its solution and the misfit after some rounds.
-
-    `start` is the first K* of each condition; `negligible` is false if enlarged noise hides an error of Zr.
-    """
-
-    problem: Problem
-    solution: Solution
-    start: ComplexArray
-    outlier: FloatArray
-    misfit: Misfit = field(default_factory=Misfit)
-    negligible: bool = True
-    finished: bool = True
-
-    @property
-    def fits(self) -> bool:
-        """Whether rig and channels as stated agree with the tests."""
-        as_stated = not (self.misfit.conflicts or self.misfit.added or self.misfit.rig_error)
-        return self.finished and as_stated and (self.negligible or self.misfit.inflation <= _NOISE_IN_DOUBT)
-
-    def solve(self, problem: Problem, **misfit: Any) -> None:
-        """Solve a changed problem from the present solution, and note what the misfit has become."""
-        self.misfit = replace(self.misfit, **misfit)
-        self.problem, self.solution = solve_either(problem, self.solution.stiffness, self.solution.z)
 
 
 def reconcile(
@@ -148,9 +70,9 @@ def reconcile(
         Factor by which the variance of each test was enlarged as an outlier; 1 for the others.
     misfit : Misfit
     """
-    state = _State(problem, solution, start, np.ones(problem.observed.omega.size))
+    state = State(problem, solution, start, np.ones(problem.observed.omega.size))
     for count in range(_MOST_ROUNDS):
-        _fit_specimens(state)
+        fit_specimens(state)
         left = residuals(state.problem, state.solution)
         if not count:
             state.misfit = replace(state.misfit, **_unchanged(state.solution, left))
@@ -162,120 +84,6 @@ def reconcile(
     else:
         state.finished = False
     return state.problem, state.solution, state.outlier, replace(state.misfit, fits=state.fits)
-
-
-def _fit_specimens(state: _State) -> None:
-    """Find the outliers, the scatter and the drift of K* that the tests ask for."""
-    _set_scatter(state, robust=True)
-    for _ in range(_MOST_ROUNDS):
-        left = residuals(state.problem, state.solution)
-        strange, many = _outliers(state, left)
-        if many and _without_worst(state, left):
-            continue
-        if not strange.any():
-            break
-        _weaken(state, np.where(strange, np.maximum(left.whole / 2, 1.0), 1.0))
-    _set_scatter(state)
-    if not state.misfit.drifts and _add_drifts(state):
-        _set_scatter(state)
-
-
-def _weaken(state: _State, factor: FloatArray) -> None:
-    """Enlarge the variance of tests by factors, and solve."""
-    state.outlier = state.outlier * factor
-    state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
-
-
-def _without_worst(state: _State, left: Residuals) -> bool:
-    """Weaken the worst test if the other tests then agree much better; else leave all as it is.
-
-    One bad test may bend the whole solution, so that many tests look bad.
-    """
-    at = int(np.argmax(np.where(state.outlier > 1, 0.0, left.whole)))
-    others = np.arange(left.whole.size) != at
-    fresh = replace(state.solution, stiffness=state.start, z=np.zeros(len(state.problem.shared)))
-    trial = replace(state, solution=fresh)
-    _weaken(trial, np.where(others, 1.0, max(left.whole[at] / 2, 1.0) * _BENT))
-    after = residuals(trial.problem, trial.solution).whole[others]
-    if np.sum(after) * _BENT > np.sum(left.whole[others]):
-        return False
-    state.problem, state.solution, state.outlier = trial.problem, trial.solution, trial.outlier
-    return True
-
-
-def _set_scatter(state: _State, *, robust: bool = False) -> None:
-    """Solve with the scatter of K* that its repeats show, until both agree."""
-    for _ in range(_SCATTER_ROUNDS):
-        found = deviations(state.problem, state.solution.z, state.solution.stiffness)
-        used = state.outlier == 1
-        if robust:
-            scatter = robust_scatter(state.problem, found)
-        else:
-            scatter = scatter_of(state.problem, found, used, len(state.misfit.drifts))
-            sizes = state.problem.conditions.sum(used.astype(float))
-            dof = 2.0 * float(np.sum(np.maximum(sizes - 1, 0.0)))
-            seen = is_unlikely(float(np.sum(squares(state.problem.conditions, found, 0.0)[used])), dof)
-            state.misfit = replace(state.misfit, scatter=scatter if seen else 0.0)
-        if abs(scatter - state.problem.scatter) <= _SETTLED * max(scatter, state.problem.scatter):
-            return
-        state.solve(replace(state.problem, scatter=scatter))
-
-
-def _add_drifts(state: _State) -> bool:
-    """Add the drifts of the specimens that were repeated, if chance cannot explain them; False if it can."""
-    problem, observed = state.problem, state.problem.observed
-    repeated = _repeated(problem)
-    if not repeated.size or not np.ptp(observed.place):
-        return False
-    wider = replace(problem, shared=_with_drifts(problem, repeated, _DRIFT))
-    fall, lost = _fall(wider, state.solution), 2.0 * repeated.size
-    dof = 2.0 * float((problem.conditions.sizes - 1).sum()) - lost
-    tyre = float(residuals(problem, state.solution).tyre.sum())
-    if dof <= 0 or stats.f.sf(fall / lost / max((tyre - fall) / dof, 1.0), lost, dof) > CHANCE:
-        return False
-    z = np.append(state.solution.z, np.zeros(len(wider.shared) - state.solution.z.size))
-    state.solution = replace(state.solution, z=z)
-    state.solve(wider)
-    found = wider.shared.drift_at(state.solution.z, int(observed.specimen.max()) + 1)[repeated]
-    others = np.setdiff1d(np.unique(observed.specimen[problem.conditions.first :]), repeated)
-    if others.size:  # they drifted as much, as far as anybody knows
-        size = float(np.sqrt(np.mean(np.abs(found) ** 2)))
-        state.solution = replace(state.solution, z=np.append(state.solution.z, np.zeros(2 * others.size)))
-        state.solve(replace(state.problem, shared=_with_drifts(state.problem, others, size)))
-    listed = tuple(one.source for one in state.problem.shared.parameters if one.source.kind in DRIFTS)
-    state.misfit = replace(state.misfit, drifts=listed)
-    return True
-
-
-def _repeated(problem: Problem) -> np.ndarray:
-    """Numbers of the specimens with a repeated condition."""
-    conditions = problem.conditions
-    many = conditions.sizes[conditions.label[conditions.first :]] > 1
-    return np.unique(problem.observed.specimen[conditions.first :][many])
-
-
-def _with_drifts(problem: Problem, specimens: np.ndarray, std: float) -> Any:
-    """The shared values with drifts of some specimens."""
-    names = problem.names
-    added = [
-        SharedParameter(Source(kind, names[at]), unit, at, 0.0, std)
-        for at in specimens.tolist()
-        for kind, unit in ((Kind.DRIFT, "1"), (Kind.ANGLE_DRIFT, "rad"))
-    ]
-    return replace(problem.shared, parameters=(*problem.shared.parameters, *added))
-
-
-def _fall(wider: Problem, solution: Solution) -> float:
-    """Fall of the objective when the last shared values of a problem, 0 so far, are free."""
-    p, z = len(wider.shared), np.append(solution.z, np.zeros(len(wider.shared) - solution.z.size))
-    triangle = np.hstack([np.eye(p), -z[:, None]])
-    for rows, group, linear in wider.linearised(z, solution.stiffness):
-        columns = np.concatenate([linear.by_shared, linear.residual[:, :, None]], axis=2)
-        if group.stop > group.start:
-            starts = wider.conditions.starts[group] - rows.start
-            columns = without_stiffness(linear.by_stiffness, columns, starts)[2]
-        triangle = with_columns(triangle, columns)
-    return float(np.sum(triangle[solution.z.size : p, -1] ** 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +144,7 @@ class _Diagnosis:
         return _level(self.left.rig_part, self.left.rig_weight, self.rig_dof, self.size)
 
 
-def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
+def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
     """The diagnosis of the present solution, from its residuals."""
     problem, solution = state.problem, state.solution
     rig_chi2, tyre_chi2 = float(left.rig.sum() + solution.z @ solution.z), float(left.tyre.sum())
@@ -364,7 +172,7 @@ def _diagnosed(state: _State, left: Residuals) -> _Diagnosis:
     )
 
 
-def _remedied(state: _State, left: Residuals) -> bool:
+def _remedied(state: State, left: Residuals) -> bool:
     """Apply one remedy to the worst misfit that chance cannot explain; False if there is none."""
     found, misfit = _diagnosed(state, left), state.misfit
     if misfit.rig_error == 0 and found.causes:
@@ -380,15 +188,15 @@ def _remedied(state: _State, left: Residuals) -> bool:
     return True
 
 
-def _is_of_rig(state: _State, found: _Diagnosis) -> bool:
+def _is_of_rig(state: State, found: _Diagnosis) -> bool:
     """Whether the misfit that is left is an error of the rig, not noise."""
     if found.level <= _NEGLIGIBLE:
         return False
     noise = state.misfit.inflation * np.sqrt(found.rig_chi2 / found.rig_dof)
-    return bool(state.misfit.conflicts or state.misfit.added or noise > _NOISE_IN_DOUBT)
+    return bool(state.misfit.conflicts or state.misfit.added or noise > NOISE_IN_DOUBT)
 
 
-def _apply(state: _State, found: _Diagnosis) -> None:
+def _apply(state: State, found: _Diagnosis) -> None:
     """Take the hold from the statements that may be the cause of the misfit, and add what nobody stated."""
     if not state.misfit.candidates:
         state.misfit = replace(state.misfit, candidates=tuple(found.named), tied=len(found.causes))
@@ -432,7 +240,7 @@ def _parameter(cause: Candidate, loss: float, number: int, problem: Problem) -> 
     return SharedParameter(cause.source, cause.unit, at, centre, std)
 
 
-def _add_rig_error(state: _State, found: _Diagnosis) -> None:
+def _add_rig_error(state: State, found: _Diagnosis) -> None:
     """Add an error of Zr to each test, of the size that chance then explains."""
     widened = without_rig(state.problem, state.solution.z, state.solution.stiffness, found.level)
     if not state.misfit.candidates:
@@ -447,11 +255,11 @@ def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level:
     variance counts as many times as there are tests. K* rests on the channels then, and hardly on the rig.
     """
     columns = replace(problem, scatter=0.0).columns("by_impedance", z, stiffness)
-    size = level * np.sqrt(len(columns)) * _largest(problem, z, stiffness)
+    size = level * np.sqrt(len(columns)) * largest_at(problem, z, stiffness)
     return problem.widened(columns * size[:, None, None])
 
 
-def _enlarge_noise(state: _State, found: _Diagnosis) -> None:
+def _enlarge_noise(state: State, found: _Diagnosis) -> None:
     """Enlarge the noise of all tests until chance explains the residuals of the rig."""
     state.negligible = state.negligible and found.level <= _NEGLIGIBLE
     ratio = found.rig_chi2 / found.rig_dof
@@ -459,7 +267,7 @@ def _enlarge_noise(state: _State, found: _Diagnosis) -> None:
     state.solve(state.problem.reweighted(whiten), inflation=state.misfit.inflation * float(np.sqrt(ratio)))
 
 
-def _unsteady_drive(state: _State, left: Residuals, found: _Diagnosis) -> tuple[float, FloatArray] | None:
+def _unsteady_drive(state: State, left: Residuals, found: _Diagnosis) -> tuple[float, FloatArray] | None:
     """Relative random error of each frequency, and its columns (N, 6, 1), if it explains most of the misfit.
 
     A drive with a wandering speed has no single frequency, and the inertia of the rig is proportional to its square.
@@ -491,43 +299,6 @@ def _each(left: Residuals, ratio: float) -> FloatArray:
 def _unchanged(solution: Solution, left: Residuals) -> dict[str, Any]:
     """Chi-square of the rig and its degrees of freedom before any remedy."""
     return {"chi2": float(left.rig.sum() + solution.z @ solution.z), "dof": float(left.rig_dof.sum())}
-
-
-def _outliers(state: _State, left: Residuals) -> tuple[BoolArray, bool]:
-    """Flags (N,) of the tests that do not agree with the others, the worst of each condition first; are there too many?
-
-    No test is flagged if too many of all tests, of the tests with one mass or of the rigid blocks would be: what such a
-    group has in common is information about the rig.
-    """
-    whole, label = left.whole, state.problem.conditions.label
-    # 1.4 is the median of chi-square with 2 degrees of freedom.
-    limit = _OUTLIER * max(1.0, float(np.median(whole)) / 1.4)
-    before = state.outlier > 1
-    strange = whole > limit
-    worst = np.zeros(int(label.max(initial=-1)) + 2)
-    np.maximum.at(worst, label, whole)
-    chosen = strange & (whole >= worst[label])
-    observed = state.problem.observed
-    kinds = np.unique(np.stack([observed.rigid, observed.mass_at], axis=1), axis=0, return_inverse=True)[1].ravel()
-    crowded = any(
-        np.sum((chosen | before)[kinds == kind]) > _FEW_OF_A_MASS * np.sum(kinds == kind) for kind in np.unique(kinds)
-    )
-    few = max(_FEW * whole.size, 1.0 if whole.size > 2 else 0.0)
-    if crowded or np.sum(strange | before) > few:
-        return np.zeros(whole.size, dtype=bool), bool(strange.any())
-    return chosen, False
-
-
-def largest_part(problem: Problem, solution: Solution) -> FloatArray:
-    """Modulus of the larger part of Zr, mass or spring (N,) [N s/m]; unlike Zr it does not vanish at resonance."""
-    return _largest(problem, solution.z, solution.stiffness)
-
-
-def _largest(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> FloatArray:
-    rig, omega = problem.shared.rig_at(z), problem.observed.omega
-    impedance = problem.columns("impedance", z, stiffness)
-    spring = rig.preload_stiffness / omega
-    return np.maximum(np.abs(impedance + 1j * spring), spring)
 
 
 def _level(part: FloatArray, weight: FloatArray, dof: float, size: FloatArray) -> float:

@@ -1,0 +1,169 @@
+"""What the specimens do to a joint solution: bad tests, scatter of K* from test to test, drift over the run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.confidence import CHANCE
+from fourpole.core.joint.misfit import Residuals, is_unlikely, residuals
+from fourpole.core.joint.scatter import deviations, robust_scatter, scatter_of, squares
+from fourpole.core.joint.shared import DRIFTS, Shared, SharedParameter
+from fourpole.core.joint.solve import Problem, Solution, with_columns, without_stiffness
+from fourpole.core.joint.state import State
+from fourpole.core.sources import Kind, Source
+
+#: A test is an outlier if its squared residual is this many times the usual one.
+_OUTLIER = 50.0
+#: A bad test bends the solution if the squared residual of the others falls by this factor without it.
+_BENT = 10.0
+#: Largest share of outliers among all tests, and among tests with the same mass; with more, the statement is wrong.
+_FEW, _FEW_OF_A_MASS = 0.1, 0.35
+#: Scatter that changes by less than this share is not solved for again.
+_SETTLED = 0.05
+#: Prior standard deviation of a drift of log K* over the run.
+_DRIFT = 0.3
+_SCATTER_ROUNDS = 4
+_MOST_ROUNDS = 12
+
+
+def fit_specimens(state: State) -> None:
+    """Find the outliers, the scatter and the drift of K* that the tests ask for."""
+    _set_scatter(state, robust=True)
+    for _ in range(_MOST_ROUNDS):
+        left = residuals(state.problem, state.solution)
+        strange, many = _outliers(state, left)
+        if many and _without_worst(state, left):
+            continue
+        if not strange.any():
+            break
+        _weaken(state, np.where(strange, np.maximum(left.whole / 2, 1.0), 1.0))
+    _set_scatter(state)
+    if not state.misfit.drifts and _add_drifts(state):
+        _set_scatter(state)
+
+
+def _weaken(state: State, factor: FloatArray) -> None:
+    """Enlarge the variance of tests by factors, and solve."""
+    state.outlier = state.outlier * factor
+    state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
+
+
+def _without_worst(state: State, left: Residuals) -> bool:
+    """Weaken the worst test if the other tests then agree much better; else leave all as it is.
+
+    One bad test may bend the whole solution, so that many tests look bad.
+    """
+    at = int(np.argmax(np.where(state.outlier > 1, 0.0, left.whole)))
+    others = np.arange(left.whole.size) != at
+    fresh = replace(state.solution, stiffness=state.start, z=np.zeros(len(state.problem.shared)))
+    trial = replace(state, solution=fresh)
+    _weaken(trial, np.where(others, 1.0, max(left.whole[at] / 2, 1.0) * _BENT))
+    after = residuals(trial.problem, trial.solution).whole[others]
+    if np.sum(after) * _BENT > np.sum(left.whole[others]):
+        return False
+    state.problem, state.solution, state.outlier = trial.problem, trial.solution, trial.outlier
+    return True
+
+
+def _set_scatter(state: State, *, robust: bool = False) -> None:
+    """Solve with the scatter of K* that its repeats show, until both agree."""
+    for _ in range(_SCATTER_ROUNDS):
+        found = deviations(state.problem, state.solution.z, state.solution.stiffness)
+        used = state.outlier == 1
+        if robust:
+            scatter = robust_scatter(state.problem, found)
+        else:
+            scatter = scatter_of(state.problem, found, used, len(state.misfit.drifts))
+            sizes = state.problem.conditions.sum(used.astype(float))
+            dof = 2.0 * float(np.sum(np.maximum(sizes - 1, 0.0)))
+            seen = is_unlikely(float(np.sum(squares(state.problem.conditions, found, 0.0)[used])), dof)
+            state.misfit = replace(state.misfit, scatter=scatter if seen else 0.0)
+        if abs(scatter - state.problem.scatter) <= _SETTLED * max(scatter, state.problem.scatter):
+            return
+        state.solve(replace(state.problem, scatter=scatter))
+
+
+def _add_drifts(state: State) -> bool:
+    """Add the drifts of the specimens that were repeated, if chance cannot explain them; False if it can."""
+    problem, observed = state.problem, state.problem.observed
+    repeated = _repeated(problem)
+    if not repeated.size or not np.ptp(observed.place):
+        return False
+    wider = replace(problem, shared=_with_drifts(problem, repeated, _DRIFT))
+    fall, lost = _fall(wider, state.solution), 2.0 * repeated.size
+    dof = 2.0 * float((problem.conditions.sizes - 1).sum()) - lost
+    tyre = float(residuals(problem, state.solution).tyre.sum())
+    if dof <= 0 or stats.f.sf(fall / lost / max((tyre - fall) / dof, 1.0), lost, dof) > CHANCE:
+        return False
+    z = np.append(state.solution.z, np.zeros(len(wider.shared) - state.solution.z.size))
+    state.solution = replace(state.solution, z=z)
+    state.solve(wider)
+    found = wider.shared.drift_at(state.solution.z, int(observed.specimen.max()) + 1)[repeated]
+    others = np.setdiff1d(np.unique(observed.specimen[problem.conditions.first :]), repeated)
+    if others.size:  # they drifted as much, as far as anybody knows
+        size = float(np.sqrt(np.mean(np.abs(found) ** 2)))
+        state.solution = replace(state.solution, z=np.append(state.solution.z, np.zeros(2 * others.size)))
+        state.solve(replace(state.problem, shared=_with_drifts(state.problem, others, size)))
+    listed = tuple(one.source for one in state.problem.shared.parameters if one.source.kind in DRIFTS)
+    state.misfit = replace(state.misfit, drifts=listed)
+    return True
+
+
+def _repeated(problem: Problem) -> np.ndarray:
+    """Numbers of the specimens with a repeated condition."""
+    conditions = problem.conditions
+    many = conditions.sizes[conditions.label[conditions.first :]] > 1
+    return np.unique(problem.observed.specimen[conditions.first :][many])
+
+
+def _with_drifts(problem: Problem, specimens: np.ndarray, std: float) -> Shared:
+    """The shared values with drifts of some specimens."""
+    names = problem.names
+    added = [
+        SharedParameter(Source(kind, names[at]), unit, at, 0.0, std)
+        for at in specimens.tolist()
+        for kind, unit in ((Kind.DRIFT, "1"), (Kind.ANGLE_DRIFT, "rad"))
+    ]
+    return replace(problem.shared, parameters=(*problem.shared.parameters, *added))
+
+
+def _fall(wider: Problem, solution: Solution) -> float:
+    """Fall of the objective when the last shared values of a problem, 0 so far, are free."""
+    p, z = len(wider.shared), np.append(solution.z, np.zeros(len(wider.shared) - solution.z.size))
+    triangle = np.hstack([np.eye(p), -z[:, None]])
+    for rows, group, linear in wider.linearised(z, solution.stiffness):
+        columns = np.concatenate([linear.by_shared, linear.residual[:, :, None]], axis=2)
+        if group.stop > group.start:
+            starts = wider.conditions.starts[group] - rows.start
+            columns = without_stiffness(linear.by_stiffness, columns, starts)[2]
+        triangle = with_columns(triangle, columns)
+    return float(np.sum(triangle[solution.z.size : p, -1] ** 2))
+
+
+def _outliers(state: State, left: Residuals) -> tuple[BoolArray, bool]:
+    """Flags (N,) of the tests that do not agree with the others, the worst of each condition first; are there too many?
+
+    No test is flagged if too many of all tests, of the tests with one mass or of the rigid blocks would be: what such a
+    group has in common is information about the rig.
+    """
+    whole, label = left.whole, state.problem.conditions.label
+    # 1.4 is the median of chi-square with 2 degrees of freedom.
+    limit = _OUTLIER * max(1.0, float(np.median(whole)) / 1.4)
+    before = state.outlier > 1
+    strange = whole > limit
+    worst = np.zeros(int(label.max(initial=-1)) + 2)
+    np.maximum.at(worst, label, whole)
+    chosen = strange & (whole >= worst[label])
+    observed = state.problem.observed
+    kinds = np.unique(np.stack([observed.rigid, observed.mass_at], axis=1), axis=0, return_inverse=True)[1].ravel()
+    crowded = any(
+        np.sum((chosen | before)[kinds == kind]) > _FEW_OF_A_MASS * np.sum(kinds == kind) for kind in np.unique(kinds)
+    )
+    few = max(_FEW * whole.size, 1.0 if whole.size > 2 else 0.0)
+    if crowded or np.sum(strange | before) > few:
+        return np.zeros(whole.size, dtype=bool), bool(strange.any())
+    return chosen, False
