@@ -279,6 +279,16 @@ class Code(Enum):
         ),
         "look for a wrong load, mass, range or a loose sensor, and repeat it",
     )
+    RELATIVE = (
+        "joint against relative",
+        "squared difference between K* of the joint and of the relative route, over its variance",
+        "the joint and the relative route do not agree",
+        (
+            "K' of the relative route, which needs no rig, is {percent:+.2g} % off that of the joint one, beyond what "
+            "noise explains: "
+        ),
+        "look for what this test has that the others have not: a range, a mass, a loose sensor, another tyre",
+    )
     RIG = (
         "rig",
         "chi-square of the rig as stated over its degrees of freedom",

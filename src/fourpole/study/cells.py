@@ -7,10 +7,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Test
-from fourpole.core.checks import Check, Code, interval_words, reported, worst_verdict
+from fourpole.core.checks import Check, Code, interval_words, judged, reported, worst_verdict
+from fourpole.core.confidence import SEARCH_CHANCE
+from fourpole.core.joint import Joint
+from fourpole.core.joint.outputs import relative_stiffness
 from fourpole.core.phasor import Phasors
 from fourpole.study.identified import NOT_LINEAR, Identified
 from fourpole.study.outcome import Point
@@ -62,6 +66,7 @@ def _joint_checks(found: Identified) -> list[Check]:
         return []
     factor = float(joint.outlier[found.at])
     rows = [reported(Code.AGREEMENT, "warning", factor, 1.0, times=np.sqrt(factor))] if factor > 1 else []
+    rows += _relative_check(found, joint) if factor == 1 else []
     if not estimate.fits:
         causes = ", or ".join(one.text for one in estimate.causes or estimate.candidates[:1])
         said = f" (best explained by {causes})" if causes else ""
@@ -69,6 +74,22 @@ def _joint_checks(found: Identified) -> list[Check]:
     if estimate.scatter > _MOST_SCATTER:
         rows.append(reported(Code.SCATTER, "warning", estimate.scatter, _MOST_SCATTER))
     return rows if joint.converged else [*rows, reported(Code.CONVERGENCE, "warning")]
+
+
+def _relative_check(found: Identified, joint: Joint) -> list[Check]:
+    """Check whether K* of the test by the relative route, with the gains as found, agrees with that by the joint route.
+
+    Their squared difference over its variance is what F1/V2 - Zr leaves of the test: chi-square with 2 degrees of
+    freedom. The limit is for all tests of the rig together.
+    """
+    left, at = joint.residuals, found.at
+    if left.rig_dof[at] < 2:
+        return []
+    limit = float(chi2.isf(SEARCH_CHANCE / max(left.rig.size, 1), left.rig_dof[at]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        other = relative_stiffness(joint, found.group.phasors)[at]
+    percent = 100 * float(other.real / found.result.stiffness[at].real - 1)
+    return [judged(Code.RELATIVE, float(left.rig[at]), limit, percent=percent)]
 
 
 def _arm_checks(found: Identified, stiffness: StaticStiffness) -> list[Check]:

@@ -177,11 +177,11 @@ def _rests(joint: Joint, found: Outputs) -> str:
     lever = _levers(joint, found)
     order = sorted(lever, key=lambda source: -abs(lever[source]))
     parts = [
-        f"{_in_words(source)} (by {lever[source]:+.2g} % per 1 % of it)"
+        f"{_in_words(source)} ({lever[source]:+.2g} % per 1 % of it)"
         for source in order[:_MOST_LEVERS]
         if abs(lever[source]) > _LEVER
     ]
-    said = [f"the scale of K' rests on {', '.join(parts)}"] if parts else []
+    said = [f"K' rests on {', '.join(parts)}"] if parts else []
     unseen = []
     for at, parameter in enumerate(joint.stated.parameters):
         kept = joint.solution.covariance[at, at] > NOT_DETERMINED**2
@@ -204,7 +204,7 @@ _SAYS = {
 
 def _in_words(source: Source) -> str:
     if source.role is Role.MASS:
-        return f"the {source.text}"
+        return f"the added mass of {source.mass:g} kg"
     if source.role is Role.CHANNEL:
         return f"the {source.kind.text.strip()} of {source.of}"
     return f"the {source.of.replace('_', ' ')}"

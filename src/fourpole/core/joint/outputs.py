@@ -267,6 +267,15 @@ def _gains(joint: Joint) -> ComplexArray:
     return joint.problem.observed.gains(joint.problem.shared, joint.solution.z)[np.argsort(joint.order)]
 
 
+def relative_stiffness(joint: Joint, phasors: Phasors) -> ComplexArray:
+    """K* of each test by the relative route, from the amplitudes corrected for the gains found (N,) [N/m]."""
+    force, contact, wheel = (phasors.amplitudes / _gains(joint)).T
+    omega = np.asarray(phasors.omega)
+    shared = joint.problem.shared
+    input_mass = shared.rig_at(joint.solution.z).input_mass + shared.extra_at(joint.solution.z).get("input", 0.0)
+    return np.asarray(1j * omega * (force - 1j * omega * input_mass * contact) / (contact - wheel))
+
+
 def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, FloatArray]:
     """V1/F1 corrected for the gains found, and its covariance from the noise and the uncertainty of the gains."""
     shared = joint.problem.shared

@@ -20,6 +20,8 @@ from fourpole.core.sources import Kind, Source
 _OUTLIER = 50.0
 #: A bad test bends the solution if the squared residual of the others falls by this factor without it.
 _BENT = 10.0
+#: The other one of two tests is as doubtful as the worse one from this share of its squared residual on.
+_AS_BAD = 0.5
 #: Largest share of outliers among all tests, and among tests with the same mass; with more, the statement is wrong.
 _FEW, _FEW_OF_A_MASS = 0.1, 0.35
 #: Scatter that changes by less than this share is not solved for again.
@@ -157,7 +159,9 @@ def _outliers(state: State, left: Residuals) -> tuple[BoolArray, bool]:
     strange = whole > limit
     worst = np.zeros(int(label.max(initial=-1)) + 2)
     np.maximum.at(worst, label, whole)
-    chosen = strange & (whole >= worst[label])
+    # Of two tests that disagree with each other alone, nobody knows which is wrong.
+    pair = np.append(state.problem.conditions.sizes, 0)[label] == 2
+    chosen = strange & (whole >= np.where(pair, _AS_BAD, 1.0) * worst[label])
     observed = state.problem.observed
     kinds = np.unique(np.stack([observed.rigid, observed.mass_at], axis=1), axis=0, return_inverse=True)[1].ravel()
     crowded = any(
