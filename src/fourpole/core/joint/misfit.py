@@ -24,6 +24,8 @@ from fourpole.core.joint.solve import Problem, Solution, with_columns, without_s
 from fourpole.core.rig import Rig
 from fourpole.core.sources import PARTS, Kind, Role, Source
 
+#: An error below this share of a channel, or of the largest part of Zr, counts as noise: no rig is built so accurately.
+NEGLIGIBLE = 1e-4
 #: Roles of the values that have a statement.
 STATED = (Role.RIG, Role.CHANNEL, Role.MASS)
 #: A stated value of which the tests know less than this share of its variance is no candidate.
@@ -224,6 +226,9 @@ def _unstated(problem: Problem, solution: Solution) -> list[Candidate]:
         if not weight[at] > _IDENTIFIABLE * size[at] or source in shared:
             continue
         estimate = float(pull[at] / weight[at])
+        error = at - len(PARTS)
+        if error >= 0 and abs(estimate) * np.abs(problem.observed.turns[..., error]).max() < NEGLIGIBLE:
+            continue
         part = SharedParameter(source, "", 0, 1.0 if source.kind is Kind.GAIN else 0.0, 0.0)
         if _possible(part, estimate, _whole(source, rig)) and (described := _described(part, estimate)):
             name, value, unit, text = described

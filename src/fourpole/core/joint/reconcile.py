@@ -11,6 +11,7 @@ import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.joint.misfit import (
+    NEGLIGIBLE,
     STATED,
     Candidate,
     Residuals,
@@ -35,8 +36,6 @@ _LEAST_LOSS = 1e-4
 _TIE = 4.0
 #: A part is a cause of the misfit if it explains at least this share of it.
 _SHARE_OF_CAUSE = 0.3
-#: An error of Zr below this share of its largest part counts as noise, because no rig is built that accurately.
-_NEGLIGIBLE = 1e-4
 #: What nobody stated is a cause if its size is this many standard uncertainties, even without a misfit.
 _SIGNIFICANT = 5.0
 #: An unsteady drive is the cause of the misfit if it explains more than this share of it.
@@ -123,7 +122,7 @@ class _Diagnosis:
         """Whether a candidate by itself explains too much for chance."""
         if one.source.role in STATED and one.explains > _CONFLICT**2 * self.rest:
             return True
-        if one.of_rig and one is self.named[0] and self.effect < _NEGLIGIBLE:
+        if one.of_rig and one is self.named[0] and self.effect < NEGLIGIBLE:
             return False
         significant = one.explains > _SIGNIFICANT**2 * self.rest
         return significant or (self.rig_bad and one.explains > max(_SHARE_OF_CAUSE * self.excess, _CONFLICT**2))
@@ -190,7 +189,7 @@ def _remedied(state: State, left: Residuals) -> bool:
 
 def _is_of_rig(state: State, found: _Diagnosis) -> bool:
     """Whether the misfit that is left is an error of the rig, not noise."""
-    if found.level <= _NEGLIGIBLE:
+    if found.level <= NEGLIGIBLE:
         return False
     noise = state.misfit.inflation * np.sqrt(found.rig_chi2 / found.rig_dof)
     return bool(state.misfit.conflicts or state.misfit.added or noise > NOISE_IN_DOUBT)
@@ -261,7 +260,7 @@ def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level:
 
 def _enlarge_noise(state: State, found: _Diagnosis) -> None:
     """Enlarge the noise of all tests until chance explains the residuals of the rig."""
-    state.negligible = state.negligible and found.level <= _NEGLIGIBLE
+    state.negligible = state.negligible and found.level <= NEGLIGIBLE
     ratio = found.rig_chi2 / found.rig_dof
     whiten = state.problem.observed.whiten / np.sqrt(_each(found.left, ratio))[:, None, None]
     state.solve(state.problem.reweighted(whiten), inflation=state.misfit.inflation * float(np.sqrt(ratio)))
@@ -284,7 +283,7 @@ def _unsteady_drive(state: State, left: Residuals, found: _Diagnosis) -> tuple[f
     if explained < _MOSTLY * (found.rig_chi2 - found.rig_dof):
         return None
     level = _level(part[used, None], weight[used, None, None], float(used.sum()), np.ones(int(used.sum())))
-    return (level, (by_frequency * level)[:, :, None]) if level < _NEGLIGIBLE else None
+    return (level, (by_frequency * level)[:, :, None]) if level < NEGLIGIBLE else None
 
 
 def _each(left: Residuals, ratio: float) -> FloatArray:
