@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from fourpole.study import DRAWS, Study, analyse
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 _MOST_LISTED = 12
+#: Tests with the same remark that are named.
+_MOST_NAMED = 6
 #: Settings of the demonstration: usual uncertainties of sensors and rig, and a weighed mass at one condition.
 _DEMO: dict[str, Any] = {
     "sensors": (5e-3, radians(0.2)),
@@ -92,11 +95,18 @@ def _report(study: Study) -> None:
         say(f"note: {note}")
     for verdict in ("warning", "rejected"):
         rows = _verdicts(study).filter(pl.col("verdict") == verdict).unique(maintain_order=True)
-        for test, _, remarks in rows.head(_MOST_LISTED).rows():
-            say(f"{verdict}: {test}: {remarks}")
-        if rows.height > _MOST_LISTED:
-            say(f"... and {rows.height - _MOST_LISTED} more with verdict {verdict}; see the tables")
+        same = rows.group_by("remarks", maintain_order=True).agg("test").head(_MOST_LISTED)
+        for remarks, tests in same.rows():
+            say(f"{verdict}: {_some(tests)}: {remarks}")
+        if more := rows.height - same["test"].list.len().sum():
+            say(f"... and {more} more with verdict {verdict}; see the tables")
     out(f"{counted_tests(study.counts)} (route: {study.route})")
+
+
+def _some(tests: Sequence[str]) -> str:
+    """The first names of tests with the same remark, and the number of the others."""
+    more = len(tests) - _MOST_NAMED
+    return f"{', '.join(tests[:_MOST_NAMED])}{f' and {more} more' if more > 0 else ''}"
 
 
 def _summary(study: Study, results: Path) -> dict[str, Any]:

@@ -275,7 +275,7 @@ class RigEstimate:
     def _misfit(self) -> str:
         """Sentence on the values that contradict the tests, and on the best candidate for the cause."""
         against = [
-            f"{value.source.text} is stated as {_short(value.stated, value.unit)}, "
+            f"{_named(value.source)} is stated as {_short(value.stated, value.unit)}, "
             f"the tests give {_short(value.found, value.unit)}"
             for value in self.contradicted
             if value.source.role is not Role.RATIO
@@ -337,6 +337,11 @@ _NOTES = {
     ),
     NoteCode.ONE_TEST: "one test only: rig and channels are taken as you stated them",
 }
+
+
+def _named(source: Source) -> str:
+    """The name of a value in a sentence that states its size."""
+    return source.kind.text if source.role is Role.MASS else source.text.replace("_", " ")
 
 
 def _short(value: float | None, unit: str) -> str:
