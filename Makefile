@@ -114,8 +114,8 @@ bench-install: $(READY_BENCH)  ## install the peers, and see that each script in
 bench: $(READY_BENCH)  ## compare with the peers: runs each script in bench/, in an environment of its own
 	@for script in bench/*.py; do .venv-bench/bin/python "$$script" || exit 1; done
 
-validate: $(READY)  ## thousands of virtual campaigns through the joint route; goes on where it was stopped
-	@$(BIN)/python validation/validate.py
+validate: $(READY)  ## thousands of virtual campaigns, faulty ones too; goes on where it was stopped; ONLY=faults: these
+	@$(BIN)/python validation/validate.py $(if $(ONLY),--only $(ONLY))
 
 LOCK := .venv-lock/bin/uv --quiet --no-config pip compile --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --upgrade pyproject.toml

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from fourpole.virtual import FAULTS
+
 pytestmark = pytest.mark.thorough
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -21,13 +23,15 @@ def validate(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(module, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(module, "DOCUMENT", document)
+    monkeypatch.setattr(module, "FAULTS", document)
     monkeypatch.setattr(module, "_code", lambda: "code")
     return module
 
 
 def test_validation_runs_and_writes_its_document(validate, monkeypatch):
     """Campaign 0 is also held against the Cramér-Rao bound; all that the campaigns share has a true value."""
-    monkeypatch.setattr("sys.argv", ["validate.py", "--phasors", "2", "--recordings", "1"])
+    asked = "--phasors 2 --recordings 1 --only phasors --only recordings --jobs 1"
+    monkeypatch.setattr("sys.argv", ["validate.py", *asked.split()])
     assert validate.main() == 0
 
     first = json.loads((validate.RESULTS / "phasors.jsonl").read_text().splitlines()[1])
@@ -41,3 +45,52 @@ def test_validation_runs_and_writes_its_document(validate, monkeypatch):
     assert text.endswith("\nafter\n")
     assert "2 campaigns, numbers 0 to 1." in text
     assert "old" not in text.splitlines()
+
+
+@pytest.fixture
+def faulty(validate):
+    """The module of campaigns with faults."""
+    return importlib.import_module("faulty")
+
+
+def test_faults_run_and_their_table_is_written(validate, faulty, monkeypatch):
+    """With three frequencies, for time: one campaign without a fault, and two with one."""
+    faults = [None, FAULTS["F1 in kgf, stated in N"], FAULTS["V1 late, 0.5 ms"]]
+    monkeypatch.setattr(faulty, "CELLS", [faulty.Cell(fault, "weighed mass", 1) for fault in faults])
+    monkeypatch.setitem(faulty._LABORATORY, "frequencies", (10.0, 16.0, 24.0))
+    monkeypatch.setattr("sys.argv", ["validate.py", "--only", "faults", "--jobs", "1"])
+    assert validate.main() == 0
+
+    _, honest, unit, late = map(json.loads, (validate.RESULTS / "faults.jsonl").read_text().splitlines())
+    for result in (honest, unit, late):
+        assert sum(result["verdicts"].values()) == 6
+    assert honest["worst"].keys() == {"K'", "K''", "K2", "C", "TR"}
+    assert not unit["fits"]
+
+    text = validate.DOCUMENT.read_text()
+    assert text.startswith("before\n")
+    assert text.endswith("\nafter\n")
+    rows = [line for line in text.splitlines() if "| weighed mass |" in line]
+    assert [row.split(" | ")[0] for row in rows] == [
+        "| weighed mass",
+        "| V1 late, 0.5 ms",
+        "| F1 in kgf, stated in N",
+    ]
+    assert "| nothing |" not in rows[-1]
+    assert "2 campaigns with a fault. Of the 2 whose fault the data can show" in text
+
+
+def test_results_of_two_processes_are_those_of_one(validate, monkeypatch):
+    """Numbers stand in for campaigns: each is done once, whatever was done before."""
+    one, two = validate.Part("one", abs, 1), validate.Part("two", abs, 2)
+    assert sorted(one._made(range(5), float("inf"))) == sorted(two._made(range(5), float("inf"))) == list(range(5))
+    assert list(one._made(range(5), 0.0)) == []
+    assert len(list(two._made(range(5), 0.0))) == 2  # those that had begun
+
+
+def test_a_sentence_is_usual_up_to_twice_its_numbers(faulty):
+    usual = faulty._usual(["K* scatters by 0.001 of its value", "K* scatters by 0.0005 of its value", "all is well"])
+    assert faulty._is_usual("K* scatters by 0.0019 of its value", usual)
+    assert faulty._is_usual("all is well", usual)
+    assert not faulty._is_usual("K* scatters by 1.5e-2 of its value", usual)
+    assert not faulty._is_usual("V1 scatters by 0.001 of its value", usual)

@@ -1,8 +1,9 @@
 """Thousands of virtual campaigns through the joint route, their truth known: `python validation/validate.py`.
 
-Part A is at phasor level, part B goes through recordings in the time domain. What is done is kept in
+Part A is at phasor level, part B goes through recordings in the time domain; their tables go to docs/validation.md. The
+part "faults" has laboratories with one fault each, and makes docs/faults.md. What is done is kept in
 validation/results, campaign by campaign, so that a run that was stopped goes on where it was; results of other code or
-settings are begun anew, unless --keep is given. The table goes to docs/validation.md.
+settings are begun anew, unless --keep is given.
 """
 
 from __future__ import annotations
@@ -15,7 +16,11 @@ import sys
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from contextlib import closing
+from itertools import islice
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +31,8 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 RESULTS = HERE / "results"
 DOCUMENT = ROOT / "docs" / "validation.md"
+FAULTS = ROOT / "docs" / "faults.md"
+PARTS = ("phasors", "recordings", "faults")
 BEGIN, END = "<!-- begin: made by make validate -->", "<!-- end: made by make validate -->"
 
 OUTPUTS = ("K'", "K''", "loss factor", "K2", "C", "TR", "R", "I")
@@ -36,32 +43,44 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Validate the joint route against virtual campaigns.")
     parser.add_argument("--phasors", type=int, default=2000, metavar="N", help="campaigns at phasor level")
     parser.add_argument("--recordings", type=int, default=200, metavar="N", help="campaigns in the time domain")
+    parser.add_argument("--faults", type=int, metavar="N", help="campaigns with a fault; by default all")
+    parser.add_argument("--only", choices=PARTS, action="append", help="this part alone; may be given again")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes; by default one per core")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after so long; go on another time")
     parser.add_argument("--keep", action="store_true", help="go on with results of other code")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")  # a campaign's warnings are among its results
-    from phasor_level import run as phasor_level  # once the number of threads is set
+    from faulty import CELLS  # once the number of threads is set
+    from faulty import run as faulty
+    from phasor_level import run as phasor_level
     from time_domain import run as time_domain
 
+    work = dict(zip(PARTS, (phasor_level, time_domain, faulty), strict=True))
+    counts = dict(zip(PARTS, (asked.phasors, asked.recordings, asked.faults or len(CELLS)), strict=True))
     until = time.monotonic() + asked.seconds
-    phasors, recordings = Part("phasors", phasor_level), Part("recordings", time_domain)
+    done = {}
     try:
-        for part, count in ((phasors, asked.phasors), (recordings, asked.recordings)):
+        for name in asked.only or PARTS:
+            part = Part(name, work[name], asked.jobs)
             part.open(keep=asked.keep)
-            part.run(count, until)
+            part.run(counts[name], until)
+            done[name] = part.results(counts[name])
     except KeyboardInterrupt:
         _say("\nStopped; what is done is kept, and the same command goes on from there.\n")
         return 130
-    write_document(phasors.results(asked.phasors), recordings.results(asked.recordings))
-    _say(f"{DOCUMENT.relative_to(ROOT)} is written.\n")
+    if "faults" in done:
+        write_faults(done["faults"])
+    if done.keys() - {"faults"}:
+        others = [done.get(name) or Part(name, work[name], 1).results() for name in PARTS[:2]]
+        write_document(*others)
     return 0
 
 
 class Part:
     """Campaigns numbered from 0, one line of JSON each, after a line that says which code made them."""
 
-    def __init__(self, name: str, work: Callable[[int], dict[str, Any]]) -> None:
-        self.name, self.work = name, work
+    def __init__(self, name: str, work: Callable[[int], dict[str, Any]], jobs: int) -> None:
+        self.name, self.work, self.jobs = name, work, jobs
         self.file = RESULTS / f"{name}.jsonl"
 
     def open(self, *, keep: bool) -> None:
@@ -77,31 +96,41 @@ class Part:
 
     def results(self, count: int = sys.maxsize) -> list[dict[str, Any]]:
         """What is done, in order."""
-        found = [json.loads(line) for line in self.file.read_text().splitlines()[1:]]
+        found = [json.loads(line) for line in self.file.read_text().splitlines()[1:]] if self.file.exists() else []
         return sorted((each for each in found if each["number"] < count), key=lambda each: each["number"])
 
     def run(self, count: int, until: float) -> None:
         """The campaigns that are missing."""
         missing = sorted(set(range(count)) - {each["number"] for each in self.results()})
         began, shown = time.monotonic(), 0.0
-        with self.file.open("a") as file:
-            for done, number in enumerate(missing):
+        with self.file.open("a") as file, closing(self._made(missing, until)) as made:
+            for done, result in enumerate(made, start=1):
+                file.write(json.dumps(result) + "\n")
+                file.flush()
                 now = time.monotonic()
-                if now > until:
-                    break
                 if now - shown > 0.5:
-                    left = (now - began) / done * (len(missing) - done) if done else float("nan")
+                    left = (now - began) / done * (len(missing) - done)
                     _say(f"\r{self.name}: {count - len(missing) + done} of {count}, {_words(left)} left   ")
                     shown = now
-                file.write(json.dumps(self.work(number)) + "\n")
-                file.flush()
         if missing:
             _say(f"\r{self.name}: {len(self.results(count))} of {count} done                  \n")
 
+    def _made(self, numbers: Sequence[int], until: float) -> Iterator[dict[str, Any]]:
+        """The campaigns of some numbers as they are done, in as many processes as asked for."""
+        if self.jobs < 2 or len(numbers) < 2:
+            yield from (self.work(number) for number in numbers if time.monotonic() < until)
+            return
+        left = iter(numbers)
+        with ProcessPoolExecutor(self.jobs, mp_context=get_context("spawn")) as pool:
+            running = {pool.submit(self.work, number) for number in islice(left, self.jobs)}
+            while running:
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                if time.monotonic() < until:
+                    running |= {pool.submit(self.work, number) for number in islice(left, len(done))}
+                yield from (each.result() for each in done)
+
 
 def _words(seconds: float) -> str:
-    if seconds != seconds:
-        return "?"
     return f"{seconds / 60:.0f} min" if seconds > 90 else f"{seconds:.0f} s"
 
 
@@ -112,9 +141,9 @@ def _say(text: str) -> None:
 
 def _code() -> str:
     """Hash of all that results depend on."""
-    rooms = [ROOT / "src" / "fourpole" / room for room in ("core", "virtual", "units", "io", "campaign")]
+    rooms = [ROOT / "src" / "fourpole" / room for room in ("core", "virtual", "units", "io", "campaign", "study")]
     files = [file for room in rooms for file in sorted(room.rglob("*.py"))]
-    files += [HERE / name for name in ("laboratories.py", "phasor_level.py", "bound.py", "time_domain.py")]
+    files += [HERE / name for name in ("laboratories.py", "phasor_level.py", "bound.py", "time_domain.py", "faulty.py")]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 
@@ -127,9 +156,21 @@ def write_document(phasors: Sequence[dict[str, Any]], recordings: Sequence[dict[
     lines += _part("Part B: recordings", recordings, RANGES_RECORDED)
     if recordings:
         lines += _verdicts(recordings)
-    text = DOCUMENT.read_text()
+    _put(DOCUMENT, lines)
+
+
+def write_faults(results: Sequence[dict[str, Any]]) -> None:
+    """Put the table of faults between the marks of its document."""
+    from faulty import table
+
+    _put(FAULTS, ["", *table(results)])
+
+
+def _put(document: Path, lines: Sequence[str]) -> None:
+    text = document.read_text()
     before, rest = text.split(BEGIN)
-    DOCUMENT.write_text(f"{before}{BEGIN}\n" + "\n".join(lines) + f"\n{END}{rest.split(END)[1]}")
+    document.write_text(f"{before}{BEGIN}\n" + "\n".join(lines) + f"\n{END}{rest.split(END)[1]}")
+    _say(f"{document.relative_to(ROOT)} is written.\n")
 
 
 def _part(title: str, results: Sequence[dict[str, Any]], ranges: dict[str, str]) -> list[str]:

@@ -26,8 +26,8 @@ _PER_KELVIN = (-0.004, -0.006)
 #: Lateral motion over V1 that a tilted sensor sees.
 _LATERAL = 0.15
 #: A plan with a second pressure or preload, for faults that confuse two of them.
-_TWO_PRESSURES: Mapping[str, Any] = {"pressures": (135e3, 205e3)}
-_TWO_PRELOADS: Mapping[str, Any] = {"preloads": (1000.0, 2000.0)}
+_TWO_PRESSURES: Mapping[str, Any] = {"pressures": (135e3, 205e3), "repeats": 1}
+_TWO_PRELOADS: Mapping[str, Any] = {"preloads": (1000.0, 2000.0), "repeats": 1}
 #: Plans in which no data of the rig can show a fault.
 _ONE, _EITHER = frozenset({"one mass"}), frozenset({"one mass", "weighed mass"})
 
@@ -309,6 +309,11 @@ def of_all(name: str, size: str, unseen: frozenset[str] = frozenset(), **factors
     return Fault(name, size, "statement", _each(change, ("static", "dynamic")), unseen=unseen)
 
 
+def wrong_unit(name: str, size: str, channel: str, factor: float) -> Fault:
+    """A channel is recorded in another unit, or with another sign, than campaign.toml says."""
+    return Fault(name, size, "statement", _each(_flawed([channel], scale=factor)))
+
+
 def added_mass(share: float) -> Fault:
     """The added mass is the stated one times 1 + `share`."""
 
@@ -393,17 +398,17 @@ def _list() -> list[Fault]:
         one_test("loose V2", "+30 % at half time", "V2", loose=0.3),
         one_test("drop-outs of V2", "5 %", "V2", dropouts=0.05),
         mass_left_on(5.0),
-        mislabelled("pressure", "2.05 for 1.35 bar", 205e3, {"pressures": (135e3, 205e3), "repeats": 1}),
-        mislabelled("preload", "2000 for 1000 N", 2000.0, {"preloads": (1000.0, 2000.0), "repeats": 1}),
-        swapped("pressure", {**_TWO_PRESSURES, "repeats": 1}),
-        swapped("preload", {**_TWO_PRELOADS, "repeats": 1}),
+        mislabelled("pressure", "2.05 for 1.35 bar", 205e3, _TWO_PRESSURES),
+        mislabelled("preload", "2000 for 1000 N", 2000.0, _TWO_PRELOADS),
+        swapped("pressure", _TWO_PRESSURES),
+        swapped("preload", _TWO_PRELOADS),
         swapped("added_mass", {"added_masses": (0.0, 10.0)}),
-        duplicated("name", "of a repeat", {"repeats": 3}),
+        duplicated("name", "of a repeat", {"repeats": 2}),
         duplicated("preload", "of another preload", _TWO_PRELOADS),
     ]
     of_statement = [
-        channel("F1 in kgf", "stated in N", "F1", scale=1.0 / 9.80665),
-        channel("V2 with the other sign", "", "V2", scale=-1.0),
+        wrong_unit("F1 in kgf", "stated in N", "F1", 1.0 / 9.80665),
+        wrong_unit("V2 with the other sign", "", "V2", -1.0),
         of_all("pressure of all tests", "-15 %", _EITHER, pressure=0.85),
         of_all("preload of all tests", "+20 %", _EITHER, preload=1.2),
         added_mass(-0.01),
