@@ -51,6 +51,7 @@ class Kind(Enum):
     UNSTATED = ("unstated ", (*PARTS,), Role.UNSTATED)
     ADDED_MASS = ("added mass", (), Role.MASS)
     DRIFT = ("drift of ", (), Role.SPECIMEN)
+    AMPLITUDE = ("amplitude", (), Role.SPECIMEN)
     ANGLE_DRIFT = ("loss angle drift of ", (), Role.SPECIMEN)
     K1 = ("K1", (), Role.STATIC)
     K1_FIT = ("K1 fit", (), Role.STATIC)

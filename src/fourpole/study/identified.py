@@ -28,7 +28,7 @@ from fourpole.core.sources import Kind, Source
 from fourpole.fitting.rows import Key, pair_columns, tyre_columns
 from fourpole.study.outcome import Point, point_keys
 from fourpole.study.rig_estimate import RigEstimate, mass_gain
-from fourpole.study.rig_solution import relative_uncertainties, rig_estimate
+from fourpole.study.rig_solution import relative_uncertainties, rig_estimate, with_recordings
 from fourpole.study.static import StaticStiffness
 
 #: Message that a route lacks the rig.
@@ -239,7 +239,9 @@ def _group(
         group = _identified(tuple(keys), setup, phasors, "mobility", parts)
     notes = [note] if note else []
     if group.estimate is not None:
-        notes += [group.estimate.note(code) for code in group.estimate.notes]
+        estimate = with_recordings(group.estimate, [point.checks for point in points])
+        group = replace(group, estimate=estimate)
+        notes += [estimate.note(code) for code in estimate.notes]
     where = f"[rigs.{setup.rig_name}]" if setup.rig_name else "[rig]"
     return group, [f"{where}: {note}" for note in notes]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -10,9 +11,10 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.checks import Check, Code
 from fourpole.core.identification import Identification
 from fourpole.core.joint import Joint
-from fourpole.core.joint.misfit import pulls
+from fourpole.core.joint.misfit import Candidate, pulls
 from fourpole.core.joint.outputs import Outputs
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import RATIOS, Kind, Role, Source
@@ -31,6 +33,11 @@ _FAR = 2.0
 _ORDER = (Role.RIG, Role.UNSTATED, Role.CHANNEL, Role.MASS, Role.SPECIMEN)
 #: Candidates that are kept.
 _CANDIDATES = 6
+#: Faults of a recording that spoil its amplitudes, and the share of the tests that must show one.
+_SPOILS = (
+    Code.LINEARITY, Code.FORCE_LINEARITY, Code.RIG_LINEARITY, Code.SPOILT, Code.HALVES, Code.CLIPPING, Code.TIME_BASE,
+)  # fmt: skip
+_MOST = 0.5
 #: Least lever on K' that is told, and the number of levers.
 _LEVER, _MOST_LEVERS = 0.1, 3
 
@@ -220,6 +227,27 @@ def _levers(joint: Joint, found: Outputs) -> dict[Source, float]:
         if tyres.any() and (parameter.is_gain or bulk or parameter.source.role is Role.MASS):
             levers[parameter.source] = float(np.median(moved[tyres, at])) * parameter.stated / parameter.std
     return levers
+
+
+def with_recordings(estimate: RigEstimate, checks: Sequence[Sequence[Check]]) -> RigEstimate:
+    """The estimate with the faults that most recordings show by themselves as the first cause of a misfit."""
+    if estimate.fits or not checks:
+        return estimate
+    said = [{(row.code, row.channel) for row in rows if row.code in _SPOILS and row.verdict != "ok"} for rows in checks]
+    shown = Counter(one for rows in said for one in rows)
+    faults = [one for one, count in shown.most_common() if count >= _MOST * len(checks)]
+    if not faults:
+        return estimate
+    causes = [_shown_by_recordings(code, channel, shown[code, channel], len(checks)) for code, channel in faults]
+    candidates = tuple(replace(one, explains=estimate.chi2 or 0.0) for one in causes)
+    tied = len(causes) + (estimate.tied if estimate.tied else 0)
+    return replace(estimate, candidates=(*candidates, *estimate.candidates), tied=tied)
+
+
+def _shown_by_recordings(code: Code, channel: str, count: int, of: int) -> Candidate:
+    short = code.short("warning")
+    text = f"what {count} of {of} recordings show: {f'{channel}: ' if channel else ''}{short}"
+    return Candidate("recordings", float("nan"), float("nan"), "1", 0.0, Source(Kind.OTHER, code.text), 0.0, text)
 
 
 def _added(joint: Joint) -> FloatArray:

@@ -31,7 +31,14 @@ STATED = (Role.RIG, Role.CHANNEL, Role.MASS)
 #: A stated value of which the tests know less than this share of its variance is no candidate.
 _INFORMED = 1e-3
 #: Largest error of a channel that can be a cause: gain [1], phase [rad], delay [s].
-_LARGEST = {Kind.GAIN: 0.25, Kind.PHASE: 0.25, Kind.DELAY: 3e-3, Kind.GAIN_DRIFT: 0.25, Kind.CROSSTALK: 0.25}
+_LARGEST = {
+    Kind.GAIN: 0.25,
+    Kind.PHASE: 0.25,
+    Kind.DELAY: 3e-3,
+    Kind.GAIN_DRIFT: 0.25,
+    Kind.CROSSTALK: 0.25,
+    Kind.AMPLITUDE: 1.0,
+}
 #: Largest error of a mass or a spring that can be a cause, over its stated value.
 _LARGEST_SHARE = 0.5
 _BULK = ("moving_mass", "preload_stiffness", "frame_stiffness")
@@ -226,7 +233,7 @@ def _unstated(problem: Problem, solution: Solution) -> list[Candidate]:
         if not weight[at] > _IDENTIFIABLE * size[at] or source in shared:
             continue
         estimate = float(pull[at] / weight[at])
-        error = at - len(PARTS)
+        error = at - len(PARTS) - 1
         if error >= 0 and abs(estimate) * np.abs(problem.observed.turns[..., error]).max() < NEGLIGIBLE:
             continue
         part = SharedParameter(source, "", 0, 1.0 if source.kind is Kind.GAIN else 0.0, 0.0)
@@ -274,12 +281,14 @@ def _extra_columns(observed: Observed, linear: Linear, rig: Rig) -> FloatArray:
     input_mass[:, 0, 0] = 1j * omega * linear.drive
     sensor = np.concatenate([input_mass, observed.turns * linear.predicted[:, :, None]], axis=2)
     errors = projected(linear.frame)(whitened(observed.whiten, sensor))
-    return np.concatenate([columns, errors if linear.weigh is None else linear.weigh @ errors], axis=2)
+    errors = errors if linear.weigh is None else linear.weigh @ errors
+    amplitude = linear.by_stiffness[:, :, :1] * observed.deflection[:, None, None]
+    return np.concatenate([amplitude, columns, errors], axis=2)
 
 
 def _extras(problem: Problem) -> tuple[Source, ...]:
     """The parts and errors that are tried as explanations, in the order of `_extra_columns`."""
-    return (*(Source(Kind.UNSTATED, part) for part in PARTS), *problem.errors)
+    return (Source(Kind.AMPLITUDE), *(Source(Kind.UNSTATED, part) for part in PARTS), *problem.errors)
 
 
 def _whole(source: Source, rig: Rig) -> float:
@@ -307,6 +316,9 @@ def _described(parameter: SharedParameter, size: float) -> tuple[str, float, str
     of, kind = source.of, source.kind
     if kind is Kind.UNSTATED:
         return _described_part(of, size)
+    if kind is Kind.AMPLITUDE:
+        text = f"K* that changes by {100 * (2**size - 1):+.2g} % as the amplitude of the deflection doubles"
+        return "specimen", size, "1", text
     if kind is Kind.GAIN:
         unit, text = "1", f"a gain of {of} off by {100 * size:+.2g} %"
     elif kind is Kind.PHASE:

@@ -49,6 +49,8 @@ class Observed(ByRows):
         Number of the specimen of each test.
     place : (N,) float array [1]
         Place of each test in the run of its specimen, in lengths of the run; 0 on average.
+    deflection : (N,) float array [1]
+        Logarithm of the amplitude of the deflection, V1 - V2 over omega; 0 on average, and where it is unknown.
     """
 
     omega: FloatArray
@@ -60,6 +62,7 @@ class Observed(ByRows):
     turns: ComplexArray
     specimen: np.ndarray
     place: FloatArray
+    deflection: FloatArray
 
     @classmethod
     def of(
@@ -79,16 +82,21 @@ class Observed(ByRows):
         for at, error in enumerate(errors):
             turns[:, error.channel, at] = error.turn
         specimen, place = run or (np.zeros(len(amplitudes), dtype=int), np.zeros(len(amplitudes)))
-        return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid, turns, specimen, place)
+        with np.errstate(divide="ignore"):
+            size = np.log(np.abs(amplitudes[:, 1] - amplitudes[:, 2]) / phasors.omega)
+        known = present[:, 1] & present[:, 2] & np.isfinite(size) & ~rigid
+        deflection = np.where(known, size - np.mean(size, where=known) if known.any() else 0.0, 0.0)
+        run_of = (specimen, place, deflection)
+        return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid, turns, *run_of)
 
     def gains(self, shared: Shared, z: FloatArray) -> ComplexArray:
         """Complex gains of F1, V1, V2 in each test, measured over true: exp(a + j phi), (N, 3)."""
         return np.asarray(np.exp(self.turns @ shared.channels_at(z, self.turns.shape[-1])))
 
     def drifted(self, shared: Shared, z: FloatArray) -> ComplexArray:
-        """K* of each test over that of the middle of the run of its specimen (N,) [1]."""
+        """K* of each test over that in the middle of the run, at the mean amplitude (N,) [1]."""
         drift = shared.drift_at(z, int(self.specimen.max(initial=0)) + 1)
-        return np.asarray(np.exp(drift[self.specimen] * self.place))
+        return np.asarray(np.exp(drift[self.specimen] * self.place + shared.by_amplitude_at(z) * self.deflection))
 
     def by_drift(self, shared: Shared) -> FloatArray:
         """Derivatives of Re and Im of log `drifted` by the shared values (N, 2, p), per stated uncertainty."""
@@ -97,6 +105,8 @@ class Observed(ByRows):
             if parameter.source.kind in DRIFTS:
                 own = self.specimen == parameter.index
                 change[:, at] = np.where(own, DRIFTS[parameter.source.kind] * self.place * parameter.std, 0.0)
+            elif parameter.source.kind is Kind.AMPLITUDE:
+                change[:, at] = self.deflection * parameter.std
         return parts(change, axis=1)
 
 

@@ -36,6 +36,8 @@ _LEAST_LOSS = 1e-4
 _TIE = 4.0
 #: A part is a cause of the misfit if it explains at least this share of it.
 _SHARE_OF_CAUSE = 0.3
+#: Rare errors are named only if they explain nearly the whole misfit: at least this share.
+_RARE, _WHOLE = (Kind.CROSSTALK, Kind.GAIN_DRIFT), 0.9
 #: What nobody stated is a cause if its size is this many standard uncertainties, even without a misfit.
 _SIGNIFICANT = 5.0
 #: An unsteady drive is the cause of the misfit if it explains more than this share of it.
@@ -150,7 +152,12 @@ def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
     # No part explains more than the whole chi-square. The exact phasors of a plan leave none, and need no candidates.
     named = candidates(problem, solution) if rig_chi2 + tyre_chi2 > 1 else []
     known = {*state.misfit.added, *(problem.shared.parameters[at].source for at in state.misfit.conflicts)}
-    named = [one for one in named if one.source not in known]
+    excess = rig_chi2 - float(left.rig_dof.sum())
+    named = [
+        one
+        for one in named
+        if one.source not in known and (one.source.kind not in _RARE or one.explains > _WHOLE * excess)
+    ]
     size = largest_part(problem, solution)
     effect = np.inf
     if named and named[0].of_rig:
@@ -234,6 +241,8 @@ def _parameter(cause: Candidate, loss: float, number: int, problem: Problem) -> 
     std = float(loss * abs(cause.size))
     if cause.source.role is Role.UNSTATED:
         return SharedParameter(cause.source, PARTS[cause.source.of], number, 0.0, std)
+    if cause.source.kind is Kind.AMPLITUDE:
+        return SharedParameter(cause.source, cause.unit, 0, 0.0, std)
     centre = 1.0 if cause.source.kind is Kind.GAIN else 0.0
     at = problem.errors.index(cause.source)
     return SharedParameter(cause.source, cause.unit, at, centre, std)

@@ -110,6 +110,11 @@ class Shared(ByValue):
         """The distinct masses at z [kg]."""
         return self.masses + self._offsets(z, Role.MASS, self.masses.size)
 
+    def by_amplitude_at(self, z: FloatArray) -> float:
+        """Change of log |K*| per unit of the logarithm of the deflection's amplitude at z."""
+        values = zip(z * self.std, self.parameters, strict=True)
+        return float(sum(value for value, one in values if one.source.kind is Kind.AMPLITUDE))
+
     def drift_at(self, z: FloatArray, count: int) -> ComplexArray:
         """Drift of log K* of each specimen over the run at z, (count,) [1] + j [rad]."""
         drift = np.zeros(count, dtype=complex)
