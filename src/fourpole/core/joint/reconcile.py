@@ -152,11 +152,12 @@ def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
     # No part explains more than the whole chi-square. The exact phasors of a plan leave none, and need no candidates.
     named = candidates(problem, solution) if rig_chi2 + tyre_chi2 > 1 else []
     known = {*state.misfit.added, *(problem.shared.parameters[at].source for at in state.misfit.conflicts)}
-    excess = rig_chi2 - float(left.rig_dof.sum())
+    excess, bad = rig_chi2 - float(left.rig_dof.sum()), is_unlikely(rig_chi2, float(left.rig_dof.sum()))
     named = [
         one
         for one in named
-        if one.source not in known and (one.source.kind not in _RARE or one.explains > _WHOLE * excess)
+        if one.source not in known
+        and (one.source.kind not in _RARE or (bad and one.explains > max(_WHOLE * excess, _SIGNIFICANT**2)))
     ]
     size = largest_part(problem, solution)
     effect = np.inf
