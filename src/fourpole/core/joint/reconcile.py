@@ -34,6 +34,8 @@ _CONFLICT = 3.0
 _LEAST_LOSS = 1e-4
 #: Causes that explain the misfit within this chi-square of the best one are named with it: 2 standard uncertainties.
 _TIE = 4.0
+#: What chance cannot explain is the cause only if nothing else explains much more: it has this share of the best.
+_SHARE_OF_BEST = 0.8
 #: A part is a cause of the misfit if it explains at least this share of it.
 _SHARE_OF_CAUSE = 0.3
 #: Rare errors are named only if they explain nearly the whole misfit: at least this share.
@@ -132,10 +134,10 @@ class _Diagnosis:
     @cached_property
     def causes(self) -> list[Candidate]:
         """The best cause, and those that explain the misfit as well; empty if no candidate is a cause."""
-        if not any(self.is_cause(one) for one in self.named[:1]):
+        best = next((one for one in self.named if self.is_cause(one)), None)
+        if best is None or best.explains < _SHARE_OF_BEST * self.named[0].explains:
             return []
-        least = self.named[0].explains - _TIE * self.rest
-        return [one for one in self.named if one.explains >= least]
+        return [one for one in self.named if one.explains >= best.explains - _TIE * self.rest]
 
     @cached_property
     def level(self) -> float:
