@@ -9,8 +9,11 @@ from scipy import stats
 
 from fourpole.core.joint import misfit
 from fourpole.core.joint.misfit import candidates, is_unlikely, pulls, residuals
+from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Solution, solve
 from fourpole.core.joint.start import closed_form_start
+from fourpole.core.rig import Rig
+from fourpole.core.sources import PARTS, Kind, Source
 from fourpole.virtual.phasor_rig import Laboratory
 
 GOOD = Laboratory(
@@ -130,8 +133,9 @@ def test_unlikely_is_less_than_once_in_a_thousand(chi2, dof, expected):
 def test_what_is_missing_is_named_with_its_size(make, undeclared, name, unit, size):
     made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=8, families=4, within=1.0)
     problem, solution = solved(made)
-    best = candidates(problem, solution)[0]
-    assert (best.name, best.unit) == (name, unit)
+    found = candidates(problem, solution)
+    tied = [one for one in found if one.explains > found[0].explains - 4]
+    best = next(one for one in tied if (one.name, one.unit) == (name, unit))
     assert best.of_rig == (not name.startswith("sensor"))
     # one step of a linear search, from a fit that the missing part has drawn: a tenth; and four uncertainties
     assert abs(best.value - size) < 0.1 * abs(size) + 4 * best.std
@@ -171,9 +175,13 @@ def test_a_pull_needs_a_thousandth_of_what_is_stated(gained, said):
 @pytest.mark.parametrize(("share", "found"), [(0.99e-20, 0), (1.01e-20, 1)])
 def test_a_part_is_identifiable_by_what_the_free_parameters_leave_of_its_column(monkeypatch, share, found):
     """Of the squared norm of the column of a moving mass, with nothing else that the tests could say."""
-    count = len(misfit._EXTRAS)
+    extras = [Source(Kind.UNSTATED, part) for part in PARTS]
+    count = len(extras)
     triangle = np.zeros((count + 1, count + 1))
     triangle[0, 0], triangle[0, -1] = np.sqrt(share), 1e-10
     monkeypatch.setattr(misfit, "_with_extras", lambda *given: (triangle, np.ones(count), None))
-    problem = SimpleNamespace(shared=(), conditions=SimpleNamespace(count=1))
+    monkeypatch.setattr(misfit, "_extras", lambda problem: tuple(extras))
+    monkeypatch.setattr(misfit, "_released", lambda problem, solution: [])
+    shared = Shared(Rig(moving_mass=15.0, preload_stiffness=12440.0), (), np.empty(0))
+    problem = SimpleNamespace(shared=shared, conditions=SimpleNamespace(count=1))
     assert len(candidates(problem, SimpleNamespace(objective=100.0))) == found

@@ -121,7 +121,7 @@ def test_derivatives_by_impedance_are_those_by_a_mass(at_truth):
 @pytest.mark.parametrize("part", PARTS)
 def test_derivatives_by_a_part_that_nobody_stated(at_truth, part):
     _, problem, z, stiffness = at_truth
-    size = {"mass": 0.2, "spring": 200.0, "frame": 1e-6, "loss": 0.01, "friction": 0.5}[part]
+    size = {"mass": 0.2, "spring": 200.0, "frame": 1e-6, "loss": 0.01, "friction": 0.5, "input": 0.1}[part]
     listed = (*problem.shared.parameters, SharedParameter(Source(Kind.UNSTATED, part), PARTS[part], 0, 0.0, size))
     shared = replace(problem.shared, parameters=listed)
     z = np.append(z, 0.0)
@@ -130,6 +130,44 @@ def test_derivatives_by_a_part_that_nobody_stated(at_truth, part):
     found, column = (below.residual - above.residual) / (2 * STEP), here.by_shared[:, :, -1]
     assert np.abs(column).max() > 1
     assert np.abs(found - column).max() < STEP**2 * np.abs(column).max() + scale_of(here)
+
+
+@pytest.mark.parametrize(("part", "size"), [("frame", 1e-5), ("loss", 0.2), ("spring", 2e3), ("friction", 5.0)])
+def test_derivatives_by_the_rig_beside_a_large_part_that_nobody_stated(at_truth, part, size):
+    """A frame in series with the preload spring changes what the spring's stiffness does."""
+    _, problem, z, stiffness = at_truth
+    listed = (*problem.shared.parameters, SharedParameter(Source(Kind.UNSTATED, part), PARTS[part], 0, 0.0, size))
+    shared, z = replace(problem.shared, parameters=listed), np.append(z, 1.0)
+    here = linearise(problem.observed, shared, z, stiffness)
+    for at, parameter in enumerate(shared.parameters):
+        step = STEP * np.eye(z.size)[at]
+        above, below = (linearise(problem.observed, shared, z + side * step, stiffness) for side in (1, -1))
+        found = (above.impedance - below.impedance) / (2 * STEP)
+        column = here.impedance_by_shared[:, at]
+        limit = STEP**2 * np.abs(column).max() + 1e3 * EPS * np.abs(here.impedance).max() / STEP
+        assert np.abs(found - column).max() < limit, parameter.source
+
+
+def test_derivatives_by_the_drift_of_a_specimen(at_truth):
+    """In modulus and angle, of one of two specimens, over the places of its tests in the run."""
+    made, problem, z, stiffness = at_truth
+    count = made.family.size
+    observed = replace(problem.observed, specimen=np.arange(count) % 2, place=np.linspace(-0.5, 0.5, count))
+    kinds = [(Kind.DRIFT, "1", 0.03), (Kind.ANGLE_DRIFT, "rad", 0.02)]
+    drifts = tuple(SharedParameter(Source(kind, "b"), unit, 1, 0.0, std) for kind, unit, std in kinds)
+    shared = replace(problem.shared, parameters=(*problem.shared.parameters, *drifts))
+    z = np.append(z, [0.0, 0.0])
+    assert np.abs(observed.drifted(shared, z) - 1).max() == 0
+    turned = observed.drifted(shared, np.append(z[:-2], [1.0, 1.0]))
+    expected = np.exp((0.03 + 0.02j) * observed.place)
+    assert turned == pytest.approx(np.where(observed.specimen == 1, expected, 1.0), rel=1e-12)
+    here = linearise(observed, shared, z, stiffness)
+    for at in (-2, -1):
+        step = STEP * np.eye(z.size)[at]
+        above, below = (linearise(observed, shared, z + side * step, stiffness) for side in (1, -1))
+        found, column = (below.residual - above.residual) / (2 * STEP), here.by_shared[:, :, at]
+        assert np.abs(column).max() > 1
+        assert np.abs(found - column).max() < 100 * STEP**2 * np.abs(column).max() + scale_of(here)
 
 
 def test_the_tyre_s_mass_is_not_on_a_rigid_block(at_truth):

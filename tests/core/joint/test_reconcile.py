@@ -46,11 +46,13 @@ def errors(made, joint):
         ({"leaf_friction": 5.0}, "leaf friction"),
     ],
 )
-def test_what_is_not_declared_is_seen_and_named_first(make, undeclared, name, masses):
+def test_what_is_not_declared_is_seen_and_named_first_or_with_its_twin(make, undeclared, name, masses):
     made = make(replace(GOOD, undeclared=undeclared), masses=masses, frequencies=8, families=4, within=1.0)
     joint = made.identify()
     assert not joint.misfit.fits
-    assert joint.misfit.candidates[0].name == name
+    assert name in [one.name for one in joint.misfit.candidates[: joint.misfit.tied]]
+    assert joint.misfit.tied <= 2  # a tyre mass or a moving mass, a frame or a softer spring
+    assert not joint.misfit.drifts
     assert joint.solution.converged
     assert joint.misfit.chi2 > joint.misfit.dof
 
@@ -80,6 +82,7 @@ def test_a_statement_that_is_wrong_is_set_aside_and_k_is_right_all_the_same(make
     names = [joint.stated.parameters[at].source.text for at in joint.misfit.conflicts]
     assert names == [blamed]
     assert not joint.misfit.fits
+    assert not joint.misfit.drifts
     assert np.abs(errors(made, joint)).max() < 4.5  # the uncertainty without the statement, and 128 errors
     at = [parameter.source.text for parameter in joint.stated.parameters].index(blamed)
     true = made.true_z(joint.problem.shared)[at]
@@ -117,15 +120,18 @@ def test_scatter_of_the_tyre_is_found_and_counted(make):
 
 
 @pytest.mark.statistical
-def test_uncertainty_with_scatter_is_right(make):
-    """Errors of each condition's K*, over seeds, in their uncertainty: chi-square per number near 1."""
-    squares = []
+@pytest.mark.parametrize("masses", [(0.0, 0.0, 0.0), (0.0, 0.0, 10.0)])
+def test_uncertainty_with_scatter_is_right(make, masses):
+    """Errors of each test's own K*, over seeds, in their uncertainty: chi-square per number near 1."""
+    squares, told = [], 0
     for seed in range(20):
-        made = make(GOOD, masses=(0.0, 0.0, 10.0), frequencies=4, families=3, scatter=5e-3, within=2.0, seed=seed)
-        plain = make(GOOD, masses=(0.0, 0.0, 10.0), frequencies=4, families=3, within=2.0, seed=seed)
-        made = replace(made, campaign=replace(made.campaign, stiffness=plain.campaign.stiffness))
-        squares.append(np.mean(errors(made, made.identify())[::3] ** 2))
-    # 24 numbers in each of 20 campaigns, partly shared: as if half were independent, four uncertainties
+        made = make(GOOD, masses=masses, frequencies=4, families=3, scatter=5e-3, within=2.0, seed=seed)
+        joint = made.identify()
+        told += not joint.misfit.fits
+        squares.append(np.mean(errors(made, joint) ** 2))
+    # a dozen stated values, each beyond three standard uncertainties once in 370 times: in 20 campaigns 0.6 times
+    assert told <= 3
+    # 72 numbers in each of 20 campaigns, partly shared: as if a sixth were independent, four uncertainties
     assert np.mean(squares) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 240))
 
 
@@ -147,15 +153,26 @@ def test_a_clean_campaign_never_warns(make):
         assert joint.solution.converged
 
 
-def test_noise_larger_than_stated_is_taken_as_it_is(make):
-    """The recordings say a third of what there is: within what may be, but counted."""
+def understated(make, factor):
+    """A campaign whose recordings say this share of the noise that there is."""
     made = make(replace(GOOD, noise=1e-3), masses=(0.0, 10.0), frequencies=8, families=4, within=2.0)
-    made = replace(made, phasors=replace(made.phasors, covariance=made.phasors.covariance / 9))
-    joint = made.identify()
+    made = replace(made, phasors=replace(made.phasors, covariance=made.phasors.covariance * factor**2))
+    return made, made.identify()
+
+
+def test_noise_larger_than_stated_is_taken_as_it_is(make):
+    """Within what may be, but counted."""
+    made, joint = understated(make, 1 / 1.8)
+    assert joint.misfit.fits
     assert not joint.misfit.conflicts
-    grown = np.hypot(joint.misfit.inflation, 1) if joint.misfit.scatter else joint.misfit.inflation
-    assert grown > 1.2
+    assert joint.misfit.inflation > 1.2
     assert np.abs(errors(made, joint)).max() < 5
+
+
+def test_noise_three_times_as_large_as_stated_is_a_misfit(make):
+    joint = understated(make, 1 / 3)[1]
+    assert not joint.misfit.fits
+    assert joint.misfit.rig_error > 0
 
 
 def test_all_the_statements_wrong_at_once_still_ends(make):

@@ -45,7 +45,7 @@ def gross_errors(observed: Observed, shared: Shared, chi2: float = np.inf) -> li
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = (force - input_force) / (impedance * wheel)
         exchanged = force / (impedance * contact)
-    used = np.isfinite(ratio) & (ratio != 0) & _off_resonance(observed, shared, impedance)
+    used = np.isfinite(ratio) & (ratio != 0) & (force != 0) & _off_resonance(observed, shared, impedance)
     if not used.any():
         return []
     other = exchanged[used]

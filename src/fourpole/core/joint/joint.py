@@ -152,7 +152,9 @@ def _unstated_errors(amplitudes: ComplexArray, place: FloatArray) -> list[Channe
     """
     errors = []
     with np.errstate(divide="ignore", invalid="ignore"):
-        scaled = amplitudes / np.sqrt(np.nanmean(np.abs(amplitudes) ** 2, axis=0))
+        present = np.isfinite(amplitudes)
+        square = np.sum(np.abs(np.where(present, amplitudes, 0.0)) ** 2, axis=0) / present.sum(axis=0)
+        scaled = amplitudes / np.sqrt(square)
         for at, symbol in enumerate(SYMBOLS.values()):
             errors.append(ChannelError(Source(Kind.GAIN_DRIFT, symbol), "1", at, 0.0, place + 0j))
             for other, name in enumerate(SYMBOLS.values()):

@@ -178,6 +178,8 @@ class Candidate:
         Its estimated size in the unit of `core.sources.PARTS`, of the error of the channel, or of the stated value.
     text : str
         The cause in words, with its size.
+    released : bool
+        Whether it is a stated value without its statement; if not, nobody stated it.
     """
 
     name: str
@@ -188,6 +190,7 @@ class Candidate:
     source: Source
     size: float
     text: str
+    released: bool = False
 
     @property
     def of_rig(self) -> bool:
@@ -216,7 +219,9 @@ def _released(problem: Problem, solution: Solution) -> list[Candidate]:
         if _possible(parameter, size) and (described := _described(parameter, size)):
             name, value, unit, text = described
             explains = min(z**2 / float(informed[at]), solution.objective)
-            found.append(Candidate(name, value, float(std), unit, explains, parameter.source, size, text))
+            found.append(
+                Candidate(name, value, float(std), unit, explains, parameter.source, size, text, released=True)
+            )
     return found
 
 

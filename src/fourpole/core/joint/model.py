@@ -23,6 +23,8 @@ from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Role, Source
 
 _INPUT_MASSES = (Source(Kind.RIG_VALUE, "input_mass"), Source(Kind.UNSTATED, "input"))
+#: Values of the rig on which an unstated frame in series with the preload spring acts.
+_SUPPORT = ("preload_stiffness", "preload_damping", "preload_loss_factor", "frame_stiffness")
 #: Least relative uncertainty of an amplitude, which is the resolution of single precision.
 FLOOR = 1e-7
 
@@ -204,7 +206,7 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     scaled, predicted = gains * drive[:, None], unit * drive[:, None]
     log_k = np.stack([impedance * by_log_k, zero, by_log_k], axis=-1) * scaled
     zr = np.stack([np.where(observed.rigid, 1.0, ratio**2), zero, by_zr], axis=-1) * scaled
-    zr_by_shared = _impedance_by_shared(observed, shared, rig, rig.impedance_gradient(observed.omega, added))
+    zr_by_shared = _impedance_by_shared(observed, shared, rig, rig.impedance_gradient(observed.omega, added), extra)
     by_shared = _by_shared(observed, shared, zr_by_shared, zr, predicted, jw * scaled[:, 0])
     fit_out = projected(frame)
     by_stiffness = fit_out(_both(observed.whiten, log_k))
@@ -245,14 +247,22 @@ def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray, rigid: BoolArray
     }
 
 
-def _impedance_by_shared(observed: Observed, shared: Shared, rig: Rig, gradient: ComplexArray) -> ComplexArray:
-    """Derivatives of Zr by z (N, p) [N s/m]."""
+def _impedance_by_shared(
+    observed: Observed, shared: Shared, rig: Rig, gradient: ComplexArray, extra: dict[str, float]
+) -> ComplexArray:
+    """Derivatives of Zr by z (N, p) [N s/m]; `extra` has the sizes of the unstated parts."""
     shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]), observed.rigid)
+    support = np.asarray(rig.impedance(observed.omega)) - 1j * observed.omega * (rig.moving_mass + rig.tyre_mass)
+    through_frame = 1 - 2j * observed.omega * support * extra.get("frame", 0.0)
     change = np.zeros((observed.omega.size, len(shared)), dtype=complex)
     for at, parameter in enumerate(shared.parameters):
         role, of = parameter.source.role, parameter.source.of
         if role is Role.RIG:
             change[:, at] = gradient[:, parameter.index]
+            if of in _SUPPORT:
+                change[:, at] *= through_frame
+            if of == "preload_stiffness":
+                change[:, at] += extra.get("loss", 0.0) / observed.omega
             if of == "tyre_mass":
                 change[observed.rigid, at] = 0.0
         elif role is Role.UNSTATED and of in shapes:

@@ -12,7 +12,6 @@ import numpy as np
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.joint.misfit import (
     NEGLIGIBLE,
-    STATED,
     Candidate,
     Residuals,
     candidates,
@@ -24,7 +23,7 @@ from fourpole.core.joint.misfit import (
 from fourpole.core.joint.model import cholesky_qr, part_shapes, projected
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution
-from fourpole.core.joint.specimens import fit_specimens
+from fourpole.core.joint.specimens import fit_specimens, without_drifts
 from fourpole.core.joint.state import NOISE_IN_DOUBT, Misfit, State
 from fourpole.core.sources import PARTS, Kind, Role, Source
 
@@ -124,7 +123,7 @@ class _Diagnosis:
 
     def is_cause(self, one: Candidate) -> bool:
         """Whether a candidate by itself explains too much for chance."""
-        if one.source.role in STATED and one.explains > _CONFLICT**2 * self.rest:
+        if one.released and one.explains > _CONFLICT**2 * self.rest:
             return True
         if one.of_rig and one is self.named[0] and self.effect < NEGLIGIBLE:
             return False
@@ -209,7 +208,8 @@ def _apply(state: State, found: _Diagnosis) -> None:
     """Take the hold from the statements that may be the cause of the misfit, and add what nobody stated."""
     if not state.misfit.candidates:
         state.misfit = replace(state.misfit, candidates=tuple(found.named), tied=len(found.causes))
-    shared, z = state.problem.shared, state.solution.z.copy()
+    # A drift that only an error of the rig pretended is not found again.
+    shared, z = without_drifts(state.problem.shared, state.solution.z)
     listed, conflicts, added = list(shared.parameters), list(state.misfit.conflicts), list(state.misfit.added)
     at = {parameter.source: i for i, parameter in enumerate(listed)}
     for cause in found.causes:
@@ -227,7 +227,7 @@ def _apply(state: State, found: _Diagnosis) -> None:
             added.append(cause.source)
     state.solution = replace(state.solution, z=z)
     wide = replace(state.problem, shared=replace(shared, parameters=tuple(listed)))
-    state.solve(wide, conflicts=tuple(conflicts), added=tuple(added))
+    state.solve(wide, conflicts=tuple(conflicts), added=tuple(added), drifts=())
 
 
 #: The value of the rig that acts as an unstated part does.

@@ -22,6 +22,9 @@ _MOST_STEPS = 60
 _SMALL = 1e-5
 #: If no such step is found, a last step below this share of every standard uncertainty is also accepted.
 _CLOSE = 1e-2
+#: The search has also converged if the objective has not fallen by this much in so many steps of at least this share:
+#: shared values that the tests do not tell apart leave a curved valley, in which every step is long.
+_FLAT, _FLAT_STEPS, _FLAT_SHARE = 0.01, 8, 0.1
 #: Allowed rise of the objective, relative and absolute, because K* is updated with the slopes of the previous step.
 _ALLOWED_RISE = 1e-3
 #: Steps of K* alone that are tried before a step that raises the objective is halved.
@@ -188,7 +191,8 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
     z = np.zeros(len(problem.shared)) if z is None else z
     first = _sweep(problem, z, start)
     stiffness, step, share = start, _sweep(problem, z, start, first.slope), 1.0
-    before = (z, stiffness, step)
+    before = lowest = (z, stiffness, step)
+    flat = 0
     reason = f"the search did not converge in {_MOST_STEPS} steps"
     converged = False
     count = 0
@@ -199,9 +203,15 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
                 reason = "no step lowers the residual: the rig as stated and the recordings do not go together"
                 break
         else:
-            before, share = (z, stiffness, step), min(1.0, 2 * share)
+            before = (z, stiffness, step)
+            flat = 0 if step.objective < lowest[2].objective - _FLAT else flat + (share >= _FLAT_SHARE)
+            lowest = before if flat == 0 or step.objective < lowest[2].objective else lowest
+            share = min(1.0, 2 * share)
             if step.size() < _SMALL:
                 converged, reason = True, ""
+                break
+            if flat > _FLAT_STEPS:
+                before, converged, reason = lowest, True, ""
                 break
         z0, k0, best = before
         z = z0 + share * best.dz

@@ -133,6 +133,12 @@ def _with_drifts(problem: Problem, specimens: np.ndarray, std: float) -> Shared:
     return replace(problem.shared, parameters=(*problem.shared.parameters, *added))
 
 
+def without_drifts(shared: Shared, z: FloatArray) -> tuple[Shared, FloatArray]:
+    """The shared values without drifts, and the rest of z."""
+    kept = [at for at, one in enumerate(shared.parameters) if one.source.kind not in DRIFTS]
+    return replace(shared, parameters=tuple(shared.parameters[at] for at in kept)), z[kept]
+
+
 def _fall(wider: Problem, solution: Solution) -> float:
     """Fall of the objective when the last shared values of a problem, 0 so far, are free."""
     p, z = len(wider.shared), np.append(solution.z, np.zeros(len(wider.shared) - solution.z.size))
