@@ -107,11 +107,14 @@ class FileInfo:
         One per channel, in the order of the file.
     notes : tuple of str
         Statements of the file on the whole recording: date, title, operator; and warnings of its reader.
+    began : float, optional [s]
+        Time at which the recording began, from 1970 on, where the file states it.
     """
 
     format: str
     signals: tuple[SignalInfo, ...]
     notes: tuple[str, ...] = ()
+    began: float | None = None
 
 
 @dataclass(frozen=True)

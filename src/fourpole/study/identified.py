@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign import defaults
-from fourpole.campaign.folder import Campaign, Test, condition_of
+from fourpole.campaign.folder import Campaign, Test, condition_of, inside
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import Code, worst_verdict
@@ -26,8 +26,9 @@ from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
 from fourpole.fitting.rows import Key, pair_columns, tyre_columns
+from fourpole.study.load import recorded_at
 from fourpole.study.outcome import Point, point_keys
-from fourpole.study.rig_estimate import RigEstimate, mass_gain
+from fourpole.study.rig_estimate import RigEstimate, RunOrder, mass_gain
 from fourpole.study.rig_solution import relative_uncertainties, rig_estimate, with_recordings
 from fourpole.study.static import StaticStiffness
 
@@ -72,8 +73,8 @@ class Setup(ByValue):
         Time of the test [s]; its place in tests.csv if not all times are known.
     static_time : (N,) float array
         Time of the static tests that gave K1; not-a-number if it is unknown.
-    by_time : bool
-        Whether the times are known.
+    order : RunOrder
+        Where the times are from.
     """
 
     rig_name: str
@@ -88,7 +89,7 @@ class Setup(ByValue):
     specimen: tuple[str, ...]
     time: FloatArray
     static_time: FloatArray
-    by_time: bool
+    order: RunOrder
 
     def part(self, rows: BoolArray) -> Setup:
         """The inputs for some of the tests."""
@@ -274,8 +275,7 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
     stated = campaign.stated.all_rigs.get(rig_name)
     added = np.array([test.value("added_mass") or 0.0 for test in tests])
     added_std = [test.value("u(added_mass)") for test in tests]
-    time = np.array([test.values.get("time", np.nan) for test in tests])
-    by_time = bool(np.all(np.isfinite(time)))
+    order, time = _run(campaign, tests)
     return Setup(
         rig_name=rig_name,
         rig=stated.rig() if stated is not None else None,
@@ -287,10 +287,22 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         family=_families(campaign, tests),
         nominal=np.array([test.value("frequency") or np.nan for test in tests]),
         specimen=tuple(test.tyre for test in tests),
-        time=time if by_time else np.arange(len(tests), dtype=float),
-        static_time=np.array([k1.time if by_time else np.nan for k1 in stiffness]),
-        by_time=by_time,
+        time=time,
+        static_time=np.array([k1.time if order is RunOrder.TIME else np.nan for k1 in stiffness]),
+        order=order,
     )
+
+
+def _run(campaign: Campaign, tests: Sequence[Test]) -> tuple[RunOrder, FloatArray]:
+    """When the tests ran: as tests.csv states it, as their recordings state it, or in the order of tests.csv."""
+    time = np.array([test.values.get("time", np.nan) for test in tests])
+    if np.all(np.isfinite(time)):
+        return RunOrder.TIME, time
+    began = {test.file: recorded_at(inside(campaign.folder, test.file)) for test in tests}
+    recorded = np.array([began[test.file] for test in tests], dtype=float)
+    if np.all(np.isfinite(recorded)):
+        return RunOrder.RECORDINGS, recorded
+    return RunOrder.ROWS, np.arange(len(tests), dtype=float)
 
 
 def _channels(campaign: Campaign) -> ChannelUncertainty:
@@ -316,7 +328,7 @@ def _identified(
         setup, parts = _with_drift(setup, joint, parts)
         found, result = _results(setup, phasors, joint)
         estimate = rig_estimate(setup.rig_name, keys, joint, found)
-        estimate = replace(estimate, by_time=setup.by_time, mass_gain=_mass_gain(joint, setup, phasors, found, result))
+        estimate = replace(estimate, order=setup.order, mass_gain=_mass_gain(joint, setup, phasors, found, result))
         variance = _k1_apart(joint_variance_by_source(joint, found, setup.k1_std), parts)
         return Group(keys, setup, phasors, route, result, variance, joint=joint, estimate=estimate)
     arguments: dict[str, Any] = {

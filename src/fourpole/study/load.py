@@ -17,6 +17,7 @@ from fourpole.core.recording import Channel, Recording
 from fourpole.core.recordingchecks import clipped_share
 from fourpole.core.reference import Reference
 from fourpole.errors import FourpoleError, RecordingError, TableError
+from fourpole.io.recordings import survey
 from fourpole.io.signals import MAX_FILE_BYTES, Signal
 from fourpole.io.stream import Chunk, Stream, StreamSource, stream, times_of
 from fourpole.study.gather import ChannelBuilder, ReferenceBuilder, Timing
@@ -25,6 +26,8 @@ from fourpole.study.response import read_response
 MOST_BYTES = MAX_FILE_BYTES
 #: Number of samples per chunk where only the first part of a recording is loaded.
 _ROWS_OF_PART = 1 << 14
+#: Endings of the formats that may state when a recording began.
+_DATED = (".mf4", ".mf3", ".mdf", ".dat", ".raw", ".tdms")
 #: Relative tolerance within which the reference turns at the frequency of V1.
 _SAME_SPEED = 0.03
 
@@ -33,6 +36,16 @@ def group_of(path: Path, test: Test) -> str:
     """The group that `file#group` names; empty where the file itself is named."""
     file, mark, group = test.file.rpartition("#")
     return group if mark and Path(file).name == path.name else ""
+
+
+def recorded_at(path: Path) -> float | None:
+    """Time at which a recording began [s], from 1970 on; None where its file does not state it, or cannot be read."""
+    if path.suffix.lower() not in _DATED:
+        return None
+    try:
+        return survey(path, max_bytes=MOST_BYTES).began
+    except FourpoleError:
+        return None
 
 
 def load_recording(

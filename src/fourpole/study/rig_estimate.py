@@ -44,7 +44,7 @@ _CELLS = {
 #: Fields that study.json has under their own names, before notes and candidates.
 _RECORDED = (
     "tests", "conditions", "shared", "chi2", "dof", "fits", "rig_error", "inflation", "scatter", "unsteady",
-    "converged", "reason", "steps", "tied", "rests", "by_time",
+    "converged", "reason", "steps", "tied", "rests", "order",
 )  # fmt: skip
 
 
@@ -81,6 +81,14 @@ class NoteCode(StrEnum):
     UNSHARED_MASSES = "masses without a common condition"
     ONE_TEST = "one test"
     RESTS = "rests on"
+
+
+class RunOrder(StrEnum):
+    """What says when the tests of a run were made."""
+
+    TIME = "the column time"
+    RECORDINGS = "the start of the recordings"
+    ROWS = "the order of tests.csv"
 
 
 @dataclass(frozen=True)
@@ -183,8 +191,8 @@ class RigEstimate:
         Number of the first candidates that explain the misfit equally well.
     rests : str
         What the scale of K* rests on, and what no test of the rig can show; one sentence.
-    by_time : bool
-        Whether the times of the tests are known, along which a specimen may drift; else it is the order of tests.csv.
+    order : RunOrder
+        The order of the tests in the run, along which a specimen may drift.
     outliers : tuple of Outlier
         In the order of residuals.csv.
     massed : bool
@@ -213,7 +221,7 @@ class RigEstimate:
     candidates: tuple[Candidate, ...] = ()
     tied: int = 0
     rests: str = ""
-    by_time: bool = False
+    order: RunOrder = RunOrder.ROWS
     outliers: tuple[Outlier, ...] = ()
     massed: bool = False
     unshared_masses: bool = False
@@ -269,7 +277,7 @@ class RigEstimate:
                 f"K* of {value.source.of} drifts by {100 * (value.found or 0.0):+.2g} % over the run"
                 for value in self.drifts
             ),
-            order="by the column time" if self.by_time else "in the order of tests.csv",
+            order=f"by {self.order}",
         )
 
     def _misfit(self) -> str:
@@ -411,7 +419,7 @@ def _read(name: str, rig: pl.DataFrame, residuals: pl.DataFrame, recorded: objec
         massed=any((number(mass) or 0.0) > 0 for mass in masses) or any(one.source.role is Role.MASS for one in values),
         tied=int(number(record.get("tied")) or 0),
         rests=str(record.get("rests") or ""),
-        by_time=record.get("by_time") is True,
+        order=next((order for order in RunOrder if order == record.get("order")), RunOrder.ROWS),
         unshared_masses=NoteCode.UNSHARED_MASSES in _list(record.get("note_codes")),
         mass_gain=mass_gain(_mapping(gain.get("without")), _mapping(gain.get("with"))),
     )

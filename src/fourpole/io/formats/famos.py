@@ -254,7 +254,12 @@ class _Content:
         triggers = [one.owner.trigger for one in self.channels]
         began = min((one for one in triggers if one is not None and one.year > 1980), default=None)
         notes = [f"recorded {began.replace(tzinfo=None).isoformat()}"] if began else []
-        return FileInfo("imc FAMOS 2", tuple(map(self._info, self.channels)), (*notes, *self._notes[:20]))
+        return FileInfo(
+            "imc FAMOS 2",
+            tuple(map(self._info, self.channels)),
+            (*notes, *self._notes[:20]),
+            began.timestamp() if began else None,
+        )
 
     def _info(self, one: _Channel) -> SignalInfo:
         count, (rate, start), ends = one.values.count, _timing(one), None

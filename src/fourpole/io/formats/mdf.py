@@ -75,10 +75,11 @@ class _Content:
         times = {group: self.timing(group) for group in range(len(self.groups))}
         signals = tuple(self._info(one, times[one.at[0]]) for one in self.channels())
         began = self.mdf.start_time
-        notes = [f"recorded {began.isoformat()}"] if began.year > 1980 else []
+        dated = began.year > 1980
+        notes = [f"recorded {began.isoformat()}"] if dated else []
         stated = {key: getattr(self.mdf.header, key, "") for key in ("author", "department", "project", "subject")}
         notes += [f"{key}: {tidy(text)}" for key, text in stated.items() if isinstance(text, str) and text.strip()]
-        return FileInfo(f"ASAM MDF {self.mdf.version}", signals, tuple(notes))
+        return FileInfo(f"ASAM MDF {self.mdf.version}", signals, tuple(notes), began.timestamp() if dated else None)
 
     def _info(self, one: _Channel, timing: tuple[float | None, float, float] | None) -> SignalInfo:
         rate, start, duration = timing or (None, None, None)

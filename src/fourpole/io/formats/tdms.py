@@ -24,6 +24,8 @@ from fourpole.units import shown
 
 _KIND = "an NI TDMS file"
 _LIBRARY = "nptdms"
+#: Seconds from the zero of the file's times, in 1904, to 1970.
+_1904 = 2_082_844_800
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
 _NOTES = ("description", "NI_ChannelName", "sensor", "Sensor")
 _SCALE = re.compile(r"NI_Scale\[[0-9]+\]_Scale_Type")
@@ -138,7 +140,8 @@ class _Content:
         notes = [f"{key}: {tidy(value)}" for key, value in self._tdms.properties.items()][:20]
         version = {4712: "1.0", 4713: "2.0"}.get(self._tdms.tdms_version, "")
         signals = tuple(_info(self._opened, self._tdms, one, self._zero) for one in self._channels)
-        return FileInfo(f"NI TDMS {version}".strip(), signals, tuple(notes))
+        began = None if self._zero is None else self._zero[0] + self._zero[1] / 2**64 - _1904
+        return FileInfo(f"NI TDMS {version}".strip(), signals, tuple(notes), began)
 
     def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
         places = [(one.group_name, one.name) for one in self._channels]
