@@ -7,6 +7,7 @@ random part has the mean :math:`(W + s^{-2})^{-1} B^T r` and the covariance :mat
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -108,7 +109,7 @@ def robust_scatter(problem: Problem, found: Deviations) -> float:
     return _where(lambda scatter: float(np.median(squares(conditions, found, scatter)[repeated] / free)) - MEDIAN)
 
 
-def _where(excess) -> float:  # type: ignore[no-untyped-def]
+def _where(excess: Callable[[float], float]) -> float:
     """The scatter at which a falling function is zero; 0 if it is never positive."""
     if excess(0.0) <= 0:
         return 0.0
