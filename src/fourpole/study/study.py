@@ -27,6 +27,7 @@ from fourpole.io.source import sha256_of
 from fourpole.io.staging import staged
 from fourpole.io.write import remove_leftovers, write_table, write_text
 from fourpole.study.cells import dynamic_cells, dynamic_checks
+from fourpole.study.compare import compare_tests
 from fourpole.study.identified import NO_RIG, identify_tests, possible_route
 from fourpole.study.load import MOST_BYTES
 from fourpole.study.outcome import Reduced
@@ -299,8 +300,12 @@ def _analysed(
     points = [point for item in reduced for point in item.points]
     rows, rule = [row for item in statics for row in item.rows], campaign.stated.sameness
     stiffness = [_stiffness(test, rows, rule) for test in tests]
-    found, notes = identify_tests(campaign, tests, points, stiffness, route, draws, _SEED)
-    checks = [dynamic_checks(test, points[i], stiffness[i], found.get(i), route) for i, test in enumerate(tests)]
+    compared = compare_tests(campaign, tests, points)
+    found, notes = identify_tests(campaign, tests, points, stiffness, route, draws, _SEED, compared.strange)
+    checks = [
+        (*compared.checks[i], *dynamic_checks(test, points[i], stiffness[i], found.get(i), route))
+        for i, test in enumerate(tests)
+    ]
     cells = [
         dynamic_cells(point, found.get(i), route, checks[i], blocked=_blocked(campaign, tests[i]))
         for i, point in enumerate(points)
