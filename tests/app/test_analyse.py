@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import time
 
@@ -389,3 +390,97 @@ def test_results_that_cannot_be_written_leave_the_old_ones(run, campaign, monkey
     after = tree(campaign / "results")
     assert {name: after[name] for name in TABLES} == {name: before[name] for name in TABLES}
     assert not [name for name in after if name.endswith(".tmp")]
+
+
+# -- former results stay whole ---------------------------------------------------------------------------------------
+
+
+def without_cache(folder):
+    return {name: content for name, content in tree(folder).items() if not name.startswith("cache")}
+
+
+@pytest.fixture
+def analysed(run, campaign):
+    """A campaign with former results, a file of the user among them, and one thing changed since."""
+    assert run("analyse", campaign, "--tables-only").exit_code == 0
+    for name in ("report.html", "model.json", "notes.txt", "figures/fig05.svg", "figures/mine.svg"):
+        (campaign / "results" / "figures").mkdir(exist_ok=True)
+        (campaign / "results" / name).write_text("former")
+    edit(campaign / "tests.csv", "1.7,1000,17", "1.7,1001,17")
+    return campaign
+
+
+@pytest.mark.parametrize("where", ["fourpole.app.report.save_figures", "fourpole.app.report.write_report"])
+def test_an_old_report_never_stands_beside_new_tables(run, analysed, monkeypatch, where):
+    former = without_cache(analysed / "results")
+
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(where, stopped)
+    if where.endswith("write_report"):
+        monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})
+    assert run("analyse", analysed).exit_code == 130
+    assert without_cache(analysed / "results") == former
+
+
+def test_a_report_of_other_tables_goes_where_none_is_made(run, analysed):
+    results = analysed / "results"
+    edit(analysed / "tests.csv", "1.7,1001,17", "1.7,1000,17")
+    former = without_cache(results)
+    assert run("analyse", analysed, "--tables-only").exit_code == 0
+    assert without_cache(results) == former  # the tables are the same ones, so the report is of them
+    edit(analysed / "tests.csv", "1.7,1000,17", "1.7,1001,17")
+    assert run("analyse", analysed, "--tables-only").exit_code == 0
+    gone = {name for name in former if name not in without_cache(results)}
+    assert gone == {"report.html", "figures/fig05.svg"}  # model.json says of which tables it is
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are sent in another way there")
+@pytest.mark.parametrize(("number", "code"), [("SIGKILL", -9), ("SIGTERM", 143)])
+def test_a_process_that_is_ended_while_it_writes_leaves_the_former_results(start, run, analysed, number, code):
+    results, command = analysed / "results", ("analyse", analysed, "--tables-only")
+    former, undisturbed = without_cache(results), analysed.with_name("undisturbed")
+    shutil.copytree(analysed, undisturbed)
+    assert run("analyse", undisturbed, "--tables-only").exit_code == 0
+    process = start(*command)
+    try:
+        while not list(results.glob(".fourpole-*")) and process.poll() is None:
+            time.sleep(1e-4)
+        process.send_signal(getattr(signal, number))
+        process.communicate()
+    finally:
+        process.kill()
+        process.wait()
+    found = without_cache(results)
+    left = [name for name in found if name.startswith(".")]
+    assert process.returncode in (code, 0)
+    if process.returncode:
+        assert {name: content for name, content in found.items() if name not in left} == former
+        assert not left or number == "SIGKILL"
+    assert run(*command).exit_code == 0
+    assert tree(results) == tree(undisturbed / "results")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no limit of files there")
+@pytest.mark.parametrize(("room", "named"), [(0, "static.csv"), (10_000, "dynamic.parquet")])
+def test_where_files_have_no_room_the_former_results_stay_and_one_message_says_so(analysed, room, named):
+    """A real limit of the system, as a full disk is: the cache has no room either, and no test is rejected for it."""
+    results = analysed / "results"
+    shutil.rmtree(results / "cache")
+    former = without_cache(results)
+    limit = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2); "
+    limit += "sys.argv = ['fourpole', 'analyse', *sys.argv[2:]]; from fourpole.app.cli import main; main()"
+    ran = subprocess.run(
+        [sys.executable, "-c", limit, str(room), str(analysed), "--tables-only"],
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "NO_COLOR": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ran.returncode, ran.stdout) == (2, "")
+    assert ran.stderr.splitlines()[-1] == (
+        f"error: {named}: cannot be written: File too large; free some space and run it again"
+    )
+    assert without_cache(results) == former
+    assert list((results / "cache").iterdir()) == []

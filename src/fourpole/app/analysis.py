@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from filecmp import cmpfiles
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,11 @@ from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_js
 from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError
 from fourpole.findings import findings, findings_table
+from fourpole.io.staging import recover, staged
 from fourpole.io.write import write_table
 from fourpole.report.words import headline
 from fourpole.study import DRAWS, Study, analyse
+from fourpole.study.tables import TABLE_FILES
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 _MOST_LISTED = 12
@@ -35,7 +38,7 @@ def run_analysis(
 ) -> int:
     """Analyse a campaign and write its results; the exit code is `SOME_REJECTED` if tests were rejected."""
     study, results = _analysed(campaign, folder, route, monte_carlo)
-    page = None if tables_only else _drawn(study, results)
+    page = _written(study, results, tables_only=tables_only)
     if as_json:
         print_json({**_summary(study, results), "report": str(page) if page else None})
     else:
@@ -51,7 +54,7 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     with progress("recording") as advance:
         simulate_campaign(folder, seed=seed, progress=advance, **_DEMO)
     study, results = _analysed(folder, None)
-    page = _drawn(study, results)
+    page = _written(study, results)
     if as_json:
         print_json({**_summary(study, results), "report": str(page), "found": headline(findings(study.results))})
     else:
@@ -70,19 +73,48 @@ def _analysed(
     results = folder if folder is not None else campaign / "results"
     if results.exists() and not results.is_dir():
         raise CampaignError(f"{results}: is a file: name a folder for the results with --out")
+    recover(results)
     with progress("analysing") as advance:
         study = analyse(stated, route=route, monte_carlo=monte_carlo, cache=results / "cache", progress=advance)
-    study.write(results)
-    write_table(results / "findings.csv", findings_table(findings(study.results)))
     return study, results
 
 
-def _drawn(study: Study, results: Path) -> Path:
+def _written(study: Study, results: Path, *, tables_only: bool = False) -> Path | None:
+    """Write tables, model, figures and report, all together or none; returns the report, or None without one.
+
+    With `tables_only`, figures and report of other tables are deleted.
+    """
+    obsolete = [*TABLE_FILES, "findings.csv"]
+    with staged(results, obsolete) as new:
+        study.write(new)
+        write_table(new / "findings.csv", findings_table(findings(study.results)))
+        if not tables_only:
+            return results / _drawn(study, new, obsolete).name
+        drawn = (results / "report.html").exists() or (results / "figures").exists()
+        if drawn and not _same(new, results):
+            obsolete += _files_of_report()
+    return None
+
+
+def _drawn(study: Study, new: Path, obsolete: list[str]) -> Path:
     """Fit models, draw figures and write the report. Their rooms are imported here because that takes a second."""
     from fourpole.app.models import fitted
     from fourpole.app.report import make_report
 
-    return make_report(fitted(study.results, results), results)
+    obsolete += ["model.json", *_files_of_report()]
+    return make_report(fitted(study.results, new), new)
+
+
+def _files_of_report() -> tuple[str, ...]:
+    from fourpole.app.report import OF_REPORT
+
+    return OF_REPORT
+
+
+def _same(new: Path, former: Path) -> bool:
+    """Whether the tables of the former results are the new ones, to the last bit."""
+    names = [path.name for path in new.iterdir()]
+    return len(cmpfiles(new, former, names, shallow=False)[0]) == len(names)
 
 
 def _verdicts(study: Study) -> pl.DataFrame:

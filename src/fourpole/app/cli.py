@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from fourpole.app import model_commands
-from fourpole.app.console import frequencies, out, progress, rising, say, warn
+from fourpole.app.console import end_in_order, frequencies, out, progress, rising, say, warn
 from fourpole.app.options import BareRig, InfoOptions, JsonFlag, OutFile, PlanOptions, RigOptions, amount, command
 from fourpole.export.kinds import ABOUT
 
@@ -110,7 +110,9 @@ def analyse(
     ] = None,
     route: Annotated[str, typer.Option(help=_ROUTES)] = "joint",
     monte_carlo: Annotated[int, typer.Option(metavar="N", min=0, max=10_000_000, help=_DRAWS)] = 10_000,
-    tables_only: Annotated[bool, typer.Option("--tables-only", help="No figures and no report.")] = False,
+    tables_only: Annotated[
+        bool, typer.Option("--tables-only", help="No figures and no report; those of other tables are deleted.")
+    ] = False,
     as_json: JsonFlag = False,
 ) -> int:
     """Analyse a campaign folder: recordings in; tables of K1, R, I, K*, K2, C and TR, figures and a report out.
@@ -335,6 +337,7 @@ def main() -> None:
     # Recordings are reduced in parallel threads; further threads of the linear algebra would compete with them.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    end_in_order()
     app()
 
 

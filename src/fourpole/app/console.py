@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -20,6 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fourpole.errors import FourpoleError, UnitError
+from fourpole.io.write import is_full, why
 
 Sign: TypeAlias = Literal["any", "not negative", "positive"]
 
@@ -28,7 +30,12 @@ _WIDE = 150
 #: Control characters, which could steer a terminal; line ends and tabs are not among them.
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
-OK, UNREADABLE, SOME_REJECTED, STOPPED, INTERNAL = 0, 2, 3, 130, 70
+OK, UNREADABLE, SOME_REJECTED, STOPPED, TERMINATED, INTERNAL = 0, 2, 3, 130, 143, 70
+_STOPPED_TEXT = "stopped; no file is half-written; what is done is kept: the same command goes on from there"
+
+
+class Terminated(KeyboardInterrupt):
+    """The process was asked to end by a signal other than Ctrl-C."""
 
 
 def _console(stderr: bool) -> Console:
@@ -159,18 +166,41 @@ def run_to_exit(run: Callable[..., int | None], **given: Any) -> None:
         raise
     except FourpoleError as error:
         fail(str(error))
+    except Terminated:
+        say(_STOPPED_TEXT)
+        code = TERMINATED
     except KeyboardInterrupt:
-        say("stopped; no file is half-written; what is done is kept: the same command goes on from there")
+        say(_STOPPED_TEXT)
         code = STOPPED
     except BrokenPipeError:  # the reader of standard output, as head, has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = OK
+    except OSError as error:
+        if not is_full(error):
+            _fault(error)
+        fail(f"{error.filename or 'a file'}: cannot be written: {why(error)}")
     except Exception as error:  # noqa: BLE001 - the last resort: a fault of Fourpole, reported as such
-        if os.environ.get("FOURPOLE_DEBUG"):
-            traceback.print_exc()
-        kind = type(error).__name__
-        fail(f"a fault in Fourpole itself ({kind}: {error}); please report it, with FOURPOLE_DEBUG=1 set", INTERNAL)
+        _fault(error)
     raise typer.Exit(code or OK)
+
+
+def _fault(error: Exception) -> NoReturn:
+    """End the command with the message that Fourpole itself has a fault."""
+    if os.environ.get("FOURPOLE_DEBUG"):
+        traceback.print_exc()
+    kind = type(error).__name__
+    fail(f"a fault in Fourpole itself ({kind}: {error}); please report it, with FOURPOLE_DEBUG=1 set", INTERNAL)
+
+
+def end_in_order() -> None:
+    """Let SIGTERM and a closed terminal end the command as Ctrl-C does, so that it leaves no hidden folders."""
+
+    def end(*_: object) -> NoReturn:
+        raise Terminated
+
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) is signal.SIG_DFL:
+            signal.signal(getattr(signal, name), end)
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, tabl
 from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file, rig_file
 from fourpole.fitting.query import Query, ask
+from fourpole.io.staging import staged
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.families import automatic, model_named, sizes_of
 from fourpole.study.results import Results, read_results
@@ -72,21 +73,17 @@ def run_fit(path: Path, model: str, options: FitOptions, *, as_json: bool) -> No
         fixed = _fixed(options.fix or (), model)
         fits = fit_tyres(measured, model, given=fixed, share=options.share or (), progress=advance)
     made = model_file(measured, fits, settings=_settings(model, options), rig=_rig_of(path))
-    drawn = _figures(path, measured, made, options.figure)
-    target = options.file or (path / "model.json" if path.is_dir() else None)
-    _written(made, target, drawn, as_json=as_json)
+    _show_written(made, _written(path, measured, made, options.file, options.figure), as_json=as_json)
 
 
-def _written(made: ModelFile, target: Path | None, drawn: Sequence[Path], *, as_json: bool) -> None:
-    """Write the model file and print its content and the files written."""
-    if target is not None:
-        made.write(target)
+def _show_written(made: ModelFile, files: Sequence[Path], *, as_json: bool) -> None:
+    """Print the content of a model file and the files written."""
     if as_json:
         print_json(made.document)
         return
     for entry in made.models:
         show_fit(entry)
-    for place in [*([] if target is None else [target]), *drawn]:
+    for place in files:
         out(f"written: {place}")
 
 
@@ -151,12 +148,11 @@ def run_map(path: Path, model: str, data: DataOptions, file: Path | None, *, as_
     with progress("mapping") as advance:
         maps = map_tyres(measured, model, data.over or (), progress=advance)
     made = model_file(measured, maps=maps, settings=_settings(model, data), rig=_rig_of(path))
-    target = file if file is not None else (path / "map.json" if path.is_dir() else Path("map.json"))
-    drawn = _figures(path, measured, made, None)
+    files = _written(path, measured, made, file if file is not None or path.is_dir() else Path("map.json"), None)
     if not as_json:
         for one in maps:
             show_map(one)
-    _written(made, target, drawn, as_json=as_json)
+    _show_written(made, files, as_json=as_json)
 
 
 def run_query(path: Path, query: Query, file: Path | None, *, as_json: bool) -> None:
@@ -225,19 +221,29 @@ def _rig_of(path: Path) -> Any:
     return rig_file(results.record, results.rig)
 
 
-def _figures(path: Path, measured: MeasuredSet, made: ModelFile, figure: Path | None) -> list[Path]:
-    """Draw a model file into the folder of results, and the first figure into the file `figure`."""
+def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | None, figure: Path | None) -> list[Path]:
+    """Write a model file and draw it into the folder of results, together, and the first figure into `figure`.
+
+    The model file goes to `file`, or else into the folder of results if there is one. Returns the files written.
+    """
     from fourpole.plot import draw, save_figures, write_figure
+    from fourpole.plot.catalogue import figure_files
 
     field: dict[str, Any] = {"maps" if made.kind == "map" else "models": made}
-    keys = ("map",) if made.kind == "map" else ("model", "model-choice")
+    name, keys = ("map.json", ("map",)) if made.kind == "map" else ("model.json", ("model", "model-choice"))
+    drawn = [] if file is None else [file]
+    if file is not None:
+        made.write(file)
     if path.is_dir():
         results = replace(read_results(path), **field)
-        folder = path / "figures"
-        drawn = list(save_figures(results, folder, keys=keys).values())
+        with staged(path, [f"figures/{one}" for one in figure_files(keys)]) as new:
+            if file is None:
+                made.write(new / name)
+                drawn = [path / name]
+            figures = save_figures(results, new / "figures", keys=keys).values()
+        drawn += [path / "figures" / one.name for one in figures]
     else:
         results = Results(pl.DataFrame(), table_of(measured), pl.DataFrame(), **field)
-        drawn = []
     if figure is not None:
         one = draw(results, keys[0])
         if one is None:

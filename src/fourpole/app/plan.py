@@ -16,6 +16,7 @@ from fourpole.campaign import read_campaign
 from fourpole.core.plan import MASSES, PLAN_ROUTES, Advice, Outcome, advise
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError, UnitError
+from fourpole.io.staging import staged
 from fourpole.io.write import write_table
 from fourpole.planning.plan import (
     AS_STATED,
@@ -115,9 +116,12 @@ def _written(frame: pl.DataFrame, folder: Path, wanted: float | None) -> list[Pa
     """Write plan.csv and its figure. The plot room is imported here because that takes a second."""
     from fourpole.plot.plan import draw_plan, write_plan_figure
 
-    write_table(folder / "plan.csv", frame)
     figure = draw_plan(frame, wanted=wanted)
-    return [folder / "plan.csv", *(write_plan_figure(figure, folder / f"plan.{form}") for form in ("svg", "png"))]
+    with staged(folder) as new:
+        write_table(new / "plan.csv", frame)
+        for form in ("svg", "png"):
+            write_plan_figure(figure, new / f"plan.{form}")
+    return [folder / f"plan.{form}" for form in ("csv", "svg", "png")]
 
 
 def _tables(frame: pl.DataFrame) -> Iterator[str]:

@@ -7,10 +7,15 @@ from pathlib import Path
 from fourpole.app.console import out, progress, warn
 from fourpole.errors import CampaignError
 from fourpole.findings import findings
+from fourpole.io.staging import staged
 from fourpole.plot import FIGURES, Style, draw, save_figures, write_figure
+from fourpole.plot.catalogue import figure_files
 from fourpole.report.page import ReportFigure, write_report
 from fourpole.report.words import sentences
 from fourpole.study.results import Results, read_results
+
+#: Files that `make_report` writes where all figures have data.
+OF_REPORT = (*(f"figures/{name}" for name in figure_files()), "report.html")
 
 
 def make_report(results: Results, folder: Path, style: Style | None = None) -> Path:
@@ -31,7 +36,9 @@ def run_report(folder: Path, theme: str) -> None:
     results = read_results(folder)
     for fault in results.faults:
         warn(fault)
-    out(f"report: {make_report(results, folder, Style(theme))}")
+    with staged(folder, OF_REPORT) as new:
+        page = make_report(results, new, Style(theme))
+    out(f"report: {folder / page.name}")
 
 
 def run_plot(folder: Path, key: str, file: Path | None, style: Style) -> None:

@@ -303,6 +303,41 @@ class Code(Enum):
         "K* of tests of one condition scatters by {statistic:.1%}, where tyres repeat to 1 % and better: ",
         "look for exchanged labels, another amplitude, temperature or pressure, and a sensor that depends on the mass",
     )
+    COPY = (
+        "copy",
+        "whether two tests have the same recording",
+        "two tests have the same recording",
+        "the recording is that of {others}, too: ",
+        "name the right file of each test, or leave one out",
+    )
+    NOISE = (
+        "noise",
+        "the noise of a channel over that of the other tests",
+        "a channel is noisier than in the other tests",
+        "{channel} has {statistic:.2g} times the noise of the other tests: ",
+        "look at the sensor and its cable",
+    )
+    OFF_CURVE = (
+        "K* curve",
+        "the squared distance from the smooth curve of K* of the other tests, over its variance",
+        "K* does not lie on the curve of its condition",
+        "does not go with the other tests of its condition: K* lies {percent:.2g} % off their smooth curve; ",
+        "look for a wrong pressure, preload or range, or a loose sensor, and repeat it",
+    )
+    OTHER_CURVE = (
+        "K* curve of another condition",
+        "the squared distance from the smooth curve of K* of the other tests, over its variance",
+        "K* lies on the curve of another condition",
+        "K* lies {percent:.2g} % off the curve of its condition, and on the curve of {other}: ",
+        "if its label is wrong, correct it in tests.csv, else repeat it",
+    )
+    EXCHANGED = (
+        "labels",
+        "the squared distance from the smooth curve of K* of the other tests, over its variance",
+        "two labels look exchanged",
+        "the labels of {names} look exchanged: K* of each lies on the curve of the other's condition; ",
+        "exchange them in tests.csv, or repeat both",
+    )
     CONVERGENCE = (
         "convergence",
         "whether the joint route converged",

@@ -126,7 +126,7 @@ _SPECIMEN = "{}; if the specimen changed, let it settle first"
 
 def check_halves(found: Demodulation, names: tuple[str, ...]) -> Check:
     """Compare the channels' changes between the halves: one channel that changes against the others drifts."""
-    there = np.flatnonzero(np.isfinite(found.changes[:, 0]))
+    there = np.flatnonzero(np.isfinite(found.changes[:, 0])).tolist()
     std = 2.0 * found.phasors.std.reshape(3, 2).max(axis=1) / np.abs(found.phasors.amplitudes)
     limits = _CHANGES + _SHARPNESS * abs(found.speed_change)
 

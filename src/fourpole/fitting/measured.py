@@ -22,6 +22,7 @@ from fourpole.core.condition import AXES, Sameness
 from fourpole.errors import FileError, ModelError, TableError
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
 from fourpole.io.source import read_bytes
+from fourpole.io.staging import recover
 from fourpole.models.data import StiffnessData
 from fourpole.units import shown
 
@@ -197,6 +198,7 @@ def read_measured(
     """
     path = Path(path)
     table = path / "dynamic.csv" if path.is_dir() else path
+    recover(table.parent)
     content = read_bytes(table, max_bytes=_MOST_BYTES)
     frame = _frame(table.name, content)
     beside = table.parent / "covariance.parquet"

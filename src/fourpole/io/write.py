@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
+import re
 import secrets
 import shutil
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -15,6 +19,13 @@ from fourpole.io.source import name_of, reason
 
 if TYPE_CHECKING:
     import polars as pl
+
+#: Number of bytes of the random part of a hidden folder's name, and the names of such folders.
+_TOKEN = 6
+_HIDDEN = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
+_FULL = {getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG") if hasattr(errno, name)}
+#: A hidden folder that was not changed for this time is of a process that was killed [s].
+_ABANDONED = 3600.0
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, label: str | None = None) -> None:
@@ -89,10 +100,12 @@ def write_table(path: str | os.PathLike[str], frame: pl.DataFrame, *, label: str
     if ending not in (".csv", ".parquet"):
         raise FileError(f"{name_of(path, label)}: a table is written as .csv or .parquet")
     with replacing(path, label=label) as file:
+        content = io.BytesIO()  # written by Python, whose error of a full disk is an OSError with its number
         if ending == ".csv":
-            frame.fill_nan(None).write_csv(file)
+            frame.fill_nan(None).write_csv(content)
         else:
-            frame.write_parquet(file)
+            frame.write_parquet(content)
+        file.write(content.getbuffer())
 
 
 @contextmanager
@@ -130,10 +143,11 @@ def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterato
     target, name = Path(path), name_of(path, label)
     try:
         # Path.mkdir, not tempfile: folders of tempfile are readable by one user only, but results follow the umask.
-        folder = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
+        folder = target.with_name(f".{target.name[:100]}.{secrets.token_hex(_TOKEN)}.tmp")
         folder.mkdir()
     except (OSError, ValueError) as error:
-        raise FileError(f"{name}: cannot be written: {reason(error)}; does its folder exist?") from None
+        hint = "" if target.parent.is_dir() else "; does its folder exist?"
+        raise FileError(f"{name}: cannot be written: {why(error)}{hint}") from None
     new, old = folder / target.name, folder / f"{target.name[:100]}.old"
     try:
         yield new
@@ -143,8 +157,38 @@ def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterato
     except FileError:
         raise
     except OSError as error:
-        raise FileError(f"{name}: cannot be written: {reason(error)}") from error
+        raise FileError(f"{name}: cannot be written: {why(error)}") from error
     finally:
         if old.exists() and not target.exists():
             old.replace(target)
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def is_full(error: Exception) -> bool:
+    """Whether an error says that a disk is full, a quota is exhausted, or a file is larger than a limit allows."""
+    return getattr(error, "errno", None) in _FULL
+
+
+def why(error: Exception) -> str:
+    """The reason why something cannot be written, and what to do about a full disk."""
+    return f"{reason(error)}{'; free some space and run it again' if is_full(error) else ''}"
+
+
+def remove_leftovers(folder: str | os.PathLike[str], *, abandoned: float = _ABANDONED) -> None:
+    """Delete hidden folders of `beside` that killed processes left in a folder; a former folder inside is kept.
+
+    Parameters
+    ----------
+    folder : path
+        A folder; one that does not exist or cannot be changed is left as it is.
+    abandoned : float [s]
+        Time since the last change after which a hidden folder belongs to no running process.
+    """
+    try:
+        found = [path for path in Path(folder).iterdir() if _HIDDEN.fullmatch(path.name) and path.is_dir()]
+    except OSError:
+        return
+    for path in found:
+        with suppress(OSError):
+            if time.time() - path.stat().st_mtime >= abandoned and not any(path.glob("*.old")):
+                shutil.rmtree(path)

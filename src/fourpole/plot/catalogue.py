@@ -184,6 +184,11 @@ def save_figures(
     return written
 
 
+def figure_files(keys: Sequence[str] | None = None, formats: Sequence[str] = ("svg", "png")) -> list[str]:
+    """Names of the files that `save_figures` writes where all figures have data."""
+    return [f"{key}.{form}" for key in (FIGURES if keys is None else keys) for form in formats]
+
+
 def _spec(key: str) -> FigureSpec:
     """The entry of a figure; CampaignError if there is none."""
     if key not in FIGURES:

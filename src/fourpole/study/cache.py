@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from fourpole.core.checks import Check, Code
 from fourpole.core.demodulation.corrections import Correction
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
+from fourpole.errors import FileError
 from fourpole.io.write import write_text
 from fourpole.study.outcome import Point
 
@@ -32,9 +34,13 @@ def cache_name(depends_on: list[object], sha256: str) -> str:
 
 
 def remember(place: Path, points: Sequence[Point]) -> None:
-    """Write the points of a recording to the cache; a recording without phasors is not written."""
+    """Write the points of a recording to the cache; a recording without phasors is not written.
+
+    A cache that cannot be written, as on a full disk, changes no result.
+    """
     if all(point.phasors is not None and point.preview is not None for point in points):
-        write_text(place, json.dumps([_kept(point) for point in points]))
+        with suppress(FileError):
+            write_text(place, json.dumps([_kept(point) for point in points]))
 
 
 def _kept(point: Point) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -180,8 +180,11 @@ def identify_tests(
     route: str,
     draws: int,
     seed: int,
+    apart: Collection[int] = (),
 ) -> tuple[dict[int, Identified], list[str]]:
     """Identify the usable tests of each rig together.
+
+    The tests `apart`, by their index in `tests`, share K* with no other test: their condition is not as stated.
 
     Returns
     -------
@@ -204,6 +207,8 @@ def identify_tests(
         of_rig, used, k1 = [tests[i] for i in members], [points[i] for i in members], [stiffness[i] for i in members]
         setup = _with_responses(setup_of(campaign, rig_name, of_rig, k1), used)
         setup.nominal[[test.name in several for test in of_rig]] = np.nan
+        alone = np.array([i in apart for i in members])
+        setup.family[alone] = len(tests) + np.flatnonzero(alone)
         group, remarks = _group(setup, [keys[i] for i in members], used, k1, route)
         group.intervals.update(_intervals(group, draws, seed))
         notes += remarks

@@ -15,6 +15,7 @@ from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
 from fourpole.io.source import read_bytes, sha256_of
+from fourpole.io.staging import recover
 from fourpole.quantities import TYRE
 from fourpole.study.rig_estimate import RigEstimate, read_rig_estimates
 from fourpole.study.tables import DYNAMIC, OPTIONAL, TABLES, Tables, TableSpec
@@ -133,6 +134,7 @@ def read_results(folder: str | Path) -> Results:
     folder = Path(folder)
     if not folder.is_dir():
         raise CampaignError(f"{folder}: there is no such folder of results")
+    recover(folder)
     tables = {spec.name: _table(folder, spec) for spec in TABLES.values() if spec.read}
     try:
         record = json.loads(read_bytes(folder / "study.json", max_bytes=_MOST_BYTES))

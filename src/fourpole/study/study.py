@@ -24,8 +24,10 @@ from fourpole.fitting.modelling import TyreFit, fit_tyres, map_tyres, rig_file
 from fourpole.fitting.query import rig_in
 from fourpole.fitting.rows import axes_record
 from fourpole.io.source import sha256_of
-from fourpole.io.write import write_table, write_text
+from fourpole.io.staging import staged
+from fourpole.io.write import remove_leftovers, write_table, write_text
 from fourpole.study.cells import dynamic_cells, dynamic_checks
+from fourpole.study.compare import compare_tests
 from fourpole.study.identified import NO_RIG, identify_tests, possible_route
 from fourpole.study.load import MOST_BYTES
 from fourpole.study.outcome import Reduced
@@ -34,7 +36,7 @@ from fourpole.study.results import Results
 from fourpole.study.rig_estimate import RigEstimate
 from fourpole.study.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
 from fourpole.study.table_rows import Analysed
-from fourpole.study.tables import TABLES, Tables
+from fourpole.study.tables import TABLE_FILES, TABLES, Tables
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -155,7 +157,10 @@ class Study(Tables):
         return grid_of({one.tyre: one.best for one in maps}, rig, at)
 
     def write(self, folder: str | Path) -> Path:
-        """Write all tables and study.json into a folder, each in one step.
+        """Write all tables and study.json into a folder, all together or none.
+
+        Files of an earlier analysis that would not belong to these tables are deleted: optional tables, findings.csv
+        and report.html.
 
         Parameters
         ----------
@@ -172,17 +177,15 @@ class Study(Tables):
         CampaignError
             If the folder cannot be made.
         FileError
-            If a file cannot be written.
+            If a file cannot be written; all files are the former ones then.
         """
         folder = make_folder(folder)
-        for spec in TABLES.values():
-            table = self.tables[spec.name]
-            for path in (folder / f"{spec.name}{ending}" for ending in spec.endings):
-                if table.height or spec.always:
-                    write_table(path, table)
-                else:  # the file is of an earlier run by another route
-                    path.unlink(missing_ok=True)
-        write_text(folder / "study.json", json.dumps(self.record, indent=2, ensure_ascii=False) + "\n")
+        with staged(folder, (*TABLE_FILES, "findings.csv", "report.html")) as new:
+            for spec in TABLES.values():
+                table = self.tables[spec.name]
+                for ending in spec.endings if table.height or spec.always else ():
+                    write_table(new / f"{spec.name}{ending}", table)
+            write_text(new / "study.json", json.dumps(self.record, indent=2, ensure_ascii=False) + "\n")
         return folder
 
     @property
@@ -272,6 +275,8 @@ def analyse(
     _check_rig(campaign, dynamic, route)
 
     kept = make_folder(cache) if cache is not None else None
+    if kept is not None:
+        remove_leftovers(kept, abandoned=0.0)
     statics = evaluate_statics(campaign)
     reduced = reduce_tests(jobs_of(campaign, dynamic, route, kept), executor=executor, progress=progress)
     analysed, remarks = _analysed(campaign, statics, reduced, route, monte_carlo)
@@ -295,8 +300,12 @@ def _analysed(
     points = [point for item in reduced for point in item.points]
     rows, rule = [row for item in statics for row in item.rows], campaign.stated.sameness
     stiffness = [_stiffness(test, rows, rule) for test in tests]
-    found, notes = identify_tests(campaign, tests, points, stiffness, route, draws, _SEED)
-    checks = [dynamic_checks(test, points[i], stiffness[i], found.get(i), route) for i, test in enumerate(tests)]
+    compared = compare_tests(campaign, tests, points)
+    found, notes = identify_tests(campaign, tests, points, stiffness, route, draws, _SEED, compared.strange)
+    checks = [
+        (*compared.checks[i], *dynamic_checks(test, points[i], stiffness[i], found.get(i), route))
+        for i, test in enumerate(tests)
+    ]
     cells = [
         dynamic_cells(point, found.get(i), route, checks[i], blocked=_blocked(campaign, tests[i]))
         for i, point in enumerate(points)

@@ -196,3 +196,5 @@ TABLES = {
     one.name: one
     for one in (STATIC, DYNAMIC, CHECKS, RIG, RESIDUALS, QUANTILES, BUDGET, CORRECTIONS, PHASORS, COVARIANCE, PREVIEWS)
 }
+#: Names of the files of all result tables.
+TABLE_FILES = tuple(f"{one.name}{ending}" for one in TABLES.values() for ending in one.endings)

@@ -1,0 +1,213 @@
+"""Tests held against each other before they are identified: copies, noise, the smooth curves of K*."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fourpole import quantities as q
+from fourpole.campaign.folder import Campaign, Test, condition_of
+from fourpole.core.checks import Check, Code, judged, reported, worst_verdict
+from fourpole.core.curves import Curves, Samples, curves_of
+from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
+from fourpole.core.rig import Rig
+from fourpole.core.routes import stiffness_by
+from fourpole.study.outcome import Point
+
+#: Noise over the median noise of the other tests, and over the amplitude, above which a recording is unlike the others.
+_NOISIER, _MATTERS = 10.0, 0.003
+#: Fewest tests of a rig among which one can be noisier than usual.
+_FEWEST = 5
+#: Standard uncertainties of the shared errors of ln K*: drift over the run, and power of the deflection amplitude.
+_DRIFT, _POWER = 0.2, 0.03
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What tests show together.
+
+    Attributes
+    ----------
+    checks : dict of int to list of Check
+        Checks of each test, by its place.
+    strange : frozenset of int
+        Tests whose K* is not that of their condition: they must not share it with other tests.
+    """
+
+    checks: dict[int, list[Check]] = field(default_factory=dict)
+    strange: frozenset[int] = frozenset()
+
+
+def compare_tests(campaign: Campaign, tests: Sequence[Test], points: Sequence[Point]) -> Compared:
+    """Hold the tests of a campaign against each other; `tests` holds a test once per point."""
+    used = [i for i, point in enumerate(points) if _used(point)]
+    rows = noises(tests, points, used)
+    curves, members = _curves(campaign, tests, points, used)
+    strange: frozenset[int] = frozenset()
+    if curves is not None:
+        strange = frozenset(members[i] for i in np.flatnonzero(curves.strange).tolist())
+        rows += [(members[i], check) for i, check in curve_checks(curves, [tests[i] for i in members])]
+    rows = copies(tests, points, frozenset(used) - strange) + rows
+    checks: dict[int, list[Check]] = {i: [] for i in range(len(tests))}
+    for i, check in rows:
+        checks[i].append(check)
+    return Compared(checks, strange)
+
+
+def _used(point: Point) -> bool:
+    return point.phasors is not None and worst_verdict(row.verdict for row in point.checks) != "rejected"
+
+
+def copies(tests: Sequence[Test], points: Sequence[Point], sound: frozenset[int]) -> list[tuple[int, Check]]:
+    """Checks of tests with the same recording, whatever the names of their files.
+
+    If only one of them is sound by all other checks, the copy is the other one.
+    """
+    same: dict[bytes, list[int]] = {}
+    for i, point in enumerate(points):
+        phasors = point.phasors
+        if phasors is not None and np.trace(phasors.covariance[2:4, 2:4]) > 0:  # repeats without noise are equal
+            content = np.array([phasors.amplitudes.real, phasors.amplitudes.imag]).tobytes()
+            same.setdefault(content, []).append(i)
+    rows = []
+    for group in same.values():
+        names = list(dict.fromkeys(tests[i].name for i in group))
+        alone = len(sound.intersection(group)) == 1
+        for i in group if len(names) > 1 else ():
+            if not (alone and i in sound):
+                others = " and ".join(name for name in names if name != tests[i].name)
+                rows.append((i, reported(Code.COPY, "warning", others=others)))
+    return rows
+
+
+def noises(tests: Sequence[Test], points: Sequence[Point], used: Sequence[int]) -> list[tuple[int, Check]]:
+    """Checks of the noise of each channel against that of the other tests of the rig."""
+    rows = []
+    for rig in dict.fromkeys(tests[i].rig for i in used):
+        own = [i for i in used if tests[i].rig == rig]
+        for at, name in enumerate(SYMBOLS.values()):
+            known = [(i, *_noise(points[i], at)) for i in own]
+            known = [one for one in known if np.isfinite(one[1]) and one[1] > 0]
+            if len(known) < _FEWEST:
+                continue
+            usual = float(np.median([noise for _, noise, _ in known]))
+            for i, noise, share in known:
+                times = noise / usual if share > _MATTERS else 0.0
+                rows.append((i, judged(Code.NOISE, times, _NOISIER, channel=name)))
+    return rows
+
+
+def _noise(point: Point, channel: int) -> tuple[float, float]:
+    """Standard uncertainty of an amplitude from the noise, in its unit and over the amplitude."""
+    assert point.phasors is not None
+    noise = float(point.phasors.std[2 * channel : 2 * channel + 2].max())
+    return noise, noise / max(float(abs(point.phasors.amplitudes[channel])), 1e-300)
+
+
+def _curves(
+    campaign: Campaign, tests: Sequence[Test], points: Sequence[Point], used: Sequence[int]
+) -> tuple[Curves | None, list[int]]:
+    """The curves of K* over frequency of all conditions, and the places of their tests."""
+    members = [i for i in used if tests[i].kind != "calibration"]
+    if not members:
+        return None, members
+    rule = campaign.stated.sameness
+    rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
+    own = [_own(points[i].phasors, rigs.get(tests[i].rig), tests[i].value("added_mass") or 0.0) for i in members]
+    specimens = list(dict.fromkeys(tests[i].tyre for i in members))
+    frequency = np.array([one[3] for one in own])
+    deflection = np.array([max(one[2], 1e-300) for one in own])
+    lever = np.array([one[4] for one in own])
+    place = np.linspace(-0.5, 0.5, len(members)) if len(members) > 1 else np.zeros(1)
+    amplitude = np.log(deflection) - np.mean(np.log(deflection))
+    shared = [lever, 1j * lever * frequency / frequency.mean(), place + 0j, amplitude + 0j]
+    gain = _gain(campaign)
+    return curves_of(
+        Samples(
+            stiffness=np.array([one[0] for one in own]),
+            noise=np.array([one[1] for one in own]),
+            frequency=frequency,
+            family=rule.groups([condition_of(tests[i], rule) for i in members]),
+            specimen=np.array([specimens.index(tests[i].tyre) for i in members]),
+            shared=np.stack(shared, axis=1),
+            prior=np.array([gain, gain, _DRIFT, _POWER]),
+        )
+    ), members
+
+
+def _gain(campaign: Campaign) -> float:
+    """Standard uncertainty of the ratio of the gains of V1 and V2, phase included."""
+    channels = [campaign.stated.channels.named(role) for role in CHANNELS[1:]]
+    stds = [std for one in channels if one is not None for std in (one.gain_std, one.phase_std)]
+    return 2.0 * max(float(np.linalg.norm(stds)), 1e-3)
+
+
+def _own(phasors: Phasors | None, rig: Rig | None, added: float) -> tuple[complex, float, float, float, complex]:
+    """K* of a test by itself, relative noise, deflection amplitude [m], frequency [Hz], and 1/(1 - V2/V1)."""
+    assert phasors is not None
+    omega = float(phasors.omega)
+    f1, v1, v2 = (complex(one) for one in phasors.amplitudes)
+    force = f1 - (0.0 if rig is None else 1j * omega * rig.input_mass * v1)
+    blocked = rig is not None and rig.blocked
+    std = phasors.std.reshape(3, 2).max(axis=1)
+    with np.errstate(all="ignore"):
+        if blocked or not np.isfinite(v2):
+            impedance = np.inf if rig is None or blocked else complex(rig.impedance(omega, added))
+            stiffness = complex(
+                stiffness_by("mobility", [np.asarray(one) for one in (force, v1, v2)], impedance, omega)
+            )
+            moved, lever = abs(omega * force / stiffness), 0j
+            noise = np.hypot(std[0] / abs(f1), std[1] / abs(v1))
+        else:
+            stiffness = complex(stiffness_by("relative", [np.asarray(one) for one in (force, v1, v2)], 0.0, omega))
+            moved, lever = abs(v1 - v2), v1 / (v1 - v2)
+            noise = np.hypot(std[0] / abs(f1), np.hypot(std[1], std[2]) / abs(v1 - v2))
+    return stiffness, float(noise), moved / omega, float(phasors.frequency), lever
+
+
+def curve_checks(curves: Curves, tests: Sequence[Test]) -> list[tuple[int, Check]]:
+    """Checks of each test against the curve of its condition; of two exchanged tests both are warned."""
+    family, limit = curves.samples.family, curves.limit
+    fits = {int(i): _family_of(curves, int(i)) for i in np.flatnonzero(curves.strange)}
+    rows = []
+    for i in np.flatnonzero(curves.judged).tolist():
+        statistic = float(curves.statistic[i])
+        if i not in fits:
+            rows.append((i, Check(Code.OFF_CURVE, min(statistic, limit), limit, "ok")))
+            continue
+        percent = 100 * float(abs(np.expm1(curves.off[i])))
+        twins = [k for k, there in fits.items() if there == family[i] and fits[i] == family[k]]
+        if fits[i] is None:
+            check = reported(Code.OFF_CURVE, "warning", statistic, limit, percent=percent)
+        elif twins:
+            frequency = curves.samples.frequency
+            twin = min(twins, key=lambda k: abs(np.log(frequency[k] / frequency[i])))
+            pair = sorted((i, twin))
+            names = " and ".join(tests[k].name for k in pair)
+            check = reported(Code.EXCHANGED, "warning", statistic, limit, names=names, percent=percent)
+        else:
+            other = named(tests[int(np.flatnonzero(family == fits[i])[0])], tests[i])
+            check = reported(Code.OTHER_CURVE, "warning", statistic, limit, other=other, percent=percent)
+        rows.append((i, check))
+    return rows
+
+
+def _family_of(curves: Curves, test: int) -> int | None:
+    """The other condition on whose curve a strange test lies best; None if it lies on none."""
+    own = curves.samples.family[test]
+    others = [int(one) for one in np.unique(curves.samples.family) if one != own]
+    best = min(others, key=lambda one: curves.distance(test, one), default=None)
+    return best if best is not None and curves.distance(test, best) <= curves.limit else None
+
+
+def named(test: Test, beside: Test | None = None) -> str:
+    """The condition of a test in words, as far as it differs from that of another test."""
+    parts = [] if beside is not None and test.tyre == beside.tyre else [test.tyre]
+    for one in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE):
+        value = test.value(one.key)
+        if value is not None and (beside is None or value != beside.value(one.key)):
+            parts.append(f"{value / one.scale:.4g} {one.shown}")
+    parts += [f"{key} {value}" for key, value in test.extra.items() if beside is None and not value]
+    return ", ".join(parts) or test.name

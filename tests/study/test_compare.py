@@ -1,0 +1,114 @@
+"""Tests held against each other: exchanged labels, a wrong pressure, copies, noise; their innocent twins stay ok."""
+
+import csv
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fourpole.campaign import folder
+from fourpole.core.checks import Code
+from fourpole.core.phasor import Phasors
+from fourpole.study.compare import noises
+from fourpole.study.outcome import Point
+from fourpole.study.study import analyse
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
+
+FREQUENCIES = [10.0, 12.0, 14.0, 17.0, 20.0]
+
+
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory):
+    """Two pressures, five frequencies, two repeats: rows S1, S2, D1 to D20 of one tyre."""
+    folder = tmp_path_factory.mktemp("honest")
+    simulate_campaign(
+        folder, tyres=[RADIAL_PLY], pressures=[170e3, 220e3], preloads=[1000.0], frequencies=FREQUENCIES, repeats=2
+    )
+    return folder
+
+
+@pytest.fixture
+def campaign(honest, tmp_path):
+    """A copy of the campaign with changes to tests.csv: a function from its rows to nothing."""
+
+    def make(change):
+        shutil.copytree(honest, tmp_path / "copy")
+        path = tmp_path / "copy" / "tests.csv"
+        with path.open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        change({row["test"]: row for row in rows})
+        with path.open("w", newline="") as file:
+            writer = csv.DictWriter(file, rows[0])
+            writer.writeheader()
+            writer.writerows(rows)
+        return analyse(tmp_path / "copy")
+
+    return make
+
+
+def warned(study):
+    """Remarks of the tests that are not ok."""
+    return {row["test"]: row["remarks"] for row in study.dynamic.rows(named=True) if row["verdict"] != "ok"}
+
+
+def exchange(rows, one, other):
+    rows[one]["file"], rows[other]["file"] = rows[other]["file"], rows[one]["file"]
+
+
+def test_an_honest_campaign_has_no_remark(honest):
+    study = analyse(honest)
+    assert warned(study) == {}
+    held = study.checks.filter(study.checks["code"] == Code.OFF_CURVE.text)
+    assert held["test"].to_list() == study.dynamic["test"].to_list()
+
+
+def test_exchanged_labels_are_named_on_both(campaign):
+    found = warned(campaign(lambda rows: exchange(rows, "D3", "D8")))
+    assert set(found) == {"D3", "D8"}
+    assert all("the labels of D3 and D8 look exchanged" in remark for remark in found.values())
+
+
+def test_a_wrong_pressure_is_named_and_its_twin_is_innocent(campaign):
+    def wrong(rows):
+        rows["D3"]["pressure [bar]"] = rows["D8"]["pressure [bar]"]
+
+    found = warned(campaign(wrong))
+    assert set(found) == {"D3"}
+    assert "on the curve of 1.7 bar" in found["D3"]
+
+
+def test_the_twin_of_a_wrong_pressure_keeps_its_stiffness(honest, campaign):
+    def wrong(rows):
+        rows["D3"]["pressure [bar]"] = rows["D8"]["pressure [bar]"]
+
+    tables = [study.dynamic for study in (analyse(honest), campaign(wrong))]
+    (was, std), (now, _) = (
+        table.filter(table["test"] == "D8").select("Re K* [N/m]", "u(Re K*) [N/m]").row(0) for table in tables
+    )
+    assert now == pytest.approx(was, abs=0.5 * std)
+
+
+def test_a_copy_is_named_on_the_test_that_it_is_not_of(campaign):
+    """The recording of D8 also stands for D3, which is of another pressure."""
+
+    def copied(rows):
+        rows["D3"]["file"] = rows["D8"]["file"]
+
+    found = warned(campaign(copied))
+    assert set(found) == {"D3"}
+    assert found["D3"].startswith("the recording is that of D8, too")
+
+
+@pytest.mark.parametrize(("times", "found"), [(5.0, []), (20.0, [(3, "V2")])])
+@pytest.mark.parametrize(("amplitude", "matters"), [(1.0, True), (100.0, False)])
+def test_noise_that_matters_stands_out_from_that_of_the_others(times, found, amplitude, matters):
+    points = []
+    for at in range(6):
+        std = np.full(6, 1e-3)
+        std[4:] *= times if at == 3 else 1.0
+        one = Phasors.from_polar(10.0, amplitude, amplitude, 0.0, amplitude)
+        points.append(Point(replace(one, covariance=np.diag(std**2)), ()))
+    rows = noises([folder.Test(f"D{at}", at) for at in range(6)], points, range(6))
+    assert len(rows) == 18
+    assert [(at, row.channel) for at, row in rows if row.verdict == "warning"] == (found if matters else [])
