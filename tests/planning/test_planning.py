@@ -52,7 +52,7 @@ def test_a_campaign_is_planned_as_it_states_itself(folder):
     np.testing.assert_allclose(plan.channels.gain, [0.005, 0.01, 0.0])
     np.testing.assert_allclose(plan.tests.noise, 1e-4)
     np.testing.assert_allclose(plan.tests.added_mass, [0, 0, 10, 0])
-    np.testing.assert_allclose(plan.tests.added_mass_std, [0, 0, 1e-3, 0])
+    np.testing.assert_allclose(plan.tests.added_mass_std, [0, 0, 0.02, 0])
     np.testing.assert_allclose(plan.tests.k1_std, 2200)
     assert plan.tests.family.tolist() == [0, 0, 0, 1]
     assert plan.statics == 2

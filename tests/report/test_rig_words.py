@@ -6,7 +6,7 @@ from math import radians
 import polars as pl
 import pytest
 from tests.plot.conftest import blank, empty_results, results_of
-from tests.plot.rig_found import JOINT, MASSED, MISFIT, VALUES, rig_table, with_rig_found
+from tests.plot.rig_found import JOINT, MASSED, MISFIT, UNSTATED, VALUES, rig_table, with_rig_found
 
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import is_late, rigs_in_words
@@ -130,10 +130,11 @@ def test_where_the_rig_does_not_fit_nothing_is_called_calibrated(misfit):
             1,
             (
                 "The uncertainties of all results were enlarged to cover the misfit: each test includes an error of "
-                "the rig's impedance of 2.0 % of its largest part and all noise counts 1.5 times."
+                "the rig's impedance of 2.0 % of its largest part, so that K* rests on the channels and all noise counts "
+                "1.5 times."
             ),
         ),
-        (2, "No value of this rig is called calibrated."),
+        (2, "No row counts as ok, and no value of this rig is called calibrated."),
     ],
 )
 def test_the_misfit_in_sentences(misfit, at, text):
@@ -148,16 +149,16 @@ def test_a_candidate(misfit):
 
 
 def test_a_candidate_that_is_as_good_as_the_best(misfit):
-    assert misfit.candidates[1].endswith(", so nearly as much that the data hardly tell the two apart")
+    assert misfit.candidates[1].endswith(", so nearly as much that the data do not tell it from the first")
 
 
-def test_a_statement_that_was_set_aside_is_named(plain):
+def test_a_statement_that_is_contradicted_is_named(plain):
     values = changed("moving_mass", found=15.81, pull=81.0, seen=None, finding="contradicted")
     found = of(with_values(plain, values, **{**MISFIT, "rig_error": 0.0, "inflation": 1.0}))
     assert len(found.misfit) == 3  # nothing was enlarged
     assert found.misfit[1] == (
-        "The data contradict what you state of the moving mass m: no uncertainty rests on this statement, which leaves "
-        "all results less certain."
+        "The data contradict what you state of the moving mass m: this statement hardly counts now, and its departure "
+        "is in the uncertainties of all results."
     )
     # It was seen, so it is not among what stays unseen.
     assert not any("moving mass m" in text for text in found.unseen)
@@ -173,10 +174,50 @@ def test_a_search_that_did_not_converge(plain):
 def test_scatter(plain):
     assert of(with_values(plain, VALUES, scatter=0.012)).remarks == (
         (
-            "Tests at the same condition differ in K* by 1.2 % more than their noise explains; this scatter is in the "
-            "uncertainties. Look at temperature, conditioning and amplitude."
+            "K* repeats to 1.2 % from test to test, besides the noise; each row has K* of its own test. Look at "
+            "temperature, conditioning and amplitude if this scatter is too large."
         ),
     )
+
+
+def test_what_nobody_stated_has_a_name_and_a_unit_of_people(plain):
+    by = {value.source.text: value for value in of(with_values(plain, {**VALUES, **UNSTATED})).values}
+    frame, crossed, drift, angle = (by[name] for name in UNSTATED)
+    assert (frame.name, frame.unit, *frame.found_words) == (
+        "compliance of the frame, not stated",
+        "mm/kN",
+        "11.00",
+        "0.30",
+    )
+    assert (crossed.name, crossed.unit, crossed.found_words[0]) == ("cross-talk of V2 in F1", "%", "+1.200")
+    assert (drift.name, drift.unit, drift.found_words[0]) == ("drift of K* of radial over the run", "%", "−2.10")
+    assert (angle.name, angle.unit) == ("drift of the loss angle of radial over the run", "°")
+    for value in (frame, crossed, drift, angle):
+        assert value.stated_words[0] == value.pull_words == value.ratio_words == value.detection_words == DASH
+        assert not value.hidden
+
+
+def test_what_nobody_stated_is_said_where_the_rig_does_not_fit(plain):
+    joint = {**MISFIT, "rig_error": 0.0, "inflation": 1.0}
+    found = of(with_values(plain, {**VALUES, **UNSTATED}, **joint))
+    assert found.misfit[1] == (
+        "The tests need what you did not state: compliance of the frame, not stated and cross-talk of V2 in F1. The "
+        "uncertainties of all results hold this."
+    )
+    assert not any("enlarged" in text for text in found.misfit)
+
+
+def test_a_drift_is_said_with_its_size_and_its_order(plain):
+    drift = {"drift of radial": UNSTATED["drift of radial"]}
+    for order, words in ((None, "the order of tests.csv"), ("the column time", "the column time")):
+        (text,) = of(with_values(plain, {**VALUES, **drift}, order=order)).remarks
+        assert text.startswith("K* of radial drifts by -2.1 % over the run")
+        assert words in text
+
+
+def test_what_the_scale_rests_on_is_said(plain):
+    rests = "K' rests on the added mass of 10 kg (+1 % per 1 % of it)"
+    assert of(with_values(plain, VALUES, rests=rests)).remarks == (f"{rests}.",)
 
 
 def test_a_note_goes_by_its_code_and_not_by_its_words(plain):
@@ -358,13 +399,13 @@ def test_medians_count_tests_without_a_source_as_none_and_leave_rejected_ones_ou
     assert (found.source.text, found.tests) == ("K1 branch gap", 1)
 
 
-@pytest.mark.parametrize(("explains", "alike"), [(0.901, True), (0.9, True), (0.899, False)])
-def test_a_candidate_is_not_distinguishable_from_nine_tenths_of_the_best_on(plain, explains, alike):
+@pytest.mark.parametrize(("tied", "alike"), [(0, []), (1, []), (2, [1]), (3, [1, 2]), (6, [1, 2, 3, 4, 5])])
+def test_all_candidates_that_explain_the_misfit_equally_well_are_listed_as_such(plain, tied, alike):
     first, second = MISFIT["candidates"]
-    both = [{**first, "explains": 1000.0}, {**second, "explains": 1000.0 * explains}]
-    texts = of(with_values(plain, VALUES, **{**MISFIT, "candidates": both})).candidates
-    # A candidate that is not alike ends with the number by which chi-square would fall.
-    assert [text[-1].isdigit() for text in texts] == [True, not alike]
+    listed = [first, *[{**second, "explains": 1000.0 - at} for at in range(5)]]
+    texts = of(with_values(plain, VALUES, **{**MISFIT, "candidates": listed, "tied": tied})).candidates
+    assert len(texts) == max(4, tied)
+    assert [at for at, text in enumerate(texts) if "do not tell it from the first" in text] == alike
 
 
 @pytest.mark.parametrize(

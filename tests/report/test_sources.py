@@ -50,6 +50,12 @@ def test_all_kinds_are_looked_at():
         (Source(Kind.K1_REPEATS), "the scatter of K1 between repeated static tests"),
         (Source(Kind.K1_STATED), "K1 as stated"),
         (Source(Kind.OTHER, "the moon"), "the moon"),
+        (Source(Kind.CROSSTALK, "V2 in F1"), "the cross-talk of V2 in F1"),
+        (Source(Kind.GAIN_DRIFT, "V1"), "the drift of V1's gain"),
+        (Source(Kind.DRIFT, "radial"), "the drift of radial over the run"),
+        (Source(Kind.ANGLE_DRIFT, "radial"), "the drift of the loss angle of radial over the run"),
+        (Source(Kind.K1_DRIFT), "the drift of the specimen between its static and its dynamic test"),
+        (Source(Kind.UNSTATED, "input"), "an input mass that is not stated"),
     ],
     ids=lambda one: one if isinstance(one, str) else "",
 )
@@ -115,6 +121,12 @@ def test_every_source_has_words_and_a_remedy_in_every_situation(source):
         text = remedy(source, about)
         assert re.match(r"[a-z]", text)
         assert not re.search(r"[{}_]", text)
+
+
+@pytest.mark.parametrize("source", [Source(Kind.CROSSTALK, "V2 in F1"), Source(Kind.GAIN_DRIFT, "V1")])
+def test_a_weighed_mass_calibrates_no_cross_talk_and_no_drift(source):
+    assert "mass" not in remedy(source, replace(PLAIN, massed=True))
+    assert "state" not in remedy(source, PLAIN)
 
 
 def test_what_nobody_states_is_not_asked_to_be_stated():

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import FREQUENCY, Axis
-from fourpole.core.sources import Role, Source
+from fourpole.core.sources import Kind, Role, Source
 from fourpole.fitting.rows import keys_of
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
@@ -35,13 +35,17 @@ _FINDINGS: dict[RigFinding, tuple[Marker, bool, str | None, str]] = {
     RigFinding.NOT_DETERMINED: ("o", False, None, "not determined: as stated"),
     RigFinding.CONTRADICTED: ("D", True, "#D55E00", "contradicts the statement"),
     RigFinding.NOT_CALIBRATED: ("s", False, "#E69F00", "not calibrated: the rig does not fit"),
+    RigFinding.UNSTATED: ("D", False, "#D55E00", "not stated: no statement to compare with"),
 }
 _GROUPS = {
     Role.RIG: "rig",
     Role.CHANNEL: "channels",
     Role.RATIO: "ratios that K* needs",
     Role.MASS: "added masses",
+    Role.SPECIMEN: "specimens",
 }
+#: Errors that are shares of a whole, shown in per cent.
+_SHARES = (Kind.DRIFT, Kind.GAIN_DRIFT, Kind.CROSSTALK)
 #: A value farther than this from its statement [stated standard uncertainties] is shown at the edge with its distance.
 _EDGE = 6.0
 _ROW = 0.17
@@ -272,6 +276,12 @@ def _dot(ax: Axes, at: int, shared: SharedValue, style: Style) -> float:
     if np.isfinite(ratio):
         ax.text(1.015, at, f"{ratio:.2g}", transform=ax.get_yaxis_transform(), va="center", fontsize=7.0,
                 color=style.look.ink)  # fmt: skip
+    if shared.finding is RigFinding.UNSTATED and np.isfinite(value):
+        marker, _, colour, _ = _FINDINGS[shared.finding]
+        ax.plot([0.0], [at], linestyle="none", marker=marker, markersize=5.0, color=colour, zorder=3.0,
+                markerfacecolor=style.look.paper, label="_value")  # fmt: skip
+        ax.text(0.15, at, _size(shared, value, std), va="center", fontsize=7.0, color=style.look.ink)
+        return 1.0
     if not prior > 0:
         return 0.0
     ax.plot([-1, 1], [at, at], color=style.look.grid, linewidth=5.0, solid_capstyle="butt", label="_stated", zorder=1.5)
@@ -291,6 +301,13 @@ def _dot(ax: Axes, at: int, shared: SharedValue, style: Style) -> float:
     ax.plot([place], [at], linestyle="none", marker=marker, markersize=5.0, color=colour, zorder=3.0, label="_value",
             markerfacecolor=colour if filled else style.look.paper)  # fmt: skip
     return abs(place) + (0.0 if beyond or not np.isfinite(wide) else min(wide, _EDGE))
+
+
+def _size(shared: SharedValue, value: float, std: float) -> str:
+    """A value without a statement, with its standard uncertainty and unit."""
+    plain = "" if shared.unit == "1" else f" {shared.unit}"
+    scale, shown = (100.0, " %") if shared.source.kind in _SHARES else (1.0, plain)
+    return f"{scale * value:+.3g} ± {scale * std:.2g}{shown}".replace("-", "−")
 
 
 def mass_gain(results: Results, style: Style) -> Figure | None:

@@ -19,9 +19,7 @@ from fourpole.study.rig_estimate import NoteCode, Outlier, RigEstimate, RigFindi
 #: An undeclared error is reported as hard to detect if its detection limit is above this, by the unit shown.
 #: For a value of the rig the limit for per cent counts, relative to the value.
 _LATE = {"%": 5.0, "°": 3.0}
-#: A candidate is not distinguishable from the best if it lowers chi-square by at least this fraction of the best's.
-_AS_WELL = 0.9
-#: Candidates that are listed.
+#: Candidates that are listed, and all that explain the misfit equally well.
 _MOST_CANDIDATES = 4
 #: Two gains whose errors have the same effect on F1/V2.
 _BLIND = {(Kind.GAIN, "F1"), (Kind.GAIN, "V2")}
@@ -127,35 +125,45 @@ def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     yield f"The rig and the sensors as stated do not go with these tests{per}."
     against = [value.name for value in values if value.finding is RigFinding.CONTRADICTED]
     if against:
+        which = "this statement hardly counts" if len(against) == 1 else "these statements hardly count"
         yield (
-            f"The data contradict what you state of the {joined(against)}: "
-            f"no uncertainty rests on {'this statement' if len(against) == 1 else 'these statements'}, "
-            "which leaves all results less certain."
+            f"The data contradict what you state of the {joined(against)}: {which} now, and its departure is in the "
+            "uncertainties of all results."
         )
+    added = [value.name for value in values if value.finding is RigFinding.UNSTATED and _is_error(value)]
+    if added:
+        yield f"The tests need what you did not state: {joined(added)}. The uncertainties of all results hold this."
     done = list(_enlarged(found))
     if done:
         yield f"The uncertainties of all results were enlarged to cover the misfit: {joined(done)}."
-    yield "No value of this rig is called calibrated."
+    yield "No row counts as ok, and no value of this rig is called calibrated."
+
+
+def _is_error(value: ShownValue) -> bool:
+    """Whether an unstated value is an error of rig or channels; a specimen may drift in a rig that fits."""
+    return value.group is not Role.SPECIMEN
 
 
 def _enlarged(found: RigEstimate) -> Iterable[str]:
     error, inflation = found.rig_error, found.inflation
     if error > 0:
-        yield f"each test includes an error of the rig's impedance of {percent(error)} of its largest part"
+        yield (
+            f"each test includes an error of the rig's impedance of {percent(error)} of its largest part, so that K* "
+            "rests on the channels"
+        )
     if inflation > 1:
         yield f"all noise counts {number(inflation, 2)} times"
 
 
 def _candidates(found: RigEstimate) -> Iterable[str]:
     """Candidates that would explain the misfit, the best first, and those not distinguishable from it."""
-    best = known(found.candidates[0].explains) if found.candidates else None
-    for at, candidate in enumerate(found.candidates[:_MOST_CANDIDATES]):
+    for at, candidate in enumerate(found.candidates[: max(_MOST_CANDIDATES, found.tied)]):
         text = f"{candidate.text}{_relative_std(candidate)}"
         explains = known(candidate.explains)
         if explains is not None:
             text += f": chi-square would fall by {number(explains)}"
-            if at and best and explains >= _AS_WELL * best:
-                text += ", so nearly as much that the data hardly tell the two apart"
+            if 0 < at < found.tied:
+                text += ", so nearly as much that the data do not tell it from the first"
         yield text
 
 
@@ -170,8 +178,8 @@ def _remarks(found: RigEstimate) -> Iterable[str]:
         yield f"The joint route did not converge ({reason}): do not rely on it, use the relative route."
     if found.scatter > 0:
         yield (
-            f"Tests at the same condition differ in K* by {percent(found.scatter)} more than their noise explains; "
-            "this scatter is in the uncertainties. Look at temperature, conditioning and amplitude."
+            f"K* repeats to {percent(found.scatter)} from test to test, besides the noise; each row has K* of its own "
+            "test. Look at temperature, conditioning and amplitude if this scatter is too large."
         )
     for code in found.notes:
         if code not in _SAID:

@@ -17,6 +17,16 @@ GROUPS = {
     Role.CHANNEL: "Channels, measured over true",
     Role.RATIO: "What K* needs of the channels",
     Role.MASS: "Added masses",
+    Role.SPECIMEN: "Specimens",
+}
+#: Name, unit shown, SI value of that unit, and zero of each unstated part of a rig.
+_UNSTATED = {
+    "mass": ("moving mass that is not stated", "kg", 1.0, 0.0),
+    "spring": ("spring that is not stated", "kN/m", 1e3, 0.0),
+    "frame": ("compliance of the frame, not stated", "mm/kN", 1e-6, 0.0),
+    "loss": ("loss factor of the spring, not stated", "", 1.0, 0.0),
+    "friction": ("dry friction that is not stated", "N", 1.0, 0.0),
+    "input": ("input mass that is not stated", "kg", 1.0, 0.0),
 }
 #: An error of up to this many stated standard uncertainties counts as declared.
 DECLARED = 6.0
@@ -84,7 +94,7 @@ class ShownValue:
 
     def _pair(self, value: float | None, std: float | None) -> tuple[str, str]:
         text, about = with_std(value, std, 5)
-        departure = self.group in (Role.CHANNEL, Role.RATIO)
+        departure = self.group in (Role.CHANNEL, Role.RATIO, Role.SPECIMEN)
         if departure and value is not None and value > 0 and text.strip("0."):
             text = f"+{text}"
         return text or DASH, about
@@ -157,7 +167,20 @@ def in_words(source: Source, unit: str = "") -> tuple[str, str, float, float]:
     (('gain of V1', '%', 0.01, 1.0), 'gain of F1 over V1')
     """
     of, under = source.of, source.under
+    specimen = of or "the specimen"
     match source.kind:
+        case Kind.UNSTATED:
+            return _UNSTATED[of]
+        case Kind.CROSSTALK:
+            return f"cross-talk of {of}", "%", 0.01, 0.0
+        case Kind.GAIN_DRIFT:
+            return f"drift of {of}'s gain over the run", "%", 0.01, 0.0
+        case Kind.DRIFT:
+            return f"drift of K* of {specimen} over the run", "%", 0.01, 0.0
+        case Kind.ANGLE_DRIFT:
+            return f"drift of the loss angle of {specimen} over the run", "°", pi / 180, 0.0
+        case Kind.AMPLITUDE:
+            return "change of K* with the amplitude of the deflection", "", 1.0, 0.0
         case Kind.RIG_VALUE:
             value = RIG_VALUES[of]
             return value.name, value.suffix, value.scale, 0.0

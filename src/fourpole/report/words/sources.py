@@ -13,6 +13,7 @@ _UNSTATED = {
     "frame": "a compliant frame that is not stated",
     "loss": "a loss factor of the preload spring that is not stated",
     "friction": "dry friction that is not stated",
+    "input": "an input mass that is not stated",
 }
 
 
@@ -38,7 +39,7 @@ class About:
     candidate: str
 
 
-#: {channel} is the channel, or one against another, {name} the rig's value, unstated part or text.
+#: {channel} is the channel, or one against another, {name} the rig's value, unstated part, specimen or text.
 _WORDS = {
     Kind.NOISE: "the noise of the sensors",
     Kind.FREQUENCY: "the uncertainty of the frequency",
@@ -48,9 +49,14 @@ _WORDS = {
     Kind.DELAY: "{channel}'s delay",
     Kind.RESPONSE_GAIN: "the gain of {channel}'s calibrated response",
     Kind.RESPONSE_PHASE: "the phase of {channel}'s calibrated response",
+    Kind.CROSSTALK: "the cross-talk of {channel}",
+    Kind.GAIN_DRIFT: "the drift of {channel}'s gain",
     Kind.RIG_VALUE: "the {name}",
     Kind.UNSTATED: "{name}",
     Kind.ADDED_MASS: "the weight of the {name}",
+    Kind.DRIFT: "the drift of {name} over the run",
+    Kind.ANGLE_DRIFT: "the drift of the loss angle of {name} over the run",
+    Kind.AMPLITUDE: "the amplitude of the deflection",
     Kind.K1: "K1",
     Kind.K1_FIT: "the fit of K1",
     Kind.K1_GAP: "the gap between the branches of K1",
@@ -59,13 +65,17 @@ _WORDS = {
     Kind.K1_GAINS: "the calibration of load and deflection in K1",
     Kind.K1_REPEATS: "the scatter of K1 between repeated static tests",
     Kind.K1_STATED: "K1 as stated",
+    Kind.K1_DRIFT: "the drift of the specimen between its static and its dynamic test",
     Kind.OTHER: "{name}",
 }
 _BY_MASS = (
     "repeat one condition with a weighed mass added and use the joint route, which makes calibrated sensors "
     "unnecessary, or "
 )
+_STEADY = "condition the specimen longer and keep its temperature, until a repeat at the end of the run agrees"
 _STATE_K1 = "state K1 with a smaller uncertainty, or add a static test"
+#: Errors of channels that no mass calibrates.
+_NOBODY_STATES = (Kind.CROSSTALK, Kind.GAIN_DRIFT)
 #: The remedy of each kind of source, before the properties of rig and tests are considered.
 _REMEDIES = {
     Kind.NOISE: "record longer or over more cycles: four times as many halve it",
@@ -76,9 +86,14 @@ _REMEDIES = {
     Kind.DELAY: f"{_BY_MASS}measure the delay of {{channel}} and state it with a smaller uncertainty",
     Kind.RESPONSE_GAIN: f"{_BY_MASS}calibrate the response of {{channel}} with a smaller uncertainty",
     Kind.RESPONSE_PHASE: f"{_BY_MASS}calibrate the response of {{channel}} with a smaller uncertainty",
+    Kind.CROSSTALK: "look for a cable, a ground or an amplifier that the two channels share",
+    Kind.GAIN_DRIFT: "warm the amplifier of {channel} up, and calibrate it before and after the run",
     Kind.RIG_VALUE: "{measure} and state it with a smaller uncertainty",
     Kind.UNSTATED: "look for this part of the rig; remove it, or measure it and state it in campaign.toml",
     Kind.ADDED_MASS: "weigh the added mass on a better balance",
+    Kind.DRIFT: _STEADY,
+    Kind.ANGLE_DRIFT: _STEADY,
+    Kind.AMPLITUDE: "test all frequencies at one amplitude of the deflection",
     Kind.K1: _STATE_K1,
     Kind.K1_FIT: "repeat the static test with finer steps of load round the preload",
     Kind.K1_GAP: "use K' and K'', which need no K1; or state the K1 that you mean, with its uncertainty, in tests.csv "
@@ -89,6 +104,8 @@ _REMEDIES = {
     Kind.K1_REPEATS: "look for what differs between the static tests (temperature, conditioning, seating, speed of "
     "loading), or repeat them more often: four times as many halve the uncertainty of their mean",
     Kind.K1_STATED: _STATE_K1,
+    Kind.K1_DRIFT: "say in column time of tests.csv when each test was made, and make the static test in the middle of the "
+    "run",
     Kind.OTHER: "state {name} with a smaller uncertainty",
 }
 
@@ -106,9 +123,10 @@ def source_in_words(source: Source) -> str:
 
 def _filled(template: str, source: Source) -> str:
     value = RIG_VALUES[source.of] if source.kind is Kind.RIG_VALUE else None
+    name = _UNSTATED[source.of] if source.kind is Kind.UNSTATED else value.name if value else source.text
     return template.format(
         channel=f"{source.of} against {source.under}" if source.under else source.of,
-        name=_UNSTATED[source.of] if source.kind is Kind.UNSTATED else value.name if value else source.text,
+        name=(source.of or "the specimen") if source.role is Role.SPECIMEN else name,
         measure="weigh it" if value and value.unit == "kg" else "measure it by itself",
     )
 
@@ -123,7 +141,7 @@ def remedy(source: Source, about: About) -> str:
         return "steady temperature, conditioning and amplitude, then repeat: the scatter of repeats counts as noise"
     if source.role is Role.RIG:
         return _rig_remedy(text, about)
-    if source.role is Role.CHANNEL and about.massed:
+    if source.role is Role.CHANNEL and about.massed and source.kind not in _NOBODY_STATES:
         if about.joint:
             return "repeat the tests with the weighed mass, or record them longer: the mass calibrates the channels"
         return "use the joint route: with the weighed mass it needs no calibrated sensor"
