@@ -424,6 +424,20 @@ def test_an_old_report_never_stands_beside_new_tables(run, analysed, monkeypatch
     assert without_cache(analysed / "results") == former
 
 
+def test_a_report_that_is_stopped_leaves_the_former_figures(run, analysed, monkeypatch):
+    former = without_cache(analysed / "results")
+
+    def stopped(_, folder, **__):
+        folder.mkdir()
+        (folder / "fig05.svg").write_text("new")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fourpole.app.report.save_figures", stopped)
+    (analysed / "results" / "model.json").unlink()  # it is none, which is said
+    assert run("report", analysed / "results").exit_code == 130
+    assert without_cache(analysed / "results") == {name: former[name] for name in former if name != "model.json"}
+
+
 def test_a_report_of_other_tables_goes_where_none_is_made(run, analysed):
     results = analysed / "results"
     edit(analysed / "tests.csv", "1.7,1001,17", "1.7,1000,17")

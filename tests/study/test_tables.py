@@ -76,13 +76,16 @@ def test_results_hold_what_the_registry_reads(study, written):
         assert getattr(found, name) is table
 
 
-def test_an_optional_table_of_an_earlier_run_goes(study, tmp_path):
-    for name in ("budget", "corrections"):
-        (tmp_path / f"{name}.csv").write_text("old\n")
+def test_what_would_not_belong_to_the_tables_goes_and_the_rest_stays(study, tmp_path):
+    for name in ("budget.csv", "corrections.csv", "findings.csv", "report.html", "notes.txt"):
+        (tmp_path / name).write_text("old\n")
     empty = {name: table.clear() for name, table in study.tables.items() if not TABLES[name].always}
     replace(study, tables={**study.tables, **empty}).write(tmp_path)
     assert not (tmp_path / "budget.csv").exists()
     assert not (tmp_path / "corrections.csv").exists()
+    assert not (tmp_path / "findings.csv").exists()
+    assert not (tmp_path / "report.html").exists()
+    assert (tmp_path / "notes.txt").exists()
     assert read_results(tmp_path).budget.is_empty()
 
 

@@ -71,6 +71,7 @@ def test_faults_leave_the_noise_as_it_is(noisy, tmp_path):
     before, after = (recording(place, "D2") for place in (noisy, folder))
     np.testing.assert_array_equal(before[:, :3], after[:, :3])
     kept = after[:, 3] != 0.0
+    assert 0.04 <= 1.0 - kept.mean() < 0.06
     np.testing.assert_array_equal(before[kept, 3], after[kept, 3])
     assert digests(noisy)["S1.csv"] == digests(folder)["S1.csv"]
     assert (noisy / "campaign.toml").read_text() == (folder / "campaign.toml").read_text()

@@ -31,6 +31,8 @@ _WIDE = 150
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 OK, UNREADABLE, SOME_REJECTED, STOPPED, TERMINATED, INTERNAL = 0, 2, 3, 130, 143, 70
+#: Time after which a signal is repeated that came while an object was deleted [s].
+_SOON = 0.02
 _STOPPED_TEXT = "stopped; no file is half-written; what is done is kept: the same command goes on from there"
 
 
@@ -201,6 +203,21 @@ def end_in_order() -> None:
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) is signal.SIG_DFL:
             signal.signal(getattr(signal, name), end)
+    sys.unraisablehook = _once_more
+
+
+def _once_more(ignored: sys.UnraisableHookArgs) -> None:
+    """Repeat a signal whose exception Python has ignored, because it came while an object was deleted."""
+    if not (issubclass(ignored.exc_type, KeyboardInterrupt) and hasattr(signal, "setitimer")):
+        sys.__unraisablehook__(ignored)
+        return
+    kind = ignored.exc_type
+
+    def end(*_: object) -> NoReturn:
+        raise kind
+
+    signal.signal(signal.SIGALRM, end)
+    signal.setitimer(signal.ITIMER_REAL, _SOON)
 
 
 @contextmanager
