@@ -293,7 +293,7 @@ class Code(Enum):
         "rig",
         "chi-square of the rig as stated over its degrees of freedom",
         "the rig as stated does not fit its tests",
-        "the rig and channels as stated do not fit their tests{causes}: ",
+        "the rig and channels as stated do not fit their tests ({causes}): ",
         "find the cause, state it, and analyse again",
     )
     SCATTER = (

@@ -68,9 +68,7 @@ def _joint_checks(found: Identified) -> list[Check]:
     rows = [reported(Code.AGREEMENT, "warning", factor, 1.0, times=np.sqrt(factor))] if factor > 1 else []
     rows += _relative_check(found, joint) if factor == 1 else []
     if not estimate.fits:
-        causes = ", or ".join(one.text for one in estimate.causes or estimate.candidates[:1])
-        said = f" (best explained by {causes})" if causes else ""
-        rows.append(reported(Code.RIG, "warning", estimate.chi2_per_dof or np.nan, 1.0, causes=said))
+        rows.append(reported(Code.RIG, "warning", estimate.chi2_per_dof or np.nan, 1.0, causes=estimate.explained))
     if estimate.scatter > _MOST_SCATTER:
         rows.append(reported(Code.SCATTER, "warning", estimate.scatter, _MOST_SCATTER))
     return rows if joint.converged else [*rows, reported(Code.CONVERGENCE, "warning")]

@@ -247,7 +247,7 @@ def _group(
     if group.estimate is not None:
         estimate = with_recordings(group.estimate, [point.checks for point in points])
         group = replace(group, estimate=estimate)
-        notes += [estimate.note(code) for code in estimate.notes]
+        notes += [*(estimate.note(code) for code in estimate.notes), *([estimate.rests] if estimate.rests else [])]
     where = f"[rigs.{setup.rig_name}]" if setup.rig_name else "[rig]"
     return group, [f"{where}: {note}" for note in notes]
 

@@ -80,7 +80,6 @@ class NoteCode(StrEnum):
     OUTLIERS = "outliers"
     UNSHARED_MASSES = "masses without a common condition"
     ONE_TEST = "one test"
-    RESTS = "rests on"
 
 
 class RunOrder(StrEnum):
@@ -261,7 +260,6 @@ class RigEstimate:
             NoteCode.OUTLIERS: bool(self.outliers),
             NoteCode.UNSHARED_MASSES: self.unshared_masses,
             NoteCode.ONE_TEST: self.tests == 1,
-            NoteCode.RESTS: bool(self.rests),
         }
         return tuple(code for code, holds in true.items() if holds)
 
@@ -289,9 +287,13 @@ class RigEstimate:
             if value.source.role is not Role.RATIO
         ]
         chi2 = f"chi-square is {self.chi2 or 0.0:.3g} for {self.dof or 0.0:.0f} degrees of freedom"
+        return f"({'; '.join(against) or chi2}); {self.explained}; {self._remedy()}"
+
+    @property
+    def explained(self) -> str:
+        """What explains the misfit, in words; causes that explain it equally well stand together."""
         named = [one.text for one in self.causes or self.candidates[:1]]
-        best = f"; best explained by {', or '.join(named)}" if named else ""
-        return f"({'; '.join(against) or chi2}){best}; {self._remedy()}"
+        return f"best explained by {', or '.join(named)}" if named else _NO_CAUSE
 
     def _remedy(self) -> str:
         """The consequence of a misfit for the uncertainties."""
@@ -317,6 +319,11 @@ class RigEstimate:
         return record
 
 
+#: What is said of a misfit that no candidate explains.
+_NO_CAUSE = (
+    "no single error of a sensor or part of the rig explains it: look for what moves otherwise than stated (a frame or "
+    "foundation, a mass that rocks, friction in a guide, a spring that is not linear) and for a sensor that is not linear"
+)
 #: Sentence of each note; `found` is the estimate.
 _NOTES = {
     NoteCode.NOT_CONVERGED: "the joint route did not converge: {found.reason}; use --route relative",
@@ -337,7 +344,6 @@ _NOTES = {
         "at temperature, conditioning and amplitude if this scatter is too large"
     ),
     NoteCode.DRIFT: "{drifts}, {order}; each row has K* of its own place in the run",
-    NoteCode.RESTS: "{found.rests}",
     NoteCode.OUTLIERS: "{strange} not go with the others and hardly {counts}",
     NoteCode.UNSHARED_MASSES: (
         "no condition was tested with two masses, so the added mass does not calibrate the sensors: tyre, pressure "

@@ -255,7 +255,8 @@ def _add_rig_error(state: State, found: _Diagnosis) -> None:
     """Add an error of Zr to each test, of the size that chance then explains."""
     widened = without_rig(state.problem, state.solution.z, state.solution.stiffness, found.level)
     if not state.misfit.candidates:
-        state.misfit = replace(state.misfit, candidates=tuple(found.named))
+        likely = [one for one in found.named if one.explains > _SHARE_OF_CAUSE * found.excess]
+        state.misfit = replace(state.misfit, candidates=tuple(likely))
     state.solve(widened, rig_error=float(np.hypot(state.misfit.rig_error, found.level)))
 
 
