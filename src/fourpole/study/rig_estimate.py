@@ -321,8 +321,8 @@ class RigEstimate:
 
 #: What is said of a misfit that no candidate explains.
 _NO_CAUSE = (
-    "no single error of a sensor or part of the rig explains it: look for what moves otherwise than stated (a frame or "
-    "foundation, a mass that rocks, friction in a guide, a spring that is not linear) and for a sensor that is not linear"
+    "no single error of a sensor or part of the rig explains it: look for what moves otherwise than stated (a frame, a "
+    "foundation, a mass that rocks, friction in a guide, a spring that is not linear), and for a sensor not linear"
 )
 #: Sentence of each note; `found` is the estimate.
 _NOTES = {

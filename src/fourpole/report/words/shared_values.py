@@ -156,6 +156,17 @@ def shown_values(found: RigEstimate) -> tuple[ShownValue, ...]:
     return tuple(ShownValue.of(value) for value in found.values)
 
 
+#: Name, unit shown and its SI value of errors that are 0 where there is none.
+_SIMPLE = {
+    Kind.CROSSTALK: ("cross-talk of {}", "%", 0.01),
+    Kind.GAIN_DRIFT: ("drift of {}'s gain over the run", "%", 0.01),
+    Kind.DRIFT: ("drift of K* of {} over the run", "%", 0.01),
+    Kind.ANGLE_DRIFT: ("drift of the loss angle of {} over the run", "°", pi / 180),
+    Kind.AMPLITUDE: ("change of K* with the amplitude of the deflection", "", 1.0),
+    Kind.DELAY: ("delay of {}", "ms", 1e-3),
+}
+
+
 def in_words(source: Source, unit: str = "") -> tuple[str, str, float, float]:
     """Name, unit shown, SI value of that unit, and the SI value shown as zero.
 
@@ -167,20 +178,12 @@ def in_words(source: Source, unit: str = "") -> tuple[str, str, float, float]:
     (('gain of V1', '%', 0.01, 1.0), 'gain of F1 over V1')
     """
     of, under = source.of, source.under
-    specimen = of or "the specimen"
+    if source.kind in _SIMPLE:
+        name, shown, scale = _SIMPLE[source.kind]
+        return name.format(of or "the specimen"), shown, scale, 0.0
     match source.kind:
         case Kind.UNSTATED:
             return _UNSTATED[of]
-        case Kind.CROSSTALK:
-            return f"cross-talk of {of}", "%", 0.01, 0.0
-        case Kind.GAIN_DRIFT:
-            return f"drift of {of}'s gain over the run", "%", 0.01, 0.0
-        case Kind.DRIFT:
-            return f"drift of K* of {specimen} over the run", "%", 0.01, 0.0
-        case Kind.ANGLE_DRIFT:
-            return f"drift of the loss angle of {specimen} over the run", "°", pi / 180, 0.0
-        case Kind.AMPLITUDE:
-            return "change of K* with the amplitude of the deflection", "", 1.0, 0.0
         case Kind.RIG_VALUE:
             value = RIG_VALUES[of]
             return value.name, value.suffix, value.scale, 0.0
@@ -188,8 +191,6 @@ def in_words(source: Source, unit: str = "") -> tuple[str, str, float, float]:
             return f"gain of {of} over {under}" if under else f"gain of {of}", "%", 0.01, 1.0
         case Kind.PHASE:
             return f"phase of {of} less {under}" if under else f"phase of {of}", "°", pi / 180, 0.0
-        case Kind.DELAY:
-            return f"delay of {of}", "ms", 1e-3, 0.0
         case Kind.RESPONSE_GAIN | Kind.RESPONSE_PHASE:
             what = "gain" if source.kind is Kind.RESPONSE_GAIN else "phase"
             return f"calibrated response of {of}, {what}, in its u", "", 1.0, 0.0

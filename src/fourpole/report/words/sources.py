@@ -104,8 +104,8 @@ _REMEDIES = {
     Kind.K1_REPEATS: "look for what differs between the static tests (temperature, conditioning, seating, speed of "
     "loading), or repeat them more often: four times as many halve the uncertainty of their mean",
     Kind.K1_STATED: _STATE_K1,
-    Kind.K1_DRIFT: "say in column time of tests.csv when each test was made, and make the static test in the middle of the "
-    "run",
+    Kind.K1_DRIFT: "say in column time of tests.csv when each test was made, and make the static test in the middle of "
+    "the run",
     Kind.OTHER: "state {name} with a smaller uncertainty",
 }
 
