@@ -201,7 +201,7 @@ def _rests(joint: Joint, found: Outputs) -> str:
         remedy = "" if massed else "; a weighed mass, added to the moving mass, would show it"
         said.append(f"no test of this rig shows an error of {', of '.join(unseen)}{remedy}")
     if said:
-        said.append("what gives way between the sensor of V1 and the contact, or F1 in V1, counts as a part of the tyre")
+        said.append("what gives way between the sensor of V1 and the contact, or F1 in V1, counts as part of the tyre")
     return "; ".join(said)
 
 
