@@ -58,7 +58,7 @@ class Samples(ByValue):
 
 
 @dataclass(frozen=True, eq=False)
-class Curves:
+class Curves(ByValue):
     """The curves, and the tests that do not lie on them.
 
     Attributes
@@ -124,7 +124,7 @@ class _Design:
         return np.stack([self.row(data, i, int(data.family[i])) for i in range(data.frequency.size)])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Solution:
     coefficients: ComplexArray
     inverse: ComplexArray

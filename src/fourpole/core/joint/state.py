@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.joint.misfit import Candidate
 from fourpole.core.joint.solve import Problem, Solution, solve_either
 from fourpole.core.sources import Source
@@ -61,7 +61,7 @@ class Misfit:
 
 
 @dataclass(eq=False)
-class State:
+class State(ByValue):
     """The problem, its solution and the misfit after some rounds.
 
     `start` is the first K* of each condition; `negligible` is false if enlarged noise hides an error of Zr.
