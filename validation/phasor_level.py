@@ -40,7 +40,7 @@ def run(number: int) -> dict[str, Any]:
         "frequencies": int(np.bincount(this.family[this.family >= 0])[0] / len(MASSES[this.masses])),
         "fits": joint.misfit.fits,
         "conflicts": [joint.stated.parameters[at].source.text for at in joint.misfit.conflicts],
-        "parts": list(joint.misfit.parts),
+        "parts": [source.text for source in joint.misfit.added],
         "inflation": joint.misfit.inflation,
         "scatter": joint.misfit.scatter,
         "outliers": int(np.sum(joint.outlier > 1)),
