@@ -224,6 +224,30 @@ def test_unknown_keys_of_conditions_name_the_nearest(tmp_path):
         read(tmp_path, table([HEADER, *ROWS]), TOML + '[conditions]\naxis = ["note"]\n')
 
 
+@pytest.mark.parametrize(
+    ("label", "cell", "seconds"),
+    [
+        ("time", "2024-05-03T14:20", 1714746000.0),
+        ("time", "2024-05-03 14:20:30", 1714746030.0),
+        ("time", "2024-05-03T14:20+02:00", 1714738800.0),
+        ("time", "14:20", 51600.0),
+        ("time", "14:20:05", 51605.0),
+        ("time [min]", "10", 600.0),  # ten o'clock, if the clock were asked first
+        ("time [min]", "5", 300.0),
+        ("time [s]", "20240503", 20240503.0),
+        ("time", "1.5 h", 5400.0),
+        ("time", "", None),
+        ("time", "after lunch", None),
+    ],
+)
+def test_the_time_of_a_test_is_a_date_a_clock_or_a_number(tmp_path, label, cell, seconds):
+    """Another text passes through as any column does."""
+    tests = table([[*HEADER[:-1], label], [*ROWS[1][:-1], cell]])
+    (test,) = read(tmp_path, tests).tests
+    assert test.values.get("time") == (None if seconds is None else pytest.approx(seconds))
+    assert test.extra[label] == cell
+
+
 def test_a_cell_on_a_numeric_axis_must_be_a_number(tmp_path):
     campaign = with_axes(tmp_path, '["amplitude [mm]"]', ("", "small", "0,51"))
     assert "tests.csv row 3: amplitude [mm]: 'small' is no number" in campaign.tests[1].problem

@@ -130,8 +130,8 @@ def test_where_the_rig_does_not_fit_nothing_is_called_calibrated(misfit):
             1,
             (
                 "The uncertainties of all results were enlarged to cover the misfit: each test includes an error of "
-                "the rig's impedance of 2.0 % of its largest part, so that K* rests on the channels and all noise counts "
-                "1.5 times."
+                "the rig's impedance of 2.0 % of its largest part, so that K* rests on the channels and all noise "
+                "counts 1.5 times."
             ),
         ),
         (2, "No row counts as ok, and no value of this rig is called calibrated."),

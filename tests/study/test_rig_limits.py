@@ -1,18 +1,21 @@
 """What is said of a rig as found, and of K2 and C: just below each limit one decision, just above it the other."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint import solve_joint
 from fourpole.core.joint.outputs import outputs
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
+from fourpole.core.sources import Kind, Source
 from fourpole.study.cells import _arm_checks
-from fourpole.study.identified import _skew, setup_of
-from fourpole.study.rig_estimate import NoteCode
+from fourpole.study.identified import Setup, _skew, _solved, _with_drift, setup_of
+from fourpole.study.rig_estimate import NoteCode, RunOrder
 from fourpole.study.rig_solution import rig_estimate
 
 BELOW, ABOVE = 0.99, 1.01
@@ -82,6 +85,68 @@ def test_a_value_whose_hidden_part_is_stated_hides_nothing(at, name, declared):
 @pytest.mark.parametrize(("inflation", "notes"), [(1.19, 0), (1.21, 1)])
 def test_noise_a_fifth_larger_than_the_recordings_say_is_worth_a_note(bare, inflation, notes):
     assert said(bare, inflation=inflation)[1].count(NoteCode.NOISE) == notes
+
+
+def test_what_k_rests_on_is_said_with_its_lever():
+    """With a weighed mass on the mass, of which an error of 1 % would not show; without it on the gains."""
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.3, "preload_stiffness": 250.0})
+    omega = 2 * np.pi * np.tile([10.0, 12.0, 14.0, 16.0], 2)
+    mass = np.repeat([0.0, 10.0], 4)
+    impedance = rig.impedance(omega, mass)
+    ratio = (2e5 + 4e4j) / (2e5 + 4e4j + 1j * omega * impedance)
+    amplitudes = 0.06 * np.stack([impedance * ratio, np.ones(8), ratio], axis=1)
+    noise = np.repeat(2e-4 * np.abs(amplitudes), 2, axis=1) ** 2
+    phasors = Phasors(omega / (2 * np.pi), amplitudes, noise[:, :, None] * np.eye(6), np.zeros(8), np.full(8, np.inf))
+    channels = ChannelUncertainty(np.full(3, 0.005), np.full(3, 0.005))
+    said = []
+    for rows in (slice(None), slice(0, 4)):
+        some = phasors.part(rows)
+        joint = solve_joint(some, rig, added_mass=mass[rows], added_mass_std=2e-3 * mass[rows], channels=channels)
+        said.append(
+            rig_estimate(
+                "", [(f"D{i}", 1) for i in range(len(some.frequency))], joint, outputs(joint, some, np.nan)
+            ).rests
+        )
+    massed, bare = said
+    lever = float(re.search(r"the added mass of 10 kg \(\+([\d.]+) % per 1 % of it\)", massed)[1])
+    assert 0.5 < lever <= 1.0
+    seen_from = float(re.search(r"of the added mass of 10 kg below ([\d.]+) kg", massed)[1])
+    assert seen_from > 0.1
+    assert "a weighed mass" not in massed
+    assert "the gain of V1 (0.5 % as stated)" in bare
+    assert bare.endswith("a weighed mass, added to the moving mass, would show it")
+
+
+def drifting():
+    """Twelve tests in three rounds of a specimen that becomes 2 % stiffer over the run."""
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std=STD)
+    omega, place = 2 * np.pi * np.tile([10.0, 12.0, 14.0, 16.0], 3), np.linspace(-0.5, 0.5, 12)
+    impedance, stiffness = rig.impedance(omega), (2e5 + 4e4j) * np.exp(0.02 * place)
+    ratio = stiffness / (stiffness + 1j * omega * impedance)
+    amplitudes = 0.06 * np.stack([impedance * ratio, np.ones(12), ratio], axis=1)
+    noise = np.repeat(2e-4 * np.abs(amplitudes), 2, axis=1) ** 2
+    phasors = Phasors(omega / (2 * np.pi), amplitudes, noise[:, :, None] * np.eye(6), np.zeros(12), np.full(12, np.inf))
+    return place, rig, phasors
+
+
+@pytest.mark.parametrize("static", [None, -0.5, 0.25])
+def test_a_drift_is_in_the_uncertainty_of_k1(static):
+    """K1 was measured at one place of the run: at a known one, or at any."""
+    place, rig, phasors = drifting()
+    every, no = np.ones(12), np.full(12, np.nan)
+    setup = Setup(
+        rig_name="", rig=rig, channels=ChannelUncertainty(), k1=180e3 * every, k1_std=500.0 * every, added=0 * every,
+        added_std=0 * every, family=np.zeros(12, dtype=int), nominal=no, specimen=("radial",) * 12,
+        time=7200.0 * place, static_time=no if static is None else 7200.0 * static * every, order=RunOrder.TIME,
+    )  # fmt: skip
+    joint = _solved(setup, phasors)
+    assert [source.of for source in joint.misfit.drifts] == ["radial", "radial"]
+    wider, parts = _with_drift(setup, joint, [{Source(Kind.K1_FIT): 500.0}] * 12)
+    apart = np.sqrt(place**2 + 1 / 12) if static is None else np.abs(place - static)
+    expected = 0.02 * 180e3 * apart
+    drawn = np.array([part[Source(Kind.K1_DRIFT)] for part in parts])
+    assert drawn == pytest.approx(expected, rel=0.02, abs=1.0)
+    assert wider.k1_std == pytest.approx(np.hypot(500.0, drawn))
 
 
 # K2 and C of one test.

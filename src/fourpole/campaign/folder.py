@@ -343,17 +343,18 @@ def _plain_number(cell: str) -> float:
 def _moment(cell: str, unit: str) -> float | None:
     """Seconds of a date and time, of a time of day, or of a number with a unit; None for another text."""
     try:
-        return datetime.fromisoformat(cell).replace(tzinfo=UTC).timestamp()
+        return units.quantity(cell, "time", default_unit=unit)
+    except UnitError:  # numbers come first, because "10" would be ten o'clock and "20240503" a date
+        pass
+    try:
+        moment = datetime.fromisoformat(cell)
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
     except ValueError:
         pass
     try:
         clock = time.fromisoformat(cell)
-        return 3600.0 * clock.hour + 60.0 * clock.minute + clock.second
+        return 3600.0 * clock.hour + 60.0 * clock.minute + clock.second + 1e-6 * clock.microsecond
     except ValueError:
-        pass
-    try:
-        return units.quantity(cell, "time", default_unit=unit)
-    except UnitError:
         return None
 
 

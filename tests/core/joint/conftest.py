@@ -10,6 +10,7 @@ from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint import solve_joint
 from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.model import Observed
+from fourpole.core.joint.outputs import identification
 from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Problem
 from fourpole.core.phasor import Phasors
@@ -48,6 +49,7 @@ class Made:
     family: np.ndarray
     added_mass: np.ndarray
     k1: np.ndarray
+    time: np.ndarray | None = None
 
     @property
     def rig(self):
@@ -72,6 +74,7 @@ class Made:
             "added_mass": self.added_mass,
             "added_mass_std": self.laboratory.std_added * self.added_mass,
             "channels": self.channels,
+            "time": self.time,
         } | changes
         return solve_joint(self.phasors, given.pop("rig", self.rig), given.pop("k1", self.k1), **given)
 
@@ -110,7 +113,19 @@ class Made:
             family=self.family[rows],
             added_mass=self.added_mass[rows],
             k1=self.k1[rows],
+            time=None if self.time is None else self.time[rows],
         )
+
+    def recorded(self, amplitudes):
+        """The campaign with other amplitudes in its recordings."""
+        return replace(self, phasors=replace(self.phasors, amplitudes=amplitudes))
+
+    def errors_of(self, joint):
+        """Errors of Re and Im K* of each test in its uncertainty (N, 2), and of K' relative to K' (N,)."""
+        found = identification(joint, self.phasors, self.k1, 0.0)
+        error = found.stiffness - self.campaign.stiffness
+        std = np.sqrt(np.diagonal(found.stiffness_covariance, axis1=1, axis2=2))
+        return np.stack([error.real, error.imag], axis=1) / std, error.real / self.campaign.stiffness.real
 
     def without(self, channel, rows):
         """A channel is absent in some tests."""
@@ -132,12 +147,14 @@ def make_campaign(
     spread=0.0,
     exact=False,
     scatter=0.0,
+    drift=0.0,
     within=np.inf,
 ):
     """Tests in the order of their conditions, rigid blocks first.
 
     `exact`: no noise, but weights as if there were; `spread` of the frequencies in a condition and `scatter` of log K*,
-    both relative; `within`: the truth is no further than so many uncertainties from what is stated.
+    both relative; `drift` of log K* over the run, in which all conditions are tested once before any is repeated;
+    `within`: the truth is no further than so many uncertainties from what is stated.
     """
     rng = np.random.default_rng(seed)
     k1, k2, c = rng.uniform([[1.2e5], [7e4], [600.0]], [[2.4e5], [1.6e5], [1400.0]], (3, families))
@@ -149,10 +166,13 @@ def make_campaign(
     family = np.append(np.full(block_mass.size, -1), family)
     frequency, added = np.append(block_frequency, frequency), np.append(block_mass, added)
     k2, c = k2[family] * (frequency / 15) ** 0.6, c[family] * (frequency / 15) ** 0.2
-    if scatter:
+    time = np.tile(np.arange(len(masses)), frequencies * families) * frequencies * families
+    time = np.append(np.zeros(block_mass.size), time + np.repeat(np.arange(frequencies * families), len(masses)))
+    if scatter or drift:
         arm = 1 / (1 / k2 + 1 / (2j * np.pi * frequency * c))
+        place = time / np.ptp(time)
         moved = np.random.default_rng(seed + 1000).standard_normal((2, family.size))
-        arm = 1 / ((k1[family] + arm) * np.exp(scatter * (moved[0] + 1j * moved[1])) - k1[family])
+        arm = 1 / ((k1[family] + arm) * np.exp(scatter * (moved[0] + 1j * moved[1]) + drift * place) - k1[family])
         k2, c = 1 / arm.real, -1 / (2 * np.pi * frequency * arm.imag)
     run = Run(frequency, k1[family], k2, c, added_mass=added, calibration=family < 0)
     truth = None
@@ -163,7 +183,8 @@ def make_campaign(
     if exact:
         turn = (1 + campaign.truth.gain) * np.exp(1j * campaign.truth.phase)
         phasors = replace(phasors, amplitudes=campaign.true_amplitudes * turn)
-    return Made(laboratory, campaign, phasors, family, added, np.where(family < 0, np.nan, k1[family]))
+    known = np.where(family < 0, np.nan, k1[family])
+    return Made(laboratory, campaign, phasors, family, added, known, time if drift else None)
 
 
 def limited(laboratory, truth, within):

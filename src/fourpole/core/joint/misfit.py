@@ -201,10 +201,11 @@ class Candidate:
 def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
     """Causes that could explain a misfit, each by itself; the largest fall of chi-square comes first.
 
-    Causes of impossible size are left out. A stated value is tried without its statement.
+    Causes of impossible size are left out. A stated value is tried without its statement, and comes before what nobody
+    stated if both explain the same.
     """
     found = [*_released(problem, solution), *_unstated(problem, solution)]
-    return sorted(found, key=lambda candidate: -candidate.explains)
+    return sorted(found, key=lambda one: (-float(f"{one.explains:.4g}"), not one.released))
 
 
 def _released(problem: Problem, solution: Solution) -> list[Candidate]:

@@ -99,7 +99,9 @@ def _add_drifts(state: State) -> bool:
     fall, lost = _fall(wider, state.solution), 2.0 * repeated.size
     dof = 2.0 * float((problem.conditions.sizes - 1).sum()) - lost
     tyre = float(residuals(problem, state.solution).tyre.sum())
-    if dof <= 0 or stats.f.sf(fall / lost / max((tyre - fall) / dof, 1.0), lost, dof) > CHANCE:
+    # A scatter that was found from the same departures has the drift in it, so that no least value is known.
+    least = 1e-9 if problem.scatter else 1.0
+    if dof <= 0 or stats.f.sf(fall / lost / max((tyre - fall) / dof, least), lost, dof) > CHANCE:
         return False
     z = np.append(state.solution.z, np.zeros(len(wider.shared) - state.solution.z.size))
     state.solution = replace(state.solution, z=z)

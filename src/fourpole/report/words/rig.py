@@ -183,8 +183,13 @@ def _remarks(found: RigEstimate) -> Iterable[str]:
         )
     for code in found.notes:
         if code not in _SAID:
-            text = found.note(code)
-            yield f"{text[:1].upper()}{text[1:]}."
+            yield _sentence(found.note(code))
+    if found.rests:
+        yield _sentence(found.rests)
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _gain(found: RigEstimate) -> str:

@@ -1,0 +1,102 @@
+"""Causes of a misfit: named together where the tests cannot tell them apart, of possible size, without a cliff."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fourpole.core.joint.outputs import identification
+from fourpole.core.sources import Kind, Source
+from fourpole.virtual.phasor_rig import Conditions, Laboratory, simulate_phasors
+
+USUAL = Laboratory(
+    moving_mass=(15.0, 0.15),
+    preload_stiffness=(12440.0, 120.0),
+    preload_damping=(15.0, 5.0),
+    std_gain=(0.005,) * 3,
+    std_phase=(0.003,) * 3,
+    noise=2e-4,
+)
+TESTS = {"frequencies": 8, "families": 3, "within": 1.0}
+
+
+def tied(joint):
+    """The sources that explain the misfit equally well."""
+    return {one.source for one in joint.misfit.candidates[: joint.misfit.tied]}
+
+
+@pytest.mark.parametrize(
+    ("undeclared", "kind"),
+    [({"gain F1": 0.04}, Kind.GAIN), ({"gain V2": 0.04}, Kind.GAIN), ({"phase F1": 0.03}, Kind.PHASE)],
+)
+def test_with_one_mass_the_gains_and_phases_of_f1_and_v2_are_tied(make, undeclared, kind):
+    """The tests see F1/V2 alone."""
+    joint = make(replace(USUAL, undeclared=undeclared), **TESTS).identify()
+    assert not joint.misfit.fits
+    assert {Source(kind, "F1"), Source(kind, "V2")} <= tied(joint)
+
+
+def test_with_one_mass_the_delays_of_f1_and_v2_are_tied(make):
+    made = make(USUAL, **TESTS)
+    late = made.phasors.amplitudes.copy()
+    late[:, 0] *= np.exp(-5e-4j * made.phasors.omega)
+    joint = made.recorded(late).identify()
+    assert not joint.misfit.fits
+    assert {Source(Kind.DELAY, "F1"), Source(Kind.DELAY, "V2")} <= tied(joint)
+
+
+@pytest.mark.parametrize("true", [9.0, 9.5, 10.5])
+def test_a_wrong_added_mass_is_named_first_or_in_a_tie(make, true):
+    made = weighing(make, true)
+    joint = made.identify()
+    assert Source(Kind.ADDED_MASS, mass=10.0) in tied(joint)
+    assert not joint.misfit.fits
+    off, _ = made.errors_of(joint)
+    assert np.abs(off).max() < 4  # K* is off by 5 %, and its uncertainty holds that
+
+
+def weighing(make, true):
+    """A campaign with 10 kg added, which in truth weighs otherwise."""
+    made = make(replace(USUAL, std_added=2e-3), masses=(0.0, 10.0), **TESTS)
+    truth = replace(made.campaign.truth, added_mass={0.0: 0.0, 10.0: true})
+    run = Conditions(made.phasors.frequency, stiffness=made.campaign.stiffness, added_mass=made.added_mass)
+    campaign = simulate_phasors(made.laboratory, run, np.random.default_rng(5), truth=truth)
+    return replace(made, campaign=campaign, phasors=campaign.phasors)
+
+
+@pytest.mark.parametrize(
+    "undeclared",
+    [
+        {"gain F1": 0.9, "phase V1": 1.0},
+        {"moving_mass": 45.0},
+        {"preload_stiffness": 60000.0, "gain V2": 0.4},
+        {"leaf_friction": 20.0, "frame_stiffness": 2e4},
+        {"phase V2": 1.2},
+    ],
+)
+@pytest.mark.parametrize("masses", [(0.0,), (0.0, 10.0)])
+def test_a_cause_of_impossible_size_is_never_named(make, undeclared, masses):
+    """Half of a mass or a spring, a quarter of a gain, a quarter of a radian, 3 ms."""
+    made = make(replace(USUAL, undeclared=undeclared), masses=masses, frequencies=4, families=2, within=1.0)
+    misfit = made.identify().misfit
+    assert not misfit.fits
+    most = {Kind.GAIN: 0.25, Kind.PHASE: 0.25, Kind.DELAY: 3e-3, Kind.CROSSTALK: 0.25, Kind.GAIN_DRIFT: 0.25}
+    gross = misfit.candidates and misfit.candidates[0].std == 0  # a gross error, which is no small change of a value
+    for one in () if gross else misfit.candidates:
+        assert abs(one.size) <= most.get(one.source.kind, np.inf), one.text
+        if one.source.of in ("moving_mass", "preload_stiffness"):
+            assert abs(one.size) <= 0.5 * getattr(USUAL, one.source.of)[0], one.text
+
+
+@pytest.mark.parametrize(("value", "std"), [("gain F1", 0.005), ("phase F1", 0.003), ("moving_mass", 0.15)])
+def test_a_statement_loses_its_hold_without_a_step(make, value, std):
+    """The median u(K') while the truth goes from 2 to 6 standard uncertainties away, all else being equal."""
+    u = []
+    for pull in np.arange(2.0, 6.01, 0.1):
+        stated = getattr(USUAL, value)[0] if value == "moving_mass" else 0.0
+        made = make(replace(USUAL, undeclared={value: stated + pull * std}), frequencies=6, families=2, within=0.0)
+        joint = made.identify()
+        covariance = identification(joint, made.phasors, made.k1, 0.0).stiffness_covariance
+        u.append(np.sqrt(np.median(covariance[:, 0, 0])))
+    steps = np.abs(np.diff(np.log(u)))
+    assert steps.max() < np.log(1.3), np.round(u, 1).tolist()
