@@ -124,7 +124,7 @@ def test_light_truck_tyre_file(shared):
     place = np.array([tangent.deflection for tangent in tangents])
     weight = np.gradient(place) * (place - 0.03) * (0.08 - place)
     mean = weight @ [tangent.stiffness for tangent in tangents] / weight.sum()
-    # fully correlated at worst, so the mean is as uncertain as they are on average, about 1.6 % with the choice of order
+    # fully correlated at worst, so the mean is as uncertain as they are on average: 1.6 %, the choice of order included
     uncertainty = weight @ [tangent.fit for tangent in tangents] / weight.sum()
     assert uncertainty < 0.02 * line
     assert abs(mean - line) < uncertainty
