@@ -6,8 +6,9 @@ last complete cycle. Both branches are fitted at once,
 .. math:: F = P(x) + s\,H(x), \qquad s = +1 \text{ loading}, -1 \text{ unloading},
 
 so that P is the mean and H half the gap at equal deflection, whatever the deflections that each branch sampled.
-H has as many terms as the samples allow. The order of P is the one of least BIC, for a sample count that is reduced for
-the correlation of the residual. The fit reproduces data that are an exact polynomial.
+The orders of P and H and the memory of the residuals, along the record, are those of least BIC. The tangent is taken
+from the part of the cycle round the load that gives it best. The fit reproduces data that are an exact polynomial.
+Points in no order, as of a load that steps at random, are fitted as one curve.
 """
 
 from __future__ import annotations
