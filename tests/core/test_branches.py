@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fourpole.core.branches import in_contact, split_branches
+from fourpole.core.branches import in_contact, rests, split_branches
 
 
 def sweep(*turns, points=50):
@@ -84,6 +84,46 @@ def test_points_in_no_order_are_one_branch():
     found = split_branches(x)
     assert found.ends == ((0, 199),)
     assert found.cycles == ()
+
+
+STEPS = np.random.default_rng(5)
+
+
+def stepped(*levels, each=30, scatter=0.01):
+    """Rests at levels, each with scatter and a way of three samples before the next one."""
+    rests = [level + scatter * STEPS.standard_normal(each) for level in levels]
+    ways = [np.linspace(a, b, 5)[1:-1] for a, b in pairwise(levels)] + [np.empty(0)]
+    return np.concatenate([part for pair in zip(rests, ways, strict=True) for part in pair])
+
+
+@pytest.mark.parametrize(
+    ("levels", "measured"),
+    [
+        ((0, 1, 2, 3, 4, 5, 6), "loading"),
+        ((6, 5, 4, 3, 2, 1, 0), "unloading"),
+        ((0, 1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1, 0), "mean"),
+        ((3, 1, 6, 2, 5, 0, 4), "points"),
+        ((0, 6, 3, 5, 1, 4, 2, 6, 0, 3), "points"),
+    ],
+)
+def test_steps_are_what_their_order_makes_of_them(levels, measured):
+    x = stepped(*levels)
+    assert split_branches(x).measured == measured
+    number = rests(x)
+    assert len({*number.tolist()} - {-1}) == len(levels)
+    assert np.median(x[number == 1]) == pytest.approx(levels[1], abs=0.02)
+
+
+def test_a_record_that_flows_has_no_rests():
+    held = np.concatenate([sweep(0, 1), np.ones(400), sweep(1, 0), np.zeros(300)])
+    for x in (sweep(0, 1, 0, points=400), 0.5 - 0.5 * np.cos(np.linspace(0, 20, 900)), held, np.ones(100)):
+        assert rests(x) is None
+
+
+def test_the_rest_before_the_first_turn_belongs_to_the_branch():
+    x = stepped(0, 1, 2, 3, 4)
+    ((first, last),) = split_branches(x).ends
+    assert (first, last) == (0, x.size - 1)
 
 
 def test_of_cycle():

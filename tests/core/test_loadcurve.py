@@ -125,8 +125,9 @@ def test_a_shift_of_the_load_is_an_uncertainty_of_its_zero(load_cycles):
     f = f + 60.0 * (np.arange(f.size) >= 3 * 402)
     curve = LoadCurve(x, f)
     tangent = curve.tangent(3000.0)
-    assert curve.shift == pytest.approx(60.0, rel=1e-3)  # the turn before it belongs to both cycles
-    assert tangent.zero == pytest.approx(tangent.by_load * 240.0 / np.sqrt(3), rel=1e-3)
+    assert curve.shift == pytest.approx(60.0, rel=1e-6)
+    # the bend of the curve over 240 N makes it a little more than dK1/dF
+    assert tangent.zero == pytest.approx(tangent.by_load * 240.0 / np.sqrt(3), rel=0.03)
 
 
 def test_a_drift_does_not_cancel_where_the_branches_differ_in_duration(load_cycles):
@@ -137,9 +138,7 @@ def test_a_drift_does_not_cancel_where_the_branches_differ_in_duration(load_cycl
     assert curve.times == pytest.approx((30.0, 10.0))
     tangent = curve.tangent(3000.0)
     assert tangent.stiffness - K1(tangent.deflection) == pytest.approx(20 * 2 / (2 * DEPTH), rel=1e-3)
-    assert tangent.zero**2 - (tangent.by_load * curve.zero_std) ** 2 == pytest.approx(
-        (20 * 2 / (2 * DEPTH)) ** 2 / 3, rel=0.1
-    )
+    assert tangent.zero > np.hypot(tangent.by_load * curve.zero_std, 20 * 2 / (2 * DEPTH) / np.sqrt(3)) * 0.99
     there = float(np.interp(3000.0, f[:201], x[:201]))  # the zero has moved by 240 N and more in the last cycle
     assert abs(tangent.stiffness - K1(there)) < 2 * tangent.std
 
@@ -153,13 +152,13 @@ def test_times_of_the_branches(load_cycles):
 
 
 def test_the_loss_has_the_uncertainty_of_noise_and_drift(load_cycles):
-    """100 draws of 20 N of white noise: the loss scatters as its uncertainty says (± 7 %, the root of 1/200)."""
+    """30 draws of 20 N of white noise: the loss scatters as its uncertainty says (± 13 %, the root of 1/60)."""
     x, f = load_cycles(LAW)
     rng = np.random.default_rng(3)
-    curves = [LoadCurve(x, f + 20.0 * rng.standard_normal(f.size)) for _ in range(100)]
+    curves = [LoadCurve(x, f + 20.0 * rng.standard_normal(f.size)) for _ in range(30)]
     noise = np.sqrt(2 * 200) * 20.0 * DEPTH / 200
-    assert np.std([curve.hysteresis_loss for curve in curves]) == pytest.approx(noise, rel=0.3)
-    assert np.median([curve.loss_std for curve in curves]) == pytest.approx(noise, rel=0.3)
+    assert np.std([curve.hysteresis_loss for curve in curves]) == pytest.approx(noise, rel=0.5)
+    assert np.median([curve.loss_std for curve in curves]) == pytest.approx(noise, rel=0.5)
 
 
 def test_a_record_that_starts_loaded(load_cycles):
@@ -335,15 +334,126 @@ def test_nonlinearity_of_a_quadratic(load_cycles, share):
 @pytest.mark.parametrize("shape", ["parabola", "ellipse"])
 @pytest.mark.parametrize("noise", [5.0, 50.0])
 def test_fit_uncertainty_is_honest(load_cycles, noise, shape):
-    """White noise in the load: errors over their stated uncertainties, 100 times."""
+    """White noise in the load: errors over their uncertainties, which also have the orders that the data leave open.
+
+    Of 30 draws the root mean square is 1 ± 0.13; orders in doubt may make the uncertainty twice as large.
+    """
     x, f = load_cycles(LAW, shape=shape, up=101, down=101)
-    errors, seeds = [], 100
+    errors, seeds = [], 30
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         tangent = LoadCurve(x, f + noise * rng.standard_normal(x.size)).tangent(3000.0)
         errors.append((tangent.stiffness - K1((-150e3 + np.sqrt(150e3**2 + 8e6 * 3000)) / 4e6)) / tangent.fit)
-    assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.4
+    assert 0.35 < np.sqrt(np.mean(np.square(errors))) < 1.4
     assert abs(np.mean(errors)) < 4 * np.std(errors) / np.sqrt(seeds)
+
+
+# Loops with a known tangent -------------------------------------------------------------------------------------
+
+
+def flat_friction(place, side):
+    """Friction of ± 1 that turns over within 2 % of the way after each turn."""
+    since = np.where(side > 0, place, 1.0 - place)
+    return side * (1.0 - 2.0 * np.exp(-since / 0.02))
+
+
+def relaxing(place, side):
+    """A Maxwell arm under ramps, in steady cycles: its force fades over 0.3 of a branch."""
+    since = np.where(side > 0, place, 1.0 - place)
+    fade = np.exp(-1.0 / 0.3)
+    return side * (1.0 - 2.0 * np.exp(-since / 0.3) / (1.0 + fade))
+
+
+LOOPS = {
+    "flat friction": (flat_friction, lambda x: 0.0 * x),
+    "viscoelastic": (relaxing, lambda x: 0.0 * x),
+    "S-shaped": (lambda place, side: 4 * side * place * (1 - place), lambda x: 400.0 * np.tanh((x - 0.014) / 0.004)),
+}
+
+
+def known(shape, x0):
+    """Load of the mean of both branches at a deflection, and its tangent, by differences of the formulas."""
+    gap, bump = LOOPS[shape]
+    mean = lambda x: LAW(x) + bump(x) + 60.0 * (gap(x / DEPTH, 1.0) + gap(x / DEPTH, -1.0))  # noqa: E731
+    return float(mean(x0)), float(mean(x0 + 1e-6) - mean(x0 - 1e-6)) / 2e-6
+
+
+def cycles_of(shape, up=201, down=201, cycles=3):
+    gap, bump = LOOPS[shape]
+    place = np.concatenate([np.linspace(0, 1, up), np.linspace(1, 0, down)])
+    side = np.repeat([1.0, -1.0], [up, down])
+    x = DEPTH * place
+    return np.tile(x, cycles), np.tile(LAW(x) + bump(x) + 120.0 * gap(place, side), cycles)
+
+
+@pytest.mark.parametrize("branches", [(201, 201), (60, 400)])
+@pytest.mark.parametrize("shape", LOOPS)
+def test_clean_loops_have_their_tangent_within_three_u_and_a_small_u(shape, branches):
+    x, f = cycles_of(shape, *branches)
+    for x0 in (0.009, 0.015, 0.021):
+        load, true = known(shape, x0)
+        tangent = LoadCurve(x, f).tangent(load)
+        assert tangent.std < 2e-3 * true
+        assert abs(tangent.stiffness - true) < 3 * tangent.std
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("shape", LOOPS)
+def test_noise_resolution_and_drift_are_in_the_uncertainty(shape):
+    """12 N of noise, steps of 8 N and 0.03 mm, or a drift of 300 N in 60 s: of 12 errors none beyond 3.5 u."""
+    load, true = known(shape, 0.016)
+    x, f = cycles_of(shape)
+    errors = []
+    for seed in range(4):
+        noise = 12.0 * np.random.default_rng(seed).standard_normal(f.size)
+        drift = np.linspace(0.0, 300.0, f.size)
+        stepped = 3e-5 * np.round(x / 3e-5), 8.0 * np.round((f + 0.1 * noise) / 8.0)
+        for curve in (LoadCurve(x, f + noise), LoadCurve(*stepped), LoadCurve(x, f + 0.1 * noise + drift)):
+            tangent = curve.tangent(load)
+            errors.append((tangent.stiffness - true) / tangent.std)
+    assert np.max(np.abs(errors)) < 3.5
+    assert np.sqrt(np.mean(np.square(errors))) < 2.0
+
+
+def steps(order, points, rng, noise=80.0, own=0.0):
+    """A straight line of 130 N/mm at seven loads, held in an order of their numbers."""
+    level = np.linspace(200.0, 1600.0, 7)[list(order)]
+    each = -(-points // level.size)
+    x = np.repeat(level / 130e3, each)
+    error = np.repeat(own * rng.standard_normal(level.size), each) + noise * rng.standard_normal(x.size)
+    return x, 130e3 * x + error
+
+
+ORDERS = {
+    "rising": (range(7), "loading"),
+    "there and back": ([*range(7), *range(5, -1, -1)], "mean"),
+    "none": ([3, 1, 6, 2, 5, 0, 4], "points"),
+}
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_straight_line_at_seven_loads_in_noise(order):
+    """80 N of white noise, 400 points: the straight line alone has 1.1 N/mm; twenty draws give ± 16 %."""
+    levels, measured = ORDERS[order]
+    errors, stds = [], []
+    for seed in range(20):
+        curve = LoadCurve(*steps(levels, 400, np.random.default_rng(seed)))
+        assert curve.measured == measured
+        tangent = curve.tangent(900.0)
+        errors.append(tangent.stiffness - 130e3)
+        stds.append(tangent.std)
+    assert np.sqrt(np.mean(np.square(errors))) < 2e3
+    assert 0.5 < np.sqrt(np.mean(np.square(np.array(errors) / stds))) < 2.0
+
+
+@pytest.mark.statistical
+def test_an_error_of_each_step_is_no_white_noise():
+    """30 N of error for each of seven rests besides 80 N of noise: 2.6 N/mm, thrice what white noise would have."""
+    draws = [LoadCurve(*steps(range(7), 400, np.random.default_rng(seed), own=30.0)) for seed in range(20)]
+    found = [curve.tangent(900.0) for curve in draws]
+    assert np.median([one.std for one in found]) > 2e3
+    assert np.mean([abs(one.stiffness - 130e3) < 2 * one.std for one in found]) > 0.7
 
 
 def test_gains_of_the_sensors():

@@ -109,7 +109,7 @@ def test_truck_tyre_file(shared):
     assert tangent.stiffness == pytest.approx(626483, abs=1.0)
     assert tangent.fit < 0.1
     assert curve.secant(21674.0).stiffness == pytest.approx(530201, abs=1.0)
-    assert curve.remarks == ("one branch only: its own tangent, without the mean of loading and unloading",)
+    assert (curve.measured, curve.remarks) == ("loading", ())
 
 
 def test_light_truck_tyre_file(shared):
@@ -124,9 +124,9 @@ def test_light_truck_tyre_file(shared):
     place = np.array([tangent.deflection for tangent in tangents])
     weight = np.gradient(place) * (place - 0.03) * (0.08 - place)
     mean = weight @ [tangent.stiffness for tangent in tangents] / weight.sum()
-    # fully correlated at worst, so the mean is as uncertain as they are on average, about 1 %
+    # fully correlated at worst, so the mean is as uncertain as they are on average: 1.6 %, the choice of order included
     uncertainty = weight @ [tangent.fit for tangent in tangents] / weight.sum()
-    assert uncertainty < 0.015 * line
+    assert uncertainty < 0.02 * line
     assert abs(mean - line) < uncertainty
 
 

@@ -6,8 +6,9 @@ last complete cycle. Both branches are fitted at once,
 .. math:: F = P(x) + s\,H(x), \qquad s = +1 \text{ loading}, -1 \text{ unloading},
 
 so that P is the mean and H half the gap at equal deflection, whatever the deflections that each branch sampled.
-H has as many terms as the samples allow. The order of P is the one of least BIC, for a sample count that is reduced for
-the correlation of the residual. The fit reproduces data that are an exact polynomial.
+The orders of P and H and the memory of the residuals, along the record, are those of least BIC. The tangent is taken
+from the part of the cycle round the load that gives it best. The fit reproduces data that are an exact polynomial.
+Points in no order, as of a load that steps at random, are fitted as one curve.
 """
 
 from __future__ import annotations
@@ -16,16 +17,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy import optimize
 
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.branches import Branches, in_contact, split_branches
 from fourpole.core.meancurve import MeanCurve, fit_mean_curve
+from fourpole.core.parts import Local, Points, deflection_at, in_part, surest
 from fourpole.errors import LoadCurveError
 
 _FEWEST_POINTS = 5
-#: A measured load may lie on the mean of the branches up to this share of the span beyond the fitted deflections.
-_EDGE = 0.02
 #: A curve reaches zero load if its least load is below this share of its span.
 _ZERO = 0.005
 #: A point is an outlier beyond this many standard deviations, unless more than this share of the points are.
@@ -174,19 +173,34 @@ class LoadCurve(ByValue):
         ends = [self.branches.ends[at] for at in used]
         return tuple(float(self.time[last] - self.time[first]) for first, last in ends)
 
-    @cached_property
+    @property
     def _last(self) -> MeanCurve:
         """The mean curve of the last complete cycle."""
+        return self._fitted[0]
+
+    @cached_property
+    def _fitted(self) -> tuple[MeanCurve, BoolArray]:
+        """The mean curve of the last complete cycle, and which points of it were used."""
         return self._fit(-1)
 
-    def _fit(self, cycle: int) -> MeanCurve:
-        """The mean curve of a cycle without its outliers."""
+    def _fit(self, cycle: int) -> tuple[MeanCurve, BoolArray]:
+        """The mean curve of a cycle without its outliers, and which points of it were used."""
         x, f, side = self._cycle(cycle)
         curve = fit_mean_curve(x, f, side)
-        off = _off_the_curve(curve, f)
-        if not off.any():
-            return curve
-        return fit_mean_curve(x[~off], f[~off], None if side is None else side[~off])
+        used = ~_off_the_curve(curve, f)
+        if used.all():
+            return curve, used
+        return fit_mean_curve(x[used], f[used], None if side is None else side[used]), used
+
+    def _near(self, load: float) -> Local:
+        """The tangent at a load from the part of the last cycle that gives it best."""
+        return surest(self._points(-1), self._last, self._deflection_at(self._last, load), load)
+
+    def _points(self, cycle: int) -> Points:
+        """The points of a cycle that its fit used."""
+        used = (self._fitted if cycle == -1 else self._fit(cycle))[1]
+        x, f, side = self._cycle(cycle)
+        return Points(x[used], f[used], None if side is None else side[used])
 
     def _cycle(self, cycle: int) -> tuple[FloatArray, FloatArray, FloatArray | None]:
         """Deflection [m], load [N] and side of those points of a cycle at which the specimen is in contact."""
@@ -197,15 +211,15 @@ class LoadCurve(ByValue):
     @cached_property
     def outliers(self) -> int:
         """Number of outliers in the last cycle, which the fit leaves out."""
-        x, f, side = self._cycle(-1)
+        x, _, _ = self._cycle(-1)
         # The turns are not counted: they belong to both branches, and friction separates the branches there.
         inside = (x > x.min()) & (x < x.max())
-        return int((inside & _off_the_curve(fit_mean_curve(x, f, side), f)).sum())
+        return int((inside & ~self._fitted[1]).sum())
 
     @cached_property
     def _last_but_one(self) -> MeanCurve | None:
         """The mean curve of the cycle before the last; None if it is the first, which conditions the rubber."""
-        return self._fit(-2) if self.cycles > 2 else None
+        return self._fit(-2)[0] if self.cycles > 2 else None
 
     @property
     def order(self) -> int:
@@ -250,7 +264,7 @@ class LoadCurve(ByValue):
         slack = 1e-9 * (high - low)
         if not low - slack <= load <= high + slack:
             raise LoadCurveError(f"{load:g} N lies outside the measured loads, {low:g} to {high:g} N: no extrapolation")
-        return _root(curve, load)
+        return deflection_at(curve, load)
 
     def tangent(self, load: float) -> Tangent:
         r"""Static stiffness K1 at a load, :math:`K_1 = P'(x_0)` with :math:`P(x_0)` the load.
@@ -276,9 +290,8 @@ class LoadCurve(ByValue):
         >>> round(LoadCurve(x, 150e3 * x).tangent(2000.0).stiffness, 3)
         150000.0
         """
-        curve = self._last
-        place = self._deflection_at(curve, load)
-        stiffness = curve.slope(place)
+        near = self._near(load)
+        curve, place, stiffness = near.curve, near.place, near.slope
         if not stiffness > 0:
             raise LoadCurveError(
                 f"the curve does not rise at {load:g} N (tangent {stiffness:.4g} N/m): no stiffness there"
@@ -293,31 +306,48 @@ class LoadCurve(ByValue):
             load=load,
             deflection=place,
             stiffness=stiffness,
-            fit=curve.slope_std(place),
-            cycles=self._change(load, stiffness) * _UNIFORM,
-            zero=float(np.hypot(by_load * self.zero_std, self._tilt)),
+            fit=near.std,
+            cycles=self._change(near, load) * _UNIFORM,
+            zero=float(np.hypot(max(abs(by_load) * self.zero_std, self._bent(load)), self._tilt)),
             by_load=by_load,
             **own,
         )
 
-    def _change(self, load: float, stiffness: float) -> float:
+    def _change(self, now: Local, load: float) -> float:
         """Change of the tangent from the last but one to the last complete cycle [N/m]; 0 where there is none."""
         if self._last_but_one is None:
             return 0.0
+        if now.reach:
+            before = in_part(self._points(-2), now.middle, now.reach, load)
+            return 0.0 if before is None else abs(now.slope - before.slope)
         try:
-            return abs(stiffness - self._last_but_one.slope(self._deflection_at(self._last_but_one, load)))
+            return abs(now.slope - self._last_but_one.slope(self._deflection_at(self._last_but_one, load)))
         except LoadCurveError:
             return 0.0
 
     @cached_property
     def shift(self) -> float:
-        """Change of the load at equal deflection from the last but one to the last cycle [N], by drift or creep."""
-        before = self._last_but_one
-        if before is None:
+        """Change of the load at equal deflection from the last but one to the last cycle [N], by drift or creep.
+
+        Both cycles are held against the curve of the last, so that its misfit cancels.
+        """
+        if self._last_but_one is None:
             return 0.0
-        low, high = max(before.span[0], self._last.span[0]), min(before.span[1], self._last.span[1])
-        at = np.linspace(low + 0.1 * (high - low), high - 0.1 * (high - low), 21)
-        return float(np.mean(self._last.value(at) - before.value(at)))
+        now, before = (self._cycle(cycle) for cycle in (-1, -2))
+        left = [f - self._last.load(x, side) for x, f, side in (now, before)]
+        return float(np.median(left[0]) - np.median(left[1]))
+
+    def _bent(self, load: float) -> float:
+        """Standard uncertainty of the tangent from the zero of the load, over which range the curve may bend [N/m]."""
+        reach = self.zero_std / (2 * _UNIFORM)
+        here = self._last.slope(self._deflection_at(self._last, load))
+        changes = [0.0]
+        for there in (load - reach, load + reach):
+            try:
+                changes.append(abs(self._last.slope(self._deflection_at(self._last, there)) - here))
+            except LoadCurveError:
+                continue
+        return max(changes) * 2 * _UNIFORM
 
     @cached_property
     def zero_std(self) -> float:
@@ -372,7 +402,7 @@ class LoadCurve(ByValue):
         if lowest > _ZERO * (highest - lowest):
             return Secant(float("nan"), f"the curve starts at {lowest:.4g} N: no point of zero load")
         try:
-            travel = place - _root(curve, 0.0)
+            travel = place - deflection_at(curve, 0.0)
         except LoadCurveError:
             return Secant(float("nan"), "the mean of the branches does not reach zero load")
         return Secant(load / travel) if travel else Secant(float("nan"), "the load is zero: no secant")
@@ -417,7 +447,7 @@ class LoadCurve(ByValue):
         f = curve.value(x)
         low, high = float(f.min()), float(f.max())
         try:
-            at = [_root(curve, low + share * (high - low)) for share in (0.1, 0.9)]
+            at = [deflection_at(curve, low + share * (high - low)) for share in (0.1, 0.9)]
         except LoadCurveError:
             return float("nan")
         slope = 0.8 * (high - low) / (at[1] - at[0])
@@ -431,16 +461,3 @@ def _off_the_curve(curve: MeanCurve, load: FloatArray) -> BoolArray:
     limit = max(_FAR_OFF * scatter, 0.01 * float(np.ptp(load)))
     off = np.abs(curve.residual) > limit
     return off if off.mean() <= _MOST_OUTLIERS else np.zeros_like(off)
-
-
-def _root(curve: MeanCurve, load: float) -> float:
-    """Deflection at a load on the rising mean curve, at most `_EDGE` of the span past its ends."""
-    low, high = curve.span
-    margin = _EDGE * (high - low)
-    x = np.linspace(low - margin, high + margin, 801)
-    above = curve.value(x) - load
-    crossing = np.flatnonzero((above[:-1] <= 0) & (above[1:] > 0))
-    if not crossing.size:
-        raise LoadCurveError(f"the mean of the branches does not reach {load:g} N: no extrapolation")
-    inside = crossing[np.argmin(np.abs(x[crossing] - np.clip(x[crossing], low, high)))]
-    return float(optimize.brentq(lambda at: float(curve.value(at)) - load, x[inside], x[inside + 1], xtol=1e-15))

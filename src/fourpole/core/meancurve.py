@@ -8,14 +8,21 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray
+from fourpole.core.branches import levels, rests
+from fourpole.core.memory import whitened
 
 _HIGHEST_ORDER = 9
 _GAP_ORDER = 8
 _ROUND_GAP_ORDER = 3
-#: Least number of independent residuals that correlated ones count as.
-_FEWEST_INDEPENDENT = 20
-_ROUND_OFF = 1e-13
+#: Relative round-off of a load, and the relative uncertainty of a slope that it makes.
+_ROUND_OFF, _LEAST_STD = 1e-13, 1e-9
+#: Consecutive points are averaged to about this many rows, unless a row would cover more than this share of the span.
+_ROWS, _NARROW = 160, 0.05
+#: Below this many rows, the residuals count as independent.
+_FEWEST_FOR_MEMORY = 20
+#: Least weight of a fit, and largest number of fits.
+_LEAST_WEIGHT, _MOST_FITS = 1e-2, 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +33,12 @@ class MeanCurve(ByValue):
     ----------
     centre, half : float [m]
         Centre and half width of the deflections.
-    fits : dict of int to (float array, float array)
-        Chebyshev coefficients of P and their covariance, by the order.
-    weights : dict of int to float
-        Weight of each order, from its BIC; the sum of all weights is 1.
+    fits : list of float arrays
+        Chebyshev coefficients of P for several orders of P and H, the best first.
+    covariances : list of pairs of float arrays
+        Covariance of each fit: for the memory of the residuals that was found, and for any short one.
+    weights : (n,) float array
+        Weight of each fit, from its BIC; the sum of all weights is 1.
     gap, round_gap : float arrays
         Chebyshev coefficients of the plain part of H, and of the part that a half circle over the span multiplies.
     residual : (N,) float [N]
@@ -38,16 +47,17 @@ class MeanCurve(ByValue):
 
     centre: float
     half: float
-    fits: dict[int, tuple[FloatArray, FloatArray]]
-    weights: dict[int, float]
+    fits: list[FloatArray]
+    covariances: list[tuple[FloatArray, FloatArray]]
+    weights: FloatArray
     gap: FloatArray
     round_gap: FloatArray
     residual: FloatArray
 
     @property
     def order(self) -> int:
-        """The order of least BIC."""
-        return max(self.weights, key=lambda order: self.weights[order])
+        """The order of P of the best fit."""
+        return self.fits[0].size - 1
 
     @property
     def span(self) -> tuple[float, float]:
@@ -59,26 +69,33 @@ class MeanCurve(ByValue):
 
     def value(self, deflection: ArrayLike) -> FloatArray:
         """Mean load P at a deflection [m], in N."""
-        return chebyshev.chebval(self._place(deflection), self.fits[self.order][0])
+        return chebyshev.chebval(self._place(deflection), self.fits[0])
 
-    def slope(self, deflection: float, order: int | None = None) -> float:
-        """Slope P' [N/m] at a deflection [m], for the order of least BIC or another one."""
-        coefficients = self.fits[self.order if order is None else order][0]
-        return float(chebyshev.chebval(self._place(deflection), chebyshev.chebder(coefficients))) / self.half
+    def slope(self, deflection: float, fit: int = 0) -> float:
+        """Slope P' [N/m] at a deflection [m], of the best fit or another one."""
+        by = chebyshev.chebder(self.fits[fit])
+        return float(chebyshev.chebval(self._place(deflection), by)) / self.half
 
     def bend(self, deflection: float) -> float:
         """Second derivative P'' [N/m²] at a deflection [m]."""
-        coefficients = chebyshev.chebder(self.fits[self.order][0], 2)
+        coefficients = chebyshev.chebder(self.fits[0], 2)
         return float(chebyshev.chebval(self._place(deflection), coefficients)) / self.half**2
 
-    def slope_std(self, deflection: float) -> float:
-        """Standard uncertainty of P' [N/m] from the scatter of the points and the choice of the order."""
-        _, covariance = self.fits[self.order]
-        by_coefficient = chebyshev.chebval(self._place(deflection), chebyshev.chebder(np.eye(covariance.shape[0])))
-        scatter = float(by_coefficient @ covariance @ by_coefficient) / self.half**2
-        best = self.slope(deflection)
-        choice = sum(w * (self.slope(deflection, order) - best) ** 2 for order, w in self.weights.items())
-        return float(np.sqrt(max(scatter, 0.0) + choice))
+    def tangent(self, deflection: float) -> tuple[float, float]:
+        """Slope at the load of this deflection, of the best fit, and its standard uncertainty [N/m].
+
+        The uncertainty has the scatter of the points and the choice of the orders.
+        """
+        at, best = self._place(deflection), self.slope(deflection)
+        follow = self.bend(deflection) / best if best else 0.0
+        slopes, variances = np.zeros(len(self.fits)), np.zeros(len(self.fits))
+        for number, (fit, both) in enumerate(zip(self.fits, self.covariances, strict=True)):
+            unit = np.eye(fit.size)
+            by = chebyshev.chebval(at, chebyshev.chebder(unit)) / self.half - follow * chebyshev.chebval(at, unit)
+            slopes[number] = self.slope(deflection, number)
+            variances[number] = max(0.0, *(float(by @ covariance @ by) for covariance in both))
+        variance = float(self.weights @ (variances + (slopes - best) ** 2))
+        return best, float(np.hypot(np.sqrt(variance), _LEAST_STD * best))
 
     @property
     def scatter(self) -> float:
@@ -91,6 +108,12 @@ class MeanCurve(ByValue):
         half_gap = chebyshev.chebval(at, self.gap) + np.sqrt(1 - at**2) * chebyshev.chebval(at, self.round_gap)
         return float(2 * half_gap)
 
+    def load(self, deflection: FloatArray, side: FloatArray | None) -> FloatArray:
+        """Load of the branches, P + side H, at deflections [m], in N."""
+        at = np.clip(self._place(deflection), -1.0, 1.0)
+        half_gap = chebyshev.chebval(at, self.gap) + np.sqrt(1 - at**2) * chebyshev.chebval(at, self.round_gap)
+        return self.value(deflection) + (0.0 if side is None else side * half_gap)
+
     def slope_gap(self, deflection: float) -> float:
         """Slope of the loading branch minus that of the unloading branch, 2 H' [N/m]."""
         step = 1e-4
@@ -99,84 +122,141 @@ class MeanCurve(ByValue):
         return float(2 * (half_gap[1] - half_gap[0]) / (2 * step * self.half))
 
 
-def fit_mean_curve(deflection: FloatArray, load: FloatArray, side: FloatArray | None) -> MeanCurve:
-    """Fit F = P(x) + side H(x); `side` is +1 on loading, -1 on unloading, None for a single branch."""
+def fit_mean_curve(
+    deflection: FloatArray, load: FloatArray, side: FloatArray | None, *, whole: bool = True
+) -> MeanCurve:
+    """Fit F = P(x) + side H(x); `side` is +1 on loading, -1 on unloading, None for a single branch.
+
+    `whole` says whether the branches turn at the ends of the deflections, as they do not in a part of a cycle.
+    """
     low, high = float(deflection.min()), float(deflection.max())
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
     place = np.clip((deflection - centre) / half, -1.0, 1.0)
-    gap_columns, plain = _gap_columns(place, side)
-
+    plain, rounded = _gap_columns(place, side, whole=whole)
     # Half the number of deflections allows a few points read by hand to show a curvature.
-    highest = int(max(1, min(_HIGHEST_ORDER, np.unique(place).size // 2)))
-    columns = np.concatenate([gap_columns, chebyshev.chebvander(place, highest).T])
-    squares, independent = _residuals(columns, load, gap_columns.shape[0])
-    floor = load.size * (_ROUND_OFF * np.max(np.abs(load))) ** 2
-    orders = range(1, highest + 1)
-    bic = {p: independent * np.log(max(squares[p], floor)) + (p + 1) * np.log(independent) for p in orders}
-    least = min(bic.values())
-    raw = {p: float(np.exp(-0.5 * (bic[p] - least))) for p in orders}
-    weights = {p: w / sum(raw.values()) for p, w in raw.items() if w > 1e-4}
+    highest = int(np.clip(levels(place) // 2, 1, _HIGHEST_ORDER))
+    mean = chebyshev.chebvander(place, highest)
+    columns = np.concatenate([plain, rounded, mean], axis=1)
+    rows, starts = _rows(np.column_stack([columns, load]), place, side)
+    found = _ranked(rows, starts, plain.shape[1], rounded.shape[1], float(np.max(np.abs(load))))
 
-    fits: dict[int, tuple[FloatArray, FloatArray]] = {}
-    best = max(weights.values())
-    count = gap_columns.shape[0]
-    gap: FloatArray = np.zeros(count)
-    residual: FloatArray = load
-    for p, weight in weights.items():
-        coefficients, covariance = _least_squares(columns[: count + p + 1], load, independent)
-        fits[p] = coefficients[count:], covariance[count:, count:]
-        if weight == best:
-            gap, residual = coefficients[:count], load - coefficients @ columns[: count + p + 1]
+    solved = [np.linalg.lstsq(table[:, used], table[:, -1], rcond=1e-12)[0] for _, table, used in found]
+    gaps = [sum(at < columns.shape[1] - mean.shape[1] for at in used) for _, _, used in found]
+    covariances = [
+        _covariances(table[:, used], table[:, -1] - table[:, used] @ one, gap)
+        for (_, table, used), one, gap in zip(found, solved, gaps, strict=True)
+    ]
+    first = np.zeros(columns.shape[1])
+    first[found[0][2]] = solved[0]
+    weights = np.array([weight for weight, _, _ in found])
     return MeanCurve(
         centre=centre,
         half=half,
-        fits=fits,
-        weights=weights,
-        gap=gap[:plain] if plain else np.zeros(1),
-        round_gap=gap[plain:] if gap.size > plain else np.zeros(1),
-        residual=residual,
+        fits=[one[gap:] for one, gap in zip(solved, gaps, strict=True)],
+        covariances=covariances,
+        weights=weights / weights.sum(),
+        gap=first[: plain.shape[1]] if plain.shape[1] else np.zeros(1),
+        round_gap=first[plain.shape[1] :][: rounded.shape[1]] if rounded.shape[1] else np.zeros(1),
+        residual=load - columns @ first,
     )
 
 
-def _gap_columns(place: FloatArray, side: FloatArray | None) -> tuple[FloatArray, int]:
-    """Columns of H, limited by the number of points on a branch, and the number of plain polynomials among them."""
+def _gap_columns(place: FloatArray, side: FloatArray | None, *, whole: bool) -> tuple[FloatArray, FloatArray]:
+    """Columns of H, as many as the points of a branch allow: plain polynomials, and those with a half circle."""
     if side is None:
-        return np.empty((0, place.size)), 0
-    fewest = int(min(np.sum(side > 0), np.sum(side < 0)))
-    plain = max(1, min(_GAP_ORDER + 1, fewest // 4))
-    rounded = min(_ROUND_GAP_ORDER + 1, fewest // 10)
-    half_circle = np.sqrt(1.0 - place**2)
-    columns = [side * chebyshev.chebvander(place, plain - 1).T]
+        return np.empty((place.size, 0)), np.empty((place.size, 0))
+    fewest = min(levels(place[side > 0]), levels(place[side < 0]))
+    plain = max(1, min(_GAP_ORDER + 1, fewest // 2))
+    rounded = min(_ROUND_GAP_ORDER + 1, fewest // 4) if whole else 0
+    circle = np.sqrt(1.0 - place**2)
+    return (
+        side[:, None] * chebyshev.chebvander(place, plain - 1),
+        (side * circle)[:, None] * chebyshev.chebvander(place, max(rounded - 1, 0))[:, :rounded],
+    )
+
+
+def _rows(table: FloatArray, place: FloatArray, side: FloatArray | None) -> tuple[FloatArray, BoolArray]:
+    """Means of consecutive points, and whether each begins a stretch; a model of the points is one of their means.
+
+    A stretch is a branch, or a rest of a stepped record: each rest may have an error of its own.
+    """
+    count = place.size
+    changes = np.zeros(count, dtype=bool) if side is None else np.diff(side, prepend=side[0]) != 0
+    if (level := rests(place)) is not None:
+        changes |= np.diff(level, prepend=level[0]) != 0
+    branch = np.cumsum(changes)
+    size = max(1, count // _ROWS)
+    if size > 1:
+        begins = np.flatnonzero(np.diff(branch, prepend=-1))
+        edges = np.concatenate([np.arange(a, b, size) for a, b in zip(begins, [*begins[1:], count], strict=True)])
+        lengths = np.diff(edges, append=count)
+        means = np.add.reduceat(table, edges) / lengths[:, None]
+        spread = np.add.reduceat(place**2, edges) / lengths - (np.add.reduceat(place, edges) / lengths) ** 2
+        if np.sqrt(max(float(spread.mean()), 0.0)) < _NARROW:
+            kept = np.sqrt(lengths / size)
+            return means * kept[:, None], np.diff(branch[edges], prepend=-1) != 0
+    return table, np.diff(branch, prepend=-1) != 0
+
+
+def _ranked(
+    rows: FloatArray, starts: BoolArray, plain: int, rounded: int, largest: float
+) -> list[tuple[float, FloatArray, list[int]]]:
+    """Weight, whitened rows and columns in use of the models that count, the best first.
+
+    The best has the least BIC. The weights are by the criterion of Hannan and Quinn, which keeps more terms: a term
+    that the data do not require may still be there.
+    """
+    count, width = rows.shape[0], rows.shape[1] - 1
+    floor = count * (_ROUND_OFF * largest) ** 2
+    exact = count > width and float(np.asarray(np.linalg.qr(rows, mode="r"))[-1, -1] ** 2) < 10.0 * floor
+    tables, logs, parameters = whitened(rows, starts, plain=exact or count < _FEWEST_FOR_MEMORY)
+    gaps = _gap_choices(plain, rounded)
+    orders = np.arange(1, width - plain - rounded)
+    misfit = np.full((len(tables), len(gaps), orders.size), np.inf)
+    free = np.array([[len(gap) + order + 1 for order in orders] for gap in gaps])
+    triangles = np.asarray(np.linalg.qr(tables, mode="r")) if count > width else tables
+    for n, gap in enumerate(gaps):
+        used = [*gap, *range(plain + rounded, width), width]
+        reduced = np.asarray(np.linalg.qr(triangles[:, :, used], mode="r"))[:, :, -1]
+        left = np.cumsum(reduced[:, ::-1] ** 2, axis=1)[:, ::-1]
+        there = free[n] < min(count - 2, left.shape[1])
+        squares = np.maximum(left[:, free[n][there]], floor)
+        misfit[:, n, there] = count * np.log(squares) + logs[:, None]
+    known = free + parameters[:, None, None]
+    bic = (misfit + known * np.log(count)).min(axis=0)
+    memory = np.argmin(misfit + known * np.log(count), axis=0)
+    other = (misfit + 2.0 * known * np.log(np.log(count))).min(axis=0)
+    weights = np.exp(-0.5 * (other - other.min()))
+    first = np.unravel_index(int(np.argmin(bic)), bic.shape)
+    listed = sorted(zip(*np.nonzero(weights > _LEAST_WEIGHT), strict=True), key=lambda at: -weights[at])
+    found = []
+    for n, at in [first, *(one for one in listed if one != first)][:_MOST_FITS]:
+        used = [*gaps[n], *range(plain + rounded, plain + rounded + int(orders[at]) + 1)]
+        found.append((float(weights[n, at]), tables[memory[n, at]], used))
+    return found
+
+
+def _gap_choices(plain: int, rounded: int) -> list[list[int]]:
+    """Columns of H to choose from: none, polynomials, polynomials with a half circle, and both."""
+    choices = [list(range(count)) for count in range(plain + 1)]
+    for count in range(1, rounded + 1):
+        circle = list(range(plain, plain + count))
+        choices.append(circle)
     if rounded:
-        columns.append(side * half_circle * chebyshev.chebvander(place, rounded - 1).T)
-    return np.concatenate(columns), plain
+        choices.append(list(range(plain + rounded)))
+    return choices if plain else [[]]
 
 
-def _residuals(columns: FloatArray, load: FloatArray, first: int) -> tuple[dict[int, float], float]:
-    """Sum of squared residuals for each order of P, and the effective number of independent points."""
-    residual = load.copy()
-    basis = np.empty_like(columns)
-    squares: dict[int, float] = {}
-    for i, column in enumerate(columns):
-        rest = column.copy()
-        for _ in range(2):
-            rest -= basis[:i].T @ (basis[:i] @ rest)
-        norm = np.linalg.norm(rest)
-        basis[i] = rest / norm if norm > 1e-9 * np.linalg.norm(column) else 0.0
-        for _ in range(2):
-            residual = residual - basis[i] * (basis[i] @ residual)
-        squares[i - first] = float(residual @ residual)
-    count = load.size
-    if count <= 2 * _FEWEST_INDEPENDENT or not squares[len(columns) - 1 - first] > 0:
-        return squares, float(count)
-    correlation = float(np.clip(residual[1:] @ residual[:-1] / (residual @ residual), 0.0, 1.0))
-    return squares, max(count * (1 - correlation) / (1 + correlation), float(_FEWEST_INDEPENDENT))
-
-
-def _least_squares(columns: FloatArray, load: FloatArray, independent: float) -> tuple[FloatArray, FloatArray]:
-    """Coefficients and their covariance, for an effective number of `independent` points."""
-    coefficients, _, rank, _ = np.linalg.lstsq(columns.T, load, rcond=1e-10)
-    residual = load - coefficients @ columns
-    dof = max(load.size - int(rank), 1)
-    variance = float(residual @ residual) / dof * load.size / independent
-    return coefficients, variance * np.linalg.pinv(columns @ columns.T, rcond=1e-14, hermitian=True)
+def _covariances(columns: FloatArray, residual: FloatArray, first: int) -> tuple[FloatArray, FloatArray]:
+    """Covariance of the coefficients from `first` on: for independent residuals, and for a correlation that fades."""
+    count, free = columns.shape
+    dof = max(count - free, 1)
+    inverse = np.linalg.pinv(columns.T @ columns, rcond=1e-14, hermitian=True)
+    scores = columns * residual[:, None]
+    reach = int(1.5 * count ** (1 / 3)) if count >= _FEWEST_FOR_MEMORY else 0
+    middle = scores.T @ scores
+    for lag in range(1, reach + 1):
+        across = scores[lag:].T @ scores[:-lag]
+        middle += (1.0 - lag / (reach + 1)) * (across + across.T)
+    robust = inverse @ middle @ inverse * count / dof
+    return float(residual @ residual) / dof * inverse[first:, first:], robust[first:, first:]
