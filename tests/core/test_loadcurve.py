@@ -143,6 +143,15 @@ def test_a_drift_does_not_cancel_where_the_branches_differ_in_duration(load_cycl
     assert abs(tangent.stiffness - K1(there)) < 2 * tangent.std
 
 
+def test_a_drift_shows_in_two_cycles_too(load_cycles):
+    x, f = load_cycles(LAW, shape="none", cycles=2)
+    curve = LoadCurve(x, f + np.linspace(0.0, 200.0, f.size))
+    assert curve.shift == pytest.approx(100.0, rel=0.05)
+    tangent = curve.tangent(3000.0)
+    there = float(np.interp(3000.0, f[:201], x[:201]))
+    assert abs(tangent.stiffness - K1(there)) < 2 * tangent.std
+
+
 def test_times_of_the_branches(load_cycles):
     x, f = load_cycles(LAW)
     assert LoadCurve(x, f).times == ()

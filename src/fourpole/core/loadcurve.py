@@ -331,11 +331,14 @@ class LoadCurve(ByValue):
 
         Both cycles are held against the curve of the last, so that its misfit cancels.
         """
-        if self._last_but_one is None:
+        if self.cycles < 2:
             return 0.0
-        now, before = (self._cycle(cycle) for cycle in (-1, -2))
-        left = [f - self._last.load(x, side) for x, f, side in (now, before)]
-        return float(np.median(left[0]) - np.median(left[1]))
+        left = []
+        for x, f, side in (self._cycle(cycle) for cycle in (-1, -2)):
+            rest = f - self._last.load(x, side)
+            # The first cycle conditions the rubber, mostly while it is loaded.
+            left.append(float(np.median(rest if side is None or self.cycles > 2 else rest[side < 0])))
+        return left[0] - left[1]
 
     def _bent(self, load: float) -> float:
         """Standard uncertainty of the tangent from the zero of the load, over which range the curve may bend [N/m]."""
