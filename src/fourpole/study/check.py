@@ -109,7 +109,7 @@ def check_campaign(
     >>> checked.counts
     {'ok': 2, 'warning': 1, 'rejected': 1}
     >>> checked.problems[0].message
-    'there is no such file; check its name'
+    'there is no such file; check its name; correct or repeat the static test, or state K1 [N/m] in tests.csv'
     """
     if route not in ROUTE_NEEDS:
         raise CampaignError(f"no route {route!r}: choose one of {', '.join(ROUTE_NEEDS)}")
