@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 from matplotlib.colors import to_hex
 from tests.plot.conftest import results_of
-from tests.plot.rig_found import MASSED, MISFIT, VALUES, rig_table, with_rig_found
+from tests.plot.rig_found import MASSED, MISFIT, UNSTATED, VALUES, rig_table, with_rig_found
 from tests.plot.test_figures import lines, points, said, texts
 
 from fourpole.core.sources import Kind, Source
@@ -135,6 +135,23 @@ def test_findings_differ_in_mark_and_colour_and_a_far_one_is_told(small):
     assert "+81" in texts(figure)
     assert max(abs(end) for end in ax.get_xlim()) < 7
     assert {"contradicts the statement", "found", "not determined: as stated"} <= set(texts(figure))
+
+
+def test_what_nobody_stated_is_written_with_its_size(small):
+    """There is no statement that it could be drawn against."""
+    figure = draw(replace(small, rig=rig_table({**VALUES, **UNSTATED})), "rig-found")
+    (ax,) = figure.axes
+    labels = [text.get_text() for text in ax.get_yticklabels()]
+    assert labels[-3:] == ["specimens", "drift of radial", "loss angle drift of radial"]
+    written = {round(text.get_position()[1]): text.get_text() for text in ax.texts}
+    for name, words in (
+        ("unstated frame", "+1.1e−05 ± 3e−07 m/N"),
+        ("cross-talk V2 in F1", "+1.2 ± 0.05 %"),
+        ("drift of radial", "−2.1 ± 0.1 %"),
+        ("loss angle drift of radial", "+0.0035 ± 0.0002 rad"),
+    ):
+        assert written[labels.index(name)] == words
+    assert "not stated: size as written" in texts(figure)
 
 
 def test_two_rigs_have_a_panel_each(small):

@@ -35,7 +35,7 @@ _FINDINGS: dict[RigFinding, tuple[Marker, bool, str | None, str]] = {
     RigFinding.NOT_DETERMINED: ("o", False, None, "not determined: as stated"),
     RigFinding.CONTRADICTED: ("D", True, "#D55E00", "contradicts the statement"),
     RigFinding.NOT_CALIBRATED: ("s", False, "#E69F00", "not calibrated: the rig does not fit"),
-    RigFinding.UNSTATED: ("D", False, "#D55E00", "not stated: no statement to compare with"),
+    RigFinding.UNSTATED: ("D", False, "#D55E00", "not stated: size as written"),
 }
 _GROUPS = {
     Role.RIG: "rig",
