@@ -112,3 +112,26 @@ def test_noise_that_matters_stands_out_from_that_of_the_others(times, found, amp
     rows = noises([folder.Test(f"D{at}", at) for at in range(6)], points, range(6))
     assert len(rows) == 18
     assert [(at, row.channel) for at, row in rows if row.verdict == "warning"] == (found if matters else [])
+
+
+def test_a_condition_says_the_range_of_its_amplitudes(honest):
+    study = analyse(honest)
+    rows = study.checks.filter(study.checks["code"] == Code.AMPLITUDES.text)
+    assert rows["test"].to_list() == ["radial-ply, 1.7 bar, 1000 N", "radial-ply, 2.2 bar, 1000 N"]
+    assert rows["verdict"].unique().to_list() == ["ok"]
+    for pressure, found in zip((1.7e5, 2.2e5), rows["statistic"], strict=True):
+        sizes = study.dynamic.filter(study.dynamic["pressure [Pa]"] == pressure)["deflection amplitude [m]"]
+        assert found == pytest.approx(sizes.max() / sizes.min())
+    (note,) = [note for note in study.notes if "mixes deflection amplitudes" in note]
+    assert "(1 more curves do so)" in note
+
+
+def test_a_k1_far_below_the_dynamic_stiffness_is_named(campaign):
+    """K1 is stated 100 times too small, in place of that of the static test."""
+
+    def wrong(rows):
+        for row in rows.values():
+            row["K1 [N/m]"] = "" if row["kind"] == "static" else "1100"
+
+    study = campaign(wrong)
+    assert all("K1 looks too small" in remark for remark in study.dynamic["remarks"])
