@@ -39,17 +39,20 @@ class Compared:
         Tests whose K* is not that of their condition: they must not share it with other tests.
     conditions : list of (str, Check)
         Checks of whole conditions, by the condition in words.
+    linear : bool
+        Whether no test showed a specimen that is not linear.
     """
 
     checks: dict[int, list[Check]] = field(default_factory=dict)
     strange: frozenset[int] = frozenset()
     conditions: list[tuple[str, Check]] = field(default_factory=list)
+    linear: bool = True
 
     @property
     def notes(self) -> list[str]:
-        """One sentence on the curves that mix amplitudes, for the curve with the largest range."""
+        """One sentence on the curve that mixes the largest range of amplitudes, where the specimen is not linear."""
         mixed = [check for _, check in self.conditions if check.remark]
-        if not mixed:
+        if self.linear or not mixed:
             return []
         worst = max(mixed, key=lambda check: check.statistic)
         more = f" ({len(mixed) - 1} more curves do so)" if len(mixed) > 1 else ""
@@ -77,7 +80,8 @@ def compare_tests(campaign: Campaign, tests: Sequence[Test], points: Sequence[Po
     checks: dict[int, list[Check]] = {i: [] for i in range(len(tests))}
     for i, check in rows:
         checks[i].append(check)
-    return Compared(checks, strange, amplitudes(campaign, [tests[i] for i in members], own))
+    ranges = amplitudes(campaign, [tests[i] for i in members], own)
+    return Compared(checks, strange, ranges, linear=len(linear) == len(members))
 
 
 def scales(
