@@ -94,9 +94,15 @@ def test_harmonics_in_f1_alone_are_those_of_its_channel(recorded):
 
 
 def test_a_wrong_stiffness_of_the_rig_does_not_make_it_not_linear(recorded):
-    """The cam's harmonics of 20 % against a rig that is stated with 1.5 times its mass and half its spring."""
+    """The cam's harmonics of 20 % against a rig that is stated with 13 % more mass."""
     rows = amplitudes([8e-4, 1.6e-4, 8e-5])
-    assert verdicts(recorded(rows), Rig(moving_mass=22.0, preload_stiffness=6000.0)) == ALL_OK
+    assert verdicts(recorded(rows), Rig(moving_mass=17.0, preload_stiffness=12000.0)) == ALL_OK
+
+
+@pytest.mark.parametrize("scale", [[-1, 1, 1], [1 / 9.81, 1, 1], [1, 1, 1 / 9.81]])
+def test_a_wrong_unit_or_sign_is_no_lack_of_linearity(recorded, scale):
+    rows = amplitudes([8e-4, 8e-6, 3e-6]) * np.array(scale)
+    assert verdicts(recorded(rows)) == {}
 
 
 def test_a_harmonic_on_the_mains_is_not_used(record):

@@ -155,7 +155,29 @@ def test_consistency_of_the_three_sensors(gain, verdict):
     speaks(check, verdict)
     assert check.statistic == pytest.approx(abs(gain - 1), abs=1e-12)
     if gain == -1.0:
-        assert "F1 is 1.00 times, and 180 degrees off" in check.remark.replace("-180", "180")
+        assert "F1 is 1 times, and 180 degrees off" in check.remark.replace("-180", "180")
+
+
+@pytest.mark.parametrize(
+    ("gain", "said"),
+    [
+        (-1.0, "inverted"),
+        (9.6, "g read as m/s²"),
+        (0.1, "kgf read as N"),
+        (1000.0, "N read as kN"),
+        (9.9e-4, "kN read as N"),
+    ],
+)
+def test_consistency_knows_the_usual_mistakes(gain, said):
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    assert said in check_consistency(one_test(gain), rig, 0.0).remark
+    assert "look" not in check_consistency(one_test(1.7 * gain), rig, 0.0).remark.partition(": ")[0]
+
+
+def test_consistency_knows_exchanged_motions():
+    phasors, rig = one_test(), Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    exchanged = replace(phasors, amplitudes=phasors.amplitudes[[0, 2, 1]])
+    assert "V1 and V2 look exchanged" in check_consistency(exchanged, rig, 0.0).remark
 
 
 def test_consistency_knows_the_added_and_the_input_mass():

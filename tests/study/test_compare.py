@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fourpole.campaign import folder
-from fourpole.core.checks import Code
+from fourpole.core.checks import Code, reported
 from fourpole.core.phasor import Phasors
-from fourpole.study.compare import noises
+from fourpole.study.compare import Compared, noises
 from fourpole.study.outcome import Point
 from fourpole.study.study import analyse
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
@@ -112,3 +112,29 @@ def test_noise_that_matters_stands_out_from_that_of_the_others(times, found, amp
     rows = noises([folder.Test(f"D{at}", at) for at in range(6)], points, range(6))
     assert len(rows) == 18
     assert [(at, row.channel) for at, row in rows if row.verdict == "warning"] == (found if matters else [])
+
+
+def test_a_condition_says_the_range_of_its_amplitudes(honest):
+    study = analyse(honest)
+    rows = study.checks.filter(study.checks["code"] == Code.AMPLITUDES.text)
+    assert rows["test"].to_list() == ["radial-ply, 1.7 bar, 1000 N", "radial-ply, 2.2 bar, 1000 N"]
+    assert rows["verdict"].unique().to_list() == ["ok"]
+    for pressure, found in zip((1.7e5, 2.2e5), rows["statistic"], strict=True):
+        sizes = study.dynamic.filter(study.dynamic["pressure [Pa]"] == pressure)["deflection amplitude [m]"]
+        assert found == pytest.approx(sizes.max() / sizes.min())
+    assert not any("mixes" in note for note in study.notes)  # the tyre is linear: the range does not matter
+    values = {"low": 1.0, "high": 3.0}
+    ranges = Compared(conditions=[(x, reported(Code.AMPLITUDES, "ok", 3.0, 2.0, name=x, **values)) for x in "ab"])
+    (note,) = replace(ranges, linear=False).notes
+    assert note.startswith("the curve of a mixes deflection amplitudes of 1 to 3 mm (1 more curves do so): compare")
+
+
+def test_a_k1_far_below_the_dynamic_stiffness_is_named(campaign):
+    """K1 is stated 100 times too small, in place of that of the static test."""
+
+    def wrong(rows):
+        for row in rows.values():
+            row["K1 [N/m]"] = "" if row["kind"] == "static" else "1100"
+
+    study = campaign(wrong)
+    assert all("K1 looks too small" in remark for remark in study.dynamic["remarks"])

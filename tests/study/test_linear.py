@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from fourpole.core.checks import Code
+from fourpole.findings.facts import Facts
+from fourpole.findings.verdicts import verdicts
 from fourpole.study.study import analyse
 
 CAMPAIGN = """
@@ -34,7 +37,7 @@ def friction(motion, rate):
 
 @pytest.fixture
 def bench(tmp_path):
-    def make(specimen):
+    def make(specimen, k1):
         (tmp_path / "recordings").mkdir()
         rng, rows = np.random.default_rng(1), ["test,file,kind,specimen,frequency [Hz],K1 [N/m],u(K1) [N/m]"]
         for at, hertz in enumerate(FREQUENCIES, 1):
@@ -46,22 +49,35 @@ def bench(tmp_path):
             columns = np.c_[turn / (2 * np.pi * hertz), 1e3 * motion + 1e-3 * rng.normal(size=turn.size), force]
             name = f"recordings/D{at}.csv"
             np.savetxt(tmp_path / name, columns, delimiter=",", header="t,x,F", comments="", fmt="%.9g")
-            rows.append(f"D{at},{name},dynamic,damper,{hertz:g},1e3,10")
+            rows.append(f"D{at},{name},dynamic,damper,{hertz:g},{k1:g},1e3")
         (tmp_path / "tests.csv").write_text("\n".join(rows) + "\n")
         (tmp_path / "campaign.toml").write_text(CAMPAIGN)
-        return analyse(tmp_path).dynamic
+        return analyse(tmp_path)
 
     return make
 
 
 def test_a_friction_damper_is_said_to_be_not_linear_before_anything_else(bench):
-    dynamic = bench(friction)
+    dynamic = bench(friction, 1e3).dynamic
     assert dynamic["verdict"].to_list() == ["warning", "warning"]
     assert all(remark.startswith("the specimen is not linear") for remark in dynamic["remarks"])
     np.testing.assert_allclose(dynamic["deflection amplitude [m]"], AMPLITUDE, rtol=1e-3)
 
 
+def test_what_is_not_linear_stands_before_a_rejection(bench):
+    """A mass in the fixture makes K' negative, so that a test is rejected; the report says first why."""
+
+    def heavy(motion, rate):
+        return friction(motion, rate) + 400 * np.gradient(np.gradient(motion)) * rate**2
+
+    study = bench(heavy, 1e3)
+    assert "rejected" in set(study.dynamic["verdict"])
+    assert all(remark.startswith("the specimen is not linear") for remark in study.dynamic["remarks"])
+    _, first, *_ = verdicts(Facts(study.results))
+    assert first.detail.code is Code.LINEARITY
+
+
 def test_a_rubber_is_linear(bench):
-    dynamic = bench(rubber)
+    dynamic = bench(rubber, 2.5e5).dynamic
     assert dynamic["verdict"].to_list() == ["ok", "ok"]
     assert dynamic["remarks"].to_list() == ["", ""]

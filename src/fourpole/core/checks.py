@@ -148,7 +148,7 @@ class Code(Enum):
         "F1 against V2",
         "the departure of F1 from what V2 and the rig need",
         "F1 and V2 contradict each other",
-        "F1 is {ratio:.2f} times, and {degrees:.0f} degrees off, what V2 and the rig need: ",
+        "F1 is {ratio:.3g} times, and {degrees:.0f} degrees off, what V2 and the rig need{looks}: ",
         "look for an inverted or wrongly scaled F1 or V2, an undeclared delay, or a wrong moving mass",
     )
     CLIPPING = (
@@ -303,6 +303,30 @@ class Code(Enum):
         "K* of tests of one condition scatters by {statistic:.1%}, where tyres repeat to 1 % and better: ",
         "look for exchanged labels, another amplitude, temperature or pressure, and a sensor that depends on the mass",
     )
+    V1_SCALE = (
+        "V1 against K1",
+        "K' over K1 as V1 is stated",
+        "V1 looks wrongly scaled or inverted",
+        "K' is {statistic:.3g} times K1, but a plausible multiple if V1 {looks}: ",
+        "check the unit, sign and column of V1",
+    )
+    K1_RATIO = (
+        "K1 against K'",
+        "K' over K1",
+        "K1 is far below K'",
+        (
+            "K1 looks too small: K' is {statistic:.3g} times K1, and a loss factor of {loss:.2g} explains {limit:.2g} "
+            "times at most; "
+        ),
+        "check the static test: its specimen, unit of load (kgf, kN) and deflection",
+    )
+    AMPLITUDES = (
+        "amplitudes",
+        "the largest over the smallest deflection amplitude of a condition",
+        "a curve mixes deflection amplitudes",
+        "the curve of {name} mixes deflection amplitudes of {low:.3g} to {high:.3g} mm: ",
+        "compare K* of rubber at equal amplitudes only, or make the amplitude an axis of [conditions]",
+    )
     COPY = (
         "copy",
         "whether two tests have the same recording",
@@ -436,7 +460,7 @@ def reported(
     >>> reported(Code.MEMORY, "rejected", file="D1.csv").remark
     'D1.csv does not fit into memory: cut it with window [s]'
     """
-    known = {"statistic": statistic, "channel": channel, "short": code.short(verdict), **values}
+    known = {"statistic": statistic, "limit": limit, "channel": channel, "short": code.short(verdict), **values}
     cause, remedy = (part.format(**known) for part in code.says(verdict))
     return Check(code, statistic, limit, verdict, channel, cause + remedy, remedy)
 

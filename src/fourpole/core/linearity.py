@@ -26,6 +26,11 @@ _NOISE = 5.0
 _MOVED = 0.5
 
 
+#: Departure of F1 from what V2 and the rig need at the fundamental above which a channel is wrong: its harmonics
+#: say nothing then. `check_consistency` warns of it.
+_WRONG = 0.2
+
+
 @dataclass(frozen=True)
 class Excess:
     """Harmonics of the force that a linear test does not have, over the fundamental of F1.
@@ -94,7 +99,7 @@ def excess(harmonics: Harmonics, omega: float, rig: Rig | None, added_mass: floa
     force = f1 - (0.0 if rig is None else rig.input_mass) * jw * v1
     needed = None if rig is None or blocked else np.asarray(rig.impedance(omega * number, added_mass))
     moved = _moved(force, v2, needed, blocked=blocked)
-    if moved is None:
+    if moved is None or _contradicts(force, v2, needed):
         return Excess(np.nan, np.nan)
     deflection = (v1 - moved) / jw
     stiffness = _extrapolated(force[0] / deflection[0], number)
@@ -110,6 +115,13 @@ def excess(harmonics: Harmonics, omega: float, rig: Rig | None, added_mass: floa
     above = clear & (own > 0)
     in_v2 = np.linalg.norm((needed * v2)[above]) >= _MOVED * np.linalg.norm(force[above])
     return Excess(specimen, _share(left[clear], force), unmoved=not in_v2)
+
+
+def _contradicts(force: ComplexArray, v2: ComplexArray, needed: ComplexArray | None) -> bool:
+    """Whether F1 and V2 contradict each other at the fundamental."""
+    if needed is None or np.isnan(v2[0]):
+        return False
+    return bool(abs(force[0] - needed[0] * v2[0]) > _WRONG * abs(needed[0] * v2[0]))
 
 
 def _moved(force: ComplexArray, v2: ComplexArray, needed: ComplexArray | None, *, blocked: bool) -> ComplexArray | None:

@@ -189,14 +189,32 @@ def check_resonance(frequency: float, rig: Rig, added_mass: float) -> Check:
     return judged(Code.RESONANCE, closeness, 20.0, 100.0, hertz=frequency, spring=spring, inertia=inertia)
 
 
+#: A ratio within this distance of a usual mistake is told as this mistake.
+_ALIKE = 0.1
+_G = 9.80665
+#: Mistakes by the factor of F1 over what V2 and the rig need.
+_MISTAKES = {
+    -1.0: "F1 or V2 looks inverted",
+    _G: "the unit of V2 looks like g read as m/s², a factor of 9.81",
+    1 / _G: "the unit of F1 looks like kgf read as N, a factor of 9.81",
+    1000.0: "the unit of F1 looks like N read as kN, or that of V2 is 1000 times too small",
+    1e-3: "the unit of F1 looks like kN read as N, or that of V2 is 1000 times too large",
+}
+
+
 def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
     """Compare F1 with Zr V2, the force on the rig: by this one relation three channels check each other."""
     omega = 2 * np.pi * float(phasors.frequency)
     f1, v1, v2 = (complex(x) for x in phasors.amplitudes)
-    needed = complex(rig.impedance(omega, added_mass)) * v2
+    impedance = complex(rig.impedance(omega, added_mass))
+    needed = impedance * v2
     force = f1 - 1j * omega * rig.input_mass * v1
     if not (np.isfinite(force) and np.isfinite(needed)) or needed == 0:
         return Check(Code.CONSISTENCY, nan, _INCONSISTENT, "ok")
     ratio = force / needed
     size, degrees = abs(ratio), np.degrees(np.angle(ratio))
-    return judged(Code.CONSISTENCY, abs(ratio - 1.0), _INCONSISTENT, ratio=size, degrees=degrees)
+    looks = [words for factor, words in _MISTAKES.items() if abs(ratio / factor - 1.0) < _ALIKE]
+    if v1 != 0 and abs(force / (impedance * v1) - 1.0) < _ALIKE:
+        looks.append("V1 and V2 look exchanged")
+    said = f"; {' or '.join(looks)}" if looks else ""
+    return judged(Code.CONSISTENCY, abs(ratio - 1.0), _INCONSISTENT, ratio=size, degrees=degrees, looks=said)

@@ -74,14 +74,20 @@ def verdicts(facts: Facts) -> list[Finding]:
     used = tuple(sorted((test for test, verdict in worst.items() if verdict != "rejected"), key=natural))
     found = [Finding(Topic.TRUST, None, facts.tyres, tally.holds, tally, tests=used)]
     checks = checks_by_test(facts.results.checks)
+    doubts: list[Finding] = []
     for holds in (Holds.REJECTED, Holds.WARNING):
         reasons: dict[Doubt, set[str]] = {}
         for test, verdict, remarks in rows:
             for doubt in _doubts(checks.get(test, ()), verdict, remarks or "") if verdict == holds else ():
                 reasons.setdefault(doubt, set()).add(test)
         order = sorted(reasons, key=lambda one: (-len(reasons[one]), one.code.text if one.code else "", one.remark))
-        found += [Finding(Topic.TRUST, None, (), holds, one, tests=_sorted(reasons[one])) for one in order]
-    return found
+        doubts += [Finding(Topic.TRUST, None, (), holds, one, tests=_sorted(reasons[one])) for one in order]
+    return found + sorted(doubts, key=_place)
+
+
+def _place(doubt: Finding) -> bool:
+    """Sort key of a doubt: a specimen that is not linear comes first, because all other checks assume a linear one."""
+    return not (isinstance(doubt.detail, Doubt) and doubt.detail.code is Code.LINEARITY)
 
 
 def _sorted(tests: set[str]) -> tuple[str, ...]:
@@ -89,8 +95,12 @@ def _sorted(tests: set[str]) -> tuple[str, ...]:
 
 
 def _doubts(checks: Sequence[CheckRow], verdict: str, remarks: str) -> list[Doubt]:
-    """The reasons of a verdict: the checks that gave it, or the first remark if no check has a short form."""
-    found = [Doubt(one.code) for one in checks if one.verdict == verdict and one.cause]
+    """The reasons of a verdict: the checks that gave it, or the first remark if no check has a short form.
+
+    A specimen that is not linear is a reason of a rejection, too.
+    """
+    reasons = [one for one in checks if one.verdict == verdict or one.code is Code.LINEARITY]
+    found = [Doubt(one.code) for one in reasons if one.cause]
     return found or [Doubt(None, _beginning(remarks))]
 
 

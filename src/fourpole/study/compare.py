@@ -14,12 +14,15 @@ from fourpole.core.curves import Curves, Samples, curves_of
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
+from fourpole.core.scales import check_scale
 from fourpole.study.outcome import Point
 
 #: Noise over the median noise of the other tests, and over the amplitude, above which a recording is unlike the others.
 _NOISIER, _MATTERS = 10.0, 0.003
 #: Fewest tests of a rig among which one can be noisier than usual.
 _FEWEST = 5
+#: Largest over smallest deflection amplitude above which a curve mixes amplitudes.
+_MIXED = 2.0
 #: Standard uncertainties of the shared errors of ln K*: drift over the run, and power of the deflection amplitude.
 _DRIFT, _POWER = 0.2, 0.03
 
@@ -34,30 +37,93 @@ class Compared:
         Checks of each test, by its place.
     strange : frozenset of int
         Tests whose K* is not that of their condition: they must not share it with other tests.
+    conditions : list of (str, Check)
+        Checks of whole conditions, by the condition in words.
+    linear : bool
+        Whether no test showed a specimen that is not linear.
     """
 
     checks: dict[int, list[Check]] = field(default_factory=dict)
     strange: frozenset[int] = frozenset()
+    conditions: list[tuple[str, Check]] = field(default_factory=list)
+    linear: bool = True
+
+    @property
+    def notes(self) -> list[str]:
+        """One sentence on the curve that mixes the largest range of amplitudes, where the specimen is not linear."""
+        mixed = [check for _, check in self.conditions if check.remark]
+        if self.linear or not mixed:
+            return []
+        worst = max(mixed, key=lambda check: check.statistic)
+        more = f" ({len(mixed) - 1} more curves do so)" if len(mixed) > 1 else ""
+        cause = worst.remark.removesuffix(worst.remedy).removesuffix(": ")
+        return [f"{cause}{more}: {worst.remedy}"]
 
 
-def compare_tests(campaign: Campaign, tests: Sequence[Test], points: Sequence[Point]) -> Compared:
-    """Hold the tests of a campaign against each other; `tests` holds a test once per point."""
+def compare_tests(campaign: Campaign, tests: Sequence[Test], points: Sequence[Point], k1: Sequence[float]) -> Compared:
+    """Hold the tests of a campaign against each other, and against K1 [N/m]; `tests` holds a test once per point."""
     used = [i for i, point in enumerate(points) if _used(point)]
+    members = [i for i in used if tests[i].kind != "calibration"]
+    rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
+    own = [own_of(points[i].phasors, rigs.get(tests[i].rig), tests[i].value("added_mass") or 0.0) for i in members]
     rows = noises(tests, points, used)
-    curves, members = _curves(campaign, tests, points, used)
+    rows += scales(members, points, own, k1)
+    # K* of a specimen that is not linear depends on the amplitude: it has no curve over frequency.
+    linear = [i for i in range(len(members)) if not _not_linear(points[members[i]])]
+    on_curves = [tests[members[i]] for i in linear]
+    curves = _curves(campaign, on_curves, [own[i] for i in linear])
     strange: frozenset[int] = frozenset()
     if curves is not None:
-        strange = frozenset(members[i] for i in np.flatnonzero(curves.strange).tolist())
-        rows += [(members[i], check) for i, check in curve_checks(curves, [tests[i] for i in members])]
+        strange = frozenset(members[linear[i]] for i in np.flatnonzero(curves.strange).tolist())
+        rows += [(members[linear[i]], check) for i, check in curve_checks(curves, on_curves)]
     rows = copies(tests, points, frozenset(used) - strange) + rows
     checks: dict[int, list[Check]] = {i: [] for i in range(len(tests))}
     for i, check in rows:
         checks[i].append(check)
-    return Compared(checks, strange)
+    ranges = amplitudes(campaign, [tests[i] for i in members], own)
+    return Compared(checks, strange, ranges, linear=len(linear) == len(members))
+
+
+def scales(
+    members: Sequence[int], points: Sequence[Point], own: Sequence[Own], k1: Sequence[float]
+) -> list[tuple[int, Check]]:
+    """Checks of K1 against K'; a mistake in V1 must explain most of the tests, because V1 is common to all."""
+    for motion in (True, False):
+        rows = []
+        for i, one in zip(members, own, strict=True):
+            phasors = points[i].phasors
+            check = None if phasors is None else check_scale(phasors, one.stiffness, k1[i], motion=motion)
+            rows += [(i, check)] if check is not None else []
+        if 2 * sum(check.code is Code.V1_SCALE for _, check in rows) > len(rows):
+            break
+    return rows
+
+
+def amplitudes(campaign: Campaign, tests: Sequence[Test], own: Sequence[Own]) -> list[tuple[str, Check]]:
+    """Checks of the range of deflection amplitudes of each condition; a range is no fault of a test."""
+    rule = campaign.stated.sameness
+    groups: dict[int, list[int]] = {}
+    for i, number in enumerate(rule.groups([condition_of(test, rule) for test in tests]).tolist()):
+        if np.isfinite(own[i].deflection) and own[i].deflection > 0:
+            groups.setdefault(number, []).append(i)
+    rows = []
+    for group in groups.values():
+        sizes = [1e3 * own[i].deflection for i in group]
+        further = [axis.name for axis in rule.further]
+        name, ratio = named(tests[group[0]], further=further), max(sizes) / min(sizes)
+        check = Check(Code.AMPLITUDES, ratio, _MIXED, "ok")
+        if ratio > _MIXED:
+            check = reported(Code.AMPLITUDES, "ok", ratio, _MIXED, name=name, low=min(sizes), high=max(sizes))
+        rows.append((name, check))
+    return rows
 
 
 def _used(point: Point) -> bool:
     return point.phasors is not None and worst_verdict(row.verdict for row in point.checks) != "rejected"
+
+
+def _not_linear(point: Point) -> bool:
+    return any(row.code is Code.LINEARITY and row.verdict != "ok" for row in point.checks)
 
 
 def copies(tests: Sequence[Test], points: Sequence[Point], sound: frozenset[int]) -> list[tuple[int, Check]]:
@@ -106,35 +172,29 @@ def _noise(point: Point, channel: int) -> tuple[float, float]:
     return noise, noise / max(float(abs(point.phasors.amplitudes[channel])), 1e-300)
 
 
-def _curves(
-    campaign: Campaign, tests: Sequence[Test], points: Sequence[Point], used: Sequence[int]
-) -> tuple[Curves | None, list[int]]:
-    """The curves of K* over frequency of all conditions, and the places of their tests."""
-    members = [i for i in used if tests[i].kind != "calibration"]
-    if not members:
-        return None, members
+def _curves(campaign: Campaign, tests: Sequence[Test], own: Sequence[Own]) -> Curves | None:
+    """The curves of K* over frequency of all conditions."""
+    if not tests:
+        return None
     rule = campaign.stated.sameness
-    rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
-    own = [_own(points[i].phasors, rigs.get(tests[i].rig), tests[i].value("added_mass") or 0.0) for i in members]
-    specimens = list(dict.fromkeys(tests[i].tyre for i in members))
-    frequency = np.array([one[3] for one in own])
-    deflection = np.array([max(one[2], 1e-300) for one in own])
-    lever = np.array([one[4] for one in own])
-    place = np.linspace(-0.5, 0.5, len(members)) if len(members) > 1 else np.zeros(1)
-    amplitude = np.log(deflection) - np.mean(np.log(deflection))
-    shared = [lever, 1j * lever * frequency / frequency.mean(), place + 0j, amplitude + 0j]
+    specimens = list(dict.fromkeys(test.tyre for test in tests))
+    frequency = np.array([one.frequency for one in own])
+    deflection = np.log([max(one.deflection, 1e-300) for one in own])
+    lever = np.array([one.lever for one in own])
+    place = np.linspace(-0.5, 0.5, len(tests)) if len(tests) > 1 else np.zeros(1)
+    shared = [lever, 1j * lever * frequency / frequency.mean(), place + 0j, deflection - deflection.mean() + 0j]
     gain = _gain(campaign)
     return curves_of(
         Samples(
-            stiffness=np.array([one[0] for one in own]),
-            noise=np.array([one[1] for one in own]),
+            stiffness=np.array([one.stiffness for one in own]),
+            noise=np.array([one.noise for one in own]),
             frequency=frequency,
-            family=rule.groups([condition_of(tests[i], rule) for i in members]),
-            specimen=np.array([specimens.index(tests[i].tyre) for i in members]),
+            family=rule.groups([condition_of(test, rule) for test in tests]),
+            specimen=np.array([specimens.index(test.tyre) for test in tests]),
             shared=np.stack(shared, axis=1),
             prior=np.array([gain, gain, _DRIFT, _POWER]),
         )
-    ), members
+    )
 
 
 def _gain(campaign: Campaign) -> float:
@@ -144,8 +204,32 @@ def _gain(campaign: Campaign) -> float:
     return 2.0 * max(float(np.linalg.norm(stds)), 1e-3)
 
 
-def _own(phasors: Phasors | None, rig: Rig | None, added: float) -> tuple[complex, float, float, float, complex]:
-    """K* of a test by itself, relative noise, deflection amplitude [m], frequency [Hz], and 1/(1 - V2/V1)."""
+@dataclass(frozen=True)
+class Own:
+    """What a test shows by itself.
+
+    Attributes
+    ----------
+    stiffness : complex [N/m]
+        K*: from F1, V1 and V2, or from F1, V1 and the rig where V2 is not known.
+    noise : float [1]
+        Standard uncertainty of ln K* from the noise.
+    deflection : float [m]
+        Amplitude of the specimen's deflection.
+    frequency : float [Hz]
+    lever : complex [1]
+        1/(1 - V2/V1), by which an error of the ratio of the gains of V1 and V2 acts on ln K*; 0 without V2.
+    """
+
+    stiffness: complex
+    noise: float
+    deflection: float
+    frequency: float
+    lever: complex
+
+
+def own_of(phasors: Phasors | None, rig: Rig | None, added: float) -> Own:
+    """What a test shows by itself."""
     assert phasors is not None
     omega = float(phasors.omega)
     f1, v1, v2 = (complex(one) for one in phasors.amplitudes)
@@ -162,9 +246,9 @@ def _own(phasors: Phasors | None, rig: Rig | None, added: float) -> tuple[comple
             noise = np.hypot(std[0] / abs(f1), std[1] / abs(v1))
         else:
             stiffness = complex(stiffness_by("relative", [np.asarray(one) for one in (force, v1, v2)], 0.0, omega))
-            moved, lever = abs(v1 - v2), v1 / (v1 - v2)
+            moved, lever = abs(v1 - v2), complex(np.divide(v1, v1 - v2))
             noise = np.hypot(std[0] / abs(f1), np.hypot(std[1], std[2]) / abs(v1 - v2))
-    return stiffness, float(noise), moved / omega, float(phasors.frequency), lever
+    return Own(stiffness, float(noise), float(moved / omega), float(phasors.frequency), lever)
 
 
 def curve_checks(curves: Curves, tests: Sequence[Test]) -> list[tuple[int, Check]]:
@@ -202,12 +286,13 @@ def _family_of(curves: Curves, test: int) -> int | None:
     return best if best is not None and curves.distance(test, best) <= curves.limit else None
 
 
-def named(test: Test, beside: Test | None = None) -> str:
+def named(test: Test, beside: Test | None = None, further: Sequence[str] = ()) -> str:
     """The condition of a test in words, as far as it differs from that of another test."""
     parts = [] if beside is not None and test.tyre == beside.tyre else [test.tyre]
     for one in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE):
         value = test.value(one.key)
         if value is not None and (beside is None or value != beside.value(one.key)):
             parts.append(f"{value / one.scale:.4g} {one.shown}")
-    parts += [f"{key} {value}" for key, value in test.extra.items() if beside is None and not value]
+    values = [(name, test.extra.get(name) or test.value(name)) for name in further]
+    parts += [f"{name} {value}" for name, value in values if value is not None]
     return ", ".join(parts) or test.name

@@ -15,7 +15,7 @@ import polars as pl
 from numpy.typing import ArrayLike
 
 from fourpole.campaign.folder import Campaign, Test, read_campaign
-from fourpole.core.checks import worst_verdict
+from fourpole.core.checks import Check, Code, worst_verdict
 from fourpole.core.condition import Sameness
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
@@ -300,17 +300,25 @@ def _analysed(
     points = [point for item in reduced for point in item.points]
     rows, rule = [row for item in statics for row in item.rows], campaign.stated.sameness
     stiffness = [_stiffness(test, rows, rule) for test in tests]
-    compared = compare_tests(campaign, tests, points)
+    compared = compare_tests(campaign, tests, points, [one.value for one in stiffness])
     found, notes = identify_tests(campaign, tests, points, stiffness, route, draws, _SEED, compared.strange)
     checks = [
-        (*compared.checks[i], *dynamic_checks(test, points[i], stiffness[i], found.get(i), route))
+        _in_order((*compared.checks[i], *dynamic_checks(test, points[i], stiffness[i], found.get(i), route)))
         for i, test in enumerate(tests)
     ]
     cells = [
         dynamic_cells(point, found.get(i), route, checks[i], blocked=_blocked(campaign, tests[i]))
         for i, point in enumerate(points)
     ]
-    return Analysed(campaign, statics, tests, points, checks, cells, found), notes
+    return Analysed(campaign, statics, tests, points, checks, cells, found, compared.conditions), [
+        *notes,
+        *compared.notes,
+    ]
+
+
+def _in_order(checks: Sequence[Check]) -> tuple[Check, ...]:
+    """The checks of a test; that of its linearity first, because all others assume a linear specimen."""
+    return tuple(sorted(checks, key=lambda row: row.code is not Code.LINEARITY))
 
 
 def _blocked(campaign: Campaign, test: Test) -> bool:

@@ -46,6 +46,8 @@ class Analysed:
         For each of `tests` its point of the reduction, all its checks, and its cells of dynamic.csv.
     found : mapping of int to Identified
         The identified tests by their place in `tests`.
+    conditions : sequence of (str, Check)
+        Checks of whole conditions, by the condition in words.
     """
 
     campaign: Campaign
@@ -55,6 +57,7 @@ class Analysed:
     checks: Sequence[Sequence[Check]]
     cells: Sequence[dict[str, Any]]
     found: Mapping[int, Identified]
+    conditions: Sequence[tuple[str, Check]] = ()
 
     @cached_property
     def keys(self) -> list[dict[str, Any]]:
@@ -200,13 +203,14 @@ def quantile_rows(analysed: Analysed) -> list[Row]:
 
 
 def check_rows(analysed: Analysed) -> list[Row]:
-    """Rows of checks.csv; a check of a static test has one row, not a row per preload."""
+    """Rows of checks.csv; a check of a static test has one row, and one of a condition stands under its words."""
     statics = [
         (dict(zip(KEY, (item.test.name, 1), strict=True)), check)
         for item in analysed.statics
         for check in dict.fromkeys(check for row in item.rows for check in row.checks)
     ]
     dynamic = zip(analysed.keys, analysed.checks, strict=True)
+    together = [(dict(zip(KEY, (name, 1), strict=True)), check) for name, check in analysed.conditions]
     return [
         {
             **key,
@@ -217,7 +221,7 @@ def check_rows(analysed: Analysed) -> list[Row]:
             q.VERDICT.head: check.verdict,
             q.REMEDY.head: check.remedy,
         }
-        for key, check in [*statics, *((key, check) for key, checks in dynamic for check in checks)]
+        for key, check in [*statics, *((key, check) for key, checks in dynamic for check in checks), *together]
     ]
 
 

@@ -156,7 +156,7 @@ BUDGET = TableSpec(
     partial(made.budget_table, columns=_BUDGET), key=(*KEY, q.QUANTITY.head, q.SOURCE.head),
 )  # fmt: skip
 CHECKS = TableSpec(
-    "checks", "a check of a test",
+    "checks", "a check of a test, or of a condition",
     _columns(q.TEST, q.CODE, q.CHANNEL, q.STATISTIC, q.LIMIT, q.VERDICT, q.REMEDY),
     made.check_rows, key=(*KEY, q.CODE.head, q.CHANNEL.head),
 )  # fmt: skip

@@ -1,0 +1,75 @@
+"""K1 against K': a static test of another unit or specimen, and a V1 of another unit or sign."""
+
+from __future__ import annotations
+
+from math import atan, exp, log, pi
+
+import numpy as np
+
+from fourpole.core.checks import Check, Code, judged, reported
+from fourpole.core.phasor import Phasors
+from fourpole.core.routes import relative_route
+
+#: Frequency of a slow static test [Hz]. From there on K' rises as its loss factor lets it.
+_STATIC = 1e-3
+#: Largest K' over that rise, and smallest K' over K1, that are plausible: they hold errors of 50 % and of 20 %.
+_ABOVE, _BELOW = 1.5, 0.8
+#: Mistakes in V1 by their factor.
+_MISTAKES = {
+    -1.0: "is inverted",
+    9.80665: "is 9.81 times too small, as g read as m/s²",
+    1 / 9.80665: "is 9.81 times too large",
+    1000.0: "is 1000 times too small, as m read as mm",
+    1e-3: "is 1000 times too large, as mm read as m",
+}
+
+
+def check_scale(phasors: Phasors, stiffness: complex, k1: float, *, motion: bool = True) -> Check | None:
+    """Compare K' of a test by itself with K1; None if either is unknown.
+
+    Parameters
+    ----------
+    phasors : Phasors
+        Amplitudes of the test.
+    stiffness : complex [N/m]
+        K* of the test by itself.
+    k1 : float [N/m]
+        Its static stiffness.
+    motion : bool
+        Whether a mistake in V1 is looked for.
+    """
+    if not (np.isfinite(stiffness) and np.isfinite(k1) and k1 > 0):
+        return None
+    frequency, ratio = float(phasors.frequency), stiffness.real / k1
+    if is_plausible(stiffness, k1, frequency):
+        return Check(Code.K1_RATIO, ratio, largest_ratio(stiffness, frequency), "ok")
+    f1, v1, v2 = (complex(one) for one in phasors.amplitudes)
+    if motion and np.isfinite(v2):
+        factors = [
+            factor
+            for factor in _MISTAKES
+            if is_plausible(complex(relative_route(f1, factor * v1, v2, float(phasors.omega))), k1, frequency)
+        ]
+        if len(factors) == 1:
+            return reported(Code.V1_SCALE, "warning", ratio, looks=_MISTAKES[factors[0]])
+    loss = stiffness.imag / stiffness.real if stiffness.real else 0.0
+    return judged(Code.K1_RATIO, ratio, largest_ratio(stiffness, frequency), loss=loss)
+
+
+def largest_ratio(stiffness: complex, frequency: float) -> float:
+    r"""Largest plausible K' over K1: a power law that has the phase of K* rises by :math:`(f/f_s)^{2\delta/\pi}`.
+
+    Examples
+    --------
+    >>> round(largest_ratio(1e5 + 0j, 10.0), 2), round(largest_ratio(1e5 + 3e4j, 10.0), 2)
+    (1.5, 8.28)
+    """
+    if stiffness.real <= 0:
+        return _ABOVE
+    phase = atan(max(stiffness.imag, 0.0) / stiffness.real)
+    return _ABOVE * exp(2 * phase / pi * max(log(frequency / _STATIC), 0.0))
+
+
+def is_plausible(stiffness: complex, k1: float, frequency: float) -> bool:
+    """Whether a passive specimen of static stiffness K1 may have this K*."""
+    return _BELOW <= stiffness.real / k1 <= largest_ratio(stiffness, frequency) and stiffness.imag > 0
