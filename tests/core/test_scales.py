@@ -44,5 +44,12 @@ def test_a_static_test_of_another_unit_is_named(unit):
     assert "kgf" in check.remedy
 
 
+@pytest.mark.parametrize("unit", [2.0, 9.80665, 1000.0])
+def test_a_static_test_above_the_dynamic_stiffness_is_named(unit):
+    check = check_scale(*made(1.4, 0.2), K1 * unit, motion=False)
+    assert (check.code, check.verdict) == (Code.K1_LARGE, "warning")
+    assert f"{unit / 1.4:.3g} times K'" in check.remark
+
+
 def test_without_k1_there_is_no_check():
     assert check_scale(*made(1.4, 0.2), np.nan) is None

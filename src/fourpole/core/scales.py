@@ -52,6 +52,8 @@ def check_scale(phasors: Phasors, stiffness: complex, k1: float, *, motion: bool
         ]
         if len(factors) == 1:
             return reported(Code.V1_SCALE, "warning", ratio, looks=_MISTAKES[factors[0]])
+    if 0 < ratio < _BELOW:
+        return reported(Code.K1_LARGE, "warning", ratio, _BELOW, times=1 / ratio)
     loss = stiffness.imag / stiffness.real if stiffness.real else 0.0
     return judged(Code.K1_RATIO, ratio, largest_ratio(stiffness, frequency), loss=loss)
 
