@@ -22,7 +22,9 @@ def test_the_campaign_it_makes_is_analysed_without_a_remark(run, tmp_path, clean
     assert made.stderr == f"6 tests recorded in {tmp_path / 'c'} (seed 3); next: fourpole analyse {tmp_path / 'c'}\n"
     assert (", clean" in (tmp_path / "c" / "campaign.toml").read_text()) == clean
     ran = run("analyse", tmp_path / "c", "--tables-only")
-    assert (ran.exit_code, ran.stderr) == (0, "")
+    assert ran.exit_code == 0
+    # no remark but what K' rests on, where the sensors have an uncertainty
+    assert [line for line in ran.stderr.splitlines() if not line.startswith("note: [rig]: K' rests on")] == []
     assert ran.stdout.startswith("6 tests, 6 ok, 0 with a warning, 0 rejected")
 
 

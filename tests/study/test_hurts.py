@@ -247,7 +247,7 @@ HURTS = {
         "warning", ("95% of the preload of 275 N: the tyre is close to lifting off",), in_row("1000", "275")
     ),
     "inverted F1": Hurt("rejected", ("inverted",), with_column("F1", lambda one: -one)),
-    "half of F1": Hurt("warning", ("F1 is 0.50 times", "wrongly scaled F1"), with_column("F1", lambda one: 0.5 * one)),
+    "half of F1": Hurt("warning", ("F1 is 0.5 times", "wrongly scaled F1"), with_column("F1", lambda one: 0.5 * one)),
     "K' below K1": Hurt(
         "rejected",
         ("no passive K2 exists: K' = ", "is not above the static K1 = 2e+05 N/m", "a K1 taken at another load"),

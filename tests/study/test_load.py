@@ -88,10 +88,10 @@ def record(bench, said, make, frequency=F, **state):
     return bench.record("D1", {**plain, **make(bench.time, f1, v1, v2)})
 
 
-def is_the_tyre(bench, row, frequency=F, **state):
+def is_the_tyre(bench, row, frequency=F, verdict="ok", **state):
     """Whether a row has the K2, C, TR, amplitudes and phases of the bench."""
     f1, v1, v2 = (wave.amplitude for wave in bench.waves(frequency, **state))
-    assert row["verdict"] == "ok", row["remarks"]
+    assert row["verdict"] == verdict, row["remarks"]
     assert row["frequency [Hz]"] == pytest.approx(frequency, rel=1e-9)
     assert [row["F1 [N]"], row["V1 [m/s]"], row["V2 [m/s]"]] == pytest.approx([abs(f1), abs(v1), abs(v2)], rel=1e-7)
     assert row["phase F1-V1 [rad]"] == pytest.approx(np.angle(f1 / v1), abs=1e-7)
@@ -288,7 +288,7 @@ def test_a_static_test_belongs_to_no_rig(bench):
     bench.row("S1", bench.record("S1", {"x": travel, "F": 110e3 * travel}), ",,", kind="static")
     bench.columns = (*bench.columns, "rig")
     bench.dynamic("D1", "1000,,light")
-    is_the_tyre(bench, bench.found())
+    is_the_tyre(bench, bench.found(), verdict="warning")  # of one branch
 
 
 def test_a_blocked_rig_has_no_motion_beyond_and_no_transmissibility(bench):
@@ -311,15 +311,15 @@ def test_an_added_mass_is_taken_from_the_row(bench):
     rows = bench.analyse(route="mobility").dynamic.rows(named=True)
     assert [row["added mass [kg]"] for row in rows] == [0.0, 10.0, 10.0]
     for row, mass in zip(rows, (15.0, 25.0, 25.0), strict=True):
-        is_the_tyre(bench, row, mass=mass)
-    # of an added mass nothing is unknown but 0.01 % where its row says no more; K* leans on it through the rig
+        is_the_tyre(bench, row, mass=mass, verdict="ok" if mass == 15.0 else "warning")  # D3 is a copy of D2
+    # of an added mass nothing is unknown but 0.2 % where its row says no more; K* leans on it through the rig
     light, default, stated = (row["u(Re K*) [N/m]"] for row in rows)
     assert light < 1e-6
-    assert stated == pytest.approx(50.0 * default, rel=1e-6)
+    assert stated == pytest.approx(2.5 * default, rel=1e-6)
     jw = 2j * np.pi * F
     stiffness, beyond = bench.stiffness(F), jw * 25.0 + bench.c3 + bench.k3 / jw
     by_mass = stiffness**2 / beyond**2 * -1.0
-    assert default == pytest.approx(abs(by_mass.real) * 1e-3, rel=1e-6)
+    assert default == pytest.approx(abs(by_mass.real) * 20e-3, rel=1e-6)
 
 
 def test_the_mass_between_force_cell_and_contact_is_taken_away(bench):

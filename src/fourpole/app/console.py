@@ -21,7 +21,6 @@ from rich.table import Table
 from rich.text import Text
 
 from fourpole.errors import FourpoleError, UnitError
-from fourpole.io.write import is_full, why
 
 Sign: TypeAlias = Literal["any", "not negative", "positive"]
 
@@ -178,6 +177,8 @@ def run_to_exit(run: Callable[..., int | None], **given: Any) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = OK
     except OSError as error:
+        from fourpole.io.write import is_full, why  # numpy comes with it
+
         if not is_full(error):
             _fault(error)
         fail(f"{error.filename or 'a file'}: cannot be written: {why(error)}")

@@ -324,10 +324,7 @@ class Code(Enum):
         "K1 above K'",
         "K' over K1",
         "K1 is above K'",
-        (
-            "K1 looks too large: it is {times:.3g} times K' of this test; K' of a passive specimen is not below its "
-            "K1; "
-        ),
+        ("K1 looks too large: it is {times:.3g} times K' of this test; K' of a passive specimen is not below its K1; "),
         "check the static test: its specimen, unit of load (kgf, kN) and deflection",
     )
     AMPLITUDES = (

@@ -87,7 +87,7 @@ def write_table(sheet: Any, table: pl.DataFrame, styles: Styles) -> None:
     sheet.set_row(0, 32)
     for at, name in enumerate(table.columns):
         _write_text(sheet, 0, at, name, styles.head, styles)
-        if table.schema[name] == pl.Float64:
+        if table.schema[name].is_numeric():
             values = floats(table, name)
             number = styles.of(num_format=number_format(values))
             sheet.set_column(at, at, _width(name, [""]))

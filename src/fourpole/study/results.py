@@ -178,7 +178,10 @@ def _table(folder: Path, spec: TableSpec) -> pl.DataFrame:
         content = read_bytes(path, max_bytes=_MOST_BYTES)
         names = pl.read_csv(content, n_rows=0, infer_schema=False).columns
         known = {**OPTIONAL, **spec.columns}
-        frame = pl.read_csv(content, schema={name: known.get(name, pl.String) for name in names})
+        kinds = {name: known.get(name, pl.String) for name in names}
+        counts = [name for name, kind in kinds.items() if kind == pl.Int64]  # another program may write 4.0 for 4
+        frame = pl.read_csv(content, schema={**kinds, **dict.fromkeys(counts, pl.Float64)})
+        frame = frame.with_columns(pl.col(counts).cast(pl.Int64, strict=False))
     except (FileError, TableError) as error:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
     except pl.exceptions.PolarsError as error:
