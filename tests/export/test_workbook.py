@@ -57,7 +57,7 @@ def test_heads_stay_and_columns_are_wide_enough(book):
     assert sheet.freeze_panes == "B2"
     assert sheet.auto_filter.ref == "A1:AN10"
     assert sheet.column_dimensions["D"].width > len("radial-ply (virtual)")
-    assert sheet["AC2"].number_format == "0.0"
+    assert sheet["AD2"].number_format == "0.0"
 
 
 def test_verdicts_are_coloured_by_their_word(changed):
