@@ -51,7 +51,7 @@ def test_a_rejection_for_want_of_a_passive_arm_stands_once_with_its_tests(vague)
         (Code.PASSIVE_ARM, ("D1", "D2", "D3"))
     ]
     remarks = remarks_of(render_report(results, findings=sentences(found), figures={}))
-    assert remarks.count("<tr>") == 2
+    assert remarks.count("<tr>") == 3
     assert remarks.count(Code.PASSIVE_ARM.short("rejected")) == 1
 
 
