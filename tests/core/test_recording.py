@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fourpole.core.recording import Channel, Recording, uniform_time
@@ -53,6 +53,7 @@ def test_jitter_is_no_uniform_time_for_arrays():
     start=st.sampled_from([0.0, 1.0, 59.5, -3.0]),
     finer=st.integers(1, 4),
 )
+@example(rate=19999.0, samples=201, start=0.0, finer=1)
 def test_rounded_stamps_are_uniform(rate, samples, start, finer):
     """Stamps with one to four decimals more than the interval's first digit."""
     decimals = int(np.ceil(np.log10(rate))) + finer

@@ -263,7 +263,8 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
     step, off_grid = _grid(time)
     worst = int(np.argmax(off_grid))
     stamps = _resolution(time - time[0], step)
-    rounding = 0.8 * stamps + 1e-6 * step + 4 * np.finfo(float).eps * float(np.max(np.abs(time)))
+    # stamps within half a unit of a grid lie within (1 + 5/3)/2 units of the fitted one: its ends weigh the rest by 5/3
+    rounding = 4 / 3 * stamps + 1e-6 * step + 4 * np.finfo(float).eps * float(np.max(np.abs(time)))
     jumps = increments.max() > 1.5 * np.percentile(increments, 99.0)
     if off_grid[worst] <= rounding and not jumps:
         return step, ""
