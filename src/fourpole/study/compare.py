@@ -1,4 +1,4 @@
-"""Tests held against each other before they are identified: copies, noise, the smooth curves of K*."""
+"""Comparison of the tests with each other before they are identified: copies, noise, smooth curves of K*."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fourpole.core.routes import stiffness_by
 from fourpole.core.scales import check_scale
 from fourpole.study.outcome import Point
 
-#: Noise over the median noise of the other tests, and over the amplitude, above which a recording is unlike the others.
+#: A channel is noisier than usual above both: noise over the median noise of all tests, and noise over the amplitude.
 _NOISIER, _MATTERS = 10.0, 0.003
 #: Fewest tests of a rig among which one can be noisier than usual.
 _FEWEST = 5
@@ -29,7 +29,7 @@ _DRIFT, _POWER = 0.2, 0.03
 
 @dataclass(frozen=True)
 class Compared:
-    """What tests show together.
+    """Results of the comparison of tests with each other.
 
     Attributes
     ----------
@@ -51,17 +51,16 @@ class Compared:
     @property
     def notes(self) -> list[str]:
         """One sentence on the curve that mixes the largest range of amplitudes, where the specimen is not linear."""
-        mixed = [check for _, check in self.conditions if check.remark]
+        mixed = [check for _, check in self.conditions if check.statistic > check.limit]
         if self.linear or not mixed:
             return []
         worst = max(mixed, key=lambda check: check.statistic)
         more = f" ({len(mixed) - 1} more curves do so)" if len(mixed) > 1 else ""
-        cause = worst.remark.removesuffix(worst.remedy).removesuffix(": ")
-        return [f"{cause}{more}: {worst.remedy}"]
+        return [f"{worst.cause.removesuffix(': ')}{more}: {worst.remedy}"]
 
 
 def compare_tests(campaign: Campaign, tests: Sequence[Test], points: Sequence[Point], k1: Sequence[float]) -> Compared:
-    """Hold the tests of a campaign against each other, and against K1 [N/m]; `tests` holds a test once per point."""
+    """Compare the tests of a campaign with each other, and with K1 [N/m]; `tests` has a test once per point."""
     used = [i for i, point in enumerate(points) if _used(point)]
     members = [i for i in used if tests[i].kind != "calibration"]
     rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
@@ -87,7 +86,10 @@ def compare_tests(campaign: Campaign, tests: Sequence[Test], points: Sequence[Po
 def scales(
     members: Sequence[int], points: Sequence[Point], own: Sequence[Own], k1: Sequence[float]
 ) -> list[tuple[int, Check]]:
-    """Checks of K1 against K'; a mistake in V1 must explain most of the tests, because V1 is common to all."""
+    """Checks of K1 against K'.
+
+    V1 is common to all tests. If a mistake in V1 does not explain most of them, K1 alone is checked.
+    """
     for motion in (True, False):
         rows = []
         for i, one in zip(members, own, strict=True):
@@ -96,7 +98,7 @@ def scales(
             rows += [(i, check)] if check is not None else []
         if 2 * sum(check.code is Code.V1_SCALE for _, check in rows) > len(rows):
             break
-    # K1 is common to tests, too: one test below it has a fault of its own.
+    # K1 is common to many tests. If K' is below K1 in a few of them only, these tests have a fault of their own.
     large = [row for row in rows if row[1].code is Code.K1_LARGE]
     return rows if 2 * len(large) > len(rows) else [row for row in rows if row not in large]
 
@@ -208,7 +210,7 @@ def _gain(campaign: Campaign) -> float:
 
 @dataclass(frozen=True)
 class Own:
-    """What a test shows by itself.
+    """K* and deflection of a test by itself, without the other tests.
 
     Attributes
     ----------
@@ -219,6 +221,7 @@ class Own:
     deflection : float [m]
         Amplitude of the specimen's deflection.
     frequency : float [Hz]
+        Frequency of the test.
     lever : complex [1]
         1/(1 - V2/V1), by which an error of the ratio of the gains of V1 and V2 acts on ln K*; 0 without V2.
     """
@@ -231,7 +234,7 @@ class Own:
 
 
 def own_of(phasors: Phasors | None, rig: Rig | None, added: float) -> Own:
-    """What a test shows by itself."""
+    """K* and deflection of a test by itself; `added` is its added mass [kg]."""
     assert phasors is not None
     omega = float(phasors.omega)
     f1, v1, v2 = (complex(one) for one in phasors.amplitudes)

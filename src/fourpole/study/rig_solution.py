@@ -38,7 +38,7 @@ _SPOILS = (
     Code.LINEARITY, Code.FORCE_LINEARITY, Code.RIG_LINEARITY, Code.SPOILT, Code.HALVES, Code.CLIPPING, Code.TIME_BASE,
 )  # fmt: skip
 _MOST = 0.5
-#: Least lever on K' that is told, and the number of levers.
+#: Least lever on K' that is named, and the largest number of levers that are named.
 _LEVER, _MOST_LEVERS = 0.1, 3
 
 
@@ -133,6 +133,7 @@ def _detection_limit(joint: Joint, at: int) -> float:
 
 
 def _finding(joint: Joint, ratio: float, *, conflict: bool) -> RigFinding:
+    """The finding for a stated value; `ratio` is its uncertainty after the tests over that before [1]."""
     if conflict:
         return RigFinding.CONTRADICTED
     if ratio > NOT_DETERMINED:
@@ -192,8 +193,9 @@ def _rests(joint: Joint, found: Outputs) -> str:
     unseen = []
     for at, parameter in enumerate(joint.stated.parameters):
         kept = joint.solution.covariance[at, at] > NOT_DETERMINED**2
-        if parameter.source.role is Role.CHANNEL and parameter.source.kind in _SAYS and kept:
-            unseen.append(f"{_in_words(parameter.source)} ({_SAYS[parameter.source.kind](parameter.std)} as stated)")
+        if parameter.source.role is Role.CHANNEL and parameter.source.kind in _STD_WORDS and kept:
+            std = _STD_WORDS[parameter.source.kind](parameter.std)
+            unseen.append(f"{_in_words(parameter.source)} ({std} as stated)")
         elif parameter.source.role is Role.MASS and np.isfinite(limit := _detection_limit(joint, at)):
             unseen.append(f"{_in_words(parameter.source)} below {limit:.2g} kg")
     if unseen:
@@ -201,17 +203,21 @@ def _rests(joint: Joint, found: Outputs) -> str:
         remedy = "" if massed else "; a weighed mass, added to the moving mass, would show it"
         said.append(f"no test of this rig shows an error of {', of '.join(unseen)}{remedy}")
     if said:
-        said.append("what gives way between the sensor of V1 and the contact, or F1 in V1, counts as part of the tyre")
+        said.append(
+            "a compliance between V1's sensor and the contact, or cross-talk of F1 in V1, counts as part of the tyre"
+        )
     return "; ".join(said)
 
 
-_SAYS = {
+#: Standard uncertainty of a gain and of a phase in words.
+_STD_WORDS = {
     Kind.GAIN: lambda std: f"{100 * std:.2g} %",
     Kind.PHASE: lambda std: f"{np.degrees(std):.2g} degrees",
 }
 
 
 def _in_words(source: Source) -> str:
+    """A stated value by its name in a sentence, with the article."""
     if source.role is Role.MASS:
         return f"the added mass of {source.mass:g} kg"
     if source.role is Role.CHANNEL:
@@ -232,7 +238,7 @@ def _levers(joint: Joint, found: Outputs) -> dict[Source, float]:
 
 
 def with_recordings(estimate: RigEstimate, checks: Sequence[Sequence[Check]]) -> RigEstimate:
-    """The estimate with the faults that most recordings show by themselves as the first cause of a misfit."""
+    """The estimate with the faults that most recordings show by themselves as the first causes of a misfit."""
     if estimate.fits or not checks:
         return estimate
     said = [{(row.code, row.channel) for row in rows if row.code in _SPOILS and row.verdict != "ok"} for rows in checks]
@@ -247,6 +253,7 @@ def with_recordings(estimate: RigEstimate, checks: Sequence[Sequence[Check]]) ->
 
 
 def _shown_by_recordings(code: Code, channel: str, count: int, of: int) -> Candidate:
+    """A fault that `count` of `of` recordings show, as a cause without a size."""
     short = code.short("warning")
     text = f"what {count} of {of} recordings show: {f'{channel}: ' if channel else ''}{short}"
     return Candidate("recordings", float("nan"), float("nan"), "1", 0.0, Source(Kind.OTHER, code.text), 0.0, text)

@@ -39,7 +39,7 @@ _LARGEST = {
     Kind.CROSSTALK: 0.25,
     Kind.AMPLITUDE: 1.0,
 }
-#: Largest error of a mass or a spring that can be a cause, over its stated value.
+#: Largest error of a mass or a spring, and largest unstated part, that can be a cause: over the stated value.
 _LARGEST_SHARE = 0.5
 _BULK = ("moving_mass", "preload_stiffness", "frame_stiffness")
 #: A candidate is not identifiable when less than this fraction of its squared column norm remains after projecting out
@@ -298,14 +298,14 @@ def _extras(problem: Problem) -> tuple[Source, ...]:
 
 
 def _whole(source: Source, rig: Rig) -> float:
-    """The value of the rig that an unstated part is a share of, in the unit of the part."""
+    """The stated value with which the size of an unstated part is compared, in its unit; infinite if there is none."""
     whole = {"mass": rig.moving_mass, "spring": rig.preload_stiffness, "frame": 1 / rig.preload_stiffness,
              "loss": 1.0, "input": rig.moving_mass}  # fmt: skip
     return whole.get(source.of, np.inf) if source.kind is Kind.UNSTATED else np.inf
 
 
 def _possible(parameter: SharedParameter, size: float, whole: float = np.inf) -> bool:
-    """Whether an error of this size can be: a channel that is further off is no longer the channel that was stated."""
+    """Whether an error of this size can be a cause; `whole` is the value with which an unstated part is compared."""
     kind, role = parameter.source.kind, parameter.source.role
     if kind in _LARGEST:
         return abs(size) <= _LARGEST[kind]

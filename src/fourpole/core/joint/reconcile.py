@@ -29,22 +29,23 @@ from fourpole.core.sources import PARTS, Kind, Role, Source
 
 #: A stated value is a cause of the misfit if it departs from its estimate by this many standard uncertainties.
 _CONFLICT = 3.0
-#: Least share of a cause's variance that is allowed for, where its hold just begins to end.
+#: Least fraction of a cause's squared size that widens its statement; it applies where a cause is only just found.
 _LEAST_LOSS = 1e-4
 #: Causes that explain the misfit within this chi-square of the best one are named with it: 2 standard uncertainties.
 _TIE = 4.0
-#: What chance cannot explain is the cause only if nothing else explains much more: it has this share of the best.
+#: A candidate is a cause only if it explains at least this share of what the best candidate explains.
 _SHARE_OF_BEST = 0.8
 #: A part is a cause of the misfit if it explains at least this share of it.
 _SHARE_OF_CAUSE = 0.3
 #: Rare errors are named only if they explain nearly the whole misfit: at least this share.
 _RARE, _WHOLE = (Kind.CROSSTALK, Kind.GAIN_DRIFT), 0.9
-#: What nobody stated is a cause if its size is this many standard uncertainties, even without a misfit.
+#: A candidate is a cause if its size is more than this many standard uncertainties, even without a misfit.
 _SIGNIFICANT = 5.0
 #: An unsteady drive is the cause of the misfit if it explains more than this share of it.
 _MOSTLY = 0.7
 #: Degrees of freedom of the prior for the noise of one test about the noise of all tests.
 _PRIOR_DOF = 4.0
+#: Largest number of rounds, each with one remedy.
 _MOST_ROUNDS = 12
 
 
@@ -71,6 +72,7 @@ def reconcile(
     outlier : (N,) float array [1]
         Factor by which the variance of each test was enlarged as an outlier; 1 for the others.
     misfit : Misfit
+        Agreement of the statement with the tests, and the size of each remedy.
     """
     state = State(problem, solution, start, np.ones(problem.observed.omega.size))
     for count in range(_MOST_ROUNDS):
@@ -150,7 +152,7 @@ def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
     """The diagnosis of the present solution, from its residuals."""
     problem, solution = state.problem, state.solution
     rig_chi2, tyre_chi2 = float(left.rig.sum() + solution.z @ solution.z), float(left.tyre.sum())
-    # No part explains more than the whole chi-square. The exact phasors of a plan leave none, and need no candidates.
+    # No candidate explains more than the whole chi-square. The exact phasors of a plan have a chi-square of zero.
     named = candidates(problem, solution) if rig_chi2 + tyre_chi2 > 1 else []
     known = {*state.misfit.added, *(problem.shared.parameters[at].source for at in state.misfit.conflicts)}
     excess, bad = rig_chi2 - float(left.rig_dof.sum()), is_unlikely(rig_chi2, float(left.rig_dof.sum()))
@@ -205,16 +207,16 @@ def _is_of_rig(state: State, found: _Diagnosis) -> bool:
 
 
 def _apply(state: State, found: _Diagnosis) -> None:
-    """Take the hold from the statements that may be the cause of the misfit, and add what nobody stated."""
+    """Widen the statements that may be the cause of the misfit, and add the causes that nobody stated."""
     if not state.misfit.candidates:
         state.misfit = replace(state.misfit, candidates=tuple(found.named), tied=len(found.causes))
-    # A drift that only an error of the rig pretended is not found again.
+    # The drifts are removed; a drift that was only the effect of the cause is not found again.
     shared, z = without_drifts(state.problem.shared, state.solution.z)
     listed, conflicts, added = list(shared.parameters), list(state.misfit.conflicts), list(state.misfit.added)
     at = {parameter.source: i for i, parameter in enumerate(listed)}
     for cause in found.causes:
         here = at.get(cause.source)
-        # A statement loses its hold smoothly, from 3 standard uncertainties on.
+        # The part of the cause that widens its statement rises smoothly from `_CONFLICT` standard uncertainties on.
         loss = np.sqrt(max(1.0 - _CONFLICT**2 * found.rest / cause.explains, _LEAST_LOSS))
         if here is not None:
             wider = float(np.hypot(listed[here].std, loss * cause.size))
@@ -264,7 +266,7 @@ def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level:
     """The problem with an error of Zr in each test of a size relative to its largest part.
 
     The error may be common to all tests. Their mean then knows Zr no better than a single test does, so that its
-    variance counts as many times as there are tests. K* rests on the channels then, and hardly on the rig.
+    variance counts as many times as there are tests. K* then depends on the channels, and hardly on the rig.
     """
     columns = replace(problem, scatter=0.0).columns("by_impedance", z, stiffness)
     size = level * np.sqrt(len(columns)) * largest_at(problem, z, stiffness)
@@ -282,7 +284,7 @@ def _enlarge_noise(state: State, found: _Diagnosis) -> None:
 def _unsteady_drive(state: State, left: Residuals, found: _Diagnosis) -> tuple[float, FloatArray] | None:
     """Relative random error of each frequency, and its columns (N, 6, 1), if it explains most of the misfit.
 
-    A drive with a wandering speed has no single frequency, and the inertia of the rig is proportional to its square.
+    A drive with a wandering speed has no single frequency, and the rig's inertia is proportional to frequency squared.
     """
     problem, solution = replace(state.problem, scatter=0.0), state.solution
     by_k, residual = (problem.columns(name, solution.z, solution.stiffness) for name in ("by_stiffness", "residual"))
