@@ -15,7 +15,7 @@ from fourpole.core.joint.joint import Joint
 from fourpole.core.joint.misfit import largest_part
 from fourpole.core.joint.scatter import OwnTests, own_tests
 from fourpole.core.phasor import Phasors
-from fourpole.core.routes import arm_slopes, maxwell_arm, why_no_arm
+from fourpole.core.routes import arm_slopes, maxwell_arm, relative_route, why_no_arm
 from fourpole.core.sources import Kind, Role, Source
 
 
@@ -94,16 +94,8 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
     problem, solution, back = joint.problem, joint.solution, np.argsort(joint.order)
     omega = np.asarray(phasors.omega)
     k1 = np.broadcast_to(np.asarray(k1, dtype=float), omega.shape)
-    rigid = joint.condition < 0
     own = own_tests(problem, solution).part(back)
-    moved = problem.conditions.carried(solution.stiffness) * problem.observed.drifted(problem.shared, solution.z)
-    stiffness = np.where(
-        rigid,
-        complex(np.nan, np.nan),
-        _per_test(joint, solution.stiffness, np.nan) * moved[back] * np.exp(own.shift @ [1, 1j]),
-    )
-    slope = _per_test(joint, solution.slope, 0.0) - problem.conditions.lead(solution.slope)[back]
-    slope = own.keep @ slope - own.by_shared - problem.observed.by_drift(problem.shared)[back]
+    stiffness, slope = _own_stiffness(joint, own)
     linear = [part for _, _, part in problem.linearised(solution.z, solution.stiffness)]
     impedance, impedance_by = (
         np.concatenate([getattr(part, name) for part in linear])[back] for name in ("impedance", "impedance_by_shared")
@@ -142,6 +134,20 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
         covariance=solution.covariance,
         tr_of_rig=tr * np.abs(tr_by_zr) * (joint.misfit.rig_error * largest_part(problem, solution))[back],
     )
+
+
+def _own_stiffness(joint: Joint, own: OwnTests) -> tuple[ComplexArray, FloatArray]:
+    """K* (N,) [N/m] of each test at its own frequency, and the fall (N, 2, p) of its logarithm by the shared values."""
+    problem, solution, back = joint.problem, joint.solution, np.argsort(joint.order)
+    moved = problem.conditions.carried(solution.stiffness) * problem.observed.drifted(problem.shared, solution.z)
+    stiffness = np.where(
+        joint.condition < 0,
+        complex(np.nan, np.nan),
+        _per_test(joint, solution.stiffness, np.nan) * moved[back] * np.exp(own.shift @ [1, 1j]),
+    )
+    slope = _per_test(joint, solution.slope, 0.0) - problem.conditions.lead(solution.slope)[back]
+    slope = own.keep @ slope - own.by_shared - problem.observed.by_drift(problem.shared)[back]
+    return stiffness, slope
 
 
 def _both_sides(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -273,7 +279,7 @@ def relative_stiffness(joint: Joint, phasors: Phasors) -> ComplexArray:
     omega = np.asarray(phasors.omega)
     shared = joint.problem.shared
     input_mass = shared.rig_at(joint.solution.z).input_mass + shared.extra_at(joint.solution.z).get("input", 0.0)
-    return np.asarray(1j * omega * (force - 1j * omega * input_mass * contact) / (contact - wheel))
+    return relative_route(force - 1j * omega * input_mass * contact, contact, wheel, omega)
 
 
 def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, FloatArray]:
