@@ -261,8 +261,7 @@ def _shown_by_recordings(code: Code, channel: str, count: int, of: int) -> Candi
 
 def _added(joint: Joint) -> FloatArray:
     """Added mass of each test [kg], in the order of the tests."""
-    mass_at = joint.problem.observed.mass_at[np.argsort(joint.order)]
-    return np.append(joint.problem.shared.masses, 0.0)[mass_at]
+    return joint.problem.observed.added(joint.problem.shared.masses)[np.argsort(joint.order)]
 
 
 def residual_rows(joint: Joint, phasors: Phasors) -> list[dict[str, Any]]:

@@ -14,11 +14,11 @@ from fourpole.core.sources import Kind, Source
 _GROSS, _TURNED = 0.25, 0.5
 #: A factor or an exchange is recognised if the ratio is this close to it, in logarithm and angle.
 _NEAR = 0.15
-#: Tests in which Zr is below this share of its largest part are close to the rig's resonance, and say little.
+#: Tests in which Zr is below this share of its largest part are close to the rig's resonance, and are not used.
 _RESONANT = 0.2
 #: Share of the tests that must agree.
 _MOST = 0.7
-#: Factors by which a wrong unit or sign changes a channel, with its words for F1 below and above what it should be.
+#: Factors by which F1 must be multiplied after a mistake of a unit, with the words for the mistake in F1 or V2.
 _FACTORS = {
     9.80665: "9.81 times too small, as kgf read as N is, or V2 as much too large",
     1 / 9.80665: "9.81 times too large, as N read as kgf is, or V2 as much too small, as g read as m/s² is",
@@ -27,7 +27,7 @@ _FACTORS = {
 }
 
 
-def gross_errors(observed: Observed, shared: Shared, chi2: float = np.inf) -> list[Candidate]:
+def gross_errors(observed: Observed, shared: Shared) -> list[Candidate]:
     """The gross errors of F1 and V2 that most tests show; empty for none.
 
     Parameters
@@ -36,8 +36,6 @@ def gross_errors(observed: Observed, shared: Shared, chi2: float = np.inf) -> li
         The tests, sorted or not.
     shared : Shared
         The rig and the masses as stated.
-    chi2 : float
-        What the error is said to explain.
     """
     force, contact, wheel = observed.amplitudes.T
     impedance = _impedance(observed, shared)
@@ -52,19 +50,19 @@ def gross_errors(observed: Observed, shared: Shared, chi2: float = np.inf) -> li
     swapped = bool(np.all(np.isfinite(other))) and _is_one(*_middle(other)) and _agree(other)
     size, angle = _middle(ratio[used])
     if swapped and not (_is_one(size, angle) and _agree(ratio[used])):
-        return [_gross("V1", "V1 and V2 exchanged: their columns, or the sensors", 1.0, chi2)]
+        return [_gross("V1", "V1 and V2 exchanged: their columns, or the sensors", 1.0)]
     if not _agree(ratio[used]) or (abs(np.log(size)) < _GROSS and abs(angle) < _TURNED):
         return []
-    return [_gross(of, text, size, chi2) for of, text in _words(size, angle)]
+    return [_gross(of, text, size) for of, text in _words(size, angle)]
 
 
 def _impedance(observed: Observed, shared: Shared) -> ComplexArray:
     """Zr of each test as stated (N,) [N s/m]."""
-    added = np.where(observed.mass_at >= 0, np.append(shared.masses, 0.0)[observed.mass_at], 0.0)
-    return np.asarray(shared.rig.impedance(observed.omega, added))
+    return np.asarray(shared.rig.impedance(observed.omega, observed.added(shared.masses)))
 
 
 def _off_resonance(observed: Observed, shared: Shared, impedance: ComplexArray) -> np.ndarray:
+    """Flags (N,) of the tests in which Zr is not much smaller than its mass and spring."""
     spring = shared.rig.preload_stiffness / observed.omega
     return np.asarray(np.abs(impedance) > _RESONANT * np.maximum(np.abs(impedance + 1j * spring), spring))
 
@@ -99,5 +97,6 @@ def _words(size: float, angle: float) -> list[tuple[str, str]]:
     return [("F1", "F1 " + off.format("V2")), ("V2", f"V2 {1 / size:.3g} times what F1 and the rig need")]
 
 
-def _gross(of: str, text: str, size: float, chi2: float) -> Candidate:
-    return Candidate(f"sensor {of}", size - 1, 0.0, "1", chi2, Source(Kind.GAIN, of), size - 1, text)
+def _gross(of: str, text: str, size: float) -> Candidate:
+    """A gross error of a channel, whose factor is `size`; it counts as the cause of all of chi-square."""
+    return Candidate(f"sensor {of}", size - 1, 0.0, "1", np.inf, Source(Kind.GAIN, of), size - 1, text)

@@ -91,6 +91,10 @@ class Observed(ByRows):
         run_of = (specimen, place, deflection)
         return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid, turns, *run_of)
 
+    def added(self, masses: FloatArray) -> FloatArray:
+        """Added mass of each test (N,) [kg], from the distinct masses [kg]."""
+        return np.append(masses, 0.0)[self.mass_at]  # index -1 is the 0 for no mass
+
     def gains(self, shared: Shared, z: FloatArray) -> ComplexArray:
         """Complex gains of F1, V1, V2 in each test, measured over true: exp(a + j phi), (N, 3)."""
         return np.asarray(np.exp(self.turns @ shared.channels_at(z, self.turns.shape[-1])))
@@ -183,8 +187,7 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     jw = 1j * observed.omega
     stiffness = stiffness * observed.drifted(shared, z)
     rig, gains = shared.rig_at(z), observed.gains(shared, z)
-    added = np.where(observed.mass_at >= 0, np.append(shared.masses_at(z), 0.0)[observed.mass_at], 0.0)
-    added = added - np.where(observed.rigid, rig.tyre_mass, 0.0)
+    added = observed.added(shared.masses_at(z)) - np.where(observed.rigid, rig.tyre_mass, 0.0)
     impedance = np.asarray(rig.impedance(observed.omega, added))
     extra = shared.extra_at(z)
     if extra:
@@ -236,7 +239,7 @@ def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray, rigid: BoolArray
     rigid : (N,) bool array
         True for a rigid block in place of the tyre, which has no mass of a tyre.
     """
-    support = np.asarray(rig.impedance(omega)) - 1j * omega * (rig.moving_mass + rig.tyre_mass)
+    support = _support(omega, rig)
     dry = np.divide(4 / np.pi, speed, out=np.zeros(omega.size), where=speed > 0)
     return {
         "mass": np.where(rigid, 0.0, 1j * omega),
@@ -247,12 +250,17 @@ def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray, rigid: BoolArray
     }
 
 
+def _support(omega: FloatArray, rig: Rig) -> ComplexArray:
+    """Impedance (N,) [N s/m] of spring, damper and frame: Zr without its masses."""
+    return np.asarray(rig.impedance(omega)) - 1j * omega * (rig.moving_mass + rig.tyre_mass)
+
+
 def _impedance_by_shared(
     observed: Observed, shared: Shared, rig: Rig, gradient: ComplexArray, extra: dict[str, float]
 ) -> ComplexArray:
     """Derivatives of Zr by z (N, p) [N s/m]; `extra` has the sizes of the unstated parts."""
     shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]), observed.rigid)
-    support = np.asarray(rig.impedance(observed.omega)) - 1j * observed.omega * (rig.moving_mass + rig.tyre_mass)
+    support = _support(observed.omega, rig)
     through_frame = 1 - 2j * observed.omega * support * extra.get("frame", 0.0)
     change = np.zeros((observed.omega.size, len(shared)), dtype=complex)
     for at, parameter in enumerate(shared.parameters):

@@ -20,7 +20,7 @@ def closed_form_start(
 ) -> ComplexArray:
     """K* of each condition [N/m], from the stated rig and the amplitudes as measured."""
     rig, omega = shared.rig, observed.omega
-    added = np.where(observed.mass_at >= 0, np.append(shared.masses, 0.0)[observed.mass_at], 0.0)
+    added = observed.added(shared.masses)
     impedance = np.asarray(rig.impedance(omega, added))
     f1, v1, v2 = np.where(observed.amplitudes == 0, np.nan, observed.amplitudes).T
     f1 = f1 - 1j * omega * rig.input_mass * v1
