@@ -2,12 +2,20 @@
 
 The entry is ``identify_joint``. The modules are:
 
+- ``identify``: the entry, with the result type of every route;
+- ``joint``: the wiring of the solution;
 - ``shared``: the values that all tests share;
 - ``conditions``: groups of tests of the same condition;
 - ``model``: the phasors and their derivatives;
+- ``start``: first values of K* in closed form;
+- ``gross``: units, signs and exchanged columns that no small change of a value explains;
 - ``solve``: the most probable values;
-- ``misfit``: the test whether the stated rig agrees with the tests;
-- ``reconcile``: the remedies if it does not agree.
+- ``misfit``: residuals, and candidates for the cause of a misfit;
+- ``scatter``: K* of single tests about that of their condition;
+- ``specimens``: outliers, scatter and drift of K*;
+- ``reconcile``: the remedies if the stated rig does not agree with the tests;
+- ``state``: problem, solution and misfit between two remedies;
+- ``outputs``: K*, K2, C and TR of each test, with their derivatives.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def group_conditions(family: np.ndarray, frequency: FloatArray, nominal: FloatAr
     Parameters
     ----------
     family : (N,) int array
-        Number of tyre, pressure and preload; negative for tests without a tyre.
+        Number of the condition without its frequency; negative for tests without a tyre.
     frequency : (N,) float array [Hz]
         Frequency as found.
     nominal : (N,) float array, optional [Hz]
@@ -74,7 +74,7 @@ class JointConditions:
     label : (N,) int array
         Condition of each test, in rising order; -1 for none.
     family : (N,) int array
-        Tyre, pressure and preload of each test.
+        Number of the condition of each test without its frequency.
     frequency, k1 : (N,) float arrays [Hz], [N/m]
         Frequency and static stiffness of each test; K1 is not-a-number if unknown.
     """

@@ -44,8 +44,8 @@ def identify_joint(
     k1, k1_std : (N,) float arrays [N/m]
         Static stiffness and its standard uncertainty. Not-a-number if unknown; K* does not need it.
     family : (N,) int array
-        Number of tyre, pressure and preload. A negative number is a rigid block in place of the tyre, whose mass is
-        part of `added_mass`.
+        Number of the condition without its frequency: specimen, pressure, preload, temperature and others. A negative
+        number is a rigid block in place of the tyre, whose mass is part of `added_mass`.
     nominal_frequency : (N,) float array [Hz]
         Frequency as stated, which distinguishes repeats from a fine sweep; not-a-number if not stated.
     added_mass, added_mass_std : (N,) float arrays [kg]

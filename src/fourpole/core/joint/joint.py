@@ -89,7 +89,7 @@ def solve_joint(
 ) -> Joint:
     """The most probable values of all tests of a rig; the arguments are those of `identify_joint`."""
     if rig.blocked:
-        raise RigError("a blocked rig has no V2 that could be held against its force: use the mobility route")
+        raise RigError("a blocked rig has no motion beyond the specimen: use the mobility route")
     count = np.size(phasors.frequency)
     k1, added, added_std = (np.broadcast_to(np.asarray(x, float), count) for x in (k1, added_mass, added_mass_std))
     family = np.broadcast_to(np.asarray(family, dtype=int), count)

@@ -18,7 +18,7 @@ from fourpole.core.joint.model import inverse_upper, upper_factor
 from fourpole.core.joint.solve import Problem, Solution
 
 #: Median of chi-square with 2 degrees of freedom.
-MEDIAN = 1.386
+_MEDIAN = 1.386
 #: Largest scatter of log K* that is considered.
 _MOST = 1.0
 #: Least number of tests with a repeat for a robust estimate of the scatter.
@@ -79,8 +79,8 @@ def scatter_of(problem: Problem, found: Deviations, used: BoolArray, lost: float
     found : Deviations
     used : (N,) bool array
         The tests that count; the others are taken out of their conditions.
-    lost : float
-        Degrees of freedom that drifts of the specimens took.
+    lost : float [1]
+        Degrees of freedom of the drifts of the specimens.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def robust_scatter(problem: Problem, found: Deviations) -> float:
     if np.sum(repeated) < _ENOUGH:
         return scatter_of(problem, found, np.ones(repeated.size, dtype=bool))
     free = 1 - 1 / sizes[repeated]
-    return _where(lambda scatter: float(np.median(squares(conditions, found, scatter)[repeated] / free)) - MEDIAN)
+    return _where(lambda scatter: float(np.median(squares(conditions, found, scatter)[repeated] / free)) - _MEDIAN)
 
 
 def _where(excess: Callable[[float], float]) -> float:
@@ -146,7 +146,7 @@ class OwnTests(ByRows):
 
 
 def own_tests(problem: Problem, solution: Solution) -> OwnTests:
-    """The part of each test in its own K*, in the order of the problem."""
+    """K* of each test by itself and its condition together, in the order of the problem."""
     count = problem.conditions.label.size
     if problem.scatter == 0:
         zero = np.zeros((count, 2, 2))

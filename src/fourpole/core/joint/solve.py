@@ -22,8 +22,8 @@ _MOST_STEPS = 60
 _SMALL = 1e-5
 #: If no such step is found, a last step below this share of every standard uncertainty is also accepted.
 _CLOSE = 1e-2
-#: The search has also converged if the objective has not fallen by this much in so many steps of at least this share:
-#: shared values that the tests do not tell apart leave a curved valley, in which every step is long.
+#: The search has also converged if the objective has not fallen by this much in so many steps of at least this share.
+#: If the tests do not distinguish two shared values, the minimum is a curved valley in which every step is long.
 _FLAT, _FLAT_STEPS, _FLAT_SHARE = 0.01, 8, 0.1
 #: Allowed rise of the objective, relative and absolute, because K* is updated with the slopes of the previous step.
 _ALLOWED_RISE = 1e-3

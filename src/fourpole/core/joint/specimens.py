@@ -1,4 +1,4 @@
-"""What the specimens do to a joint solution: bad tests, scatter of K* from test to test, drift over the run."""
+"""Outliers, scatter of K* from test to test and drift over the run, as parts of a joint solution."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fourpole.core.sources import Kind, Source
 _OUTLIER = 50.0
 #: A bad test bends the solution if the squared residual of the others falls by this factor without it.
 _BENT = 10.0
-#: The other one of two tests is as doubtful as the worse one from this share of its squared residual on.
+#: If a condition has two tests, both are outliers if the smaller squared residual is at least this share of the larger.
 _AS_BAD = 0.5
 #: Largest share of outliers among all tests, and among tests with the same mass; with more, the statement is wrong.
 _FEW, _FEW_OF_A_MASS = 0.1, 0.35
@@ -33,7 +33,7 @@ _MOST_ROUNDS = 12
 
 
 def fit_specimens(state: State) -> None:
-    """Find the outliers, the scatter and the drift of K* that the tests ask for."""
+    """Find outliers, scatter and drift of K*, as far as chance does not explain the residuals, and solve with them."""
     _set_scatter(state, robust=True)
     for _ in range(_MOST_ROUNDS):
         left = residuals(state.problem, state.solution)
@@ -99,7 +99,7 @@ def _add_drifts(state: State) -> bool:
     fall, lost = _fall(wider, state.solution), 2.0 * repeated.size
     dof = 2.0 * float((problem.conditions.sizes - 1).sum()) - lost
     tyre = float(residuals(problem, state.solution).tyre.sum())
-    # A scatter that was found from the same departures has the drift in it, so that no least value is known.
+    # If a scatter was found from the same departures, it contains the drift: chi-square per dof may be far below 1.
     least = 1e-9 if problem.scatter else 1.0
     if dof <= 0 or stats.f.sf(fall / lost / max((tyre - fall) / dof, least), lost, dof) > CHANCE:
         return False
@@ -108,7 +108,7 @@ def _add_drifts(state: State) -> bool:
     state.solve(wider)
     found = wider.shared.drift_at(state.solution.z, int(observed.specimen.max()) + 1)[repeated]
     others = np.setdiff1d(np.unique(observed.specimen[problem.conditions.first :]), repeated)
-    if others.size:  # they drifted as much, as far as anybody knows
+    if others.size:  # specimens without repeats: the drifts found are the prior uncertainty of theirs
         size = float(np.sqrt(np.mean(np.abs(found) ** 2)))
         state.solution = replace(state.solution, z=np.append(state.solution.z, np.zeros(2 * others.size)))
         state.solve(replace(state.problem, shared=_with_drifts(state.problem, others, size)))
@@ -142,7 +142,7 @@ def without_drifts(shared: Shared, z: FloatArray) -> tuple[Shared, FloatArray]:
 
 
 def _fall(wider: Problem, solution: Solution) -> float:
-    """Fall of the objective when the last shared values of a problem, 0 so far, are free."""
+    """Fall of the objective [1] if the shared values that `wider` has in addition, 0 so far, become free."""
     p, z = len(wider.shared), np.append(solution.z, np.zeros(len(wider.shared) - solution.z.size))
     triangle = np.hstack([np.eye(p), -z[:, None]])
     for rows, group, linear in wider.linearised(z, solution.stiffness):
@@ -155,10 +155,10 @@ def _fall(wider: Problem, solution: Solution) -> float:
 
 
 def _outliers(state: State, left: Residuals) -> tuple[BoolArray, bool]:
-    """Flags (N,) of the tests that do not agree with the others, the worst of each condition first; are there too many?
+    """Flags (N,) of the tests that do not agree with the others, and whether there are too many of them.
 
-    No test is flagged if too many of all tests, of the tests with one mass or of the rigid blocks would be: what such a
-    group has in common is information about the rig.
+    In each condition only the worst test is flagged. No test is flagged if too many of all tests, of the tests with one
+    mass or of the rigid blocks would be: a fault that such a group has in common is information about the rig.
     """
     whole, label = left.whole, state.problem.conditions.label
     # 1.4 is the median of chi-square with 2 degrees of freedom.
@@ -167,7 +167,7 @@ def _outliers(state: State, left: Residuals) -> tuple[BoolArray, bool]:
     strange = whole > limit
     worst = np.zeros(int(label.max(initial=-1)) + 2)
     np.maximum.at(worst, label, whole)
-    # Of two tests that disagree with each other alone, nobody knows which is wrong.
+    # If a condition has only two tests and they disagree, the data do not show which one is wrong.
     pair = np.append(state.problem.conditions.sizes, 0)[label] == 2
     chosen = strange & (whole >= np.where(pair, _AS_BAD, 1.0) * worst[label])
     observed = state.problem.observed

@@ -35,7 +35,7 @@ class Misfit:
     unsteady : float [1]
         Relative error of the frequency of each test, from a drive without a steady speed; 0 for none.
     conflicts : tuple of int
-        Indices of the shared values that the tests contradict; their statement lost its hold.
+        Indices of the shared values that the tests contradict; the uncertainty of their statement was enlarged.
     added : tuple of Source
         Unstated parts of the rig and errors of channels that were added; their sizes are among the shared values.
     drifts : tuple of Source
@@ -82,6 +82,6 @@ class State(ByValue):
         return self.finished and as_stated and (self.negligible or self.misfit.inflation <= NOISE_IN_DOUBT)
 
     def solve(self, problem: Problem, **misfit: Any) -> None:
-        """Solve a changed problem from the present solution, and note what the misfit has become."""
+        """Solve a changed problem from the present solution; `misfit` has the fields of the misfit that changed."""
         self.misfit = replace(self.misfit, **misfit)
         self.problem, self.solution = solve_either(problem, self.solution.stiffness, self.solution.z)
