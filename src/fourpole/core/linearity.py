@@ -13,6 +13,7 @@ import numpy as np
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.checks import Check, Code, judged
 from fourpole.core.demodulation.harmonics import Harmonics
+from fourpole.core.recordingchecks import INCONSISTENT
 from fourpole.core.rig import Rig
 
 #: Harmonics of the specimen's own force over the fundamental. A dry friction or a cubic spring whose third harmonic is
@@ -20,15 +21,10 @@ from fourpole.core.rig import Rig
 _SPECIMEN = 0.02
 #: The same for the rig. Its friction then takes 3 % of the force, more than the usual uncertainty of a sensor.
 _RIG = 0.01
-#: Amplitudes below this many standard uncertainties are noise: one of 100 000 exceeds it by chance.
+#: Amplitudes below this many standard uncertainties of a part are noise: 4 of a million exceed it by chance.
 _NOISE = 5.0
 #: Harmonics of F1 are the channel's own if V2 needs less than this share of them.
 _MOVED = 0.5
-
-
-#: Departure of F1 from what V2 and the rig need at the fundamental above which a channel is wrong: its harmonics
-#: say nothing then. `check_consistency` warns of it.
-_WRONG = 0.2
 
 
 @dataclass(frozen=True)
@@ -61,6 +57,11 @@ def linearity_checks(harmonics: Harmonics, frequency: float, rig: Rig | None, ad
         The rig as stated.
     added_mass : float [kg]
         Mass fixed to the moving mass in addition.
+
+    Returns
+    -------
+    list of Check
+        Linearity of the specimen or of the channel of F1, and linearity of the rig.
     """
     found = excess(harmonics, 2 * np.pi * frequency, rig, added_mass)
     rows = []
@@ -77,7 +78,17 @@ def excess(harmonics: Harmonics, omega: float, rig: Rig | None, added_mass: floa
 
     K* at a harmonic is taken as :math:`K^*(\omega)\,n^{2\delta/\pi}`, with :math:`\delta` the phase of K*. It is exact
     for a spring, a damper, a mass and a power law, and close for rubber. Harmonic n may depart from it by n - 1 times
-    its size.
+    its size. If F1 and V2 contradict each other at the fundamental, both parts are not-a-number.
+
+    Parameters
+    ----------
+    harmonics : Harmonics
+    omega : float [rad/s]
+        Angular frequency of the fundamental.
+    rig : Rig or None
+        The rig as stated.
+    added_mass : float [kg]
+        Mass fixed to the moving mass in addition.
 
     Examples
     --------
@@ -118,10 +129,10 @@ def excess(harmonics: Harmonics, omega: float, rig: Rig | None, added_mass: floa
 
 
 def _contradicts(force: ComplexArray, v2: ComplexArray, needed: ComplexArray | None) -> bool:
-    """Whether F1 and V2 contradict each other at the fundamental."""
+    """Whether F1 and V2 contradict each other at the fundamental, of which `check_consistency` warns."""
     if needed is None or np.isnan(v2[0]):
         return False
-    return bool(abs(force[0] - needed[0] * v2[0]) > _WRONG * abs(needed[0] * v2[0]))
+    return bool(abs(force[0] - needed[0] * v2[0]) > INCONSISTENT * abs(needed[0] * v2[0]))
 
 
 def _moved(force: ComplexArray, v2: ComplexArray, needed: ComplexArray | None, *, blocked: bool) -> ComplexArray | None:
@@ -146,4 +157,5 @@ def _above(amplitudes: ComplexArray, limit: FloatArray) -> FloatArray:
 
 
 def _share(parts: FloatArray, force: ComplexArray) -> float:
+    """Root of the summed squares of some parts [N] over the fundamental of the force [1]."""
     return float(np.linalg.norm(parts) / np.abs(force[0]))

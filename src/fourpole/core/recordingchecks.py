@@ -15,7 +15,7 @@ from fourpole.core.recording import Channel
 from fourpole.core.rig import Rig
 
 #: Relative departure of F1 from Zr V2 above which the calibration of a channel must be wrong.
-_INCONSISTENT = 0.2
+INCONSISTENT = 0.2
 
 
 def check_frequency(found: float, stated: float | None) -> Check:
@@ -113,8 +113,8 @@ def check_spoilt(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
     return [judged(Code.SPOILT, one, 0.0, channel=name, percent=100 * one) for name, one in shares if np.isfinite(one)]
 
 
-#: Largest change of a channel against the others between the halves, of amplitude [1] and phase [rad]. The K* of the
-#: whole recording is then off by up to half of it. Rubber that warms in a recording changes by 1 or 2 %.
+#: Largest change of a channel against the others between the halves, of amplitude [1] and phase [rad]. The error of K*
+#: of the whole recording is then up to half of it. K* of rubber that warms in a recording changes by 1 or 2 %.
 _CHANGES = np.array([0.05, 0.03])
 #: A change must exceed this many standard uncertainties, or the change of the speed times the sharpness of a resonance.
 _CHANGE_NOISE, _SHARPNESS = 5.0, 30.0
@@ -189,7 +189,7 @@ def check_resonance(frequency: float, rig: Rig, added_mass: float) -> Check:
     return judged(Code.RESONANCE, closeness, 20.0, 100.0, hertz=frequency, spring=spring, inertia=inertia)
 
 
-#: A ratio within this distance of a usual mistake is told as this mistake.
+#: A ratio within this relative distance of a usual mistake is named as this mistake.
 _ALIKE = 0.1
 _G = 9.80665
 #: Mistakes by the factor of F1 over what V2 and the rig need.
@@ -210,11 +210,11 @@ def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
     needed = impedance * v2
     force = f1 - 1j * omega * rig.input_mass * v1
     if not (np.isfinite(force) and np.isfinite(needed)) or needed == 0:
-        return Check(Code.CONSISTENCY, nan, _INCONSISTENT, "ok")
+        return Check(Code.CONSISTENCY, nan, INCONSISTENT, "ok")
     ratio = force / needed
     size, degrees = abs(ratio), np.degrees(np.angle(ratio))
     looks = [words for factor, words in _MISTAKES.items() if abs(ratio / factor - 1.0) < _ALIKE]
     if v1 != 0 and abs(force / (impedance * v1) - 1.0) < _ALIKE:
         looks.append("V1 and V2 look exchanged")
     said = f"; {' or '.join(looks)}" if looks else ""
-    return judged(Code.CONSISTENCY, abs(ratio - 1.0), _INCONSISTENT, ratio=size, degrees=degrees, looks=said)
+    return judged(Code.CONSISTENCY, abs(ratio - 1.0), INCONSISTENT, ratio=size, degrees=degrees, looks=said)
