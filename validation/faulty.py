@@ -22,7 +22,7 @@ __all__ = ["CELLS", "QUANTITIES", "Cell", "run", "table"]
 
 #: Standard deviation of K* between tests of every laboratory here, relative.
 _SCATTER = 0.001
-#: Seeds of the laboratories without a fault. That of a fault is its place in the list.
+#: Seeds of the laboratories without a fault. The seed of a fault is its place in the list, from 1 on.
 _HONEST = range(1001, 1009)
 _PLANS: Mapping[str, Mapping[str, Any]] = {
     "one mass": {"repeats": 3},
@@ -47,10 +47,10 @@ QUANTITIES = {
 #: Error over u beyond which a row with verdict ok stands out.
 _BEYOND = 4.0
 _LONGEST = 260
-#: What stands for the error over u of a number without a u.
+#: Error over u that a number without a u counts as.
 _NO_U = 9999.0
 _NUMBER = re.compile(r"(?<![A-Za-z\d.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-#: Sentences without their numbers, and the largest numbers in these places.
+#: Largest numbers of each sentence, by the sentence without its numbers.
 _Usual = Mapping[str, Sequence[float]]
 
 
@@ -83,7 +83,7 @@ CELLS = _cells()
 
 
 def run(number: int) -> dict[str, Any]:
-    """What the analysis of a campaign says, in the order in which it is printed; its verdicts, and errors over u."""
+    """Simulate and analyse a campaign: its messages in the order printed, its verdicts, and largest errors over u."""
     cell = CELLS[number]
     faults = [scatter(_SCATTER), *([cell.fault] if cell.fault else [])]
     plan = {**_LABORATORY, **_PLANS[cell.masses], **(cell.fault.plan if cell.fault else {})}

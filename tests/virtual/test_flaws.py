@@ -30,7 +30,7 @@ def test_scale_offset_and_crosstalk_add_up():
     np.testing.assert_allclose(heard, expected, rtol=1e-12)
 
 
-def test_samples_are_late_and_the_clock_is_fast():
+def test_samples_are_late_and_the_clock_is_slow():
     flaw = Flaw(delay=2e-4, clock=3e-4)
     np.testing.assert_allclose(flaw.times(TIMES), TIMES * 1.0003 - 2e-4, rtol=1e-12)
     assert flaw.latest(4.0) == pytest.approx(2e-4 + 1.2e-3)

@@ -1,6 +1,6 @@
-"""Faults of a laboratory: what is not as its statement says, in the specimen, rig, sensors, tests or statement.
+"""Faults of a laboratory: differences from its statement in the specimen, rig, sensors, tests or statement.
 
-A fault changes how the tests of a campaign are run. Faults go together, and with any campaign:
+A fault changes how the tests of a campaign are run. Faults can be combined with each other and with any campaign:
 ``simulate_campaign(folder, faults=[scatter(0.001), FAULTS["V1 late, 0.5 ms"]])``.
 """
 
@@ -39,11 +39,11 @@ class Fault:
     Parameters
     ----------
     name, size : str
-        What is wrong, and how large, with its unit.
+        Name of the fault, and its size with the unit.
     part : str
-        What it changes: specimen, rig, sensors, tests, statement or static test.
+        The part of the laboratory that has the fault: specimen, rig, sensors, tests, statement or static test.
     apply : callable (runs, rng)
-        Gives the runs with the fault; `rng` draws what name and size leave open.
+        Returns the runs with the fault; `rng` draws what name and size do not determine.
     plan : mapping
         Arguments of `simulate_campaign` that the fault needs.
     unseen : set of str

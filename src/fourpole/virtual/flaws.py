@@ -1,4 +1,4 @@
-"""What a channel does that its statement does not say: on the way to the converter, and in the samples."""
+"""Faults of a channel that its statement lacks: on the way to the converter, and in the samples."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Flaw:
     offset : float [SI]
         Error of the zero.
     delay, clock : float [s], [1]
-        The samples are late by `delay`, and the clock of the channel is faster by the fraction `clock`.
+        The samples are late by `delay`, and the clock of the channel is slower by the fraction `clock`.
     crosstalk : tuple of (channel, factor [SI/SI])
         Other channels, of which the signal contains a part.
     hysteresis : float [1]
@@ -89,7 +89,7 @@ class Flaw:
         return self.scale * y + self.offset
 
     def disturbance(self, times: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """What is added to the samples before the converter [SI]."""
+        """Noise, hum, tone and spikes that are added to the samples before the converter [SI]."""
         added = np.zeros(times.size)
         if self.noise:
             added += self.noise * rng.standard_normal(times.size)

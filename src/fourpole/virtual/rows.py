@@ -69,6 +69,7 @@ def truth_rows(
 
 
 def _dynamic_row(this: Run, frequency: float) -> tuple[object, ...]:
+    """The row of a dynamic test up to TR, in the order of `TRUTH_COLUMNS`."""
     row, this = this.row, this.as_labelled()
     bench = this.loaded_bench
     tyre = tyre_of(this, frequency)

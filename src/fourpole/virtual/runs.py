@@ -1,4 +1,4 @@
-"""How each test of a campaign is really run, beside what tests.csv says of it."""
+"""The true conditions of each test of a campaign, besides its row in tests.csv."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ITERATIONS = 30
 
 @dataclass(frozen=True)
 class Specimen:
-    r"""What the law of a tyre leaves open: how it repeats, and how its force depends on amplitude and time.
+    r"""Properties of a specimen besides the law of its tyre: repeatability, dependence on amplitude and on time.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ class Specimen:
 
 @dataclass(frozen=True)
 class Run:
-    """One test: its row in tests.csv, and what was really done.
+    """One test: its row in tests.csv, and its true conditions.
 
     Parameters
     ----------
     row : Test
-        What tests.csv says.
+        The test as tests.csv states it.
     real : Test
         The conditions under which the recording was made; its name has no effect.
     bench : Bench
@@ -130,8 +130,9 @@ def _times(tyre: Zener | StateSpace, factor: float) -> Zener | StateSpace:
 
 
 def _repeated(tyre: Zener | StateSpace, factor: complex, frequency: float) -> Zener | StateSpace:
-    """The element with `factor` times its K* at a `frequency` [Hz]: both springs stay in proportion, and a damper is
-    added or taken away.
+    """The element with `factor` times its K* at a `frequency` [Hz].
+
+    Both springs keep their ratio; a damper is added or removed for the rest.
     """
     if factor == 1.0:
         return tyre
