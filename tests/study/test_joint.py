@@ -212,7 +212,7 @@ def test_without_v2_it_is_the_mobility_route_and_says_so(noisy):
     study = noisy.analyse()
     assert study.route == "mobility"
     assert set(study.dynamic["route"]) == {"mobility"}
-    assert study.notes[0].startswith("no V2 is stated, so there is nothing to hold the rig against")
+    assert study.notes[0].startswith("no V2 is stated, so the rig cannot be checked")
     assert study.dynamic.equals(noisy.analyse(route="mobility").dynamic)
 
 
@@ -231,7 +231,7 @@ def test_where_v2_is_missing_in_all_it_says_so(noisy):
         noisy.change(test, lambda table: table.drop("V2"))
     study = noisy.analyse()
     assert set(study.dynamic["route"]) == {"mobility"}
-    assert study.notes[0] == "[rig]: no test has a usable V2 to hold the rig against: K* by the mobility route"
+    assert study.notes[0] == "[rig]: no test has a usable V2, so the rig cannot be checked: K* by the mobility route"
 
 
 def test_a_blocked_rig_says_so(bench):

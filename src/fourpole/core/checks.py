@@ -1,7 +1,8 @@
 """Checks: each compares a statistic of a test with a limit and gives a verdict, with a sentence and a remedy.
 
-`Code` holds the names and sentences of all checks. The functions that make the checks of a recording stand in
-`recordingchecks` and `linearity`, called in `fourpole.study.reduce`; those between tests in `fourpole.study.compare`.
+`Code` holds the names and sentences of all checks. `recordingchecks` and `linearity` have the functions for one
+recording, called in `fourpole.study.reduce`. `fourpole.study.compare` makes the checks between tests, with `scales` and
+`curves`, and `fourpole.study.cells` those of a row of dynamic.csv.
 """
 
 from __future__ import annotations
@@ -177,8 +178,8 @@ class Code(Enum):
         "the wander of the drive's speed over its mean",
         "the speed of the drive wanders",
         (
-            "the speed of the drive wanders by up to {statistic:.2%} of its mean, which makes V1/F1 or V2/V1 wrong by "
-            "{shift:.2g} of it at one frequency: followed along the phase of V1; "
+            "the speed of the drive wanders by up to {statistic:.2%} of its mean: a fit at one frequency would change "
+            "V1/F1 or V2/V1 by {shift:.2g} of it, so the fit follows the phase of V1; "
         ),
         "record a tacho or encoder and state it as [channels] reference",
     )

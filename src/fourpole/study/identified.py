@@ -1,4 +1,4 @@
-"""Phasors, rig and K1 of a campaign's dynamic tests become K*, K2, C and TR: by a route, or by all that is there."""
+"""Identification of a campaign's dynamic tests: phasors, rig and K1 become K*, K2, C and TR by a route."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _SKEW = 0.1
 _BENT = 0.2
 #: Relative uncertainty of K2 or C above which propagation of uncertainty to second order is not valid.
 NOT_LINEAR = 0.3
-#: A passive arm is possible if K' - K1 and K'' are above zero less this many of their standard uncertainties.
+#: A passive arm is possible if K' - K1 and K'' plus this many of their standard uncertainties are above zero.
 _LOST = 3.0
 
 
@@ -164,7 +164,7 @@ def possible_route(campaign: Campaign, route: str) -> tuple[str, str]:
     if route != "joint" or not campaign.of_kind("dynamic"):
         return route, ""
     if stated.channels.motion_out is None:
-        return "mobility", "no V2 is stated, so there is nothing to hold the rig against: K* by the mobility route"
+        return "mobility", "no V2 is stated, so the rig cannot be checked: K* by the mobility route"
     if not stated.all_rigs and stated.channels.force_in is not None:
         return "relative", "no rig is stated: K* by the relative route, from F1, V1 and V2, without a predicted TR"
     if stated.channels.force_in is None and stated.all_rigs:
@@ -184,12 +184,22 @@ def identify_tests(
 ) -> tuple[dict[int, Identified], list[str]]:
     """Identify the usable tests of each rig together.
 
-    The tests `apart`, by their index in `tests`, share K* with no other test: their condition is not as stated.
+    Parameters
+    ----------
+    campaign : Campaign
+    tests, points, stiffness : sequences
+        Test, reduced recording and K1 of each row; `tests` holds a test once per point.
+    route : str
+        The route that is wanted.
+    draws, seed : int
+        Number of Monte Carlo trials for an interval of K2 and C, 0 for none, and their seed.
+    apart : collection of int
+        Indices of the tests that share K* with no other test, because their condition is not as stated.
 
     Returns
     -------
     found : dict of int to Identified
-        Result of each test, by its index in `tests`; `tests` holds a test once per point.
+        Result of each test, by its index in `tests`.
     notes : list of str
         Departures from the requested route with their reasons, and notes on each rig as found.
     """
@@ -269,9 +279,9 @@ def _route_of(setup: Setup, phasors: Phasors, route: str) -> tuple[str, str]:
     if setup.rig is None:
         return "relative", "the rig of these tests is not stated: K* by the relative route"
     if setup.rig.blocked:
-        return "mobility", "the output is blocked, so there is no V2 to hold the rig against: K* by the mobility route"
+        return "mobility", "the output is blocked, so there is no V2: K* by the mobility route"
     if not np.isfinite(phasors.motion_out).any():
-        return "mobility", "no test has a usable V2 to hold the rig against: K* by the mobility route"
+        return "mobility", "no test has a usable V2, so the rig cannot be checked: K* by the mobility route"
     return route, ""
 
 
@@ -328,6 +338,7 @@ def _families(campaign: Campaign, tests: Sequence[Test]) -> np.ndarray:
 def _identified(
     keys: tuple[Key, ...], setup: Setup, phasors: Phasors, route: str, parts: Sequence[Mapping[Source, float]]
 ) -> Group:
+    """The tests of one rig by a route; `parts` are those of the uncertainty of each K1."""
     if route == "joint":
         joint = _solved(setup, phasors)
         setup, parts = _with_drift(setup, joint, parts)
@@ -366,7 +377,7 @@ def _solved(setup: Setup, phasors: Phasors) -> Joint:
 
 
 def _results(setup: Setup, phasors: Phasors, joint: Joint) -> tuple[Outputs, Identification]:
-    """What a joint solution gives for each of its tests."""
+    """Outputs of a joint solution for each of its tests, and the identification from them."""
     found = outputs(joint, phasors, setup.k1)
     return found, identification(joint, phasors, setup.k1, setup.k1_std, found)
 
@@ -425,7 +436,7 @@ def _k1_apart(variance: dict[Source, FloatArray], parts: Sequence[Mapping[Source
 
 
 def _intervals(group: Group, draws: int, seed: int) -> dict[int, tuple[Interval, Interval]]:
-    """Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is none.
+    """Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is not a 95 % interval.
 
     The random numbers of a row depend on its test and point only, not on other tests or their order.
     """

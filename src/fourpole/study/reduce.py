@@ -156,16 +156,16 @@ def check_part(job: Job) -> tuple[Check, ...]:
         return (reported(Code.CONSTANT, "warning", why="at first, no channel moves: check that the drive runs"),)
     recording, clipped = _unclipped(recording, job.needed)
     rows += clipped
-    checks = tuple(rows)
+    shown = tuple(rows)
     if not _is_plain(job, recording):
         cycles = _MOST_CYCLES / (near or _shown_frequency(job, path, recording))
-        checks = reduced_point(job, path, max(_PART, cycles)).checks
-    moved = [row for row in checks if row.code is Code.EXCITATION and row.channel == SYMBOLS["motion_in"]]
+        shown = reduced_point(job, path, max(_PART, cycles)).checks
+    moved = [row for row in shown if row.code is Code.EXCITATION and row.channel == SYMBOLS["motion_in"]]
     runs = job.test.window is not None or all(row.verdict == "ok" for row in moved)
-    bad = [row for row in checks if row.verdict == "rejected"]
+    bad = [row for row in shown if row.verdict == "rejected"]
     # The drive may start after this part, because the analysis cuts a lead-in.
     bad = bad if runs else [replace(row, verdict="warning", remark=f"at first, {row.remark}") for row in bad]
-    return (*bad, *(row for row in checks if row.verdict == "warning" and row.code is Code.LEFT_OUT))
+    return (*bad, *(row for row in shown if row.verdict == "warning" and row.code is Code.LEFT_OUT))
 
 
 def _shown_frequency(job: Job, path: Path, recording: Recording) -> float:
@@ -233,8 +233,8 @@ def reduced_point(job: Job, path: Path, part: float | None = None) -> Point:
         rows.append(_left_out(present[0], str(error)))
     force = recording.channels.get("force_in")
     mean = float(np.nanmean(force.samples)) if force is not None and np.isfinite(force.samples).any() else 0.0
-    checks = (*rows, *wandering, *_checks_of(job, found, mean))
-    return Point(found.phasors, checks, found.corrections, found.channels, found.preview)
+    every = (*rows, *wandering, *_checks_of(job, found, mean))
+    return Point(found.phasors, every, found.corrections, found.channels, found.preview)
 
 
 def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
@@ -285,6 +285,7 @@ def _followed(recording: Recording, near: float | None) -> tuple[Demodulation, l
 
 
 def _left_out(role: str, why: str) -> Check:
+    """The warning that a channel was left out."""
     return reported(Code.LEFT_OUT, "warning", channel=SYMBOLS[role], why=why)
 
 

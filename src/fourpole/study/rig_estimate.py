@@ -83,7 +83,7 @@ class NoteCode(StrEnum):
 
 
 class RunOrder(StrEnum):
-    """What says when the tests of a run were made."""
+    """Source of the times of the tests, or of their order in the run."""
 
     TIME = "the column time"
     RECORDINGS = "the start of the recordings"
@@ -169,7 +169,7 @@ class RigEstimate:
     converged : bool
         Whether the search for the most probable values converged.
     reason : str
-        Why the search ended.
+        Why the search did not converge; empty if it did.
     steps : int
         Steps of the search.
     tests, conditions, shared : int
@@ -243,7 +243,7 @@ class RigEstimate:
 
     @property
     def drifts(self) -> tuple[SharedValue, ...]:
-        """The drifts of the specimens that the tests show and that are worth saying."""
+        """The drifts of the specimens that are large enough for a note."""
         drifts = [value for value in self.values if value.source.kind is Kind.DRIFT and value.found is not None]
         return tuple(value for value in drifts if abs(value.found or 0.0) > _DRIFTS)
 
@@ -287,7 +287,7 @@ class RigEstimate:
             if value.source.role is not Role.RATIO
         ]
         chi2 = f"chi-square is {self.chi2 or 0.0:.3g} for {self.dof or 0.0:.0f} degrees of freedom"
-        return f"({'; '.join(against) or chi2}); {self.explained}; {self._remedy()}"
+        return f"({'; '.join(against) or chi2}); {self.explained}; {self._consequence()}"
 
     @property
     def explained(self) -> str:
@@ -295,11 +295,11 @@ class RigEstimate:
         named = [one.text for one in self.causes or self.candidates[:1]]
         return f"best explained by {', or '.join(named)}" if named else _NO_CAUSE
 
-    def _remedy(self) -> str:
+    def _consequence(self) -> str:
         """The consequence of a misfit for the uncertainties."""
         if self.rig_error > 0:
             return "K* rests on the channels as stated and not on the rig, with their uncertainty"
-        return "the uncertainties hold " + ("these causes" if len(self.causes) > 1 else "this")
+        return "the uncertainties include " + ("these causes" if len(self.causes) > 1 else "this cause")
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -319,7 +319,7 @@ class RigEstimate:
         return record
 
 
-#: What is said of a misfit that no candidate explains.
+#: Words for a misfit that no candidate explains.
 _NO_CAUSE = (
     "no single error of a sensor or part of the rig explains it: look for what moves otherwise than stated (a frame, a "
     "foundation, a mass that rocks, friction in a guide, a spring that is not linear), and for a sensor not linear"
@@ -332,12 +332,12 @@ _NOTES = {
         "calibrated"
     ),
     NoteCode.NOISE: (
-        "noise counts as {found.inflation:.2g} times what each recording by itself says: the tests differ by more, "
-        "and nothing unstated explains it (an unsteady drive would)"
+        "all noise was enlarged {found.inflation:.2g} times: the tests differ by more than the noise of their "
+        "recordings, and no single error of a sensor or part of the rig explains it; look for an unsteady drive"
     ),
     NoteCode.UNSTEADY: (
-        "the drive is unsteady: the tests scatter as if each frequency were off by {found.unsteady:.1g} of it, and "
-        "the uncertainties hold that"
+        "the drive is unsteady: the tests scatter as if each frequency had a relative error of {found.unsteady:.1g}, "
+        "and the uncertainties include that"
     ),
     NoteCode.SCATTER: (
         "K* repeats to {found.scatter:.2%} from test to test, besides the noise; each row has K* of its own test: look "
