@@ -2,7 +2,7 @@ r"""Smooth curves of K* over frequency: which tests do not lie on the curve of t
 
 For each condition :math:`\ln K^*` is a polynomial of :math:`\ln f`; the curves of a specimen share their bend. Errors
 that all tests share are smooth in other variables, as :math:`1/(1 - V_2/V_1)` for gains and phases, and are fitted
-along. Each test is held against the curve of the others.
+along. Each test is compared with the curve of the others.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fourpole.core.confidence import CHANCE, SEARCH_CHANCE
 
 #: Frequencies of a condition that its own slope needs, its own bend, and the bend's own slope.
 _POWERS = (3, 5, 8)
-#: Fewest tests more than unknowns; with few of them, the limit is wide.
+#: Least excess of tests over unknowns; if it is small, the limit of the statistic is wide.
 _FEWEST = 3
 #: Departures below this share of K* are no fault of a test.
 _LEAST = 0.01
@@ -126,13 +126,15 @@ class _Design:
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
+    """Least-squares solution: coefficients, their covariance in units of the scatter, the scatter and its dof."""
+
     coefficients: ComplexArray
     inverse: ComplexArray
     scale: FloatArray
     dof: float
 
     def distance(self, off: complex, row: ComplexArray, noise: float, *, inside: float = 0.0) -> float:
-        """Half the squared departure over its variance; `inside` is the weight of a test that was fitted along."""
+        """Half the squared departure over its variance [1]; `inside` is the weight that the test had in the fit."""
         lever = float(np.real(row @ self.inverse @ row.conj()))
         own = noise**2 / float(np.mean(self.scale**2))
         spread = 1.0 + own + (lever if inside == 0.0 else lever / max(1.0 - inside * lever, 1e-9))

@@ -1,4 +1,4 @@
-"""Parts of a load curve: the tangent at a load from the part that gives it best."""
+"""Parts of a load curve: the tangent at a load from the part with the smallest uncertainty of it."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ class Local(NamedTuple):
 
 
 def surest(points: Points, whole: MeanCurve, place: float, load: float) -> Local:
-    """The tangent at a load [N] from the part of the points that gives it best.
+    """The tangent at a load [N] from the part of the points with the smallest uncertainty of it.
 
-    A part round the load needs no model of the turns, where friction and relaxation bend the branches; the whole has
-    more points. A part is taken if its uncertainty is clearly smaller. Parts that disagree by more than their
-    uncertainties enlarge that of the tangent.
+    A part around the load needs no model of the turns, where friction and relaxation bend the branches; the whole has
+    more points. A part is used if its uncertainty is clearly smaller. If the tangents of the parts differ by more than
+    their uncertainties, the uncertainty of the tangent is enlarged.
     """
     low, high = whole.span
     found = [Local(whole, place, *whole.tangent(place))]

@@ -10,11 +10,11 @@ from fourpole.core.checks import Check, Code, judged, reported
 from fourpole.core.phasor import Phasors
 from fourpole.core.routes import relative_route
 
-#: Frequency of a slow static test [Hz]. From there on K' rises as its loss factor lets it.
+#: Frequency of a slow static test [Hz]. Above it K' rises with frequency as fast as its loss factor allows.
 _STATIC = 1e-3
-#: Largest K' over that rise, and smallest K' over K1, that are plausible: they hold errors of 50 % and of 20 %.
+#: Largest plausible K' over K1, in units of that rise, and smallest plausible K' over K1: errors of 50 and 20 % pass.
 _ABOVE, _BELOW = 1.5, 0.8
-#: Mistakes in V1 by their factor.
+#: Mistakes in V1 by the factor that corrects them.
 _MISTAKES = {
     -1.0: "is inverted",
     9.80665: "is 9.81 times too small, as g read as m/s²",
@@ -37,6 +37,11 @@ def check_scale(phasors: Phasors, stiffness: complex, k1: float, *, motion: bool
         Its static stiffness.
     motion : bool
         Whether a mistake in V1 is looked for.
+
+    Returns
+    -------
+    Check or None
+        A warning of V1's scale, of a K1 that is too large or of one that is too small; else ok.
     """
     if not (np.isfinite(stiffness) and np.isfinite(k1) and k1 > 0):
         return None
@@ -59,7 +64,10 @@ def check_scale(phasors: Phasors, stiffness: complex, k1: float, *, motion: bool
 
 
 def largest_ratio(stiffness: complex, frequency: float) -> float:
-    r"""Largest plausible K' over K1: a power law that has the phase of K* rises by :math:`(f/f_s)^{2\delta/\pi}`.
+    r"""Largest plausible K' over K1 [1] for K* [N/m] at a frequency [Hz].
+
+    A power law that has the phase :math:`\delta` of K* rises by :math:`(f/f_s)^{2\delta/\pi}` from the static
+    frequency :math:`f_s` on.
 
     Examples
     --------
@@ -73,5 +81,5 @@ def largest_ratio(stiffness: complex, frequency: float) -> float:
 
 
 def is_plausible(stiffness: complex, k1: float, frequency: float) -> bool:
-    """Whether a passive specimen of static stiffness K1 may have this K*."""
+    """Whether a passive specimen of static stiffness K1 [N/m] may have this K* [N/m] at a frequency [Hz]."""
     return _BELOW <= stiffness.real / k1 <= largest_ratio(stiffness, frequency) and stiffness.imag > 0
