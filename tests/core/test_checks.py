@@ -3,15 +3,8 @@
 import numpy as np
 import pytest
 
-from fourpole.core.checks import (
-    VERDICTS,
-    Code,
-    cut_words,
-    interval_words,
-    judged,
-    reported,
-    worst_verdict,
-)
+from fourpole.core.checks import VERDICTS, cut_words, interval_words, judged, reported, worst_verdict
+from fourpole.core.codes import Code
 
 
 @pytest.mark.parametrize("code", Code)

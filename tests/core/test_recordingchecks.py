@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fourpole.core.checks import Check, Code
+from fourpole.core.checks import Check
+from fourpole.core.codes import Code
 from fourpole.core.demodulation.demodulate import demodulate
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import Channel

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.core.checks import Code
+from fourpole.core.codes import Code
 from fourpole.core.phasor import Phasors
 from fourpole.core.routes import relative_route
 from fourpole.core.scales import check_scale

@@ -5,7 +5,7 @@ import csv
 import pytest
 
 from fourpole import analyse
-from fourpole.core.checks import Code
+from fourpole.core.codes import Code
 from fourpole.findings import findings
 from fourpole.findings.verdicts import Doubt
 from fourpole.report.page import render_report

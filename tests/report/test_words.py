@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 from tests.findings.designed import Tables, Tyre, frame, rig_curve
 
-from fourpole.core.checks import Code
+from fourpole.core.codes import Code
 from fourpole.findings import Finding, FindingConditions, Holds, Setup, Topic
 from fourpole.findings import findings as found_in
 from fourpole.findings.claims import Claim, NoCommonState

@@ -3,7 +3,8 @@
 import polars as pl
 import pytest
 
-from fourpole.core.checks import Code, reported
+from fourpole.core.checks import reported
+from fourpole.core.codes import Code
 from fourpole.study.results import read_results
 from fourpole.study.study import analyse
 from fourpole.virtual import simulate_campaign

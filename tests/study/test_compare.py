@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from fourpole.campaign import folder
-from fourpole.core.checks import Code, reported
+from fourpole.core.checks import reported
+from fourpole.core.codes import Code
 from fourpole.core.phasor import Phasors
 from fourpole.study.compare import Compared, noises
 from fourpole.study.outcome import Point

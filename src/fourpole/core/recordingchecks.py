@@ -7,7 +7,8 @@ from math import nan
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
-from fourpole.core.checks import Check, Code, judged, reported
+from fourpole.core.checks import Check, judged, reported
+from fourpole.core.codes import Code
 from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.demodulation.spectrum import LINE_GAP, off_multiples
 from fourpole.core.phasor import Phasors

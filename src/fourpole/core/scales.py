@@ -6,7 +6,8 @@ from math import atan, exp, log, pi
 
 import numpy as np
 
-from fourpole.core.checks import Check, Code, judged, reported
+from fourpole.core.checks import Check, judged, reported
+from fourpole.core.codes import Code
 from fourpole.core.phasor import Phasors
 from fourpole.core.routes import relative_route
 

@@ -8,7 +8,8 @@ from typing import ClassVar
 
 import polars as pl
 
-from fourpole.core.checks import VERDICTS, Code, worst_verdict
+from fourpole.core.checks import VERDICTS, worst_verdict
+from fourpole.core.codes import Code
 from fourpole.findings.facts import Facts, natural
 from fourpole.findings.finding import Finding, Holds, Topic
 

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from fourpole.core.checks import Check, Code
+from fourpole.core.checks import Check
+from fourpole.core.codes import Code
 from fourpole.core.demodulation.corrections import Correction
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors

@@ -11,7 +11,8 @@ from scipy.stats import chi2
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Test
-from fourpole.core.checks import Check, Code, interval_words, judged, reported, worst_verdict
+from fourpole.core.checks import Check, interval_words, judged, reported, worst_verdict
+from fourpole.core.codes import Code
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.joint import Joint
 from fourpole.core.joint.outputs import relative_stiffness

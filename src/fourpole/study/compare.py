@@ -9,7 +9,8 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign, Test, condition_of
-from fourpole.core.checks import Check, Code, judged, reported, worst_verdict
+from fourpole.core.checks import Check, judged, reported, worst_verdict
+from fourpole.core.codes import Code
 from fourpole.core.curves import Curves, Samples, curves_of
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig

@@ -14,7 +14,8 @@ from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign, Test, condition_of, inside
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
-from fourpole.core.checks import Code, worst_verdict
+from fourpole.core.checks import worst_verdict
+from fourpole.core.codes import Code
 from fourpole.core.curvature import largest_bend
 from fourpole.core.identification import Identification
 from fourpole.core.identify import identify, variance_by_source

@@ -16,7 +16,8 @@ from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.campaign.schema import RigFile
 from fourpole.core import recordingchecks as checks
-from fourpole.core.checks import Check, Code, cut_words, reported
+from fourpole.core.checks import Check, cut_words, reported
+from fourpole.core.codes import Code
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
 from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.steady import steady_part

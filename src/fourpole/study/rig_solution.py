@@ -11,7 +11,8 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.core.checks import Check, Code
+from fourpole.core.checks import Check
+from fourpole.core.codes import Code
 from fourpole.core.identification import Identification
 from fourpole.core.joint import Joint
 from fourpole.core.joint.misfit import Candidate, pulls

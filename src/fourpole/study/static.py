@@ -9,7 +9,8 @@ import numpy as np
 
 from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign, Test, condition_of, inside
-from fourpole.core.checks import Check, Code, reported, worst_verdict
+from fourpole.core.checks import Check, reported, worst_verdict
+from fourpole.core.codes import Code
 from fourpole.core.condition import Condition, Sameness
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.sources import Kind, Source

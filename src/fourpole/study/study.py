@@ -15,7 +15,8 @@ import polars as pl
 from numpy.typing import ArrayLike
 
 from fourpole.campaign.folder import Campaign, Test, read_campaign
-from fourpole.core.checks import Check, Code, worst_verdict
+from fourpole.core.checks import Check, worst_verdict
+from fourpole.core.codes import Code
 from fourpole.core.condition import Sameness
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError

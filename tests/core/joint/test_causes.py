@@ -100,3 +100,17 @@ def test_a_statement_loses_its_hold_without_a_step(make, value, std):
         u.append(np.sqrt(np.median(covariance[:, 0, 0])))
     steps = np.abs(np.diff(np.log(u)))
     assert steps.max() < np.log(1.3), np.round(u, 1).tolist()
+
+
+@pytest.mark.parametrize(("masses", "differ"), [((0.0, 0.0, 0.0), False), ((0.0, 10.0), True)])
+def test_only_repeats_of_other_deflection_show_a_dependence_on_the_amplitude(make, masses, differ):
+    """A deflection that changes with the speed of the drive alone shows nothing."""
+    joint = make(USUAL, masses=masses, spread=0.003, **TESTS).identify()
+    assert np.any(joint.problem.observed.deflection) == differ
+
+
+def test_one_test_of_another_deflection_shows_no_dependence_on_the_amplitude(make):
+    made = make(USUAL, masses=(0.0, 0.0, 0.0), spread=0.003, **TESTS)
+    wrong = made.phasors.amplitudes.copy()
+    wrong[7, 1] *= 1.3
+    assert not np.any(made.recorded(wrong).identify().problem.observed.deflection)

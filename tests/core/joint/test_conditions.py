@@ -134,3 +134,25 @@ def test_an_arm_too_soft_to_say_is_left_alone():
     frequency = two_of_each(np.array([10.0, 11.0]))
     made = conditions(frequency, np.zeros(4, dtype=int), np.full(4, 150e3))
     assert np.abs(made.carried(np.full(2, 150e3 + 0j)) - 1).max() < 1e-14
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-2.0, 2.0), st.lists(st.floats(-0.004, 0.004), min_size=10, max_size=10))
+def test_a_power_of_frequency_lies_on_its_curve(power, size, apart):
+    """Two rigid blocks, then the repeats of five frequencies; one repeat is moved off the curve."""
+    label = np.repeat([-1, 0, 1, 2, 3, 4], [2, 2, 2, 3, 2, 1])
+    frequency = 10.0 * 1.15 ** np.maximum(label, 0) * np.exp([0.0, 0.0, *apart])
+    frequency[2::2] = 10.0 * 1.15 ** label[2::2]  # each condition has a test at its nominal frequency
+    conditions = JointConditions(label, np.minimum(label, 0), frequency, np.full(label.size, np.nan))
+    values = power * np.log(frequency / 15.0)
+    # The mean frequency of a condition is up to 0.4 % off that of the median, and its slope as uncertain.
+    assert np.abs(conditions.off_curve(values)).max() <= 0.01 * abs(power) + 1e-12
+    moved = values + size * (np.arange(label.size) == 6)
+    change = conditions.off_curve(moved) - conditions.off_curve(values)
+    assert change[:2] == pytest.approx(0.0)
+    assert change[6] == pytest.approx(size, abs=0.01 * abs(power) + 1e-12)
+
+
+def test_a_value_without_conditions_has_no_curve():
+    label = np.full(2, -1)
+    conditions = JointConditions(label, label, np.array([11.0, 21.0]), np.full(2, np.nan))
+    assert conditions.off_curve(np.array([1.0, 2.0])).tolist() == [0.0, 0.0]

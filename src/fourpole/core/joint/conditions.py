@@ -158,6 +158,15 @@ class JointConditions:
             lead[self.first :] = -self._slopes(slope)[self.label[self.first :]] * self._apart[:, None, None]
         return lead
 
+    def off_curve(self, values: FloatArray) -> FloatArray:
+        """Values (N,) less the curve through the medians of the neighbouring conditions; 0 for tests without a tyre."""
+        off = np.zeros(values.size)
+        if self.count:
+            here, label = slice(self.first, None), self.label[self.first :]
+            usual = np.array([np.median(one) for one in np.split(values[here], self.starts[1:] - self.first)])
+            off[here] = values[here] - usual[label] - self._slopes(usual)[label] * self._apart
+        return off
+
     def _moved(self, values: FloatArray) -> FloatArray:
         """Real values (c,) of the conditions, interpolated at the frequency of each test."""
         label = self.label[self.first :]

@@ -25,6 +25,10 @@ from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
 from fourpole.errors import RigError
 
+#: Relative difference of the deflection from that of the repeats, and the least number of tests with such a difference,
+#: that can show a dependence of K* on the amplitude.
+_UNLIKE, _FEWEST_UNLIKE = 0.05, 3
+
 
 @dataclass(frozen=True, eq=False)
 class Joint(ByValue):
@@ -106,9 +110,11 @@ def solve_joint(
     errors += _unstated_errors(phasors.amplitudes[order], run[1])
     stated = Shared.stated(rig, errors, masses, masses_std)
     sorted_phasors = phasors.part(order)
+    observed = Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors, run)
+    conditions = JointConditions(label[order], family[order], sorted_phasors.frequency, k1[order])
     problem = Problem(
-        Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors, run),
-        JointConditions(label[order], family[order], sorted_phasors.frequency, k1[order]),
+        replace(observed, deflection=_unlike(conditions.off_curve(observed.deflection))),
+        conditions,
         stated,
         tuple(error.source for error in errors),
         tuple(names.tolist()),
@@ -133,6 +139,14 @@ def solve_joint(
         outlier=outlier[back],
         misfit=misfit,
     )
+
+
+def _unlike(deflection: FloatArray) -> FloatArray:
+    """The logarithm of the deflection off the curve of its condition, or 0 if repeats hardly differ in it.
+
+    A deflection that changes with frequency alone cannot be distinguished from the slope of K* over frequency.
+    """
+    return np.where(np.sum(np.abs(deflection) > _UNLIKE) >= _FEWEST_UNLIKE, deflection, 0.0)
 
 
 def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarray, FloatArray]:

@@ -52,7 +52,8 @@ class Observed(ByRows):
     place : (N,) float array [1]
         Place of each test in the run of its specimen, in lengths of the run; 0 on average.
     deflection : (N,) float array [1]
-        Logarithm of the amplitude of the deflection, V1 - V2 over omega; 0 on average, and where it is unknown.
+        Logarithm of the amplitude of the deflection, V1 - V2 over omega, from the mean of all tests or from the curve
+        of its condition; 0 where it is unknown.
     """
 
     omega: FloatArray
