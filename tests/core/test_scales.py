@@ -6,7 +6,7 @@ import pytest
 from fourpole.core.codes import Code
 from fourpole.core.phasor import Phasors
 from fourpole.core.routes import relative_route
-from fourpole.core.scales import check_scale
+from fourpole.core.scales import check_scale, k1_exchanged
 
 K1, OMEGA = 1e5, 2 * np.pi * 14.0
 
@@ -53,3 +53,26 @@ def test_a_static_test_above_the_dynamic_stiffness_is_named(unit):
 
 def test_without_k1_there_is_no_check():
     assert check_scale(*made(1.4, 0.2), np.nan) is None
+
+
+def specimens(k1, loss, rise):
+    """K* of two specimens at two frequencies, whose (K' - K1)/K'' is `rise`."""
+    k1, loss, rise = (np.array(one) for one in (k1, loss, rise))
+    real = k1 / (1 - rise * loss)
+    return np.array([real * (1 + 1j * loss), 1.01 * real * (1 + 1j * loss)])
+
+
+@pytest.mark.parametrize(("rise", "loss"), [(0.9, (0.12, 0.15)), (4.7, (0.04, 0.05))])
+@pytest.mark.parametrize("k1", [(1.3e5, 1.7e5), (2.4e5, 1.5e5)])
+def test_exchanged_k1_of_two_specimens_is_seen(k1, rise, loss):
+    stiffness = specimens(k1, loss, (rise, 1.05 * rise))
+    assert k1_exchanged(stiffness, np.array([k1, k1])) is None
+    one, other, usual = k1_exchanged(stiffness, np.array([k1[::-1]] * 2))
+    assert abs(one - other) > 0.5 * usual
+    assert usual == pytest.approx(rise, rel=0.15)
+
+
+def test_two_unlike_specimens_have_not_exchanged_k1():
+    """A hard rubber beside a soft one that creeps: no exchange makes them alike."""
+    stiffness = specimens((1.3e5, 1.7e5), (0.05, 0.2), (1.0, 3.0))
+    assert k1_exchanged(stiffness, np.array([(1.3e5, 1.7e5)] * 2)) is None

@@ -14,7 +14,7 @@ from fourpole.core.phasor import Phasors
 from fourpole.study.compare import Compared, noises
 from fourpole.study.outcome import Point
 from fourpole.study.study import analyse
-from fourpole.virtual import RADIAL_PLY, simulate_campaign
+from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 FREQUENCIES = [10.0, 12.0, 14.0, 17.0, 20.0]
 
@@ -139,3 +139,17 @@ def test_a_k1_far_below_the_dynamic_stiffness_is_named(campaign):
 
     study = campaign(wrong)
     assert all("K1 looks too small" in remark for remark in study.dynamic["remarks"])
+
+
+def test_static_tests_of_exchanged_tyres_are_named(tmp_path):
+    simulate_campaign(
+        tmp_path, tyres=[CROSS_PLY, RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=FREQUENCIES
+    )
+    assert warned(analyse(tmp_path)) == {}
+    path = tmp_path / "tests.csv"
+    text = path.read_text()
+    path.write_text(
+        text.replace("recordings/S1.", "X").replace("recordings/S2.", "recordings/S1.").replace("X", "recordings/S2.")
+    )
+    remarks = analyse(tmp_path).dynamic["remarks"].to_list()
+    assert all("K1 of cross-ply and radial-ply looks exchanged" in remark for remark in remarks)

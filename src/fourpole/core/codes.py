@@ -313,6 +313,16 @@ class Code(Enum):
         ("K1 looks too large: it is {times:.3g} times K' of this test; K' of a passive specimen is not below its K1; "),
         "check the static test: its specimen, unit of load (kgf, kN) and deflection",
     )
+    K1_EXCHANGED = (
+        "K1 exchanged",
+        "the difference of (K' - K1)/K'' between two tyres over its usual value",
+        "K1 of two tyres looks exchanged",
+        (
+            "K1 of {names} looks exchanged: (K' - K1)/K'' is {one:.2g} and {other:.2g} at equal conditions, and "
+            "{usual:.2g} for both with the other's K1; "
+        ),
+        "check which static test is of which tyre",
+    )
     AMPLITUDES = (
         "amplitudes",
         "the largest over the smallest deflection amplitude of a condition",

@@ -1,4 +1,4 @@
-"""K1 against K': a static test of another unit or specimen, and a V1 of another unit or sign."""
+"""K1 against K': a static test of another unit or specimen, a V1 of another unit or sign, and K1 exchanged."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from math import atan, exp, log, pi
 
 import numpy as np
 
+from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.checks import Check, judged, reported
 from fourpole.core.codes import Code
 from fourpole.core.phasor import Phasors
@@ -15,6 +16,9 @@ from fourpole.core.routes import relative_route
 _STATIC = 1e-3
 #: Largest plausible K' over K1, in units of that rise, and smallest plausible K' over K1: errors of 50 and 20 % pass.
 _ABOVE, _BELOW = 1.5, 0.8
+#: Least relative difference of (K' - K1)/K'' of two specimens that may come from exchanged K1, and the largest one
+#: after the exchange.
+_UNLIKE, _ALIKE = 0.5, 0.15
 #: Mistakes in V1 by the factor that corrects them.
 _MISTAKES = {
     -1.0: "is inverted",
@@ -84,3 +88,39 @@ def largest_ratio(stiffness: complex, frequency: float) -> float:
 def is_plausible(stiffness: complex, k1: float, frequency: float) -> bool:
     """Whether a passive specimen of static stiffness K1 [N/m] may have this K* [N/m] at a frequency [Hz]."""
     return _BELOW <= stiffness.real / k1 <= largest_ratio(stiffness, frequency) and stiffness.imag > 0
+
+
+def k1_exchanged(stiffness: ComplexArray, k1: FloatArray) -> tuple[float, float, float] | None:
+    r"""Compare two specimens of like kind with their K1, and with each other's K1.
+
+    A constant loss angle gives :math:`(K'-K_1)/K'' = (2/\pi)\ln(f/f_s)`, whatever its size, where f_s is the frequency
+    of the static test. This ratio is therefore alike for specimens of equal conditions and equal static tests.
+
+    Parameters
+    ----------
+    stiffness : (P, 2) complex array [N/m]
+        K* of both specimens at P equal conditions and frequencies.
+    k1 : (P, 2) float array [N/m]
+        K1 of both.
+
+    Returns
+    -------
+    (one, other, usual) or None [1]
+        Medians of (K' - K1)/K'' of both, and their mean after the exchange; None if the exchange of K1 does not make
+        unlike ratios alike.
+
+    Examples
+    --------
+    >>> pair = np.array([[1.8e5 + 3e4j, 2.5e5 + 5e4j]])
+    >>> k1_exchanged(pair, np.array([[1.3e5, 1.7e5]])) is None
+    True
+    >>> [round(one, 2) for one in k1_exchanged(pair, np.array([[1.7e5, 1.3e5]]))]
+    [0.33, 2.4, 1.63]
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, other = np.median((stiffness.real - k1) / stiffness.imag, axis=0).tolist()
+        swapped = np.median((stiffness.real - k1[:, ::-1]) / stiffness.imag, axis=0)
+    usual = float(swapped.mean())
+    if usual > 0 and np.ptp(swapped) < _ALIKE * usual and abs(one - other) > _UNLIKE * usual:
+        return one, other, usual
+    return None

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from fourpole.core.curves import Curves, Samples, curves_of
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
-from fourpole.core.scales import check_scale
+from fourpole.core.scales import check_scale, k1_exchanged
 from fourpole.study.outcome import Point
 
 #: A channel is noisier than usual above both: noise over the median noise of all tests, and noise over the amplitude.
@@ -24,6 +25,8 @@ _NOISIER, _MATTERS = 10.0, 0.003
 _FEWEST = 5
 #: Largest over smallest deflection amplitude above which a curve mixes amplitudes.
 _MIXED = 2.0
+#: Steps of ln f within which tests of two tyres count as of equal frequency.
+_SAME_FREQUENCY = 0.02
 #: Standard uncertainties of the shared errors of ln K*: drift over the run, and power of the deflection amplitude.
 _DRIFT, _POWER = 0.2, 0.03
 
@@ -68,6 +71,7 @@ def compare_tests(campaign: Campaign, tests: Sequence[Test], points: Sequence[Po
     own = [own_of(points[i].phasors, rigs.get(tests[i].rig), tests[i].value("added_mass") or 0.0) for i in members]
     rows = noises(tests, points, used)
     rows += scales(members, points, own, k1)
+    rows += exchanged_k1(campaign, [tests[i] for i in members], members, own, [k1[i] for i in members])
     # K* of a specimen that is not linear depends on the amplitude: it has no curve over frequency.
     linear = [i for i in range(len(members)) if not _not_linear(points[members[i]])]
     on_curves = [tests[members[i]] for i in linear]
@@ -102,6 +106,32 @@ def scales(
     # K1 is common to many tests. If K' is below K1 in a few of them only, these tests have a fault of their own.
     large = [row for row in rows if row[1].code is Code.K1_LARGE]
     return rows if 2 * len(large) > len(rows) else [row for row in rows if row not in large]
+
+
+def exchanged_k1(
+    campaign: Campaign, tests: Sequence[Test], members: Sequence[int], own: Sequence[Own], k1: Sequence[float]
+) -> list[tuple[int, Check]]:
+    """Checks of tyres whose K1 looks exchanged, from their tests at equal pressure, preload and frequency."""
+    rule = campaign.stated.sameness
+    conditions = rule.groups([condition_of(replace(test, tyre=""), rule) for test in tests]).tolist()
+    nominal = [round(np.log(one.frequency) / _SAME_FREQUENCY) if one.frequency > 0 else 0 for one in own]
+    of_tyre: dict[str, dict[tuple[int, int], int]] = {}
+    for i, test in enumerate(tests):
+        if np.isfinite(own[i].stiffness) and np.isfinite(k1[i]):
+            of_tyre.setdefault(test.tyre, {}).setdefault((conditions[i], nominal[i]), i)
+    rows = []
+    for one, other in combinations(of_tyre, 2):
+        both = sorted(of_tyre[one].keys() & of_tyre[other].keys())
+        pairs = [(of_tyre[one][key], of_tyre[other][key]) for key in both]
+        stiffness = np.array([[own[i].stiffness for i in pair] for pair in pairs]).reshape(-1, 2)
+        static = np.array([[k1[i] for i in pair] for pair in pairs]).reshape(-1, 2)
+        ratios = k1_exchanged(stiffness, static) if pairs else None
+        if ratios is not None:
+            a, b, usual = ratios
+            unlike, names = abs(a - b) / usual, f"{one} and {other}"
+            check = reported(Code.K1_EXCHANGED, "warning", unlike, names=names, one=a, other=b, usual=usual)
+            rows += [(members[i], check) for i, test in enumerate(tests) if test.tyre in (one, other)]
+    return rows
 
 
 def amplitudes(campaign: Campaign, tests: Sequence[Test], own: Sequence[Own]) -> list[tuple[str, Check]]:

@@ -22,8 +22,8 @@ from fourpole.fitting.rows import keys_of
 _HALF = 0.5
 #: Ratio of the noise in the joint solution to the noise in the recordings above which a note is made.
 _WORTH_SAYING = 1.2
-#: Relative drift of K* over the run above which a note is made.
-_DRIFTS = 1e-3
+#: Relative drift of K* over the run, and its relative scatter, above which a note is made.
+_DRIFTS, _SCATTERS = 1e-3, 1e-4
 _MASS, _SPRING = Source(Kind.RIG_VALUE, "moving_mass"), Source(Kind.RIG_VALUE, "preload_stiffness")
 #: The part of the rig that acts as a part of the value before it, so that no test distinguishes the two.
 _HIDDEN_IN = {_MASS: Source(Kind.RIG_VALUE, "tyre_mass"), _SPRING: Source(Kind.RIG_VALUE, "frame_stiffness")}
@@ -255,7 +255,7 @@ class RigEstimate:
             NoteCode.MISFIT: not self.fits,
             NoteCode.NOISE: self.fits and self.inflation > _WORTH_SAYING,
             NoteCode.UNSTEADY: self.unsteady > 0,
-            NoteCode.SCATTER: self.scatter > 0,
+            NoteCode.SCATTER: self.scatter > _SCATTERS,
             NoteCode.DRIFT: bool(self.drifts),
             NoteCode.OUTLIERS: bool(self.outliers),
             NoteCode.UNSHARED_MASSES: self.unshared_masses,

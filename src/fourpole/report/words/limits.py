@@ -16,6 +16,7 @@ from fourpole.report.digits import known
 from fourpole.report.words.phrases import counted, percent
 from fourpole.report.words.sources import About, remedy, source_in_words
 from fourpole.study.results import Results
+from fourpole.study.rig_estimate import NoteCode
 
 _BUDGET = ("test", "quantity", "source", q.SHARE.head)
 #: Quantities of budget.csv for which a limit is given.
@@ -113,7 +114,7 @@ def _about(results: Results, tests: pl.DataFrame, rig: str) -> About:
         massed=any((known(mass) or 0.0) > 0 for mass in here[q.ADDED_MASS.head].to_list()),
         with_v2=any(known(v2) for v2 in here[q.V2.head].to_list()),
         fits=found.fits,
-        scatter=found.scatter > 0,
+        scatter=NoteCode.SCATTER in found.notes,
         candidate=found.candidates[0].text if found.candidates else "",
     )
 

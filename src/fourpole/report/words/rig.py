@@ -176,7 +176,7 @@ def _remarks(found: RigEstimate) -> Iterable[str]:
     if not found.converged:
         reason = found.reason or "no reason is given"
         yield f"The joint route did not converge ({reason}): do not rely on it, use the relative route."
-    if found.scatter > 0:
+    if NoteCode.SCATTER in found.notes:
         yield (
             f"K* repeats to {percent(found.scatter)} from test to test, besides the noise; each row has K* of its own "
             "test. Look at temperature, conditioning and amplitude if this scatter is too large."
