@@ -269,6 +269,7 @@ class RigEstimate:
         return _NOTES[code].format(
             found=self,
             misfit=self._misfit() if code is NoteCode.MISFIT else "",
+            shown=f"; {self.explained}" if self.causes else "",
             strange=f"{len(self.outliers)} tests do" if many else "1 test does",
             counts="count" if many else "counts",
             drifts="; ".join(
@@ -326,7 +327,7 @@ _NO_CAUSE = (
 )
 #: Sentence of each note; `found` is the estimate.
 _NOTES = {
-    NoteCode.NOT_CONVERGED: "the joint route did not converge: {found.reason}; use --route relative",
+    NoteCode.NOT_CONVERGED: "the joint route did not converge: {found.reason}{shown}; use --route relative",
     NoteCode.MISFIT: (
         "rig and channels as stated do not fit their tests {misfit}; no row counts as ok, and no value is called "
         "calibrated"

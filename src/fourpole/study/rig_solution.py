@@ -34,11 +34,12 @@ _FAR = 2.0
 _ORDER = (Role.RIG, Role.UNSTATED, Role.CHANNEL, Role.MASS, Role.SPECIMEN)
 #: Candidates that are kept.
 _CANDIDATES = 6
-#: Faults of a recording that spoil its amplitudes, and the share of the tests that must show one.
+#: Faults of a recording that spoil its amplitudes, and the share of the tests that must show one: of a misfit, and where
+#: the solution does not converge.
 _SPOILS = (
     Code.LINEARITY, Code.FORCE_LINEARITY, Code.RIG_LINEARITY, Code.SPOILT, Code.HALVES, Code.CLIPPING, Code.TIME_BASE,
 )  # fmt: skip
-_MOST = 0.5
+_MOST, _SOME = 0.5, 0.2
 #: Least lever on K' that is named, and the largest number of levers that are named.
 _LEVER, _MOST_LEVERS = 0.1, 3
 
@@ -240,11 +241,12 @@ def _levers(joint: Joint, found: Outputs) -> dict[Source, float]:
 
 def with_recordings(estimate: RigEstimate, checks: Sequence[Sequence[Check]]) -> RigEstimate:
     """The estimate with the faults that most recordings show by themselves as the first causes of a misfit."""
-    if estimate.fits or not checks:
+    if (estimate.fits and estimate.converged) or not checks:
         return estimate
+    least = (_MOST if estimate.converged else _SOME) * len(checks)
     said = [{(row.code, row.channel) for row in rows if row.code in _SPOILS and row.verdict != "ok"} for rows in checks]
     shown = Counter(one for rows in said for one in rows)
-    faults = [one for one, count in shown.most_common() if count >= _MOST * len(checks)]
+    faults = [one for one, count in shown.most_common() if count >= least]
     if not faults:
         return estimate
     causes = [_shown_by_recordings(code, channel, shown[code, channel], len(checks)) for code, channel in faults]

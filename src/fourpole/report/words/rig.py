@@ -176,6 +176,8 @@ def _remarks(found: RigEstimate) -> Iterable[str]:
     if not found.converged:
         reason = found.reason or "no reason is given"
         yield f"The joint route did not converge ({reason}): do not rely on it, use the relative route."
+        if found.causes:
+            yield _sentence(found.explained)
     if NoteCode.SCATTER in found.notes:
         yield (
             f"K* repeats to {percent(found.scatter)} from test to test, besides the noise; each row has K* of its own "

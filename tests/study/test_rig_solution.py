@@ -1,0 +1,41 @@
+"""Faults that recordings show by themselves, as causes of a misfit."""
+
+from dataclasses import replace
+
+import pytest
+
+from fourpole.core.checks import Check, reported
+from fourpole.core.codes import Code
+from fourpole.study.rig_estimate import NoteCode, RigEstimate
+from fourpole.study.rig_solution import with_recordings
+
+FITTED = RigEstimate("", chi2=900.0, dof=100.0)
+MISFIT, LOST = replace(FITTED, fits=False), replace(FITTED, converged=False, reason="no step helps")
+
+
+def shown(count):
+    """Checks of ten recordings of which some show a specimen that is not linear, and one a wandering speed."""
+    linear = Check(Code.LINEARITY, 0.0, 0.02, "ok")
+    bent = reported(Code.LINEARITY, "warning", 0.1, 0.02)
+    speed = reported(Code.SPEED, "warning", 0.1, shift=0.1)
+    return [[bent if i < count else linear, *([] if i else [speed])] for i in range(10)]
+
+
+@pytest.mark.parametrize(
+    ("estimate", "count", "named"),
+    [(FITTED, 10, False), (MISFIT, 4, False), (MISFIT, 5, True), (LOST, 1, False), (LOST, 2, True)],
+)
+def test_a_fault_of_many_recordings_is_the_first_cause(estimate, count, named):
+    found = with_recordings(estimate, shown(count))
+    said = [found.note(code) for code in found.notes]
+    assert any(f"what {count} of 10 recordings show: the specimen is not linear" in note for note in said) == named
+    assert found.tied == named
+
+
+def test_a_solution_that_does_not_converge_says_what_the_recordings_show_and_what_to_do():
+    note = with_recordings(LOST, shown(3)).note(NoteCode.NOT_CONVERGED)
+    assert note.startswith("the joint route did not converge: no step helps; best explained by what 3 of 10 recordings")
+    assert note.endswith("; use --route relative")
+    assert LOST.note(NoteCode.NOT_CONVERGED) == (
+        "the joint route did not converge: no step helps; use --route relative"
+    )
