@@ -34,8 +34,8 @@ _FAR = 2.0
 _ORDER = (Role.RIG, Role.UNSTATED, Role.CHANNEL, Role.MASS, Role.SPECIMEN)
 #: Candidates that are kept.
 _CANDIDATES = 6
-#: Faults of a recording that spoil its amplitudes, and the share of the tests that must show one: of a misfit, and where
-#: the solution does not converge.
+#: Faults of a recording that spoil its amplitudes. One is a cause of a misfit if the first share of the tests shows it,
+#: and the cause of a lack of convergence if the second share does.
 _SPOILS = (
     Code.LINEARITY, Code.FORCE_LINEARITY, Code.RIG_LINEARITY, Code.SPOILT, Code.HALVES, Code.CLIPPING, Code.TIME_BASE,
 )  # fmt: skip
