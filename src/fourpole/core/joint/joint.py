@@ -74,7 +74,7 @@ class Joint(ByValue):
 
     @property
     def found_std(self) -> FloatArray:
-        """Standard uncertainties of `found`, if all statements that were not set aside are true."""
+        """Standard uncertainties of `found`, each in its unit, if all statements as last widened are true."""
         return np.sqrt(np.diag(self.solution.covariance)) * self.problem.shared.std
 
 
@@ -119,15 +119,7 @@ def solve_joint(
         tuple(error.source for error in errors),
         tuple(names.tolist()),
     )
-    gross = gross_errors(problem.observed, stated)
-    start = closed_form_start(problem.observed, problem.conditions, stated, channels)
-    problem = _with_frequency_noise(problem, start)
-    apart = deviations(problem, np.zeros(len(stated)), start)
-    problem = replace(problem, scatter=robust_scatter(problem, apart))
-    if gross:
-        problem = without_rig(problem, np.zeros(len(stated)), start, 1.0)
-    problem, solution = solve_either(problem, start)
-    problem, solution, outlier, misfit = reconcile(problem, solution, start, gross)
+    problem, solution, outlier, misfit = _reconciled(problem, channels)
     back = np.argsort(order)
     return Joint(
         problem=problem,
@@ -139,6 +131,19 @@ def solve_joint(
         outlier=outlier[back],
         misfit=misfit,
     )
+
+
+def _reconciled(problem: Problem, channels: ChannelUncertainty) -> tuple[Problem, Solution, FloatArray, Misfit]:
+    """The problem after all remedies, its solution, the factors (N,) of the outliers' variances, and the misfit."""
+    as_stated = np.zeros(len(problem.shared))
+    gross = gross_errors(problem.observed, problem.shared)
+    start = closed_form_start(problem.observed, problem.conditions, problem.shared, channels)
+    problem = _with_frequency_noise(problem, start)
+    problem = replace(problem, scatter=robust_scatter(problem, deviations(problem, as_stated, start)))
+    if gross:
+        problem = without_rig(problem, as_stated, start, 1.0)
+    problem, solution = solve_either(problem, start)
+    return reconcile(problem, solution, start, gross)
 
 
 def _unlike(deflection: FloatArray) -> FloatArray:

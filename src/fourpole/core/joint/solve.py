@@ -189,7 +189,7 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
         The values with the smallest objective found. If the search did not converge, `reason` says why.
     """
     z = np.zeros(len(problem.shared)) if z is None else z
-    first = _sweep(problem, z, start)
+    first = _sweep(problem, z, start)  # its slopes of log K* are needed for a full sweep
     stiffness, step, share = start, _sweep(problem, z, start, first.slope), 1.0
     before = lowest = (z, stiffness, step)
     flat = 0
@@ -200,7 +200,7 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
         if not _no_worse(step, before[2]):
             share *= 0.5
             if share < 1e-6:
-                reason = "no step lowers the residual: the rig as stated and the recordings do not go together"
+                reason = "no step lowers the residual: the rig as stated and the recordings contradict each other"
                 break
         else:
             before = (z, stiffness, step)
