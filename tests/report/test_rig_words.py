@@ -80,8 +80,8 @@ def test_the_fit(plain):
 
 def test_without_degrees_of_freedom_no_fit_is_claimed(plain):
     assert of(with_values(plain, VALUES, tests=1, conditions=1, dof=0.0)).fit == (
-        "1 test at 1 condition share 6 unknown values; they leave nothing over by which rig and sensors could be held "
-        "against each other."
+        "1 test at 1 condition share 6 unknown values; they leave no degree of freedom to check the rig and "
+        "the sensors against each other."
     )
 
 
@@ -122,7 +122,7 @@ def test_where_the_rig_does_not_fit_nothing_is_called_calibrated(misfit):
         (
             0,
             (
-                "The rig and the sensors as stated do not go with these tests: chi-square is 10 per degree of freedom, "
+                "The rig and the sensors as stated do not fit these tests: chi-square is 10 per degree of freedom, "
                 "not 1."
             ),
         ),
@@ -131,7 +131,7 @@ def test_where_the_rig_does_not_fit_nothing_is_called_calibrated(misfit):
             (
                 "The uncertainties of all results were enlarged to cover the misfit: each test includes an error of "
                 "the rig's impedance of 2.0 % of its largest part, so that K* rests on the channels and all noise "
-                "counts 1.5 times."
+                "was multiplied by 1.5."
             ),
         ),
         (2, "No row counts as ok, and no value of this rig is called calibrated."),
@@ -149,7 +149,7 @@ def test_a_candidate(misfit):
 
 
 def test_a_candidate_that_is_as_good_as_the_best(misfit):
-    assert misfit.candidates[1].endswith(", so nearly as much that the data do not tell it from the first")
+    assert misfit.candidates[1].endswith(", nearly as much, so that the data do not distinguish it from the first")
 
 
 def test_a_statement_that_is_contradicted_is_named(plain):
@@ -201,8 +201,8 @@ def test_what_nobody_stated_is_said_where_the_rig_does_not_fit(plain):
     joint = {**MISFIT, "rig_error": 0.0, "inflation": 1.0}
     found = of(with_values(plain, {**VALUES, **UNSTATED}, **joint))
     assert found.misfit[1] == (
-        "The tests need what you did not state: compliance of the frame, not stated and cross-talk of V2 in F1. The "
-        "uncertainties of all results hold this."
+        "The tests show what you did not state: compliance of the frame, not stated and cross-talk of V2 in F1. The "
+        "uncertainties of all results include it."
     )
     assert not any("enlarged" in text for text in found.misfit)
 
@@ -405,7 +405,7 @@ def test_all_candidates_that_explain_the_misfit_equally_well_are_listed_as_such(
     listed = [first, *[{**second, "explains": 1000.0 - at} for at in range(5)]]
     texts = of(with_values(plain, VALUES, **{**MISFIT, "candidates": listed, "tied": tied})).candidates
     assert len(texts) == max(4, tied)
-    assert [at for at, text in enumerate(texts) if "do not tell it from the first" in text] == alike
+    assert [at for at, text in enumerate(texts) if "do not distinguish it from the first" in text] == alike
 
 
 @pytest.mark.parametrize(

@@ -333,7 +333,7 @@ _NOTES = {
         "calibrated"
     ),
     NoteCode.NOISE: (
-        "all noise was enlarged {found.inflation:.2g} times: the tests differ by more than the noise of their "
+        "all noise was multiplied by {found.inflation:.2g}: the tests differ by more than the noise of their "
         "recordings, and no single error of a sensor or part of the rig explains it; look for an unsteady drive"
     ),
     NoteCode.UNSTEADY: (

@@ -94,7 +94,7 @@ def _fit(found: RigEstimate) -> str:
         f"{counted(found.shared, 'unknown value')}"
     )
     if found.chi2 is None or found.chi2_per_dof is None:
-        return f"{text}; they leave nothing over by which rig and sensors could be held against each other."
+        return f"{text}; they leave no degree of freedom to check the rig and the sensors against each other."
     return (
         f"{text}. With rig and sensors as stated chi-square is {number(found.chi2)} at {found.dof:.0f} degrees of "
         f"freedom, {number(found.chi2_per_dof, 2)} per degree, where chance gives about 1."
@@ -122,7 +122,7 @@ def _was(count: int) -> str:
 def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     ratio = found.chi2_per_dof
     per = f": chi-square is {number(ratio, 2)} per degree of freedom, not 1" if ratio is not None else ""
-    yield f"The rig and the sensors as stated do not go with these tests{per}."
+    yield f"The rig and the sensors as stated do not fit these tests{per}."
     against = [value.name for value in values if value.finding is RigFinding.CONTRADICTED]
     if against:
         which = "this statement hardly counts" if len(against) == 1 else "these statements hardly count"
@@ -132,7 +132,7 @@ def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
         )
     added = [value.name for value in values if value.finding is RigFinding.UNSTATED and _is_error(value)]
     if added:
-        yield f"The tests need what you did not state: {joined(added)}. The uncertainties of all results hold this."
+        yield f"The tests show what you did not state: {joined(added)}. The uncertainties of all results include it."
     done = list(_enlarged(found))
     if done:
         yield f"The uncertainties of all results were enlarged to cover the misfit: {joined(done)}."
@@ -152,7 +152,7 @@ def _enlarged(found: RigEstimate) -> Iterable[str]:
             "rests on the channels"
         )
     if inflation > 1:
-        yield f"all noise counts {number(inflation, 2)} times"
+        yield f"all noise was multiplied by {number(inflation, 2)}"
 
 
 def _candidates(found: RigEstimate) -> Iterable[str]:
@@ -163,7 +163,7 @@ def _candidates(found: RigEstimate) -> Iterable[str]:
         if explains is not None:
             text += f": chi-square would fall by {number(explains)}"
             if 0 < at < found.tied:
-                text += ", so nearly as much that the data do not tell it from the first"
+                text += ", nearly as much, so that the data do not distinguish it from the first"
         yield text
 
 
