@@ -222,7 +222,7 @@ HURTS = {
     "noise for V1": Hurt("rejected", ("V1",), not_steady),
     "at the rig's resonance": Hurt(
         "rejected",
-        ("14.02 Hz is the rig's own resonance", "the tyre cannot be seen; test at another frequency, or with another"),
+        ("14.02 Hz is the rig's own resonance", "K* is poorly determined; test at another frequency, or with another"),
         at_its_own_resonance,
     ),
     # the channels and the tyre

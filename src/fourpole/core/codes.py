@@ -104,10 +104,10 @@ class Code(Enum):
     )
     RESIDUAL = (
         "residual",
-        "what the fit of a channel leaves over the fundamental",
+        "the residual of the fit of a channel over the fundamental",
         "noise or an unsteady speed",
         (
-            "what the fit leaves of {channel} is {statistic:.0%} of the fundamental: noise, an unsteady speed, "
+            "the residual of the fit of {channel} is {statistic:.0%} of the fundamental: noise, an unsteady speed, "
             "or loose parts; "
         ),
         "look at the signal, record longer, or steady the drive",
@@ -123,10 +123,10 @@ class Code(Enum):
     RESONANCE = (
         "rig resonance",
         "the largest part of the rig's stiffness over K3 - m w²",
-        "the rig's own resonance hides the tyre",
+        "K* is poorly determined near the rig's own resonance",
         (
             "{hertz:.4g} Hz is the rig's own resonance (K3 = {spring:.4g} N/m, m w² = {inertia:.4g} N/m): it moves "
-            "without force and the tyre cannot be seen; "
+            "almost without force, so K* is poorly determined; "
         ),
         "test at another frequency, or with another moving mass",
     )
@@ -146,7 +146,7 @@ class Code(Enum):
     )
     LEFT_OUT = (
         "use",
-        "a channel that the route can spare and that cannot be used",
+        "whether a channel that the route does not need can be used",
         "a channel was left out",
         "{channel} was left out: {why}",
     )
@@ -155,7 +155,7 @@ class Code(Enum):
         "steady part",
         "the part of the recording in which the drive is steady",
         "the ends of the recording were cut",
-        "{cut} of {length:.4g} s were cut, for the drive was not steady there; ",
+        "{cut} of {length:.4g} s were cut, because the drive was not steady there; ",
         "state window [s] to choose",
     )
     SPEED = (
@@ -251,7 +251,7 @@ class Code(Enum):
     UNCERTAINTY = (
         "uncertainty",
         "the relative uncertainty of K2 or C, the larger one",
-        "K2 or C is known too poorly",
+        "the uncertainty of K2 or C is too large",
         "{name} is known to {statistic:.0%} only,{interval}: ",
         "use K* instead, or state the rig, K1 and the channels with smaller uncertainties",
     )
@@ -273,7 +273,7 @@ class Code(Enum):
             "K' of the relative route, which needs no rig, is {percent:+.2g} % off that of the joint one, beyond what "
             "noise explains: "
         ),
-        "look for what this test has that the others have not: a range, a mass, a loose sensor, another tyre",
+        "look for a difference from the other tests: a range, a mass, a loose sensor, another tyre",
     )
     RIG = (
         "rig",

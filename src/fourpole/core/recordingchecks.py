@@ -179,7 +179,7 @@ def check_mean_force(mean: float, preload: float | None) -> Check:
 
 
 def check_resonance(frequency: float, rig: Rig, added_mass: float) -> Check:
-    """Compare the rig's own stiffness K3 - m w² with its larger part; near zero, the rig's resonance hides the tyre."""
+    """Compare the rig's own stiffness K3 - m w² with its larger part; where it is small, K* is poorly determined."""
     omega = 2 * np.pi * frequency
     if rig.blocked:
         return Check(Code.RESONANCE, 0.0, 20.0, "ok")
