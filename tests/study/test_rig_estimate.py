@@ -33,6 +33,13 @@ def test_a_misfit_has_its_candidates_and_what_was_enlarged(plain):
     assert found.notes == (NoteCode.MISFIT,)
 
 
+def test_a_misfit_without_a_cause_claims_none_in_the_uncertainties(plain):
+    record = {"joint": {"": {**MISFIT, "rig_error": 0.0}}}
+    (found,) = replace_record(plain, record).rigs
+    assert "the uncertainties include this cause" in found.note(NoteCode.MISFIT)
+    assert "include no cause of it" in replace(found, candidates=()).note(NoteCode.MISFIT)
+
+
 def test_a_value_that_is_not_calibrated_makes_a_rig_that_does_not_fit(plain):
     values = {name: (*cells[:7], "not calibrated") for name, cells in VALUES.items()}
     (found,) = replace(plain, tables={**plain.tables, "rig": rig_table(values)}).rigs

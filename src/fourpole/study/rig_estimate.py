@@ -300,6 +300,8 @@ class RigEstimate:
         """The consequence of a misfit for the uncertainties."""
         if self.rig_error > 0:
             return "K* rests on the channels as stated and not on the rig, with their uncertainty"
+        if not self.candidates:
+            return "the uncertainties include no cause of it"
         return "the uncertainties include " + ("these causes" if len(self.causes) > 1 else "this cause")
 
     @property
