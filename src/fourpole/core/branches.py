@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy import ndimage
 
 from fourpole.core.arrays import BoolArray, FloatArray, IntArray
+from fourpole.core.rests import passes_levels, ranks, rests
 
 #: A turn is accepted if the deflection then returns by this share of its whole range.
 _TURN = 0.3
@@ -16,12 +16,6 @@ _TURN = 0.3
 _COMPLETE = 0.9
 #: Parts of the span in which deflections are counted.
 _BINS = 20
-#: A record of at least so many samples is stepped if it makes this share of its way in at most this share of its
-#: samples, with steps of so many times the median and of this share of the span, between so many rests.
-_FEWEST_STEPPED, _WAY, _MOVING, _QUICK, _STEP, _FEWEST_RESTS = 60, 0.5, 0.25, 4.0, 0.005, 4
-#: A stepped record has no order if more than this share of its steps jump over a level that is farther than this share
-#: of the span from both ends.
-_JUMPING, _APART = 0.3, 0.05
 #: A record rests within this share of its span.
 _AT_REST = 0.02
 #: Free travel covers at least this share of the deflection, below this share of the load span, with a slope below this
@@ -76,15 +70,17 @@ class Branches:
         )
 
 
-def split_branches(deflection: FloatArray) -> Branches:
+def split_branches(deflection: FloatArray, load: FloatArray | None = None) -> Branches:
     """Split a deflection record at its turns.
 
     A cycle is a complete loading branch with the complete unloading branch after it. If a record has no such pair, a
     cycle is an unloading branch with the loading branch after it. Unordered points, with more turns than a third of
-    their number, are one branch.
+    their number, or of a load that steps in no order, are one branch.
     """
     turns = _turning_points(deflection)
-    ordered = len(turns) <= 2 + deflection.size // 3 and _passes_levels(deflection)
+    number = rests(deflection, load)
+    ordered = len(turns) <= 2 + deflection.size // 3
+    ordered = ordered and (number is None or passes_levels(ranks(number, deflection, load)))
     if not ordered:
         turns = [0, deflection.size - 1]
     else:
@@ -121,41 +117,6 @@ def _rest(deflection: FloatArray, turn: int, step: int) -> int:
     beyond = deflection[: turn + 1][::-1] if step < 0 else deflection[turn:]
     away = np.flatnonzero(np.abs(beyond - deflection[turn]) > _AT_REST * float(np.ptp(deflection)))
     return turn + step * (int(away[0]) - 1 if away.size else beyond.size - 1)
-
-
-def rests(deflection: FloatArray) -> IntArray | None:
-    """Number of the rest to which each sample of a stepped record belongs, -1 between rests; None for one that flows.
-
-    A stepped record makes most of its way in few samples.
-    """
-    count, span = deflection.size, float(np.ptp(deflection))
-    if count < _FEWEST_STEPPED or not span > 0.0:
-        return None
-    smooth = ndimage.median_filter(deflection, size=max(5, count // 50 | 1), mode="nearest")
-    steps = np.abs(np.diff(smooth, prepend=smooth[0]))
-    moves = steps > max(_QUICK * float(np.median(steps)), _STEP * span)
-    if steps[moves].sum() < _WAY * steps.sum() or moves.mean() > _MOVING:
-        return None
-    number = np.cumsum(np.diff(moves.astype(int), prepend=1) < 0) - 1
-    number = np.where(moves, -1, number)
-    lengths = np.bincount(number[number >= 0], minlength=1)
-    long = lengths >= max(5, count // 200)
-    number = np.where(long[number] & (number >= 0), number, -1)
-    return number if long.sum() >= _FEWEST_RESTS else None
-
-
-def _passes_levels(deflection: FloatArray) -> bool:
-    """Whether the steps of a record pass its levels one by one; True for a record that flows.
-
-    A load that steps in no order, as from 200 to 1600 and back to 400 N, jumps over levels at which it rests otherwise.
-    """
-    number = rests(deflection)
-    if number is None:
-        return True
-    level = np.array([np.median(deflection[number == one]) for one in np.unique(number[number >= 0])])
-    margin = _APART * float(np.ptp(deflection))
-    jumps = [np.any((level > min(pair) + margin) & (level < max(pair) - margin)) for pair in pairwise(level)]
-    return float(np.mean(jumps)) <= _JUMPING
 
 
 def _pairs(rising: tuple[bool, ...], complete: BoolArray, *, first: bool) -> tuple[tuple[int, int], ...]:

@@ -8,7 +8,8 @@ last complete cycle. Both branches are fitted at once,
 so that P is the mean and H half the gap at equal deflection, whatever the deflections that each branch sampled.
 The orders of P and H and the memory of the residuals, along the record, are those of least BIC. The tangent is taken
 from the part of the cycle round the load that gives it best. The fit reproduces data that are an exact polynomial.
-Points in no order, as of a load that steps at random, are fitted as one curve.
+Points in no order, as of a load that steps at random, are fitted as one curve. A stepped record is fitted through the
+means of its rests (`stepcurve`).
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.branches import Branches, in_contact, split_branches
-from fourpole.core.meancurve import MeanCurve, fit_mean_curve
+from fourpole.core.meancurve import MeanCurve
 from fourpole.core.parts import Local, Points, deflection_at, in_part, surest
+from fourpole.core.stepcurve import fit_curve
 from fourpole.errors import LoadCurveError
 
 _FEWEST_POINTS = 5
@@ -152,7 +154,7 @@ class LoadCurve(ByValue):
     @cached_property
     def branches(self) -> Branches:
         """Loading and unloading branches, in the order recorded."""
-        return split_branches(self.deflection)
+        return split_branches(self.deflection, self.load)
 
     @property
     def cycles(self) -> int:
@@ -186,11 +188,11 @@ class LoadCurve(ByValue):
     def _fit(self, cycle: int) -> tuple[MeanCurve, BoolArray]:
         """The mean curve of a cycle without its outliers, and which points of it were used."""
         x, f, side = self._cycle(cycle)
-        curve = fit_mean_curve(x, f, side)
+        curve = fit_curve(x, f, side)
         used = ~_off_the_curve(curve, f)
         if used.all():
             return curve, used
-        return fit_mean_curve(x[used], f[used], None if side is None else side[used]), used
+        return fit_curve(x[used], f[used], None if side is None else side[used]), used
 
     def _near(self, load: float) -> Local:
         """The tangent at a load from the part of the last cycle that gives it best."""

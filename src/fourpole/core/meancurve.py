@@ -9,7 +9,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
-from fourpole.core.branches import levels, rests
+from fourpole.core.branches import levels
 from fourpole.core.memory import whitened
 
 _HIGHEST_ORDER = 9
@@ -43,6 +43,8 @@ class MeanCurve(ByValue):
         Chebyshev coefficients of the plain part of H, and of the part that a half circle over the span multiplies.
     residual : (N,) float [N]
         Load minus fit at each point.
+    stepped : bool
+        Whether the curve goes through the rests of a stepped record.
     """
 
     centre: float
@@ -53,6 +55,7 @@ class MeanCurve(ByValue):
     gap: FloatArray
     round_gap: FloatArray
     residual: FloatArray
+    stepped: bool = False
 
     @property
     def order(self) -> int:
@@ -178,12 +181,10 @@ def _gap_columns(place: FloatArray, side: FloatArray | None, *, whole: bool) -> 
 def _rows(table: FloatArray, place: FloatArray, side: FloatArray | None) -> tuple[FloatArray, BoolArray]:
     """Means of consecutive points, and whether each begins a stretch; a model of the points is one of their means.
 
-    A stretch is a branch, or a rest of a stepped record: each rest may have an error of its own.
+    A stretch is a branch.
     """
     count = place.size
     changes = np.zeros(count, dtype=bool) if side is None else np.diff(side, prepend=side[0]) != 0
-    if (level := rests(place)) is not None:
-        changes |= np.diff(level, prepend=level[0]) != 0
     branch = np.cumsum(changes)
     size = max(1, count // _ROWS)
     if size > 1:

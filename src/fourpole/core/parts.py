@@ -59,11 +59,11 @@ def surest(points: Points, whole: MeanCurve, place: float, load: float) -> Local
 
     A part around the load needs no model of the turns, where friction and relaxation bend the branches; the whole has
     more points. A part is used if its uncertainty is clearly smaller. If the tangents of the parts differ by more than
-    their uncertainties, the uncertainty of the tangent is enlarged.
+    their uncertainties, the uncertainty of the tangent is enlarged. A curve through rests is always used whole.
     """
     low, high = whole.span
     found = [Local(whole, place, *whole.tangent(place))]
-    for share in _PARTS if found[0].std > _SURE * found[0].slope else ():
+    for share in _PARTS if found[0].std > _SURE * found[0].slope and not whole.stepped else ():
         reach = 0.5 * share * (high - low)
         local = in_part(points, float(np.clip(place, low + reach, high - reach)), reach, load)
         found += [local] if local is not None else []
