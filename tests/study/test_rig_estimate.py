@@ -36,7 +36,7 @@ def test_a_misfit_has_its_candidates_and_what_was_enlarged(plain):
 def test_a_misfit_without_a_cause_claims_none_in_the_uncertainties(plain):
     record = {"joint": {"": {**MISFIT, "rig_error": 0.0}}}
     (found,) = replace_record(plain, record).rigs
-    assert "the uncertainties include this cause" in found.note(NoteCode.MISFIT)
+    assert "the uncertainties include these causes" in found.note(NoteCode.MISFIT)
     assert "include no cause of it" in replace(found, candidates=()).note(NoteCode.MISFIT)
 
 
