@@ -121,3 +121,35 @@ def test_noise_alone_is_never_a_harmonic(recorded):
     for seed in range(40):
         rows = amplitudes([2e-5])  # 6 N beside noise of 0.4 N, 2 mm/s beside 0.2 mm/s
         assert verdicts(recorded(rows, seed)) == ALL_OK
+
+
+SLOW, STEP = 2j * np.pi * 1.0 * NUMBER, [1.0, 0.01, 0.05j, 0.004, 0.01]
+BODIES = {
+    "spring beside a damper": 1e5 + 1.5e4 * SLOW,
+    "damper with a weak spring": 2e3 + 1.5e4 * SLOW,
+    "spring behind a damper": 2e5 * SLOW * 0.1 / (1 + SLOW * 0.1),
+    "rubber": 1e5 * SLOW**0.3,
+    "Zener body": 1e5 * (1 + 3.0 * SLOW * 0.1 / (1 + SLOW * 0.1)),
+}
+
+
+def bench(record, force, motion, seed=0):
+    """Checks of a slow test with blocked output, 20 cycles at 1 Hz."""
+    rows = np.stack([force, SLOW * motion], axis=1)
+    noise = np.random.default_rng(seed).normal(size=(2, 2000)) * np.array([[1e-3 * abs(force[0])], [1e-5]])
+    found = demodulate(record(rows, 1.0, rate=100.0, samples=2000, extra=noise))
+    return {row.code: row.verdict for row in linearity_checks(found.harmonics, 1.0, Rig(blocked=True), 0.0)}
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_linear_specimen_on_a_slow_bench_may_move_with_harmonics(record, name):
+    motion = 8e-3 * np.array(STEP)
+    assert bench(record, BODIES[name] * motion, motion) == {Code.LINEARITY: "ok"}
+
+
+def test_a_friction_damper_is_not_linear_though_its_motion_has_harmonics_too(record):
+    """A square wave of force, and a motion that its friction bends: 5 % of the third harmonic, as recordings have."""
+    motion = 8e-3 * np.array([1.0, 0.0, 0.05, 0.0, 0.01])
+    square = 500.0 * 1j * np.array([1.0, 0.0, 1 / 3, 0.0, 1 / 5])
+    damper = 5e3 * SLOW * motion
+    assert bench(record, square + damper, motion) == {Code.LINEARITY: "warning"}

@@ -22,6 +22,8 @@ from fourpole.core.rig import Rig
 _SPECIMEN = 0.02
 #: The same for the rig. Its friction then takes 3 % of the force, more than the usual uncertainty of a sensor.
 _RIG = 0.01
+#: Lowest natural frequency of a specimen by its own mass [Hz]; tyres have theirs from 50 Hz on.
+_NATURAL = 40.0
 #: Amplitudes below this many standard uncertainties of a part are noise: 4 of a million exceed it by chance.
 _NOISE = 5.0
 #: Harmonics of F1 are the channel's own if V2 needs less than this share of them.
@@ -78,8 +80,10 @@ def excess(harmonics: Harmonics, omega: float, rig: Rig | None, added_mass: floa
     r"""Harmonics of the force that the motion's harmonics do not explain.
 
     K* at a harmonic is taken as :math:`K^*(\omega)\,n^{2\delta/\pi}`, with :math:`\delta` the phase of K*. It is exact
-    for a spring, a damper, a mass and a power law, and close for rubber. Harmonic n may depart from it by n - 1 times
-    its size. If F1 and V2 contradict each other at the fundamental, both parts are not-a-number.
+    for a spring, a damper and a power law. A spring beside a damper, and a spring behind a damper, of the same phase
+    give the largest departure from it. A mass of the specimen adds :math:`s/(1-s)`, :math:`s=(nf/f_0)^2`, where its
+    lowest natural frequency :math:`f_0` is at least 40 Hz. Above it, harmonic n may depart by n - 1 times its size.
+    If F1 and V2 contradict each other at the fundamental, both parts are not-a-number.
 
     Parameters
     ----------
@@ -119,7 +123,8 @@ def excess(harmonics: Harmonics, omega: float, rig: Rig | None, added_mass: floa
     far = 0.0 if blocked or np.isnan(v2[0]) else noise[2]
     spread = np.hypot(noise[0], np.abs(stiffness / jw) * np.hypot(noise[1], far))
     explained = stiffness * deflection
-    own = _above(force - explained, (number - 1) * np.abs(explained) + _NOISE * spread)
+    allowed = _departure(np.angle(force[0] / deflection[0]), number, omega) * np.abs(explained)
+    own = _above(force - explained, allowed + _NOISE * spread)
     specimen = _share(own[clear], force)
     if needed is None or np.isnan(v2[0]):
         return Excess(specimen, np.nan)
@@ -150,6 +155,18 @@ def _extrapolated(stiffness: complex, number: FloatArray) -> ComplexArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         lag = np.clip(np.angle(stiffness), 0.0, np.pi)
         return np.asarray(stiffness * number ** (2 * lag / np.pi))
+
+
+def _departure(phase: float, number: FloatArray, omega: float) -> FloatArray:
+    """Largest relative departure of a linear specimen's K* at the harmonics from its power law, (n,) [1]."""
+    delta = float(np.clip(phase, 0.0, 0.5 * np.pi))
+    turn, power = np.exp(-1j * delta), number ** (2 * delta / np.pi)
+    beside = (np.cos(delta) + 1j * number * np.sin(delta)) * turn
+    behind = 1j * number * turn / (np.sin(delta) + 1j * number * np.cos(delta))
+    rubber = np.maximum(np.abs(beside / power - 1), np.abs(behind / power - 1))
+    share = np.minimum((number * omega / (2 * np.pi * _NATURAL)) ** 2, 1.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.minimum(number - 1, rubber + share / (1 - share)))
 
 
 def _above(amplitudes: ComplexArray, limit: FloatArray) -> FloatArray:

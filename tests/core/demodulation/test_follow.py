@@ -157,3 +157,27 @@ def test_between_keeps_the_samples_of_a_stretch():
     assert part.channels["force_in"].samples.tolist() == list(range(200, 301))
     assert part.channels["force_in"].start == pytest.approx(2.0, abs=1e-12)
     assert part.span == pytest.approx((1.995, 3.005))
+
+
+@pytest.mark.parametrize(("before", "after"), [(2.0, 0.0), (0.0, 2.0), (1.3, 1.7), (0.0, 0.0)])
+@pytest.mark.parametrize("fading", [0.0, 0.025])
+def test_a_short_recording_is_cut_where_the_drive_rests(before, after, fading):
+    """Ten cycles at 1 Hz between rests, of an amplitude that may fade: too few for an envelope."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, before + 10.0 + after, 0.01)
+    runs = (time >= before) & (time < before + 10.0)
+    since = np.where(runs, time - before, 0.0)
+    size = np.where(runs, 1.0 - fading * since, 0.0)
+    motion = 8e-3 * size * np.sin(2 * np.pi * since) + 1e-5 * rng.standard_normal(time.size)
+    force = 500.0 * size * np.cos(2 * np.pi * since) + rng.standard_normal(time.size)
+    recording = Recording(100.0, {"force_in": Channel(force, "force"), "motion_in": Channel(motion, "displacement")})
+    part = steady_part(recording, 1.0)
+    if not before and not after:
+        assert part is None
+        return
+    assert part is not None
+    low, high = recording.span
+    start, end = part[0] - low, part[1] - low
+    # A half cycle in which the drive starts or stops counts as moving; one cycle follows for the start.
+    assert start == 0.0 if not before else before + 0.4 <= start <= before + 1.1
+    assert end == pytest.approx(high - low) if not after else before + 10.0 - 0.1 <= end <= before + 10.5

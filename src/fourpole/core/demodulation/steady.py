@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.demodulation.envelope import Envelope, envelope
-from fourpole.core.demodulation.tracks import tracks_of
+from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Recording
 from fourpole.errors import RecordingError
@@ -26,8 +27,10 @@ _LONGEST_RING = 0.3
 #: Number of trimmings; each takes the middle of what the one before has kept.
 _ROUNDS = 2
 _FEWEST_STRETCHES = 8
-#: Fewest excitation cycles of a steady part.
-_FEWEST_CYCLES = 6.0
+#: Fewest excitation cycles of a steady part, and of what lies between two rests.
+_FEWEST_CYCLES, _FEWEST_MOVING = 6.0, 4.0
+#: The drive rests in a half cycle whose range is below this share of the usual one; the start lasts so many cycles.
+_REST, _START = 0.2, 1.0
 
 
 def steady_part(recording: Recording, frequency: float) -> tuple[float, float] | None:
@@ -47,7 +50,8 @@ def steady_part(recording: Recording, frequency: float) -> tuple[float, float] |
     Notes
     -----
     A stretch is steady if V1 has its usual level and speed, and if F1/V1 and V2/V1 have their usual values. The second
-    condition excludes the free vibration of the rig after a start.
+    condition excludes the free vibration of the rig after a start. A recording of few cycles is cut only where the
+    drive rests, and by one cycle for the start.
     """
     names = [name for name in CHANNELS if name in recording.channels]
     try:
@@ -56,7 +60,7 @@ def steady_part(recording: Recording, frequency: float) -> tuple[float, float] |
         return None
     found = _bridged(envelope(tracks, 2 * np.pi * frequency))
     if found is None:
-        return None
+        return _between_rests(tracks[0], frequency, recording.span)
     speed = _speed(found)
     running = _running(found, speed)
     kept = None if running is None else _trimmed(found, speed, *running)
@@ -71,6 +75,20 @@ def steady_part(recording: Recording, frequency: float) -> tuple[float, float] |
         low if begin <= 1 else middle + float(found.time[begin]),
         high if end >= last else middle + float(found.time[end - 1]),
     )
+
+
+def _between_rests(track: Track, frequency: float, span: tuple[float, float]) -> tuple[float, float] | None:
+    """Start and end [s] of the motion between rests, without its first cycle; None if there is no rest to cut."""
+    motion = track.signals[track.names.index("motion_in")]
+    edges = np.arange(0.0, motion.size + 0.5, track.rate / (2 * frequency)).astype(int)
+    if edges.size < _FEWEST_STRETCHES or not track.present.all():
+        return None
+    spread = np.array([np.ptp(motion[low:high]) for low, high in pairwise(edges)])
+    first, last = _longest(spread > _REST * float(np.median(spread[spread > 0.5 * spread.max()])))
+    begin = span[0] if first == 0 else span[0] + edges[first] / track.rate + _START / frequency
+    end = span[1] if last == spread.size else span[0] + edges[last] / track.rate
+    moving = (end - begin) * frequency >= _FEWEST_MOVING
+    return (begin, end) if moving and (begin, end) != span else None
 
 
 def _running(found: Envelope, speed: FloatArray) -> tuple[int, int] | None:
