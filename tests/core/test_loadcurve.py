@@ -143,6 +143,17 @@ def test_a_drift_does_not_cancel_where_the_branches_differ_in_duration(load_cycl
     assert abs(tangent.stiffness - K1(there)) < 2 * tangent.std
 
 
+@pytest.mark.parametrize("cycles", [4, 6, 10])
+def test_a_load_cell_that_warms_up_moves_most_in_its_first_cycles(load_cycles, cycles):
+    """300 N with a time constant of a third of the test: the last change alone says a fifth of it or less."""
+    x, f = load_cycles(LAW, cycles=cycles)
+    curve = LoadCurve(x, f + 300.0 * (1.0 - np.exp(-3.0 * np.linspace(0.0, 1.0, f.size))))
+    tangent = curve.tangent(3000.0)
+    true = float(K1((-150e3 + np.sqrt(150e3**2 + 8e6 * 3000)) / 4e6))
+    assert abs(tangent.stiffness - true) < 3.0 * tangent.std
+    assert curve.zero_std > 3.0 * abs(curve.shift)
+
+
 def test_a_drift_shows_in_two_cycles_too(load_cycles):
     x, f = load_cycles(LAW, shape="none", cycles=2)
     curve = LoadCurve(x, f + np.linspace(0.0, 200.0, f.size))

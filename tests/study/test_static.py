@@ -261,6 +261,33 @@ def test_a_doubtful_k1_is_said_where_it_is_used(bench):
     assert "S1" in bench.analyse().dynamic["remarks"][0]
 
 
+@pytest.mark.parametrize(("offset", "said"), [(0.0, False), (-10.0, False), (500.0, True), (-200.0, True)])
+def test_a_load_before_contact_that_is_not_zero_is_a_warning(bench, offset, said):
+    """10 mm of free travel before the curve: there the load cell shows its zero."""
+    bench.static("S1", "1.7,", gap=50.0)
+    bench.dynamic("D1", "1.7,1000")
+    path = bench.path / "recordings" / "S1.csv"
+    table = pl.read_csv(path)
+    load, deflection = "F", "x"
+    free = [np.linspace(-10.0, -0.1, 40), np.linspace(-0.1, -10.0, 40)]
+    pl.DataFrame(
+        {
+            load: np.concatenate([np.zeros(40), table[load].to_numpy(), np.zeros(40)]) + offset,
+            deflection: np.concatenate([free[0], table[deflection].to_numpy(), free[1]]),
+        }
+    ).write_csv(path)
+    study = bench.analyse()
+    (row,) = study.static.rows(named=True)
+    found = study.checks.filter(pl.col("test") == "S1", pl.col("code") == "zero of the load")
+    assert len(found) == int(said)
+    assert row["verdict"] == ("warning" if said else "ok")
+    assert ("the load before contact is" in study.dynamic["remarks"][0]) == said
+    if said:
+        assert found["limit"].to_list() == [0.01]
+        # K1 was read at a load that is off by the offset
+        assert abs(row["K1 [N/m]"] - tangent(1000.0)) < 2.0 * row["u(K1) [N/m]"]
+
+
 def test_an_uncertainty_of_k1_that_is_assumed_is_noted(bench):
     bench.columns = (*bench.columns, "K1 [N/m]")
     bench.dynamic("D1", "1.7,1000,110000")

@@ -209,6 +209,13 @@ class Code(Enum):
         "state one in this row to get K1",
     )
     SECANT = ("secant", "whether the curve reaches the point of zero load", "there is no secant", "no secant: {why}")
+    LOAD_ZERO = (
+        "zero of the load",
+        "the load of a static test before contact, over the span of the loads",
+        "the load cell does not read zero without a load",
+        "the load before contact is {without:.4g} N, {statistic:.1%} of the span, so K1 is that of another load: ",
+        "zero the load cell, or state offset of the channel load in campaign.toml",
+    )
     K1 = ("K1", "the static stiffness of a dynamic test", "K1 is doubtful", "{why}")
     K1_TEMPERATURE = (
         "K1 temperature",

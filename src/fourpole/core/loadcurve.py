@@ -34,6 +34,9 @@ _FAR_OFF, _MOST_OUTLIERS = 10.0, 0.02
 #: A load is clipped if it has its largest value over more than this share of the deflection, at more than this many
 #: points.
 _FLAT_TOP, _FEWEST_AT_TOP = 0.03, 4
+#: The zero of the load is off if the load before contact is beyond this share of the span, that below which a load
+#: counts as none.
+ZERO_OFF = 0.01
 #: Standard deviation of a uniform distribution over its width.
 _UNIFORM = 1.0 / np.sqrt(12.0)
 
@@ -335,12 +338,20 @@ class LoadCurve(ByValue):
         """
         if self.cycles < 2:
             return 0.0
-        left = []
-        for x, f, side in (self._cycle(cycle) for cycle in (-1, -2)):
-            rest = f - self._last.load(x, side)
-            # The first cycle conditions the rubber, mostly while it is loaded.
-            left.append(float(np.median(rest if side is None or self.cycles > 2 else rest[side < 0])))
-        return left[0] - left[1]
+        # The first cycle conditions the rubber, mostly while it is loaded.
+        return self._level(-1, unloading=self.cycles == 2) - self._level(-2, unloading=self.cycles == 2)
+
+    @cached_property
+    def _fastest_shift(self) -> float:
+        """Largest change of the load from a cycle to the next [N]: a load cell drifts fastest while it warms up."""
+        levels = [self._level(cycle, unloading=True) for cycle in range(1, self.cycles)]
+        return float(np.max(np.abs([self.shift, *np.diff(levels)])))
+
+    def _level(self, cycle: int, *, unloading: bool) -> float:
+        """Median of the load of a cycle less the curve of the last [N], of its unloading branch or of both."""
+        x, f, side = self._cycle(cycle)
+        rest = f - self._last.load(x, side)
+        return float(np.median(rest[side < 0] if unloading and side is not None else rest))
 
     def _bent(self, load: float) -> float:
         """Standard uncertainty of the tangent from the zero of the load, over which range the curve may bend [N/m]."""
@@ -355,12 +366,25 @@ class LoadCurve(ByValue):
         return max(changes) * 2 * _UNIFORM
 
     @cached_property
-    def zero_std(self) -> float:
-        """Standard uncertainty of the zero of the load [N]: its shift over all cycles, and the load without contact."""
+    def without_contact(self) -> float:
+        """Mean load before contact in the last cycle [N]; 0 where it was not recorded."""
         x, f, _ = self.branches.of_cycle(-1, self.deflection, self.load)
         free = ~in_contact(x, f)
-        without = float(np.mean(f[free])) if free.any() else 0.0
-        return float(np.hypot(self.shift * self.cycles, without)) * 2 * _UNIFORM
+        return float(np.mean(f[free])) if free.any() else 0.0
+
+    @property
+    def zero_off(self) -> float:
+        """Load before contact over the span of the loads [1]."""
+        low, high = self.measured_loads
+        return abs(self.without_contact) / (high - low)
+
+    @cached_property
+    def zero_std(self) -> float:
+        """Standard uncertainty of the zero of the load [N]: its shift over all cycles, and the load without contact.
+
+        In each cycle the zero may have moved by as much as in the one with the largest change.
+        """
+        return float(np.hypot(self._fastest_shift * self.cycles, self.without_contact)) * 2 * _UNIFORM
 
     @property
     def _tilt(self) -> float:

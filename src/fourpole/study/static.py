@@ -12,13 +12,15 @@ from fourpole.campaign.folder import Campaign, Test, condition_of, inside
 from fourpole.core.checks import Check, reported, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.condition import Condition, Sameness
-from fourpole.core.loadcurve import LoadCurve
+from fourpole.core.loadcurve import ZERO_OFF, LoadCurve
 from fourpole.core.sources import Kind, Source
 from fourpole.errors import FourpoleError, LoadCurveError
 from fourpole.io.source import sha256_of
 from fourpole.study.load import MOST_BYTES, load_curve
 
 _RULE = Sameness()
+#: Checks of a static test that the remarks of the dynamic tests repeat.
+_DOUBTS = (Code.CURVE, Code.LOAD_ZERO)
 
 
 @dataclass(frozen=True)
@@ -214,6 +216,7 @@ def _at(campaign: Campaign, curve: LoadCurve, whole: StaticRow, load: float) -> 
     checks = [branch_check(curve.measured, "K1")] if curve.measured != "mean" else []
     checks += [reported(Code.CURVE, "warning", why=remark) for remark in curve.remarks]
     checks += [reported(Code.SECANT, "ok", why=secant.reason)] if secant.reason else []
+    checks += [_load_zero(curve)] if curve.zero_off > ZERO_OFF else []
     std = tangent.std_with_gains(*_gain_stds(campaign))
     parts = {
         Source(Kind.K1_FIT): tangent.fit,
@@ -234,6 +237,11 @@ def _at(campaign: Campaign, curve: LoadCurve, whole: StaticRow, load: float) -> 
         checks=tuple(checks),
         parts=parts,
     )
+
+
+def _load_zero(curve: LoadCurve) -> Check:
+    """The warning that the load before contact is not zero."""
+    return reported(Code.LOAD_ZERO, "warning", curve.zero_off, ZERO_OFF, without=curve.without_contact)
 
 
 #: What K1 is where it is not the mean of both branches.
@@ -289,7 +297,7 @@ def _mean(good: Sequence[StaticRow], choice: _Choice) -> StaticStiffness:
     if spread > 0:
         parts[Source(Kind.K1_REPEATS)] = float(spread)
     std = float(np.hypot(np.mean([row.std for row in good]), spread))
-    found = {row.test.name: [one.remark for one in row.checks if one.code is Code.CURVE] for row in good}
+    found = {row.test.name: [one.remark for one in row.checks if one.code in _DOUBTS] for row in good}
     doubts = [f"K1 from {name}: {'; '.join(remarks)}" for name, remarks in found.items() if remarks]
     said = "; ".join([*([choice.remark] if choice.remark else []), *doubts])
     time = float(np.mean([row.test.values.get("time", np.nan) for row in good]))
