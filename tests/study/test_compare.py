@@ -153,3 +153,23 @@ def test_static_tests_of_exchanged_tyres_are_named(tmp_path):
     )
     remarks = analyse(tmp_path).dynamic["remarks"].to_list()
     assert all("K1 of cross-ply and radial-ply looks exchanged" in remark for remark in remarks)
+
+
+def test_a_k1_above_the_dynamic_stiffness_is_named_on_the_tests_that_have_it(tmp_path):
+    """K1 of one tyre of two is stated twice too large; a K1 of one row alone would be a fault of its test."""
+    simulate_campaign(
+        tmp_path, tyres=[CROSS_PLY, RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=FREQUENCIES
+    )
+    path = tmp_path / "tests.csv"
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        wrong = row["kind"] == "dynamic" and row["tyre"] == "cross-ply"
+        row["K1 [N/m]"] = "4e5" if wrong else ""
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    study = analyse(tmp_path)
+    large = study.checks.filter(study.checks["code"] == Code.K1_LARGE.text)["test"].to_list()
+    assert large == study.dynamic.filter(study.dynamic["tyre"] == "cross-ply")["test"].to_list()

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
-from fourpole.core.confidence import CHANCE, SEARCH_CHANCE
+from fourpole.core.confidence import SEARCH_CHANCE
 
 #: Frequencies of a condition that its own slope needs, its own bend, and the bend's own slope.
 _POWERS = (3, 5, 8)
@@ -22,6 +22,8 @@ _FEWEST = 3
 #: Departures below this share of K* are no fault of a test.
 _LEAST = 0.01
 _PASSES = 30
+#: A test is judged only if at least this share of its departure remains in the fit of all tests.
+_LEAST_LEFT = 1e-3
 #: Residual over its median size below which a test is first taken as good.
 _GOOD = 4.0
 #: Relative distance beyond the measured frequencies to which a curve reaches.
@@ -234,7 +236,7 @@ def _departures(
     for i in np.flatnonzero(used):
         weight = 1.0 / (1.0 + data.noise[i] ** 2 / mean) if good[i] else 0.0
         left = 1.0 - weight * float(np.real(matrix[i] @ solution.inverse @ matrix[i].conj()))
-        if left < CHANCE:
+        if left < _LEAST_LEFT:
             continue
         judged[i], off[i] = True, rest[i] / left
         statistic[i] = solution.distance(off[i], matrix[i], data.noise[i], inside=weight)

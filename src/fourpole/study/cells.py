@@ -128,7 +128,9 @@ def deflection_amplitude(phasors: Phasors, found: Identified | None, *, blocked:
     if blocked:
         v2 = 0.0
     elif np.isnan(v2) and found is not None:
-        return float(abs(f1 / found.result.stiffness[found.at]))
+        rig = found.group.setup.rig
+        input_mass = 0.0 if rig is None else rig.input_mass
+        return float(abs((f1 - 1j * phasors.omega * input_mass * v1) / found.result.stiffness[found.at]))
     return float(abs(v1 - v2) / phasors.omega)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -10,6 +11,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign, Test, condition_of
+from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check, judged, reported, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.curves import Curves, Samples, curves_of
@@ -25,8 +27,8 @@ _NOISIER, _MATTERS = 10.0, 0.003
 _FEWEST = 5
 #: Largest over smallest deflection amplitude above which a curve mixes amplitudes.
 _MIXED = 2.0
-#: Steps of ln f within which tests of two tyres count as of equal frequency.
-_SAME_FREQUENCY = 0.02
+#: Relative difference below which the frequencies of tests of two tyres count as equal.
+_SAME_FREQUENCY = 0.01
 #: Standard uncertainties of the shared errors of ln K*: drift over the run, and power of the deflection amplitude.
 _DRIFT, _POWER = 0.2, 0.03
 
@@ -103,9 +105,10 @@ def scales(
             rows += [(i, check)] if check is not None else []
         if 2 * sum(check.code is Code.V1_SCALE for _, check in rows) > len(rows):
             break
-    # K1 is common to many tests. If K' is below K1 in a few of them only, these tests have a fault of their own.
-    large = [row for row in rows if row[1].code is Code.K1_LARGE]
-    return rows if 2 * len(large) > len(rows) else [row for row in rows if row not in large]
+    # Many tests have one K1. If K' is below K1 in a few of them only, these tests have a fault of their own.
+    of_k1 = Counter(k1[i] for i, _ in rows)
+    large = Counter(k1[i] for i, check in rows if check.code is Code.K1_LARGE)
+    return [(i, check) for i, check in rows if check.code is not Code.K1_LARGE or 2 * large[k1[i]] > of_k1[k1[i]]]
 
 
 def exchanged_k1(
@@ -114,15 +117,20 @@ def exchanged_k1(
     """Checks of tyres whose K1 looks exchanged, from their tests at equal pressure, preload and frequency."""
     rule = campaign.stated.sameness
     conditions = rule.groups([condition_of(replace(test, tyre=""), rule) for test in tests]).tolist()
-    nominal = [round(np.log(one.frequency) / _SAME_FREQUENCY) if one.frequency > 0 else 0 for one in own]
-    of_tyre: dict[str, dict[tuple[int, int], int]] = {}
+    logs = [float(np.log(max(one.frequency, 1e-300))) for one in own]
+    of_tyre: dict[str, dict[int, list[int]]] = {}
     for i, test in enumerate(tests):
         if np.isfinite(own[i].stiffness) and np.isfinite(k1[i]):
-            of_tyre.setdefault(test.tyre, {}).setdefault((conditions[i], nominal[i]), i)
+            of_tyre.setdefault(test.tyre, {}).setdefault(conditions[i], []).append(i)
     rows = []
     for one, other in combinations(of_tyre, 2):
-        both = sorted(of_tyre[one].keys() & of_tyre[other].keys())
-        pairs = [(of_tyre[one][key], of_tyre[other][key]) for key in both]
+        pairs = [
+            (a, b)
+            for condition, here in of_tyre[one].items()
+            for a in here
+            for b in of_tyre[other].get(condition, ())
+            if abs(logs[a] - logs[b]) < _SAME_FREQUENCY
+        ]
         stiffness = np.array([[own[i].stiffness for i in pair] for pair in pairs]).reshape(-1, 2)
         static = np.array([[k1[i] for i in pair] for pair in pairs]).reshape(-1, 2)
         ratios = k1_exchanged(stiffness, static) if pairs else None
@@ -216,7 +224,7 @@ def _curves(campaign: Campaign, tests: Sequence[Test], own: Sequence[Own]) -> Cu
     frequency = np.array([one.frequency for one in own])
     deflection = np.log([max(one.deflection, 1e-300) for one in own])
     lever = np.array([one.lever for one in own])
-    place = np.linspace(-0.5, 0.5, len(tests)) if len(tests) > 1 else np.zeros(1)
+    place = _places(tests)
     shared = [lever, 1j * lever * frequency / frequency.mean(), place + 0j, deflection - deflection.mean() + 0j]
     gain = _gain(campaign)
     return curves_of(
@@ -230,6 +238,13 @@ def _curves(campaign: Campaign, tests: Sequence[Test], own: Sequence[Own]) -> Cu
             prior=np.array([gain, gain, _DRIFT, _POWER]),
         )
     )
+
+
+def _places(tests: Sequence[Test]) -> FloatArray:
+    """Place of each test in the run, from -0.5 to 0.5: by the stated times if all are stated, else by their order."""
+    time = np.array([test.values.get("time", np.nan) for test in tests])
+    time = time if np.all(np.isfinite(time)) else np.arange(len(tests), dtype=float)
+    return (time - time.min()) / (float(np.ptp(time)) or 1.0) - 0.5
 
 
 def _gain(campaign: Campaign) -> float:

@@ -472,7 +472,9 @@ def _candidates(listed: object) -> list[Candidate]:
     found = [item for item in _list(listed) if isinstance(item, dict) and item.get("text")]
     texts, numbers = ("name", "unit", "text"), ("value", "std", "explains", "size")
     cells: list[dict[str, Any]] = [
-        {name: str(item.get(name) or "") for name in texts} | {name: _or_nan(item.get(name)) for name in numbers}
+        {name: str(item.get(name) or "") for name in texts}
+        | {name: _or_nan(item.get(name)) for name in numbers}
+        | {"released": item.get("released") is True}
         for item in found
     ]
     sources = [_candidate_source(str(item.get("part") or "")) for item in found]

@@ -114,3 +114,31 @@ def test_one_test_of_another_deflection_shows_no_dependence_on_the_amplitude(mak
     wrong = made.phasors.amplitudes.copy()
     wrong[7, 1] *= 1.3
     assert not np.any(made.recorded(wrong).identify().problem.observed.deflection)
+
+
+@pytest.mark.parametrize("std", [0.1, 1e-2, 1e-3, 1e-4])
+def test_a_value_stated_as_all_but_exact_loses_its_hold_too(make, std):
+    made = make(replace(USUAL, moving_mass=(15.0, std), undeclared={"moving_mass": 16.0}), **TESTS)
+    joint = made.identify()
+    assert not joint.misfit.fits
+    assert tied(joint) & {Source(Kind.RIG_VALUE, "moving_mass"), Source(Kind.UNSTATED, "mass")}
+    off, _ = made.errors_of(joint)
+    assert np.abs(off).max() < 4
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_a_gain_that_drifts_over_the_run_of_all_specimens_is_named(make, several):
+    made = make(USUAL, masses=(0.0, 0.0), **TESTS)
+    seen = made.phasors.amplitudes.copy()
+    seen[:, 0] *= np.exp(0.06 * np.linspace(-0.5, 0.5, len(seen)))
+    names = [f"tyre {family if several else 0}" for family in made.family]
+    joint = made.recorded(seen).identify(specimen=names, time=np.arange(len(seen), dtype=float))
+    assert Source(Kind.GAIN_DRIFT, "F1") in tied(joint)
+
+
+def test_a_gain_that_the_tests_hardly_know_is_never_named(make):
+    """With one mass V1's gain acts on the slope of K* over frequency only, as a specimen that warms does."""
+    for seed in range(4):
+        made = make(USUAL, masses=(0.0, 0.0, 0.0), spread=0.003, scatter=3e-4, drift=0.02, seed=seed, **TESTS)
+        named = made.identify().misfit.candidates
+        assert all(one.std <= 0.05 for one in named if one.released and one.source.kind is Kind.GAIN)

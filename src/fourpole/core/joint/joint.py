@@ -107,7 +107,7 @@ def solve_joint(
     when = np.arange(count, dtype=float) if time is None else np.asarray(time, dtype=float)
     run = number[order], _places(number, when)[order]
     errors = channels.part(order).errors(phasors.omega[order], possible=True)
-    errors += _unstated_errors(phasors.amplitudes[order], run[1])
+    errors += _unstated_errors(phasors.amplitudes[order], _places(np.zeros(count, dtype=int), when)[order])
     stated = Shared.stated(rig, errors, masses, masses_std)
     sorted_phasors = phasors.part(order)
     observed = Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors, run)

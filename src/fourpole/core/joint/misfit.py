@@ -28,8 +28,9 @@ from fourpole.core.sources import PARTS, Kind, Role, Source
 NEGLIGIBLE = 1e-4
 #: Roles of the values that have a statement.
 STATED = (Role.RIG, Role.CHANNEL, Role.MASS)
-#: A stated value of which the tests know less than this share of its variance is no candidate.
-_INFORMED = 1e-3
+#: A stated value of which the tests know less than this share of its variance has no pull. Information below the second
+#: share is round-off.
+_INFORMED, _ROUND_OFF = 1e-3, 1e-8
 #: Largest error of a channel that can be a cause: gain [1], phase [rad], delay [s].
 _LARGEST = {
     Kind.GAIN: 0.25,
@@ -41,6 +42,8 @@ _LARGEST = {
 }
 #: Largest error of a mass or a spring, and largest unstated part, that can be a cause: over the stated value.
 _LARGEST_SHARE = 0.5
+#: A stated value is a cause only if the tests know it to this share of its largest error.
+_KNOWN = 0.2
 _BULK = ("moving_mass", "preload_stiffness", "frame_stiffness")
 #: A candidate is not identifiable when less than this fraction of its squared column norm remains after projecting out
 #: the free parameters.
@@ -213,11 +216,11 @@ def _released(problem: Problem, solution: Solution) -> list[Candidate]:
     found = []
     informed = 1.0 - np.diag(solution.covariance)
     for at, parameter in enumerate(problem.shared.parameters):
-        if parameter.source.role not in STATED or informed[at] < _INFORMED:
+        if parameter.source.role not in STATED or informed[at] < _ROUND_OFF:
             continue
         z = float(solution.z[at])
         size, std = parameter.std * z / informed[at], parameter.std * np.sqrt(1 / informed[at] - 1)
-        if _possible(parameter, size) and (described := _described(parameter, size)):
+        if _possible(parameter, size, std) and (described := _described(parameter, size)):
             name, value, unit, text = described
             explains = min(z**2 / float(informed[at]), solution.objective)
             found.append(
@@ -243,7 +246,7 @@ def _unstated(problem: Problem, solution: Solution) -> list[Candidate]:
         if error >= 0 and abs(estimate) * np.abs(problem.observed.turns[..., error]).max() < NEGLIGIBLE:
             continue
         part = SharedParameter(source, "", 0, 1.0 if source.kind is Kind.GAIN else 0.0, 0.0)
-        if _possible(part, estimate, _whole(source, rig)) and (described := _described(part, estimate)):
+        if _possible(part, estimate, whole=_whole(source, rig)) and (described := _described(part, estimate)):
             name, value, unit, text = described
             std = abs(value) * float(np.sqrt(weight[at]) / abs(pull[at]))
             explains = min(float(pull[at] ** 2 / weight[at]), solution.objective)
@@ -304,13 +307,15 @@ def _whole(source: Source, rig: Rig) -> float:
     return whole.get(source.of, np.inf) if source.kind is Kind.UNSTATED else np.inf
 
 
-def _possible(parameter: SharedParameter, size: float, whole: float = np.inf) -> bool:
-    """Whether an error of this size can be a cause; `whole` is the value with which an unstated part is compared."""
+def _possible(parameter: SharedParameter, size: float, std: float = 0.0, whole: float = np.inf) -> bool:
+    """Whether an error of this size and standard uncertainty can be a cause.
+
+    `whole` is the value with which an unstated part is compared.
+    """
     kind, role = parameter.source.kind, parameter.source.role
-    if kind in _LARGEST:
-        return abs(size) <= _LARGEST[kind]
-    if role is Role.MASS or parameter.source.of in _BULK:
-        return abs(size) <= _LARGEST_SHARE * parameter.stated
+    if kind in _LARGEST or role is Role.MASS or parameter.source.of in _BULK:
+        largest = _LARGEST.get(kind, _LARGEST_SHARE * parameter.stated)
+        return abs(size) <= largest and std <= _KNOWN * largest
     if role is Role.UNSTATED:
         return abs(size) <= _LARGEST_SHARE * whole
     return role is Role.CHANNEL or parameter.stated + size >= 0

@@ -155,6 +155,7 @@ def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
     # No candidate explains more than the whole chi-square. The exact phasors of a plan have a chi-square of zero.
     named = candidates(problem, solution) if rig_chi2 + tyre_chi2 > 1 else []
     known = {*state.misfit.added, *(problem.shared.parameters[at].source for at in state.misfit.conflicts)}
+    known |= {Source(Kind.UNSTATED, part) for part, value in _TWINS.items() if value in known}
     excess, bad = rig_chi2 - float(left.rig_dof.sum()), is_unlikely(rig_chi2, float(left.rig_dof.sum()))
     named = [
         one
@@ -215,18 +216,19 @@ def _apply(state: State, found: _Diagnosis) -> None:
     listed, conflicts, added = list(shared.parameters), list(state.misfit.conflicts), list(state.misfit.added)
     at = {parameter.source: i for i, parameter in enumerate(listed)}
     for cause in found.causes:
-        here = at.get(cause.source)
+        # An unstated part acts as the value of the rig that the part belongs to, if that value has an uncertainty.
+        here = at.get(cause.source, at.get(_TWINS.get(cause.source.of, cause.source)))
         # The part of the cause that widens its statement rises smoothly from `_CONFLICT` standard uncertainties on.
         loss = np.sqrt(max(1.0 - _CONFLICT**2 * found.rest / cause.explains, _LEAST_LOSS))
-        if here is not None:
+        if here is None:
+            listed.append(_parameter(cause, loss, len(added), state.problem))
+            z = np.append(z, 0.0)
+            added.append(cause.source)
+        elif here not in conflicts:
             wider = float(np.hypot(listed[here].std, loss * cause.size))
             z[here] *= listed[here].std / wider
             listed[here] = replace(listed[here], std=wider)
             conflicts.append(here)
-        elif _TWINS.get(cause.source.of) not in at:
-            listed.append(_parameter(cause, loss, len(added), state.problem))
-            z = np.append(z, 0.0)
-            added.append(cause.source)
     state.solution = replace(state.solution, z=z)
     wide = replace(state.problem, shared=replace(shared, parameters=tuple(listed)))
     state.solve(wide, conflicts=tuple(conflicts), added=tuple(added), drifts=())

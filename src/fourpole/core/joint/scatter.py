@@ -18,7 +18,7 @@ from fourpole.core.joint.model import inverse_upper, upper_factor
 from fourpole.core.joint.solve import Problem, Solution
 
 #: Median of chi-square with 2 degrees of freedom.
-_MEDIAN = 1.386
+MEDIAN = 1.386
 #: Largest scatter of log K* that is considered.
 _MOST = 1.0
 #: Least number of tests with a repeat for a robust estimate of the scatter.
@@ -106,7 +106,7 @@ def robust_scatter(problem: Problem, found: Deviations) -> float:
     if np.sum(repeated) < _ENOUGH:
         return scatter_of(problem, found, np.ones(repeated.size, dtype=bool))
     free = 1 - 1 / sizes[repeated]
-    return _where(lambda scatter: float(np.median(squares(conditions, found, scatter)[repeated] / free)) - _MEDIAN)
+    return _where(lambda scatter: float(np.median(squares(conditions, found, scatter)[repeated] / free)) - MEDIAN)
 
 
 def _where(excess: Callable[[float], float]) -> float:

@@ -10,7 +10,7 @@ from scipy import stats
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.core.joint.misfit import Residuals, is_unlikely, residuals
-from fourpole.core.joint.scatter import deviations, robust_scatter, scatter_of, squares
+from fourpole.core.joint.scatter import MEDIAN, deviations, robust_scatter, scatter_of, squares
 from fourpole.core.joint.shared import DRIFTS, Shared, SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, with_columns, without_stiffness
 from fourpole.core.joint.state import State
@@ -161,8 +161,7 @@ def _outliers(state: State, left: Residuals) -> tuple[BoolArray, bool]:
     mass or of the rigid blocks would be: a fault that such a group has in common is information about the rig.
     """
     whole, label = left.whole, state.problem.conditions.label
-    # 1.4 is the median of chi-square with 2 degrees of freedom.
-    limit = _OUTLIER * max(1.0, float(np.median(whole)) / 1.4)
+    limit = _OUTLIER * max(1.0, float(np.median(whole)) / MEDIAN)
     before = state.outlier > 1
     strange = whole > limit
     worst = np.zeros(int(label.max(initial=-1)) + 2)
