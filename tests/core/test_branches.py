@@ -115,6 +115,11 @@ def test_steps_are_what_their_order_makes_of_them(levels, measured):
     assert np.median(x[number == 1]) == pytest.approx(levels[1], abs=0.02)
 
 
+def test_the_step_back_to_the_start_is_no_branch():
+    x = np.append(stepped(0, 1, 2, 3, 4, 5), [0.0, 0.0])
+    assert split_branches(x).measured == "loading"
+
+
 def test_a_record_that_flows_has_no_rests():
     held = np.concatenate([sweep(0, 1), np.ones(400), sweep(1, 0), np.zeros(300)])
     for x in (sweep(0, 1, 0, points=400), 0.5 - 0.5 * np.cos(np.linspace(0, 20, 900)), held, np.ones(100)):

@@ -42,14 +42,18 @@ FLOWING = {
     "ripple": np.linspace(0, 1, 3000) + 0.004 * np.sin(np.arange(3000) / 3),
     "exponential approach": np.tile(1 - np.exp(-np.linspace(0, 6, 300)), 3),
     "long holds at both ends": trapezoid(400),
-    "resolution": np.round(np.linspace(0, 1, 5000) * 40) / 40 + 1e-3 * np.linspace(0, 1, 5000),
+    "random times": np.abs((np.sort(np.random.default_rng(3).uniform(0, 4, 400)) % 2) - 1),
+    "dense in the middle": np.tile(np.append(np.linspace(-1, 1, 500) ** 3, np.linspace(1, -1, 500) ** 3), 2),
+    "resolution": np.round(np.linspace(0, 1, 5000) * 400) / 400,
 }
 
 
 @pytest.mark.parametrize("name", FLOWING)
 def test_a_record_that_flows_has_none(name):
     x = FLOWING[name]
-    assert rests(x, 1e5 * x + 10 * np.random.default_rng(0).standard_normal(x.size)) is None
+    load = 1e5 * x + 1e3 * np.random.default_rng(0).standard_normal(x.size)
+    for part in (slice(None), slice(x.size // 2, None), slice(7 * x.size // 8, None)):
+        assert rests(x[part], load[part]) is None
 
 
 @pytest.mark.parametrize(

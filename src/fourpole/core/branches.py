@@ -14,6 +14,8 @@ from fourpole.core.rests import passes_levels, ranks, rests
 _TURN = 0.3
 #: A branch is complete if its length is at least this share of the median length.
 _COMPLETE = 0.9
+#: A branch of a stepped record has more than so many rests; the step back to the start alone is no branch.
+_FEWEST_RESTS = 2
 #: Parts of the span in which deflections are counted.
 _BINS = 20
 #: A record rests within this share of its span.
@@ -88,7 +90,10 @@ def split_branches(deflection: FloatArray, load: FloatArray | None = None) -> Br
     ends = tuple(pairwise(turns))
     rising = tuple(bool(deflection[b] > deflection[a]) for a, b in ends)
     lengths = np.array([abs(deflection[b] - deflection[a]) for a, b in ends])
-    complete = lengths >= _COMPLETE * np.median(lengths)
+    if number is not None:
+        held = np.array([np.unique(number[a : b + 1]).size > _FEWEST_RESTS for a, b in ends])
+        lengths = np.where(held, lengths, 0.0) if held.any() else lengths
+    complete = lengths >= _COMPLETE * np.median(lengths[lengths > 0])
     cycles = _pairs(rising, complete, first=True) or _pairs(rising, complete, first=False)
     if len(turns) == 2:
         cycles = ()

@@ -10,8 +10,11 @@ from fourpole.core.arrays import BoolArray, FloatArray, IntArray
 #: A record of at least so many samples is stepped if it makes this share of its way in at most this share of its
 #: samples, with steps of so many times the median and of this share of the span, between rests at so many levels.
 _FEWEST_STEPPED, _WAY, _MOVING, _QUICK, _STEP, _FEWEST_LEVELS, _HELD = 60, 0.5, 0.3, 4.0, 0.005, 4, 0.5
-#: Levels differ by more than this share of the span.
-_APART = 0.05
+#: The way within the rests, from the first to the last sample of each, is at most this share of that between them.
+_FLAT = 0.2
+#: Levels differ by more than this share of the span. The rests of a level agree if their variance about it is below
+#: this share of the whole variance.
+_APART, _LOOSE = 0.05, 0.01
 #: The steps are looked for in medians of blocks; this is the largest number of blocks.
 _BLOCKS = 800
 
@@ -39,9 +42,17 @@ def means(number: IntArray, values: FloatArray) -> FloatArray:
 
 
 def ranks(number: IntArray, deflection: FloatArray, load: FloatArray | None = None) -> IntArray:
-    """Rank of the level of each rest, from 0 on: that of the quantity with fewer levels, which is the one held."""
-    found = [_levels(means(number, one)) for one in ([deflection] if load is None else [deflection, load])]
-    return min(found, key=lambda one: int(one.max()))
+    """Rank of the level of each rest, from 0 on, of the quantity that is held.
+
+    That is the one with fewer levels, if the rests of each of its levels agree.
+    """
+    found = []
+    for one in [deflection] if load is None else [deflection, load]:
+        middle = means(number, one)
+        rank = _levels(middle, float(np.ptp(one)))
+        own = np.bincount(rank, middle) / np.bincount(rank)
+        found.append((bool(np.var(middle - own[rank]) > _LOOSE * np.var(middle)), int(rank.max()), rank))
+    return min(found, key=lambda one: one[:2])[2]
 
 
 def passes_levels(rank: IntArray) -> bool:
@@ -51,11 +62,11 @@ def passes_levels(rank: IntArray) -> bool:
     return bool(np.all(steps <= 2) and np.mean(steps == 2) <= 0.3)
 
 
-def _levels(values: FloatArray) -> IntArray:
+def _levels(values: FloatArray, span: float) -> IntArray:
     """Rank of the cluster to which each value belongs; clusters are apart by more than `_APART` of the span."""
     order = np.argsort(values)
     rank = np.empty(values.size, dtype=int)
-    rank[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > _APART * np.ptp(values))])
+    rank[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > _APART * span)])
     return rank
 
 
@@ -73,8 +84,18 @@ def _rests_of(values: FloatArray) -> IntArray | None:
     moves = steps > max(_QUICK * float(np.median(steps)), _STEP * span)
     if steps[moves].sum() < _WAY * steps.sum() or moves.mean() > _MOVING:
         return None
-    number = np.repeat(_numbered(moves), size)[:count]
-    return number if np.mean(number >= 0) >= _HELD else None
+    number = _numbered(moves)
+    if np.mean(number >= 0) < _HELD or not _flat(number, smooth):
+        return None
+    return np.repeat(number, size)[:count]
+
+
+def _flat(number: IntArray, values: FloatArray) -> bool:
+    """Whether the way within the rests is small beside that between them."""
+    held = np.flatnonzero(number >= 0)
+    changes = np.flatnonzero(np.diff(number[held]))
+    first, last = values[held[np.append(0, changes + 1)]], values[held[np.append(changes, held.size - 1)]]
+    return bool(np.abs(last - first).sum() <= _FLAT * np.abs(first[1:] - last[:-1]).sum())
 
 
 def _numbered(moves: BoolArray) -> IntArray:
