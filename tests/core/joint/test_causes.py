@@ -138,7 +138,7 @@ def test_a_gain_that_drifts_over_the_run_of_all_specimens_is_named(make, several
 
 @pytest.mark.parametrize(("seed", "spread"), [(10, 0.003), (1, 0.006), (10, 0.006)])
 def test_a_gain_that_the_tests_hardly_know_is_never_named(make, seed, spread):
-    """With one mass V1's gain acts on the slope of K* over frequency only, as a specimen that warms ever slower does."""
+    """With one mass V1's gain acts on the slope of K* over frequency only, as a specimen that warms does."""
     made = make(
         USUAL, masses=(0.0, 0.0, 0.0), spread=spread, scatter=3e-4, drift=0.01, seed=seed, frequencies=9, families=1,
         within=1.0,
