@@ -144,14 +144,35 @@ def test_a_drift_does_not_cancel_where_the_branches_differ_in_duration(load_cycl
 
 
 @pytest.mark.parametrize("cycles", [4, 6, 10])
-def test_a_load_cell_that_warms_up_moves_most_in_its_first_cycles(load_cycles, cycles):
-    """300 N with a time constant of a third of the test: the last change alone says a fifth of it or less."""
+def test_a_zero_that_wanders_counts_by_its_largest_change(load_cycles, cycles):
+    """120 N of a sine that stands still between the last two cycles, which therefore show nothing of it."""
     x, f = load_cycles(LAW, cycles=cycles)
-    curve = LoadCurve(x, f + 300.0 * (1.0 - np.exp(-3.0 * np.linspace(0.0, 1.0, f.size))))
+    place = np.linspace(0.0, 1.0, f.size)
+    still = 1.0 - 1.0 / cycles
+    curve = LoadCurve(x, f + 120.0 * np.cos(1.3 * 2.0 * np.pi * (place - still)))
     tangent = curve.tangent(3000.0)
     true = float(K1((-150e3 + np.sqrt(150e3**2 + 8e6 * 3000)) / 4e6))
     assert abs(tangent.stiffness - true) < 3.0 * tangent.std
-    assert curve.zero_std > 3.0 * abs(curve.shift)
+    assert curve.zero_std > 3.0 * cycles * abs(curve.shift)
+
+
+@pytest.mark.parametrize(("drift", "said"), [(0.0, False), (20.0, False), (300.0, True), (-300.0, True)])
+def test_a_load_that_creeps_is_said(load_cycles, drift, said):
+    """A load that fades is taken as that of rubber; where it fades by more than 1 % of the span, the remark says so."""
+    x, f = load_cycles(LAW, cycles=5)
+    curve = LoadCurve(x, f + drift * (1.0 - np.exp(-2.0 * np.linspace(0.0, 1.0, f.size))))
+    assert any("from the second to the last cycle" in remark for remark in curve.remarks) == said
+
+
+def test_rubber_that_has_relaxed_leaves_no_uncertainty(load_cycles):
+    """Six cycles, a Maxwell arm of 15 % that fades within one of them: the last cycles are alike."""
+    x, f = load_cycles(LAW, cycles=6, shape="none")
+    arm = np.zeros_like(f)
+    fade = float(np.exp(-1.0 / 402))
+    for i, step in enumerate(np.diff(f), start=1):
+        arm[i] = fade * arm[i - 1] + step
+    tangent = LoadCurve(x, f + 0.15 * arm).tangent(3500.0)
+    assert tangent.std < 2e-3 * tangent.stiffness
 
 
 def test_a_drift_shows_in_two_cycles_too(load_cycles):

@@ -21,7 +21,7 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.branches import Branches, in_contact, split_branches
-from fourpole.core.meancurve import MeanCurve
+from fourpole.core.meancurve import MeanCurve, off_the_curve
 from fourpole.core.parts import Local, Points, deflection_at, in_part, surest
 from fourpole.core.stepcurve import fit_curve
 from fourpole.errors import LoadCurveError
@@ -29,14 +29,14 @@ from fourpole.errors import LoadCurveError
 _FEWEST_POINTS = 5
 #: A curve reaches zero load if its least load is below this share of its span.
 _ZERO = 0.005
-#: A point is an outlier beyond this many standard deviations, unless more than this share of the points are.
-_FAR_OFF, _MOST_OUTLIERS = 10.0, 0.02
 #: A load is clipped if it has its largest value over more than this share of the deflection, at more than this many
 #: points.
 _FLAT_TOP, _FEWEST_AT_TOP = 0.03, 4
 #: The zero of the load is off if the load before contact is beyond this share of the span, that below which a load
 #: counts as none.
 ZERO_OFF = 0.01
+#: The load creeps if it changes from the second to the last cycle by more than this share of its span.
+_CREEP = 0.01
 #: Standard deviation of a uniform distribution over its width.
 _UNIFORM = 1.0 / np.sqrt(12.0)
 
@@ -192,7 +192,7 @@ class LoadCurve(ByValue):
         """The mean curve of a cycle without its outliers, and which points of it were used."""
         x, f, side = self._cycle(cycle)
         curve = fit_curve(x, f, side)
-        used = ~_off_the_curve(curve, f)
+        used = ~off_the_curve(curve, f)
         if used.all():
             return curve, used
         return fit_curve(x[used], f[used], None if side is None else side[used]), used
@@ -243,6 +243,12 @@ class LoadCurve(ByValue):
             found.append(f"{100 * self.missing:.2g} % of the points are missing and were left out")
         if self.outliers:
             found.append(f"{self.outliers} points lie far off the curve and were left out: look for spikes in the load")
+        low, high = self.measured_loads
+        if abs(creep := float(np.sum(self._shifts))) > _CREEP * (high - low):
+            found.append(
+                f"the load at equal deflection changes by {creep:.3g} N from the second to the last cycle: "
+                "the specimen creeps, or the load cell drifts and K1 is that of another load"
+            )
         if self.flat_top > _FLAT_TOP:
             found.append(
                 f"the load stands at its largest value over {self.flat_top:.0%} of the deflection: "
@@ -342,10 +348,19 @@ class LoadCurve(ByValue):
         return self._level(-1, unloading=self.cycles == 2) - self._level(-2, unloading=self.cycles == 2)
 
     @cached_property
-    def _fastest_shift(self) -> float:
-        """Largest change of the load from a cycle to the next [N]: a load cell drifts fastest while it warms up."""
-        levels = [self._level(cycle, unloading=True) for cycle in range(1, self.cycles)]
-        return float(np.max(np.abs([self.shift, *np.diff(levels)])))
+    def _shifts(self) -> FloatArray:
+        """Changes of the load on unloading from each cycle to the next [N]; the first cycle conditions the rubber."""
+        return np.diff([self._level(cycle, unloading=True) for cycle in range(1, self.cycles)])
+
+    @property
+    def _largest_shift(self) -> float:
+        """Largest change of the load from a cycle to the next [N], of the later ones if the first is the largest.
+
+        A change that fades is that of rubber which relaxes.
+        """
+        sizes = np.abs(self._shifts)
+        fades = sizes.size > 0 and int(np.argmax(sizes)) == 0
+        return float(np.max(np.append(sizes[sizes.size // 2 :] if fades else sizes, abs(self.shift))))
 
     def _level(self, cycle: int, *, unloading: bool) -> float:
         """Median of the load of a cycle less the curve of the last [N], of its unloading branch or of both."""
@@ -382,9 +397,9 @@ class LoadCurve(ByValue):
     def zero_std(self) -> float:
         """Standard uncertainty of the zero of the load [N]: its shift over all cycles, and the load without contact.
 
-        In each cycle the zero may have moved by as much as in the one with the largest change.
+        In each cycle the zero may have moved by as much as in the one with the largest change that does not fade.
         """
-        return float(np.hypot(self._fastest_shift * self.cycles, self.without_contact)) * 2 * _UNIFORM
+        return float(np.hypot(self._largest_shift * self.cycles, self.without_contact)) * 2 * _UNIFORM
 
     @property
     def _tilt(self) -> float:
@@ -482,11 +497,3 @@ class LoadCurve(ByValue):
         slope = 0.8 * (high - low) / (at[1] - at[0])
         line = low + 0.1 * (high - low) + slope * (x - at[0])
         return float(np.max(np.abs(f - line)) / (high - low))
-
-
-def _off_the_curve(curve: MeanCurve, load: FloatArray) -> BoolArray:
-    """Flags of the points whose residual is far beyond the scatter of the others, if they are few."""
-    scatter = 1.4826 * float(np.median(np.abs(curve.residual)))
-    limit = max(_FAR_OFF * scatter, 0.01 * float(np.ptp(load)))
-    off = np.abs(curve.residual) > limit
-    return off if off.mean() <= _MOST_OUTLIERS else np.zeros_like(off)

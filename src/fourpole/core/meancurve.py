@@ -21,6 +21,8 @@ _ROUND_OFF, _LEAST_STD = 1e-13, 1e-9
 _ROWS, _NARROW = 160, 0.05
 #: Below this many rows, the residuals count as independent.
 _FEWEST_FOR_MEMORY = 20
+#: A point is an outlier beyond this many standard deviations, unless more than this share of the points are.
+_FAR_OFF, _MOST_OUTLIERS = 10.0, 0.02
 #: Least weight of a fit, and largest number of fits.
 _LEAST_WEIGHT, _MOST_FITS = 1e-2, 16
 
@@ -261,3 +263,11 @@ def _covariances(columns: FloatArray, residual: FloatArray, first: int) -> tuple
         middle += (1.0 - lag / (reach + 1)) * (across + across.T)
     robust = inverse @ middle @ inverse * count / dof
     return float(residual @ residual) / dof * inverse[first:, first:], robust[first:, first:]
+
+
+def off_the_curve(curve: MeanCurve, load: FloatArray) -> BoolArray:
+    """Flags of the points whose residual is far beyond the scatter of the others, if they are few."""
+    scatter = 1.4826 * float(np.median(np.abs(curve.residual)))
+    limit = max(_FAR_OFF * scatter, 0.01 * float(np.ptp(load)))
+    off = np.abs(curve.residual) > limit
+    return off if off.mean() <= _MOST_OUTLIERS else np.zeros_like(off)
