@@ -65,6 +65,17 @@ def test_more_samples_of_the_same_rests_tell_nothing_new():
     assert found[0].std == pytest.approx(found[1].std, rel=0.05)
 
 
+def test_repeats_of_a_level_do_not_straighten_the_curve():
+    """A knee between five levels, which carry no more than a line: ten rounds leave half of its uncertainty."""
+    found = []
+    for rounds in (1, 10):
+        level = np.tile(np.linspace(0.002, 0.03, 5), rounds)
+        x = np.repeat(level, 40)
+        f = 1.2e5 * x + 300.0 * np.tanh((x - 0.012) / 0.004)
+        found.append(LoadCurve(x, f + np.random.default_rng(2).standard_normal(x.size)).tangent(2000.0).std)
+    assert found[1] > 0.5 * found[0]
+
+
 @pytest.mark.parametrize("count", [6, 8, 12])
 def test_levels_carry_the_order_that_shows(count):
     """A law of third order at quiet levels, up and down with friction: the tangent within 3 u, and u below 1 %."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,8 +38,9 @@ class MeanCurve(ByValue):
         Centre and half width of the deflections.
     fits : list of float arrays
         Chebyshev coefficients of P for several orders of P and H, the best first.
-    covariances : list of pairs of float arrays
-        Covariance of each fit: for the memory of the residuals that was found, and for any short one.
+    covariances : list of tuples of float arrays
+        Covariances of each fit, of which the largest counts: for the memory of the residuals that was found, and for
+        any short one; of a stepped record, by the scatter of its rests, of their levels and of the samples.
     weights : (n,) float array
         Weight of each fit, from its BIC; the sum of all weights is 1.
     gap, round_gap : float arrays
@@ -52,7 +54,7 @@ class MeanCurve(ByValue):
     centre: float
     half: float
     fits: list[FloatArray]
-    covariances: list[tuple[FloatArray, FloatArray]]
+    covariances: Sequence[tuple[FloatArray, ...]]
     weights: FloatArray
     gap: FloatArray
     round_gap: FloatArray

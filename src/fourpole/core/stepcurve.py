@@ -42,16 +42,17 @@ def _fit_rests(deflection: FloatArray, load: FloatArray, side: FloatArray | None
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
     at, held = (means(number, deflection) - centre) / half, means(number, load)
     branch = np.zeros(at.size) if side is None else np.sign(means(number, side))
-    count = int(ranks(number, deflection, load).max()) + 1
+    level = ranks(number, deflection, load)
+    count = int(level.max()) + 1
     samples = np.bincount(number[number >= 0])
     root = np.sqrt(samples[samples > 0] / samples[samples > 0].mean())
 
     highest = int(np.clip(count // 2, 1, _HIGHEST_ORDER))
     choices = [(gap, order) for gap in range(1 if side is None else _GAPS + 1) for order in range(1, highest + 1)]
     choices = [choice for choice in choices if sum(choice) + 1 < at.size]
-    fits = [_one(at, held, branch, root, *choice) for choice in choices]
+    fits = [_one(at, held, branch, root, level, *choice) for choice in choices]
     floor = at.size * (_ROUND_OFF * float(np.max(np.abs(load)))) ** 2
-    score = np.array([count * np.log(max(misfit, floor)) for _, misfit, _ in fits])
+    score = np.array([count * np.log(max(misfit, floor)) for _, misfit, *_ in fits])
     score += [_penalty(count, order + 1) + _penalty(at.size, gap) for gap, order in choices]
     weights = np.exp(-0.5 * (score - score.min()))
     kept = [int(one) for one in np.argsort(-weights) if weights[one] >= _LEAST_WEIGHT]
@@ -68,7 +69,7 @@ def _fit_rests(deflection: FloatArray, load: FloatArray, side: FloatArray | None
         centre=centre,
         half=half,
         fits=[fits[one][0][choices[one][0] :] for one in kept],
-        covariances=[_covariances(fits[one], at.size, noise, choices[one][0]) for one in kept],
+        covariances=[_covariances(fits[one], at.size, count, noise, choices[one][0]) for one in kept],
         weights=weights[kept] / weights[kept].sum(),
         gap=first[:gap] if gap else np.zeros(1),
         round_gap=np.zeros(1),
@@ -78,16 +79,18 @@ def _fit_rests(deflection: FloatArray, load: FloatArray, side: FloatArray | None
 
 
 def _one(
-    at: FloatArray, held: FloatArray, branch: FloatArray, root: FloatArray, gap: int, order: int
-) -> tuple[FloatArray, float, FloatArray]:
-    """Coefficients of H and P, weighted sum of squares [N²], and inverse of the normal matrix."""
+    at: FloatArray, held: FloatArray, branch: FloatArray, root: FloatArray, level: IntArray, gap: int, order: int
+) -> tuple[FloatArray, float, float, FloatArray]:
+    """Coefficients of H and P, sums of squares [N²] of rests and of levels, and inverse of the normal matrix."""
     columns = chebyshev.chebvander(at, order)
     if gap:
         columns = np.concatenate([branch[:, None] * chebyshev.chebvander(at, gap - 1), columns], axis=1)
     table = columns * root[:, None]
     free = np.linalg.lstsq(table, held * root, rcond=1e-12)[0]
     left = held * root - table @ free
-    return free, float(left @ left), np.linalg.pinv(table.T @ table, rcond=1e-14, hermitian=True)
+    common = np.bincount(level, root * left) ** 2 / np.bincount(level, root**2)
+    inverse = np.linalg.pinv(table.T @ table, rcond=1e-14, hermitian=True)
+    return free, float(left @ left), float(common.sum()), inverse
 
 
 def _penalty(count: int, free: int) -> float:
@@ -97,17 +100,18 @@ def _penalty(count: int, free: int) -> float:
 
 
 def _covariances(
-    fit: tuple[FloatArray, float, FloatArray], count: int, noise: float, first: int
-) -> tuple[FloatArray, FloatArray]:
-    """Covariance of the coefficients from `first` on: by the scatter of the rests, and by the noise of the samples.
+    fit: tuple[FloatArray, float, float, FloatArray], rests: int, levels: int, noise: float, first: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Covariance of the coefficients from `first` on: by the scatter of rests, of levels, and of samples.
 
-    Few rests know their scatter badly: the variance is that of Student's t (GUM supplement 1, 6.4.9).
+    Repeats of a level share its misfit, so that of the levels counts by itself. Few rests know their scatter badly: the
+    variance is that of Student's t (GUM supplement 1, 6.4.9).
     """
-    free, misfit, inverse = fit
-    dof = max(count - free.size, 1)
+    free, misfit, common, inverse = fit
+    dof = max(rests - free.size, 1)
     wide = max(dof, _FEWEST_DOF) / (max(dof, _FEWEST_DOF) - 2.0)
     part = inverse[first:, first:]
-    return wide * misfit / dof * part, noise * part
+    return wide * misfit / dof * part, common / max(levels - free.size + first, 1) * part, noise * part
 
 
 def _noise(residual: FloatArray, number: IntArray) -> float:
