@@ -173,3 +173,14 @@ def test_a_k1_above_the_dynamic_stiffness_is_named_on_the_tests_that_have_it(tmp
     study = analyse(tmp_path)
     large = study.checks.filter(study.checks["code"] == Code.K1_LARGE.text)["test"].to_list()
     assert large == study.dynamic.filter(study.dynamic["tyre"] == "cross-ply")["test"].to_list()
+
+
+def test_a_copy_under_another_frequency_is_named(campaign):
+    """The search for the frequency begins elsewhere, so the amplitudes differ in their last digits."""
+
+    def copy(rows):
+        rows["D3"]["file"] = rows["D1"]["file"]
+
+    remarks = warned(campaign(copy))
+    assert set(remarks) == {"D3"}
+    assert "the recording is that of D1" in remarks["D3"]

@@ -174,12 +174,14 @@ def copies(tests: Sequence[Test], points: Sequence[Point], sound: frozenset[int]
 
     If only one of them is sound by all other checks, the copy is the other one.
     """
-    same: dict[bytes, list[int]] = {}
+    same: dict[tuple[float, ...], list[int]] = {}
     for i, point in enumerate(points):
         phasors = point.phasors
         if phasors is not None and np.trace(phasors.covariance[2:4, 2:4]) > 0:  # repeats without noise are equal
-            content = np.array([phasors.amplitudes.real, phasors.amplitudes.imag]).tobytes()
-            same.setdefault(content, []).append(i)
+            f1, v1, v2 = phasors.amplitudes
+            # The last digits depend on the stated frequency, from which the search begins.
+            content = np.log(np.abs(np.array([f1, v1, v2, f1 / v1 + 1, v2 / v1 + 1])))
+            same.setdefault(tuple(np.nan_to_num(content, nan=0.0).round(6).tolist()), []).append(i)
     rows = []
     for group in same.values():
         names = list(dict.fromkeys(tests[i].name for i in group))

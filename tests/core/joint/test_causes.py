@@ -145,3 +145,13 @@ def test_a_gain_that_the_tests_hardly_know_is_never_named(make, seed, spread):
     )  # fmt: skip
     named = made.identify(time=np.expm1(3 * made.time / made.time.max())).misfit.candidates
     assert all(one.std <= 0.05 for one in named if one.released and one.source.kind is Kind.GAIN)
+
+
+def test_a_common_error_comes_before_a_rare_one_that_explains_as_much(make):
+    """With a weighed mass a gain of V1 off by -6 % looks much as cross-talk of V2 in V1 does."""
+    made = make(replace(USUAL, std_added=5e-4, undeclared={"gain V1": -0.06}), masses=(0.0, 10.0), **TESTS)
+    joint = made.identify()
+    assert joint.misfit.candidates[0].source == Source(Kind.GAIN, "V1")
+    assert not any(source.kind is Kind.CROSSTALK for source in joint.misfit.added)
+    off, _ = made.errors_of(joint)
+    assert np.abs(off).max() < 4

@@ -11,6 +11,7 @@ from scipy import stats
 from fourpole.core.joint import reconcile, specimens
 from fourpole.core.joint.misfit import Candidate
 from fourpole.core.joint.reconcile import _Diagnosis
+from fourpole.core.joint.scatter import MEDIAN
 from fourpole.core.joint.state import Misfit, State
 from fourpole.core.sources import Kind, Source
 
@@ -150,9 +151,9 @@ def outliers(whole, label=None, rigid=None, before=None):
     return None if many else np.flatnonzero(found).tolist()
 
 
-@pytest.mark.parametrize(("usual", "limit"), [(0.5, 50.0), (1.4, 50.0), (2.8, 100.0)])
+@pytest.mark.parametrize(("usual", "limit"), [(0.5, 50.0), (MEDIAN, 50.0), (2 * MEDIAN, 100.0)])
 def test_an_outlier_is_fifty_times_the_usual_residual(usual, limit):
-    """The usual one is the median, but no smaller than the 1.4 of chance."""
+    """The usual one is the median, but no smaller than that of chance."""
     rest = [usual] * 19
     assert outliers([*rest, BELOW * limit]) == []
     assert outliers([*rest, ABOVE * limit]) == [19]

@@ -37,8 +37,9 @@ _TIE = 4.0
 _SHARE_OF_BEST = 0.8
 #: A part is a cause of the misfit if it explains at least this share of it.
 _SHARE_OF_CAUSE = 0.3
-#: Rare errors are named only if they explain nearly the whole misfit: at least this share.
-_RARE, _WHOLE = (Kind.CROSSTALK, Kind.GAIN_DRIFT), 0.9
+#: Rare errors are named only if they explain nearly the whole misfit: at least this share. They come before a common
+#: error only if they leave less than this share of what it leaves.
+_RARE, _WHOLE, _HALF = (Kind.CROSSTALK, Kind.GAIN_DRIFT), 0.9, 0.5
 #: A candidate is a cause if its size is more than this many standard uncertainties, even without a misfit.
 _SIGNIFICANT = 5.0
 #: An unsteady drive is the cause of the misfit if it explains more than this share of it.
@@ -157,12 +158,13 @@ def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
     known = {*state.misfit.added, *(problem.shared.parameters[at].source for at in state.misfit.conflicts)}
     known |= {Source(Kind.UNSTATED, part) for part, value in _TWINS.items() if value in known}
     excess, bad = rig_chi2 - float(left.rig_dof.sum()), is_unlikely(rig_chi2, float(left.rig_dof.sum()))
+    least = max(_WHOLE * excess, _SIGNIFICANT**2)
     named = [
         one
         for one in named
-        if one.source not in known
-        and (one.source.kind not in _RARE or (bad and one.explains > max(_WHOLE * excess, _SIGNIFICANT**2)))
+        if one.source not in known and (one.source.kind not in _RARE or (bad and one.explains > least))
     ]
+    named = _common_first(named, rig_chi2 + tyre_chi2)
     size = largest_part(problem, solution)
     effect = np.inf
     if named and named[0].of_rig:
@@ -181,6 +183,14 @@ def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
         size=size,
         effect=effect,
     )
+
+
+def _common_first(named: list[Candidate], chi2: float) -> list[Candidate]:
+    """The candidates with the best common one first, unless a rare one leaves much less of chi-square."""
+    common = next((one for one in named if one.source.kind not in _RARE), None)
+    if common is None or chi2 - named[0].explains < _HALF * (chi2 - common.explains):
+        return named
+    return [common, *(one for one in named if one is not common)]
 
 
 def _remedied(state: State, left: Residuals) -> bool:
@@ -215,7 +225,8 @@ def _apply(state: State, found: _Diagnosis) -> None:
     shared, z = without_drifts(state.problem.shared, state.solution.z)
     listed, conflicts, added = list(shared.parameters), list(state.misfit.conflicts), list(state.misfit.added)
     at = {parameter.source: i for i, parameter in enumerate(listed)}
-    for cause in found.causes:
+    common = [cause for cause in found.causes if cause.source.kind not in _RARE]
+    for cause in common or found.causes:
         # An unstated part acts as the value of the rig that the part belongs to, if that value has an uncertainty.
         here = at.get(cause.source, at.get(_TWINS.get(cause.source.of, cause.source)))
         # The part of the cause that widens its statement rises smoothly from `_CONFLICT` standard uncertainties on.
