@@ -91,6 +91,11 @@ class JointConditions:
         self._omega = 2 * np.pi * frequency
         here = slice(self.first, None)
         self._apart = np.log(frequency[here] / self.mean_frequency[label[here]]) if self.count else np.zeros(0)
+        at, same = np.arange(self.count), self.family[1:] == self.family[:-1]
+        self._below = np.where(np.append(False, same)[: self.count], at - 1, at)
+        self._above = np.where(np.append(same, False)[: self.count], at + 1, at)
+        span = np.log(self.mean_frequency[self._above] / self.mean_frequency[self._below])
+        self._span = np.where(span > 0, span, 1.0)
 
     def without_k1(self) -> JointConditions:
         """The same conditions with K1 unknown, so that K* itself is interpolated over frequency."""
@@ -175,9 +180,5 @@ class JointConditions:
 
     def _slopes(self, values: np.ndarray) -> np.ndarray:
         """Slope of each condition's value by log frequency, over its neighbours in the family; 0 without neighbours."""
-        at = np.arange(values.shape[0])
-        below = np.where((at > 0) & (self.family == np.roll(self.family, 1)), at - 1, at)
-        above = np.where((at < values.shape[0] - 1) & (self.family == np.roll(self.family, -1)), at + 1, at)
-        span = np.log(self.mean_frequency[above] / self.mean_frequency[below])
-        span = np.where(span > 0, span, 1.0).reshape(-1, *[1] * (values.ndim - 1))
-        return np.asarray((values[above] - values[below]) / span)
+        span = self._span.reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray((values[self._above] - values[self._below]) / span)

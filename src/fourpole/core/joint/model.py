@@ -199,17 +199,16 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     by_log_k = ratio * (1 - ratio)
     by_zr = np.where(observed.rigid, 0.0, -jw * stiffness / (stiffness + jw * impedance) ** 2)
 
-    unit = np.stack([impedance * ratio + jw * input_mass, np.ones_like(ratio), ratio], axis=-1) * gains
+    unit = _three(impedance * ratio + jw * input_mass, 1.0, ratio) * gains
     frame, triangle = _orthonormal(_both(observed.whiten, unit))
     measured = whitened(observed.whiten, observed.amplitudes[..., None])[..., 0]
     share = np.einsum("nij,ni->nj", frame, measured)
     drive_parts = (inverse_upper(triangle) @ share[..., None])[..., 0]
     drive = drive_parts[:, 0] + 1j * drive_parts[:, 1]
 
-    zero = np.zeros_like(ratio)
     scaled, predicted = gains * drive[:, None], unit * drive[:, None]
-    log_k = np.stack([impedance * by_log_k, zero, by_log_k], axis=-1) * scaled
-    zr = np.stack([np.where(observed.rigid, 1.0, ratio**2), zero, by_zr], axis=-1) * scaled
+    log_k = _three(impedance * by_log_k, 0.0, by_log_k) * scaled
+    zr = _three(np.where(observed.rigid, 1.0, ratio**2), 0.0, by_zr) * scaled
     zr_by_shared = _impedance_by_shared(observed, shared, rig, rig.impedance_gradient(observed.omega, added), extra)
     by_shared = _by_shared(observed, shared, zr_by_shared, zr, predicted, jw * scaled[:, 0])
     fit_out = projected(frame)
@@ -299,14 +298,25 @@ def _by_shared(
     return change
 
 
+def _three(force: ComplexArray, motion: float, beyond: ComplexArray) -> ComplexArray:
+    """Complex values of F1, V1 and V2 (N, 3), from those of F1 and V2 (N,) and one value of V1."""
+    found = np.full((beyond.size, 3), motion, dtype=complex)
+    found[:, 0], found[:, 2] = force, beyond
+    return found
+
+
 def whitened(whiten: FloatArray, values: ComplexArray) -> FloatArray:
     """Complex changes (N, 3, k) of the amplitudes as Re and Im in turn (N, 6, k), in units of the noise."""
-    return np.matmul(whiten, parts(values, axis=2).reshape(len(values), 6, -1))
+    both = np.empty((len(values), 3, 2, values.shape[2]))
+    both[:, :, 0], both[:, :, 1] = values.real, values.imag
+    return np.matmul(whiten, both.reshape(len(values), 6, -1))
 
 
 def _both(whiten: FloatArray, values: ComplexArray) -> FloatArray:
     """Whitened derivatives (N, 6, 2) by Re and Im of a quantity, from the complex derivatives (N, 3)."""
-    return whitened(whiten, np.stack([values, 1j * values], axis=-1))
+    both = np.empty((*values.shape, 2), dtype=complex)
+    both[..., 0], both[..., 1] = values, 1j * values
+    return whitened(whiten, both)
 
 
 def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -330,13 +340,20 @@ def upper_factor(gram: FloatArray) -> FloatArray:
     r00 = np.sqrt(a)
     r01 = np.where(idle, 0.0, b / r00)
     r11 = np.sqrt(np.maximum(d - r01**2, 1e-14 * d))
-    return np.stack([np.stack([r00, r01], -1), np.stack([np.zeros_like(r00), r11], -1)], -2)
+    return _upper(r00, r01, r11)
 
 
 def inverse_upper(upper: FloatArray) -> FloatArray:
     """Inverse of (..., 2, 2) upper triangles."""
     a, b, d = upper[..., 0, 0], upper[..., 0, 1], upper[..., 1, 1]
-    return np.stack([np.stack([1 / a, -b / (a * d)], -1), np.stack([np.zeros_like(a), 1 / d], -1)], -2)
+    return _upper(1 / a, -b / (a * d), 1 / d)
+
+
+def _upper(first: FloatArray, across: FloatArray, second: FloatArray) -> FloatArray:
+    """Upper triangles (..., 2, 2) of their entries (...,)."""
+    found = np.zeros((*first.shape, 2, 2))
+    found[..., 0, 0], found[..., 0, 1], found[..., 1, 1] = first, across, second
+    return found
 
 
 def projected(frame: FloatArray) -> Callable[[FloatArray], FloatArray]:

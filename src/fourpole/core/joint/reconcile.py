@@ -46,6 +46,8 @@ _SIGNIFICANT = 5.0
 _MOSTLY = 0.7
 #: Degrees of freedom of the prior for the noise of one test about the noise of all tests.
 _PRIOR_DOF = 4.0
+#: Chi-square below which there is no misfit in any test: that of the exact phasors of a plan is round-off.
+_NOTHING = 1e-6
 #: Largest number of rounds, each with one remedy.
 _MOST_ROUNDS = 12
 
@@ -76,6 +78,9 @@ def reconcile(
         Agreement of the statement with the tests, and the size of each remedy.
     """
     state = State(problem, solution, start, np.ones(problem.observed.omega.size))
+    if not gross and problem.scatter == 0 and solution.objective < _NOTHING:
+        misfit = replace(state.misfit, **_unchanged(solution, residuals(problem, solution)))
+        return problem, solution, state.outlier, misfit
     for count in range(_MOST_ROUNDS):
         fit_specimens(state)
         left = residuals(state.problem, state.solution)
