@@ -1,6 +1,7 @@
 """fit, causality, map and query, as users run them."""
 
 import json
+import shutil
 
 import numpy as np
 import polars as pl
@@ -218,9 +219,8 @@ def test_bad_input_is_told_in_one_message(run, tmp_path, monkeypatch, arguments,
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_path):
-    import shutil
-
+def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_path, monkeypatch):
+    monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})  # none is needed
     folder = tmp_path / "results"
     shutil.copytree(results, folder, ignore=shutil.ignore_patterns("cache", "figures", "*.html"))
     run("fit", folder, "--model", "zener")

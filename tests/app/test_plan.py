@@ -69,13 +69,13 @@ def test_programs_get_one_document(run):
 
 
 def test_it_is_said_when_nothing_reaches_it(run):
-    ran = run("plan", *RIG, *TYRE, "--wanted", "0.0001 %")
+    ran = run("plan", *RIG, *TYRE, "--wanted", "0.0001 %", "--added-mass", "10 kg")
     assert "no remedy tried reaches it; nearest" in ran.stdout
     assert "K1 alone leaves 4.4 %" in ran.stdout
 
 
 def test_it_is_said_when_nothing_is_needed(run):
-    ran = run("plan", *RIG, *TYRE, "--wanted", "50 %")
+    ran = run("plan", *RIG, *TYRE, "--wanted", "50 %", "--added-mass", "10 kg")
     assert "reached: nothing more is needed" in ran.stdout
 
 

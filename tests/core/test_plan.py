@@ -199,7 +199,7 @@ def effect(base, outcome):
 @pytest.mark.parametrize(("k1_std", "families", "wanted"), [(0.002, 2, 0.01), (0.02, 1, 0.005)])
 def test_advice_keeps_its_word(k1_std, families, wanted):
     base = plan(k1_std, families)
-    found = advise(base, wanted)
+    found = advise(base, wanted, masses=[2.0, 10.0])
     assert found.reaching
     assert not found.reached
     for outcome in (*found.reaching, *found.alone, found.nearest, found.now):
