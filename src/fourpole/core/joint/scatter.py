@@ -44,7 +44,8 @@ class Deviations(ByRows):
 
 def deviations(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> Deviations:
     """The departures at shared values z and K* of each condition, for all tests of the problem."""
-    linear = [part for _, _, part in replace(problem, scatter=0.0).linearised(z, stiffness)]
+    bare = replace(problem, scatter=0.0) if problem.scatter else problem
+    linear = [part for _, _, part in bare.linearised(z, stiffness)]
     by_k, residual = (np.concatenate([getattr(part, name) for part in linear]) for name in ("by_stiffness", "residual"))
     root = inverse_upper(upper_factor(np.swapaxes(by_k, 1, 2) @ by_k))
     covariance = root @ np.swapaxes(root, 1, 2)

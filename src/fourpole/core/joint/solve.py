@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +55,7 @@ class Problem:
     errors: tuple[Source, ...] = ()
     names: tuple[str, ...] = ("",)
     scatter: float = 0.0
+    _kept: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def reweighted(self, whiten: FloatArray) -> Problem:
         """The same tests with another matrix of weights."""
@@ -77,7 +79,18 @@ class Problem:
             at = to
 
     def linearised(self, z: FloatArray, stiffness: ComplexArray) -> Iterator[tuple[slice, slice, Linear]]:
-        """The linearised model of each chunk at shared values z and K* of each condition."""
+        """The linearised model of each chunk at shared values z and K* of each condition.
+
+        That of no more tests than a chunk has is kept for the next call: a solution is examined several times.
+        """
+        if self.conditions.label.size > _CHUNK:
+            yield from self._linearised(z, stiffness)
+            return
+        if not (self._kept and np.array_equal(self._kept[0], z) and np.array_equal(self._kept[1], stiffness)):
+            self._kept[:] = [z.copy(), stiffness.copy(), list(self._linearised(z, stiffness))]
+        yield from self._kept[2]
+
+    def _linearised(self, z: FloatArray, stiffness: ComplexArray) -> Iterator[tuple[slice, slice, Linear]]:
         carried = self.conditions.carried(stiffness)
         label = self.conditions.label
         for rows, group in self.chunks():
