@@ -11,10 +11,25 @@ from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 pytestmark = pytest.mark.thorough
 
 
+def truth_of(place, **settings):
+    """truth.csv of a campaign. Recordings are left out: the truth is drawn and computed without them."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("record_static", "record_dynamic"):
+            patch.setattr(f"fourpole.virtual.simulate.{name}", lambda *_: [])
+        patch.setattr("fourpole.virtual.simulate.write_recording", lambda *_: None)
+        folder = simulate_campaign(place, **settings).folder
+    return pl.read_csv(folder / "truth.csv", infer_schema_length=None)
+
+
 @pytest.fixture(scope="module")
 def truth(tmp_path_factory):
-    folder = simulate_campaign(tmp_path_factory.mktemp("truth")).folder
-    return pl.read_csv(folder / "truth.csv", infer_schema_length=None)
+    return truth_of(tmp_path_factory.mktemp("truth"))
+
+
+def test_the_truth_is_the_same_with_recordings(tmp_path):
+    few = {"pressures": [170e3], "preloads": [1000.0], "frequencies": [10.0, 24.0], "seed": 3}
+    whole = simulate_campaign(tmp_path / "whole", **few).folder / "truth.csv"
+    assert truth_of(tmp_path / "bare", **few).equals(pl.read_csv(whole, infer_schema_length=None))
 
 
 def nonlinearity(tyre, pressure):
@@ -70,8 +85,7 @@ def test_tyres_exchanged_break_the_claims_that_tell_them_apart(truth, evaluate_c
 def test_another_law_of_the_radial_breaks_its_claim(tmp_path, evaluate_claims, number, change):
     tyres = (CROSS_PLY, replace(RADIAL_PLY, **change))
     frequencies = [10.0, 16.0, 17.0, 20.0, 24.0]
-    folder = simulate_campaign(tmp_path, clean=True, tyres=tyres, frequencies=frequencies).folder
-    changed = pl.read_csv(folder / "truth.csv", infer_schema_length=None)
+    changed = truth_of(tmp_path, clean=True, tyres=tyres, frequencies=frequencies)
     assert number not in holding(evaluate_claims(*tables(changed, tyres)))
 
 
