@@ -9,6 +9,8 @@ from fourpole.core.joint.outputs import identification
 from fourpole.core.sources import Kind, Source
 from fourpole.virtual.phasor_rig import Conditions, Laboratory, simulate_phasors
 
+pytestmark = pytest.mark.thorough
+
 USUAL = Laboratory(
     moving_mass=(15.0, 0.15),
     preload_stiffness=(12440.0, 120.0),

@@ -6,6 +6,8 @@ import pytest
 from fourpole.core.joint.gross import gross_errors
 from fourpole.virtual.phasor_rig import Laboratory
 
+pytestmark = pytest.mark.thorough
+
 USUAL = Laboratory(moving_mass=(15.0, 0.3), preload_stiffness=(12440.0, 250.0), std_gain=(0.01,) * 3, noise=2e-4)
 #: Change of F1, V1, V2, and words that the first named cause has.
 GROSS = {
