@@ -152,7 +152,7 @@ def test_static_tests_of_exchanged_tyres_are_named(tmp_path):
         text.replace("recordings/S1.", "X").replace("recordings/S2.", "recordings/S1.").replace("X", "recordings/S2.")
     )
     remarks = analyse(tmp_path).dynamic["remarks"].to_list()
-    assert all("K1 of cross-ply and radial-ply looks exchanged" in remark for remark in remarks)
+    assert all("K1 of cross-ply at 1.7 bar and radial-ply at 1.7 bar looks exchanged" in remark for remark in remarks)
 
 
 def test_a_k1_above_the_dynamic_stiffness_is_named_on_the_tests_that_have_it(tmp_path):
@@ -184,3 +184,11 @@ def test_a_copy_under_another_frequency_is_named(campaign):
     remarks = warned(campaign(copy))
     assert set(remarks) == {"D3"}
     assert "the recording is that of D1" in remarks["D3"]
+
+
+def test_static_tests_of_exchanged_pressures_are_named(campaign):
+    remarks = warned(campaign(lambda rows: exchange(rows, "S1", "S2")))
+    assert len(remarks) == 20
+    assert all(
+        "K1 of radial-ply at 1.7 bar and radial-ply at 2.2 bar looks exchanged" in one for one in remarks.values()
+    )

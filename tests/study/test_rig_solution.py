@@ -2,12 +2,15 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from fourpole.core.checks import Check, reported
 from fourpole.core.codes import Code
 from fourpole.study.rig_estimate import NoteCode, RigEstimate
 from fourpole.study.rig_solution import with_recordings
+from fourpole.study.study import analyse
+from fourpole.virtual import FAULTS, RADIAL_PLY, simulate_campaign
 
 FITTED = RigEstimate("", chi2=900.0, dof=100.0)
 MISFIT, LOST = replace(FITTED, fits=False), replace(FITTED, converged=False, reason="no step helps")
@@ -39,3 +42,22 @@ def test_a_solution_that_does_not_converge_says_what_the_recordings_show_and_wha
     assert LOST.note(NoteCode.NOT_CONVERGED) == (
         "the joint route did not converge: no step helps; use --route relative"
     )
+
+
+@pytest.mark.parametrize(("plan", "verdict"), [({"repeats": 3}, "ok"), ({"added_masses": (0.0, 10.0)}, "warning")])
+def test_a_drift_that_goes_with_the_added_mass_may_be_a_sensors(tmp_path, plan, verdict):
+    """Each test without the mass is followed by that with it: V1 0.5 ms late looks as a drift of 1 % does."""
+    laboratory = {"tyres": [RADIAL_PLY], "pressures": (170e3,), "preloads": (1000.0,)}
+    frequencies = np.linspace(10.0, 24.0, 8).tolist()
+    simulate_campaign(
+        tmp_path / "one",
+        seed=3,
+        faults=[FAULTS["drift over the run, +5 %"]],
+        frequencies=frequencies,
+        **laboratory,
+        **plan,
+    )
+    study = analyse(tmp_path / "one")
+    assert study.dynamic["verdict"].unique().to_list() == [verdict]
+    said = "an error of a sensor looks alike" in study.dynamic["remarks"][0]
+    assert said == (verdict == "warning")

@@ -296,6 +296,16 @@ class Code(Enum):
         "K* of tests of one condition scatters by {statistic:.1%}, where tyres repeat to 1 % and better: ",
         "look for exchanged labels, another amplitude, temperature or pressure, and a sensor that depends on the mass",
     )
+    DRIFT_BY_MASS = (
+        "drift with the mass",
+        "the drift of K* over the run, where it goes with the added mass",
+        "K* changes with the added mass, by a drift or by a sensor",
+        (
+            "K* with the added mass departs from K* without it, as a drift of {statistic:.1%} over the run makes it; "
+            "an error of a sensor looks alike: "
+        ),
+        "repeat some tests without the mass after those with it",
+    )
     V1_SCALE = (
         "V1 against K1",
         "K' over K1 as V1 is stated",
@@ -322,13 +332,13 @@ class Code(Enum):
     )
     K1_EXCHANGED = (
         "K1 exchanged",
-        "the difference of (K' - K1)/K'' between two tyres over its usual value",
-        "K1 of two tyres looks exchanged",
+        "the difference of (K' - K1)/K'' between two tyres or pressures over its usual value",
+        "two K1 look exchanged",
         (
             "K1 of {names} looks exchanged: (K' - K1)/K'' is {one:.2g} and {other:.2g} at equal conditions, and "
             "{usual:.2g} for both with the other's K1; "
         ),
-        "check which static test is of which tyre",
+        "check which static test is of which tyre and pressure",
     )
     AMPLITUDES = (
         "amplitudes",

@@ -16,9 +16,9 @@ from fourpole.core.routes import relative_route
 _STATIC = 1e-3
 #: Largest plausible K' over K1, in units of that rise, and smallest plausible K' over K1: errors of 50 and 20 % pass.
 _ABOVE, _BELOW = 1.5, 0.8
-#: Least relative difference of (K' - K1)/K'' of two specimens that may come from exchanged K1, and the largest one
-#: after the exchange.
-_UNLIKE, _ALIKE = 0.5, 0.15
+#: Least relative difference of (K' - K1)/K'' that may come from exchanged K1, and the largest one after it: of
+#: two specimens, and of two states of one specimen.
+_SPECIMENS, _STATES = (0.5, 0.15), (0.3, 0.15)
 #: Mistakes in V1 by the factor that corrects them.
 _MISTAKES = {
     -1.0: "is inverted",
@@ -90,8 +90,8 @@ def is_plausible(stiffness: complex, k1: float, frequency: float) -> bool:
     return _BELOW <= stiffness.real / k1 <= largest_ratio(stiffness, frequency) and stiffness.imag > 0
 
 
-def k1_exchanged(stiffness: ComplexArray, k1: FloatArray) -> tuple[float, float, float] | None:
-    r"""Compare two specimens of like kind with their K1, and with each other's K1.
+def k1_exchanged(stiffness: ComplexArray, k1: FloatArray, *, same: bool = False) -> tuple[float, float, float] | None:
+    r"""Compare two specimens of like kind, or two states of one, with their K1 and with each other's K1.
 
     A constant loss angle gives :math:`(K'-K_1)/K'' = (2/\pi)\ln(f/f_s)`, whatever its size, where f_s is the frequency
     of the static test. This ratio is therefore alike for specimens of equal conditions and equal static tests.
@@ -102,6 +102,8 @@ def k1_exchanged(stiffness: ComplexArray, k1: FloatArray) -> tuple[float, float,
         K* of both specimens at P equal conditions and frequencies.
     k1 : (P, 2) float array [N/m]
         K1 of both.
+    same : bool
+        Whether both are one specimen, at two pressures.
 
     Returns
     -------
@@ -121,6 +123,7 @@ def k1_exchanged(stiffness: ComplexArray, k1: FloatArray) -> tuple[float, float,
         one, other = np.median((stiffness.real - k1) / stiffness.imag, axis=0).tolist()
         swapped = np.median((stiffness.real - k1[:, ::-1]) / stiffness.imag, axis=0)
     usual = float(swapped.mean())
-    if usual > 0 and np.ptp(swapped) < _ALIKE * usual and abs(one - other) > _UNLIKE * usual:
+    unlike, alike = _STATES if same else _SPECIMENS
+    if usual > 0 and np.ptp(swapped) < alike * usual and abs(one - other) > unlike * usual:
         return one, other, usual
     return None

@@ -72,6 +72,9 @@ def _joint_checks(found: Identified) -> list[Check]:
         rows.append(reported(Code.RIG, "warning", estimate.chi2_per_dof or np.nan, 1.0, causes=estimate.explained))
     if estimate.scatter > _MOST_SCATTER:
         rows.append(reported(Code.SCATTER, "warning", estimate.scatter, _MOST_SCATTER))
+    if estimate.drift_by_mass and estimate.drifts:
+        largest = max(abs(one.found or 0.0) for one in estimate.drifts)
+        rows.append(reported(Code.DRIFT_BY_MASS, "warning", largest, 0.0))
     return rows if joint.converged else [*rows, reported(Code.CONVERGENCE, "warning")]
 
 

@@ -27,6 +27,7 @@ _NOISIER, _MATTERS = 10.0, 0.003
 _FEWEST = 5
 #: Largest over smallest deflection amplitude above which a curve mixes amplitudes.
 _MIXED = 2.0
+_PRESSURE = q.PRESSURE.key
 #: Relative difference below which the frequencies of tests of two tyres count as equal.
 _SAME_FREQUENCY = 0.01
 #: Standard uncertainties of the shared errors of ln K*: drift over the run, and power of the deflection amplitude.
@@ -114,32 +115,41 @@ def scales(
 def exchanged_k1(
     campaign: Campaign, tests: Sequence[Test], members: Sequence[int], own: Sequence[Own], k1: Sequence[float]
 ) -> list[tuple[int, Check]]:
-    """Checks of tyres whose K1 looks exchanged, from their tests at equal pressure, preload and frequency."""
+    """Checks of tyres, or pressures of a tyre, whose K1 looks exchanged, from tests equal in all else."""
     rule = campaign.stated.sameness
-    conditions = rule.groups([condition_of(replace(test, tyre=""), rule) for test in tests]).tolist()
+    alike = [replace(test, tyre="", values={**test.values, _PRESSURE: np.nan}) for test in tests]
+    conditions = rule.groups([condition_of(test, rule) for test in alike]).tolist()
     logs = [float(np.log(max(one.frequency, 1e-300))) for one in own]
-    of_tyre: dict[str, dict[int, list[int]]] = {}
+    of_static: dict[tuple[str, float], dict[int, list[int]]] = {}
     for i, test in enumerate(tests):
         if np.isfinite(own[i].stiffness) and np.isfinite(k1[i]):
-            of_tyre.setdefault(test.tyre, {}).setdefault(conditions[i], []).append(i)
+            group = test.tyre, test.value(_PRESSURE) or 0.0
+            of_static.setdefault(group, {}).setdefault(conditions[i], []).append(i)
     rows = []
-    for one, other in combinations(of_tyre, 2):
+    for one, other in combinations(of_static, 2):
+        if one[0] != other[0] and one[1] != other[1]:
+            continue
         pairs = [
             (a, b)
-            for condition, here in of_tyre[one].items()
+            for condition, here in of_static[one].items()
             for a in here
-            for b in of_tyre[other].get(condition, ())
+            for b in of_static[other].get(condition, ())
             if abs(logs[a] - logs[b]) < _SAME_FREQUENCY
         ]
         stiffness = np.array([[own[i].stiffness for i in pair] for pair in pairs]).reshape(-1, 2)
         static = np.array([[k1[i] for i in pair] for pair in pairs]).reshape(-1, 2)
-        ratios = k1_exchanged(stiffness, static) if pairs else None
+        ratios = k1_exchanged(stiffness, static, same=one[0] == other[0]) if pairs else None
         if ratios is not None:
             a, b, usual = ratios
-            unlike, names = abs(a - b) / usual, f"{one} and {other}"
+            unlike, names = abs(a - b) / usual, f"{_static_name(*one)} and {_static_name(*other)}"
             check = reported(Code.K1_EXCHANGED, "warning", unlike, names=names, one=a, other=b, usual=usual)
-            rows += [(members[i], check) for i, test in enumerate(tests) if test.tyre in (one, other)]
+            rows += [(members[i], check) for group in (one, other) for here in of_static[group].values() for i in here]
     return rows
+
+
+def _static_name(tyre: str, pressure: float) -> str:
+    """A tyre at a pressure [Pa], in words."""
+    return f"{tyre} at {pressure / q.PRESSURE.scale:.4g} {q.PRESSURE.shown}" if pressure else tyre
 
 
 def amplitudes(campaign: Campaign, tests: Sequence[Test], own: Sequence[Own]) -> list[tuple[str, Check]]:

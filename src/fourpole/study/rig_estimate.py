@@ -44,7 +44,7 @@ _CELLS = {
 #: Fields that study.json has under their own names, before notes and candidates.
 _RECORDED = (
     "tests", "conditions", "shared", "chi2", "dof", "fits", "rig_error", "inflation", "scatter", "unsteady",
-    "converged", "reason", "steps", "tied", "rests", "order",
+    "converged", "reason", "steps", "tied", "rests", "order", "drift_by_mass",
 )  # fmt: skip
 
 
@@ -192,6 +192,8 @@ class RigEstimate:
         What the scale of K* rests on, and what no test of the rig can show; one sentence.
     order : RunOrder
         The order of the tests in the run, along which a specimen may drift.
+    drift_by_mass : bool
+        Whether a specimen drifts, and repeats at another place in the run have another added mass, too.
     outliers : tuple of Outlier
         In the order of residuals.csv.
     massed : bool
@@ -221,6 +223,7 @@ class RigEstimate:
     tied: int = 0
     rests: str = ""
     order: RunOrder = RunOrder.ROWS
+    drift_by_mass: bool = False
     outliers: tuple[Outlier, ...] = ()
     massed: bool = False
     unshared_masses: bool = False
@@ -428,6 +431,7 @@ def _read(name: str, rig: pl.DataFrame, residuals: pl.DataFrame, recorded: objec
         massed=any((number(mass) or 0.0) > 0 for mass in masses) or any(one.source.role is Role.MASS for one in values),
         tied=int(number(record.get("tied")) or 0),
         rests=str(record.get("rests") or ""),
+        drift_by_mass=record.get("drift_by_mass") is True,
         order=next((order for order in RunOrder if order == record.get("order")), RunOrder.ROWS),
         unshared_masses=NoteCode.UNSHARED_MASSES in _list(record.get("note_codes")),
         mass_gain=mass_gain(_mapping(gain.get("without")), _mapping(gain.get("with"))),
@@ -472,13 +476,11 @@ def _candidates(listed: object) -> list[Candidate]:
     found = [item for item in _list(listed) if isinstance(item, dict) and item.get("text")]
     texts, numbers = ("name", "unit", "text"), ("value", "std", "explains", "size")
     cells: list[dict[str, Any]] = [
-        {name: str(item.get(name) or "") for name in texts}
-        | {name: _or_nan(item.get(name)) for name in numbers}
-        | {"released": item.get("released") is True}
+        {name: str(item.get(name) or "") for name in texts} | {name: _or_nan(item.get(name)) for name in numbers}
         for item in found
     ]
-    sources = [_candidate_source(str(item.get("part") or "")) for item in found]
-    return [Candidate(source=source, **row) for source, row in zip(sources, cells, strict=True)]
+    kinds = [(_candidate_source(str(item.get("part") or "")), item.get("released") is True) for item in found]
+    return [Candidate(source=one, released=two, **row) for (one, two), row in zip(kinds, cells, strict=True)]
 
 
 def _candidate_source(part: str) -> Source:

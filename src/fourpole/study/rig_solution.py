@@ -17,6 +17,7 @@ from fourpole.core.identification import Identification
 from fourpole.core.joint import Joint
 from fourpole.core.joint.misfit import Candidate, pulls
 from fourpole.core.joint.outputs import Outputs
+from fourpole.core.joint.specimens import goes_with_mass
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import RATIOS, Kind, Role, Source
 from fourpole.fitting.rows import Key
@@ -70,6 +71,7 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, found: Outputs) ->
         ),
         tied=misfit.tied,
         rests=_rests(joint, found),
+        drift_by_mass=bool(joint.misfit.drifts) and goes_with_mass(joint.problem),
         outliers=tuple(Outlier(test, factor, point) for (test, point), factor in factors if factor > 1),
         massed=bool(np.any(_added(joint) > 0)),
         unshared_masses=_unshared_masses(joint),

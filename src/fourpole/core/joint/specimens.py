@@ -28,6 +28,8 @@ _FEW, _FEW_OF_A_MASS = 0.1, 0.35
 _SETTLED = 0.05
 #: Prior standard deviation of a drift of log K* over the run.
 _DRIFT = 0.3
+#: A drift goes with the added mass if less than this share of the squared places is left besides the mass.
+_APART = 0.1
 _SCATTER_ROUNDS = 4
 _MOST_ROUNDS = 12
 
@@ -101,7 +103,8 @@ def _add_drifts(state: State) -> bool:
     tyre = float(residuals(problem, state.solution).tyre.sum())
     # If a scatter was found from the same departures, it contains the drift: chi-square per dof may be far below 1.
     least = 1e-9 if problem.scatter else 1.0
-    if dof <= 0 or stats.f.sf(fall / lost / max((tyre - fall) / dof, least), lost, dof) > CHANCE:
+    rest = max((tyre - fall) / max(dof, 1.0), least)
+    if dof <= 0 or stats.f.sf(fall / lost / rest, lost, dof) > CHANCE:
         return False
     z = np.append(state.solution.z, np.zeros(len(wider.shared) - state.solution.z.size))
     state.solution = replace(state.solution, z=z)
@@ -115,6 +118,21 @@ def _add_drifts(state: State) -> bool:
     listed = tuple(one.source for one in state.problem.shared.parameters if one.source.kind in DRIFTS)
     state.misfit = replace(state.misfit, drifts=listed)
     return True
+
+
+def goes_with_mass(problem: Problem) -> bool:
+    """Whether repeats at another place in the run have another added mass, too.
+
+    An error of a sensor, which acts otherwise with another mass, then looks as a drift does.
+    """
+    first, observed, conditions = problem.conditions.first, problem.observed, problem.conditions
+    label = conditions.label[first:]
+    marks = (observed.mass_at[:, None] == np.unique(observed.mass_at)).astype(float)
+    apart = np.column_stack([marks, observed.place])
+    apart = (apart - conditions.mean(apart)[conditions.label])[first:] if label.size else apart[:0]
+    place = apart[:, -1]
+    rest = place - apart[:, :-1] @ np.linalg.lstsq(apart[:, :-1], place, rcond=None)[0]
+    return bool(place @ place > 0 and rest @ rest < _APART * (place @ place))
 
 
 def _repeated(problem: Problem) -> np.ndarray:
