@@ -177,7 +177,8 @@ def _fit_tyre(
     fixed = list(fixed_of(best.fit.model, held))
     ends = []
     for one, row in zip(best.fits, data, strict=True):
-        ends.append(_normal_ends(one) if share else profile_intervals(one, row, fixed=fixed))
+        here = row.at(one.model.stiffness(one.values, row.omega))
+        ends.append(_normal_ends(one) if share else profile_intervals(one, here, fixed=fixed))
         step()
     return TyreFit(tyre, measured, tuple(data), choice, best, tuple(ends), verdicts, whole)
 
