@@ -28,6 +28,8 @@ _FEWEST = 5
 #: Largest over smallest deflection amplitude above which a curve mixes amplitudes.
 _MIXED = 2.0
 _PRESSURE = q.PRESSURE.key
+#: Amplitudes of a copied recording are equal to this share of the standard uncertainty of their noise.
+_COPIED = 1e-3
 #: Relative difference below which the frequencies of tests of two tyres count as equal.
 _SAME_FREQUENCY = 0.01
 #: Standard uncertainties of the shared errors of ln K*: drift over the run, and power of the deflection amplitude.
@@ -184,16 +186,15 @@ def copies(tests: Sequence[Test], points: Sequence[Point], sound: frozenset[int]
 
     If only one of them is sound by all other checks, the copy is the other one.
     """
-    same: dict[tuple[float, ...], list[int]] = {}
-    for i, point in enumerate(points):
-        phasors = point.phasors
-        if phasors is not None and np.trace(phasors.covariance[2:4, 2:4]) > 0:  # repeats without noise are equal
-            f1, v1, v2 = phasors.amplitudes
-            # The last digits depend on the stated frequency, from which the search begins.
-            content = np.log(np.abs(np.array([f1, v1, v2, f1 / v1 + 1, v2 / v1 + 1])))
-            same.setdefault(tuple(np.nan_to_num(content, nan=0.0).round(6).tolist()), []).append(i)
+    same: list[list[int]] = []
+    size = [0.0 if point.phasors is None else float(abs(point.phasors.amplitudes[1])) for point in points]
+    for i in sorted(range(len(points)), key=lambda i: size[i]):
+        if size[i] > 0 and same and _equal(points[same[-1][-1]], points[i]):
+            same[-1].append(i)
+        elif size[i] > 0:
+            same.append([i])
     rows = []
-    for group in same.values():
+    for group in map(sorted, same):
         names = list(dict.fromkeys(tests[i].name for i in group))
         alone = len(sound.intersection(group)) == 1
         for i in group if len(names) > 1 else ():
@@ -201,6 +202,18 @@ def copies(tests: Sequence[Test], points: Sequence[Point], sound: frozenset[int]
                 others = " and ".join(name for name in names if name != tests[i].name)
                 rows.append((i, reported(Code.COPY, "warning", others=others)))
     return rows
+
+
+def _equal(one: Point, other: Point) -> bool:
+    """Whether the amplitudes of two tests are equal within a fraction of their noise.
+
+    Their last digits depend on the stated frequency, from which the search begins. Repeats without noise are no copies.
+    """
+    assert one.phasors is not None
+    assert other.phasors is not None
+    apart = np.nan_to_num(np.abs(one.phasors.amplitudes - other.phasors.amplitudes))
+    noise = np.nan_to_num(other.phasors.std.reshape(3, 2).min(axis=1))
+    return bool(np.all(apart <= _COPIED * noise) and noise[1] > 0)
 
 
 def noises(tests: Sequence[Test], points: Sequence[Point], used: Sequence[int]) -> list[tuple[int, Check]]:
