@@ -35,17 +35,22 @@ def campaign(honest, tmp_path):
 
     def make(change):
         shutil.copytree(honest, tmp_path / "copy")
-        path = tmp_path / "copy" / "tests.csv"
-        with path.open(newline="") as file:
-            rows = list(csv.DictReader(file))
-        change({row["test"]: row for row in rows})
-        with path.open("w", newline="") as file:
-            writer = csv.DictWriter(file, rows[0])
-            writer.writeheader()
-            writer.writerows(rows)
-        return analyse(tmp_path / "copy")
+        return changed(tmp_path / "copy", change)
 
     return make
+
+
+def changed(folder, change):
+    """The study of a campaign after changes to tests.csv: a function from its rows to nothing."""
+    path = folder / "tests.csv"
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    change({row["test"]: row for row in rows})
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    return analyse(folder)
 
 
 def warned(study):
@@ -146,12 +151,7 @@ def test_static_tests_of_exchanged_tyres_are_named(tmp_path):
         tmp_path, tyres=[CROSS_PLY, RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=FREQUENCIES
     )
     assert warned(analyse(tmp_path)) == {}
-    path = tmp_path / "tests.csv"
-    text = path.read_text()
-    path.write_text(
-        text.replace("recordings/S1.", "X").replace("recordings/S2.", "recordings/S1.").replace("X", "recordings/S2.")
-    )
-    remarks = analyse(tmp_path).dynamic["remarks"].to_list()
+    remarks = changed(tmp_path, lambda rows: exchange(rows, "S1", "S2")).dynamic["remarks"].to_list()
     assert all("K1 of cross-ply at 1.7 bar and radial-ply at 1.7 bar looks exchanged" in remark for remark in remarks)
 
 
@@ -160,17 +160,12 @@ def test_a_k1_above_the_dynamic_stiffness_is_named_on_the_tests_that_have_it(tmp
     simulate_campaign(
         tmp_path, tyres=[CROSS_PLY, RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=FREQUENCIES
     )
-    path = tmp_path / "tests.csv"
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    for row in rows:
-        wrong = row["kind"] == "dynamic" and row["tyre"] == "cross-ply"
-        row["K1 [N/m]"] = "4e5" if wrong else ""
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
-    study = analyse(tmp_path)
+
+    def wrong(rows):
+        for row in rows.values():
+            row["K1 [N/m]"] = "4e5" if row["kind"] == "dynamic" and row["tyre"] == "cross-ply" else ""
+
+    study = changed(tmp_path, wrong)
     large = study.checks.filter(study.checks["code"] == Code.K1_LARGE.text)["test"].to_list()
     assert large == study.dynamic.filter(study.dynamic["tyre"] == "cross-ply")["test"].to_list()
 

@@ -45,7 +45,8 @@ def _fit_rests(deflection: FloatArray, load: FloatArray, side: FloatArray | None
     level = ranks(number, deflection, load)
     count = int(level.max()) + 1
     samples = np.bincount(number[number >= 0])
-    root = np.sqrt(samples[samples > 0] / samples[samples > 0].mean())
+    samples = samples[samples > 0]
+    root = np.sqrt(samples / samples.mean())
 
     highest = int(np.clip(count // 2, 1, _HIGHEST_ORDER))
     choices = [(gap, order) for gap in range(1 if side is None else _GAPS + 1) for order in range(1, highest + 1)]
@@ -64,7 +65,7 @@ def _fit_rests(deflection: FloatArray, load: FloatArray, side: FloatArray | None
     if gap and side is not None:
         fitted = fitted + side * chebyshev.chebval(place, first[:gap])
     residual = load - fitted
-    noise = _noise(residual, number) / float(samples[samples > 0].mean())
+    noise = _noise(residual, number) / float(samples.mean())
     return MeanCurve(
         centre=centre,
         half=half,

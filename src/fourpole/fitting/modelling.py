@@ -177,8 +177,7 @@ def _fit_tyre(
     fixed = list(fixed_of(best.fit.model, held))
     ends = []
     for one, row in zip(best.fits, data, strict=True):
-        here = row.at(one.model.stiffness(one.values, row.omega))
-        ends.append(_normal_ends(one) if share else profile_intervals(one, here, fixed=fixed))
+        ends.append(_normal_ends(one) if share else _profiled(one, row, fixed))
         step()
     return TyreFit(tyre, measured, tuple(data), choice, best, tuple(ends), verdicts, whole)
 
@@ -214,6 +213,11 @@ def _sharing(
     designs = {name: np.ones((len(data), 1)) for name in share}
     start = np.stack([one.values for one in best.fits])
     return tuple(fit_together(model, data, start, designs, shared=_common(measured)).fits())
+
+
+def _profiled(found: Fit, data: StiffnessData, fixed: Sequence[str]) -> FloatArray:
+    """95 % profile-likelihood intervals (P, 2), with the shared errors at K* of the fit."""
+    return profile_intervals(found, data.at(found.model.stiffness(found.values, data.omega)), fixed=fixed)
 
 
 def _normal_ends(found: Fit) -> FloatArray:

@@ -18,7 +18,7 @@ from scipy import optimize, stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData, relaxation
+from fourpole.models.data import SCALINGS, StiffnessData, relaxation
 
 #: Relaxation times per decade of the grid, and decades of the grid beyond each end of the band.
 _PER_DECADE, _BEYOND = 12, 2.0
@@ -28,8 +28,6 @@ _MORE, _ROUNDS = 9, 8
 _STUCK = 0.03
 #: Gauss-Newton search of the times: largest number of times, number of steps, largest step in ln(tau).
 _MOST_MOVED, _MOVES, _FARTHEST_MOVE = 12, 6, 0.3
-#: Number of times that the shared errors are taken at K* of the best passive tyre.
-_SCALINGS = 3
 #: Largest number of frequencies that are removed, one by one, to find those that are not possible.
 _MOST_REMOVED = 3
 #: Residual, in standard uncertainties, above which a frequency is reported if removing frequencies does not help.
@@ -105,7 +103,7 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
     if data.stiffness.ndim != 1:
         raise ModelError("the test is for one condition at a time: choose one")
     best = _best(data, enough)
-    for _ in range(_SCALINGS if data.relative is not None else 0):
+    for _ in range(SCALINGS if data.relative is not None else 0):
         data = data.at(best.stiffness)
         best = _best(data, enough)
     possible = best.chance > CHANCE

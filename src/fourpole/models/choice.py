@@ -11,7 +11,7 @@ from scipy import stats
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData, stacked
+from fourpole.models.data import SCALINGS, StiffnessData, stacked
 from fourpole.models.families import automatic, contains, model_named, sizes_of
 from fourpole.models.fit import Fit, best_fit, fit
 from fourpole.models.interface import Model
@@ -30,8 +30,6 @@ _LEAST_DOF = 2
 _STARTS = 4
 #: Number of larger sizes of a family that are tried beyond the best size so far.
 _PATIENCE = 2
-#: Number of times that the shared errors are taken at K* of the fit.
-_ROUNDS = 3
 #: Relative uncertainty that gives a datum no weight.
 _NO_WEIGHT = 1e6
 
@@ -217,7 +215,7 @@ def fit_conditions(
     for places, together in stacked(conditions):
         fixed = fixed_of(model, [given[place] for place in places] if given is not None else [{}] * len(places))
         found = best_fit(model, together, starts_of(model, together, _STARTS), fixed=fixed)
-        for _ in range(_ROUNDS if together.relative is not None else 0):
+        for _ in range(SCALINGS if together.relative is not None else 0):
             here = together.at(model.stiffness(found.values, together.omega))
             found = replace(fit(model, here, found.values, fixed=list(fixed)), agreed=found.agreed)
         fits.update({place: found.part(at) for at, place in enumerate(places)})

@@ -13,6 +13,8 @@ from fourpole.errors import ModelError
 
 #: Relative uncertainty that is added to every K*: the resolution of single precision.
 _FLOOR = 1e-7
+#: Number of times that a fit takes the shared errors at its K*, and begins again.
+SCALINGS = 3
 #: Largest entry of a covariance that is accepted [N²/m²].
 _LARGEST = 1e60
 
@@ -187,16 +189,15 @@ class StiffnessData(ByValue):
 
     def whitened(self, whiten: FloatArray, values: ComplexArray) -> FloatArray:
         """Complex values (..., N, k) [N/m] in standard uncertainties (..., 2N, k) [1], by a whitener of these data."""
-        flat = (*values.shape[:-2], 2 * self.count, values.shape[-1])
         if self.full:
-            return np.asarray(whiten @ np.stack([values.real, values.imag], axis=-2).reshape(flat))
+            return np.asarray(whiten @ real_columns(values))
         found = np.empty((*values.shape[:-1], 2, values.shape[-1]))
         for row in (0, 1):  # without correlation the second product is skipped
             found[..., row, :] = whiten[..., row, row, None] * (values.imag if row else values.real)
             across = whiten[..., row, 1 - row, None]
             if across.any():
                 found[..., row, :] += across * (values.real if row else values.imag)
-        return found.reshape(flat)
+        return found.reshape(*values.shape[:-2], 2 * self.count, values.shape[-1])
 
     def part(self, rows: np.ndarray) -> StiffnessData:
         """The data at some of the frequencies."""

@@ -19,6 +19,15 @@ from fourpole.core.sources import Kind, Role
 from fourpole.virtual.phasor_rig import CHANNELS, RIG_VALUES, Laboratory, PhasorCampaign, draw, simulate_phasors
 from fourpole.virtual.phasor_rig import Conditions as Run
 
+#: Usual sensors and a rig that is known to 1 %.
+USUAL = Laboratory(
+    moving_mass=(15.0, 0.15),
+    preload_stiffness=(12440.0, 120.0),
+    preload_damping=(15.0, 5.0),
+    std_gain=(0.005,) * 3,
+    std_phase=(0.003,) * 3,
+    noise=2e-4,
+)
 #: Everything a laboratory can state, with an uncertainty of each.
 FULL = Laboratory(
     moving_mass=(15.0, 0.15),

@@ -4,20 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.core.joint.conftest import USUAL
 
 from fourpole.core.joint.outputs import identification
 from fourpole.core.sources import Kind
-from fourpole.virtual.phasor_rig import Laboratory
 
-#: Usual sensors and a rig that is known to 1 %.
-USUAL = Laboratory(
-    moving_mass=(15.0, 0.15),
-    preload_stiffness=(12440.0, 120.0),
-    preload_damping=(15.0, 5.0),
-    std_gain=(0.005,) * 3,
-    std_phase=(0.003,) * 3,
-    noise=2e-4,
-)
 THREE = (0.0, 0.0, 0.0)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.joint.misfit import Candidate
+from fourpole.core.joint.misfit import Candidate, larger_part
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import Shared
 from fourpole.core.sources import Kind, Source
@@ -63,8 +63,7 @@ def _impedance(observed: Observed, shared: Shared) -> ComplexArray:
 
 def _off_resonance(observed: Observed, shared: Shared, impedance: ComplexArray) -> np.ndarray:
     """Flags (N,) of the tests in which Zr is not much smaller than its mass and spring."""
-    spring = shared.rig.preload_stiffness / observed.omega
-    return np.asarray(np.abs(impedance) > _RESONANT * np.maximum(np.abs(impedance + 1j * spring), spring))
+    return np.asarray(np.abs(impedance) > _RESONANT * larger_part(impedance, observed.omega, shared.rig))
 
 
 def _middle(ratio: ComplexArray) -> tuple[float, float]:

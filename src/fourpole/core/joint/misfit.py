@@ -156,7 +156,11 @@ def largest_part(problem: Problem, solution: Solution) -> FloatArray:
 def largest_at(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> FloatArray:
     """`largest_part` at shared values z and K* of each condition."""
     rig, omega = problem.shared.rig_at(z), problem.observed.omega
-    impedance = problem.columns("impedance", z, stiffness)
+    return larger_part(problem.columns("impedance", z, stiffness), omega, rig)
+
+
+def larger_part(impedance: ComplexArray, omega: FloatArray, rig: Rig) -> FloatArray:
+    """Modulus of the larger part, mass or spring, of Zr = `impedance` (N,) [N s/m]."""
     spring = rig.preload_stiffness / omega
     return np.maximum(np.abs(impedance + 1j * spring), spring)
 

@@ -21,6 +21,7 @@ from fourpole.core.joint.misfit import (
     residuals,
 )
 from fourpole.core.joint.model import cholesky_qr, part_shapes, projected
+from fourpole.core.joint.scatter import root_of
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution
 from fourpole.core.joint.specimens import fit_specimens, without_drifts
@@ -158,12 +159,12 @@ def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
     """The diagnosis of the present solution, from its residuals."""
     problem, solution = state.problem, state.solution
     rig_chi2, tyre_chi2 = float(left.rig.sum() + solution.z @ solution.z), float(left.tyre.sum())
+    rig_dof = float(left.rig_dof.sum())
     # No candidate explains more than the whole chi-square. The exact phasors of a plan have a chi-square of zero.
     named = candidates(problem, solution) if rig_chi2 + tyre_chi2 > 1 else []
     known = {*state.misfit.added, *(problem.shared.parameters[at].source for at in state.misfit.conflicts)}
     known |= {Source(Kind.UNSTATED, part) for part, value in _TWINS.items() if value in known}
-    excess, bad = rig_chi2 - float(left.rig_dof.sum()), is_unlikely(rig_chi2, float(left.rig_dof.sum()))
-    least = max(_WHOLE * excess, _SIGNIFICANT**2)
+    bad, least = is_unlikely(rig_chi2, rig_dof), max(_WHOLE * (rig_chi2 - rig_dof), _SIGNIFICANT**2)
     named = [
         one
         for one in named
@@ -181,7 +182,7 @@ def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
     return _Diagnosis(
         left=left,
         rig_chi2=rig_chi2,
-        rig_dof=float(left.rig_dof.sum()),
+        rig_dof=rig_dof,
         tyre_chi2=tyre_chi2,
         tyre_dof=2.0 * float((problem.conditions.sizes - 1).sum()),
         named=named,
@@ -339,11 +340,4 @@ def _level(part: FloatArray, weight: FloatArray, dof: float, size: FloatArray) -
     drawn = np.einsum("nij,ni->nj", vectors, part * size[:, None]) ** 2
     usable = values > 1e-12 * max(float(values.max(initial=0.0)), 1e-300)
     values, drawn = values[usable], drawn[usable]
-    low, high = 0.0, 1.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if np.sum(drawn / values / (1 + middle**2 * values)) > dof:
-            low = middle
-        else:
-            high = middle
-    return high
+    return root_of(lambda level: float(np.sum(drawn / values / (1 + level**2 * values))) - dof)

@@ -19,11 +19,10 @@ from fourpole.core.joint.solve import Problem, Solution
 
 #: Median of chi-square with 2 degrees of freedom.
 MEDIAN = 1.386
-#: Largest scatter of log K* that is considered.
-_MOST = 1.0
+#: Largest scatter of log K*, or error of Zr, that is considered [1]; halvings of it that reach round-off.
+_MOST, _HALVINGS = 1.0, 60
 #: Least number of tests with a repeat for a robust estimate of the scatter.
 _ENOUGH = 6
-_HALVINGS = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +94,7 @@ def scatter_of(problem: Problem, found: Deviations, used: BoolArray, lost: float
     counted = replace(found, covariance=kept)
     sizes = conditions.sum(used.astype(float))
     dof = 2.0 * float(np.sum(np.maximum(sizes - 1, 0))) - lost
-    return _where(lambda scatter: float(np.sum(squares(conditions, counted, scatter)[used])) - dof) if dof > 0 else 0.0
+    return root_of(lambda scatter: float(np.sum(squares(conditions, counted, scatter)[used])) - dof) if dof > 0 else 0.0
 
 
 def robust_scatter(problem: Problem, found: Deviations) -> float:
@@ -107,11 +106,11 @@ def robust_scatter(problem: Problem, found: Deviations) -> float:
     if np.sum(repeated) < _ENOUGH:
         return scatter_of(problem, found, np.ones(repeated.size, dtype=bool))
     free = 1 - 1 / sizes[repeated]
-    return _where(lambda scatter: float(np.median(squares(conditions, found, scatter)[repeated] / free)) - MEDIAN)
+    return root_of(lambda scatter: float(np.median(squares(conditions, found, scatter)[repeated] / free)) - MEDIAN)
 
 
-def _where(excess: Callable[[float], float]) -> float:
-    """The scatter at which a falling function is zero; 0 if it is never positive."""
+def root_of(excess: Callable[[float], float]) -> float:
+    """The relative error up to `_MOST` at which a falling function is zero; 0 if it is never positive."""
     if excess(0.0) <= 0:
         return 0.0
     low, high = 0.0, _MOST
