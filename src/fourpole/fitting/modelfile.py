@@ -30,6 +30,8 @@ from fourpole.units import shown
 FORMAT, VERSION = "fourpole-model", 1
 _MOST_BYTES = 50_000_000
 _LONGEST = 100_000
+#: Largest number of parameters of a model: those of a Prony series with 300 arms.
+_MOST_PARAMETERS = 601
 #: Relative tolerance for an asymmetric covariance, or one with a negative eigenvalue.
 _ROUND_OFF = 1e-6
 #: Largest modulus of a parameter in SI units, or of a coefficient.
@@ -55,7 +57,7 @@ class _Strict(BaseModel):
 
 
 #: Frequencies from low to high [Hz].
-Band = tuple[Annotated[float, Field(gt=0, le=1e12)], Annotated[float, Field(gt=0, le=1e12)]]
+Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: A relative error.
 Share = Annotated[float, Field(ge=0, le=1e3)]
 
@@ -129,12 +131,12 @@ class ConditionFile(_Strict):
         default_factory=list, max_length=_LONGEST, description="Point of each of `tests`; without it, 1."
     )
     band: Band = Field(description="Lowest and highest frequency fitted [Hz].")
-    values: list[float] = Field(max_length=200, description="Values of the parameters, in their order.")
-    covariance: list[list[float]] = Field(max_length=200, description="Covariance of the parameters.")
+    values: list[float] = Field(max_length=_MOST_PARAMETERS, description="Values of the parameters, in their order.")
+    covariance: list[list[float]] = Field(max_length=_MOST_PARAMETERS, description="Covariance of the parameters.")
     intervals: list[tuple[float | None, float | None]] = Field(
-        max_length=200, description="95 % profile-likelihood intervals; null where the data set no end."
+        max_length=_MOST_PARAMETERS, description="95 % profile-likelihood intervals; null where the data set no end."
     )
-    on_bound: list[str] = Field(max_length=200, description="Symbols of parameters on a bound.")
+    on_bound: list[str] = Field(max_length=_MOST_PARAMETERS, description="Symbols of parameters on a bound.")
     chi2: float
     dof: int
     converged: bool
@@ -148,7 +150,7 @@ class _Entry(_Strict):
     tyre: str
     model: str = Field(max_length=40)
     causal: bool
-    parameters: list[ParameterFile] = Field(max_length=200)
+    parameters: list[ParameterFile] = Field(max_length=_MOST_PARAMETERS)
 
 
 class ModelEntry(_Entry):
@@ -184,7 +186,9 @@ class MapEntry(_Entry):
     axes: list[AxisFile] = Field(max_length=10)
     constant: list[NamedValue] = Field(max_length=20, description="Axes with one value in all conditions.")
     terms: list[list[int]] = Field(max_length=500, description="Exponents of the axes, term by term.")
-    coefficients: list[list[float]] = Field(max_length=200, description="One list per parameter, one number per term.")
+    coefficients: list[list[float]] = Field(
+        max_length=_MOST_PARAMETERS, description="One list per parameter, one number per term."
+    )
     covariance: list[list[float]] = Field(max_length=2000, description="Covariance of all coefficients in turn.")
     scatter: tuple[Share, Share, Share] = Field(
         description="Relative scatter: of conditions; of frequencies, along and across K*."
@@ -387,7 +391,7 @@ def _check_covariance(where: str, rows: list[list[float]], size: int) -> None:
 
 def model_of(entry: ModelEntry | MapEntry, name: str = "the model file") -> Model:
     """The model of an entry; ModelError if the parameters of the entry, or their units, differ from the model's."""
-    model = model_named(entry.model)
+    model = model_named(entry.model).with_parameters(len(entry.parameters))
     stated = [one.symbol for one in entry.parameters]
     if stated != model.symbols:
         raise ModelError(f"{name}: the {entry.model} model has the parameters {', '.join(model.symbols)}, not {stated}")

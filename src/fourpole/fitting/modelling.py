@@ -35,7 +35,7 @@ from fourpole.fitting.modelfile import (
     split_column,
 )
 from fourpole.models.causality import Possible, check_possible
-from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of
+from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import for_maps, model_named, sizes_of
@@ -51,6 +51,8 @@ Progress = Callable[[int, int], None]
 _ALIKE = 1.1
 #: Relative error that is added to each condition before the fits that start a map, so that none dominates.
 _EVEN = 0.01
+#: Largest product of the cube of the free parameters and the frequencies for intervals by profile likelihood.
+_MOST_WORK = 600_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +167,7 @@ def _fit_tyre(
     held = [_held(one, given) for one in measured]
     discrepancy = _discrepancy(stated, model, held, known=every.known)
     data = [with_error(one, discrepancy) for one in stated]
-    choice = choose(data, AUTO if model == "auto" else (model,), held)
+    choice = choose(data, None if model == "auto" else (model,), held)
     best, more = choice.best, 0.0
     if best.chance < CHANCE:
         more = model_discrepancy(data, lambda rows: _misfit(best.fit.model, rows, held))
@@ -175,11 +177,40 @@ def _fit_tyre(
     if share:
         best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
-    ends = []
-    for one, row in zip(best.fits, data, strict=True):
-        ends.append(_normal_ends(one) if share else profile_intervals(one, row, fixed=fixed))
+    ends, why = _intervals(best.fits, data, fixed, step, shared=bool(share))
+    choice = replace(choice, text=". ".join([choice.text, *_left_out(choice), *why]))
+    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole)
+
+
+def _intervals(
+    fits: Sequence[Fit], data: Sequence[StiffnessData], fixed: Sequence[str], step: Callable[[], None], *, shared: bool
+) -> tuple[tuple[FloatArray, ...], list[str]]:
+    """95 % intervals (P, 2) of each condition; sentences say which of them are not by profile likelihood, and why."""
+    ends: list[FloatArray] = []
+    why: list[str] = []
+    for one, row in zip(fits, data, strict=True):
+        free = len(one.model.parameters) - len(fixed)
+        long = not one.model.linear and free**3 * row.count > _MOST_WORK
+        if long and not shared:
+            why = [
+                f"{free} free parameters are too many for profile likelihood: their intervals are from the covariance"
+            ]
+        try:
+            ends.append(
+                _normal_ends(one) if shared or long or STOPPED in why else profile_intervals(one, row, fixed=fixed)
+            )
+        except KeyboardInterrupt:
+            why.append(STOPPED)
+            ends.append(_normal_ends(one))
         step()
-    return TyreFit(tyre, measured, tuple(data), choice, best, tuple(ends), verdicts, whole)
+    if STOPPED in why:
+        why[why.index(STOPPED)] = f"Profile likelihood was {STOPPED}: intervals that it lacks are from the covariance"
+    return tuple(ends), why
+
+
+def _left_out(choice: Choice) -> list[str]:
+    """Models that could not be compared, each with the reason, as sentences."""
+    return [f"{name} was not compared: {reason.rstrip('.')}" for name, reason in choice.failed]
 
 
 def _discrepancy(
@@ -195,7 +226,8 @@ def _discrepancy(
         return needed
     if known:
         return 0.0  # `_fit_tyre` computes it if the model does not fit
-    return model_discrepancy(stated, lambda rows: _misfit(model_named(model), rows, held), always=True)
+    placed = model_named(model).placed(stated)
+    return model_discrepancy(stated, lambda rows: _misfit(placed, rows, held), always=True)
 
 
 def _sharing(
@@ -216,11 +248,15 @@ def _sharing(
 
 
 def _normal_ends(found: Fit) -> FloatArray:
-    """95 % intervals (P, 2) for a normal distribution of the linked parameters."""
+    """95 % intervals (P, 2) for a normal distribution of the linked parameters; of a linear model, of its own."""
+    if found.model.linear:
+        half = NORMAL_95 * found.std
+        return np.stack([np.maximum(found.values - half, 0.0), found.values + half], axis=-1)
     linked = link_all(found.model, found.values)
     _, slopes = unlink_all(found.model, linked)
     half = np.divide(NORMAL_95 * found.std, slopes, out=np.zeros_like(linked), where=slopes > 0)
-    return np.stack([unlink_all(found.model, linked + side * half)[0] for side in (-1, 1)], axis=-1)
+    ends = np.stack([unlink_all(found.model, linked + side * half)[0] for side in (-1, 1)], axis=-1)
+    return np.where(found.on_bound[:, None], np.stack(found.model.bounds, axis=-1), ends)
 
 
 def _common(measured: Sequence[Measured]) -> list[FloatArray]:
@@ -286,6 +322,10 @@ def _map_tyre(
             progress(at)
         try:
             model = model_named(name)
+            if model.linear:
+                raise ModelError(
+                    f"the terms of {name} are no smooth functions of the condition: take zener or fractional"
+                )
             few = min(one.own.count for one in measured)
             if len(names) > 1 and len(model.parameters) > few:  # such a model would fit the noise
                 raise ModelError(f"its {len(model.parameters)} parameters are too many for {few} frequencies")
