@@ -34,6 +34,8 @@ _K1 = (q.K1.head, q.K1.u_head)
 _LARGEST = 1e25
 #: Bounds of a frequency [Hz]: a product of two of them, or of one and its reciprocal, is a number.
 _LOWEST, _HIGHEST = 1e-100, 1e100
+#: Relative distance beyond an end of a band within which a frequency is inside, as drives are stated by round numbers.
+_NOMINAL = 1e-2
 _RULE = Sameness()
 _USUAL = {axis.column for axis in AXES}
 
@@ -157,8 +159,8 @@ class MeasuredSet:
 
 
 def _within(one: Measured, band: tuple[float, float]) -> Measured | None:
-    """A condition with its frequencies within a band [Hz], or None."""
-    rows = np.flatnonzero((one.frequency >= band[0] * (1 - 1e-9)) & (one.frequency <= band[1] * (1 + 1e-9)))
+    """A condition with its frequencies within a band [Hz], the nominal ends of which count as inside, or None."""
+    rows = np.flatnonzero((one.frequency >= band[0] * (1 - _NOMINAL)) & (one.frequency <= band[1] * (1 + _NOMINAL)))
     if not rows.size:
         return None
     both = np.stack([2 * rows, 2 * rows + 1], axis=1).ravel()

@@ -23,6 +23,7 @@ from fourpole.io.write import write_text
 from fourpole.models.families import model_named
 from fourpole.models.interface import Model
 from fourpole.models.operating import LeaveOneOut, OperatingMap
+from fourpole.models.shape import Shape
 from fourpole.models.surface import Axes, ValueSurface
 from fourpole.models.together import Scatter
 from fourpole.units import shown
@@ -38,8 +39,8 @@ _ROUND_OFF = 1e-6
 LARGEST = 1e30
 
 
-#: Keys that version 1 has gained: of the document, and of a condition.
-LATER = ("axes", "points")
+#: Keys that version 1 has gained: of the document, of a condition, and of an entry of `models`.
+LATER = ("axes", "points", "shape")
 #: Keys of version 1 of the format whose attributes have other names.
 _KEYS = {
     "discrepancy": "granted", "leave_one_out": "left_out", "cross_validation": "left_out", "not_converged": "lost"
@@ -159,6 +160,7 @@ class ModelEntry(_Entry):
     discrepancy: Share = Field(
         description="Model discrepancy: relative error of K* that makes chi-square equal its degrees of freedom [1]."
     )
+    shape: Shape | None = Field(default=None, description="Height, area and load of the specimen, where stated.")
     choice: str = Field(description="The choice of the model in words.")
     candidates: list[CandidateFile] = Field(max_length=200, description="Models that were compared, the best first.")
     conditions: list[ConditionFile] = Field(max_length=_LONGEST)
@@ -262,9 +264,10 @@ class ModelFile(_Strict):
     def document(self) -> dict[str, Any]:
         """The document with the keys and types of JSON; the keys of `LATER` stand only where they hold something."""
         document: dict[str, Any] = self.model_dump(mode="json", by_alias=True)
-        for part in (document, *(one for entry in document["models"] for one in entry["conditions"])):
+        models = document["models"]
+        for part in (document, *models, *(one for entry in models for one in entry["conditions"])):
             for key in LATER:
-                if part.get(key) == []:
+                if key in part and part[key] in ([], None):
                     del part[key]
         return document
 

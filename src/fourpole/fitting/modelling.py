@@ -14,9 +14,10 @@ from scipy import stats
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.core.confidence import CHANCE, NORMAL_95
+from fourpole.core.confidence import CHANCE
 from fourpole.core.rig import PARAMETERS
 from fourpole.errors import ModelError
+from fourpole.fitting.intervals import intervals
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
     CandidateFile,
@@ -35,24 +36,22 @@ from fourpole.fitting.modelfile import (
     split_column,
 )
 from fourpole.models.causality import Possible, check_possible
-from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
+from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import for_maps, model_named, sizes_of
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model
 from fourpole.models.operating import OperatingMap, make_map
-from fourpole.models.profile import profile_intervals
+from fourpole.models.shape import Shape, shape_of
 from fourpole.models.surface import Axes
-from fourpole.models.together import fit_together, link_all, unlink_all
+from fourpole.models.together import fit_together
 
 Progress = Callable[[int, int], None]
 #: Maps are equally good if their leave-one-out errors differ by less than this factor; the smallest u(K*) decides.
 _ALIKE = 1.1
 #: Relative error that is added to each condition before the fits that start a map, so that none dominates.
 _EVEN = 0.01
-#: Largest product of the cube of the free parameters and the frequencies for intervals by profile likelihood.
-_MOST_WORK = 600_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,35 +176,9 @@ def _fit_tyre(
     if share:
         best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
-    ends, why = _intervals(best.fits, data, fixed, step, shared=bool(share))
+    ends, why = intervals(best.fits, data, fixed, step, shared=bool(share))
     choice = replace(choice, text=". ".join([choice.text, *_left_out(choice), *why]))
     return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole)
-
-
-def _intervals(
-    fits: Sequence[Fit], data: Sequence[StiffnessData], fixed: Sequence[str], step: Callable[[], None], *, shared: bool
-) -> tuple[tuple[FloatArray, ...], list[str]]:
-    """95 % intervals (P, 2) of each condition; sentences say which of them are not by profile likelihood, and why."""
-    ends: list[FloatArray] = []
-    why: list[str] = []
-    for one, row in zip(fits, data, strict=True):
-        free = len(one.model.parameters) - len(fixed)
-        long = not one.model.linear and free**3 * row.count > _MOST_WORK
-        if long and not shared:
-            why = [
-                f"{free} free parameters are too many for profile likelihood: their intervals are from the covariance"
-            ]
-        try:
-            ends.append(
-                _normal_ends(one) if shared or long or STOPPED in why else profile_intervals(one, row, fixed=fixed)
-            )
-        except KeyboardInterrupt:
-            why.append(STOPPED)
-            ends.append(_normal_ends(one))
-        step()
-    if STOPPED in why:
-        why[why.index(STOPPED)] = f"Profile likelihood was {STOPPED}: intervals that it lacks are from the covariance"
-    return tuple(ends), why
 
 
 def _left_out(choice: Choice) -> list[str]:
@@ -245,18 +218,6 @@ def _sharing(
     designs = {name: np.ones((len(data), 1)) for name in share}
     start = np.stack([one.values for one in best.fits])
     return tuple(fit_together(model, data, start, designs, shared=_common(measured)).fits())
-
-
-def _normal_ends(found: Fit) -> FloatArray:
-    """95 % intervals (P, 2) for a normal distribution of the linked parameters; of a linear model, of its own."""
-    if found.model.linear:
-        half = NORMAL_95 * found.std
-        return np.stack([np.maximum(found.values - half, 0.0), found.values + half], axis=-1)
-    linked = link_all(found.model, found.values)
-    _, slopes = unlink_all(found.model, linked)
-    half = np.divide(NORMAL_95 * found.std, slopes, out=np.zeros_like(linked), where=slopes > 0)
-    ends = np.stack([unlink_all(found.model, linked + side * half)[0] for side in (-1, 1)], axis=-1)
-    return np.where(found.on_bound[:, None], np.stack(found.model.bounds, axis=-1), ends)
 
 
 def _common(measured: Sequence[Measured]) -> list[FloatArray]:
@@ -402,11 +363,12 @@ def model_file(
     *,
     settings: Mapping[str, Any] | None = None,
     rig: RigFile | None = None,
+    shapes: Mapping[str, Shape] | None = None,
 ) -> ModelFile:
-    """The document of fits or of maps."""
+    """The document of fits or of maps; `shapes` has the shapes of specimens by name, where they are stated."""
     return ModelFile(
         kind="map" if maps else "model",
-        models=[_model_entry(one) for one in fits],
+        models=[_model_entry(one, (shapes or {}).get(one.tyre)) for one in fits],
         maps=[entry_of(one.tyre, one.best, one.text) for one in maps],
         rig=rig,
         axes=[
@@ -424,7 +386,7 @@ def model_file(
     )
 
 
-def _model_entry(found: TyreFit) -> ModelEntry:
+def _model_entry(found: TyreFit, shape: Shape | None) -> ModelEntry:
     verdicts = found.verdicts or (None,) * len(found.measured)
     rows = zip(found.measured, found.chosen.fits, found.intervals, verdicts, strict=True)
     return ModelEntry(
@@ -433,6 +395,7 @@ def _model_entry(found: TyreFit) -> ModelEntry:
         causal=found.model.causal,
         parameters=parameters_of(found.model),
         discrepancy=found.discrepancy,
+        shape=shape,
         choice=found.choice.text,
         candidates=[_candidate_entry(one) for one in found.choice.candidates],
         conditions=[_condition_entry(*row) for row in rows],
@@ -480,6 +443,14 @@ def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: 
         agreed=float(found.agreed),
         verdict=None if verdict is None else _verdict_entry(measured, verdict),
     )
+
+
+def shapes_in(record: Mapping[str, Any]) -> dict[str, Shape]:
+    """Shapes of the specimens that study.json states, by name."""
+    specimens = record.get("stated", {}).get("specimens", {})
+    stated = specimens.items() if isinstance(specimens, dict) else ()
+    found = {name: shape_of(one) for name, one in stated if isinstance(one, dict)}
+    return {name: one for name, one in found.items() if one is not None}
 
 
 def rig_file(record: Mapping[str, Any], found: pl.DataFrame) -> RigFile | None:
