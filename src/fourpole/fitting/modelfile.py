@@ -35,8 +35,8 @@ _LONGEST = 100_000
 _MOST_PARAMETERS = 601
 #: Relative tolerance for an asymmetric covariance, or one with a negative eigenvalue.
 _ROUND_OFF = 1e-6
-#: Largest modulus of a parameter in SI units, or of a coefficient.
-LARGEST = 1e30
+#: Largest modulus of a parameter in SI units, or of a coefficient: a relaxation time may be very long.
+LARGEST = 1e120
 
 
 #: Keys that version 1 has gained: of the document, of a condition, and of an entry of `models`.

@@ -46,7 +46,7 @@ _ATTACHED = re.compile(r"(?P<stem>[^()]*)\((?P<round>[^()]+)\)\s*")
 _CHARGE = re.compile(r"(?<![A-Za-z°])[pnµum]?C(?![A-Za-z])")
 _BAND = re.compile(
     rf"\s*(?P<low>{_NUMBER})\s*(?P<first>[A-Za-z/]*?)\s*"
-    rf"(?:(?::|\.\.\.?|-|–|\bto\b)\s*(?P<high>{_NUMBER})\s*)?(?P<last>[^0-9\s.,;:+-].*|)"
+    rf"(?:(?::|\.\.\.?|-|–|\bto\b)\s*(?P<high>{_NUMBER})\s*)?(?P<last>[A-Za-z][^0-9:]*|)"
 )
 #: Number of frequencies of a range without a step.
 _EVEN = 25
