@@ -19,11 +19,20 @@ _MOST_WORK = 600_000
 
 
 def intervals(
-    fits: Sequence[Fit], data: Sequence[StiffnessData], fixed: Sequence[str], step: Callable[[], None], *, shared: bool
+    fits: Sequence[Fit],
+    data: Sequence[StiffnessData],
+    fixed: Sequence[str],
+    step: Callable[[], None],
+    *,
+    shared: bool,
+    stopped: bool,
 ) -> tuple[tuple[FloatArray, ...], list[str]]:
-    """95 % intervals (P, 2) of each condition; sentences say which of them are not by profile likelihood, and why."""
+    """95 % intervals (P, 2) of each condition; sentences say which of them are not by profile likelihood, and why.
+
+    Intervals of fits that share parameters, and those after a stop, are from the covariance.
+    """
     ends: list[FloatArray] = []
-    why: list[str] = []
+    why: list[str] = [STOPPED] if stopped else []
     for one, row in zip(fits, data, strict=True):
         free = len(one.model.parameters) - len(fixed)
         long = not one.model.linear and free**3 * row.count > _MOST_WORK

@@ -176,7 +176,7 @@ def _fit_tyre(
     if share:
         best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
-    ends, why = intervals(best.fits, data, fixed, step, shared=bool(share))
+    ends, why = intervals(best.fits, data, fixed, step, shared=bool(share), stopped=choice.stopped)
     choice = replace(choice, text=". ".join([choice.text, *_left_out(choice), *why]))
     return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole)
 

@@ -127,6 +127,11 @@ class Choice:
     text: str
 
     @property
+    def stopped(self) -> bool:
+        """Whether the user stopped the comparison before all models were tried."""
+        return any(reason == STOPPED for _, reason in self.failed)
+
+    @property
     def best(self) -> Candidate:
         """The candidate with the least BIC."""
         return self.candidates[0]
@@ -180,8 +185,11 @@ def choose(
     candidates.sort(key=lambda one: one.bic)
     limit = candidates[0].bic + _WORTH * len(conditions)
     for at, one in enumerate(candidates):
-        if one.bic < limit:
-            candidates[at] = replace(one, cross_validation=_cross_validation_error(one, conditions, known))
+        if one.bic < limit and not any(reason == STOPPED for _, reason in failed):
+            try:
+                candidates[at] = replace(one, cross_validation=_cross_validation_error(one, conditions, known))
+            except KeyboardInterrupt:
+                failed = (*failed, ("cross-validation", STOPPED))
     best = candidates[0]
     near = [one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE]
     alike = tuple(name for name in near if not contains(name, best.name))
@@ -212,6 +220,8 @@ def _fitted(
         except (np.linalg.LinAlgError, FloatingPointError) as error:
             failed.append((name, f"its fit failed ({error})"))
         except KeyboardInterrupt:  # what is found is kept
+            if not candidates:
+                raise
             failed += [(one, STOPPED) for one in names[names.index(name) :]]
             break
     if not candidates:
