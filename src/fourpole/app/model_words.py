@@ -98,7 +98,11 @@ def _show_down(entry: ModelEntry, places: Sequence[int]) -> None:
             arm = f"{one.values[symbols.index(time)]:.4g}" if time != symbol and time in symbols else ""
             value, _, ends = _cell(one, at).partition("\n")
             rows.append((f"{symbol} [{entry.parameters[at].unit}]", arm, value, ends))
-        print_table((_condition(one), "tau [s]", "value", "95 %"), rows, right=("tau [s]", "value", "95 %"))
+        print_table(
+            (_condition(one), "relaxation time [s]", "value", "95 %"),
+            rows,
+            right=("relaxation time [s]", "value", "95 %"),
+        )
     if len(entry.conditions) > _MOST_TABLES:
         out(f"... and {len(entry.conditions) - _MOST_TABLES} more conditions, in the model file")
 

@@ -36,7 +36,7 @@ from fourpole.fitting.modelfile import (
     split_column,
 )
 from fourpole.models.causality import Possible, check_possible
-from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of
+from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import for_maps, model_named, sizes_of
@@ -46,6 +46,7 @@ from fourpole.models.operating import OperatingMap, make_map
 from fourpole.models.shape import Shape, shape_of
 from fourpole.models.surface import Axes
 from fourpole.models.together import fit_together
+from fourpole.units import shown
 
 Progress = Callable[[int, int], None]
 #: Maps are equally good if their leave-one-out errors differ by less than this factor; the smallest u(K*) decides.
@@ -149,7 +150,18 @@ def fit_tyres(
             progress(next(done), len(measured.conditions))
 
     step()
-    return [_fit_tyre(tyre, measured, model, given or {}, share, step) for tyre in measured.tyres]
+    found: list[TyreFit] = []
+    for tyre in measured.tyres:
+        try:
+            found.append(_fit_tyre(tyre, measured, model, given or {}, share, step))
+        except KeyboardInterrupt:  # the tyres that are fitted are kept
+            if not found:
+                raise
+            rest = ", ".join(shown(one) for one in measured.tyres[len(found) :])
+            text = f"{found[-1].choice.text}. Not fitted, {STOPPED}: {rest}"
+            found[-1] = replace(found[-1], choice=replace(found[-1].choice, text=text))
+            break
+    return found
 
 
 def _fit_tyre(
@@ -167,16 +179,19 @@ def _fit_tyre(
     discrepancy = _discrepancy(stated, model, held, known=every.known)
     data = [with_error(one, discrepancy) for one in stated]
     choice = choose(data, None if model == "auto" else (model,), held)
-    best, more = choice.best, 0.0
+    best, more, stopped = choice.best, 0.0, choice.stopped
     if best.chance < CHANCE:
-        more = model_discrepancy(data, lambda rows: _misfit(best.fit.model, rows, held))
-        data = [with_error(one, more) for one in data]
-        best = replace(best, fits=fit_conditions(best.fit.model, data, held))
+        try:
+            more = model_discrepancy(data, lambda rows: _misfit(best.fit.model, rows, held))
+            wider = [with_error(one, more) for one in data]
+            best, data = replace(best, fits=fit_conditions(best.fit.model, wider, held)), wider
+        except KeyboardInterrupt:  # the fit is kept, without the discrepancy
+            more, stopped = 0.0, True
     whole = float(np.hypot(discrepancy, more))
     if share:
         best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
-    ends, why = intervals(best.fits, data, fixed, step, shared=bool(share), stopped=choice.stopped)
+    ends, why = intervals(best.fits, data, fixed, step, shared=bool(share), stopped=stopped)
     choice = replace(choice, text=". ".join([choice.text, *_left_out(choice), *why]))
     return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole)
 
