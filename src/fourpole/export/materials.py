@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 from fourpole.export.source import ascii_line
@@ -140,7 +141,7 @@ def _material(
         f"stiffness: K_0 = {number(arms.instantaneous)} N/m (instantaneous), K_inf = {number(arms.rest)} N/m (at rest)",
         *([] if shape is None else [_about_shape(shape)]),
     ]
-    return Material(name, tuple(map(ascii_line, about)), arms, shape, state.get("temperature [degC]"))
+    return Material(name, tuple(map(ascii_line, about)), arms, shape, state.get(q.TEMPERATURE.head))
 
 
 def _about_shape(shape: Shape) -> str:
