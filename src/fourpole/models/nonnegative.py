@@ -14,6 +14,7 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
+from fourpole.models.spectrum import WhitenedCondition, each_whitened
 
 if TYPE_CHECKING:
     from fourpole.models.fit import Fit
@@ -48,12 +49,12 @@ class _Linear(ByValue):
     fixed: FloatArray
 
 
-def _linear(model: Model, data: StiffnessData, start: FloatArray, fixed: Sequence[str]) -> _Linear:
+def _linear(model: Model, condition: WhitenedCondition, start: FloatArray, fixed: Sequence[str]) -> _Linear:
     """The whitened least-squares problem of one condition, with the fixed parameters taken out of the target."""
     free = np.array([at for at, one in enumerate(model.symbols) if one not in fixed], dtype=int)
     values = np.array(start)
     values[free] = 0.0
-    whiten = data.whitener()
+    data, whiten = condition.data, condition.whiten
     terms = model.derivative(values, data.omega)[:, free]
     rows = data.whitened(whiten, terms)
     off = data.stiffness - model.stiffness(values, data.omega)
@@ -62,14 +63,6 @@ def _linear(model: Model, data: StiffnessData, start: FloatArray, fixed: Sequenc
         rows = np.vstack([rows, model.static_derivative(values)[free] / data.k1_std])
         target = np.append(target, (data.k1 - model.static_stiffness(values)) / data.k1_std)
     return _Linear(rows, target, free, values)
-
-
-def _each(data: StiffnessData) -> list[StiffnessData]:
-    """Data of conditions (...,), one by one."""
-    flat = data.flat()
-    omega = np.broadcast_to(flat.omega, flat.stiffness.shape)
-    parts = (omega, flat.stiffness, flat.covariance, flat.k1, flat.k1_std)
-    return [StiffnessData(*row) for row in zip(*parts, strict=True)]
 
 
 def fit_nonnegative(
@@ -95,7 +88,7 @@ def fit_nonnegative(
         for name, value in fixed.items():
             begins[:, names.index(name)] = np.broadcast_to(np.asarray(value, dtype=float), lead).reshape(-1)
     found = []
-    for one, begin in zip(_each(data), model.checked(begins), strict=True):
+    for one, begin in zip(each_whitened(data), model.checked(begins), strict=True):
         problem = _linear(model, one, begin, [*fixed])
         if not problem.free.size:
             raise ModelError(f"all parameters of the {model.name} model are given: leave at least one free")
@@ -140,7 +133,8 @@ def nonnegative_intervals(found: Fit, data: StiffnessData, rise: float, fixed: S
     The interval of a parameter at zero is one-sided: from zero to the value at which chi-square has risen by `rise`
     squared, all other parameters fitted anew.
     """
-    problem = _linear(found.model, data, found.values, fixed)
+    (condition,) = each_whitened(data)
+    problem = _linear(found.model, condition, found.values, fixed)
     ends = np.stack([found.values, found.values], axis=1)
     small, target, rest = _condensed(problem.rows, problem.target)
     least = float(found.chi2) - rest

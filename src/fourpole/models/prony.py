@@ -14,7 +14,7 @@ from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Parameter
 from fourpole.models.maxwell import RelaxingArms
 from fourpole.models.nonnegative import least_squares
-from fourpole.models.spectrum import whitened_conditions
+from fourpole.models.spectrum import each_whitened
 
 #: Relaxation times per decade where none are stated, and largest number. K'' of a flat spectrum ripples by 5.5 % with
 #: one time per decade, by 0.08 % with two, by 0.001 % with three.
@@ -97,7 +97,7 @@ class Prony(RelaxingArms):
                 f"{count} relaxation times over {decades:.3g} decades are more than {_MOST_ARMS}: state fewer per "
                 f"decade, as prony:{max(int(_MOST_ARMS / decades), 1)}"
             )
-        rows = [one for each in conditions for one in whitened_conditions(_as_batch(each))]
+        rows = [one for each in conditions for one in each_whitened(each)]
         best: tuple[float, FloatArray] | None = None
         for below, above in product(_BEYOND, repeat=2):
             times = np.logspace(above - np.log10(low), -below - np.log10(high), count)
@@ -116,14 +116,3 @@ class Prony(RelaxingArms):
     def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
         """One start: the fit itself finds the optimum."""
         return np.broadcast_to(self.defaults, (1, len(data.stiffness), len(self.parameters)))
-
-
-def _as_batch(one: StiffnessData) -> StiffnessData:
-    """Data of one condition as an array of one."""
-    return StiffnessData(
-        one.omega[None],
-        one.stiffness[None],
-        one.covariance[None],
-        np.asarray(one.k1)[None],
-        np.asarray(one.k1_std)[None],
-    )
