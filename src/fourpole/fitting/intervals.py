@@ -16,6 +16,7 @@ from fourpole.models.together import link_all, unlink_all
 
 #: Largest product of the cube of the free parameters and the frequencies for intervals by profile likelihood.
 _MOST_WORK = 600_000
+_INSTEAD = "their intervals are from the covariance"
 
 
 def intervals(
@@ -36,14 +37,14 @@ def intervals(
     for one, row in zip(fits, data, strict=True):
         free = len(one.model.parameters) - len(fixed)
         long = not one.model.linear and free**3 * row.count > _MOST_WORK
-        if long and not shared:
-            why = [
-                f"{free} free parameters are too many for profile likelihood: their intervals are from the covariance"
-            ]
+        if long and not shared and not why:
+            why = [f"{free} free parameters are too many for profile likelihood: {_INSTEAD}"]
         try:
-            ends.append(
-                normal_ends(one) if shared or long or STOPPED in why else profile_intervals(one, row, fixed=fixed)
-            )
+            if shared or long or STOPPED in why:
+                ends.append(normal_ends(one))
+            else:
+                here = row.at(one.model.stiffness(one.values, row.omega))
+                ends.append(profile_intervals(one, here, fixed=fixed))
         except KeyboardInterrupt:
             why.append(STOPPED)
             ends.append(normal_ends(one))

@@ -28,6 +28,8 @@ _MORE, _ROUNDS = 9, 8
 _STUCK = 0.03
 #: Gauss-Newton search of the times: largest number of times, number of steps, largest step in ln(tau).
 _MOST_MOVED, _MOVES, _FARTHEST_MOVE = 12, 6, 0.3
+#: Number of times that the shared errors are taken at K* of the best passive tyre.
+_SCALINGS = 3
 #: Largest number of frequencies that are removed, one by one, to find those that are not possible.
 _MOST_REMOVED = 3
 #: Residual, in standard uncertainties, above which a frequency is reported if removing frequencies does not help.
@@ -103,6 +105,9 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
     if data.stiffness.ndim != 1:
         raise ModelError("the test is for one condition at a time: choose one")
     best = _best(data, enough)
+    for _ in range(_SCALINGS if data.relative is not None else 0):
+        data = data.at(best.stiffness)
+        best = _best(data, enough)
     possible = best.chance > CHANCE
     far = best.far(data.count)
     rows, without_k1 = (np.empty(0, dtype=int), False) if possible else _impossible(data, far)

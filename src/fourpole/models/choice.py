@@ -32,6 +32,8 @@ _LEAST_DOF = 2
 _STARTS = 4
 #: Number of larger sizes of a family that are tried beyond the best size so far.
 _PATIENCE = 2
+#: Number of times that the shared errors are taken at K* of the fit.
+_ROUNDS = 3
 #: Relative uncertainty that gives a datum no weight.
 _NO_WEIGHT = 1e6
 
@@ -241,6 +243,9 @@ def fit_conditions(
     for places, together in _together(model, conditions):
         fixed = fixed_of(model, [given[place] for place in places] if given is not None else [{}] * len(places))
         found = best_fit(model, together, starts_of(model, together, _STARTS), fixed=fixed)
+        for _ in range(_ROUNDS if together.relative is not None else 0):
+            here = together.at(model.stiffness(found.values, together.omega))
+            found = replace(fit(model, here, found.values, fixed=list(fixed)), agreed=found.agreed)
         fits.update({place: found.part(at) for at, place in enumerate(places)})
     return tuple(fits[at] for at in range(len(conditions)))
 
@@ -307,11 +312,12 @@ def _cross_validation_error(
         unused = np.arange(count) % folds == np.arange(folds)[:, None]
         values = np.stack([candidate.fits[place].values for place in places])
         start = np.broadcast_to(values, (folds, *values.shape))
+        here = together.at(model.stiffness(values, together.omega))
         fixed = list(fixed_of(model, [given[place] for place in places]))
-        found = fit(model, _without(together, unused), start, fixed=fixed)
-        off = together.stiffness - model.stiffness(found.values, together.omega)
+        found = fit(model, _without(here, unused), start, fixed=fixed)
+        off = here.stiffness - model.stiffness(found.values, here.omega)
         for fold, rows in enumerate(unused):
-            rest = together.part(np.flatnonzero(rows))
+            rest = here.part(np.flatnonzero(rows))
             squares.append(rest.whitened(rest.whitener(), off[fold][:, rows, None])[..., 0].reshape(size, -1) ** 2)
     return float(np.sqrt(np.mean(np.concatenate([one.ravel() for one in squares]))))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +31,11 @@ class StiffnessData(ByValue):
         order Re, Im of the first, Re, Im of the second, and so on.
     k1, k1_std : (...,) float arrays [N/m]
         Static stiffness and its standard uncertainty; not-a-number where K1 is not known.
+    relative : (..., N, p) complex array, optional [1]
+        Changes of K* over K* when one of p errors that all frequencies share is one standard uncertainty. Their part of
+        the covariance is proportional to K*; see `at`.
+    reference : (..., N) complex array, optional [N/m]
+        K* of that part of the covariance; by default K* itself.
 
     Examples
     --------
@@ -44,6 +49,8 @@ class StiffnessData(ByValue):
     covariance: FloatArray
     k1: FloatArray
     k1_std: FloatArray
+    relative: ComplexArray | None = None
+    reference: ComplexArray | None = None
 
     @classmethod
     def of(
@@ -91,10 +98,13 @@ class StiffnessData(ByValue):
         else:
             whole = np.asarray(covariance, dtype=float)
         _check_covariance(whole, k.shape)
+        relative = None
         if shared is not None:
-            whole = _with_shared(whole, np.asarray(shared, dtype=float), k.shape)
-        lead = k.shape[:-1]
-        return cls(w, k, whole, *(np.broadcast_to(np.asarray(x, dtype=float), lead) for x in (k1, k1_std)))
+            columns = np.asarray(shared, dtype=float)
+            whole = _with_shared(whole, columns, k.shape)
+            relative = complex_columns(columns) / k[..., None]
+        known = [np.broadcast_to(np.asarray(x, dtype=float), k.shape[:-1]) for x in (k1, k1_std)]
+        return cls(w, k, whole, known[0], known[1], relative)
 
     @property
     def count(self) -> int:
@@ -112,7 +122,7 @@ class StiffnessData(ByValue):
         return bool(np.any(np.isfinite(self.k1) & np.isfinite(self.k1_std)))
 
     def flat(self) -> StiffnessData:
-        """The same data with all conditions along one axis (B, N)."""
+        """The same data with all conditions along one axis (B, N), and their covariance as it is."""
         count = self.count
         tail = self.covariance.shape[-2:] if self.full else (count, 2, 2)
         return StiffnessData(
@@ -122,6 +132,41 @@ class StiffnessData(ByValue):
             self.k1.reshape(-1),
             self.k1_std.reshape(-1),
         )
+
+    def at(self, stiffness: ComplexArray) -> StiffnessData:
+        r"""The same data with the shared errors of K* = `stiffness`, that of a model.
+
+        A gain off by :math:`\epsilon` changes K* by :math:`\epsilon K^*`. With the noisy measured K* in this product a
+        least-squares fit is lower than the data: it takes smaller data for more certain ones.
+
+        Parameters
+        ----------
+        stiffness : (..., N) complex array [N/m]
+            K* of the model at the frequencies of the data.
+
+        Returns
+        -------
+        StiffnessData
+            The data themselves, if they have no shared errors.
+
+        References
+        ----------
+        R. W. Peelle, "Peelle's pertinent puzzle", Oak Ridge National Laboratory, 1987; G. D'Agostini, "On the use of
+        the covariance matrix to fit correlated data", Nucl. Instrum. Methods A 346, 1994.
+
+        Examples
+        --------
+        >>> data = StiffnessData.of([60.0], [1e5 + 0j], 0.0, shared=[[1e3], [0.0]])
+        >>> data.at(np.array([2e5 + 0j])).covariance
+        array([[4000000.,       0.],
+               [      0.,       0.]])
+        """
+        if self.relative is None:
+            return self
+        now = self.stiffness if self.reference is None else self.reference
+        held, there = (real_columns(self.relative * k[..., None]) for k in (now, np.asarray(stiffness)))
+        more = there @ np.swapaxes(there, -1, -2) - held @ np.swapaxes(held, -1, -2)
+        return replace(self, covariance=self.covariance + more, reference=np.asarray(stiffness))
 
     def whitener(self) -> FloatArray:
         """Matrices W (..., N, 2, 2) or (..., 2N, 2N) with W S W^T = 1, where S is the covariance."""
@@ -160,7 +205,11 @@ class StiffnessData(ByValue):
             covariance = self.covariance[..., both[:, None], both]
         else:
             covariance = self.covariance[..., rows, :, :]
-        return StiffnessData(self.omega[..., rows], self.stiffness[..., rows], covariance, self.k1, self.k1_std)
+        relative = None if self.relative is None else self.relative[..., rows, :]
+        reference = None if self.reference is None else self.reference[..., rows]
+        return StiffnessData(
+            self.omega[..., rows], self.stiffness[..., rows], covariance, self.k1, self.k1_std, relative, reference
+        )
 
 
 def relaxation(omega: FloatArray, times: FloatArray) -> ComplexArray:
@@ -177,15 +226,28 @@ def multiplication(values: ComplexArray) -> FloatArray:
 def stacked(conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], StiffnessData]]:
     """Groups of conditions as one array (B, N) each, with the places of their members in `conditions`.
 
-    The members of a group have the same number of frequencies and the same form of covariance, and all or none have K1.
+    The members of a group have the same number of frequencies and of shared errors, and the same form of covariance.
+    All or none of them have K1.
     """
-    kinds: dict[tuple[int, bool, bool], list[int]] = {}
+    kinds: dict[tuple[int, bool, bool, int], list[int]] = {}
     for at, one in enumerate(conditions):
-        kinds.setdefault((one.count, one.full, one.has_k1), []).append(at)
-    for places in kinds.values():
+        shared = -1 if one.relative is None else one.relative.shape[-1]
+        kinds.setdefault((one.count, one.full, one.has_k1, shared), []).append(at)
+    for (*_, shared), places in kinds.items():
         parts = [conditions[at] for at in places]
-        names = ("omega", "stiffness", "covariance", "k1", "k1_std")
+        names = ("omega", "stiffness", "covariance", "k1", "k1_std", *(("relative",) if shared >= 0 else ()))
         yield places, StiffnessData(*(np.stack([getattr(one, name) for one in parts]) for name in names))
+
+
+def complex_columns(columns: FloatArray) -> ComplexArray:
+    """Complex values (..., N, p) of columns (..., 2N, p), Re and Im of each frequency in turn."""
+    return np.asarray(columns[..., 0::2, :] + 1j * columns[..., 1::2, :])
+
+
+def real_columns(values: ComplexArray) -> FloatArray:
+    """Columns (..., 2N, p), Re and Im of each frequency in turn, of complex values (..., N, p)."""
+    both = np.stack([values.real, values.imag], axis=-2)
+    return np.asarray(both.reshape(*values.shape[:-2], 2 * values.shape[-2], values.shape[-1]))
 
 
 def _with_shared(whole: FloatArray, shared: FloatArray, shape: tuple[int, ...]) -> FloatArray:

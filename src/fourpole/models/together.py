@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg, optimize
 
-from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData, multiplication, stacked
+from fourpole.models.data import StiffnessData, complex_columns, multiplication, real_columns, stacked
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model, Parameter
 
@@ -294,8 +294,9 @@ class _Search:
         found: dict[int, FloatArray] = {}
         for one in self.groups:
             data, own = one.data, values[one.places]
-            off = _pairs((data.stiffness - self.model.stiffness(own, data.omega))[..., None])[..., 0]
-            rows = (one.whitener @ (off - one.shared @ u[self.coefficients :])[..., None])[..., 0]
+            shown = self.model.stiffness(own, data.omega) * np.exp(one.shared @ u[self.coefficients :])
+            off = real_columns((data.stiffness - shown)[..., None])[..., 0]
+            rows = (one.whitener @ off[..., None])[..., 0]
             if one.has_k1:
                 k1 = (data.k1 - self.model.static_stiffness(own)) / one.k1_std
                 rows = np.concatenate([rows, k1[:, None]], axis=1)
@@ -308,8 +309,10 @@ class _Search:
         found: dict[int, FloatArray] = {}
         for one in self.groups:
             own, slope = values[one.places], slopes[one.places]
-            by_value = _pairs(self.model.derivative(own, one.data.omega)) * slope[:, None, :]
-            rows = one.whitener @ np.concatenate([self._by_law(by_value, one.places), one.shared], axis=2)
+            seen = np.exp(one.shared @ u[self.coefficients :])[..., None]
+            by_value = real_columns(self.model.derivative(own, one.data.omega) * seen) * slope[:, None, :]
+            by_shared = real_columns(self.model.stiffness(own, one.data.omega)[..., None] * seen * one.shared)
+            rows = one.whitener @ np.concatenate([self._by_law(by_value, one.places), by_shared], axis=2)
             if one.has_k1:
                 by_value = (self.model.static_derivative(own) * slope / one.k1_std[:, None])[:, None, :]
                 k1 = np.zeros_like(rows[:, :1])  # K1 has no shared errors
@@ -326,11 +329,14 @@ class _Search:
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Conditions with the same number of frequencies, and their places among all conditions."""
+    """Conditions with the same number of frequencies, and their places among all conditions.
+
+    `shared` (G, N, p) [1] is the change of log K* when a shared error is one standard uncertainty.
+    """
 
     places: list[int]
     data: StiffnessData
-    shared: FloatArray
+    shared: ComplexArray
     whitener: FloatArray
     k1_std: FloatArray
 
@@ -358,7 +364,8 @@ def _search_of(
     for places, data in stacked(conditions):
         k1_std = np.hypot(data.k1_std, scatter.condition * data.k1) if model.rests else np.full(len(places), np.nan)
         whitener = np.stack([_whitener(conditions[at], scatter) for at in places])
-        groups.append(_Group(places, data, np.stack([common[at] for at in places]), whitener, k1_std))
+        effect = np.stack([complex_columns(common[at]) for at in places]) / data.stiffness[..., None]
+        groups.append(_Group(places, data, effect, whitener, k1_std))
     return _Search(model, groups, tuple(laws), common[0].shape[1])
 
 
@@ -377,9 +384,3 @@ def _whitener(data: StiffnessData, scatter: Scatter) -> FloatArray:
     own = data.covariance + each @ np.swapaxes(each, 1, 2)
     common = scatter.condition * by_log.reshape(-1, 2)
     return replace(data, covariance=linalg.block_diag(*own) + common @ common.T).whitener()
-
-
-def _pairs(values: np.ndarray) -> FloatArray:
-    """Complex values (..., N, k) as real ones (..., 2N, k), Re and Im of each row in turn."""
-    both = np.stack([values.real, values.imag], axis=-2)
-    return np.asarray(both.reshape(*values.shape[:-2], 2 * values.shape[-2], values.shape[-1]))
