@@ -18,6 +18,7 @@ from fourpole.units import (
     KINDS,
     channel_scale,
     column_unit,
+    frequency_band,
     frequency_grid,
     is_unit,
     kinds,
@@ -351,7 +352,8 @@ def test_frequency_grids(text: str, expected: list[float]) -> None:
         ("10:24:0.5", "lack numbers or a unit"),
         ("Hz", "lack numbers or a unit"),
         ("", "lack numbers or a unit"),
-        ("10:24 Hz", "is no number or start:stop:step"),
+        ("24:10 Hz", "must rise"),
+        ("10:24:2:1 Hz", "is no number or start:stop:step"),
         ("10,,12 Hz", "is no number or start:stop:step"),
         ("10:0.5:24 Hz", "must rise"),
         ("10:24:0 Hz", "must rise"),
@@ -366,6 +368,50 @@ def test_frequency_grids(text: str, expected: list[float]) -> None:
 def test_what_is_no_grid(text: str, said: str) -> None:
     with pytest.raises(UnitError, match=said):
         frequency_grid(text)
+
+
+def test_a_range_without_a_step_is_even_in_its_logarithm() -> None:
+    grid = frequency_grid("10:1000 Hz")
+    assert (len(grid), grid[0], grid[-1]) == (25, 10.0, 1000.0)
+    assert grid[12] == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "band"),
+    [
+        ("10:24 Hz", (10.0, 24.0)),
+        ("1e-3:1e5 Hz", (1e-3, 1e5)),
+        ("1E-12:1E+14Hz", (1e-12, 1e14)),
+        ("10..24Hz", (10.0, 24.0)),
+        ("10-24 Hz", (10.0, 24.0)),
+        ("1e-3-1e5 Hz", (1e-3, 1e5)),
+        ("10 to 24 Hz", (10.0, 24.0)),
+        ("100 mHz : 1 kHz", (0.1, 1000.0)),
+        ("600:1440 rpm", (10.0, 24.0)),
+        ("10 Hz", (10.0, 10.0)),
+    ],
+)
+def test_bands(text: str, band: tuple[float, float]) -> None:
+    assert frequency_band(text) == pytest.approx(band, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("24:10 Hz", "rising"),
+        ("10:10 Hz", "rising"),
+        ("0:10 Hz", "positive"),
+        ("-3:5 Hz", "positive"),
+        ("10:24", "has no unit"),
+        ("10:24 kg", "a frequency is needed"),
+        ("Hz", "two rising frequencies"),
+        ("10:20:30 Hz", "."),
+        ("", "two rising frequencies"),
+    ],
+)
+def test_what_is_no_band(text: str, said: str) -> None:
+    with pytest.raises(UnitError, match=said):
+        frequency_band(text)
 
 
 def test_the_largest_grid() -> None:

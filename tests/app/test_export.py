@@ -54,7 +54,8 @@ def test_an_unknown_kind_and_no_results_are_one_line_each(run, results, tmp_path
     ran = run("export", results, "--to", "xls")
     assert (ran.exit_code, ran.stdout) == (2, "")
     assert ran.stderr == (
-        "error: no kind of file 'xls': did you mean xlsx? It is one of xlsx, mat, tydex, uff, netcdf\n"
+        "error: no kind of file 'xls': did you mean xlsx? It is one of xlsx, mat, tydex, uff, netcdf, abaqus, ansys, "
+        "lsdyna, lsdyna-springs, prony\n"
     )
     ran = run("export", tmp_path, "--to", "mat")
     assert (ran.exit_code, ran.stdout) == (2, "")

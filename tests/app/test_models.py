@@ -188,7 +188,10 @@ def test_a_query_outside_is_refused_and_writes_nothing(run, results, tmp_path):
         (("fit", "k.csv", "--model", "zenner"), "no model 'zenner': choose one of"),
         (("fit", "k.csv", "--model", "maxwell:99"), "1 to 60 arms"),
         (("fit", "k.csv", "--model", "maxwell:8", "--band", "1:2 Hz"), "too few for 17 free parameters"),
-        (("fit", "k.csv", "--band", "100:1 Hz"), "--band: '100:1 Hz' is not two rising values, as in '0.1:100 Hz'"),
+        (
+            ("fit", "k.csv", "--band", "100:1 Hz"),
+            "--band: band '100:1 Hz' is not two rising, positive frequencies, as in '10:24 Hz'",
+        ),
         (("fit", "k.csv", "--band", "200:300 Hz"), "no test between 200 and 300 Hz"),
         (("fit", "k.csv", "--tyre", "x"), "no test of a tyre 'x'"),
         (("fit", "k.csv", "--fix", "K1=heavy"), "--fix K1:"),

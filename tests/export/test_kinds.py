@@ -21,14 +21,15 @@ from fourpole.export.source import field_names, read_source, typed
 from fourpole.fitting.measured import measured_of
 from fourpole.fitting.modelling import fit_tyres, model_file
 
+KINDS_OF_RESULTS = [name for name, kind in KINDS.items() if kind.takes is Takes.RESULTS]
 NAMES = {"xlsx": "results.xlsx", "mat": "results.mat", "tydex": "tydex", "uff": "results.uff", "netcdf": "results.nc"}
 
 
 def test_the_kinds_and_their_names():
-    assert {kind: spec.file for kind, spec in KINDS.items()} == NAMES
+    assert {kind: KINDS[kind].file for kind in KINDS_OF_RESULTS} == NAMES
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", KINDS_OF_RESULTS)
 def test_each_is_written_beside_the_tables_by_default_and_leaves_nothing_else(results, kind):
     before = {path.name for path in results.iterdir()}
     exported = export_results(results, kind)
@@ -37,7 +38,7 @@ def test_each_is_written_beside_the_tables_by_default_and_leaves_nothing_else(re
     assert {path.name for path in results.iterdir()} - before == {NAMES[kind]}
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", KINDS_OF_RESULTS)
 def test_the_same_results_give_the_same_file(results, kind, tmp_path):
     first, second = (export_results(results, kind, tmp_path / name).path for name in ("first.x", "second.x"))
     if kind == "uff":  # its header has the file's own name
@@ -54,13 +55,13 @@ def test_the_same_results_give_the_same_file(results, kind, tmp_path):
         assert first.read_bytes() == second.read_bytes()
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", KINDS_OF_RESULTS)
 def test_an_earlier_export_is_replaced(results, kind):
     again = [export_results(results, kind).path for _ in range(2)]
     assert again[0] == again[1]
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "tydex"])
+@pytest.mark.parametrize("kind", [kind for kind in KINDS_OF_RESULTS if kind != "tydex"])
 def test_a_place_that_cannot_be_written_is_one_message(results, kind, tmp_path):
     with pytest.raises(FileError, match=r"a\.x: cannot be written: .*does its folder exist"):
         export_results(results, kind, tmp_path / "no" / "a.x")
@@ -72,7 +73,7 @@ def test_an_unknown_kind_names_the_known_ones(results, kind, said):
         export_results(results, kind)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", KINDS_OF_RESULTS)
 def test_a_folder_without_results_is_said_to_be_none(kind, tmp_path):
     with pytest.raises(CampaignError, match="name a folder that fourpole analyse wrote"):
         export_results(tmp_path, kind)
@@ -125,7 +126,7 @@ def test_a_kind_that_takes_something_else_says_what(results, tmp_path, monkeypat
         export_results(results, "names")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", KINDS_OF_RESULTS)
 def test_the_help_and_the_docs_name_every_kind(kind):
     assert f"{kind}: {KINDS[kind].about}" in ABOUT
     needs = rf'`pip install "fourpole\[{KINDS[kind].extra}\]"` ' if KINDS[kind].extra else ""
@@ -145,7 +146,7 @@ def test_nothing_to_put_into_a_grid_is_an_error(changed, kind):
         export_results(folder, kind)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", KINDS_OF_RESULTS)
 def test_names_of_any_kind_and_a_study_that_is_not_trusted_do_no_harm(changed, kind):
     hostile = "=cmd|' /C calc'!A0\x1b[31m **END <ü&\u202e>" + "x" * 300
     folder = changed(

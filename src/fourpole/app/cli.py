@@ -11,7 +11,17 @@ import typer
 
 from fourpole.app import model_commands
 from fourpole.app.console import end_in_order, frequencies, out, progress, rising, say, warn
-from fourpole.app.options import BareRig, InfoOptions, JsonFlag, OutFile, PlanOptions, RigOptions, amount, command
+from fourpole.app.options import (
+    BareRig,
+    InfoOptions,
+    JsonFlag,
+    OutFile,
+    PlanOptions,
+    RigOptions,
+    ShapeOptions,
+    amount,
+    command,
+)
 from fourpole.export.kinds import ABOUT
 
 CampaignFolder = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv.")]
@@ -284,14 +294,19 @@ def report(folder: ResultsFolder, theme: Theme = "light") -> None:
 
 @_command
 def export(
-    folder: Annotated[Path, typer.Argument(metavar="SOURCE", help="Results folder that analyse wrote.")],
+    folder: Annotated[Path, typer.Argument(metavar="SOURCE", help="Results folder, or model file that fit wrote.")],
     kind: Annotated[str, typer.Option("--to", metavar="KIND", help=f"{ABOUT}.")],
     file: Annotated[Path | None, typer.Option("--out", help="File or folder to write; by default in SOURCE.")] = None,
+    *,
+    specimen: ShapeOptions,
 ) -> None:
-    """Write the results for another tool: a workbook with charts, MATLAB, TYDEX 1.3, UFF 58 or NetCDF."""
+    """Write the results for another tool, or a model's Prony series for an FE program.
+
+    Results: a workbook with charts, MATLAB, TYDEX 1.3, UFF 58 or NetCDF. Models: Abaqus, ANSYS, LS-DYNA or CSV.
+    """
     from fourpole.export import export_results
 
-    exported = export_results(folder, kind, file)
+    exported = export_results(folder, kind, file, shape=specimen.shape)
     for note in exported.notes:
         warn(note)
     out(f"{kind}: {exported.path}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fourpole import quantities as q
@@ -14,6 +14,8 @@ from fourpole.models.operating import OperatingMap
 from fourpole.report.words.models import discrepancy, place, verdicts
 
 _MOST_ROWS = 40
+#: More parameters than this are listed one below the other, for the first so many conditions.
+_MOST_COLUMNS, _MOST_TABLES = 9, 4
 _MOST_NAMED = 12
 #: Heads of the numbers by which fits are compared.
 _COMPARED = (
@@ -64,9 +66,13 @@ def show_fit(entry: ModelEntry) -> None:
 def _show_parameters(entry: ModelEntry) -> None:
     fixed = [at for at in range(len(entry.parameters)) if _is_fixed(entry, at)]
     heads = {at: f"{one.symbol} [{one.unit}]" for at, one in enumerate(entry.parameters) if at not in fixed}
-    shown = entry.conditions[:_MOST_ROWS]
-    rows = [(_condition(one), *(_cell(one, at) for at in heads)) for one in shown]
-    print_table(("condition", *heads.values()), rows, right=list(heads.values()))
+    if len(heads) > _MOST_COLUMNS:
+        _show_down(entry, list(heads))
+        fixed = [at for at in fixed if not entry.parameters[at].symbol.startswith("tau_")]
+    else:
+        shown = entry.conditions[:_MOST_ROWS]
+        rows = [(_condition(one), *(_cell(one, at) for at in heads)) for one in shown]
+        print_table(("condition", *heads.values()), rows, right=list(heads.values()))
     if fixed:
         named = (
             f"{entry.parameters[at].symbol} = {entry.conditions[0].values[at]:.5g} {_unit_of(entry, at)}".rstrip()
@@ -74,11 +80,31 @@ def _show_parameters(entry: ModelEntry) -> None:
         )
         out(f"fixed, not fitted: {', '.join(named)}")
     out("value ± standard uncertainty, 95 % interval by profile likelihood; (bound): on a bound, or without influence")
-    if len(entry.conditions) > _MOST_ROWS:
+    if len(entry.conditions) > _MOST_ROWS and len(heads) <= _MOST_COLUMNS:
         out(f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file")
     alone = [_condition(one) for one in entry.conditions if not one.converged]
     if alone:
         warn(f"{len(alone)} fits did not converge: {first_of(alone, _MOST_NAMED)}")
+
+
+def _show_down(entry: ModelEntry, places: Sequence[int]) -> None:
+    """Print many parameters of a tyre one below the other, a table for each condition."""
+    symbols = [one.symbol for one in entry.parameters]
+    for one in entry.conditions[:_MOST_TABLES]:
+        rows = []
+        for at in places:
+            symbol = symbols[at]
+            time = symbol.replace("K_", "tau_")
+            arm = f"{one.values[symbols.index(time)]:.4g}" if time != symbol and time in symbols else ""
+            value, _, ends = _cell(one, at).partition("\n")
+            rows.append((f"{symbol} [{entry.parameters[at].unit}]", arm, value, ends))
+        print_table(
+            (_condition(one), "relaxation time [s]", "value", "95 %"),
+            rows,
+            right=("relaxation time [s]", "value", "95 %"),
+        )
+    if len(entry.conditions) > _MOST_TABLES:
+        out(f"... and {len(entry.conditions) - _MOST_TABLES} more conditions, in the model file")
 
 
 def _is_fixed(entry: ModelEntry, at: int) -> bool:
@@ -99,11 +125,11 @@ def _condition(one: ConditionFile) -> str:
 
 def _cell(one: ConditionFile, at: int) -> str:
     value, std = one.values[at], math.sqrt(max(one.covariance[at][at], 0.0))
-    if std == 0:
-        return f"{value:.5g} ({'given' if _is_given(one, at) else 'bound'})"
     low, high = one.intervals[at]
+    if std == 0 and (_is_given(one, at) or high is None):
+        return f"{value:.5g} ({'given' if _is_given(one, at) else 'bound'})"
     ends = f"{'open' if low is None else f'{low:.4g}'} .. {'open' if high is None else f'{high:.4g}'}"
-    return f"{value:.5g} ± {std:.2g}\n{ends}"
+    return f"{value:.5g} ± {std:.2g}\n{ends}" if std else f"{value:.5g} (bound)\n{ends}"
 
 
 def _is_given(one: ConditionFile, at: int) -> bool:

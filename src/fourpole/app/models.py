@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -11,23 +12,26 @@ from typing import Any
 import polars as pl
 
 from fourpole import units
-from fourpole.app.console import first_of, option, out, print_json, progress, rising, say, warn
+from fourpole.app.console import first_of, option, out, print_json, progress, say, warn
 from fourpole.app.deliver import deliver
 from fourpole.app.model_words import show_fit, show_map, show_row
 from fourpole.app.options import DataOptions, FitOptions
-from fourpole.errors import CampaignError, ModelError, UnitError
+from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
 from fourpole.fitting.modelfile import ModelFile, read_model_file
-from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file, rig_file
+from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file, rig_file, shapes_in
 from fourpole.fitting.query import Query, ask
 from fourpole.io.staging import staged
 from fourpole.models.causality import Possible, check_possible
+from fourpole.models.choice import STOPPED
 from fourpole.models.families import automatic, model_named, sizes_of
 from fourpole.study.results import Results, read_results
 
 #: Relative uncertainty of K* for a verdict if the table states none.
 _ASSUMED = 0.01
 _MOST_NAMED = 12
+#: Figures of a model file.
+_FIGURES = ("model", "model-choice", "spectrum")
 
 
 def _read(path: Path, data: DataOptions, assumed: float | None = None) -> MeasuredSet:
@@ -56,13 +60,11 @@ def _static(data: DataOptions) -> tuple[float, float] | None:
 
 
 def _band(text: str) -> tuple[float, float]:
-    """Lowest and highest frequency [Hz]; the unit of the second also holds for a first without one."""
-    unit = text.strip().lstrip("0123456789.,:eE+- ")
-
-    def read(part: str) -> float:
-        return option(part if any(map(str.isalpha, part)) else f"{part} {unit}", "frequency", "--band", "positive")
-
-    return rising(text, "--band", "0.1:100 Hz", read)
+    """Lowest and highest frequency [Hz] of the option ``--band``."""
+    try:
+        return units.frequency_band(text)
+    except UnitError as error:
+        raise UnitError(f"--band: {error}") from None
 
 
 def run_fit(path: Path, model: str, options: FitOptions, *, as_json: bool) -> None:
@@ -72,8 +74,10 @@ def run_fit(path: Path, model: str, options: FitOptions, *, as_json: bool) -> No
     with progress("fitting") as advance:
         fixed = _fixed(options.fix or (), model)
         fits = fit_tyres(measured, model, given=fixed, share=options.share or (), progress=advance)
-    made = model_file(measured, fits, settings=_settings(model, options), rig=_rig_of(path))
+    made = model_file(measured, fits, settings=_settings(model, options), **_stated(path))
     _show_written(made, _written(path, measured, made, options.file, options.figure), as_json=as_json)
+    if any(STOPPED in one.choice for one in made.models):
+        raise KeyboardInterrupt  # the exit code says so; what was found is written
 
 
 def _show_written(made: ModelFile, files: Sequence[Path], *, as_json: bool) -> None:
@@ -98,6 +102,7 @@ def fitted(results: Results, folder: Path) -> Results:
                 fit_tyres(measured, progress=advance),
                 settings={"model": "auto"},
                 rig=rig_file(results.record, results.rig),
+                shapes=shapes_in(results.record),
             )
     except ModelError as error:
         say(f"note: no model was fitted: {error}")
@@ -147,7 +152,7 @@ def run_map(path: Path, model: str, data: DataOptions, file: Path | None, *, as_
     _notes(measured)
     with progress("mapping") as advance:
         maps = map_tyres(measured, model, data.over or (), progress=advance)
-    made = model_file(measured, maps=maps, settings=_settings(model, data), rig=_rig_of(path))
+    made = model_file(measured, maps=maps, settings=_settings(model, data), **_stated(path))
     files = _written(path, measured, made, file if file is not None or path.is_dir() else Path("map.json"), None)
     if not as_json:
         for one in maps:
@@ -211,14 +216,14 @@ def _notes(measured: MeasuredSet) -> None:
         say(f"note: {note}")
 
 
-def _rig_of(path: Path) -> Any:
-    """The rig of the tests, for TR; None if the results are a single table."""
+def _stated(path: Path) -> dict[str, Any]:
+    """The rig of the tests, for TR, and the shapes of the specimens; empty if the results are a single table."""
     folder = path if path.is_dir() else path.parent
     try:
         results = read_results(folder)
     except CampaignError:
-        return None
-    return rig_file(results.record, results.rig)
+        return {}
+    return {"rig": rig_file(results.record, results.rig), "shapes": shapes_in(results.record)}
 
 
 def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | None, figure: Path | None) -> list[Path]:
@@ -230,7 +235,7 @@ def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | No
     from fourpole.plot.catalogue import figure_files
 
     field: dict[str, Any] = {"maps" if made.kind == "map" else "models": made}
-    name, keys = ("map.json", ("map",)) if made.kind == "map" else ("model.json", ("model", "model-choice"))
+    name, keys = ("map.json", ("map",)) if made.kind == "map" else ("model.json", _FIGURES)
     drawn = [] if file is None else [file]
     if file is not None:
         made.write(file)
@@ -240,8 +245,9 @@ def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | No
             if file is None:
                 made.write(new / name)
                 drawn = [path / name]
-            figures = save_figures(results, new / "figures", keys=keys).values()
-        drawn += [path / "figures" / one.name for one in figures]
+            with _kept("figures"):
+                figures = save_figures(results, new / "figures", keys=keys).values()
+                drawn += [path / "figures" / one.name for one in figures]
     else:
         results = Results(pl.DataFrame(), table_of(measured), pl.DataFrame(), **field)
     if figure is not None:
@@ -249,7 +255,22 @@ def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | No
         if one is None:
             raise ModelError("the model file holds nothing to draw")
         drawn.append(write_figure(one, keys[0], figure))
+        if "spectrum" in keys and (more := draw(results, "spectrum")) is not None:
+            drawn.append(write_figure(more, "spectrum", figure.with_stem(f"{figure.stem}-spectrum")))
     return drawn
+
+
+@contextmanager
+def _kept(what: str) -> Iterator[None]:
+    """Files written before are kept if what follows fails or is stopped; a warning says so."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        warn(f"stopped: no {what}; the model file is written")
+    except FourpoleError:
+        raise
+    except Exception as error:  # noqa: BLE001 - a figure must not cost the fits, which may have taken long
+        warn(f"no {what} ({type(error).__name__}: {error}); the model file is written")
 
 
 def _verdict(one: Measured, verdict: Possible) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -19,6 +19,7 @@ from fourpole.errors import RigError, UnitError
 
 if TYPE_CHECKING:
     from fourpole.core.rig import Rig
+    from fourpole.models.shape import Shape
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON document, in SI units, for programs.")]
 OutFile = Annotated[Path | None, typer.Option("--out", help="Write the table to this CSV file instead of printing it.")]
@@ -191,3 +192,25 @@ class BareRig:
     std_rig: float | None = _bare("--std-rig", "ratio", 'of each rig value; by default "2 %"', "not negative")
     std_gain: float | None = _bare("--std-gain", "ratio", 'of each gain; by default "1 %"', "not negative")
     std_phase: float | None = _bare("--std-phase", "angle", 'of each phase; by default "0.5 deg"', "not negative")
+
+
+@dataclass(frozen=True)
+class ShapeOptions:
+    """The shape of a specimen, for moduli in place of stiffnesses, as text."""
+
+    mode: str | None = _given("For moduli, if campaign.toml states no shape: compression or shear.", "--mode")
+    height: str | None = _given('Height of the specimen, as "10 mm".')
+    area: str | None = _given('Loaded area of the specimen, as "5 cm^2".')
+    poisson: float | None = _given("Poisson's ratio, as 0.499.")
+    bonded: str | None = _given("disc: a disc bonded to rigid plates, in compression.")
+    bulk: str | None = _given("elastic or relaxing bulk modulus.")
+
+    @property
+    def shape(self) -> Shape | None:
+        """The shape; None if no option is given."""
+        from fourpole.models.shape import shape_of
+
+        stated = {name: value for name, value in asdict(self).items() if value is not None}
+        if stated and self.mode is None:
+            raise UnitError("--mode compression or --mode shear says what the height and the area are of: state it")
+        return shape_of(stated)

@@ -23,6 +23,7 @@ from fourpole.campaign.channels import (
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import CampaignError
+from fourpole.models.shape import shape_of
 
 #: Kind of quantity of each value of the rig.
 _RIG_KINDS = {name: units.channel_scale(unit, units.KINDS)[0] for name, unit in PARAMETERS.items()}
@@ -121,11 +122,16 @@ class RigFile(File):
 
 
 class SpecimenFile(BaseModel):
-    """[tyres.NAME] or [specimens.NAME]: the construction, and further keys of any name."""
+    """[tyres.NAME] or [specimens.NAME]: the construction, the shape, and further keys of any name."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
     construction: str = ""
+
+    @model_validator(mode="after")
+    def _check_shape(self) -> SpecimenFile:
+        shape_of(self.model_extra or {})
+        return self
 
 
 def _axis(raw: Any) -> Axis:

@@ -8,9 +8,12 @@ from difflib import get_close_matches
 from enum import Enum
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fourpole.errors import CampaignError
+
+if TYPE_CHECKING:
+    from fourpole.models.shape import Shape
 
 
 class Takes(Enum):
@@ -32,13 +35,16 @@ class ExportKind:
         Default name of the file or folder.
     module : str
         Name of a module of `fourpole.export`; its `write(source, path)` writes the file and returns notes on what is
-        left out. The source is an `ExportTables` of results, a `ModelFile` of a model or map, or a `Campaign`.
+        left out. The source is an `ExportTables` of results, a `ModelFile` of a model or map, or a `Campaign`. With a
+        dot, the name of another function of the module: lsdyna.write_springs.
     about : str
         Description of the file for the help.
     takes : Takes
         Source of the export.
     extra : str
         Extra of the Python package that the export needs; empty if it needs none.
+    shaped : bool
+        Whether the function takes the shape of the specimen as well.
     """
 
     file: str
@@ -46,12 +52,19 @@ class ExportKind:
     about: str
     takes: Takes = Takes.RESULTS
     extra: str = ""
+    shaped: bool = False
 
     @property
-    def write(self) -> Callable[[Any, Path], tuple[str, ...]]:
+    def write(self) -> Callable[..., tuple[str, ...]]:
         """The function that writes the file and returns notes on what is left out."""
-        writer: Callable[[Any, Path], tuple[str, ...]] = import_module(f"fourpole.export.{self.module}").write
+        module, _, name = self.module.partition(".")
+        writer: Callable[..., tuple[str, ...]] = getattr(import_module(f"fourpole.export.{module}"), name or "write")
         return writer
+
+
+def _material(file: str, module: str, about: str) -> ExportKind:
+    """A kind that takes the Prony series of a model file."""
+    return ExportKind(file, module, about, Takes.MODEL, shaped=True)
 
 
 KINDS = {
@@ -60,6 +73,11 @@ KINDS = {
     "tydex": ExportKind("tydex", "tydex", "folder of TYDEX 1.3 files, one per condition"),
     "uff": ExportKind("results.uff", "uff", "UFF 58: V1/F1 and K* of each condition", extra="formats"),
     "netcdf": ExportKind("results.nc", "netcdf", "NetCDF: the grid of conditions and frequencies", extra="maps"),
+    "abaqus": _material("prony.inp", "abaqus", "of a model: Abaqus *VISCOELASTIC, TIME=PRONY"),
+    "ansys": _material("prony.mac", "ansys", "of a model: ANSYS TB,PRONY"),
+    "lsdyna": _material("prony.k", "lsdyna", "of a model: LS-DYNA *MAT_GENERAL_VISCOELASTIC"),
+    "lsdyna-springs": _material("springs.k", "lsdyna.write_springs", "of a model: LS-DYNA discrete springs"),
+    "prony": _material("prony.csv", "pronytable", "of a model: CSV of stiffnesses, moduli and intervals"),
 }
 #: All kinds with their descriptions, for the help.
 ABOUT = "; ".join(f"{name}: {kind.about}" for name, kind in KINDS.items())
@@ -81,18 +99,23 @@ class Exported:
     notes: tuple[str, ...] = ()
 
 
-def export_results(folder: str | Path, kind: str, file: str | Path | None = None) -> Exported:
-    """Write the results of an analysis for another tool, in one step.
+def export_results(
+    folder: str | Path, kind: str, file: str | Path | None = None, *, shape: Shape | None = None
+) -> Exported:
+    """Write the results of an analysis, or a model, for another tool, in one step.
 
     Parameters
     ----------
     folder : path
-        The source of the kind; all kinds take a results folder that `fourpole analyse` wrote.
+        The source of the kind: a results folder that `fourpole analyse` wrote, or a model file. For a kind that takes
+        a model, a results folder stands for its model.json.
     kind : str
         A key of `KINDS`.
     file : path, optional
         The file to write, for TYDEX the folder; an existing file is replaced. The default is the name of the kind in
         `folder`, or beside a model file.
+    shape : Shape, optional
+        Shape of the specimen, for moduli in place of stiffnesses; by default the one that the model file states.
 
     Returns
     -------
@@ -125,11 +148,16 @@ def export_results(folder: str | Path, kind: str, file: str | Path | None = None
         hint = f"did you mean {near[0]}? It" if near else "it"
         raise CampaignError(f"no kind of file {shown(kind)}: {hint} is one of {', '.join(KINDS)}")
     chosen, place = KINDS[kind], Path(folder)
+    if chosen.takes is Takes.MODEL and (place / "model.json").is_file():
+        place = place / "model.json"
+    if shape is not None and not chosen.shaped:
+        raise CampaignError(f"{kind} has no use for the shape of a specimen: leave out its height, area and mode")
     given = _given(place)
     if given is not chosen.takes:
         raise CampaignError(f"{kind} takes {chosen.takes.value}; {place.name} is {given.value}: give it the former")
     path = (place if place.is_dir() else place.parent) / chosen.file if file is None else Path(file)
-    return Exported(path, chosen.write(_read(place, given), path))
+    more = {"shape": shape} if chosen.shaped else {}
+    return Exported(path, chosen.write(_read(place, given), path, **more))
 
 
 def _given(path: Path) -> Takes:

@@ -30,8 +30,12 @@ _MOST_BYTES = 2_000_000_000
 FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
 _STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)
 _K1 = (q.K1.head, q.K1.u_head)
-#: Upper bound of a frequency [Hz] and of a stiffness [N/m].
+#: Upper bound of a stiffness [N/m].
 _LARGEST = 1e25
+#: Bounds of a frequency [Hz]: a product of two of them, or of one and its reciprocal, is a number.
+_LOWEST, _HIGHEST = 1e-100, 1e100
+#: Relative distance beyond an end of a band within which a frequency is inside, as drives are stated by round numbers.
+_NOMINAL = 1e-2
 _RULE = Sameness()
 _USUAL = {axis.column for axis in AXES}
 
@@ -155,8 +159,8 @@ class MeasuredSet:
 
 
 def _within(one: Measured, band: tuple[float, float]) -> Measured | None:
-    """A condition with its frequencies within a band [Hz], or None."""
-    rows = np.flatnonzero((one.frequency >= band[0] * (1 - 1e-9)) & (one.frequency <= band[1] * (1 + 1e-9)))
+    """A condition with its frequencies within a band [Hz], the nominal ends of which count as inside, or None."""
+    rows = np.flatnonzero((one.frequency >= band[0] * (1 - _NOMINAL)) & (one.frequency <= band[1] * (1 + _NOMINAL)))
     if not rows.size:
         return None
     both = np.stack([2 * rows, 2 * rows + 1], axis=1).ravel()
@@ -282,8 +286,13 @@ def measured_of(
 def _usable(numbers: Mapping[str, FloatArray], name: str, *, stated: bool) -> tuple[BoolArray, list[str]]:
     """Flags of the rows used, and notes on the others; if some rows state an uncertainty, rows without are not used."""
     good = np.isfinite(numbers[FREQUENCY]) & np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
-    good &= (numbers[FREQUENCY] > 0) & (np.abs(numbers[FREQUENCY]) < _LARGEST)
+    inside = ~(good & ((numbers[FREQUENCY] > _HIGHEST) | ((numbers[FREQUENCY] > 0) & (numbers[FREQUENCY] < _LOWEST))))
+    good &= numbers[FREQUENCY] > 0
     notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
+    if not inside.all():
+        count = int(np.sum(~inside))
+        notes.append(f"{count} rows of {name} have a frequency beyond {_LOWEST:g} to {_HIGHEST:g} Hz and were left out")
+        good &= inside
     sound = good & (numbers[RE] > 0) & (np.hypot(np.nan_to_num(numbers[RE]), np.nan_to_num(numbers[IM])) < _LARGEST)
     if sound.sum() < good.sum():
         notes.append(f"{int(good.sum() - sound.sum())} rows of {name} have a K' below zero and were left out")

@@ -23,6 +23,7 @@ from fourpole.io.write import write_text
 from fourpole.models.families import model_named
 from fourpole.models.interface import Model
 from fourpole.models.operating import LeaveOneOut, OperatingMap
+from fourpole.models.shape import Shape
 from fourpole.models.surface import Axes, ValueSurface
 from fourpole.models.together import Scatter
 from fourpole.units import shown
@@ -30,14 +31,16 @@ from fourpole.units import shown
 FORMAT, VERSION = "fourpole-model", 1
 _MOST_BYTES = 50_000_000
 _LONGEST = 100_000
+#: Largest number of parameters of a model: those of a Prony series with 300 arms.
+_MOST_PARAMETERS = 601
 #: Relative tolerance for an asymmetric covariance, or one with a negative eigenvalue.
 _ROUND_OFF = 1e-6
-#: Largest modulus of a parameter in SI units, or of a coefficient.
-LARGEST = 1e30
+#: Largest modulus of a parameter in SI units, or of a coefficient: a relaxation time may be very long.
+LARGEST = 1e120
 
 
-#: Keys that version 1 has gained: of the document, and of a condition.
-LATER = ("axes", "points")
+#: Keys that version 1 has gained: of the document, of a condition, and of an entry of `models`.
+LATER = ("axes", "points", "shape")
 #: Keys of version 1 of the format whose attributes have other names.
 _KEYS = {
     "discrepancy": "granted", "leave_one_out": "left_out", "cross_validation": "left_out", "not_converged": "lost"
@@ -55,7 +58,7 @@ class _Strict(BaseModel):
 
 
 #: Frequencies from low to high [Hz].
-Band = tuple[Annotated[float, Field(gt=0, le=1e12)], Annotated[float, Field(gt=0, le=1e12)]]
+Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: A relative error.
 Share = Annotated[float, Field(ge=0, le=1e3)]
 
@@ -129,12 +132,12 @@ class ConditionFile(_Strict):
         default_factory=list, max_length=_LONGEST, description="Point of each of `tests`; without it, 1."
     )
     band: Band = Field(description="Lowest and highest frequency fitted [Hz].")
-    values: list[float] = Field(max_length=200, description="Values of the parameters, in their order.")
-    covariance: list[list[float]] = Field(max_length=200, description="Covariance of the parameters.")
+    values: list[float] = Field(max_length=_MOST_PARAMETERS, description="Values of the parameters, in their order.")
+    covariance: list[list[float]] = Field(max_length=_MOST_PARAMETERS, description="Covariance of the parameters.")
     intervals: list[tuple[float | None, float | None]] = Field(
-        max_length=200, description="95 % profile-likelihood intervals; null where the data set no end."
+        max_length=_MOST_PARAMETERS, description="95 % profile-likelihood intervals; null where the data set no end."
     )
-    on_bound: list[str] = Field(max_length=200, description="Symbols of parameters on a bound.")
+    on_bound: list[str] = Field(max_length=_MOST_PARAMETERS, description="Symbols of parameters on a bound.")
     chi2: float
     dof: int
     converged: bool
@@ -148,7 +151,7 @@ class _Entry(_Strict):
     tyre: str
     model: str = Field(max_length=40)
     causal: bool
-    parameters: list[ParameterFile] = Field(max_length=200)
+    parameters: list[ParameterFile] = Field(max_length=_MOST_PARAMETERS)
 
 
 class ModelEntry(_Entry):
@@ -157,6 +160,7 @@ class ModelEntry(_Entry):
     discrepancy: Share = Field(
         description="Model discrepancy: relative error of K* that makes chi-square equal its degrees of freedom [1]."
     )
+    shape: Shape | None = Field(default=None, description="Height, area and load of the specimen, where stated.")
     choice: str = Field(description="The choice of the model in words.")
     candidates: list[CandidateFile] = Field(max_length=200, description="Models that were compared, the best first.")
     conditions: list[ConditionFile] = Field(max_length=_LONGEST)
@@ -184,7 +188,9 @@ class MapEntry(_Entry):
     axes: list[AxisFile] = Field(max_length=10)
     constant: list[NamedValue] = Field(max_length=20, description="Axes with one value in all conditions.")
     terms: list[list[int]] = Field(max_length=500, description="Exponents of the axes, term by term.")
-    coefficients: list[list[float]] = Field(max_length=200, description="One list per parameter, one number per term.")
+    coefficients: list[list[float]] = Field(
+        max_length=_MOST_PARAMETERS, description="One list per parameter, one number per term."
+    )
     covariance: list[list[float]] = Field(max_length=2000, description="Covariance of all coefficients in turn.")
     scatter: tuple[Share, Share, Share] = Field(
         description="Relative scatter: of conditions; of frequencies, along and across K*."
@@ -258,9 +264,10 @@ class ModelFile(_Strict):
     def document(self) -> dict[str, Any]:
         """The document with the keys and types of JSON; the keys of `LATER` stand only where they hold something."""
         document: dict[str, Any] = self.model_dump(mode="json", by_alias=True)
-        for part in (document, *(one for entry in document["models"] for one in entry["conditions"])):
+        models = document["models"]
+        for part in (document, *models, *(one for entry in models for one in entry["conditions"])):
             for key in LATER:
-                if part.get(key) == []:
+                if key in part and part[key] in ([], None):
                     del part[key]
         return document
 
@@ -387,7 +394,7 @@ def _check_covariance(where: str, rows: list[list[float]], size: int) -> None:
 
 def model_of(entry: ModelEntry | MapEntry, name: str = "the model file") -> Model:
     """The model of an entry; ModelError if the parameters of the entry, or their units, differ from the model's."""
-    model = model_named(entry.model)
+    model = model_named(entry.model).with_parameters(len(entry.parameters))
     stated = [one.symbol for one in entry.parameters]
     if stated != model.symbols:
         raise ModelError(f"{name}: the {entry.model} model has the parameters {', '.join(model.symbols)}, not {stated}")

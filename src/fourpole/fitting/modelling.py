@@ -14,9 +14,10 @@ from scipy import stats
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.core.confidence import CHANCE, NORMAL_95
+from fourpole.core.confidence import CHANCE
 from fourpole.core.rig import PARAMETERS
 from fourpole.errors import ModelError
+from fourpole.fitting.intervals import intervals
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
     CandidateFile,
@@ -35,16 +36,17 @@ from fourpole.fitting.modelfile import (
     split_column,
 )
 from fourpole.models.causality import Possible, check_possible
-from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of
+from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import for_maps, model_named, sizes_of
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model
 from fourpole.models.operating import OperatingMap, make_map
-from fourpole.models.profile import profile_intervals
+from fourpole.models.shape import Shape, shape_of
 from fourpole.models.surface import Axes
-from fourpole.models.together import fit_together, link_all, unlink_all
+from fourpole.models.together import fit_together
+from fourpole.units import shown
 
 Progress = Callable[[int, int], None]
 #: Maps are equally good if their leave-one-out errors differ by less than this factor; the smallest u(K*) decides.
@@ -148,7 +150,18 @@ def fit_tyres(
             progress(next(done), len(measured.conditions))
 
     step()
-    return [_fit_tyre(tyre, measured, model, given or {}, share, step) for tyre in measured.tyres]
+    found: list[TyreFit] = []
+    for tyre in measured.tyres:
+        try:
+            found.append(_fit_tyre(tyre, measured, model, given or {}, share, step))
+        except KeyboardInterrupt:  # the tyres that are fitted are kept
+            if not found:
+                raise
+            rest = ", ".join(shown(one) for one in measured.tyres[len(found) :])
+            text = f"{found[-1].choice.text}. Not fitted, {STOPPED}: {rest}"
+            found[-1] = replace(found[-1], choice=replace(found[-1].choice, text=text))
+            break
+    return found
 
 
 def _fit_tyre(
@@ -165,21 +178,27 @@ def _fit_tyre(
     held = [_held(one, given) for one in measured]
     discrepancy = _discrepancy(stated, model, held, known=every.known)
     data = [with_error(one, discrepancy) for one in stated]
-    choice = choose(data, AUTO if model == "auto" else (model,), held)
-    best, more = choice.best, 0.0
+    choice = choose(data, None if model == "auto" else (model,), held)
+    best, more, stopped = choice.best, 0.0, choice.stopped
     if best.chance < CHANCE:
-        more = model_discrepancy(data, lambda rows: _misfit(best.fit.model, rows, held))
-        data = [with_error(one, more) for one in data]
-        best = replace(best, fits=fit_conditions(best.fit.model, data, held))
+        try:
+            more = model_discrepancy(data, lambda rows: _misfit(best.fit.model, rows, held))
+            wider = [with_error(one, more) for one in data]
+            best, data = replace(best, fits=fit_conditions(best.fit.model, wider, held)), wider
+        except KeyboardInterrupt:  # the fit is kept, without the discrepancy
+            more, stopped = 0.0, True
     whole = float(np.hypot(discrepancy, more))
     if share:
         best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
-    ends = []
-    for one, row in zip(best.fits, data, strict=True):
-        ends.append(_normal_ends(one) if share else _profiled(one, row, fixed))
-        step()
-    return TyreFit(tyre, measured, tuple(data), choice, best, tuple(ends), verdicts, whole)
+    ends, why = intervals(best.fits, data, fixed, step, shared=bool(share), stopped=stopped)
+    choice = replace(choice, text=". ".join([choice.text, *_left_out(choice), *why]))
+    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole)
+
+
+def _left_out(choice: Choice) -> list[str]:
+    """Models that could not be compared, each with the reason, as sentences."""
+    return [f"{name} was not compared: {reason.rstrip('.')}" for name, reason in choice.failed]
 
 
 def _discrepancy(
@@ -195,7 +214,8 @@ def _discrepancy(
         return needed
     if known:
         return 0.0  # `_fit_tyre` computes it if the model does not fit
-    return model_discrepancy(stated, lambda rows: _misfit(model_named(model), rows, held), always=True)
+    placed = model_named(model).placed(stated)
+    return model_discrepancy(stated, lambda rows: _misfit(placed, rows, held), always=True)
 
 
 def _sharing(
@@ -213,19 +233,6 @@ def _sharing(
     designs = {name: np.ones((len(data), 1)) for name in share}
     start = np.stack([one.values for one in best.fits])
     return tuple(fit_together(model, data, start, designs, shared=_common(measured)).fits())
-
-
-def _profiled(found: Fit, data: StiffnessData, fixed: Sequence[str]) -> FloatArray:
-    """95 % profile-likelihood intervals (P, 2), with the shared errors at K* of the fit."""
-    return profile_intervals(found, data.at(found.model.stiffness(found.values, data.omega)), fixed=fixed)
-
-
-def _normal_ends(found: Fit) -> FloatArray:
-    """95 % intervals (P, 2) for a normal distribution of the linked parameters."""
-    linked = link_all(found.model, found.values)
-    _, slopes = unlink_all(found.model, linked)
-    half = np.divide(NORMAL_95 * found.std, slopes, out=np.zeros_like(linked), where=slopes > 0)
-    return np.stack([unlink_all(found.model, linked + side * half)[0] for side in (-1, 1)], axis=-1)
 
 
 def _common(measured: Sequence[Measured]) -> list[FloatArray]:
@@ -291,6 +298,10 @@ def _map_tyre(
             progress(at)
         try:
             model = model_named(name)
+            if model.linear:
+                raise ModelError(
+                    f"the terms of {name} are no smooth functions of the condition: take zener or fractional"
+                )
             few = min(one.own.count for one in measured)
             if len(names) > 1 and len(model.parameters) > few:  # such a model would fit the noise
                 raise ModelError(f"its {len(model.parameters)} parameters are too many for {few} frequencies")
@@ -367,11 +378,12 @@ def model_file(
     *,
     settings: Mapping[str, Any] | None = None,
     rig: RigFile | None = None,
+    shapes: Mapping[str, Shape] | None = None,
 ) -> ModelFile:
-    """The document of fits or of maps."""
+    """The document of fits or of maps; `shapes` has the shapes of specimens by name, where they are stated."""
     return ModelFile(
         kind="map" if maps else "model",
-        models=[_model_entry(one) for one in fits],
+        models=[_model_entry(one, (shapes or {}).get(one.tyre)) for one in fits],
         maps=[entry_of(one.tyre, one.best, one.text) for one in maps],
         rig=rig,
         axes=[
@@ -389,7 +401,7 @@ def model_file(
     )
 
 
-def _model_entry(found: TyreFit) -> ModelEntry:
+def _model_entry(found: TyreFit, shape: Shape | None) -> ModelEntry:
     verdicts = found.verdicts or (None,) * len(found.measured)
     rows = zip(found.measured, found.chosen.fits, found.intervals, verdicts, strict=True)
     return ModelEntry(
@@ -398,6 +410,7 @@ def _model_entry(found: TyreFit) -> ModelEntry:
         causal=found.model.causal,
         parameters=parameters_of(found.model),
         discrepancy=found.discrepancy,
+        shape=shape,
         choice=found.choice.text,
         candidates=[_candidate_entry(one) for one in found.choice.candidates],
         conditions=[_condition_entry(*row) for row in rows],
@@ -445,6 +458,14 @@ def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: 
         agreed=float(found.agreed),
         verdict=None if verdict is None else _verdict_entry(measured, verdict),
     )
+
+
+def shapes_in(record: Mapping[str, Any]) -> dict[str, Shape]:
+    """Shapes of the specimens that study.json states, by name."""
+    specimens = record.get("stated", {}).get("specimens", {})
+    stated = specimens.items() if isinstance(specimens, dict) else ()
+    found = {name: shape_of(one) for name, one in stated if isinstance(one, dict)}
+    return {name: one for name, one in found.items() if one is not None}
 
 
 def rig_file(record: Mapping[str, Any], found: pl.DataFrame) -> RigFile | None:

@@ -9,6 +9,7 @@ Each family is a class of this package, imported when it is first used: ``from f
 `GehmanLaw`          K1 parallel to an arm whose K2 and C are smooth functions of the frequency; not causal
 `Zener`              the paper's K1 parallel to an arm of constant K2 and C
 `GeneralisedMaxwell` spring parallel to n arms of spring and damper in series
+`Prony`              the same with fixed relaxation times, so many per decade of the band
 `FractionalZener`    two springs and one power of the frequency
 `FractionalZener5`   the same with a second power, for a skew loss peak
 `Shell`              inflated cylindrical shell on radial springs, with inertia

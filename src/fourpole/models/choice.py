@@ -17,7 +17,9 @@ from fourpole.models.fit import Fit, best_fit, fit
 from fourpole.models.interface import Model
 from fourpole.models.starts import starts_of
 
-#: Models that are tried if none is named.
+#: Reason why a model that was not compared was left out: the user stopped the fits.
+STOPPED = "stopped by Ctrl-C"
+#: Models that are tried if none is named, over a wide band.
 AUTO = automatic()
 #: Two models are equally good if their BIC differ by less than this: odds of 20 to 1.
 _ALIKE = 6.0
@@ -125,6 +127,11 @@ class Choice:
     text: str
 
     @property
+    def stopped(self) -> bool:
+        """Whether the user stopped the comparison before all models were tried."""
+        return any(reason == STOPPED for _, reason in self.failed)
+
+    @property
     def best(self) -> Candidate:
         """The candidate with the least BIC."""
         return self.candidates[0]
@@ -136,7 +143,7 @@ class Choice:
 
 def choose(
     data: StiffnessData | Sequence[StiffnessData],
-    names: Sequence[str] = AUTO,
+    names: Sequence[str] | None = None,
     given: Sequence[Mapping[str, float]] | None = None,
 ) -> Choice:
     """Fit several models to one or more conditions and choose the one with the least BIC.
@@ -145,8 +152,9 @@ def choose(
     ----------
     data : StiffnessData or sequence of StiffnessData
         Data of one condition each.
-    names : sequence of str
-        Names of models; see `families.model_named`. For the bare name of a family, such as maxwell, larger sizes are
+    names : sequence of str, optional
+        Names of models; see `families.model_named`. The default is those of `families.automatic` for the band of the
+        data. For the bare name of a family, such as maxwell, larger sizes are
         tried as long as they help.
     given : sequence of mapping of str to float, optional
         For each condition, values of known parameters by symbol. A model uses those of its own parameters.
@@ -172,17 +180,27 @@ def choose(
     if not conditions or any(one.stiffness.ndim != 1 for one in conditions):
         raise ModelError("a choice of models needs one or more conditions, each as data of its own")
     known = given if given is not None else [{}] * len(conditions)
-    candidates, failed = _fitted(names, conditions, known)
+    tried = automatic(_decades(conditions)) if names is None else names
+    candidates, failed = _fitted(tried, conditions, known)
     candidates.sort(key=lambda one: one.bic)
     limit = candidates[0].bic + _WORTH * len(conditions)
     for at, one in enumerate(candidates):
-        if one.bic < limit:
-            candidates[at] = replace(one, cross_validation=_cross_validation_error(one, conditions, known))
+        if one.bic < limit and not any(reason == STOPPED for _, reason in failed):
+            try:
+                candidates[at] = replace(one, cross_validation=_cross_validation_error(one, conditions, known))
+            except KeyboardInterrupt:
+                failed = (*failed, ("cross-validation", STOPPED))
     best = candidates[0]
     near = [one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE]
     alike = tuple(name for name in near if not contains(name, best.name))
     unneeded = tuple(name for name in near if contains(name, best.name))
     return Choice(tuple(candidates), alike, unneeded, failed, _text(candidates, alike, unneeded))
+
+
+def _decades(conditions: Sequence[StiffnessData]) -> float:
+    """Decades of frequency that the conditions span together."""
+    low = min(float(one.omega.min()) for one in conditions)
+    return float(np.log10(max(float(one.omega.max()) for one in conditions)) - np.log10(low))
 
 
 def _fitted(
@@ -199,6 +217,13 @@ def _fitted(
                 candidates.append(_candidate(model_named(name), conditions, known))
         except ModelError as error:
             failed.append((name, str(error)))
+        except (np.linalg.LinAlgError, FloatingPointError) as error:
+            failed.append((name, f"its fit failed ({error})"))
+        except KeyboardInterrupt:  # what is found is kept
+            if not candidates:
+                raise
+            failed += [(one, STOPPED) for one in names[names.index(name) :]]
+            break
     if not candidates:
         raise ModelError(failed[0][1] if failed else "no model was named")
     return candidates, tuple(failed)
@@ -212,7 +237,8 @@ def fit_conditions(
     `given` has the known parameters of each condition. Parameters that are usually fixed otherwise keep their defaults.
     """
     fits: dict[int, Fit] = {}
-    for places, together in stacked(conditions):
+    model = model.placed(conditions)
+    for places, together in _together(model, conditions):
         fixed = fixed_of(model, [given[place] for place in places] if given is not None else [{}] * len(places))
         found = best_fit(model, together, starts_of(model, together, _STARTS), fixed=fixed)
         for _ in range(SCALINGS if together.relative is not None else 0):
@@ -220,6 +246,14 @@ def fit_conditions(
             found = replace(fit(model, here, found.values, fixed=list(fixed)), agreed=found.agreed)
         fits.update({place: found.part(at) for at, place in enumerate(places)})
     return tuple(fits[at] for at in range(len(conditions)))
+
+
+def _together(model: Model, conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], StiffnessData]]:
+    """Conditions that are fitted at once; those of a linear model one by one, as their degrees of freedom differ."""
+    for at, one in enumerate(conditions if model.linear else ()):
+        yield from (([at], part) for _, part in stacked([one]))
+    if not model.linear:
+        yield from stacked(conditions)
 
 
 def fixed_of(model: Model, given: Sequence[Mapping[str, float]]) -> dict[str, FloatArray]:
@@ -311,7 +345,8 @@ def _text(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Seque
     if best.dof and best.chance < CHANCE:
         first += ", too large for the uncertainty of the data"
     if best.on_bound:
-        first += f"; {best.on_bound} of the parameters on a bound or without effect on K*"
+        which = "terms zero" if best.fit.model.linear else "parameters on a bound or without effect on K*"
+        first += f"; {best.on_bound} of the {which}"
     if not best.dof:
         return f"{first}: as many parameters as data, so that models cannot be compared"
     return ". ".join([first, *_comparison(candidates, alike, unneeded), *_simulation(candidates)])

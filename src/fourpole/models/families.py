@@ -23,6 +23,7 @@ FAMILIES = {
     "gehman:N": "table.GehmanLaw",
     "zener": "maxwell.Zener",
     "maxwell[:N]": "maxwell.GeneralisedMaxwell",
+    "prony[:N]": "prony.Prony",
     "fractional": "fractional.FractionalZener",
     "fractional5": "fractional.FractionalZener5",
     "shell": "tyre_shell.Shell",
@@ -47,7 +48,7 @@ def model_named(name: str) -> Model:
     """
     family, mark, size = name.partition(":")
     key = _PLACES.get(family, ("", ""))[0]
-    sized = ":N" in key
+    sized = ":N" in key and (bool(mark) or not _has_usual_size(family))
     number = size.isdecimal() and len(size) < 4
     if not key or sized != bool(mark) or (sized and not number):
         from fourpole.units import shown
@@ -57,9 +58,14 @@ def model_named(name: str) -> Model:
     return made
 
 
-def automatic() -> tuple[str, ...]:
-    """Names of the families that `auto` tries; a family with `sizes` has its bare name here."""
-    return tuple(family for family in _PLACES if _class(family).candidate)
+def _has_usual_size(family: str) -> bool:
+    """Whether the bare name of a family with an optional size is a model, of the size that the class has by default."""
+    return "[:N]" in _PLACES[family][0] and not _class(family).sizes
+
+
+def automatic(decades: float = float("inf")) -> tuple[str, ...]:
+    """Names of the families that `auto` tries for a band of so many decades; a family with `sizes` by its bare name."""
+    return tuple(family for family in _PLACES if _class(family).candidate and _class(family).least_decades <= decades)
 
 
 def for_maps() -> tuple[str, ...]:

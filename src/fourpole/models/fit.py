@@ -15,6 +15,7 @@ from scipy import stats
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
+from fourpole.models.nonnegative import fit_nonnegative
 from fourpole.models.problem import FitProblem, problem_of
 
 #: Maximum number of steps; start, factors after a good and a bad step, and maximum of the damping.
@@ -140,6 +141,8 @@ def fit(
     >>> fit(Zener(), StiffnessData.of(omega, truth, 100.0), [150e3, 100e3, 500.0]).values.round(3)
     array([180000., 120000.,    700.])
     """
+    if model.linear and not tied:
+        return fit_nonnegative(model, data, start, fixed)
     problem = problem_of(model, data, start, fixed, tied or {})
     return _fit_of(problem, data.stiffness.shape[:-1], *_search(problem, problem.place_of(problem.fixed)))
 
@@ -163,6 +166,8 @@ def best_fit(
     1.0
     """
     begins = np.asarray(starts, dtype=float)
+    if model.linear and not tied:
+        return fit_nonnegative(model, data, begins[0], fixed)
     lead = data.stiffness.shape[:-1]
     problem = problem_of(model, data, begins[0], fixed, tied or {})
     fits = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -77,6 +77,28 @@ class StateSpace(ByValue):
         return np.asarray(direct + states @ self.c, dtype=complex)[()]
 
 
+@dataclass(frozen=True, eq=False)
+class Arms(ByValue):
+    """A Prony series: a spring parallel to arms of a spring and a damper in series.
+
+    Attributes
+    ----------
+    rest : float [N/m]
+        Stiffness at rest K_inf.
+    springs, times : (n,) float arrays [N/m], [s]
+        Stiffness K_i and relaxation time tau_i of each arm.
+    """
+
+    rest: float
+    springs: FloatArray
+    times: FloatArray
+
+    @property
+    def instantaneous(self) -> float:
+        """Stiffness of a sudden deflection [N/m]: that of all springs together."""
+        return float(self.rest + np.sum(self.springs))
+
+
 class Model(ABC):
     """A model of K*(omega). A model has no values of its own: each method takes them, one set or many at once.
 
@@ -106,6 +128,11 @@ class Model(ABC):
         Sizes that are tried for the bare name of the family, from the smallest until larger ones do not help.
     for_maps : tuple of str
         Names of the models of this family that an automatic operating map tries.
+    linear : bool
+        Whether K* is a sum of fixed terms with non-negative factors, the parameters that are not usually fixed. Such a
+        fit is solved by non-negative least squares, and parameters at zero are not counted in its degrees of freedom.
+    least_decades : float
+        `auto` tries the family only if the band of the data spans at least so many decades.
     """
 
     name: str
@@ -119,6 +146,8 @@ class Model(ABC):
     candidate: bool = True
     sizes: range = range(0)
     for_maps: tuple[str, ...] = ()
+    linear: bool = False
+    least_decades: float = 0.0
 
     @abstractmethod
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
@@ -151,6 +180,19 @@ class Model(ABC):
         """State space for one set of parameters (P,); ModelError if the model has none of finite order."""
         self.checked(values)
         raise ModelError(f"the {self.name} model has no state space of finite order and cannot be simulated in time")
+
+    def prony(self, values: ArrayLike) -> Arms:
+        """K* of one set of parameters (P,) as a Prony series; ModelError if it is none."""
+        self.checked(values)
+        raise ModelError(f"the {self.name} model is no Prony series: fit prony or maxwell")
+
+    def placed(self, conditions: Sequence[StiffnessData]) -> Model:  # noqa: ARG002
+        """The model with what it takes from the band of the data, such as fixed relaxation times."""
+        return self
+
+    def with_parameters(self, count: int) -> Model:  # noqa: ARG002
+        """The model with this number of parameters, for a model whose number of parameters follows from the data."""
+        return self
 
     def energy_loss(self, values: ArrayLike, omega: ArrayLike, amplitude: ArrayLike) -> FloatArray:
         """Energy loss per cycle (..., N) [J] at the 0-to-peak deflection X [m]: pi K'' X²."""

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData, relaxation
-from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
+from fourpole.models.interface import Arms, Model, Parameter, StateSpace, columns, positive
 from fourpole.models.spectrum import WhitenedCondition, arms_at, two_springs, whitened_conditions
 
 _MOST_ARMS = 60
@@ -64,6 +64,11 @@ class Zener(Model):
         others = [_over_band(one, count - 1) for one in whitened_conditions(data)]
         return np.concatenate([first, np.stack(others, axis=1)])
 
+    def prony(self, values: ArrayLike) -> Arms:
+        """The one arm of one set of parameters."""
+        k1, k2, c = self.checked(values).tolist()
+        return Arms(k1, np.array([k2]), np.array([c / k2 if k2 else 0.0]))
+
     def state_space(self, values: ArrayLike) -> StateSpace:
         """State space with one state, the deflection of the damper."""
         k1, k2, c = self.checked(values)
@@ -73,7 +78,49 @@ class Zener(Model):
         return StateSpace(np.array([[-rate]]), np.array([[rate, 0.0]]), np.array([-k2]), np.array([k1 + k2, 0.0]))
 
 
-class GeneralisedMaxwell(Model):
+class RelaxingArms(Model):
+    """Base of the models of a spring parallel to arms: parameters K_inf, K_1 ... K_n, tau_1 ... tau_n."""
+
+    arms: int
+
+    def _parts(self, values: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray, ComplexArray]:
+        """K_inf (..., 1), K_i (..., 1, n), and the response of arms of unit stiffness (..., N, n)."""
+        checked = self.checked(values)
+        springs, times = checked[..., None, 1 : 1 + self.arms], checked[..., None, 1 + self.arms :]
+        return checked[..., 0, None], springs, relaxation(positive(omega), times)
+
+    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """K* [N/m]."""
+        rest, springs, arms = self._parts(values, omega)
+        return np.asarray(rest + np.sum(springs * arms, axis=-1))
+
+    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """Derivatives by K_inf, all K_i, all tau_i."""
+        _, springs, arms = self._parts(values, omega)
+        by_time = springs * 1j * positive(omega)[..., None] * (1 - arms) ** 2
+        return np.concatenate([np.ones_like(arms[..., :1]), arms, by_time], axis=-1)
+
+    def ordering(self, values: FloatArray) -> np.ndarray:
+        """Places that sort the arms by falling relaxation time."""
+        arms = 1 + np.argsort(-values[..., 1 + self.arms :], axis=-1, kind="stable")
+        first = np.zeros((*values.shape[:-1], 1), dtype=int)
+        return np.concatenate([first, arms, arms + self.arms], axis=-1)
+
+    def prony(self, values: ArrayLike) -> Arms:
+        """The arms of one set of parameters."""
+        checked = self.checked(values)
+        return Arms(float(checked[0]), checked[1 : 1 + self.arms], checked[1 + self.arms :])
+
+    def state_space(self, values: ArrayLike) -> StateSpace:
+        """State space with one state per arm, the deflection of its damper; an arm with tau = 0 or K = 0 has none."""
+        checked = self.checked(values)
+        moves = (checked[1 + self.arms :] > 0) & (checked[1 : 1 + self.arms] > 0)
+        springs, rates = checked[1 : 1 + self.arms][moves], 1.0 / checked[1 + self.arms :][moves]
+        inputs = np.stack([rates, np.zeros_like(rates)], axis=1)
+        return StateSpace(-np.diag(rates), inputs, -springs, np.array([checked[0] + springs.sum(), 0.0]))
+
+
+class GeneralisedMaxwell(RelaxingArms):
     r"""A spring parallel to n arms of spring and damper in series; an arm has a stiffness and a relaxation time.
 
     .. math:: K^* = K_\infty + \sum_i K_i \frac{j\omega\tau_i}{1 + j\omega\tau_i}, \qquad K_\infty, K_i \ge 0
@@ -112,40 +159,9 @@ class GeneralisedMaxwell(Model):
             *(Parameter(f"tau_{i}", "s", *ends, 10.0**-i, f"relaxation time of arm {i}", log=True) for i in numbers),
         )
 
-    def _parts(self, values: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray, ComplexArray]:
-        """K_inf (..., 1), K_i (..., 1, n), and the response of arms of unit stiffness (..., N, n)."""
-        checked = self.checked(values)
-        springs, times = checked[..., None, 1 : 1 + self.arms], checked[..., None, 1 + self.arms :]
-        return checked[..., 0, None], springs, relaxation(positive(omega), times)
-
-    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """K* [N/m]."""
-        rest, springs, arms = self._parts(values, omega)
-        return np.asarray(rest + np.sum(springs * arms, axis=-1))
-
-    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivatives by K_inf, all K_i, all tau_i."""
-        _, springs, arms = self._parts(values, omega)
-        by_time = springs * 1j * positive(omega)[..., None] * (1 - arms) ** 2
-        return np.concatenate([np.ones_like(arms[..., :1]), arms, by_time], axis=-1)
-
-    def ordering(self, values: FloatArray) -> np.ndarray:
-        """Places that sort the arms by falling relaxation time."""
-        arms = 1 + np.argsort(-values[..., 1 + self.arms :], axis=-1, kind="stable")
-        first = np.zeros((*values.shape[:-1], 1), dtype=int)
-        return np.concatenate([first, arms, arms + self.arms], axis=-1)
-
     def starts(self, data: StiffnessData, count: int) -> FloatArray:
         """Non-negative stiffnesses at several sets of relaxation times."""
         return np.stack([arms_at(one, self.arms, count) for one in whitened_conditions(data)], axis=1)
-
-    def state_space(self, values: ArrayLike) -> StateSpace:
-        """State space with one state per arm, the deflection of its damper; an arm with tau = 0 has no force."""
-        checked = self.checked(values)
-        moves = checked[1 + self.arms :] > 0
-        springs, rates = checked[1 : 1 + self.arms][moves], 1.0 / checked[1 + self.arms :][moves]
-        inputs = np.stack([rates, np.zeros_like(rates)], axis=1)
-        return StateSpace(-np.diag(rates), inputs, -springs, np.array([checked[0] + springs.sum(), 0.0]))
 
 
 def _zener(k: ComplexArray, omega: FloatArray) -> FloatArray:

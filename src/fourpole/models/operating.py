@@ -27,8 +27,8 @@ from fourpole.models.together import Scatter, Together, fit_together, unlink_all
 _SCATTER, _LEAST, _MOST = 1e-2, 1e-6, 1.0
 #: Maximum number of steps of the search for the scatter.
 _ROUNDS = 12
-#: A frequency is inside the band up to this fraction beyond its ends.
-_EDGE = 1e-3
+#: A frequency is inside the band up to this fraction beyond its ends: drives that are stated as 10 Hz ran near it.
+_EDGE = 1e-2
 #: A larger surface is chosen only if its leave-one-out error is less than this fraction of that of a smaller one.
 _BETTER = 0.98
 

@@ -21,6 +21,7 @@ from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit, fit
 from fourpole.models.interface import Model, Parameter
+from fourpole.models.nonnegative import nonnegative_intervals
 from fourpole.models.starts import starts_of
 
 #: Distances from the best value, in standard uncertainties, at which the profile is evaluated: first near, then far.
@@ -84,6 +85,8 @@ def profile_intervals(
         raise ModelError("profile intervals are for one condition at a time: choose one")
     tied = tied or {}
     rise = float(np.sqrt(stats.chi2.ppf(level, 1)))
+    if found.model.linear and not tied:
+        return nonnegative_intervals(found, data, rise, [*fixed])
     ends = np.stack([found.values, found.values], axis=1)
     symbols = found.model.symbols
     profile = _Profile(found, data, fixed, tied)

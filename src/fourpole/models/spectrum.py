@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -69,6 +69,12 @@ def whitened_conditions(data: StiffnessData) -> list[WhitenedCondition]:
     return [
         WhitenedCondition(StiffnessData(*row), whiten) for *row, whiten in zip(*parts, data.whitener(), strict=True)
     ]
+
+
+def each_whitened(data: StiffnessData) -> list[WhitenedCondition]:
+    """Each of the conditions (...,) with its whitener."""
+    flat = data.flat()
+    return whitened_conditions(replace(flat, omega=np.broadcast_to(flat.omega, flat.stiffness.shape)))
 
 
 def two_springs(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -27,6 +27,7 @@ _MODULES = (
     "budget",
     "models",
     "choice",
+    "spectrum",
     "operating",
 )
 #: All figures by their keys, in the order of a report.

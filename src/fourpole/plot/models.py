@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
@@ -35,11 +35,14 @@ _GRID_WIDE, _GRID = 121, 51
 _LEAST_INK = 0.5
 #: Bound that about 95 % of residuals lie within, and smallest end of their axis, in standard uncertainties.
 _USUAL, _LEAST_SHOWN = 2.0, 3.0
+#: Numbers of an axis beyond this, or below its inverse, are powers of ten; no minor ticks over a larger ratio of ends.
+_LONG, _MANY = 3e5, 1e12
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _STATED = (q.PRESSURE.head, q.PRELOAD.head)
 
 
 @dataclass(frozen=True, eq=False)
-class _Drawn:
+class Drawn:
     """A condition of a model: its groups in the sheet, its values on further axes, and the tests it was fitted to."""
 
     entry: ModelEntry
@@ -62,7 +65,7 @@ class _Drawn:
 
 
 @dataclass(frozen=True, eq=False)
-class _Curves:
+class Curves:
     """One condition: points, line and half-width of the band of the model in the units of the axes; residuals."""
 
     frequency: FloatArray
@@ -79,7 +82,7 @@ def models(results: Results, style: Style) -> Figure | None:
     if results.models is None:
         return None
     sheet = read_sheet(results, texts_only=True)
-    found = [one for entry in results.models.models for one in _conditions(entry, sheet, results.models)]
+    found = [one for entry in results.models.models for one in conditions_of(entry, sheet, results.models)]
     if not found:
         return None
     notes, key = Notes(), Key()
@@ -91,7 +94,7 @@ def models(results: Results, style: Style) -> Figure | None:
     most = _MOST_WIDE if _logarithmic(found) else _MOST_SERIES
     shown = notes.some(every, most, "pressures" if _by_pressure(found) else "conditions of each")
     found = [one for one in found if one.series in shown]
-    curves = [_curves(one, sheet) for one in found]
+    curves = [curves_of(one, sheet) for one in found]
     log = _logarithmic(found)
     grid = Grid.of(4 * columns, columns, panel_height=1.5, style=style)
     for row in range(4):
@@ -118,7 +121,7 @@ def models(results: Results, style: Style) -> Figure | None:
     return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=labels, headings="top")
 
 
-def _conditions(entry: ModelEntry, sheet: Sheet, file: ModelFile) -> list[_Drawn]:
+def conditions_of(entry: ModelEntry, sheet: Sheet, file: ModelFile) -> list[Drawn]:
     """The conditions of a model; none if its tyre is in no table."""
     if entry.tyre not in sheet.names:
         return []
@@ -132,7 +135,7 @@ def _conditions(entry: ModelEntry, sheet: Sheet, file: ModelFile) -> list[_Drawn
             for groups, column in zip((sheet.pressures, sheet.loads), _STATED, strict=True)
         )
         rows = _rows(one, state, sheet, file) & (sheet.tyre == tyre)
-        found.append(_Drawn(entry, at, tyre, pressure, load, others, rows))
+        found.append(Drawn(entry, at, tyre, pressure, load, others, rows))
     return found
 
 
@@ -156,7 +159,7 @@ def _rows(one: ConditionFile, state: dict[str, float], sheet: Sheet, file: Model
     return np.asarray(mask)
 
 
-def _curves(one: _Drawn, sheet: Sheet) -> _Curves:
+def curves_of(one: Drawn, sheet: Sheet) -> Curves:
     """Points, line, band and residuals of a condition."""
     rows = np.flatnonzero(one.rows)
     frequency = sheet.values(q.FREQUENCY.head)
@@ -173,7 +176,7 @@ def _curves(one: _Drawn, sheet: Sheet) -> _Curves:
     off = np.stack([real - predicted.real / q.STORAGE.scale, imag - predicted.imag / q.STORAGE.scale], axis=1)
     residuals = whitened(off, covariance / q.STORAGE.scale**2 + _data_covariance(real_std, imag_std, correlation))
     half = NORMAL_95 / q.STORAGE.scale * np.sqrt(np.diagonal(line_covariance, axis1=1, axis2=2))
-    return _Curves(
+    return Curves(
         frequency=frequency,
         values=(real, imag),
         stds=(real_std, imag_std),
@@ -208,7 +211,7 @@ def whitened(off: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.stack([both + between, both - between], axis=1) / 2)
 
 
-def _row(one: _Curves, row: int) -> list[tuple[FloatArray, FloatArray]]:
+def _row(one: Curves, row: int) -> list[tuple[FloatArray, FloatArray]]:
     """Values and uncertainties that a row of panels shows: of the points, and of the model's line."""
     if row > 1:
         return [(one.residuals[row - 2], np.zeros(one.frequency.size))]
@@ -238,7 +241,7 @@ def steep_limits(extent: Extent) -> tuple[tuple[float, float], bool]:
     return extent.limits(), False
 
 
-def _draw_condition(ax: Axes, one: _Curves, row: int, marks: Marks) -> None:
+def _draw_condition(ax: Axes, one: Curves, row: int, marks: Marks) -> None:
     """Draw the points of a condition, and in the rows of K' and K'' the model's line with its band."""
     if row > 1:
         curve(ax, one.frequency, one.residuals[row - 2], marks=marks)
@@ -257,14 +260,14 @@ def _usual(ax: Axes, style: Style) -> None:
         ax.axhline(level, color=style.look.muted, linewidth=0.8, linestyle=dashes, label=label, zorder=1.1)
 
 
-def _logarithmic(found: Sequence[_Drawn]) -> bool:
+def _logarithmic(found: Sequence[Drawn]) -> bool:
     """Whether the axis of frequency is logarithmic."""
     return max(one.band[1] for one in found) > _DECADE * min(one.band[0] for one in found)
 
 
 def _finish_panel(
     ax: Axes,
-    found: Sequence[_Drawn],
+    found: Sequence[Drawn],
     limits: tuple[tuple[float, float], bool],
     style: Style,
     *,
@@ -291,14 +294,25 @@ def steep(ax: Axes, limits: tuple[float, float], style: Style) -> None:
 
 
 def numbered(ax: Axes, which: str, most: int) -> None:
-    """Plain numbers on a logarithmic axis, "x" or "y": at 1, 2 and 5 over less than two decades, otherwise at 1."""
+    """Numbers on a logarithmic axis, "x" or "y": at 1, 2 and 5 over less than two decades, otherwise at 1.
+
+    They are powers of ten where plain numbers would be long.
+    """
     axis = ax.xaxis if which == "x" else ax.yaxis
     low, high = sorted(ax.get_xlim() if which == "x" else ax.get_ylim())
     few = high < 100 * low
     axis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=most + 2))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    long = not few and (high > _LONG or low < 1 / _LONG)
+    axis.set_major_formatter(FuncFormatter(_power_of_ten if long else lambda value, _: f"{value:g}"))
     axis.set_minor_locator(LogLocator(10.0, subs=tuple(range(2, 10)), numticks=200))
+    if high > _MANY * low:
+        axis.set_minor_locator(NullLocator())
     axis.set_minor_formatter(NullFormatter())
+
+
+def _power_of_ten(value: float, _: int) -> str:
+    """A power of ten with a raised exponent."""
+    return f"10{str(round(np.log10(value))).translate(_RAISED)}"
 
 
 def heading(ax: Axes, sheet: Sheet, model: str, tyre: int, right: str, style: Style, columns: int) -> None:
@@ -307,12 +321,12 @@ def heading(ax: Axes, sheet: Sheet, model: str, tyre: int, right: str, style: St
     tyre_heading(ax, name, style.colour(tyre), right, style=style, columns=columns)
 
 
-def _by_pressure(found: Sequence[_Drawn]) -> bool:
+def _by_pressure(found: Sequence[Drawn]) -> bool:
     """Whether the conditions of a panel differ in pressure alone."""
     return len({one.series[1] for one in found}) < 2
 
 
-def _rank(one: _Drawn, found: Sequence[_Drawn], sheet: Sheet) -> tuple[int, int]:
+def _rank(one: Drawn, found: Sequence[Drawn], sheet: Sheet) -> tuple[int, int]:
     """Rank of a condition among the conditions of a panel, and their number; of pressures if only these differ."""
     if _by_pressure(found):
         return one.pressure, len(sheet.pressures)
@@ -320,7 +334,7 @@ def _rank(one: _Drawn, found: Sequence[_Drawn], sheet: Sheet) -> tuple[int, int]
     return every.index(one.series), len(every)
 
 
-def _marks(one: _Drawn, found: Sequence[_Drawn], sheet: Sheet, style: Style) -> Marks:
+def _marks(one: Drawn, found: Sequence[Drawn], sheet: Sheet, style: Style) -> Marks:
     rank, count = _rank(one, found, sheet)
     face = style.face(one.tyre, rank, count)
     return Marks(style.colour(one.tyre), pressure_marker(rank), face, load_dashes(one.load), joined=False)
@@ -331,7 +345,7 @@ def share(part: float) -> str:
     return f"{100 * part:.2g} %"
 
 
-def _model_keys(key: Key, found: Sequence[_Drawn], sheet: Sheet, style: Style) -> None:
+def _model_keys(key: Key, found: Sequence[Drawn], sheet: Sheet, style: Style) -> None:
     """Add the model of each tyre to the key, with its model discrepancy."""
     for tyre, entry in {one.tyre: one.entry for one in sorted(found, key=lambda one: one.tyre)}.items():
         discrepancy = f", model discrepancy {share(entry.discrepancy)}" if entry.discrepancy > 0 else ""
@@ -344,7 +358,7 @@ def model_of(sheet: Sheet, tyre: int) -> str:
 
 
 def _series_keys(
-    key: Key, found: Sequence[_Drawn], shown: Sequence[tuple[int, tuple[float, ...]]], sheet: Sheet, style: Style
+    key: Key, found: Sequence[Drawn], shown: Sequence[tuple[int, tuple[float, ...]]], sheet: Sheet, style: Style
 ) -> None:
     """Add the markers of the conditions to the key."""
     if _by_pressure(found):
@@ -366,7 +380,7 @@ def _other(column: str, value: float) -> str:
     return plain_text(f"{name} {value:.4g} {'' if unit == '1' else unit}".rstrip())
 
 
-def _say(notes: Notes, found: Sequence[_Drawn], curves: Sequence[_Curves]) -> None:
+def _say(notes: Notes, found: Sequence[Drawn], curves: Sequence[Curves]) -> None:
     left = np.concatenate([np.concatenate(one.residuals) for one in curves])
     left = left[np.isfinite(left)]
     if left.size:

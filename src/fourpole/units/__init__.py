@@ -25,6 +25,7 @@ __all__ = [
     "channel_scale",
     "column_unit",
     "crosstalk",
+    "frequency_band",
     "frequency_grid",
     "is_unit",
     "quantity",
@@ -43,6 +44,12 @@ _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
 _BRACKETED = re.compile(r"(?P<stem>.*?)[\s_]*(?:\[(?P<square>[^\[\]]*)\]|(?<=[\s_])\((?P<round>[^()]*)\))\s*")
 _ATTACHED = re.compile(r"(?P<stem>[^()]*)\((?P<round>[^()]+)\)\s*")
 _CHARGE = re.compile(r"(?<![A-Za-z°])[pnµum]?C(?![A-Za-z])")
+_BAND = re.compile(
+    rf"\s*(?P<low>{_NUMBER})\s*(?P<first>[A-Za-z/]*?)\s*"
+    rf"(?:(?::|\.\.\.?|-|–|\bto\b)\s*(?P<high>{_NUMBER})\s*)?(?P<last>[A-Za-z][^0-9:]*|)"
+)
+#: Number of frequencies of a range without a step.
+_EVEN = 25
 _FUNCTIONS = frozenset({"u", "std", "cov", "corr", "var", "re", "im", "abs", "arg", "mean", "rms"})
 
 
@@ -277,7 +284,8 @@ def frequency_grid(text: str) -> list[float]:
     ----------
     text : str
         Numbers and ranges start:stop:step (the stop included), between commas, and one unit at the
-        end: "10:24:0.5 Hz", "10,12,14 Hz", "18 Hz", "600:1440:60 rpm".
+        end: "10:24:0.5 Hz", "10,12,14 Hz", "18 Hz", "600:1440:60 rpm". A range without a step, "10:24 Hz", is 25
+        frequencies, evenly spaced in their logarithm.
 
     Returns
     -------
@@ -309,6 +317,45 @@ def frequency_grid(text: str) -> list[float]:
     if min(grid) <= 0:
         raise UnitError(f"frequencies {shown(text)} are not all positive")
     return grid
+
+
+def frequency_band(text: str) -> tuple[float, float]:
+    """Lowest and highest frequency of a band from a text.
+
+    Parameters
+    ----------
+    text : str
+        Two rising numbers with ":", "..", "-" or "to" between them and a unit at the end, or a unit at each of them;
+        or one frequency, which is both ends.
+
+    Returns
+    -------
+    float, float [Hz]
+        > 0, rising.
+
+    Raises
+    ------
+    UnitError
+        If the text has another form, or a frequency is not positive.
+
+    Examples
+    --------
+    >>> frequency_band("10:24 Hz"), frequency_band("1e-3 .. 1e5 Hz"), frequency_band("10 Hz")
+    ((10.0, 24.0), (0.001, 100000.0), (10.0, 10.0))
+    """
+    match = _BAND.fullmatch(spelled_out(text))
+    if match is None:
+        raise UnitError(f"band {shown(text)} is not two rising frequencies; write it as in '10:24 Hz' or '0.1..100 Hz'")
+    low, first, high, last = (match[name] for name in ("low", "first", "high", "last"))
+    if not last:
+        last, first = first, ""
+    if not last:
+        raise UnitError(f"band {shown(text)} has no unit; write it as in '10:24 Hz'")
+    ends = [(low, first or last), (high, last)] if high is not None else [(low, last)]
+    values = [quantity(f"{number} {unit}", "frequency") for number, unit in ends]
+    if not 0 < values[0] <= values[-1] or (len(values) == 2 and values[0] == values[1]):
+        raise UnitError(f"band {shown(text)} is not two rising, positive frequencies, as in '10:24 Hz'")
+    return values[0], values[-1]
 
 
 def column_unit(name: str) -> tuple[str, str | None]:
@@ -390,11 +437,19 @@ def _decimal_comma(number: str, text: object) -> str:
 def _range(part: str, text: str, example: str) -> Iterator[Fraction]:
     """The numbers of "18" or "10:24:0.5"; the stop is included if a step ends within a millionth of a step of it."""
     pieces = part.split(":")
-    if len(pieces) not in (1, 3) or not all(re.fullmatch(_NUMBER, piece.strip()) for piece in pieces):
+    if len(pieces) > 3 or not all(re.fullmatch(_NUMBER, piece.strip()) for piece in pieces):
         raise UnitError(f"frequencies {shown(text)}: {shown(part)} is no number or start:stop:step; {example}")
     values = [Fraction(Decimal(piece.strip())) for piece in pieces]
     if len(values) == 1:
         yield values[0]
+        return
+    if len(values) == 2:
+        low, high = map(float, values)
+        if not 0 < low < high:
+            raise UnitError(f"frequencies {shown(text)}: {shown(part)} must rise, as start:stop; {example}")
+        yield values[0]
+        yield from map(Fraction, np.geomspace(low, high, _EVEN)[1:-1].tolist())
+        yield values[1]
         return
     start, stop, step = values
     if step <= 0 or stop < start:

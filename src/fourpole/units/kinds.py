@@ -28,6 +28,7 @@ TABLE: dict[str, UnitKind] = {
     "stiffness": UnitKind("N/m", "12.44 kN/m", ("N/m", "kN/m", "N/mm", "kN/mm", "MN/m", "lbf/in", "kgf/mm")),
     "damping": UnitKind("N s/m", "20 N s/m", ("N s/m", "kN s/m", "N s/mm", "lbf s/in", "Ns/m", "N·s/m", "kg/s")),
     "length": UnitKind("m", "0.5 mm", _LENGTHS),
+    "area": UnitKind("m^2", "5 cm²", ("m²", "cm²", "mm²", "m^2", "cm^2", "mm^2", "in²")),
     "displacement": UnitKind("m", "0.5 mm", _LENGTHS),
     "velocity": UnitKind("m/s", "0.2 m/s", ("m/s", "mm/s", "in/s", "km/h", "cm/s", "µm/s", "mph")),
     "acceleration": UnitKind("m/s^2", "9.81 m/s²", ("m/s²", "g", "mm/s²", "m/s^2", "m/s2", "in/s²", "ft/s²")),

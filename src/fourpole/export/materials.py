@@ -1,0 +1,162 @@
+"""Prony series of a model file as materials for FE programs: arms, moduli, names and header lines."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fourpole import quantities as q
+from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.errors import ModelError
+from fourpole.export.source import ascii_line
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, model_of
+from fourpole.models.interface import Arms
+from fourpole.models.shape import Shape
+
+#: Arms whose stiffness is a smaller fraction than this of that of all springs are left out.
+_IDLE = 1e-16
+_LONGEST_NAME = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Material(ByValue):
+    """The Prony series of one specimen at one condition.
+
+    Attributes
+    ----------
+    name : str
+        Name of letters, digits and underscores that no other material of the file has.
+    about : tuple of str
+        Specimen, condition, band and stiffness in lines of ASCII.
+    arms : Arms
+        Arms with a stiffness above zero, in falling order of the relaxation time.
+    shape : Shape or None
+        Shape of the specimen, if it is stated.
+    temperature : float or None [degC]
+    """
+
+    name: str
+    about: tuple[str, ...]
+    arms: Arms
+    shape: Shape | None
+    temperature: float | None
+
+    @property
+    def shares(self) -> FloatArray:
+        """Normalised moduli g_i (n,) [1]: K_i over the stiffness of a sudden deflection."""
+        return np.asarray(self.arms.springs / self.arms.instantaneous)
+
+    @property
+    def has_moduli(self) -> bool:
+        """Whether the moduli of an isotropic material follow: the shape and Poisson's ratio are stated."""
+        return self.shape is not None and self.shape.poisson is not None
+
+    @property
+    def bulk_shares(self) -> FloatArray:
+        """Normalised bulk moduli k_i (n,) [1]: zero for an elastic bulk modulus."""
+        relaxing = self.shape is not None and self.shape.relaxing_bulk
+        return self.shares if relaxing else np.zeros_like(self.shares)
+
+
+def materials_of(file: ModelFile, shape: Shape | None = None) -> tuple[list[Material], tuple[str, ...]]:
+    """The materials of a model file, and notes on models that are no Prony series and on missing shapes.
+
+    `shape` replaces the shapes that the file states.
+
+    Raises
+    ------
+    ModelError
+        If no model of the file is a Prony series.
+    """
+    found: list[Material] = []
+    notes: list[str] = []
+    refused: list[str] = []
+    for entry in file.models:
+        model = model_of(entry)
+        for at, one in enumerate(entry.conditions):
+            try:
+                arms = _used(model.prony(one.values))
+            except ModelError as error:
+                refused.append(str(error))
+                continue
+            name = _name(entry, at, [each.name for each in found])
+            found.append(_material(file, entry, one, name, arms, shape or entry.shape))
+    if not found:
+        raise ModelError(f"{refused[0]}: fourpole fit RESULTS --model prony" if refused else "the file has no model")
+    notes += dict.fromkeys(f"left out: {one}" for one in refused)
+    if any(one.arms.rest == 0 for one in found):
+        notes.append("K_inf is 0: the material flows at rest, which not every program accepts")
+    return found, tuple(notes)
+
+
+def no_moduli(materials: Sequence[Material]) -> tuple[str, ...]:
+    """A note that the moduli of some materials are not known, with the remedy."""
+    lacking = [one for one in materials if not one.has_moduli]
+    if not lacking:
+        return ()
+    what = "Poisson's ratio" if all(one.shape is not None for one in lacking) else "height, area, mode and poisson"
+    note = (
+        f"no elastic moduli for {len(lacking)} of {len(materials)} materials: state {what} of the specimen, in "
+        "[specimens.NAME] of campaign.toml before fourpole analyse and fit, or as options of fourpole export"
+    )
+    return (note,)
+
+
+def check_terms(materials: Sequence[Material], most: int, what: str) -> None:
+    """ModelError if a material has more arms than a program takes."""
+    for one in materials:
+        count = one.arms.springs.size
+        if count > most:
+            decades = np.log10(one.arms.times.max() / one.arms.times.min())
+            fewer = max(int((most - 1) / max(decades, 1e-9)), 0)
+            how = f"fit --model prony:{fewer}" if fewer else f"fit --model maxwell:{most}, or a narrower --band"
+            raise ModelError(f"{one.name}: {count} arms are more than the {most} that {what} takes: {how}")
+
+
+def number(value: float, digits: int = 15) -> str:
+    """A number with so many significant digits; with 15 it has 20 characters, the most that Abaqus reads."""
+    return f"{value:.{digits - 1}e}"
+
+
+def _used(arms: Arms) -> Arms:
+    """The arms with a stiffness above zero and a relaxation time, the slowest first."""
+    kept = (arms.springs > _IDLE * arms.instantaneous) & (arms.times > 0)
+    if not kept.any():
+        raise ModelError("the model has no arm with a stiffness above zero: it is elastic")
+    order = np.argsort(-arms.times[kept], kind="stable")
+    return Arms(arms.rest, arms.springs[kept][order], arms.times[kept][order])
+
+
+def _material(
+    file: ModelFile, entry: ModelEntry, one: ConditionFile, name: str, arms: Arms, shape: Shape | None
+) -> Material:
+    state = {each.column: each.value for each in one.state}
+    place = ", ".join(f"{each.name} {each.value:.6g} {each.unit}" for each in one.state)
+    where = f"{entry.tyre or 'specimen'}{f' at {place}' if place else ''}, {one.band[0]:.6g} to {one.band[1]:.6g} Hz"
+    about = [
+        f"{where}; model {entry.model} of {file.provenance.source}, by fourpole {file.provenance.fourpole}",
+        f"stiffness: K_0 = {number(arms.instantaneous)} N/m (instantaneous), K_inf = {number(arms.rest)} N/m (at rest)",
+        *([] if shape is None else [_about_shape(shape)]),
+    ]
+    return Material(name, tuple(map(ascii_line, about)), arms, shape, state.get(q.TEMPERATURE.head))
+
+
+def _about_shape(shape: Shape) -> str:
+    """The conversion from stiffness to modulus, with the sizes that were stated."""
+    which = "E" if shape.mode == "compression" else "G"
+    formula = f"{which} = K h/A"
+    if shape.bonded:
+        formula += f"/(1 + 2 k S^2), bonded disc, S = {shape.factor:.6g}, k = {shape.bonded_factor:g}"
+    ratio = "not stated" if shape.poisson is None else f"{shape.poisson:g}"
+    return f"{shape.mode}: {formula}, h = {shape.height:g} m, A = {shape.area:g} m^2, Poisson's ratio {ratio}"
+
+
+def _name(entry: ModelEntry, at: int, taken: Sequence[str]) -> str:
+    """A name of a material that is not taken yet."""
+    plain = re.sub(r"[^A-Za-z0-9]+", "_", ascii_line(entry.tyre)).strip("_")[:_LONGEST_NAME] or "SPECIMEN"
+    plain = (plain if plain[0].isalpha() else f"M_{plain}").upper()
+    base = plain if len(entry.conditions) == 1 else f"{plain}_{at + 1}"
+    return next(name for name in (base, *(f"{base}_{one}" for one in range(2, 10_000))) if name not in taken)

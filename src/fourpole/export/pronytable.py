@@ -1,0 +1,72 @@
+"""A table of the Prony series of a model file: stiffness, its uncertainty and interval, and moduli of each arm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from fourpole.errors import ModelError
+from fourpole.export.materials import materials_of
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, model_of
+from fourpole.io.write import write_table
+from fourpole.models.interface import Arms
+from fourpole.models.shape import Shape
+
+
+def write(source: ModelFile, path: Path, shape: Shape | None = None) -> tuple[str, ...]:
+    """Write a row for K_inf and for each arm of each condition, arms at zero included; returns notes."""
+    _, notes = materials_of(source, shape)
+    rows = [row for entry in source.models for one in entry.conditions for row in _rows(entry, one, shape)]
+    write_table(path.with_suffix(path.suffix or ".csv"), pl.DataFrame(rows, infer_schema_length=None))
+    return notes
+
+
+def _rows(entry: ModelEntry, one: ConditionFile, shape: Shape | None) -> list[dict[str, Any]]:
+    """The rows of one condition; none if its model is no Prony series."""
+    model = model_of(entry)
+    try:
+        arms = model.prony(one.values)
+    except ModelError:
+        return []
+    symbols, shape = model.symbols, shape or entry.shape
+    state = {each.column: each.value for each in one.state}
+    return [
+        {"specimen": entry.tyre, **state, "arm": at, **_uncertain(one, symbols, at), **_numbers(arms, at, shape)}
+        for at in range(arms.springs.size + 1)
+    ]
+
+
+def _uncertain(one: ConditionFile, symbols: list[str], at: int) -> dict[str, float | None]:
+    """Standard uncertainty and 95 % interval [N/m] of K_inf or of an arm; blank if the model has another parameter."""
+    symbol = f"K_{at}" if at else "K_inf"
+    if symbol not in symbols:
+        return {"u(K) [N/m]": None, "95 % from [N/m]": None, "95 % to [N/m]": None}
+    place = symbols.index(symbol)
+    low, high = one.intervals[place]
+    std = float(np.sqrt(max(one.covariance[place][place], 0.0)))
+    return {"u(K) [N/m]": std, "95 % from [N/m]": low, "95 % to [N/m]": high}
+
+
+def _numbers(arms: Arms, at: int, shape: Shape | None) -> dict[str, float | None]:
+    """Relaxation time, rate, stiffness, normalised modulus and moduli of K_inf (arm 0) or of an arm."""
+    stiffness = float(arms.springs[at - 1]) if at else arms.rest
+    time = float(arms.times[at - 1]) if at else None
+    numbers: dict[str, float | None] = {
+        "tau [s]": time,
+        "beta [1/s]": 1.0 / time if time else (0.0 if not at else None),
+        "K [N/m]": stiffness,
+        "g [1]": stiffness / arms.instantaneous if at else None,
+    }
+    if shape is None:
+        return numbers
+    for head, name in (("E [Pa]", "young"), ("G [Pa]", "shear"), ("bulk modulus [Pa]", "bulk_modulus")):
+        try:
+            numbers[head] = float(getattr(shape, name)) * stiffness
+        except ModelError:  # Poisson's ratio is not stated
+            numbers[head] = None
+    if not shape.relaxing_bulk:
+        del numbers["bulk modulus [Pa]"]
+    return numbers
