@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
-from fourpole.core.condition import AXES, Sameness
+from fourpole.core.condition import AXES, Axis, Sameness
 from fourpole.errors import FileError, ModelError, TableError
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
 from fourpole.io.source import read_bytes
@@ -33,6 +33,8 @@ _K1 = (q.K1.head, q.K1.u_head)
 #: Upper bound of a frequency [Hz] and of a stiffness [N/m].
 _LARGEST = 1e25
 _RULE = Sameness()
+#: Tables of a results folder, and the table of a master curve; covariance.parquet may lie beside each.
+_RESULTS, MASTER = ("dynamic.csv", "dynamic.parquet"), "master.csv"
 _USUAL = {axis.column for axis in AXES}
 
 #: Columns of covariance.parquet.
@@ -171,6 +173,8 @@ def read_measured(
     over: Sequence[str] = (),
     std: float | None = None,
     k1: tuple[float, float] | None = None,
+    axes: Sequence[Axis] = AXES,
+    prepared: Callable[[pl.DataFrame], pl.DataFrame] | None = None,
 ) -> MeasuredSet:
     """Read K* of all conditions from results.
 
@@ -184,6 +188,10 @@ def read_measured(
         Relative standard uncertainty of K*, in place of that in the table.
     k1 : (float, float), optional [N/m]
         Static stiffness and its standard uncertainty, in place of those in the table.
+    axes : sequence of Axis
+        The axes that every table has, with their tolerances.
+    prepared : callable, optional
+        A change of the table before it is read, such as its units.
 
     Returns
     -------
@@ -201,11 +209,13 @@ def read_measured(
     recover(table.parent)
     content = read_bytes(table, max_bytes=_MOST_BYTES)
     frame = _frame(table.name, content)
+    frame = frame if prepared is None else prepared(frame)
     beside = table.parent / "covariance.parquet"
     covariance = None
-    if table.name in ("dynamic.csv", "dynamic.parquet") and beside.is_file() and std is None:
+    if table.name in (*_RESULTS, MASTER) and beside.is_file() and std is None:
         covariance = _covariance(beside)
-    rule = _rule_beside(table) if table.name in ("dynamic.csv", "dynamic.parquet") else _RULE
+    rule = _rule_beside(table) if table.name in _RESULTS else _RULE
+    rule = Sameness((*axes, *rule.further))
     found = measured_of(frame, covariance, over=over, std=std, k1=k1, name=table.name, rule=rule)
     return replace(found, sha256=hashlib.sha256(content).hexdigest())
 

@@ -23,6 +23,7 @@ from fourpole.io.write import write_text
 from fourpole.models.families import model_named
 from fourpole.models.interface import Model
 from fourpole.models.operating import LeaveOneOut, OperatingMap
+from fourpole.models.shift_law import CONSTANTS, ShiftLaw
 from fourpole.models.surface import Axes, ValueSurface
 from fourpole.models.together import Scatter
 from fourpole.units import shown
@@ -36,8 +37,8 @@ _ROUND_OFF = 1e-6
 LARGEST = 1e30
 
 
-#: Keys that version 1 has gained: of the document, and of a condition.
-LATER = ("axes", "points")
+#: Keys that version 1 has gained: of the document, of a condition, and of a model.
+LATER = ("axes", "points", "temperature")
 #: Keys of version 1 of the format whose attributes have other names.
 _KEYS = {
     "discrepancy": "granted", "leave_one_out": "left_out", "cross_validation": "left_out", "not_converged": "lost"
@@ -142,6 +143,38 @@ class ConditionFile(_Strict):
     verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
 
 
+#: A temperature [degC].
+Celsius = Annotated[float, Field(ge=-273.15, le=1e4)]
+
+
+class VerticalFile(_Strict):
+    """The vertical shift factor: ln(bT) is proportional to the difference from the reference temperature."""
+
+    slope: float = Field(ge=-1, le=1, description="Slope of ln(bT) over temperature [1/K].")
+    std: float = Field(ge=0, le=1, description="[1/K]")
+
+
+class TemperatureFile(_Strict):
+    """The law of the shift factors: K*(f, T) = K*(f aT, reference) / bT."""
+
+    law: Literal["WLF", "Arrhenius"] = Field(
+        description="WLF: log10 aT = -C1 (T - reference)/(C2 + T - reference). Arrhenius: ln aT = E/R (1/T - 1/reference)."
+    )
+    reference: Celsius = Field(description="Reference temperature of the model [degC].")
+    constants: list[NamedValue] = Field(max_length=2, description="C1 [1] and C2 [K], or E [J/mol].")
+    covariance: list[list[float]] = Field(max_length=2, description="Covariance of the constants.")
+    range: tuple[Celsius, Celsius] = Field(description="Lowest and highest temperature of the isotherms [degC].")
+    vertical: VerticalFile | None = Field(default=None, description="null: bT is 1.")
+    decided: bool = Field(default=True, description="Whether the shift factors prefer this law to the other.")
+
+    @property
+    def shift_law(self) -> ShiftLaw:
+        """The law as `models` has it."""
+        values = np.array([one.value for one in self.constants], dtype=float)
+        covariance = np.array(self.covariance, dtype=float).reshape(values.size, values.size)
+        return ShiftLaw(self.law, self.reference, values, covariance)
+
+
 class _Entry(_Strict):
     """Base of the entries of one tyre: its model."""
 
@@ -160,6 +193,9 @@ class ModelEntry(_Entry):
     choice: str = Field(description="The choice of the model in words.")
     candidates: list[CandidateFile] = Field(max_length=200, description="Models that were compared, the best first.")
     conditions: list[ConditionFile] = Field(max_length=_LONGEST)
+    temperature: TemperatureFile | None = Field(
+        default=None, description="Law of the shift factors if the model is of a master curve."
+    )
 
 
 class AxisFile(_Named):
@@ -258,9 +294,10 @@ class ModelFile(_Strict):
     def document(self) -> dict[str, Any]:
         """The document with the keys and types of JSON; the keys of `LATER` stand only where they hold something."""
         document: dict[str, Any] = self.model_dump(mode="json", by_alias=True)
-        for part in (document, *(one for entry in document["models"] for one in entry["conditions"])):
+        conditions = (one for entry in document["models"] for one in entry["conditions"])
+        for part in (document, *document["models"], *conditions):
             for key in LATER:
-                if part.get(key) == []:
+                if key in part and part[key] in ([], None):
                     del part[key]
         return document
 
@@ -325,6 +362,8 @@ def _check_model(name: str, entry: ModelEntry) -> None:
     """ModelError unless the numbers of a model are consistent."""
     model = model_of(entry, name)
     size = len(model.parameters)
+    if entry.temperature is not None:
+        _check_law(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature)
     for at, one in enumerate(entry.conditions):
         where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
         if len(one.points) not in (0, len(one.tests)):
@@ -334,6 +373,20 @@ def _check_model(name: str, entry: ModelEntry) -> None:
         model.checked(one.values)
         _check_numbers(where, one.values, one.band)
         _check_covariance(where, one.covariance, size)
+
+
+def _check_law(where: str, law: TemperatureFile) -> None:
+    """ModelError unless a law of the temperature is consistent."""
+    if [(one.name, one.unit) for one in law.constants] != list(CONSTANTS[law.law]):
+        named = ", ".join(f"{name} [{unit}]" for name, unit in CONSTANTS[law.law])
+        raise ModelError(f"{where}: a law {law.law} has the constants {named}: it was changed")
+    if not law.range[0] <= law.reference <= law.range[1]:
+        raise ModelError(f"{where}: the reference temperature is outside the range: it was changed")
+    if max(abs(one.value) for one in law.constants) > LARGEST:
+        raise ModelError(f"{where}: a number is beyond all measure: it was changed")
+    _check_covariance(where, law.covariance, len(law.constants))
+    if law.law == "WLF" and law.constants[1].value + law.range[0] - law.reference <= 0:
+        raise ModelError(f"{where}: the WLF law ends within its range, for C2 is too small: it was changed")
 
 
 def _check_map(name: str, entry: MapEntry) -> None:

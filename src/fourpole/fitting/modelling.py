@@ -27,6 +27,7 @@ from fourpole.fitting.modelfile import (
     Provenance,
     RigFile,
     RigValue,
+    TemperatureFile,
     ToleranceFile,
     VerdictFile,
     entry_of,
@@ -363,11 +364,12 @@ def model_file(
     *,
     settings: Mapping[str, Any] | None = None,
     rig: RigFile | None = None,
+    laws: Mapping[str, TemperatureFile] | None = None,
 ) -> ModelFile:
-    """The document of fits or of maps."""
+    """The document of fits or of maps, with the laws of the temperature of master curves, by tyre."""
     return ModelFile(
         kind="map" if maps else "model",
-        models=[_model_entry(one) for one in fits],
+        models=[_model_entry(one, (laws or {}).get(one.tyre)) for one in fits],
         maps=[entry_of(one.tyre, one.best, one.text) for one in maps],
         rig=rig,
         axes=[
@@ -385,7 +387,7 @@ def model_file(
     )
 
 
-def _model_entry(found: TyreFit) -> ModelEntry:
+def _model_entry(found: TyreFit, law: TemperatureFile | None) -> ModelEntry:
     verdicts = found.verdicts or (None,) * len(found.measured)
     rows = zip(found.measured, found.chosen.fits, found.intervals, verdicts, strict=True)
     return ModelEntry(
@@ -397,6 +399,7 @@ def _model_entry(found: TyreFit) -> ModelEntry:
         choice=found.choice.text,
         candidates=[_candidate_entry(one) for one in found.choice.candidates],
         conditions=[_condition_entry(*row) for row in rows],
+        temperature=law,
     )
 
 

@@ -77,13 +77,17 @@ def _times(isotherms: Sequence[Isotherm], log_a: FloatArray, density: int) -> Fl
 
 @dataclass(frozen=True, eq=False)
 class SpectraFit:
-    """The best spectra at given shifts: the model, the weighted residuals and the rows of the arms in use."""
+    """The best spectra at given shifts: the model, the weighted residuals and the rows of the arms in use.
+
+    `loose` has the rows of all arms, each times the stiffness that a spectrum as smooth as this one may have there.
+    """
 
     times: FloatArray
     springs: FloatArray
     model: list[ComplexArray]
     residual: FloatArray
     active: tuple[FloatArray, FloatArray]
+    loose: tuple[FloatArray, FloatArray]
     chi2: float
 
     @property
@@ -102,7 +106,7 @@ def fit_spectra(
     ]
     every, std = np.concatenate(parts), np.concatenate(errors)
     measured = np.concatenate([one.stiffness for one in isotherms])
-    springs, residual, active = [], [], []
+    springs, residual, active, loose = [], [], [], []
     for at, (rows, target) in enumerate(((every.real, measured.real), (every.imag, measured.imag))):
         weighted, right = rows / std[:, at, None], target / std[:, at]
         size = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
@@ -112,6 +116,7 @@ def fit_spectra(
         springs.append(found / size)
         residual.append(right - weighted @ springs[-1])
         active.append((weighted / size)[:, found > 0])
+        loose.append(weighted * _envelope(springs[-1], density))
     whole = np.concatenate(residual)
     return SpectraFit(
         times=times,
@@ -119,8 +124,16 @@ def fit_spectra(
         model=[by_spectra(part, np.array(springs)) for part in parts],
         residual=whole,
         active=(active[0], active[1]),
+        loose=(loose[0], loose[1]),
         chi2=float(whole @ whole),
     )
+
+
+def _envelope(springs: FloatArray, density: int) -> FloatArray:
+    """The largest stiffness (k,) within a decade of each relaxation time; the spring in parallel has its own."""
+    finite = np.pad(springs[1:], density)
+    near = np.lib.stride_tricks.sliding_window_view(finite, 2 * density + 1).max(axis=1)
+    return np.append(max(float(springs[0]), float(near[-1])), near)
 
 
 def shift_rows(
@@ -132,8 +145,13 @@ def shift_rows(
     free: np.ndarray,
     *,
     vertical: bool,
+    loose: bool = False,
 ) -> FloatArray:
-    """Weighted derivatives (2N, p) of the model by the free shifts, with the spectra projected out."""
+    """Weighted derivatives (2N, p) of the model by the free shifts, with the spectra projected out.
+
+    By least squares only few arms are in use, and the others are zero. With `loose`, each arm may also have a stiffness
+    like that of its neighbours; their uncertainty belongs to that of the shifts.
+    """
     ends = np.cumsum([0, *(one.omega.size for one in isotherms)])
     change = np.zeros((int(ends[-1]), free.size * (2 if vertical else 1)), dtype=complex)
     for place, at in enumerate(free.tolist()):
@@ -144,9 +162,14 @@ def shift_rows(
             change[rows, free.size + place] = -fit.model[at]
     std = np.concatenate(errors)
     blocks = []
-    for columns, size, active in zip((change.real, change.imag), std.T, fit.active, strict=True):
+    arms = fit.loose if loose else fit.active
+    for columns, size, rows in zip((change.real, change.imag), std.T, arms, strict=True):
         weighted = columns / size[:, None]
-        basis = np.linalg.qr(active)[0]
+        if loose:
+            width = rows.shape[1]
+            rows = np.concatenate([rows, np.eye(width)])  # noqa: PLW2901
+            weighted = np.concatenate([weighted, np.zeros((width, weighted.shape[1]))])
+        basis = np.linalg.qr(rows)[0]
         blocks.append(weighted - basis @ (basis.T @ weighted))
     return np.concatenate(blocks)
 

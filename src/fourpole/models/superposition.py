@@ -28,7 +28,7 @@ from fourpole.models.common_curve import (
 )
 
 #: Relaxation times per decade of the common curve.
-_DENSITY = 4
+_DENSITY = 3
 #: Relaxation times per decade, and step [decades], of the search for the distance of two isotherms.
 _COARSE, _STEP = 2, 0.125
 #: Relative errors of K' and of K'' from which fits start: alike, and nearly without K''. Where K' and K'' contradict each
@@ -36,9 +36,13 @@ _COARSE, _STEP = 2, 0.125
 _STARTS = ((0.03, 0.03), (0.005, 0.5))
 _MOST_STEPS, _HALVINGS, _ROUNDS = 60, 12, 6
 #: A step is small below this share of each standard uncertainty; errors are stable if they change by less than this.
-_SMALL, _STABLE = 1e-3, 0.01
+_SMALL, _STABLE = 0.01, 0.02
+#: The search ends if chi-square falls by less than this.
+_FLAT = 1e-3
 #: Isotherms overlap if each has at least this number of points in the common range of reduced frequency.
 FEWEST_POINTS = 2
+#: Standard uncertainty of the distance of two isotherms above which their overlap links nothing: a quarter of a decade.
+_VAGUE = 0.25 * np.log(10.0)
 #: Difference of BIC above which the isotherms need vertical shifts.
 _NEEDED = 10.0
 _DECADE = np.log(10.0)
@@ -238,14 +242,20 @@ def common_points(one: Isotherm, other: Isotherm, log_a: float, other_log_a: flo
     return int(min(inside(one, log_a, ends).sum(), inside(other, other_log_a, ends).sum()))
 
 
-def _linked(isotherms: Sequence[Isotherm], log_a: FloatArray, reference: int) -> list[int]:
-    """Indices of the isotherms that overlaps of neighbours link to the reference."""
+def _linked(
+    isotherms: Sequence[Isotherm], log_a: FloatArray, reference: int, covariance: FloatArray | None = None
+) -> list[int]:
+    """Indices of the isotherms that overlaps of neighbours link to the reference, at distances that are known."""
     kept = [reference]
+    count = len(isotherms)
+    whole = np.zeros((count, count)) if covariance is None else covariance
     for step in (-1, 1):
         at = reference
         while 0 <= at + step < len(isotherms):
             one, other = sorted((at, at + step))
             if common_points(isotherms[one], isotherms[other], log_a[one], log_a[other]) < FEWEST_POINTS:
+                break
+            if whole[one, one] + whole[other, other] - 2 * whole[one, other] > _VAGUE**2:
                 break
             at += step
             kept.append(at)
@@ -292,11 +302,11 @@ def _linked_fit(ordered: Sequence[Isotherm], at: int, starts: Sequence[FloatArra
         fits = []
         for start, size in zip(starts, _STARTS, strict=True):
             found = _joint(chosen, here, start[kept] - start[at], size, vertical=False)
-            fits.append((found, _linked(chosen, found.log_a, here)))
+            fits.append((found, _linked(chosen, found.log_a, here, found.covariance)))
         best, still = min(fits, key=lambda one: (-len(one[1]), one[0].loss))
         if len(still) == len(kept):
             return best, kept
-        # The fit moved two neighbours apart: their K' and K'' contradict every overlap.
+        # K* hardly depends on frequency there, or K' and K'' contradict each other at every overlap.
         kept = [kept[i] for i in still]
     raise ModelError(_lonely(ordered, at))
 
@@ -342,8 +352,7 @@ def _joint(
             break
     fit = fit_spectra(isotherms, log_a, log_b, errors, _DENSITY)
     dof = max(fit.residual.size - fit.used - search.count, 1)
-    columns = shift_rows(isotherms, log_a, log_b, fit, errors, free, vertical=vertical)
-    covariance = np.linalg.pinv(columns.T @ columns, hermitian=True)
+    covariance = np.linalg.inv(search.normal(log_a, log_b, fit, errors, loose=True)[0])
     if not stated or stats.chi2.sf(fit.chi2, dof) < CHANCE:
         covariance = covariance * fit.chi2 / dof
     whole = np.zeros((2, len(isotherms), len(isotherms)))
@@ -370,7 +379,11 @@ def _joint(
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """The search for the shifts of `free` isotherms with the least chi-square."""
+    """The search for the shifts of `free` isotherms with the least chi-square.
+
+    Neighbours were chosen to overlap: the distance of two is half the longer of them, give or take as much. This
+    matters only where K* hardly depends on frequency, so that the data set no distance.
+    """
 
     isotherms: tuple[Isotherm, ...]
     free: np.ndarray
@@ -381,6 +394,40 @@ class _Search:
         """Number of free shifts."""
         return int(self.free.size) * (2 if self.vertical else 1)
 
+    @property
+    def _half(self) -> FloatArray:
+        """Half the length (n - 1,) of the longer isotherm of each pair of neighbours, in ln(frequency)."""
+        length = np.array([np.log(one.omega[-1] / one.omega[0]) for one in self.isotherms])
+        return np.asarray(0.5 * np.maximum(length[1:], length[:-1]))
+
+    def _prior(self, log_a: FloatArray) -> FloatArray:
+        """Departures (n - 1,) of the distances from the expected ones, in their standard uncertainties."""
+        return np.asarray(-np.diff(log_a) / self._half - 1.0)
+
+    def _objective(self, log_a: FloatArray, fit: SpectraFit) -> float:
+        return fit.chi2 + float(np.sum(self._prior(log_a) ** 2))
+
+    def normal(
+        self,
+        log_a: FloatArray,
+        log_b: FloatArray,
+        fit: SpectraFit,
+        errors: Sequence[FloatArray],
+        *,
+        loose: bool = False,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Normal matrix (p, p) of the free shifts, and the right side (p,) of the step."""
+        columns = shift_rows(self.isotherms, log_a, log_b, fit, errors, self.free, vertical=self.vertical, loose=loose)
+        expected = np.zeros((len(self.isotherms) - 1, self.count))
+        expected[:, : self.free.size] = (-np.diff(np.eye(len(self.isotherms)), axis=0) / self._half[:, None])[
+            :, self.free
+        ]
+        normal = columns.T @ columns + expected.T @ expected
+        normal[np.diag_indices_from(normal)] += 1e-10 * np.trace(normal) / len(normal)
+        if loose:
+            return normal, np.zeros(self.count)
+        return normal, columns.T @ fit.residual - expected.T @ self._prior(log_a)
+
     def from_start(
         self, log_a: FloatArray, log_b: FloatArray, errors: Sequence[FloatArray]
     ) -> tuple[FloatArray, FloatArray, SpectraFit, bool]:
@@ -388,18 +435,19 @@ class _Search:
         fit = fit_spectra(self.isotherms, log_a, log_b, errors, _DENSITY)
         for _ in range(_MOST_STEPS):
             step, size = self._step(log_a, log_b, fit, errors)
-            better = None
+            now, better = self._objective(log_a, fit), None
             for share in 0.5 ** np.arange(_HALVINGS):
                 a, b = self._moved(log_a, log_b, share * step)
                 trial = fit_spectra(self.isotherms, a, b, errors, _DENSITY)
-                if trial.chi2 < fit.chi2:
+                if self._objective(a, trial) < now:
                     better = (a, b, trial)
+                    break
+                if share * size < _SMALL:
                     break
             if better is None:
                 return log_a, log_b, fit, True
-            gain = fit.chi2 - better[2].chi2
             log_a, log_b, fit = better
-            if share * size < _SMALL or gain < 1e-6 * max(1.0, fit.chi2):
+            if share * size < _SMALL or now - self._objective(log_a, fit) < _FLAT:
                 return log_a, log_b, fit, True
         return log_a, log_b, fit, False
 
@@ -407,11 +455,9 @@ class _Search:
         self, log_a: FloatArray, log_b: FloatArray, fit: SpectraFit, errors: Sequence[FloatArray]
     ) -> tuple[FloatArray, float]:
         """The step of the free shifts, at most a decade long, and its largest part in standard uncertainties."""
-        columns = shift_rows(self.isotherms, log_a, log_b, fit, errors, self.free, vertical=self.vertical)
-        normal = columns.T @ columns
-        normal[np.diag_indices_from(normal)] += 1e-10 * np.trace(normal) / len(normal)
+        normal, right = self.normal(log_a, log_b, fit, errors)
         covariance = np.linalg.inv(normal)
-        step = covariance @ (columns.T @ fit.residual)
+        step = covariance @ right
         size = float(np.max(np.abs(step) / np.sqrt(np.diag(covariance))))
         return step * min(1.0, _DECADE / max(float(np.max(np.abs(step))), 1e-300)), size
 
