@@ -6,6 +6,8 @@ their callers state the uncertainties.
 
 from math import pi
 
+from fourpole.core.condition import TEMPERATURE_SENSITIVITY as TEMPERATURE_SENSITIVITY
+
 #: Relative standard uncertainty of a gain [1].
 GAIN_STD = 0.01
 #: Standard uncertainty of a phase [rad].

@@ -18,7 +18,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
-from fourpole.core.condition import AXES, Axis, Sameness
+from fourpole.core.condition import AXES, TEMPERATURE_SENSITIVITY, Axis, Sameness, temperature_std
 from fourpole.errors import FileError, ModelError, TableError
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
 from fourpole.io.source import read_bytes
@@ -30,6 +30,11 @@ _MOST_BYTES = 2_000_000_000
 FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
 _STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)
 _K1 = (q.K1.head, q.K1.u_head)
+_TEMPERATURE = q.TEMPERATURE.head
+_MOVED = (
+    f"rows of one condition differ in temperature: K* counts as uncertain by {100 * TEMPERATURE_SENSITIVITY:g} % per "
+    "kelvin from their mean"
+)
 #: Upper bound of a frequency [Hz] and of a stiffness [N/m].
 _LARGEST = 1e25
 _RULE = Sameness()
@@ -282,6 +287,7 @@ def measured_of(
     worded = Sameness(tuple(axis for axis in rule.axes if axis.text))
     (tyres,) = names_apart([conditions_in(frame, worded)], worded)
     rows = _Rows.of(tyres, keys_of(frame), {column: each[good] for column, each in numbers.items()}, covariance, std)
+    rows = rows.at_temperatures(label)
     notes += rows.notes(covariance is not None)
     axes = [axis.column for axis in rule.axes if axis.column in numbers]
     cells = np.stack([rows.numbers[column] for column in axes], axis=1) if axes else np.zeros((rows.count, 0))
@@ -319,6 +325,7 @@ class _Rows:
     known: bool
     alone: bool
     forced: bool
+    moved: bool = False
 
     @classmethod
     def of(
@@ -354,7 +361,23 @@ class _Rows:
     def stiffness(self) -> ComplexArray:
         return np.asarray(self.numbers[RE] + 1j * self.numbers[IM])
 
+    def at_temperatures(self, label: np.ndarray) -> _Rows:
+        """The rows with the uncertainty of K* at the mean temperature of their condition.
+
+        covariance.parquet already has it.
+        """
+        if _TEMPERATURE not in self.numbers or not (self.alone and self.known):
+            return self
+        moved = temperature_std(self.numbers[_TEMPERATURE], label, TEMPERATURE_SENSITIVITY) * np.abs(self.stiffness)
+        return replace(
+            self, covariance=self.covariance + moved[:, None, None] ** 2 * np.eye(2), moved=bool(moved.any())
+        )
+
     def notes(self, had_covariance: bool) -> list[str]:
+        moved = [_MOVED] if self.moved else []
+        return self._notes(had_covariance) + moved
+
+    def _notes(self, had_covariance: bool) -> list[str]:
         if not self.known:
             return ["the table states no uncertainty of K*: what the best passive tyre leaves is taken for it"]
         if self.forced:

@@ -16,6 +16,7 @@ from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import worst_verdict
 from fourpole.core.codes import Code
+from fourpole.core.condition import temperature_std
 from fourpole.core.curvature import largest_bend
 from fourpole.core.identification import Identification
 from fourpole.core.identify import identify, variance_by_source
@@ -44,6 +45,8 @@ _SKEW = 0.1
 _BENT = 0.2
 #: Relative uncertainty of K2 or C above which propagation of uncertainty to second order is not valid.
 NOT_LINEAR = 0.3
+#: Uncertainty of K* from the temperature of a test above which a note tells it [1].
+_NOTED = 1e-4
 #: A passive arm is possible if K' - K1 and K'' plus this many of their standard uncertainties are above zero.
 _LOST = 3.0
 
@@ -76,6 +79,8 @@ class Setup(ByValue):
         Time of the static tests that gave K1; not-a-number if it is unknown.
     order : RunOrder
         Where the times are from.
+    apart : (N,) float array [1]
+        Standard uncertainty of log K* for the temperature of the test apart from the mean of its condition.
     """
 
     rig_name: str
@@ -91,10 +96,11 @@ class Setup(ByValue):
     time: FloatArray
     static_time: FloatArray
     order: RunOrder
+    apart: FloatArray
 
     def part(self, rows: BoolArray) -> Setup:
         """The inputs for some of the tests."""
-        names = ("k1", "k1_std", "added", "added_std", "family", "nominal", "time", "static_time")
+        names = ("k1", "k1_std", "added", "added_std", "family", "nominal", "time", "static_time", "apart")
         specimen = tuple(name for name, kept in zip(self.specimen, rows, strict=True) if kept)
         taken = {name: getattr(self, name)[rows] for name in names}
         return replace(self, channels=self.channels.part(rows), specimen=specimen, **taken)
@@ -220,11 +226,26 @@ def identify_tests(
         setup.nominal[[test.name in several for test in of_rig]] = np.nan
         alone = np.array([i in apart for i in members])
         setup.family[alone] = len(tests) + np.flatnonzero(alone)
+        setup.apart[alone] = 0.0
+        notes += _temperature_note(campaign, setup)
         group, remarks = _group(setup, [keys[i] for i in members], used, k1, route)
         group.intervals.update(_intervals(group, draws, seed))
         notes += remarks
         found.update({i: Identified(group, at) for at, i in enumerate(members)})
     return found, notes
+
+
+def _temperature_note(campaign: Campaign, setup: Setup) -> list[str]:
+    """The note that tests of one condition had different temperatures, if this adds to the uncertainty of K*."""
+    most, per_kelvin = float(setup.apart.max(initial=0.0)), campaign.stated.conditions.per_kelvin
+    if most < _NOTED:
+        return []
+    stated = "stated" if campaign.stated.conditions.temperature_sensitivity is not None else "assumed"
+    return [
+        f"[conditions] tests of one condition were up to {most / per_kelvin:.2g} K from its mean temperature. K* counts "
+        f"as uncertain by {100 * per_kelvin:.3g} %/K ({stated}: temperature_sensitivity), here by up to "
+        f"{100 * most:.2g} %, between these tests"
+    ]
 
 
 def _usable(test: Test, point: Point, route: str) -> bool:
@@ -292,6 +313,8 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
     added = np.array([test.value("added_mass") or 0.0 for test in tests])
     added_std = [test.value("u(added_mass)") for test in tests]
     order, time = _run(campaign, tests)
+    family = _families(campaign, tests)
+    temperature = np.array([np.nan if (t := test.value("temperature")) is None else t for test in tests])
     return Setup(
         rig_name=rig_name,
         rig=stated.rig() if stated is not None else None,
@@ -300,12 +323,13 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         k1_std=np.array([k1.std for k1 in stiffness]),
         added=added,
         added_std=np.array([defaults.MASS_STD * m if s is None else s for m, s in zip(added, added_std, strict=True)]),
-        family=_families(campaign, tests),
+        family=family,
         nominal=np.array([test.value("frequency") or np.nan for test in tests]),
         specimen=tuple(test.tyre for test in tests),
         time=time,
         static_time=np.array([k1.time if order is RunOrder.TIME else np.nan for k1 in stiffness]),
         order=order,
+        apart=temperature_std(temperature, family, campaign.stated.conditions.per_kelvin),
     )
 
 
@@ -356,6 +380,9 @@ def _identified(
         "channels": setup.channels,
     }
     result = identify(phasors, setup.rig, setup.k1, **arguments)
+    # K* of a test is at its own temperature; that of its condition, which fits use, is at the mean temperature.
+    moved = (setup.apart * np.abs(result.stiffness))[:, None, None] ** 2 * np.eye(2)
+    result = replace(result, condition_covariance=result.condition_covariance + moved)
     variance = variance_by_source(phasors, setup.rig, setup.k1, **arguments)
     return Group(keys, setup, phasors, route, result, _k1_apart(variance, parts))
 
@@ -374,6 +401,7 @@ def _solved(setup: Setup, phasors: Phasors) -> Joint:
         channels=setup.channels,
         specimen=setup.specimen,
         time=setup.time,
+        apart=setup.apart,
     )
 
 
