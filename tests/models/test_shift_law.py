@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from tests.models.isotherms import C1, C2, log_a
 
 from fourpole.errors import ModelError
 from fourpole.models.shift_law import GAS_CONSTANT, ShiftLaw, fit_laws
-from tests.models.isotherms import C1, C2, log_a
 
 T = np.array([-10.0, 0.0, 10.0, 20.0, 35.0, 50.0, 65.0])
 AT = 3

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from tests.models.isotherms import REFERENCE, fractional_zener, isotherm, isotherms, log_a
 
 from fourpole.errors import ModelError
 from fourpole.models.overlap import LEVEL, LOSS, ONE_CURVE, overlaps
 from fourpole.models.superposition import superpose
-from tests.models.isotherms import REFERENCE, fractional_zener, isotherm, isotherms, log_a
 
 DECADE = np.log(10)
 
@@ -14,7 +14,7 @@ DECADE = np.log(10)
 def test_noiseless_isotherms_give_the_shift_factors():
     found, rest = superpose(isotherms(noise=1e-6, seed=1), REFERENCE)
     assert not rest
-    # Three relaxation times per decade follow a smooth curve to about 1e-4.
+    # Four relaxation times per decade follow a smooth curve to about 1e-4.
     assert found.log_a / DECADE == pytest.approx(log_a(found.temperatures) / DECADE, abs=0.005)
     assert found.log_a[found.reference] == 0.0
     assert found.std[found.reference] == 0.0

@@ -86,21 +86,22 @@ def _warn(one: TyreShift) -> None:
         ends = found.temperatures[[0, -1]]
         edge = min(one.rest, key=lambda each: float(np.min(np.abs(ends - each.temperature))))
         near = float(ends[int(np.argmin(np.abs(ends - edge.temperature)))])
+        low, high = sorted((near, edge.temperature))
         warn(
             f"{named}the isotherms at {lost} degC have no shift factor: no overlap links them to the reference, or K* "
-            "hardly depends on frequency there within its uncertainty. If they do not overlap, measure at a temperature "
-            f"between {min(near, edge.temperature):.4g} and {max(near, edge.temperature):.4g} degC, or over more decades"
+            "there hardly depends on frequency, within its uncertainty. If they do not overlap, measure at a "
+            f"temperature between {low:.4g} and {high:.4g} degC, or over more decades"
         )
     if found.needs_vertical:
         warn(
-            f"{named}horizontal shifts alone do not superpose K*; with vertical ones the isotherms are one curve. State "
+            f"{named}horizontal shifts alone do not superpose K*, but together with vertical ones they do: state "
             "--vertical. Until then the uncertainty of the shift factors includes the difference"
         )
     bad = [each for each in one.overlaps if each.verdict in (LOSS, LEVEL)]
     if bad and any(each.verdict == LOSS for each in bad):
         warn(
-            f"{named}the loss factors of {len(bad)} of {len(one.overlaps)} pairs of neighbours differ by more than chance: "
-            "the material is not thermorheologically simple there, or the loss angle is wrong"
+            f"{named}{len(bad)} of {len(one.overlaps)} pairs of neighbours do not follow one curve, and their loss "
+            "factors differ: the material is not thermorheologically simple there, or the loss angle is wrong"
         )
     if not found.converged:
         warn(f"{named}the search for the shift factors did not converge")
@@ -108,8 +109,8 @@ def _warn(one: TyreShift) -> None:
     if not best.fits:
         scale = np.sqrt(best.chi2 / max(best.dof, 1))
         warn(
-            f"{named}the {best.name} law does not describe the shift factors within their uncertainty; the uncertainty "
-            f"of its constants is enlarged by a factor of {scale:.3g}"
+            f"{named}the {best.name} law does not describe the shift factors within their uncertainty; that of its "
+            f"constants is enlarged by a factor of {scale:.3g}"
         )
 
 

@@ -69,7 +69,7 @@ class Axis:
 PRESSURE = Axis("pressure", q.PRESSURE.head, relative=0.02)
 PRELOAD = Axis("preload", q.PRELOAD.head, relative=0.01)
 AXES = (PRESSURE, PRELOAD, Axis("temperature", q.TEMPERATURE.head, absolute=5.0))
-#: Relative change of K* per kelvin [1/K] that is assumed where none is stated: tread rubber moves by about 1 % per kelvin.
+#: Relative change of K* per kelvin [1/K] that is assumed where none is stated: that of tread rubber.
 TEMPERATURE_SENSITIVITY = 0.01
 #: Frequencies that figures, words and exports show as one. A frequency is not part of a condition.
 FREQUENCY = Axis("frequency", q.FREQUENCY.head, relative=0.02)

@@ -7,23 +7,23 @@ the model that it names.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import astuple
 from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError
+from fourpole.fitting.lawfile import TemperatureFile, check_law
+from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
 from fourpole.io.source import read_bytes
 from fourpole.io.write import write_text
 from fourpole.models.families import model_named
 from fourpole.models.interface import Model
 from fourpole.models.operating import LeaveOneOut, OperatingMap
-from fourpole.models.shift_law import CONSTANTS, ShiftLaw
 from fourpole.models.surface import Axes, ValueSurface
 from fourpole.models.together import Scatter
 from fourpole.units import shown
@@ -31,61 +31,17 @@ from fourpole.units import shown
 FORMAT, VERSION = "fourpole-model", 1
 _MOST_BYTES = 50_000_000
 _LONGEST = 100_000
-#: Relative tolerance for an asymmetric covariance, or one with a negative eigenvalue.
-_ROUND_OFF = 1e-6
-#: Largest modulus of a parameter in SI units, or of a coefficient.
-LARGEST = 1e30
 
 
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
 LATER = ("axes", "points", "temperature")
-#: Keys of version 1 of the format whose attributes have other names.
-_KEYS = {
-    "discrepancy": "granted", "leave_one_out": "left_out", "cross_validation": "left_out", "not_converged": "lost"
-}  # fmt: skip
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(
-        extra="forbid",
-        allow_inf_nan=False,
-        frozen=True,
-        populate_by_name=True,
-        alias_generator=lambda name: _KEYS.get(name, name),
-    )
-
-
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0, le=1e12)], Annotated[float, Field(gt=0, le=1e12)]]
 #: A relative error.
 Share = Annotated[float, Field(ge=0, le=1e3)]
 
 
-class _Named(_Strict):
-    """Base of values and axes with the name and SI unit of a column."""
-
-    name: str
-    unit: str
-
-    @property
-    def column(self) -> str:
-        """The column: "pressure [Pa]"."""
-        return f"{self.name} [{self.unit}]"
-
-
-class NamedValue(_Named):
-    """A value with its name and SI unit."""
-
-    value: float
-
-    @classmethod
-    def of(cls, state: Mapping[str, float]) -> list[NamedValue]:
-        """The values of a state, by column."""
-        split = [(*split_column(column), value) for column, value in state.items()]
-        return [cls(name=name, unit=unit, value=value) for name, unit, value in split]
-
-
-class ParameterFile(_Strict):
+class ParameterFile(Strict):
     """A parameter of the model; the unit is part of the contract."""
 
     symbol: str
@@ -95,7 +51,7 @@ class ParameterFile(_Strict):
     high: float | None = Field(description="Greatest value; null: none.")
 
 
-class VerdictFile(_Strict):
+class VerdictFile(Strict):
     """Whether any passive linear tyre can have K* as it was measured."""
 
     possible: bool
@@ -104,7 +60,7 @@ class VerdictFile(_Strict):
     impossible: list[float] = Field(max_length=_LONGEST, description="Frequencies at which K* is not possible [Hz].")
 
 
-class CandidateFile(_Strict):
+class CandidateFile(Strict):
     """A model that was tried, on all conditions of the tyre."""
 
     model: str
@@ -121,7 +77,7 @@ class CandidateFile(_Strict):
     not_converged: int = Field(description="Number of conditions whose fit did not converge.")
 
 
-class ConditionFile(_Strict):
+class ConditionFile(Strict):
     """One tested condition, with the parameters fitted to it."""
 
     state: list[NamedValue] = Field(max_length=20)
@@ -143,39 +99,7 @@ class ConditionFile(_Strict):
     verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
 
 
-#: A temperature [degC].
-Celsius = Annotated[float, Field(ge=-273.15, le=1e4)]
-
-
-class VerticalFile(_Strict):
-    """The vertical shift factor: ln(bT) is proportional to the difference from the reference temperature."""
-
-    slope: float = Field(ge=-1, le=1, description="Slope of ln(bT) over temperature [1/K].")
-    std: float = Field(ge=0, le=1, description="[1/K]")
-
-
-class TemperatureFile(_Strict):
-    """The law of the shift factors: K*(f, T) = K*(f aT, reference) / bT."""
-
-    law: Literal["WLF", "Arrhenius"] = Field(
-        description="WLF: log10 aT = -C1 (T - reference)/(C2 + T - reference). Arrhenius: ln aT = E/R (1/T - 1/reference)."
-    )
-    reference: Celsius = Field(description="Reference temperature of the model [degC].")
-    constants: list[NamedValue] = Field(max_length=2, description="C1 [1] and C2 [K], or E [J/mol].")
-    covariance: list[list[float]] = Field(max_length=2, description="Covariance of the constants.")
-    range: tuple[Celsius, Celsius] = Field(description="Lowest and highest temperature of the isotherms [degC].")
-    vertical: VerticalFile | None = Field(default=None, description="null: bT is 1.")
-    decided: bool = Field(default=True, description="Whether the shift factors prefer this law to the other.")
-
-    @property
-    def shift_law(self) -> ShiftLaw:
-        """The law as `models` has it."""
-        values = np.array([one.value for one in self.constants], dtype=float)
-        covariance = np.array(self.covariance, dtype=float).reshape(values.size, values.size)
-        return ShiftLaw(self.law, self.reference, values, covariance)
-
-
-class _Entry(_Strict):
+class _Entry(Strict):
     """Base of the entries of one tyre: its model."""
 
     tyre: str
@@ -198,13 +122,13 @@ class ModelEntry(_Entry):
     )
 
 
-class AxisFile(_Named):
+class AxisFile(Named):
     """An axis of a map, with the value of each tested condition."""
 
     values: list[float] = Field(max_length=_LONGEST)
 
 
-class SurfaceFile(_Strict):
+class SurfaceFile(Strict):
     """The logarithm of K1 as a polynomial of the scaled axes, from the static tests."""
 
     terms: list[list[int]] = Field(max_length=500)
@@ -233,7 +157,7 @@ class MapEntry(_Entry):
     choice: str
 
 
-class RigValue(_Strict):
+class RigValue(Strict):
     """A value of the rig."""
 
     value: float
@@ -241,14 +165,14 @@ class RigValue(_Strict):
     std: float = Field(ge=0)
 
 
-class RigFile(_Strict):
+class RigFile(Strict):
     """The rig of the tests, with which TR is computed."""
 
     output: Literal["moving", "blocked"] = "moving"
     values: dict[str, RigValue]
 
 
-class Provenance(_Strict):
+class Provenance(Strict):
     """Program, table and settings from which the document was made."""
 
     fourpole: str
@@ -258,7 +182,7 @@ class Provenance(_Strict):
     notes: list[str] = Field(default_factory=list)
 
 
-class ToleranceFile(_Strict):
+class ToleranceFile(Strict):
     """An axis that the campaign names itself, with the difference within which two of its values are the same."""
 
     column: str
@@ -266,7 +190,7 @@ class ToleranceFile(_Strict):
     absolute: float = Field(default=0.0, ge=0, description="In the unit of the column, added to the relative one.")
 
 
-class ModelFile(_Strict):
+class ModelFile(Strict):
     """The whole document."""
 
     format: Literal["fourpole-model"] = "fourpole-model"
@@ -363,7 +287,7 @@ def _check_model(name: str, entry: ModelEntry) -> None:
     model = model_of(entry, name)
     size = len(model.parameters)
     if entry.temperature is not None:
-        _check_law(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature)
+        check_law(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature)
     for at, one in enumerate(entry.conditions):
         where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
         if len(one.points) not in (0, len(one.tests)):
@@ -372,21 +296,7 @@ def _check_model(name: str, entry: ModelEntry) -> None:
             raise ModelError(f"{where}: {len(one.values)} values for {size} parameters")
         model.checked(one.values)
         _check_numbers(where, one.values, one.band)
-        _check_covariance(where, one.covariance, size)
-
-
-def _check_law(where: str, law: TemperatureFile) -> None:
-    """ModelError unless a law of the temperature is consistent."""
-    if [(one.name, one.unit) for one in law.constants] != list(CONSTANTS[law.law]):
-        named = ", ".join(f"{name} [{unit}]" for name, unit in CONSTANTS[law.law])
-        raise ModelError(f"{where}: a law {law.law} has the constants {named}: it was changed")
-    if not law.range[0] <= law.reference <= law.range[1]:
-        raise ModelError(f"{where}: the reference temperature is outside the range: it was changed")
-    if max(abs(one.value) for one in law.constants) > LARGEST:
-        raise ModelError(f"{where}: a number is beyond all measure: it was changed")
-    _check_covariance(where, law.covariance, len(law.constants))
-    if law.law == "WLF" and law.constants[1].value + law.range[0] - law.reference <= 0:
-        raise ModelError(f"{where}: the WLF law ends within its range, for C2 is too small: it was changed")
+        check_covariance(where, one.covariance, size)
 
 
 def _check_map(name: str, entry: MapEntry) -> None:
@@ -397,12 +307,12 @@ def _check_map(name: str, entry: MapEntry) -> None:
         raise ModelError(f"{where}: the coefficients are not {terms} for each of {size} parameters")
     _check_axes(where, entry)
     _check_numbers(where, [value for row in entry.coefficients for value in row], entry.band)
-    _check_covariance(where, entry.covariance, size * terms)
+    check_covariance(where, entry.covariance, size * terms)
     if entry.static is not None:
         own = len(entry.static.terms)
         if len(entry.static.coefficients) != own or not _fit_axes(entry.static.terms, entry):
             raise ModelError(f"{where}: the surface of K1 does not fit its terms or the axes")
-        _check_covariance(f"{where}, K1", entry.static.covariance, own)
+        check_covariance(f"{where}, K1", entry.static.covariance, own)
 
 
 def _check_axes(where: str, entry: MapEntry) -> None:
@@ -422,20 +332,6 @@ def _check_numbers(where: str, values: list[float], band: tuple[float, float]) -
 def _fit_axes(terms: list[list[int]], entry: MapEntry) -> bool:
     """Whether each term has one exponent, from 0 to 9, for each axis."""
     return all(len(one) == len(entry.axes) and all(0 <= power <= 9 for power in one) for one in terms)
-
-
-def _check_covariance(where: str, rows: list[list[float]], size: int) -> None:
-    if len(rows) != size or any(len(row) != size for row in rows):
-        raise ModelError(f"{where}: the covariance is not {size} by {size}")
-    matrix = np.array(rows, dtype=float).reshape(size, size)
-    if size and np.abs(matrix).max() > LARGEST**2:
-        raise ModelError(f"{where}: the covariance is none: a number in it is beyond all measure")
-    std = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    scale = np.where(std > 0, std, 1.0)
-    correlation = matrix / np.outer(scale, scale)
-    sound = np.all(np.diag(matrix) >= 0) and np.allclose(correlation, correlation.T, atol=_ROUND_OFF)
-    if not sound or (size and np.linalg.eigvalsh(correlation)[0] < -_ROUND_OFF * size):
-        raise ModelError(f"{where}: the covariance is none: it is not symmetric or has a negative direction")
 
 
 def model_of(entry: ModelEntry | MapEntry, name: str = "the model file") -> Model:
@@ -465,12 +361,6 @@ def parameters_of(model: Model) -> list[ParameterFile]:
         )
         for one in model.parameters
     ]
-
-
-def split_column(column: str) -> tuple[str, str]:
-    """Name and unit of a column: "pressure [Pa]"; the unit is 1 where there is none."""
-    name, mark, unit = column.rpartition(" [")
-    return (name, unit.removesuffix("]")) if mark else (column, "1")
 
 
 def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:

@@ -17,24 +17,23 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import CHANCE, NORMAL_95
 from fourpole.core.rig import PARAMETERS
 from fourpole.errors import ModelError
+from fourpole.fitting.lawfile import TemperatureFile
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
     CandidateFile,
     ConditionFile,
     ModelEntry,
     ModelFile,
-    NamedValue,
     Provenance,
     RigFile,
     RigValue,
-    TemperatureFile,
     ToleranceFile,
     VerdictFile,
     entry_of,
     finite_or_none,
     parameters_of,
-    split_column,
 )
+from fourpole.fitting.modelparts import NamedValue, split_column
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.choice import AUTO, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData

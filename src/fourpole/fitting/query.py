@@ -17,7 +17,8 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AXES
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import ModelError
-from fourpole.fitting.modelfile import LARGEST, ModelEntry, ModelFile, RigFile, map_of, model_of
+from fourpole.fitting.modelfile import ModelEntry, ModelFile, RigFile, map_of, model_of
+from fourpole.fitting.modelparts import LARGEST
 from fourpole.fitting.rows import tyre_columns
 from fourpole.models.operating import Answer, LeaveOneOut, OperatingMap
 from fourpole.models.shift_law import ShiftLaw
@@ -96,8 +97,8 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
 class _Shift:
     """The shift of a model to the temperature of a query.
 
-    `outside` is the distance from the range of temperatures in half spans, `std` the standard uncertainty of the
-    logarithm of the horizontal shift factor, and `level` and `level_std` the logarithm of bT and its standard uncertainty.
+    `outside` is the distance from the range of temperatures in half spans; `level` and `level_std` are the logarithm of
+    bT and its standard uncertainty.
     """
 
     law: ShiftLaw

@@ -17,8 +17,9 @@ from fourpole import units
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.condition import AXES, Condition, Sameness
 from fourpole.errors import FileError, ModelError, TableError
+from fourpole.fitting.lawfile import TemperatureFile, VerticalFile
 from fourpole.fitting.measured import COVARIANCE_COLUMNS, MASTER, Measured, MeasuredSet, read_measured
-from fourpole.fitting.modelfile import NamedValue, TemperatureFile, VerticalFile
+from fourpole.fitting.modelparts import NamedValue
 from fourpole.io.source import read_bytes
 from fourpole.models.common_curve import Isotherm
 from fourpole.models.overlap import Overlap, overlaps
@@ -204,7 +205,7 @@ def _isotherm(one: Measured, *, known: bool) -> Isotherm:
     if known:
         flat = one.own.covariance.reshape(-1, 4)
         covariance = np.stack([np.bincount(at, column) / count**2 for column in flat.T], axis=-1).reshape(-1, 2, 2)
-    return Isotherm(one.state[_TEMPERATURE], omega, stiffness, covariance)
+    return Isotherm(one.state[_TEMPERATURE], omega, np.asarray(stiffness, dtype=complex), covariance)
 
 
 def _vertical(found: Superposition) -> tuple[float, float]:
@@ -225,7 +226,7 @@ def law_file(one: TyreShift) -> TemperatureFile:
     names = CONSTANTS[law.name]
     ends = one.found.temperatures
     return TemperatureFile(
-        law=law.name,
+        law="WLF" if law.name == "WLF" else "Arrhenius",
         reference=law.reference,
         constants=[NamedValue(name=n, unit=u, value=float(v)) for (n, u), v in zip(names, law.values, strict=True)],
         covariance=law.covariance.tolist(),

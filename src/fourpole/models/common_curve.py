@@ -163,13 +163,13 @@ def shift_rows(
     std = np.concatenate(errors)
     blocks = []
     arms = fit.loose if loose else fit.active
-    for columns, size, rows in zip((change.real, change.imag), std.T, arms, strict=True):
+    for columns, size, arm in zip((change.real, change.imag), std.T, arms, strict=True):
         weighted = columns / size[:, None]
         if loose:
-            width = rows.shape[1]
-            rows = np.concatenate([rows, np.eye(width)])  # noqa: PLW2901
+            width = arm.shape[1]
+            arm = np.concatenate([arm, np.eye(width)])  # noqa: PLW2901
             weighted = np.concatenate([weighted, np.zeros((width, weighted.shape[1]))])
-        basis = np.linalg.qr(rows)[0]
+        basis = np.linalg.qr(arm)[0]
         blocks.append(weighted - basis @ (basis.T @ weighted))
     return np.concatenate(blocks)
 

@@ -9,7 +9,6 @@ from scipy import stats
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
-from fourpole.models.common_curve import Isotherm
 from fourpole.models.superposition import FEWEST_POINTS, Superposition, common_range, inside
 
 #: Overlap [decades] below which a shift factor rests on few points.
@@ -74,7 +73,7 @@ def _overlap(found: Superposition, at: int, limit: float) -> Overlap:
     temperatures = pair[0].temperature, pair[1].temperature
     if points < FEWEST_POINTS:
         return Overlap(temperatures, decades, points, 0.0, 0, float("nan"), float("nan"), float("nan"), TOO_SHORT)
-    x, side, k, errors = _joined(found, at, kept, pair)
+    x, side, k, errors = _joined(found, at, kept)
     middle = x - np.log(np.sqrt(ends[0] * ends[1]))
     storage = _apart(middle, side, np.log(k.real), errors[:, 0] / k.real)
     lost = _apart(middle, side, np.log(np.abs(k.imag)), errors[:, 1] / np.abs(k.imag))
@@ -91,7 +90,7 @@ def _overlap(found: Superposition, at: int, limit: float) -> Overlap:
 
 
 def _joined(
-    found: Superposition, at: int, kept: list[np.ndarray], pair: tuple[Isotherm, Isotherm]
+    found: Superposition, at: int, kept: list[np.ndarray]
 ) -> tuple[FloatArray, FloatArray, ComplexArray, FloatArray]:
     """Points of both isotherms in their overlap: ln(reduced frequency), side (0 cold, 1 warm), K* and its errors."""
     x, side, k, errors = [], [], [], []

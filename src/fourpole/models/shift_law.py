@@ -162,10 +162,7 @@ def fit_laws(temperatures: FloatArray, log_a: FloatArray, covariance: FloatArray
     )
     names = ["Arrhenius"] if temperatures.size < 3 else ["WLF", "Arrhenius"]
     laws = [found for name in names if (found := problem.fitted(name)) is not None]
-    if any(law.fits for law in laws):
-        scale = 1.0
-    else:
-        scale = min(law.chi2 / max(law.dof, 1) for law in laws)
+    scale = 1.0 if any(law.fits for law in laws) else min(law.chi2 / max(law.dof, 1) for law in laws)
     ranked = sorted(laws, key=lambda law: law.chi2 / scale + law.values.size * np.log(problem.t.size))
     gap = [law.chi2 / scale + law.values.size * np.log(problem.t.size) for law in ranked]
     decided = len(gap) < 2 or gap[1] - gap[0] > UNDECIDED

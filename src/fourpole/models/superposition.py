@@ -28,11 +28,11 @@ from fourpole.models.common_curve import (
 )
 
 #: Relaxation times per decade of the common curve.
-_DENSITY = 3
+_DENSITY = 4
 #: Relaxation times per decade, and step [decades], of the search for the distance of two isotherms.
 _COARSE, _STEP = 2, 0.125
-#: Relative errors of K' and of K'' from which fits start: alike, and nearly without K''. Where K' and K'' contradict each
-#: other, the likelihood has an optimum for each.
+#: Relative errors of K' and of K'' from which fits start: alike, and nearly without K''. Where K' and K'' contradict
+#: each other, the likelihood has an optimum for each.
 _STARTS = ((0.03, 0.03), (0.005, 0.5))
 _MOST_STEPS, _HALVINGS, _ROUNDS = 60, 12, 6
 #: A step is small below this share of each standard uncertainty; errors are stable if they change by less than this.
@@ -172,8 +172,8 @@ def superpose(
     References
     ----------
     J. D. Ferry, Viscoelastic Properties of Polymers, 3rd ed., 1980, chapter 11; J. Dealy, D. Plazek, "Time-temperature
-    superposition - a users guide", Rheology Bulletin 78(2), 2009; K. Lennon, G. McKinley, J. Swan, "A data-driven method
-    for automated data superposition", Data-Centric Engineering 4, 2023.
+    superposition - a users guide", Rheology Bulletin 78(2), 2009; K. Lennon, G. McKinley, J. Swan, "A data-driven
+    method for automated data superposition", Data-Centric Engineering 4, 2023.
 
     Examples
     --------
@@ -312,7 +312,7 @@ def _linked_fit(ordered: Sequence[Isotherm], at: int, starts: Sequence[FloatArra
 
 
 def _with_vertical(found: Superposition) -> Superposition:
-    """The horizontal and vertical shifts, from the horizontal ones: the fit that keeps most overlaps, or the likeliest."""
+    """Horizontal and vertical shifts, from the horizontal ones: the fit that keeps most overlaps, or the likeliest."""
     isotherms, at = found.isotherms, found.reference
     fits = [_joint(isotherms, at, found.log_a, size, vertical=True) for size in _STARTS]
     return min(fits, key=lambda one: (-len(_linked(isotherms, one.log_a, at)), one.loss))
@@ -340,7 +340,8 @@ def _joint(
     stated = all(one.covariance is not None for one in isotherms)
     errors = [stated_errors(one) if stated else relative_errors(one.stiffness, size) for one in isotherms]
     search = _Search(isotherms, free, vertical)
-    log_a, log_b = start.copy(), np.zeros(len(isotherms))
+    log_a: FloatArray = start.copy()
+    log_b: FloatArray = np.zeros(len(isotherms))
     for _ in range(1 if stated else _ROUNDS):
         log_a, log_b, fit, converged = search.from_start(log_a, log_b, errors)
         dof = max(fit.residual.size - fit.used - search.count, 1)
@@ -352,7 +353,7 @@ def _joint(
             break
     fit = fit_spectra(isotherms, log_a, log_b, errors, _DENSITY)
     dof = max(fit.residual.size - fit.used - search.count, 1)
-    covariance = np.linalg.inv(search.normal(log_a, log_b, fit, errors, loose=True)[0])
+    covariance: FloatArray = np.asarray(np.linalg.inv(search.normal(log_a, log_b, fit, errors, loose=True)[0]))
     if not stated or stats.chi2.sf(fit.chi2, dof) < CHANCE:
         covariance = covariance * fit.chi2 / dof
     whole = np.zeros((2, len(isotherms), len(isotherms)))

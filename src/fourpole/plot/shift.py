@@ -51,7 +51,7 @@ def shift_figure(one: TyreShift, style: Style) -> Figure:
         panels[0, 1].plot(grid / (2 * np.pi), part, color=ink, lw=0.9, zorder=0.5)
     panels[1, 0].plot(grid / (2 * np.pi), curve.imag / curve.real, color=ink, lw=0.9, zorder=0.5)
     _shift_factors(panels[1, 1], one, colours, style)
-    reference = f"{found.temperatures[found.reference]:.1f} °C"
+    reference = f"{found.temperatures[found.reference].round(1) + 0.0:g} °C"
     _finish(panels[0, 0], "frequency [Hz]", "K' (filled), K'' (open) [N/m]", "isotherms")
     _finish(panels[0, 1], f"frequency × aT [Hz], at {reference}", "K' (filled), K'' (open) [N/m]", "master curve")
     _finish(panels[1, 0], f"frequency × aT [Hz], at {reference}", "loss factor [1]", "loss factor")
@@ -102,7 +102,7 @@ def _shift_factors(ax: Axes, one: TyreShift, colours: list[str], style: Style) -
     for at, colour in enumerate(colours):
         value = found.log_a[at] / decade
         ax.errorbar(t[at], value, half[at], fmt="o", ms=_MARKER + 1, color=colour, capsize=2, zorder=2)
-    ax.set(xlabel="temperature [°C]", ylabel="log10 aT [1]")
+    ax.set(xlabel="temperature [°C]", ylabel="log10(aT) [1]")
     ax.set_title("shift factors, 95 %", loc="left", fontsize="medium")
     ax.grid(visible=True, alpha=0.5)
     ax.legend(frameon=False)
@@ -113,5 +113,5 @@ def _key(figure: Figure, temperatures: FloatArray, colours: list[str]) -> None:
     count = len(colours)
     shown = np.unique(np.linspace(0, count - 1, min(count, _MOST_NAMED)).round().astype(int))
     handles = [Line2D([], [], marker="o", ls="", ms=_MARKER + 1, color=colours[at]) for at in shown]
-    names = [f"{temperatures[at]:.1f} °C" for at in shown]
+    names = [f"{temperatures[at].round(1) + 0.0:g} °C" for at in shown]
     figure.legend(handles, names, loc="outside lower center", ncols=len(shown), frameon=False)

@@ -11,12 +11,11 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign import defaults
-from fourpole.campaign.folder import Campaign, Test, condition_of, inside
+from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import worst_verdict
 from fourpole.core.codes import Code
-from fourpole.core.condition import temperature_std
 from fourpole.core.curvature import largest_bend
 from fourpole.core.identification import Identification
 from fourpole.core.identify import identify, variance_by_source
@@ -32,6 +31,7 @@ from fourpole.study.load import recorded_at
 from fourpole.study.outcome import Point, point_keys
 from fourpole.study.rig_estimate import RigEstimate, RunOrder, mass_gain
 from fourpole.study.rig_solution import relative_uncertainties, rig_estimate, with_recordings
+from fourpole.study.sharing import at_mean_temperature, families, temperature_note, temperatures_apart
 from fourpole.study.static import StaticStiffness
 
 #: Message that a route lacks the rig.
@@ -45,8 +45,6 @@ _SKEW = 0.1
 _BENT = 0.2
 #: Relative uncertainty of K2 or C above which propagation of uncertainty to second order is not valid.
 NOT_LINEAR = 0.3
-#: Uncertainty of K* from the temperature of a test above which a note tells it [1].
-_NOTED = 1e-4
 #: A passive arm is possible if K' - K1 and K'' plus this many of their standard uncertainties are above zero.
 _LOST = 3.0
 
@@ -227,25 +225,12 @@ def identify_tests(
         alone = np.array([i in apart for i in members])
         setup.family[alone] = len(tests) + np.flatnonzero(alone)
         setup.apart[alone] = 0.0
-        notes += _temperature_note(campaign, setup)
+        notes += temperature_note(setup.apart, campaign.stated.conditions)
         group, remarks = _group(setup, [keys[i] for i in members], used, k1, route)
         group.intervals.update(_intervals(group, draws, seed))
         notes += remarks
         found.update({i: Identified(group, at) for at, i in enumerate(members)})
     return found, notes
-
-
-def _temperature_note(campaign: Campaign, setup: Setup) -> list[str]:
-    """The note that tests of one condition had different temperatures, if this adds to the uncertainty of K*."""
-    most, per_kelvin = float(setup.apart.max(initial=0.0)), campaign.stated.conditions.per_kelvin
-    if most < _NOTED:
-        return []
-    stated = "stated" if campaign.stated.conditions.temperature_sensitivity is not None else "assumed"
-    return [
-        f"[conditions] tests of one condition were up to {most / per_kelvin:.2g} K from its mean temperature. K* counts "
-        f"as uncertain by {100 * per_kelvin:.3g} %/K ({stated}: temperature_sensitivity), here by up to "
-        f"{100 * most:.2g} %, between these tests"
-    ]
 
 
 def _usable(test: Test, point: Point, route: str) -> bool:
@@ -313,8 +298,7 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
     added = np.array([test.value("added_mass") or 0.0 for test in tests])
     added_std = [test.value("u(added_mass)") for test in tests]
     order, time = _run(campaign, tests)
-    family = _families(campaign, tests)
-    temperature = np.array([np.nan if (t := test.value("temperature")) is None else t for test in tests])
+    family = families(campaign, tests)
     return Setup(
         rig_name=rig_name,
         rig=stated.rig() if stated is not None else None,
@@ -329,7 +313,7 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         time=time,
         static_time=np.array([k1.time if order is RunOrder.TIME else np.nan for k1 in stiffness]),
         order=order,
-        apart=temperature_std(temperature, family, campaign.stated.conditions.per_kelvin),
+        apart=temperatures_apart(tests, family, campaign.stated.conditions),
     )
 
 
@@ -352,14 +336,6 @@ def _channels(campaign: Campaign) -> ChannelUncertainty:
     return ChannelUncertainty(*np.array(stated).T)
 
 
-def _families(campaign: Campaign, tests: Sequence[Test]) -> np.ndarray:
-    """Number of the condition of each test among all tests of the campaign; negative for a rigid block."""
-    rule, every = campaign.stated.sameness, campaign.of_kind("dynamic")
-    groups = rule.groups([condition_of(test, rule) for test in every]).tolist()
-    number = {test.name: at for test, at in zip(every, groups, strict=True)}
-    return np.array([-1 if test.kind == "calibration" else number[test.name] for test in tests])
-
-
 def _identified(
     keys: tuple[Key, ...], setup: Setup, phasors: Phasors, route: str, parts: Sequence[Mapping[Source, float]]
 ) -> Group:
@@ -380,9 +356,7 @@ def _identified(
         "channels": setup.channels,
     }
     result = identify(phasors, setup.rig, setup.k1, **arguments)
-    # K* of a test is at its own temperature; that of its condition, which fits use, is at the mean temperature.
-    moved = (setup.apart * np.abs(result.stiffness))[:, None, None] ** 2 * np.eye(2)
-    result = replace(result, condition_covariance=result.condition_covariance + moved)
+    result = at_mean_temperature(result, setup.apart)
     variance = variance_by_source(phasors, setup.rig, setup.k1, **arguments)
     return Group(keys, setup, phasors, route, result, _k1_apart(variance, parts))
 
