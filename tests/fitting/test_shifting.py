@@ -59,7 +59,7 @@ def model(made):
     measured = read_measured(folder / "master.csv")
     laws, note = laws_beside(folder / "master.csv", sha256)
     assert not note
-    model_file(measured, fit_tyres(measured, "fractional4"), laws=laws).write(folder / "model.json")
+    model_file(measured, fit_tyres(measured, "fractional"), laws=laws).write(folder / "model.json")
     return read_model_file(folder / "model.json")
 
 

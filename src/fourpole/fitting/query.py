@@ -27,6 +27,8 @@ from fourpole.models.together import Scatter, link_all, unlink_all
 from fourpole.units import shown
 
 _TEMPERATURE = q.TEMPERATURE.head
+#: A temperature this far [K] outside the isotherms, whose temperatures are measured ones, counts as inside.
+_NOMINAL = 1.0
 #: Column of the frequency on the master curve.
 _REDUCED = "reduced frequency [Hz]"
 #: Option of `fourpole query` that states an axis, by the column of the axis.
@@ -135,8 +137,8 @@ def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
     if law is None or temperature is None:
         return None
     low, high = law.range
-    nearest = min(max(temperature, low), high)
-    outside = abs(temperature - nearest) / max(0.5 * (high - low), 1e-9)
+    off = max(low - temperature, temperature - high)
+    outside = 0.0 if off <= _NOMINAL else off / max(0.5 * (high - low), 1e-9)
     remarks = []
     if outside:
         remark = (

@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.shifting import TyreShift
@@ -34,7 +35,8 @@ def shift_figure_bytes(one: TyreShift, form: str, style: Style | None = None) ->
 def shift_figure(one: TyreShift, style: Style) -> Figure:
     """Isotherms, master curve, loss factor and shift factors of one specimen; one colour per temperature."""
     found = one.found
-    figure = Figure(figsize=_SIZE, layout="constrained")
+    figure = Figure(figsize=_SIZE)
+    figure.subplots_adjust(left=0.09, right=0.985, top=0.92, bottom=0.14, hspace=0.36, wspace=0.24)
     panels = figure.subplots(2, 2)
     count = len(found.isotherms)
     colours = [style.frequency_colour(at / max(count - 1, 1)) for at in range(count)]
@@ -52,9 +54,9 @@ def shift_figure(one: TyreShift, style: Style) -> Figure:
     panels[1, 0].plot(grid / (2 * np.pi), curve.imag / curve.real, color=ink, lw=0.9, zorder=0.5)
     _shift_factors(panels[1, 1], one, colours, style)
     reference = f"{found.temperatures[found.reference].round(1) + 0.0:g} °C"
-    _finish(panels[0, 0], "frequency [Hz]", "K' (filled), K'' (open) [N/m]", "isotherms")
+    _finish(panels[0, 0], q.FREQUENCY.label, "K' (filled), K'' (open) [N/m]", "isotherms")
     _finish(panels[0, 1], f"frequency × aT [Hz], at {reference}", "K' (filled), K'' (open) [N/m]", "master curve")
-    _finish(panels[1, 0], f"frequency × aT [Hz], at {reference}", "loss factor [1]", "loss factor")
+    _finish(panels[1, 0], f"frequency × aT [Hz], at {reference}", q.LOSS_FACTOR.label, "loss factor")
     _key(figure, found.temperatures, colours)
     if one.tyre:
         figure.suptitle(one.tyre)
@@ -73,7 +75,7 @@ def _finish(ax: Axes, x: str, y: str, title: str) -> None:
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(LogLocator(numticks=6))
         axis.set_major_formatter(FuncFormatter(_power))
-        axis.set_minor_formatter(NullFormatter())
+        axis.set_minor_locator(NullLocator())
     ax.grid(visible=True, alpha=0.5)
 
 
@@ -102,7 +104,7 @@ def _shift_factors(ax: Axes, one: TyreShift, colours: list[str], style: Style) -
     for at, colour in enumerate(colours):
         value = found.log_a[at] / decade
         ax.errorbar(t[at], value, half[at], fmt="o", ms=_MARKER + 1, color=colour, capsize=2, zorder=2)
-    ax.set(xlabel="temperature [°C]", ylabel="log10(aT) [1]")
+    ax.set(xlabel=q.TEMPERATURE.label, ylabel="log10(aT) [1]")
     ax.set_title("shift factors, 95 %", loc="left", fontsize="medium")
     ax.grid(visible=True, alpha=0.5)
     ax.legend(frameon=False)
@@ -114,4 +116,4 @@ def _key(figure: Figure, temperatures: FloatArray, colours: list[str]) -> None:
     shown = np.unique(np.linspace(0, count - 1, min(count, _MOST_NAMED)).round().astype(int))
     handles = [Line2D([], [], marker="o", ls="", ms=_MARKER + 1, color=colours[at]) for at in shown]
     names = [f"{temperatures[at].round(1) + 0.0:g} °C" for at in shown]
-    figure.legend(handles, names, loc="outside lower center", ncols=len(shown), frameon=False)
+    figure.legend(handles, names, loc="lower center", ncols=len(shown), frameon=False)
