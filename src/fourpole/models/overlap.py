@@ -16,6 +16,9 @@ SHORT = 0.3
 #: Verdicts on an overlap: the isotherms follow one curve; their loss factors differ; only their levels differ; the
 #: overlap is too short for a verdict.
 ONE_CURVE, LOSS, LEVEL, TOO_SHORT = "one curve", "loss factor", "level", "short"
+#: Relative difference of K', K'' or the loss factor below which isotherms count as one curve, whatever chance says:
+#: an error of the temperature of a few tenths of a kelvin has this effect.
+_MATERIAL = 0.03
 #: Highest order of the curve through both isotherms of an overlap, in ln(frequency).
 _ORDER = 3
 
@@ -79,14 +82,15 @@ def _overlap(found: Superposition, at: int, limit: float) -> Overlap:
     lost = _apart(middle, side, np.log(np.abs(k.imag)), errors[:, 1] / np.abs(k.imag))
     both = np.hypot(errors[:, 0] / k.real, errors[:, 1] / np.abs(k.imag))
     ratio = _apart(middle, side, np.log(np.abs(k.imag) / k.real), both)
-    chi2, dof = storage[1] + lost[1], max(2 * storage[2] - (2 if found.vertical else 1), 1)
+    chi2, dof = storage.chi2 + lost.chi2, max(2 * storage.dof - (2 if found.vertical else 1), 1)
     chance = float(stats.chi2.sf(chi2, dof))
     verdict = ONE_CURVE
     if decades < SHORT:
         verdict = TOO_SHORT
-    elif chance < limit:
-        verdict = LOSS if stats.chi2.sf(ratio[1], ratio[2]) < limit else LEVEL
-    return Overlap(temperatures, decades, points, chi2, dof, chance, storage[0], ratio[0], verdict)
+    elif chance < limit and max(storage.largest, lost.largest, ratio.largest) > _MATERIAL:
+        odd = stats.chi2.sf(ratio.chi2, ratio.dof) < limit and ratio.largest > _MATERIAL
+        verdict = LOSS if odd else LEVEL
+    return Overlap(temperatures, decades, points, chi2, dof, chance, storage.middle, ratio.middle, verdict)
 
 
 def _joined(
@@ -103,8 +107,18 @@ def _joined(
     return np.concatenate(x), np.concatenate(side), np.concatenate(k), np.concatenate(errors)
 
 
-def _apart(x: FloatArray, side: FloatArray, y: FloatArray, std: FloatArray) -> tuple[float, float, int]:
-    """Difference in level of two curves in the middle of their overlap; chi-square of level and slope, and its dof.
+@dataclass(frozen=True)
+class _Apart:
+    """Relative difference of two curves in the middle of their overlap, the largest one, chi-square and its dof."""
+
+    middle: float
+    largest: float
+    chi2: float
+    dof: int
+
+
+def _apart(x: FloatArray, side: FloatArray, y: FloatArray, std: FloatArray) -> _Apart:
+    """The difference of two curves in their overlap, in level and slope.
 
     One polynomial goes through both curves, and one of them has a level and a slope of its own besides.
     """
@@ -116,4 +130,5 @@ def _apart(x: FloatArray, side: FloatArray, y: FloatArray, std: FloatArray) -> t
     target, rows = y / std, own / std[:, None]
     target, rows = target - basis @ (basis.T @ target), rows - basis @ (basis.T @ rows)
     value = np.linalg.lstsq(rows, target, rcond=None)[0]
-    return float(np.expm1(value[0])), float(np.sum((rows @ value) ** 2)), own.shape[1]
+    largest = float(np.max(np.abs((own @ value)[side == 1])))
+    return _Apart(float(np.expm1(value[0])), largest, float(np.sum((rows @ value) ** 2)), own.shape[1])
