@@ -55,6 +55,7 @@ def test_all_kinds_are_looked_at():
         (Source(Kind.DRIFT, "radial"), "the drift of radial over the run"),
         (Source(Kind.ANGLE_DRIFT, "radial"), "the drift of the loss angle of radial over the run"),
         (Source(Kind.K1_DRIFT), "the drift of the specimen between its static and its dynamic test"),
+        (Source(Kind.K1_TEMPERATURE), "the temperature of the static test, which is not that of the dynamic test"),
         (Source(Kind.UNSTATED, "input"), "an input mass that is not stated"),
     ],
     ids=lambda one: one if isinstance(one, str) else "",

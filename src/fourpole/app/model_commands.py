@@ -1,4 +1,4 @@
-"""The commands on models, as the command line has them: fit, causality, map and query."""
+"""The commands on models, as the command line has them: fit, causality, map, query and shift."""
 
 from __future__ import annotations
 
@@ -10,7 +10,17 @@ from typing import Annotated
 import typer
 
 from fourpole.app.console import frequencies
-from fourpole.app.options import DataOptions, FitOptions, JsonFlag, OutFile, RigOptions, Selection, amount, command
+from fourpole.app.options import (
+    DataOptions,
+    FitOptions,
+    JsonFlag,
+    OutFile,
+    RigOptions,
+    Selection,
+    ShiftOptions,
+    amount,
+    command,
+)
 from fourpole.models.families import NAMES
 
 Results = Annotated[
@@ -109,5 +119,31 @@ def query(
     run_query(model, Query(frequencies(frequency), state, tyre, above.rig, beyond), file, as_json=as_json)
 
 
+@command
+def shift(
+    tables: Annotated[
+        list[Path],
+        typer.Argument(metavar="TABLE...", help="Tables of isotherms: frequency, K*, E* or G*, and temperature."),
+    ],
+    *,
+    options: ShiftOptions,
+    as_json: JsonFlag = False,
+) -> None:
+    """Shift isotherms onto one master curve by time-temperature superposition, and fit WLF and Arrhenius to the shifts.
+
+    Each pair of neighbouring isotherms gets a verdict on its overlap. Fit a model to the master curve with fourpole
+    fit; fourpole query --temperature then answers at any temperature of the isotherms.
+    """
+    from fourpole.app.shift import run_shift
+
+    run_shift(tables, options, as_json=as_json)
+
+
 #: Command functions by the name of the command, in the order of the help.
-COMMANDS: dict[str, Callable[..., None]] = {"fit": fit, "causality": causality, "map": map_, "query": query}
+COMMANDS: dict[str, Callable[..., None]] = {
+    "fit": fit,
+    "causality": causality,
+    "map": map_,
+    "query": query,
+    "shift": shift,
+}

@@ -21,6 +21,7 @@ from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, tabl
 from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file, rig_file, shapes_in
 from fourpole.fitting.query import Query, ask
+from fourpole.fitting.shifting import laws_beside
 from fourpole.io.staging import staged
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.choice import STOPPED
@@ -74,7 +75,10 @@ def run_fit(path: Path, model: str, options: FitOptions, *, as_json: bool) -> No
     with progress("fitting") as advance:
         fixed = _fixed(options.fix or (), model)
         fits = fit_tyres(measured, model, given=fixed, share=options.share or (), progress=advance)
-    made = model_file(measured, fits, settings=_settings(model, options), **_stated(path))
+    laws, note = laws_beside(path, measured.sha256)
+    if note:
+        warn(note)
+    made = model_file(measured, fits, settings=_settings(model, options), laws=laws, **_stated(path))
     _show_written(made, _written(path, measured, made, options.file, options.figure), as_json=as_json)
     if any(STOPPED in one.choice for one in made.models):
         raise KeyboardInterrupt  # the exit code says so; what was found is written

@@ -148,6 +148,29 @@ class FitOptions(DataOptions):
 
 
 @dataclass(frozen=True)
+class ShiftOptions:
+    """The isotherms to shift, how they are shifted, and what to write."""
+
+    reference: float | None = _amount(
+        "--reference", "temperature", 'Reference temperature, of one isotherm, as "20 degC"; by default the middle one.'
+    )
+    vertical: bool = _given("Also fit vertical shift factors bT.", "--vertical", default=False)
+    apart: str | None = _given('Largest difference of temperatures of one isotherm; by default "1 K".')
+    constants_at: float | None = _amount(
+        "--constants-at", "temperature", 'Also state the WLF constants for this reference temperature, as "-60 degC".'
+    )
+    tyre: str | None = _given("Only this specimen.")
+    std: float | None = _amount(
+        "--std", "ratio", 'Relative uncertainty of K*, in place of the table\'s, as "1 %".', "positive"
+    )
+    shape_factor: float | None = _amount(
+        "--shape-factor", "displacement", 'K* per modulus, for tables of E* or G*, as "0.05 m".', "positive"
+    )
+    folder: Path | None = _given("Folder for the master curve, its law, tables and figure.", "--out")
+    figure: Path | None = _given("Figure to write: .svg, .png or .pdf.")
+
+
+@dataclass(frozen=True)
 class PlanOptions:
     """A guessed tyre in SI, how its tests are run, and the advice and run sheet to make."""
 

@@ -6,6 +6,10 @@ their callers state the uncertainties.
 
 from math import pi
 
+from fourpole.core import condition
+
+#: Relative change of K* per kelvin [1/K].
+TEMPERATURE_SENSITIVITY = condition.TEMPERATURE_SENSITIVITY
 #: Relative standard uncertainty of a gain [1].
 GAIN_STD = 0.01
 #: Standard uncertainty of a phase [rad].

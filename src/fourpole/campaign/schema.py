@@ -163,6 +163,29 @@ class ConditionsFile(File):
     """[conditions]: columns of tests.csv that distinguish conditions, besides pressure, preload and temperature."""
 
     axes: tuple[Axis, ...] = ()
+    temperature_sensitivity: float | None = None
+
+    @field_validator("temperature_sensitivity", mode="before")
+    @classmethod
+    def _per_kelvin(cls, raw: Any) -> float:
+        """Relative change of K* per kelvin [1/K]."""
+        number, mark, unit = raw.rpartition("/") if isinstance(raw, str) else ("", "", "")
+        number = number.strip().removesuffix(" 1")
+        try:
+            if not mark or unit.strip() not in ("K", "degC", "°C"):
+                raise ValueError
+            found = units.quantity(number.strip(), "ratio", default_unit="1")
+        except ValueError:
+            raise ValueError(f'write it with its unit, as "1 %/K" or "0.01 1/K", not {raw!r}') from None
+        if found < 0:
+            raise ValueError("is negative: state how much |K*| changes per kelvin, zero or more")
+        return found
+
+    @property
+    def per_kelvin(self) -> float:
+        """Relative change of K* per kelvin [1/K], as stated or assumed."""
+        stated = self.temperature_sensitivity
+        return defaults.TEMPERATURE_SENSITIVITY if stated is None else stated
 
     @field_validator("axes", mode="before")
     @classmethod

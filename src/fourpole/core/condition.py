@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole import quantities as q
+from fourpole.core.arrays import FloatArray
 
 #: A number in the unit of its column, a text, or None where nothing is stated.
 Value = float | str | None
@@ -68,6 +69,8 @@ class Axis:
 PRESSURE = Axis("pressure", q.PRESSURE.head, relative=0.02)
 PRELOAD = Axis("preload", q.PRELOAD.head, relative=0.01)
 AXES = (PRESSURE, PRELOAD, Axis("temperature", q.TEMPERATURE.head, absolute=5.0))
+#: Relative change of K* per kelvin [1/K] that is assumed where none is stated: that of tread rubber.
+TEMPERATURE_SENSITIVITY = 0.01
 #: Frequencies that figures, words and exports show as one. A frequency is not part of a condition.
 FREQUENCY = Axis("frequency", q.FREQUENCY.head, relative=0.02)
 #: Relative tolerance of a numeric axis for which none is stated.
@@ -77,6 +80,31 @@ _OWN = 0.01
 def axis_of(column: str) -> Axis:
     """The axis of a column of the result tables; an axis that is not in `AXES` has a relative tolerance of 1 %."""
     return next((axis for axis in AXES if axis.column == column), Axis(column, relative=_OWN))
+
+
+def temperature_std(temperature: FloatArray, group: np.ndarray, sensitivity: float) -> FloatArray:
+    """Standard uncertainty (N,) [1] of log K* of each test, for its temperature apart from the mean of its group.
+
+    Parameters
+    ----------
+    temperature : (N,) float array [degC]
+        Not-a-number where it is not stated, which gives 0.
+    group : (N,) int array
+        Tests of equal number have one condition; a negative number gives 0.
+    sensitivity : float [1/K]
+        Relative change of K* per kelvin.
+
+    Examples
+    --------
+    >>> temperature_std(np.array([20.0, 24.0, 30.0]), np.array([0, 0, 1]), 0.01)
+    array([0.02, 0.02, 0.  ])
+    """
+    known = np.isfinite(temperature) & (group >= 0)
+    found = np.zeros(temperature.size)
+    for one in np.unique(group[known]):
+        rows = known & (group == one)
+        found[rows] = sensitivity * np.abs(temperature[rows] - temperature[rows].mean())
+    return found
 
 
 @dataclass(frozen=True)

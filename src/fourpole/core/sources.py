@@ -63,6 +63,7 @@ class Kind(Enum):
     K1_REPEATS = ("K1 repeats", (), Role.STATIC)
     K1_STATED = ("K1 stated", (), Role.STATIC)
     K1_DRIFT = ("K1 drift", (), Role.STATIC)
+    K1_TEMPERATURE = ("K1 temperature", (), Role.STATIC)
     OTHER = ("", (), Role.OTHER)
 
     def __init__(self, text: str, of: tuple[str, ...], role: Role) -> None:

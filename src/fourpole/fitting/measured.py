@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
-from fourpole.core.condition import AXES, Sameness
+from fourpole.core.condition import AXES, TEMPERATURE_SENSITIVITY, Axis, Sameness, temperature_std
 from fourpole.errors import FileError, ModelError, TableError
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
 from fourpole.io.source import read_bytes
@@ -30,6 +30,11 @@ _MOST_BYTES = 2_000_000_000
 FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
 _STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)
 _K1 = (q.K1.head, q.K1.u_head)
+_TEMPERATURE = q.TEMPERATURE.head
+_MOVED = (
+    f"rows of one condition differ in temperature: K* counts as uncertain by {100 * TEMPERATURE_SENSITIVITY:g} % per "
+    "kelvin from their mean"
+)
 #: Upper bound of a stiffness [N/m].
 _LARGEST = 1e25
 #: Bounds of a frequency [Hz]: a product of two of them, or of one and its reciprocal, is a number.
@@ -37,6 +42,8 @@ _LOWEST, _HIGHEST = 1e-100, 1e100
 #: Relative distance beyond an end of a band within which a frequency is inside, as drives are stated by round numbers.
 _NOMINAL = 1e-2
 _RULE = Sameness()
+#: Tables of a results folder, and the table of a master curve; covariance.parquet may lie beside each.
+_RESULTS, MASTER = ("dynamic.csv", "dynamic.parquet"), "master.csv"
 _USUAL = {axis.column for axis in AXES}
 
 #: Columns of covariance.parquet.
@@ -175,6 +182,8 @@ def read_measured(
     over: Sequence[str] = (),
     std: float | None = None,
     k1: tuple[float, float] | None = None,
+    axes: Sequence[Axis] = AXES,
+    prepared: Callable[[pl.DataFrame], pl.DataFrame] | None = None,
 ) -> MeasuredSet:
     """Read K* of all conditions from results.
 
@@ -188,6 +197,10 @@ def read_measured(
         Relative standard uncertainty of K*, in place of that in the table.
     k1 : (float, float), optional [N/m]
         Static stiffness and its standard uncertainty, in place of those in the table.
+    axes : sequence of Axis
+        The axes that every table has, with their tolerances.
+    prepared : callable, optional
+        A change of the table before it is read, such as its units.
 
     Returns
     -------
@@ -205,11 +218,13 @@ def read_measured(
     recover(table.parent)
     content = read_bytes(table, max_bytes=_MOST_BYTES)
     frame = _frame(table.name, content)
+    frame = frame if prepared is None else prepared(frame)
     beside = table.parent / "covariance.parquet"
     covariance = None
-    if table.name in ("dynamic.csv", "dynamic.parquet") and beside.is_file() and std is None:
+    if table.name in (*_RESULTS, MASTER) and beside.is_file() and std is None:
         covariance = _covariance(beside)
-    rule = _rule_beside(table) if table.name in ("dynamic.csv", "dynamic.parquet") else _RULE
+    rule = _rule_beside(table) if table.name in _RESULTS else _RULE
+    rule = Sameness((*axes, *rule.further))
     found = measured_of(frame, covariance, over=over, std=std, k1=k1, name=table.name, rule=rule)
     return replace(found, sha256=hashlib.sha256(content).hexdigest())
 
@@ -276,6 +291,7 @@ def measured_of(
     worded = Sameness(tuple(axis for axis in rule.axes if axis.text))
     (tyres,) = names_apart([conditions_in(frame, worded)], worded)
     rows = _Rows.of(tyres, keys_of(frame), {column: each[good] for column, each in numbers.items()}, covariance, std)
+    rows = rows.at_temperatures(label)
     notes += rows.notes(covariance is not None)
     axes = [axis.column for axis in rule.axes if axis.column in numbers]
     cells = np.stack([rows.numbers[column] for column in axes], axis=1) if axes else np.zeros((rows.count, 0))
@@ -318,6 +334,7 @@ class _Rows:
     known: bool
     alone: bool
     forced: bool
+    moved: bool = False
 
     @classmethod
     def of(
@@ -353,7 +370,23 @@ class _Rows:
     def stiffness(self) -> ComplexArray:
         return np.asarray(self.numbers[RE] + 1j * self.numbers[IM])
 
+    def at_temperatures(self, label: np.ndarray) -> _Rows:
+        """The rows with the uncertainty of K* at the mean temperature of their condition.
+
+        covariance.parquet already has it.
+        """
+        if _TEMPERATURE not in self.numbers or not (self.alone and self.known):
+            return self
+        moved = temperature_std(self.numbers[_TEMPERATURE], label, TEMPERATURE_SENSITIVITY) * np.abs(self.stiffness)
+        return replace(
+            self, covariance=self.covariance + moved[:, None, None] ** 2 * np.eye(2), moved=bool(moved.any())
+        )
+
     def notes(self, had_covariance: bool) -> list[str]:
+        moved = [_MOVED] if self.moved else []
+        return self._notes(had_covariance) + moved
+
+    def _notes(self, had_covariance: bool) -> list[str]:
         if not self.known:
             return ["the table states no uncertainty of K*: what the best passive tyre leaves is taken for it"]
         if self.forced:

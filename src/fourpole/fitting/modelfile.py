@@ -7,17 +7,18 @@ the model that it names.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import astuple
 from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError
+from fourpole.fitting.lawfile import TemperatureFile, check_law
+from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
 from fourpole.io.source import read_bytes
 from fourpole.io.write import write_text
 from fourpole.models.families import model_named
@@ -33,61 +34,17 @@ _MOST_BYTES = 50_000_000
 _LONGEST = 100_000
 #: Largest number of parameters of a model: those of a Prony series with 300 arms.
 _MOST_PARAMETERS = 601
-#: Relative tolerance for an asymmetric covariance, or one with a negative eigenvalue.
-_ROUND_OFF = 1e-6
-#: Largest modulus of a parameter in SI units, or of a coefficient: a relaxation time may be very long.
-LARGEST = 1e120
 
 
-#: Keys that version 1 has gained: of the document, of a condition, and of an entry of `models`.
-LATER = ("axes", "points", "shape")
-#: Keys of version 1 of the format whose attributes have other names.
-_KEYS = {
-    "discrepancy": "granted", "leave_one_out": "left_out", "cross_validation": "left_out", "not_converged": "lost"
-}  # fmt: skip
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(
-        extra="forbid",
-        allow_inf_nan=False,
-        frozen=True,
-        populate_by_name=True,
-        alias_generator=lambda name: _KEYS.get(name, name),
-    )
-
-
+#: Keys that version 1 has gained: of the document, of a condition, and of a model.
+LATER = ("axes", "points", "shape", "temperature")
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: A relative error.
 Share = Annotated[float, Field(ge=0, le=1e3)]
 
 
-class _Named(_Strict):
-    """Base of values and axes with the name and SI unit of a column."""
-
-    name: str
-    unit: str
-
-    @property
-    def column(self) -> str:
-        """The column: "pressure [Pa]"."""
-        return f"{self.name} [{self.unit}]"
-
-
-class NamedValue(_Named):
-    """A value with its name and SI unit."""
-
-    value: float
-
-    @classmethod
-    def of(cls, state: Mapping[str, float]) -> list[NamedValue]:
-        """The values of a state, by column."""
-        split = [(*split_column(column), value) for column, value in state.items()]
-        return [cls(name=name, unit=unit, value=value) for name, unit, value in split]
-
-
-class ParameterFile(_Strict):
+class ParameterFile(Strict):
     """A parameter of the model; the unit is part of the contract."""
 
     symbol: str
@@ -97,7 +54,7 @@ class ParameterFile(_Strict):
     high: float | None = Field(description="Greatest value; null: none.")
 
 
-class VerdictFile(_Strict):
+class VerdictFile(Strict):
     """Whether any passive linear tyre can have K* as it was measured."""
 
     possible: bool
@@ -106,7 +63,7 @@ class VerdictFile(_Strict):
     impossible: list[float] = Field(max_length=_LONGEST, description="Frequencies at which K* is not possible [Hz].")
 
 
-class CandidateFile(_Strict):
+class CandidateFile(Strict):
     """A model that was tried, on all conditions of the tyre."""
 
     model: str
@@ -123,7 +80,7 @@ class CandidateFile(_Strict):
     not_converged: int = Field(description="Number of conditions whose fit did not converge.")
 
 
-class ConditionFile(_Strict):
+class ConditionFile(Strict):
     """One tested condition, with the parameters fitted to it."""
 
     state: list[NamedValue] = Field(max_length=20)
@@ -145,7 +102,7 @@ class ConditionFile(_Strict):
     verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
 
 
-class _Entry(_Strict):
+class _Entry(Strict):
     """Base of the entries of one tyre: its model."""
 
     tyre: str
@@ -164,15 +121,18 @@ class ModelEntry(_Entry):
     choice: str = Field(description="The choice of the model in words.")
     candidates: list[CandidateFile] = Field(max_length=200, description="Models that were compared, the best first.")
     conditions: list[ConditionFile] = Field(max_length=_LONGEST)
+    temperature: TemperatureFile | None = Field(
+        default=None, description="Law of the shift factors if the model is of a master curve."
+    )
 
 
-class AxisFile(_Named):
+class AxisFile(Named):
     """An axis of a map, with the value of each tested condition."""
 
     values: list[float] = Field(max_length=_LONGEST)
 
 
-class SurfaceFile(_Strict):
+class SurfaceFile(Strict):
     """The logarithm of K1 as a polynomial of the scaled axes, from the static tests."""
 
     terms: list[list[int]] = Field(max_length=500)
@@ -203,7 +163,7 @@ class MapEntry(_Entry):
     choice: str
 
 
-class RigValue(_Strict):
+class RigValue(Strict):
     """A value of the rig."""
 
     value: float
@@ -211,14 +171,14 @@ class RigValue(_Strict):
     std: float = Field(ge=0)
 
 
-class RigFile(_Strict):
+class RigFile(Strict):
     """The rig of the tests, with which TR is computed."""
 
     output: Literal["moving", "blocked"] = "moving"
     values: dict[str, RigValue]
 
 
-class Provenance(_Strict):
+class Provenance(Strict):
     """Program, table and settings from which the document was made."""
 
     fourpole: str
@@ -228,7 +188,7 @@ class Provenance(_Strict):
     notes: list[str] = Field(default_factory=list)
 
 
-class ToleranceFile(_Strict):
+class ToleranceFile(Strict):
     """An axis that the campaign names itself, with the difference within which two of its values are the same."""
 
     column: str
@@ -236,7 +196,7 @@ class ToleranceFile(_Strict):
     absolute: float = Field(default=0.0, ge=0, description="In the unit of the column, added to the relative one.")
 
 
-class ModelFile(_Strict):
+class ModelFile(Strict):
     """The whole document."""
 
     format: Literal["fourpole-model"] = "fourpole-model"
@@ -332,6 +292,8 @@ def _check_model(name: str, entry: ModelEntry) -> None:
     """ModelError unless the numbers of a model are consistent."""
     model = model_of(entry, name)
     size = len(model.parameters)
+    if entry.temperature is not None:
+        check_law(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature)
     for at, one in enumerate(entry.conditions):
         where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
         if len(one.points) not in (0, len(one.tests)):
@@ -340,7 +302,7 @@ def _check_model(name: str, entry: ModelEntry) -> None:
             raise ModelError(f"{where}: {len(one.values)} values for {size} parameters")
         model.checked(one.values)
         _check_numbers(where, one.values, one.band)
-        _check_covariance(where, one.covariance, size)
+        check_covariance(where, one.covariance, size)
 
 
 def _check_map(name: str, entry: MapEntry) -> None:
@@ -351,12 +313,12 @@ def _check_map(name: str, entry: MapEntry) -> None:
         raise ModelError(f"{where}: the coefficients are not {terms} for each of {size} parameters")
     _check_axes(where, entry)
     _check_numbers(where, [value for row in entry.coefficients for value in row], entry.band)
-    _check_covariance(where, entry.covariance, size * terms)
+    check_covariance(where, entry.covariance, size * terms)
     if entry.static is not None:
         own = len(entry.static.terms)
         if len(entry.static.coefficients) != own or not _fit_axes(entry.static.terms, entry):
             raise ModelError(f"{where}: the surface of K1 does not fit its terms or the axes")
-        _check_covariance(f"{where}, K1", entry.static.covariance, own)
+        check_covariance(f"{where}, K1", entry.static.covariance, own)
 
 
 def _check_axes(where: str, entry: MapEntry) -> None:
@@ -376,20 +338,6 @@ def _check_numbers(where: str, values: list[float], band: tuple[float, float]) -
 def _fit_axes(terms: list[list[int]], entry: MapEntry) -> bool:
     """Whether each term has one exponent, from 0 to 9, for each axis."""
     return all(len(one) == len(entry.axes) and all(0 <= power <= 9 for power in one) for one in terms)
-
-
-def _check_covariance(where: str, rows: list[list[float]], size: int) -> None:
-    if len(rows) != size or any(len(row) != size for row in rows):
-        raise ModelError(f"{where}: the covariance is not {size} by {size}")
-    matrix = np.array(rows, dtype=float).reshape(size, size)
-    if size and np.abs(matrix).max() > LARGEST**2:
-        raise ModelError(f"{where}: the covariance is none: a number in it is beyond all measure")
-    std = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    scale = np.where(std > 0, std, 1.0)
-    correlation = matrix / np.outer(scale, scale)
-    sound = np.all(np.diag(matrix) >= 0) and np.allclose(correlation, correlation.T, atol=_ROUND_OFF)
-    if not sound or (size and np.linalg.eigvalsh(correlation)[0] < -_ROUND_OFF * size):
-        raise ModelError(f"{where}: the covariance is none: it is not symmetric or has a negative direction")
 
 
 def model_of(entry: ModelEntry | MapEntry, name: str = "the model file") -> Model:
@@ -419,12 +367,6 @@ def parameters_of(model: Model) -> list[ParameterFile]:
         )
         for one in model.parameters
     ]
-
-
-def split_column(column: str) -> tuple[str, str]:
-    """Name and unit of a column: "pressure [Pa]"; the unit is 1 where there is none."""
-    name, mark, unit = column.rpartition(" [")
-    return (name, unit.removesuffix("]")) if mark else (column, "1")
 
 
 def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:

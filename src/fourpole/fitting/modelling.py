@@ -18,13 +18,13 @@ from fourpole.core.confidence import CHANCE
 from fourpole.core.rig import PARAMETERS
 from fourpole.errors import ModelError
 from fourpole.fitting.intervals import intervals
+from fourpole.fitting.lawfile import TemperatureFile
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
     CandidateFile,
     ConditionFile,
     ModelEntry,
     ModelFile,
-    NamedValue,
     Provenance,
     RigFile,
     RigValue,
@@ -33,8 +33,8 @@ from fourpole.fitting.modelfile import (
     entry_of,
     finite_or_none,
     parameters_of,
-    split_column,
 )
+from fourpole.fitting.modelparts import NamedValue, split_column
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
@@ -379,11 +379,17 @@ def model_file(
     settings: Mapping[str, Any] | None = None,
     rig: RigFile | None = None,
     shapes: Mapping[str, Shape] | None = None,
+    laws: Mapping[str, TemperatureFile] | None = None,
 ) -> ModelFile:
-    """The document of fits or of maps; `shapes` has the shapes of specimens by name, where they are stated."""
+    """The document of fits or of maps.
+
+    `shapes` has the shapes of specimens by name, where they are stated; `laws` the laws of the temperature of master
+    curves, by tyre.
+    """
+    shapes, laws = shapes or {}, laws or {}
     return ModelFile(
         kind="map" if maps else "model",
-        models=[_model_entry(one, (shapes or {}).get(one.tyre)) for one in fits],
+        models=[_model_entry(one, shapes.get(one.tyre), laws.get(one.tyre)) for one in fits],
         maps=[entry_of(one.tyre, one.best, one.text) for one in maps],
         rig=rig,
         axes=[
@@ -401,7 +407,7 @@ def model_file(
     )
 
 
-def _model_entry(found: TyreFit, shape: Shape | None) -> ModelEntry:
+def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | None) -> ModelEntry:
     verdicts = found.verdicts or (None,) * len(found.measured)
     rows = zip(found.measured, found.chosen.fits, found.intervals, verdicts, strict=True)
     return ModelEntry(
@@ -414,6 +420,7 @@ def _model_entry(found: TyreFit, shape: Shape | None) -> ModelEntry:
         choice=found.choice.text,
         candidates=[_candidate_entry(one) for one in found.choice.candidates],
         conditions=[_condition_entry(*row) for row in rows],
+        temperature=law,
     )
 
 

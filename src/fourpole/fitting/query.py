@@ -17,13 +17,20 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AXES
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import ModelError
-from fourpole.fitting.modelfile import LARGEST, ModelEntry, ModelFile, RigFile, map_of, model_of
+from fourpole.fitting.modelfile import ModelEntry, ModelFile, RigFile, map_of, model_of
+from fourpole.fitting.modelparts import LARGEST
 from fourpole.fitting.rows import tyre_columns
-from fourpole.models.operating import LeaveOneOut, OperatingMap
+from fourpole.models.operating import Answer, LeaveOneOut, OperatingMap
+from fourpole.models.shift_law import ShiftLaw
 from fourpole.models.surface import Axes
 from fourpole.models.together import Scatter, link_all, unlink_all
 from fourpole.units import shown
 
+_TEMPERATURE = q.TEMPERATURE.head
+#: A temperature this far [K] outside the isotherms, whose temperatures are measured ones, counts as inside.
+_NOMINAL = 1.0
+#: Column of the frequency on the master curve.
+_REDUCED = "reduced frequency [Hz]"
 #: Option of `fourpole query` that states an axis, by the column of the axis.
 _OPTIONS = {axis.column: axis.name for axis in AXES}
 
@@ -62,11 +69,15 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         the tests.
     """
     tyre = _tyre_of(file, query.tyre)
-    found = maps_of(file, tyre, query.state)
-    point, outside, remarks = place_of(file, found, query.state, beyond=query.beyond)
+    shift = _shift_of(file, tyre, query)
+    state = dict(query.state) if shift is None else {**query.state, _TEMPERATURE: shift.law.reference}
+    found = maps_of(file, tyre, state)
+    point, outside, remarks = place_of(file, found, state, beyond=query.beyond)
     frequency = np.asarray(query.frequency, dtype=float)
-    far = _beyond_band(found, frequency, beyond=query.beyond)
-    answer = found.ask(np.repeat(point[None], frequency.size, axis=0), frequency)
+    reduced = frequency if shift is None else frequency * shift.factor
+    far = _beyond_band(found, reduced, beyond=query.beyond)
+    points = np.repeat(point[None], frequency.size, axis=0)
+    answer = found.ask(points, frequency) if shift is None else shift.answer(found, points, frequency)
     rig = query.rig if query.rig is not None else rig_in(file.rig)
     tr = answer.transmissibility(rig, frequency) if rig is not None else np.full((2, frequency.size), np.nan)
     columns = {**tyre_columns(answer), **dict(zip(q.TR.heads, tr, strict=True))}
@@ -74,10 +85,77 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     for at in range(frequency.size):
         beyond = [f"{far[at]:.3g} octaves outside the measured band"] if far[at] else []
         row = {"tyre": tyre, **found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
-        row |= {q.FREQUENCY.head: float(frequency[at]), **{head: float(one[at]) for head, one in columns.items()}}
-        row |= {q.OUTSIDE.head: outside, "remarks": "; ".join([*remarks, *beyond])}
+        row |= {q.FREQUENCY.head: float(frequency[at])}
+        row |= {} if shift is None else {_TEMPERATURE: shift.temperature, _REDUCED: float(reduced[at])}
+        row |= {head: float(one[at]) for head, one in columns.items()}
+        apart = outside if shift is None else max(outside, shift.outside)
+        every = [*remarks, *([] if shift is None else shift.remarks), *beyond]
+        row |= {q.OUTSIDE.head: apart, "remarks": "; ".join(every)}
         rows.append({name: _finite(value) for name, value in row.items()})
     return rows
+
+
+@dataclass(frozen=True)
+class _Shift:
+    """The shift of a model to the temperature of a query.
+
+    `outside` is the distance from the range of temperatures in half spans; `level` and `level_std` are the logarithm of
+    bT and its standard uncertainty.
+    """
+
+    law: ShiftLaw
+    temperature: float
+    outside: float
+    remarks: tuple[str, ...]
+    level: float
+    level_std: float
+
+    @property
+    def factor(self) -> float:
+        """The horizontal shift factor."""
+        return float(np.exp(self.law.log_a(self.temperature)[0]))
+
+    def answer(self, found: OperatingMap, points: FloatArray, frequency: FloatArray) -> Answer:
+        """K* at the temperature; its uncertainty includes that of the law."""
+        step, b = 1e-4, float(np.exp(self.level))
+        reduced = frequency * self.factor
+        here = found.ask(points, reduced)
+        above, below = (found.ask(points, reduced * np.exp(side)).stiffness for side in (step, -step))
+        slope = (above - below) / (2 * step) * float(self.law.log_a_std(self.temperature)[0]) / b
+        stiffness, k1 = here.stiffness / b, here.k1 / b
+        columns = np.zeros((frequency.size, 3, 2))
+        columns[:, 0, 0], columns[:, 1, 0] = slope.real, slope.imag
+        columns[:, :, 1] = np.stack([stiffness.real, stiffness.imag, k1], axis=1) * self.level_std
+        covariance = here.covariance / b**2 + columns @ np.swapaxes(columns, 1, 2)
+        return Answer.of(stiffness, k1, covariance, 2 * np.pi * frequency)
+
+
+def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
+    """The shift to the stated temperature; None if the model has no law, or the query states no temperature."""
+    law = next((one.temperature for one in file.models if one.tyre == tyre), None)
+    temperature = query.state.get(_TEMPERATURE)
+    if law is None or temperature is None:
+        return None
+    low, high = law.range
+    off = max(low - temperature, temperature - high)
+    outside = 0.0 if off <= _NOMINAL else off / max(0.5 * (high - low), 1e-9)
+    remarks = []
+    if outside:
+        remark = (
+            f"{temperature:.5g} degC is outside the isotherms, by {outside:.3g} half spans; they go from {low:.5g} to "
+            f"{high:.5g} degC"
+        )
+        if not query.beyond:
+            raise ModelError(f"{remark}: state a temperature inside, measure there, or state --beyond")
+        remarks.append(remark)
+        values = [one.value for one in law.constants]
+        if law.law == "WLF" and values[1] + temperature - law.reference <= 0:
+            raise ModelError(
+                f"the WLF law ends at {law.reference - values[1]:.4g} degC: it has no value at {temperature:.5g} degC"
+            )
+    apart = temperature - law.reference
+    level = (0.0, 0.0) if law.vertical is None else (law.vertical.slope * apart, law.vertical.std * abs(apart))
+    return _Shift(law.shift_law, temperature, outside, tuple(remarks), *level)
 
 
 def maps_of(file: ModelFile, tyre: str, state: Mapping[str, float]) -> OperatingMap:

@@ -75,6 +75,22 @@ class Answer(ByValue):
     c: FloatArray
     arm_covariance: FloatArray
 
+    @classmethod
+    def of(cls, stiffness: ComplexArray, k1: FloatArray, covariance: FloatArray, omega: FloatArray) -> Answer:
+        """The answer at angular frequencies (Q,) [rad/s], with K2 and C from K* and K1."""
+        k2, c = maxwell_arm(stiffness, k1, omega)
+        difference = np.array([[1.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # Re and Im of K* - K1
+        arm = arm_covariance(stiffness, k1, omega, difference @ covariance @ difference.T)
+        passive = (stiffness.real > k1) & (stiffness.imag > 0)
+        return cls(
+            stiffness=stiffness,
+            k1=k1,
+            covariance=covariance,
+            k2=np.where(passive, k2, np.nan),
+            c=np.where(passive, c, np.nan),
+            arm_covariance=np.where(passive[:, None, None], arm, np.nan),
+        )
+
     @property
     def stiffness_covariance(self) -> FloatArray:
         """Covariance (Q, 2, 2) of Re K* and Im K* [N²/m²]."""
@@ -190,18 +206,7 @@ class OperatingMap(ByValue):
             k1, std = self.static.at(self.axes.scaled(points), self.axes.straight)
             covariance[:, 2, :] = covariance[:, :, 2] = 0.0
             covariance[:, 2, 2] = std**2
-        k2, c = maxwell_arm(stiffness, k1, omega)
-        difference = np.array([[1.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # Re and Im of K* - K1
-        arm = arm_covariance(stiffness, k1, omega, difference @ covariance @ difference.T)
-        passive = (stiffness.real > k1) & (stiffness.imag > 0)
-        return Answer(
-            stiffness=stiffness,
-            k1=k1,
-            covariance=covariance,
-            k2=np.where(passive, k2, np.nan),
-            c=np.where(passive, c, np.nan),
-            arm_covariance=np.where(passive[:, None, None], arm, np.nan),
-        )
+        return Answer.of(stiffness, k1, covariance, omega)
 
     def _bent(self, points: ArrayLike, omega: FloatArray) -> FloatArray:
         """Covariance (Q, 2, 2) of K* for a curvature that two levels of an axis cannot show; see `surface.bends`."""

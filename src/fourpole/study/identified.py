@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign import defaults
-from fourpole.campaign.folder import Campaign, Test, condition_of, inside
+from fourpole.campaign.folder import Campaign, Test, inside
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import worst_verdict
@@ -31,6 +31,7 @@ from fourpole.study.load import recorded_at
 from fourpole.study.outcome import Point, point_keys
 from fourpole.study.rig_estimate import RigEstimate, RunOrder, mass_gain
 from fourpole.study.rig_solution import relative_uncertainties, rig_estimate, with_recordings
+from fourpole.study.sharing import at_mean_temperature, families, temperature_note, temperatures_apart
 from fourpole.study.static import StaticStiffness
 
 #: Message that a route lacks the rig.
@@ -76,6 +77,8 @@ class Setup(ByValue):
         Time of the static tests that gave K1; not-a-number if it is unknown.
     order : RunOrder
         Where the times are from.
+    apart : (N,) float array [1]
+        Standard uncertainty of log K* for the temperature of the test apart from the mean of its condition.
     """
 
     rig_name: str
@@ -91,10 +94,11 @@ class Setup(ByValue):
     time: FloatArray
     static_time: FloatArray
     order: RunOrder
+    apart: FloatArray
 
     def part(self, rows: BoolArray) -> Setup:
         """The inputs for some of the tests."""
-        names = ("k1", "k1_std", "added", "added_std", "family", "nominal", "time", "static_time")
+        names = ("k1", "k1_std", "added", "added_std", "family", "nominal", "time", "static_time", "apart")
         specimen = tuple(name for name, kept in zip(self.specimen, rows, strict=True) if kept)
         taken = {name: getattr(self, name)[rows] for name in names}
         return replace(self, channels=self.channels.part(rows), specimen=specimen, **taken)
@@ -220,6 +224,8 @@ def identify_tests(
         setup.nominal[[test.name in several for test in of_rig]] = np.nan
         alone = np.array([i in apart for i in members])
         setup.family[alone] = len(tests) + np.flatnonzero(alone)
+        setup.apart[alone] = 0.0
+        notes += temperature_note(setup.apart, campaign.stated.conditions)
         group, remarks = _group(setup, [keys[i] for i in members], used, k1, route)
         group.intervals.update(_intervals(group, draws, seed))
         notes += remarks
@@ -292,6 +298,7 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
     added = np.array([test.value("added_mass") or 0.0 for test in tests])
     added_std = [test.value("u(added_mass)") for test in tests]
     order, time = _run(campaign, tests)
+    family = families(campaign, tests)
     return Setup(
         rig_name=rig_name,
         rig=stated.rig() if stated is not None else None,
@@ -300,12 +307,13 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         k1_std=np.array([k1.std for k1 in stiffness]),
         added=added,
         added_std=np.array([defaults.MASS_STD * m if s is None else s for m, s in zip(added, added_std, strict=True)]),
-        family=_families(campaign, tests),
+        family=family,
         nominal=np.array([test.value("frequency") or np.nan for test in tests]),
         specimen=tuple(test.tyre for test in tests),
         time=time,
         static_time=np.array([k1.time if order is RunOrder.TIME else np.nan for k1 in stiffness]),
         order=order,
+        apart=temperatures_apart(tests, family, campaign.stated.conditions),
     )
 
 
@@ -328,14 +336,6 @@ def _channels(campaign: Campaign) -> ChannelUncertainty:
     return ChannelUncertainty(*np.array(stated).T)
 
 
-def _families(campaign: Campaign, tests: Sequence[Test]) -> np.ndarray:
-    """Number of the condition of each test among all tests of the campaign; negative for a rigid block."""
-    rule, every = campaign.stated.sameness, campaign.of_kind("dynamic")
-    groups = rule.groups([condition_of(test, rule) for test in every]).tolist()
-    number = {test.name: at for test, at in zip(every, groups, strict=True)}
-    return np.array([-1 if test.kind == "calibration" else number[test.name] for test in tests])
-
-
 def _identified(
     keys: tuple[Key, ...], setup: Setup, phasors: Phasors, route: str, parts: Sequence[Mapping[Source, float]]
 ) -> Group:
@@ -356,6 +356,7 @@ def _identified(
         "channels": setup.channels,
     }
     result = identify(phasors, setup.rig, setup.k1, **arguments)
+    result = at_mean_temperature(result, setup.apart)
     variance = variance_by_source(phasors, setup.rig, setup.k1, **arguments)
     return Group(keys, setup, phasors, route, result, _k1_apart(variance, parts))
 
@@ -374,6 +375,7 @@ def _solved(setup: Setup, phasors: Phasors) -> Joint:
         channels=setup.channels,
         specimen=setup.specimen,
         time=setup.time,
+        apart=setup.apart,
     )
 
 

@@ -257,8 +257,13 @@ def branch_check(measured: str, subject: str) -> Check:
     return reported(Code.K1_BRANCH, "warning", said=f"{subject} is {_OF[measured]}")
 
 
-def stiffness_for(test: Test, statics: Sequence[StaticRow], rule: Sameness = _RULE) -> StaticStiffness:
-    """K1 of a dynamic test: as tests.csv states it, else from the static tests of its condition at its own preload."""
+def stiffness_for(
+    test: Test, statics: Sequence[StaticRow], rule: Sameness = _RULE, per_kelvin: float = 0.0
+) -> StaticStiffness:
+    """K1 of a dynamic test: as tests.csv states it, else from the static tests of its condition at its own preload.
+
+    `per_kelvin` is the relative change of K1 per kelvin [1/K], for static tests at another temperature.
+    """
     stated = test.value("K1")
     if stated is not None:
         std = test.value("u(K1)")
@@ -282,7 +287,7 @@ def stiffness_for(test: Test, statics: Sequence[StaticRow], rule: Sameness = _RU
             reason=f"no K1 at {preload:.6g} N: static test {at_load[0].test.name!r} was rejected: {why}",
             remedy=" or ".join(dict.fromkeys(check.remedy for check in rejected if check.remedy)),
         )
-    return _mean(good, choice)
+    return _at_temperature(_mean(good, choice), test, good, per_kelvin)
 
 
 def _mean(good: Sequence[StaticRow], choice: _Choice) -> StaticStiffness:
@@ -302,6 +307,20 @@ def _mean(good: Sequence[StaticRow], choice: _Choice) -> StaticStiffness:
     said = "; ".join([*([choice.remark] if choice.remark else []), *doubts])
     time = float(np.mean([row.test.values.get("time", np.nan) for row in good]))
     return StaticStiffness(float(values.mean()), std, doubt=said, warnings=tuple(warnings), parts=parts, time=time)
+
+
+def _at_temperature(
+    found: StaticStiffness, test: Test, good: Sequence[StaticRow], per_kelvin: float
+) -> StaticStiffness:
+    """K1 with the uncertainty from the difference of its temperature from that of the dynamic test."""
+    own, there = test.value("temperature"), [row.test.value("temperature") for row in good]
+    if own is None or None in there:
+        return found
+    moved = per_kelvin * abs(own - float(np.mean(np.array(there, dtype=float)))) * found.value
+    if not moved:
+        return found
+    parts = {**found.parts, Source(Kind.K1_TEMPERATURE): float(moved)}
+    return replace(found, std=float(np.hypot(found.std, moved)), parts=parts)
 
 
 def _no_static_test(test: Test, statics: Sequence[StaticRow], rule: Sameness) -> tuple[str, str]:

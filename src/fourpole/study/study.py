@@ -300,7 +300,8 @@ def _analysed(
     tests = [test for test, item in zip(dynamic, reduced, strict=True) for _ in item.points]
     points = [point for item in reduced for point in item.points]
     rows, rule = [row for item in statics for row in item.rows], campaign.stated.sameness
-    stiffness = [_stiffness(test, rows, rule) for test in tests]
+    per_kelvin = campaign.stated.conditions.per_kelvin
+    stiffness = [_stiffness(test, rows, rule, per_kelvin) for test in tests]
     compared = compare_tests(campaign, tests, points, [one.value for one in stiffness])
     found, notes = identify_tests(campaign, tests, points, stiffness, route, draws, _SEED, compared.strange)
     checks = [
@@ -338,9 +339,9 @@ def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
         )
 
 
-def _stiffness(test: Test, rows: Sequence[StaticRow], rule: Sameness) -> StaticStiffness:
+def _stiffness(test: Test, rows: Sequence[StaticRow], rule: Sameness, per_kelvin: float) -> StaticStiffness:
     """K1 of a test; a rigid block has none."""
-    return StaticStiffness() if test.kind == "calibration" else stiffness_for(test, rows, rule)
+    return StaticStiffness() if test.kind == "calibration" else stiffness_for(test, rows, rule, per_kelvin)
 
 
 def _assumed(tests: Sequence[Test]) -> list[str]:

@@ -247,6 +247,10 @@ class Columns:
     by_log_frequency: Callable
     scatter: float = 0.0
 
+    @property
+    def without_spread(self):
+        return self
+
 
 def drive(excess_factor=0.5, level=1e-7):
     """What is found of a drive, with errors of each frequency in the residuals and nothing else.

@@ -28,6 +28,7 @@ def identify_joint(
     channels: ChannelUncertainty | None = None,
     specimen: Sequence[str] | None = None,
     time: ArrayLike | None = None,
+    apart: ArrayLike = 0.0,
 ) -> Identification:
     r"""Find K* of every condition, the rig's values and the channels' gains from all tests of a rig together.
 
@@ -56,6 +57,8 @@ def identify_joint(
         Name of the specimen of each test; by default all tests are of one specimen.
     time : (N,) float array, optional
         Time of each test, in any unit, along which a specimen may drift; by default the order of the tests.
+    apart : (N,) float array [1]
+        Standard deviation of log K* of each test about that of its condition, as from another temperature.
 
     Returns
     -------
@@ -93,5 +96,6 @@ def identify_joint(
         channels=channels,
         specimen=specimen,
         time=time,
+        apart=apart,
     )
     return identification(joint, phasors, k1, k1_std)

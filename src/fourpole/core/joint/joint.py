@@ -90,6 +90,7 @@ def solve_joint(
     channels: ChannelUncertainty | None = None,
     specimen: Sequence[str] | None = None,
     time: ArrayLike | None = None,
+    apart: ArrayLike = 0.0,
 ) -> Joint:
     """The most probable values of all tests of a rig; the arguments are those of `identify_joint`."""
     if rig.blocked:
@@ -118,6 +119,7 @@ def solve_joint(
         stated,
         tuple(error.source for error in errors),
         tuple(names.tolist()),
+        apart=np.broadcast_to(np.asarray(apart, dtype=float), count)[order] if np.any(apart) else None,
     )
     problem, solution, outlier, misfit = _reconciled(problem, channels)
     back = np.argsort(order)

@@ -171,12 +171,12 @@ class Linear(ByValue):
     frame: FloatArray
     weigh: FloatArray | None = None
 
-    def scattered(self, scatter: float) -> Linear:
-        """The same tests, of a specimen whose log K* scatters by `scatter`, in Re and in Im."""
-        if scatter == 0:
+    def scattered(self, scatter: FloatArray) -> Linear:
+        """The same tests, whose log K* scatters by `scatter` (N,), in Re and in Im."""
+        if not np.any(scatter):
             return self
         by_k = self.by_stiffness
-        covariance = np.eye(6) + scatter**2 * by_k @ np.swapaxes(by_k, 1, 2)
+        covariance = np.eye(6) + (scatter**2)[:, None, None] * (by_k @ np.swapaxes(by_k, 1, 2))
         weigh = np.linalg.inv(np.linalg.cholesky(covariance))
         names = ("by_stiffness", "by_impedance", "by_shared")
         weighed = {name: weigh @ getattr(self, name) for name in names}

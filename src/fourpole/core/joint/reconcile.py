@@ -287,7 +287,7 @@ def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level:
     The error may be common to all tests. Their mean then knows Zr no better than a single test does, so that its
     variance counts as many times as there are tests. K* then depends on the channels, and hardly on the rig.
     """
-    columns = replace(problem, scatter=0.0).columns("by_impedance", z, stiffness)
+    columns = problem.without_spread.columns("by_impedance", z, stiffness)
     size = level * np.sqrt(len(columns)) * largest_at(problem, z, stiffness)
     return problem.widened(columns * size[:, None, None])
 
@@ -305,7 +305,7 @@ def _unsteady_drive(state: State, left: Residuals, found: _Diagnosis) -> tuple[f
 
     A drive with a wandering speed has no single frequency, and the rig's inertia is proportional to frequency squared.
     """
-    problem, solution = replace(state.problem, scatter=0.0), state.solution
+    problem, solution = state.problem.without_spread, state.solution
     by_k, residual = (problem.columns(name, solution.z, solution.stiffness) for name in ("by_stiffness", "residual"))
     basis, _ = cholesky_qr(by_k)
     by_frequency = problem.by_log_frequency(solution.z, solution.stiffness)

@@ -14,7 +14,7 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray
 from fourpole.core.joint.conditions import JointConditions
-from fourpole.core.joint.model import inverse_upper, upper_factor
+from fourpole.core.joint.model import inverse_upper, linearise, upper_factor
 from fourpole.core.joint.solve import Problem, Solution
 
 #: Median of chi-square with 2 degrees of freedom.
@@ -23,6 +23,8 @@ MEDIAN = 1.386
 _MOST, _HALVINGS = 1.0, 60
 #: Least number of tests with a repeat for a robust estimate of the scatter.
 _ENOUGH = 6
+#: Newton steps to the K* of a test by itself.
+_NEWTON = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +36,7 @@ class Deviations(ByRows):
     value : (N, 2) float array
         Its Re and Im; 0 for a rigid block.
     covariance : (N, 2, 2) float array
-        Its covariance from the noise of the test.
+        Its covariance from the noise of the test and from its temperature.
     """
 
     value: FloatArray
@@ -43,13 +45,14 @@ class Deviations(ByRows):
 
 def deviations(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> Deviations:
     """The departures at shared values z and K* of each condition, for all tests of the problem."""
-    bare = replace(problem, scatter=0.0) if problem.scatter else problem
+    bare = problem.without_spread if np.any(problem.spread) else problem
     linear = [part for _, _, part in bare.linearised(z, stiffness)]
     by_k, residual = (np.concatenate([getattr(part, name) for part in linear]) for name in ("by_stiffness", "residual"))
     root = inverse_upper(upper_factor(np.swapaxes(by_k, 1, 2) @ by_k))
     covariance = root @ np.swapaxes(root, 1, 2)
     value = np.einsum("nij,njk,nk->ni", covariance, np.swapaxes(by_k, 1, 2), residual)
-    return Deviations(value, covariance)
+    apart = replace(problem, scatter=0.0).spread
+    return Deviations(value, covariance + (apart**2)[:, None, None] * np.eye(2))
 
 
 def squares(conditions: JointConditions, found: Deviations, scatter: float) -> FloatArray:
@@ -148,23 +151,43 @@ class OwnTests(ByRows):
 def own_tests(problem: Problem, solution: Solution) -> OwnTests:
     """K* of each test by itself and its condition together, in the order of the problem."""
     count = problem.conditions.label.size
-    if problem.scatter == 0:
+    spread = problem.spread
+    if not np.any(spread):
         zero = np.zeros((count, 2, 2))
         nothing = np.zeros((count, 2, len(problem.shared)))
         return OwnTests(zero[:, 0], zero + np.eye(2), zero, nothing, zero[:, 0])
-    plain = replace(problem, scatter=0.0)
-    linear = [part for _, _, part in plain.linearised(solution.z, solution.stiffness)]
-    by_k, residual, by_shared = (
-        np.concatenate([getattr(part, name) for part in linear]) for name in ("by_stiffness", "residual", "by_shared")
-    )
-    weight = np.swapaxes(by_k, 1, 2) @ by_k
-    covariance = np.linalg.inv(weight + np.eye(2) / problem.scatter**2)
-    drawn = covariance @ np.swapaxes(by_k, 1, 2)
+    plain = problem.without_spread
+    square = (spread**2)[:, None, None]
+    shift = np.zeros((count, 2))
+    for _ in range(_NEWTON):  # the departures may be many times the noise, where the model is no longer linear
+        by_k, residual, by_shared = _linear_at(plain, solution, shift)
+        weight = np.swapaxes(by_k, 1, 2) @ by_k
+        covariance = square * np.linalg.inv(np.eye(2) + square * weight)
+        drawn = covariance @ np.swapaxes(by_k, 1, 2)
+        shift = (drawn @ (residual + np.einsum("nij,nj->ni", by_k, shift))[..., None])[..., 0]
     by_frequency = plain.by_log_frequency(solution.z, solution.stiffness)
     return OwnTests(
-        shift=(drawn @ residual[..., None])[..., 0],
+        shift=shift,
         keep=np.eye(2) - covariance @ weight,
         covariance=covariance,
         by_shared=-drawn @ by_shared,
         by_frequency=(drawn @ by_frequency[..., None])[..., 0],
     )
+
+
+def _linear_at(problem: Problem, solution: Solution, shift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Derivatives by log K*, residuals and derivatives by the shared values, at the K* of each test."""
+    conditions = problem.conditions
+    stiffness = np.ones(conditions.label.size, dtype=complex)
+    here = slice(conditions.first, None)
+    if conditions.count:
+        stiffness[here] = (solution.stiffness[conditions.label] * conditions.carried(solution.stiffness))[here]
+    stiffness = stiffness * np.exp(shift @ [1, 1j])
+    parts = [
+        linearise(problem.observed.part(rows), problem.shared, solution.z, stiffness[rows])
+        for rows, _ in problem.chunks()
+    ]
+    by_k, residual, by_shared = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("by_stiffness", "residual", "by_shared")
+    )
+    return by_k, residual, by_shared

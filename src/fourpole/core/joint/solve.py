@@ -47,6 +47,8 @@ class Problem:
         The specimens, in the order of `Observed.specimen`.
     scatter : float [1]
         Standard deviation of Re and Im of log K* of a test about those of its condition, besides the noise.
+    apart : (N,) float array [1], optional
+        The same for each test, because its temperature is not the mean of its condition; by default 0.
     """
 
     observed: Observed
@@ -55,7 +57,18 @@ class Problem:
     errors: tuple[Source, ...] = ()
     names: tuple[str, ...] = ("",)
     scatter: float = 0.0
+    apart: FloatArray | None = None
     _kept: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
+
+    @property
+    def spread(self) -> FloatArray:
+        """Standard deviation (N,) of log K* of each test about that of its condition, besides the noise [1]."""
+        return np.hypot(self.scatter, np.zeros(self.conditions.label.size) if self.apart is None else self.apart)
+
+    @property
+    def without_spread(self) -> Problem:
+        """The same tests as if K* of a test were that of its condition."""
+        return replace(self, scatter=0.0, apart=None)
 
     def reweighted(self, whiten: FloatArray) -> Problem:
         """The same tests with another matrix of weights."""
@@ -95,7 +108,7 @@ class Problem:
         label = self.conditions.label
         for rows, group in self.chunks():
             own = stiffness[label[rows]] * carried[rows] if group.stop else np.ones(rows.stop - rows.start, complex)
-            yield rows, group, linearise(self.observed.part(rows), self.shared, z, own).scattered(self.scatter)
+            yield rows, group, linearise(self.observed.part(rows), self.shared, z, own).scattered(self.spread[rows])
 
     def columns(self, name: str, z: FloatArray, stiffness: ComplexArray) -> np.ndarray:
         """One field of the linearised model for all tests, by its name in `Linear`."""

@@ -10,7 +10,8 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY, axis_of
-from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, NamedValue, map_of
+from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of
+from fourpole.fitting.modelparts import NamedValue
 from fourpole.report.digits import number, spread
 from fourpole.report.words.phrases import percent, ranged
 

@@ -66,6 +66,7 @@ _WORDS = {
     Kind.K1_REPEATS: "the scatter of K1 between repeated static tests",
     Kind.K1_STATED: "K1 as stated",
     Kind.K1_DRIFT: "the drift of the specimen between its static and its dynamic test",
+    Kind.K1_TEMPERATURE: "the temperature of the static test, which is not that of the dynamic test",
     Kind.OTHER: "{name}",
 }
 _BY_MASS = (
@@ -104,6 +105,8 @@ _REMEDIES = {
     Kind.K1_REPEATS: "look for what differs between the static tests (temperature, conditioning, seating, speed of "
     "loading), or repeat them more often: four times as many halve the uncertainty of their mean",
     Kind.K1_STATED: _STATE_K1,
+    Kind.K1_TEMPERATURE: "make the static test at the temperature of the dynamic tests, or state in "
+    "campaign.toml how much K* changes per kelvin",
     Kind.K1_DRIFT: "say in column time of tests.csv when each test was made, and make the static test in the middle of "
     "the run",
     Kind.OTHER: "state {name} with a smaller uncertainty",

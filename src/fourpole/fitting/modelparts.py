@@ -1,0 +1,76 @@
+"""What all parts of a model file are made of: strict records, values with their units, covariances."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from fourpole.errors import ModelError
+
+#: Relative tolerance for an asymmetric covariance, or one with a negative eigenvalue.
+_ROUND_OFF = 1e-6
+#: Largest modulus of a parameter in SI units, or of a coefficient: a relaxation time may be very long.
+LARGEST = 1e120
+#: Keys of version 1 of the format whose attributes have other names.
+_KEYS = {
+    "discrepancy": "granted", "leave_one_out": "left_out", "cross_validation": "left_out", "not_converged": "lost"
+}  # fmt: skip
+
+
+class Strict(BaseModel):
+    """Base of all records: no other keys, no number that is not finite."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        allow_inf_nan=False,
+        frozen=True,
+        populate_by_name=True,
+        alias_generator=lambda name: _KEYS.get(name, name),
+    )
+
+
+class Named(Strict):
+    """Base of values and axes with the name and SI unit of a column."""
+
+    name: str
+    unit: str
+
+    @property
+    def column(self) -> str:
+        """The column: "pressure [Pa]"."""
+        return f"{self.name} [{self.unit}]"
+
+
+class NamedValue(Named):
+    """A value with its name and SI unit."""
+
+    value: float
+
+    @classmethod
+    def of(cls, state: Mapping[str, float]) -> list[NamedValue]:
+        """The values of a state, by column."""
+        split = [(*split_column(column), value) for column, value in state.items()]
+        return [cls(name=name, unit=unit, value=value) for name, unit, value in split]
+
+
+def split_column(column: str) -> tuple[str, str]:
+    """Name and unit of a column: "pressure [Pa]"; the unit is 1 where there is none."""
+    name, mark, unit = column.rpartition(" [")
+    return (name, unit.removesuffix("]")) if mark else (column, "1")
+
+
+def check_covariance(where: str, rows: list[list[float]], size: int) -> None:
+    """ModelError unless the rows are a covariance of this size."""
+    if len(rows) != size or any(len(row) != size for row in rows):
+        raise ModelError(f"{where}: the covariance is not {size} by {size}")
+    matrix = np.array(rows, dtype=float).reshape(size, size)
+    if size and np.abs(matrix).max() > LARGEST**2:
+        raise ModelError(f"{where}: the covariance is none: a number in it is beyond all measure")
+    std = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scale = np.where(std > 0, std, 1.0)
+    correlation = matrix / np.outer(scale, scale)
+    sound = np.all(np.diag(matrix) >= 0) and np.allclose(correlation, correlation.T, atol=_ROUND_OFF)
+    if not sound or (size and np.linalg.eigvalsh(correlation)[0] < -_ROUND_OFF * size):
+        raise ModelError(f"{where}: the covariance is none: it is not symmetric or has a negative direction")

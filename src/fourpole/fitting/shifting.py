@@ -1,0 +1,340 @@
+"""Tables of isotherms become a master curve, its shift factors and their law, as tables and files."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole import units
+from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.condition import AXES, Condition, Sameness
+from fourpole.errors import FileError, ModelError, TableError
+from fourpole.fitting.lawfile import TemperatureFile, VerticalFile
+from fourpole.fitting.measured import COVARIANCE_COLUMNS, MASTER, Measured, MeasuredSet, read_measured
+from fourpole.fitting.modelparts import NamedValue
+from fourpole.io.source import read_bytes
+from fourpole.models.common_curve import Isotherm
+from fourpole.models.overlap import Overlap, overlaps
+from fourpole.models.shift_law import CONSTANTS, LawChoice, fit_laws
+from fourpole.models.superposition import Superposition, superpose
+
+#: Largest difference of two temperatures of one isotherm [K].
+APART = 1.0
+#: Files beside the table of a master curve.
+LAW, COVARIANCE = "temperature.json", "covariance.parquet"
+_MOST_BYTES = 50_000_000
+_TEMPERATURE = q.TEMPERATURE.head
+#: Heads of a modulus or a stiffness: Re E* [MPa], E' [MPa], G'' [Pa], u(K') [N/m].
+_HEAD = re.compile(
+    r"^(?P<u>u\()?(?:(?P<part>Re|Im) )?(?P<of>[KEG])(?P<mark>\*|''|\"|'|′′|″|′)\)? \[(?P<unit>[^\]]+)\]$"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class TyreShift(ByValue):
+    """The master curve of one specimen.
+
+    Attributes
+    ----------
+    tyre : str
+    state : dict of str to float
+        Values on the axes besides temperature.
+    measured : tuple of Measured
+        The isotherms of `found`, rising in temperature.
+    found : Superposition
+    rest : tuple of Isotherm
+        Isotherms that no overlap links to the reference.
+    overlaps : tuple of Overlap
+    choice : LawChoice
+    vertical : (float, float) or None
+        Relative change of b_T per kelvin, and its standard uncertainty [1/K]; None without vertical shifts.
+    """
+
+    tyre: str
+    state: dict[str, float]
+    measured: tuple[Measured, ...]
+    found: Superposition
+    rest: tuple[Isotherm, ...]
+    overlaps: tuple[Overlap, ...]
+    choice: LawChoice
+    vertical: tuple[float, float] | None
+
+
+def read_isotherms(
+    paths: Sequence[str | Path], *, apart: float = APART, std: float | None = None, shape: float | None = None
+) -> MeasuredSet:
+    """Read the isotherms of one or several tables, as one set of conditions.
+
+    Parameters
+    ----------
+    paths : sequence of path
+        Tables or results folders with a column of temperature.
+    apart : float [K]
+        Largest difference of two temperatures of one isotherm.
+    std : float, optional [1]
+        Relative standard uncertainty of K*, in place of that in the tables.
+    shape : float, optional [m]
+        K* per modulus, for tables of E* or G*; without it the modulus takes the place of K*.
+
+    Raises
+    ------
+    ModelError
+        If a table has no temperature or no K*.
+    FileError, TableError
+        If a table cannot be read.
+    """
+    if not apart > 0:
+        raise ModelError("the temperatures of one isotherm must be allowed to differ: state --apart above zero")
+    axes = tuple(replace(axis, absolute=apart) if axis.column == _TEMPERATURE else axis for axis in AXES)
+    sets = [
+        read_measured(path, std=std, axes=axes, prepared=lambda frame: as_stiffness(frame, shape)) for path in paths
+    ]
+    for path, one in zip(paths, sets, strict=True):
+        if any(_TEMPERATURE not in each.state for each in one.conditions):
+            raise ModelError(
+                f"{Path(path).name}: has no {_TEMPERATURE} in some or all rows: add a column {_TEMPERATURE} with the "
+                "temperature of each row"
+            )
+    known = all(one.known for one in sets)
+    return MeasuredSet(
+        conditions=tuple(each for one in sets for each in one.conditions),
+        notes=tuple(dict.fromkeys(note for one in sets for note in one.notes)),
+        known=known,
+        source=", ".join(one.source for one in sets),
+        sha256=sets[0].sha256 if len(sets) == 1 else "",
+        rule=sets[0].rule,
+    )
+
+
+def as_stiffness(frame: pl.DataFrame, shape: float | None = None) -> pl.DataFrame:
+    """A table with E', E'', G', G'', K' or K'' in any unit as one of Re K* and Im K* [N/m].
+
+    A modulus [Pa] is multiplied by the shape factor [m]; without one it keeps its value.
+
+    Examples
+    --------
+    >>> as_stiffness(pl.DataFrame({"frequency [Hz]": ["1"], "E' [MPa]": ["2"], "E'' [MPa]": ["0.5"]})).columns
+    ['frequency [Hz]', 'Re K* [N/m]', 'Im K* [N/m]']
+    """
+    changed: dict[str, tuple[str, float]] = {}
+    for name in frame.columns:
+        found = _HEAD.match(name)
+        if found is None:
+            if name.startswith("temperature [") and name != _TEMPERATURE:
+                frame = _with_unit(frame, name, "temperature", _TEMPERATURE)
+            continue
+        real = found["part"] == "Re" or (found["part"] is None and found["mark"] in ("'", "′"))
+        quantity = q.STORAGE if real else q.LOSS
+        modulus = found["of"] != "K"
+        scale = units.unit_scale(found["unit"], "pressure" if modulus else "stiffness")
+        changed[name] = (quantity.u_head if found["u"] else quantity.head, scale * ((shape or 1.0) if modulus else 1.0))
+    for name, (head, scale) in changed.items():
+        if head in frame.columns and head != name:
+            raise TableError(f"{units.shown(name)} and {units.shown(head)} are both in the table: keep one of them")
+        frame = frame.rename({name: head}) if head != name else frame
+        if scale != 1.0:
+            numbers = frame[head].cast(pl.String).str.strip_chars().cast(pl.Float64, strict=False)
+            frame = frame.with_columns((numbers * scale).alias(head))
+    return frame
+
+
+def _with_unit(frame: pl.DataFrame, name: str, kind: str, head: str) -> pl.DataFrame:
+    """The table with a column in the SI unit of its kind."""
+    numbers = frame[name].cast(pl.String).str.strip_chars().cast(pl.Float64, strict=False)
+    unit = units.column_unit(name)[1] or ""
+    values = units.to_si(numbers.fill_null(np.nan).to_numpy(), unit, kind)
+    return frame.rename({name: head}).with_columns(pl.Series(head, values))
+
+
+def shift_tyres(
+    measured: MeasuredSet,
+    reference: float | None = None,
+    *,
+    vertical: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[TyreShift]:
+    """The master curve of each specimen, at each state besides temperature; ModelError if one cannot be made."""
+    rule = measured.rule.without("temperature")
+    numeric = [axis for axis in rule.axes if not axis.text]
+    plain = Sameness(tuple(numeric))
+    states = [Condition(one.tyre, tuple(one.state.get(axis.column) for axis in numeric)) for one in measured.conditions]
+    labels = plain.groups(states)
+    every = [int(label) for label in np.unique(labels)]
+    made = []
+    for done, label in enumerate(every):
+        if progress is not None:
+            progress(done, len(every))
+        members = [one for one, own in zip(measured.conditions, labels, strict=True) if own == label]
+        made.append(_shift(members, reference, known=measured.known, vertical=vertical))
+    return made
+
+
+def _shift(members: Sequence[Measured], reference: float | None, *, known: bool, vertical: bool) -> TyreShift:
+    ordered = sorted(members, key=lambda one: one.state[_TEMPERATURE])
+    isotherms = [_isotherm(one, known=known) for one in ordered]
+    found, rest = superpose(isotherms, reference, vertical=vertical)
+    kept = {one.temperature for one in found.isotherms}
+    choice = fit_laws(found.temperatures, found.log_a, found.covariance, found.reference)
+    state = {name: value for name, value in ordered[0].state.items() if name != _TEMPERATURE}
+    return TyreShift(
+        tyre=ordered[0].tyre,
+        state=state,
+        measured=tuple(one for one in ordered if one.state[_TEMPERATURE] in kept),
+        found=found,
+        rest=rest,
+        overlaps=overlaps(found),
+        choice=choice,
+        vertical=_vertical(found) if vertical else None,
+    )
+
+
+def _isotherm(one: Measured, *, known: bool) -> Isotherm:
+    """The isotherm of a condition; rows of one frequency are their mean."""
+    omega, at = np.unique(np.round(one.own.omega, 12), return_inverse=True)
+    count = np.bincount(at)
+    stiffness = (np.bincount(at, one.own.stiffness.real) + 1j * np.bincount(at, one.own.stiffness.imag)) / count
+    covariance = None
+    if known:
+        flat = one.own.covariance.reshape(-1, 4)
+        covariance = np.stack([np.bincount(at, column) / count**2 for column in flat.T], axis=-1).reshape(-1, 2, 2)
+    return Isotherm(one.state[_TEMPERATURE], omega, np.asarray(stiffness, dtype=complex), covariance)
+
+
+def _vertical(found: Superposition) -> tuple[float, float]:
+    """Slope of ln b_T over temperature [1/K] by weighted least squares, and its standard uncertainty."""
+    others = np.arange(found.temperatures.size) != found.reference
+    x = (found.temperatures - found.temperatures[found.reference])[others]
+    y = found.log_b[others]
+    weight = np.linalg.pinv(found.vertical_covariance[np.ix_(others, others)] + 1e-16 * np.eye(x.size))
+    slope = float(x @ weight @ y / (x @ weight @ x))
+    rest = y - slope * x
+    scale = max(1.0, float(rest @ weight @ rest) / max(x.size - 1, 1))
+    return slope, float(np.sqrt(scale / (x @ weight @ x)))
+
+
+def law_file(one: TyreShift) -> TemperatureFile:
+    """The law of a master curve as a model file has it."""
+    law = one.choice.best
+    names = CONSTANTS[law.name]
+    ends = one.found.temperatures
+    return TemperatureFile(
+        law="WLF" if law.name == "WLF" else "Arrhenius",
+        reference=law.reference,
+        constants=[NamedValue(name=n, unit=u, value=float(v)) for (n, u), v in zip(names, law.values, strict=True)],
+        covariance=law.covariance.tolist(),
+        range=(float(ends.min()), float(ends.max())),
+        vertical=None if one.vertical is None else VerticalFile(slope=one.vertical[0], std=one.vertical[1]),
+        decided=one.choice.decided,
+    )
+
+
+def shift_table(every: Sequence[TyreShift]) -> pl.DataFrame:
+    """The shift factors of all isotherms, with their standard uncertainties."""
+    rows: list[dict[str, Any]] = []
+    for one in every:
+        found, law = one.found, one.choice.best
+        stds = found.std / np.log(10), law.log_a_std(found.temperatures) / np.log(10)
+        for at, t in enumerate(found.temperatures.tolist()):
+            row = {"tyre": one.tyre, **one.state, _TEMPERATURE: t}
+            row |= {"log10 aT [1]": float(found.log_a[at] / np.log(10)), "u(log10 aT) [1]": float(stds[0][at])}
+            row |= {"log10 aT by the law [1]": float(law.log_a(t)[0] / np.log(10))}
+            row |= {"u(log10 aT by the law) [1]": float(stds[1][at])}
+            if found.vertical:
+                b = float(np.exp(found.log_b[at]))
+                row |= {"bT [1]": b, "u(bT) [1]": b * float(found.vertical_std[at])}
+            rows.append(row)
+        lost = [{"tyre": one.tyre, **one.state, _TEMPERATURE: each.temperature} for each in one.rest]
+        rows += lost
+    return pl.DataFrame(rows, infer_schema_length=None)
+
+
+def overlap_table(every: Sequence[TyreShift]) -> pl.DataFrame:
+    """The overlaps of neighbouring isotherms, with their verdicts."""
+    rows: list[dict[str, Any]] = []
+    for one in every:
+        for each in one.overlaps:
+            row: dict[str, Any] = {"tyre": one.tyre, **one.state}
+            row |= dict(zip(("colder [degC]", "warmer [degC]"), each.temperatures, strict=True))
+            row |= {"overlap [decades]": each.decades, "points": each.points, "chi2": each.chi2, "dof": each.dof}
+            row |= {"p-value [1]": each.chance, "difference of K' [1]": each.level}
+            rows.append(row | {"difference of loss factor [1]": each.loss, "verdict": each.verdict})
+    return pl.DataFrame(rows, infer_schema_length=None)
+
+
+def master_tables(every: Sequence[TyreShift]) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """The master curve as a table that `fit` reads, and its covariance.
+
+    Reduced K* over reduced frequency, at the reference temperature. The shift factors are errors that points share.
+    """
+    rows: list[dict[str, Any]] = []
+    covariance: list[dict[str, Any]] = []
+    for number, one in enumerate(every):
+        for at, t in enumerate(one.found.temperatures.tolist()):
+            own, shared = _errors(one.found, at)
+            omega, stiffness = one.found.reduced(at)
+            name = f"{one.tyre} at {t:.5g} degC".strip()
+            for point in range(omega.size):
+                key = {q.TEST.head: name, q.POINT.head: point + 1}
+                std = np.sqrt(np.diag(own[point] + shared[point] @ shared[point].T))
+                row = {**key, "tyre": one.tyre, **one.state, _TEMPERATURE: one.choice.best.reference}
+                row |= {q.FREQUENCY.head: float(omega[point] / (2 * np.pi))}
+                row |= {q.STORAGE.head: float(stiffness[point].real), q.LOSS.head: float(stiffness[point].imag)}
+                row |= {q.STORAGE.u_head: float(std[0]), q.LOSS.u_head: float(std[1])}
+                row |= {"measured temperature [degC]": t}
+                rows.append(row | {"measured frequency [Hz]": float(one.found.isotherms[at].frequency[point])})
+                values = (name, f"{number}", len(covariance), own[point].ravel().tolist(), *shared[point].tolist())
+                covariance.append({**dict(zip(COVARIANCE_COLUMNS, values, strict=True)), q.POINT.head: point + 1})
+    return pl.DataFrame(rows, infer_schema_length=None), pl.DataFrame(covariance, infer_schema_length=None)
+
+
+def _errors(found: Superposition, at: int) -> tuple[FloatArray, FloatArray]:
+    """Own covariance (N, 2, 2) of reduced K* of an isotherm, and its change (N, 2, p) by errors of the shifts."""
+    omega, stiffness = found.reduced(at)
+    own = (found.errors[at] * np.exp(found.log_b[at]))[:, :, None] ** 2 * np.eye(2)
+    columns = [found.slope(omega)[:, None] * _root(found.covariance)[at][None, :]]
+    if found.vertical:
+        columns.append(stiffness[:, None] * _root(found.vertical_covariance)[at][None, :])
+    whole = np.concatenate(columns, axis=1)
+    return own, np.stack([whole.real, whole.imag], axis=1)
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """L (n, n) with L L^T equal to a covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def law_document(every: Sequence[TyreShift], sha256: str) -> dict[str, Any]:
+    """The laws of a master curve as a JSON document, with the hash of the table that they belong to."""
+    laws = [{"tyre": one.tyre, "temperature": law_file(one).model_dump(mode="json")} for one in every]
+    return {"format": "fourpole-temperature", "version": 1, "master sha256": sha256, "laws": laws}
+
+
+def laws_beside(table: Path, sha256: str) -> tuple[dict[str, TemperatureFile], str]:
+    """Laws by specimen for a master curve, from the file beside it, and a note if they are of another table."""
+    beside = table.parent / LAW
+    if table.name != MASTER or not beside.is_file():
+        return {}, ""
+    try:
+        document = json.loads(read_bytes(beside, max_bytes=_MOST_BYTES))
+        same = document["master sha256"] == sha256
+        laws = {one["tyre"]: TemperatureFile.model_validate(one["temperature"]) for one in document["laws"]}
+        single = len(laws) == len(document["laws"])
+    except (FileError, ValueError, KeyError, TypeError):
+        return {}, f"{LAW} beside the table cannot be read: the model has no law of the temperature; run fourpole shift"
+    if not same:
+        return {}, f"{LAW} is of another {MASTER}: the model has no law of the temperature; run fourpole shift again"
+    if not single:
+        return (
+            {},
+            "a specimen has several master curves: its model has no law of the temperature; fit one state at a time",
+        )
+    return laws, ""

@@ -1,0 +1,308 @@
+r"""Laws of the shift factors over temperature: WLF and Arrhenius, fitted with their uncertainty, and the choice of one.
+
+.. math:: \log_{10} a_T = \frac{-C_1 (T - T_{ref})}{C_2 + T - T_{ref}}, \qquad
+    \ln a_T = \frac{E}{R} \left(\frac{1}{T} - \frac{1}{T_{ref}}\right)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize, stats
+
+from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.confidence import CHANCE
+from fourpole.errors import ModelError
+
+#: Molar gas constant [J/(mol K)], exact in the SI since 2019.
+GAS_CONSTANT = 8.31446261815324
+#: Zero of the Celsius scale [K].
+ZERO_CELSIUS = 273.15
+_DECADE = np.log(10.0)
+#: Difference of BIC below which two laws are equally good.
+UNDECIDED = 2.0
+#: Least variance of a shift factor besides that of the overlap: a temperature is seldom known better than this [K].
+_LEAST_KELVIN = 1e-4
+#: Ends of the search for an interval, in standard uncertainties.
+_WIDEST = 60.0
+_LEVEL = 0.95
+#: Symbols and units of the constants of each law.
+CONSTANTS = {"WLF": (("C1", "1"), ("C2", "K")), "Arrhenius": (("E", "J/mol"),)}
+
+
+@dataclass(frozen=True, eq=False)
+class ShiftLaw(ByValue):
+    """A law of the horizontal shift factors.
+
+    Attributes
+    ----------
+    name : str
+        WLF or Arrhenius.
+    reference : float [degC]
+        Temperature at which the shift factor is 1.
+    values : (k,) float array
+        C1 [1] and C2 [K], or the activation energy [J/mol].
+    covariance : (k, k) float array
+        Their covariance; it includes the misfit of the law.
+    intervals : (k, 2) float array
+        Their 95 % intervals by profile likelihood; infinite where the data set no end.
+    chi2, dof : float, int
+        Chi-square of the shift factors about the law, and its degrees of freedom.
+    bic : float
+        Bayes information criterion; the smaller, the better.
+
+    Examples
+    --------
+    >>> law = ShiftLaw("WLF", 20.0, np.array([8.86, 101.6]), np.zeros((2, 2)))
+    >>> round(float(law.log_a(40.0)[0] / np.log(10)), 3)
+    -1.457
+    """
+
+    name: str
+    reference: float
+    values: FloatArray
+    covariance: FloatArray
+    intervals: FloatArray | None = None
+    chi2: float = 0.0
+    dof: int = 0
+    bic: float = 0.0
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard uncertainties (k,) of the constants."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def fits(self) -> bool:
+        """Whether chance explains the misfit of the law."""
+        return self.dof == 0 or bool(stats.chi2.sf(self.chi2, self.dof) > CHANCE)
+
+    def log_a(self, temperature: FloatArray | float) -> FloatArray:
+        """Natural logarithm (N,) of the shift factor at temperatures (N,) [degC]."""
+        return _law(self.name, self.values, self.reference, np.atleast_1d(np.asarray(temperature, dtype=float)))
+
+    def log_a_std(self, temperature: FloatArray | float) -> FloatArray:
+        """Standard uncertainty (N,) of `log_a`."""
+        slopes = _slopes(self.name, self.values, self.reference, np.atleast_1d(np.asarray(temperature, dtype=float)))
+        return np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slopes, self.covariance, slopes), 0.0))
+
+    def at_reference(self, temperature: float) -> ShiftLaw:
+        """The same law with another reference temperature [degC], with the covariance of its constants.
+
+        Raises
+        ------
+        ModelError
+            If the temperature is not above the one where the WLF law ends, the reference less C2.
+
+        Examples
+        --------
+        >>> law = ShiftLaw("WLF", 20.0, np.array([8.86, 101.6]), np.zeros((2, 2)))
+        >>> law.at_reference(-20.0).values.round(2)
+        array([14.61, 61.6 ])
+        """
+        if self.name != "WLF":
+            return ShiftLaw(self.name, temperature, self.values, self.covariance, self.intervals)
+        c1, c2 = self.values
+        moved = c2 + temperature - self.reference
+        if moved <= 0:
+            raise ModelError(
+                f"the WLF law ends at {self.reference - c2:.4g} degC: a reference temperature must be above it"
+            )
+        turn = np.array([[c2 / moved, c1 / moved - c1 * c2 / moved**2], [0.0, 1.0]])
+        return ShiftLaw("WLF", temperature, np.array([c1 * c2 / moved, moved]), turn @ self.covariance @ turn.T)
+
+
+@dataclass(frozen=True)
+class LawChoice:
+    """The laws that were fitted, the best first.
+
+    Attributes
+    ----------
+    laws : tuple of ShiftLaw
+    decided : bool
+        Whether the data prefer the first law.
+    """
+
+    laws: tuple[ShiftLaw, ...]
+    decided: bool
+
+    @property
+    def best(self) -> ShiftLaw:
+        """The law with the smallest BIC."""
+        return self.laws[0]
+
+
+def fit_laws(temperatures: FloatArray, log_a: FloatArray, covariance: FloatArray, reference: int) -> LawChoice:
+    """Fit both laws to shift factors, and choose one by BIC.
+
+    Parameters
+    ----------
+    temperatures, log_a : (n,) float arrays [degC], [1]
+        Temperatures, and natural logarithms of the shift factors.
+    covariance : (n, n) float array [1]
+        Covariance of `log_a`; 0 for the reference.
+    reference : int
+        Index of the reference.
+
+    Returns
+    -------
+    LawChoice
+        Without WLF if there are fewer than three temperatures.
+
+    Notes
+    -----
+    If chance does not explain the misfit of a law, the covariance of its constants is multiplied by chi-square per
+    degree of freedom, and the intervals follow Student's distribution.
+    """
+    others = np.arange(temperatures.size) != reference
+    problem = _Problem(
+        float(temperatures[reference]), temperatures[others], log_a[others], covariance[np.ix_(others, others)]
+    )
+    names = ["Arrhenius"] if temperatures.size < 3 else ["WLF", "Arrhenius"]
+    laws = [found for name in names if (found := problem.fitted(name)) is not None]
+    scale = 1.0 if any(law.fits for law in laws) else min(law.chi2 / max(law.dof, 1) for law in laws)
+    ranked = sorted(laws, key=lambda law: law.chi2 / scale + law.values.size * np.log(problem.t.size))
+    gap = [law.chi2 / scale + law.values.size * np.log(problem.t.size) for law in ranked]
+    decided = len(gap) < 2 or gap[1] - gap[0] > UNDECIDED
+    return LawChoice(tuple(ranked), decided)
+
+
+def _law(name: str, values: FloatArray, reference: float, t: FloatArray) -> FloatArray:
+    if name == "WLF":
+        x = t - reference
+        return np.asarray(-_DECADE * values[0] * x / (values[1] + x))
+    return np.asarray(values[0] / GAS_CONSTANT * (1 / (t + ZERO_CELSIUS) - 1 / (reference + ZERO_CELSIUS)))
+
+
+def _slopes(name: str, values: FloatArray, reference: float, t: FloatArray) -> FloatArray:
+    """Derivatives (N, k) of ln a_T by the constants."""
+    if name == "WLF":
+        x = t - reference
+        whole = values[1] + x
+        return np.stack([-_DECADE * x / whole, _DECADE * values[0] * x / whole**2], axis=1)
+    return (1 / (t + ZERO_CELSIUS) - 1 / (reference + ZERO_CELSIUS))[:, None] / GAS_CONSTANT
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Shift factors to be described by a law: temperatures `t` other than the reference, and ln a_T with covariance."""
+
+    reference: float
+    t: FloatArray
+    log_a: FloatArray
+    covariance: FloatArray
+
+    def _whiten(self) -> FloatArray:
+        """W with W S W^T = 1 for the covariance S."""
+        slope = np.max(np.abs(self.log_a / (self.t - self.reference)))
+        least = (slope * _LEAST_KELVIN) ** 2 + 1e-16
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance + least * np.eye(self.t.size))))
+
+    def fitted(self, name: str) -> ShiftLaw | None:
+        """The law with the least chi-square; None if WLF has no bend that the data show."""
+        whiten = self._whiten()
+        target = whiten @ self.log_a
+        if name == "Arrhenius":
+            column = whiten @ _slopes(name, np.ones(1), self.reference, self.t)[:, 0]
+            values = np.array([column @ target / (column @ column)])
+        else:
+            best = self._best_bend(whiten, target)
+            if best is None:
+                return None
+            values = best
+        return self._judged(name, values, whiten)
+
+    def _linear(self, c2: float, whiten: FloatArray, target: FloatArray) -> tuple[float, float]:
+        """C1 that fits best for a given C2, and chi-square."""
+        x = self.t - self.reference
+        column = whiten @ (-_DECADE * x / (c2 + x))
+        c1 = float(column @ target / (column @ column))
+        return c1, float(np.sum((target - c1 * column) ** 2))
+
+    def _best_bend(self, whiten: FloatArray, target: FloatArray) -> FloatArray | None:
+        """C1 and C2 with the least chi-square. The law is linear in C1, so that C2 alone is searched."""
+        least = max(0.0, self.reference - float(self.t.min()))
+
+        def chi2(log_c2: float) -> float:
+            return self._linear(least + float(np.exp(log_c2)), whiten, target)[1]
+
+        grid = np.linspace(np.log(0.05), np.log(1e5), 120)
+        every = np.array([chi2(one) for one in grid])
+        at = int(np.argmin(every))
+        if at == grid.size - 1:
+            return None  # a straight line in temperature is as good as any bend
+        found = optimize.minimize_scalar(
+            chi2, bounds=(grid[max(at - 1, 0)], grid[at + 1]), method="bounded", options={"xatol": 1e-10}
+        )
+        c2 = least + float(np.exp(found.x))
+        return np.array([self._linear(c2, whiten, target)[0], c2])
+
+    def _judged(self, name: str, values: FloatArray, whiten: FloatArray) -> ShiftLaw:
+        """A law with covariance, intervals and BIC."""
+        rows = whiten @ _slopes(name, values, self.reference, self.t)
+        residual = whiten @ (self.log_a - _law(name, values, self.reference, self.t))
+        chi2, dof = float(residual @ residual), self.t.size - values.size
+        covariance = np.linalg.inv(rows.T @ rows)
+        wide = dof > 0 and stats.chi2.sf(chi2, dof) < CHANCE
+        scale = chi2 / dof if wide else 1.0
+        limit = float(stats.f.ppf(_LEVEL, 1, dof)) if wide else float(stats.chi2.ppf(_LEVEL, 1))
+        bound = chi2 + scale * limit
+        ends = [
+            self._interval(name, values, at, np.sqrt(scale * covariance[at, at]), bound) for at in range(values.size)
+        ]
+        return ShiftLaw(
+            name=name,
+            reference=self.reference,
+            values=values,
+            covariance=scale * covariance,
+            intervals=np.array(ends),
+            chi2=chi2,
+            dof=dof,
+            bic=chi2 + values.size * float(np.log(self.t.size)),
+        )
+
+    def _interval(self, name: str, values: FloatArray, at: int, std: float, bound: float) -> tuple[float, float]:
+        """Ends at which the least chi-square for a fixed constant reaches a bound; infinite if it does not."""
+        profile = self._profile(name, at)
+
+        def end(side: float) -> float:
+            far = std
+            while far < _WIDEST * std:
+                there = values[at] + side * far
+                if profile(there) > bound:
+                    inner = values[at] + side * 0.5 * far if far > std else values[at]
+                    return float(optimize.brentq(lambda x: profile(x) - bound, min(inner, there), max(inner, there)))
+                far *= 2.0
+            return side * np.inf
+
+        return end(-1.0), end(1.0)
+
+    def _profile(self, name: str, at: int) -> Callable[[float], float]:
+        """Least chi-square as a function of one constant."""
+        whiten = self._whiten()
+        target = whiten @ self.log_a
+        x = self.t - self.reference
+        least = max(0.0, -float(x.min()))
+
+        def of_energy(value: float) -> float:
+            return float(np.sum((target - whiten @ _law(name, np.array([value]), self.reference, self.t)) ** 2))
+
+        def of_c2(value: float) -> float:
+            return self._linear(value, whiten, target)[1] if value > least * (1 + 1e-9) else np.inf
+
+        def of_c1(value: float) -> float:
+            def chi2(log_c2: float) -> float:
+                c2 = least + np.exp(log_c2)
+                return float(np.sum((target + whiten @ (_DECADE * value * x / (c2 + x))) ** 2))
+
+            # ln a_T at small differences fixes C1/C2, so that the best C2 is near value C2/C1.
+            grid = np.linspace(np.log(0.05), np.log(1e6), 60)
+            place = int(np.argmin([chi2(one) for one in grid]))
+            ends = grid[max(place - 1, 0)], grid[min(place + 1, grid.size - 1)]
+            return float(optimize.minimize_scalar(chi2, bounds=ends, method="bounded", options={"xatol": 1e-10}).fun)
+
+        if name == "Arrhenius":
+            return of_energy
+        return of_c1 if at == 0 else of_c2
