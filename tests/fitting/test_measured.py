@@ -6,7 +6,8 @@ import pytest
 
 from fourpole.core.condition import AXES, Axis, Sameness
 from fourpole.errors import ModelError, TableError
-from fourpole.fitting.measured import COVARIANCE_COLUMNS, measured_of, read_measured, table_of
+from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
+from fourpole.fitting.measured import measured_of, read_measured, table_of
 from fourpole.study.study import Study, analyse
 
 FREQUENCY, RE, IM = "frequency [Hz]", "Re K* [N/m]", "Im K* [N/m]"

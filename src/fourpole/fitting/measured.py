@@ -20,13 +20,13 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.condition import AXES, TEMPERATURE_SENSITIVITY, Axis, Sameness, temperature_std
 from fourpole.errors import FileError, ModelError, TableError
+from fourpole.fitting.common_errors import MOST_BYTES, joined, read_covariance
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
 from fourpole.io.source import read_bytes
 from fourpole.io.staging import recover
 from fourpole.models.data import StiffnessData
 from fourpole.units import shown
 
-_MOST_BYTES = 2_000_000_000
 FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
 _STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)
 _K1 = (q.K1.head, q.K1.u_head)
@@ -45,11 +45,6 @@ _RULE = Sameness()
 #: Tables of a results folder, and the table of a master curve; covariance.parquet may lie beside each.
 _RESULTS, MASTER = ("dynamic.csv", "dynamic.parquet"), "master.csv"
 _USUAL = {axis.column for axis in AXES}
-
-#: Columns of covariance.parquet.
-COVARIANCE_COLUMNS = tuple(
-    one.head for one in (q.TEST, q.RIG, q.CONDITION, q.OWN_COVARIANCE, q.SHARED_STORAGE, q.SHARED_LOSS)
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,13 +211,13 @@ def read_measured(
     path = Path(path)
     table = path / "dynamic.csv" if path.is_dir() else path
     recover(table.parent)
-    content = read_bytes(table, max_bytes=_MOST_BYTES)
+    content = read_bytes(table, max_bytes=MOST_BYTES)
     frame = _frame(table.name, content)
     frame = frame if prepared is None else prepared(frame)
     beside = table.parent / "covariance.parquet"
     covariance = None
     if table.name in (*_RESULTS, MASTER) and beside.is_file() and std is None:
-        covariance = _covariance(beside)
+        covariance = read_covariance(beside)
     rule = _rule_beside(table) if table.name in _RESULTS else _RULE
     rule = Sameness((*axes, *rule.further))
     found = measured_of(frame, covariance, over=over, std=std, k1=k1, name=table.name, rule=rule)
@@ -232,7 +227,7 @@ def read_measured(
 def _rule_beside(table: Path) -> Sameness:
     """The rule of the study that wrote the table."""
     try:
-        record = json.loads(read_bytes(table.parent / "study.json", max_bytes=_MOST_BYTES))
+        record = json.loads(read_bytes(table.parent / "study.json", max_bytes=MOST_BYTES))
     except (FileError, ValueError):
         return _RULE
     return rule_in(record) if isinstance(record, dict) else _RULE
@@ -354,7 +349,7 @@ class _Rows:
         if std is not None:
             own += (std * np.abs(stiffness))[:, None, None] ** 2 * np.eye(2)
         elif covariance is not None and set(keys) <= set(keys_of(covariance)):
-            own, shared, condition = _joined(keys, covariance)
+            own, shared, condition = joined(keys, covariance)
             alone = False
         elif all(column in numbers for column in _STD[:2]) and np.all(np.isfinite(numbers[_STD[0]])):
             own = _stated(numbers)
@@ -452,36 +447,6 @@ def _stated(numbers: dict[str, FloatArray]) -> FloatArray:
         )
     cross = correlation * first * second
     return np.stack([np.stack([first**2, cross], axis=-1), np.stack([cross, second**2], axis=-1)], axis=-2)
-
-
-def _joined(keys: Sequence[Key], covariance: pl.DataFrame) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """Own covariance (N, 2, 2), effect of the shared errors (N, 2, p), and number of its K* (N,), for each key."""
-    own_name, re_name, im_name = (one.head for one in (q.OWN_COVARIANCE, q.SHARED_STORAGE, q.SHARED_LOSS))
-    place = {key: at for at, key in enumerate(keys_of(covariance))}
-    part = covariance[[place[key] for key in keys]]
-    own = np.array(part[own_name].to_list(), dtype=float).reshape(-1, 2, 2)
-    rigs = part["rig"].to_list()
-    lengths = {rig: max(map(len, part.filter(pl.col("rig") == rig)[re_name].to_list())) for rig in dict.fromkeys(rigs)}
-    starts = dict(zip(lengths, np.cumsum([0, *lengths.values()])[:-1].tolist(), strict=True))
-    shared = np.zeros((len(rigs), 2, sum(lengths.values())))
-    columns = (part[re_name].to_list(), part[im_name].to_list())
-    for at, rig in enumerate(rigs):
-        for side, values in enumerate(columns):
-            shared[at, side, starts[rig] : starts[rig] + len(values[at])] = values[at]
-    numbers: dict[tuple[str, int], int] = {}
-    places = zip(rigs, part["condition"].to_list(), strict=True)
-    condition = np.array([numbers.setdefault(one, len(numbers)) for one in places])
-    return own, shared, condition
-
-
-def _covariance(path: Path) -> pl.DataFrame:
-    try:
-        frame = pl.read_parquet(io.BytesIO(read_bytes(path, max_bytes=_MOST_BYTES)))
-    except pl.exceptions.PolarsError as error:
-        raise TableError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
-    if [name for name in frame.columns if name != q.POINT.head] != list(COVARIANCE_COLUMNS):
-        raise TableError(f"{path.name}: is not one that fourpole wrote: run fourpole analyse again")
-    return frame
 
 
 def _frame(name: str, content: bytes) -> pl.DataFrame:

@@ -17,8 +17,9 @@ from fourpole import units
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.condition import AXES, Condition, Sameness
 from fourpole.errors import FileError, ModelError, TableError
+from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
 from fourpole.fitting.lawfile import TemperatureFile, VerticalFile
-from fourpole.fitting.measured import COVARIANCE_COLUMNS, MASTER, Measured, MeasuredSet, read_measured
+from fourpole.fitting.measured import MASTER, Measured, MeasuredSet, read_measured
 from fourpole.fitting.modelparts import NamedValue
 from fourpole.io.source import read_bytes
 from fourpole.models.common_curve import Isotherm

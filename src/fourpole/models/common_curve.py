@@ -76,7 +76,7 @@ def _times(isotherms: Sequence[Isotherm], log_a: FloatArray, density: int) -> Fl
 
 
 @dataclass(frozen=True, eq=False)
-class SpectraFit:
+class SpectraFit(ByValue):
     """The best spectra at given shifts: the model, the weighted residuals and the rows of the arms in use.
 
     `loose` has the rows of all arms, each times the stiffness that a spectrum as smooth as this one may have there.

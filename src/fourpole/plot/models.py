@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from fourpole import quantities as q
-from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile
 from fourpole.fitting.query import response
@@ -42,7 +42,7 @@ _STATED = (q.PRESSURE.head, q.PRELOAD.head)
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class Drawn(ByValue):
     """A condition of a model: its groups in the sheet, its values on further axes, and the tests it was fitted to."""
 
     entry: ModelEntry
@@ -65,7 +65,7 @@ class Drawn:
 
 
 @dataclass(frozen=True, eq=False)
-class Curves:
+class Curves(ByValue):
     """One condition: points, line and half-width of the band of the model in the units of the axes; residuals."""
 
     frequency: FloatArray

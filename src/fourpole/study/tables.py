@@ -16,7 +16,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
-from fourpole.fitting.measured import COVARIANCE_COLUMNS
+from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
 from fourpole.fitting.rows import KEY
 from fourpole.quantities import DERIVED, QUANTITIES, Quantity
 from fourpole.study import table_rows as made

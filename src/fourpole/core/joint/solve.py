@@ -32,8 +32,8 @@ _ALLOWED_RISE = 1e-3
 _CORRECTIONS = 4
 
 
-@dataclass(frozen=True)
-class Problem:
+@dataclass(frozen=True, eq=False)
+class Problem(ByValue):
     """Tests sorted by condition, and what they share.
 
     Attributes
