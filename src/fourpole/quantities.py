@@ -298,6 +298,28 @@ OWN_COVARIANCE = _listed(
     "own_covariance", "own covariance Re, Im K*", "N2/m2",
     "covariance that this condition does not share with others: 2×2, row by row, Re before Im",
 )  # fmt: skip
+FAMILY = Quantity(
+    "family", "family", "family", meaning="number shared by tests that differ in frequency only", kind="count"
+)
+SPECIMEN = Quantity("specimen", "specimen", "specimen", meaning="number of the specimen", kind="count")
+RUN_PLACE = Quantity(
+    "run_place", "place", "place in the run", "1", "time from the mean of the specimen, in lengths of the run"
+)
+OFF_CURVE = Quantity(
+    "off_curve", "off curve", "deflection off the curve", "1",
+    "logarithm of the deflection over that of neighbouring frequencies; 0 if repeats hardly differ in it",
+)  # fmt: skip
+SPREAD = Quantity(
+    "spread", "spread", "spread of log K*", "1", "standard deviation of K* of the test about that of its condition"
+)
+WEIGHTS = _listed(
+    "weights", "weights Re F1, Im F1, Re V1, Im V1, Re V2, Im V2", "",
+    "W with W S W^T = 1, S the covariance of the amplitudes as weighed: 6×6, row by row",
+)  # fmt: skip
+TURNS = _listed(
+    "turns", "turns of F1, V1, V2", "",
+    "change of the logarithm of each amplitude per unit of each error in study.json: Re, Im",
+)  # fmt: skip
 SHARED_STORAGE = _listed(
     "shared_storage", "shared Re K*", "N/m", "change of Re K* by one standard uncertainty of each common error"
 )

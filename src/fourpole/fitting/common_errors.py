@@ -22,8 +22,13 @@ COVARIANCE_COLUMNS = tuple(
 )
 
 
-def joined(keys: Sequence[Key], covariance: pl.DataFrame) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """Own covariance (N, 2, 2), effect of the shared errors (N, 2, p), and number of its K* (N,), for each key."""
+def joined(
+    keys: Sequence[Key], covariance: pl.DataFrame
+) -> tuple[FloatArray, FloatArray, np.ndarray, list[tuple[str, int]]]:
+    """Own covariance (N, 2, 2), effect of the shared errors (N, 2, p), and number of its K* (N,), for each key.
+
+    Also the rig of each key, and the number of its K* among those of the rig.
+    """
     own_name, re_name, im_name = (one.head for one in (q.OWN_COVARIANCE, q.SHARED_STORAGE, q.SHARED_LOSS))
     place = {key: at for at, key in enumerate(keys_of(covariance))}
     part = covariance[[place[key] for key in keys]]
@@ -37,9 +42,9 @@ def joined(keys: Sequence[Key], covariance: pl.DataFrame) -> tuple[FloatArray, F
         for side, values in enumerate(columns):
             shared[at, side, starts[rig] : starts[rig] + len(values[at])] = values[at]
     numbers: dict[tuple[str, int], int] = {}
-    places = zip(rigs, part["condition"].to_list(), strict=True)
+    places = list(zip(rigs, part["condition"].to_list(), strict=True))
     condition = np.array([numbers.setdefault(one, len(numbers)) for one in places])
-    return own, shared, condition
+    return own, shared, condition, places
 
 
 def read_covariance(path: Path) -> pl.DataFrame:

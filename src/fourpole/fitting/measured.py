@@ -12,6 +12,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -19,12 +20,15 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.condition import AXES, TEMPERATURE_SENSITIVITY, Axis, Sameness, temperature_std
+from fourpole.core.joint.around import Likelihood
 from fourpole.errors import FileError, ModelError, TableError
 from fourpole.fitting.common_errors import MOST_BYTES, joined, read_covariance
+from fourpole.fitting.likelihood import FILE, read_likelihoods
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
 from fourpole.io.source import read_bytes
 from fourpole.io.staging import recover
 from fourpole.models.data import StiffnessData
+from fourpole.models.recorded import Recorded, bends
 from fourpole.units import shown
 
 FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
@@ -63,6 +67,8 @@ class Measured(ByValue):
     shared : (2N, p) float array [N/m]
         Changes of Re K* and Im K* of each frequency in turn when one of p errors that all conditions share is one
         standard uncertainty.
+    recorded : Recorded, optional
+        K* near that of a model, as the recordings have it; None where the shared errors are linear within the noise.
     """
 
     tyre: str
@@ -70,6 +76,7 @@ class Measured(ByValue):
     keys: tuple[Key, ...]
     own: StiffnessData
     shared: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    recorded: Recorded | None = None
 
     @property
     def tests(self) -> tuple[str, ...]:
@@ -82,7 +89,7 @@ class Measured(ByValue):
         own = self.own
         if not self.shared.size:
             return own
-        return StiffnessData.of(
+        data = StiffnessData.of(
             own.omega,
             own.stiffness,
             covariance=own.covariance,
@@ -90,6 +97,7 @@ class Measured(ByValue):
             k1=own.k1,
             k1_std=own.k1_std,
         )
+        return data if self.recorded is None else replace(data, recorded=np.array(self.recorded, dtype=object))
 
     @property
     def frequency(self) -> FloatArray:
@@ -168,7 +176,8 @@ def _within(one: Measured, band: tuple[float, float]) -> Measured | None:
     both = np.stack([2 * rows, 2 * rows + 1], axis=1).ravel()
     keys = tuple(one.keys[at] for at in rows.tolist())
     shared = one.shared[both] if one.shared.size else one.shared
-    return replace(one, keys=keys, own=one.own.part(rows), shared=shared)
+    recorded = None if one.recorded is None else one.recorded.part(rows)
+    return replace(one, keys=keys, own=one.own.part(rows), shared=shared, recorded=recorded)
 
 
 def read_measured(
@@ -218,19 +227,20 @@ def read_measured(
     covariance = None
     if table.name in (*_RESULTS, MASTER) and beside.is_file() and std is None:
         covariance = read_covariance(beside)
-    rule = _rule_beside(table) if table.name in _RESULTS else _RULE
-    rule = Sameness((*axes, *rule.further))
-    found = measured_of(frame, covariance, over=over, std=std, k1=k1, name=table.name, rule=rule)
+    record = _record_beside(table) if table.name in _RESULTS else {}
+    rule = Sameness((*axes, *rule_in(record).further))
+    likelihoods = {} if covariance is None else read_likelihoods(table.parent / FILE, record.get("likelihood", {}))
+    found = measured_of(frame, covariance, likelihoods, over=over, std=std, k1=k1, name=table.name, rule=rule)
     return replace(found, sha256=hashlib.sha256(content).hexdigest())
 
 
-def _rule_beside(table: Path) -> Sameness:
-    """The rule of the study that wrote the table."""
+def _record_beside(table: Path) -> dict[str, Any]:
+    """The record of the study that wrote the table; empty if there is none."""
     try:
         record = json.loads(read_bytes(table.parent / "study.json", max_bytes=MOST_BYTES))
     except (FileError, ValueError):
-        return _RULE
-    return rule_in(record) if isinstance(record, dict) else _RULE
+        return {}
+    return record if isinstance(record, dict) else {}
 
 
 def table_of(measured: MeasuredSet) -> pl.DataFrame:
@@ -259,6 +269,7 @@ def _known_or_none(value: FloatArray) -> float | None:
 def measured_of(
     frame: pl.DataFrame,
     covariance: pl.DataFrame | None = None,
+    likelihoods: Mapping[str, Likelihood] | None = None,
     *,
     over: Sequence[str] = (),
     std: float | None = None,
@@ -291,6 +302,7 @@ def measured_of(
     axes = [axis.column for axis in rule.axes if axis.column in numbers]
     cells = np.stack([rows.numbers[column] for column in axes], axis=1) if axes else np.zeros((rows.count, 0))
     conditions = [_measured(rows, np.flatnonzero(label == one), axes, cells, k1) for one in np.unique(label)]
+    conditions = [_as_recorded(one, rows, likelihoods or {}) for one in conditions]
     return MeasuredSet(tuple(conditions), tuple(notes), rows.known, name, rule=rule)
 
 
@@ -330,6 +342,7 @@ class _Rows:
     alone: bool
     forced: bool
     moved: bool = False
+    places: Sequence[tuple[str, int]] = ()
 
     @classmethod
     def of(
@@ -345,17 +358,17 @@ class _Rows:
         own: FloatArray = np.zeros((count, 2, 2))
         shared: FloatArray = np.zeros((count, 2, 0))
         condition = np.arange(count)
-        known, alone = True, True
+        known, alone, places = True, True, list[tuple[str, int]]()
         if std is not None:
             own += (std * np.abs(stiffness))[:, None, None] ** 2 * np.eye(2)
         elif covariance is not None and set(keys) <= set(keys_of(covariance)):
-            own, shared, condition = joined(keys, covariance)
+            own, shared, condition, places = joined(keys, covariance)
             alone = False
         elif all(column in numbers for column in _STD[:2]) and np.all(np.isfinite(numbers[_STD[0]])):
             own = _stated(numbers)
         else:
             known = False
-        return cls(tyres, keys, numbers, own, shared, condition, known, alone, std is not None)
+        return cls(tyres, keys, numbers, own, shared, condition, known, alone, std is not None, places=places)
 
     @property
     def count(self) -> int:
@@ -424,6 +437,18 @@ def _measured(
         own=own,
         shared=shared.reshape(2 * len(mean), -1) if shared.shape[2] else np.zeros((0, 0)),
     )
+
+
+def _as_recorded(one: Measured, rows: _Rows, likelihoods: Mapping[str, Likelihood]) -> Measured:
+    """The condition with K* as recorded, where all its tests are of one rig and its shared errors are not linear."""
+    if not rows.places or not likelihoods:
+        return one
+    place = dict(zip(rows.keys, rows.places, strict=True))
+    rigs = {place[key][0] for key in one.keys}
+    likelihood = likelihoods.get(rigs.pop()) if len(rigs) == 1 else None
+    if likelihood is None or not bends(one.own, one.shared):
+        return one
+    return replace(one, recorded=Recorded.of(likelihood, [place[key][1] for key in one.keys], one.own))
 
 
 def _static(rows: _Rows, places: np.ndarray) -> tuple[float, float]:

@@ -35,7 +35,7 @@ from fourpole.fitting.modelfile import (
     parameters_of,
 )
 from fourpole.fitting.modelparts import NamedValue, split_column
-from fourpole.models.causality import Possible, check_possible
+from fourpole.models.causality import Possible, check_possible, near_passive
 from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
@@ -173,7 +173,7 @@ def _fit_tyre(
     step: Callable[[], None],
 ) -> TyreFit:
     measured = every.of(tyre)
-    stated = [one.data for one in measured]
+    stated = [near_passive(one.data) for one in measured]
     verdicts = tuple(check_possible(one) for one in stated) if every.known else ()
     held = [_held(one, given) for one in measured]
     discrepancy = _discrepancy(stated, model, held, known=every.known)

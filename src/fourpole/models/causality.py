@@ -102,10 +102,7 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
     """
     if data.stiffness.ndim != 1:
         raise ModelError("the test is for one condition at a time: choose one")
-    best = _best(data, enough)
-    for _ in range(SCALINGS if data.relative is not None else 0):
-        data = data.at(best.stiffness)
-        best = _best(data, enough)
+    data, best = _near_best(data, enough)
     possible = best.chance > CHANCE
     far = best.far(data.count)
     rows, without_k1 = (np.empty(0, dtype=int), False) if possible else _impossible(data, far)
@@ -121,6 +118,22 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
         times=best.times,
         spectrum=best.spectrum,
     )
+
+
+def near_passive(data: StiffnessData) -> StiffnessData:
+    """The data of one condition with their shared errors at K* of the best passive tyre; see `StiffnessData.at`."""
+    return data if data.relative is None else _near_best(data, CHANCE)[0]
+
+
+def _near_best(data: StiffnessData, enough: float) -> tuple[StiffnessData, _Best]:
+    """The best passive tyre, and the data with their shared errors at its K*."""
+    best = _best(data.eased(), enough)
+    for _ in range(SCALINGS):
+        there = data.at(best.stiffness)
+        if there is data:
+            break
+        data, best = there, _best(there, enough)
+    return data, best
 
 
 @dataclass(frozen=True, eq=False)

@@ -240,12 +240,22 @@ def fit_conditions(
     model = model.placed(conditions)
     for places, together in _together(model, conditions):
         fixed = fixed_of(model, [given[place] for place in places] if given is not None else [{}] * len(places))
-        found = best_fit(model, together, starts_of(model, together, _STARTS), fixed=fixed)
-        for _ in range(SCALINGS if together.relative is not None else 0):
-            here = together.at(model.stiffness(found.values, together.omega))
-            found = replace(fit(model, here, found.values, fixed=list(fixed)), agreed=found.agreed)
+        easy = together if together.reference is not None else together.eased()
+        found = best_fit(model, easy, starts_of(model, together, _STARTS), fixed=fixed)
+        found = _at_own_errors(model, together, found, list(fixed))
         fits.update({place: found.part(at) for at, place in enumerate(places)})
     return tuple(fits[at] for at in range(len(conditions)))
+
+
+def _at_own_errors(model: Model, data: StiffnessData, found: Fit, fixed: Sequence[str]) -> Fit:
+    """The fit with the errors that frequencies share at K* of the fit itself."""
+    agreed = found.agreed
+    for _ in range(SCALINGS):
+        there = data.at(model.stiffness(found.values, data.omega))
+        if there is data:
+            break
+        data, found = there, fit(model, there, found.values, fixed=fixed)
+    return replace(found, agreed=agreed)
 
 
 def _together(model: Model, conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], StiffnessData]]:

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 
 #: Relative uncertainty that is added to every K*: the resolution of single precision.
 _FLOOR = 1e-7
-#: Number of times that a fit takes the shared errors at its K*, and begins again.
-SCALINGS = 3
+#: Largest number of times that a fit takes the shared errors at its K*, and begins again.
+SCALINGS = 8
+#: Second-order effect of shared errors that is negligible, in standard uncertainties.
+_NEGLIGIBLE = 0.1
+#: Distance of K* of a model, in standard uncertainties from the shared errors, beyond which they do not explain it.
+_REACH = 5.0
 #: Largest entry of a covariance that is accepted [N²/m²].
 _LARGEST = 1e60
 
@@ -38,6 +43,9 @@ class StiffnessData(ByValue):
         the covariance is proportional to K*; see `at`.
     reference : (..., N) complex array, optional [N/m]
         K* of that part of the covariance; by default K* itself.
+    recorded : (...,) array of callables, optional
+        For each condition a function of K* (N,) [N/m] of a model that returns the data as the recordings have them
+        near that K*; see `models.recorded.Recorded`. Without it, shared errors act in proportion to K*.
 
     Examples
     --------
@@ -53,6 +61,7 @@ class StiffnessData(ByValue):
     k1_std: FloatArray
     relative: ComplexArray | None = None
     reference: ComplexArray | None = None
+    recorded: np.ndarray | None = None
 
     @classmethod
     def of(
@@ -149,7 +158,7 @@ class StiffnessData(ByValue):
         Returns
         -------
         StiffnessData
-            The data themselves, if they have no shared errors.
+            The data themselves, if they have no shared errors. From recordings, K* too is that near the model.
 
         References
         ----------
@@ -163,12 +172,68 @@ class StiffnessData(ByValue):
         array([[4000000.,       0.],
                [      0.,       0.]])
         """
+        now = np.asarray(stiffness)
+        stale = self._stale(now)
+        if self.relative is None or not stale.any():
+            return self
+        if self.recorded is not None:
+            return self._as_recorded(self.recorded, now, stale)
+        before = self.stiffness if self.reference is None else self.reference
+        held, there = (real_columns(self.relative * k[..., None]) for k in (before, now))
+        more = there @ np.swapaxes(there, -1, -2) - held @ np.swapaxes(held, -1, -2)
+        return replace(self, covariance=self.covariance + more, reference=now)
+
+    def eased(self) -> StiffnessData:
+        """The same data with the second order of the shared errors as noise.
+
+        A first model, at which the shared errors are then taken, need not be nearer to the data.
+        """
         if self.relative is None:
             return self
-        now = self.stiffness if self.reference is None else self.reference
-        held, there = (real_columns(self.relative * k[..., None]) for k in (now, np.asarray(stiffness)))
-        more = there @ np.swapaxes(there, -1, -2) - held @ np.swapaxes(held, -1, -2)
-        return replace(self, covariance=self.covariance + more, reference=np.asarray(stiffness))
+        size = np.abs(self.stiffness)
+        if self.recorded is not None:  # near a resonance of the rig K* itself may be far too small
+            size = np.maximum(size, np.median(size, axis=-1, keepdims=True))
+        second = size * np.sum(np.abs(self.relative) ** 2, axis=-1)
+        at = np.arange(2 * self.count)
+        whole = self.covariance.copy()
+        whole[..., at, at] += np.repeat(second, 2, axis=-1) ** 2
+        return replace(self, covariance=whole)
+
+    def _stale(self, now: ComplexArray) -> BoolArray:
+        """Whether the shared errors of each condition (...,) have to be taken anew at K* = `now`.
+
+        They have not if their second order is below the noise. Recordings are not taken near a K* that no shared error
+        can explain: the data say little about it.
+        """
+        if self.relative is None:
+            return np.zeros(now.shape[:-1], dtype=bool)
+        before = self.stiffness if self.reference is None else self.reference
+        moved = np.abs(np.divide(now, before, out=np.full(now.shape, 2.0 + 0j), where=before != 0) - 1)
+        whitened = self.whitened(self.whitener(), (now * moved**2)[..., None])[..., 0]
+        stale = np.any(np.abs(whitened) > _NEGLIGIBLE, axis=-1) | (self.reference is None)
+        if self.recorded is not None and self.reference is not None:
+            reach = _REACH * np.sqrt(np.sum(np.abs(self.relative) ** 2, axis=-1)).max(axis=-1)
+            stale &= moved.max(axis=-1) < reach + _FLOOR
+        return np.asarray(stale)
+
+    def _as_recorded(self, recorded: np.ndarray, stiffness: ComplexArray, stale: BoolArray) -> StiffnessData:
+        """The data with those of some conditions near K* of a model, as recorded."""
+        assert self.relative is not None
+        names = ("stiffness", "covariance", "relative", "reference")
+        held = (
+            self.stiffness,
+            self.covariance,
+            self.relative,
+            self.stiffness if self.reference is None else self.reference,
+        )
+        made: dict[str, Any] = {name: values.copy() for name, values in zip(names, held, strict=True)}
+        for place in zip(*np.nonzero(np.atleast_1d(stale)), strict=True):
+            at = place if stale.ndim else ()
+            near = recorded[at] if stale.ndim else recorded.item()
+            found = near(stiffness[at])
+            for name in names:
+                made[name][at] = getattr(found, name)
+        return replace(self, **made)
 
     def whitener(self) -> FloatArray:
         """Matrices W (..., N, 2, 2) or (..., 2N, 2N) with W S W^T = 1, where S is the covariance."""
@@ -230,14 +295,16 @@ def stacked(conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], St
     The members of a group have the same number of frequencies and of shared errors, and the same form of covariance.
     All or none of them have K1.
     """
-    kinds: dict[tuple[int, bool, bool, int], list[int]] = {}
+    names = ("omega", "stiffness", "covariance", "k1", "k1_std", "relative", "reference", "recorded")
+    kinds: dict[tuple[Any, ...], list[int]] = {}
     for at, one in enumerate(conditions):
-        shared = -1 if one.relative is None else one.relative.shape[-1]
-        kinds.setdefault((one.count, one.full, one.has_k1, shared), []).append(at)
-    for (*_, shared), places in kinds.items():
+        shared = None if one.relative is None else one.relative.shape[-1]
+        held = (one.reference is not None, one.recorded is not None)
+        kinds.setdefault((one.count, one.full, one.has_k1, shared, *held), []).append(at)
+    for places in kinds.values():
         parts = [conditions[at] for at in places]
-        names = ("omega", "stiffness", "covariance", "k1", "k1_std", *(("relative",) if shared >= 0 else ()))
-        yield places, StiffnessData(*(np.stack([getattr(one, name) for one in parts]) for name in names))
+        there = [name for name in names if getattr(parts[0], name) is not None]
+        yield places, StiffnessData(**{name: np.stack([getattr(one, name) for one in parts]) for name in there})
 
 
 def complex_columns(columns: FloatArray) -> ComplexArray:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy import stats
 
+from fourpole.core.arrays import ComplexArray
 from fourpole.core.confidence import CHANCE
 from fourpole.models.causality import check_possible
 from fourpole.models.data import StiffnessData
@@ -37,12 +39,21 @@ def with_error(data: StiffnessData, error: float) -> StiffnessData:
     """
     if not error:
         return data
+    recorded = data.recorded
+    if recorded is not None:
+        wider = [partial(_wider, one, error) for one in recorded.ravel()]
+        recorded = np.array([*wider, None], dtype=object)[:-1].reshape(recorded.shape)
     square = (error * np.abs(data.stiffness)) ** 2
     if data.full:
         more = np.repeat(square, 2, axis=-1)[..., None] * np.eye(2 * data.count)
     else:
         more = square[..., None, None] * np.eye(2)
-    return replace(data, covariance=data.covariance + more)
+    return replace(data, covariance=data.covariance + more, recorded=recorded)
+
+
+def _wider(recorded: Callable[[ComplexArray], StiffnessData], error: float, stiffness: ComplexArray) -> StiffnessData:
+    """The data as recorded near K* of a model, with an additional error."""
+    return with_error(recorded(stiffness), error)
 
 
 def model_discrepancy(

@@ -33,8 +33,8 @@ class Results(Tables):
     tables : mapping of str to polars.DataFrame
         Tables by the name of their file. Each is an attribute, too: `static`, `dynamic`, `checks`, `rig`, `residuals`,
         `quantiles`, `budget`, and `previews`, a few cycles of signal and fit of each recording. A table that the
-        analysis did not make has no columns. So have `corrections`, `phasors` and `covariance`, which `read_results`
-        does not read; the tables of a `Study` have them.
+        analysis did not make has no columns. So have `corrections`, `phasors`, `covariance` and `likelihood`, which
+        `read_results` does not read; the tables of a `Study` have them.
     record : dict
         Content of study.json: title, settings, statement of the campaign, versions, verdicts, assumptions, hashes.
     models, maps : ModelFile or None

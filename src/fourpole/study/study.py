@@ -18,8 +18,10 @@ from fourpole.campaign.folder import Campaign, Test, read_campaign
 from fourpole.core.checks import Check, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.condition import Sameness
+from fourpole.core.joint.around import Likelihood
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
+from fourpole.fitting.likelihood import likelihood_of, likelihood_record
 from fourpole.fitting.measured import MeasuredSet, measured_of
 from fourpole.fitting.modelling import TyreFit, fit_tyres, map_tyres, rig_file
 from fourpole.fitting.query import rig_in
@@ -58,13 +60,15 @@ class Study(Tables):
         The campaign that was analysed.
     tables : mapping of str to polars.DataFrame
         Tables by the name of their file. Each is an attribute, too: `static`, `dynamic`, `checks`, `rig`,
-        `residuals`, `quantiles`, `budget`, `corrections`, `phasors`, `covariance` and `previews`.
+        `residuals`, `quantiles`, `budget`, `corrections`, `phasors`, `covariance`, `likelihood` and `previews`.
     route : str
         The route by which K* was found.
     rigs : tuple of RigEstimate
         The rigs as found by the joint route; none where another route was used.
     monte_carlo : int
         Number of draws where value ± 1.96 u is not a 95 % interval of K2 or C.
+    likelihoods : mapping of str to Likelihood
+        The tests of each rig as the joint route weighed them.
     notes : tuple of str
         Assumptions for values that the campaign does not state, and notes on the rigs.
     sha256 : dict of str to str
@@ -85,6 +89,7 @@ class Study(Tables):
     route: str
     rigs: tuple[RigEstimate, ...] = ()
     monte_carlo: int = DRAWS
+    likelihoods: Mapping[str, Likelihood] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     sha256: dict[str, str] = field(default_factory=dict)
 
@@ -104,7 +109,9 @@ class Study(Tables):
     @property
     def measured(self) -> MeasuredSet:
         """K* of each condition with its covariance: the input of model fits."""
-        return measured_of(self.dynamic, self.covariance, name="the study", rule=self.campaign.stated.sameness)
+        return measured_of(
+            self.dynamic, self.covariance, self.likelihoods, name="the study", rule=self.campaign.stated.sameness
+        )
 
     def fit(self, model: str = "auto") -> list[TyreFit]:
         """A model for each tyre, fitted in every condition by itself; `auto` chooses a model and says why.
@@ -202,6 +209,7 @@ class Study(Tables):
             "verdicts": self.counts,
             "assumptions": list(self.notes),
             **({"joint": {rig.rig: rig.record for rig in self.rigs}} if self.rigs else {}),
+            "likelihood": {rig: likelihood_record(one) for rig, one in self.likelihoods.items()},
             "sha256": self.sha256,
         }
 
@@ -287,6 +295,9 @@ def analyse(
         route=route,
         rigs=tuple(group.estimate for group, _ in analysed.groups if group.estimate is not None),
         monte_carlo=monte_carlo,
+        likelihoods={
+            group.setup.rig_name: likelihood_of(group.joint) for group, _ in analysed.groups if group.joint is not None
+        },
         notes=(*([note] if note else []), *remarks, *campaign.stated.assumptions(), *_assumed(dynamic)),
         sha256=_hashes(campaign, statics, dynamic, reduced),
     )

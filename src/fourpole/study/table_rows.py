@@ -17,6 +17,7 @@ from fourpole.core.demodulation.preview import Preview
 from fourpole.core.identify import OUTPUTS
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.phasor import SYMBOLS, Phasors
+from fourpole.fitting.likelihood import likelihood_of, likelihood_rows
 from fourpole.fitting.rows import KEY
 from fourpole.quantities import DERIVED
 from fourpole.study.identified import Group, Identified, budget_columns
@@ -277,6 +278,16 @@ def covariance_rows(analysed: Analysed) -> list[Row]:
             }
             for at in np.flatnonzero(np.isfinite(group.result.stiffness)).tolist()
         ]
+    return rows
+
+
+def likelihood_table_rows(analysed: Analysed) -> list[Row]:
+    """Rows of likelihood.parquet: the tests of the joint route with their weights, in its order."""
+    rows = []
+    for group, keys in analysed.groups:
+        if group.joint is not None:
+            found = zip(group.joint.order.tolist(), likelihood_rows(likelihood_of(group.joint)), strict=True)
+            rows += [{**keys[at], q.RIG.head: group.setup.rig_name, **row} for at, row in found]
     return rows
 
 

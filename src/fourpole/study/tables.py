@@ -17,6 +17,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
 from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
+from fourpole.fitting.likelihood import LIKELIHOOD_COLUMNS
 from fourpole.fitting.rows import KEY
 from fourpole.quantities import DERIVED, QUANTITIES, Quantity
 from fourpole.study import table_rows as made
@@ -85,7 +86,7 @@ class Tables(ByValue):
     tables: Mapping[str, pl.DataFrame]
     static, dynamic, checks, previews = _Held(), _Held(), _Held(), _Held()
     rig, residuals, budget, quantiles = _Held(), _Held(), _Held(), _Held()
-    corrections, phasors, covariance = _Held(), _Held(), _Held()
+    corrections, phasors, covariance, likelihood = _Held(), _Held(), _Held(), _Held()
 
 
 def _columns(*columns: Quantity | str) -> dict[str, Any]:
@@ -185,6 +186,10 @@ COVARIANCE = TableSpec(
     },
     made.covariance_rows, endings=(".parquet",), always=True, read=False,
 )  # fmt: skip
+LIKELIHOOD = TableSpec(
+    "likelihood", "a dynamic test as the joint route weighed it", _columns(q.TEST, *LIKELIHOOD_COLUMNS),
+    made.likelihood_table_rows, endings=(".parquet",), read=False,
+)  # fmt: skip
 PREVIEWS = TableSpec(
     "previews", "a test: a few cycles of signal, fit and residual, or the static loop and its mean",
     {q.TEST.head: pl.String, **dict.fromkeys((*made.LOOP, *made.SIGNALS), pl.List(pl.Float32))},
@@ -194,7 +199,20 @@ PREVIEWS = TableSpec(
 #: All result tables, by name.
 TABLES = {
     one.name: one
-    for one in (STATIC, DYNAMIC, CHECKS, RIG, RESIDUALS, QUANTILES, BUDGET, CORRECTIONS, PHASORS, COVARIANCE, PREVIEWS)
+    for one in (
+        STATIC,
+        DYNAMIC,
+        CHECKS,
+        RIG,
+        RESIDUALS,
+        QUANTILES,
+        BUDGET,
+        CORRECTIONS,
+        PHASORS,
+        COVARIANCE,
+        LIKELIHOOD,
+        PREVIEWS,
+    )
 }
 #: Names of the files of all result tables.
 TABLE_FILES = tuple(f"{one.name}{ending}" for one in TABLES.values() for ending in one.endings)

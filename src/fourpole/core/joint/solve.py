@@ -166,7 +166,7 @@ class Solution(ByValue):
 
 
 @dataclass(frozen=True, eq=False)
-class _Step:
+class Step(ByValue):
     """Result of one sweep over all tests: the objective at a point, and the Gauss-Newton step from it."""
 
     objective: float
@@ -215,15 +215,15 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
         The values with the smallest objective found. If the search did not converge, `reason` says why.
     """
     z = np.zeros(len(problem.shared)) if z is None else z
-    first = _sweep(problem, z, start)  # its slopes of log K* are needed for a full sweep
-    stiffness, step, share = start, _sweep(problem, z, start, first.slope), 1.0
+    first = sweep(problem, z, start)  # its slopes of log K* are needed for a full sweep
+    stiffness, step, share = start, sweep(problem, z, start, first.slope), 1.0
     before = lowest = (z, stiffness, step)
     flat = 0
     reason = f"the search did not converge in {_MOST_STEPS} steps"
     converged = False
     count = 0
     for count in range(1, _MOST_STEPS + 1):  # noqa: B007 - the number of steps is reported
-        if not _no_worse(step, before[2]):
+        if not no_worse(step, before[2]):
             share *= 0.5
             if share < 1e-6:
                 reason = "no step lowers the residual: the rig as stated and the recordings contradict each other"
@@ -241,14 +241,14 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
                 break
         z0, k0, best = before
         z = z0 + share * best.dz
-        stiffness = _moved(k0, share * best.dlog_k)
-        step = _sweep(problem, z, stiffness, best.slope)
+        stiffness = moved(k0, share * best.dlog_k)
+        step = sweep(problem, z, stiffness, best.slope)
         for _ in range(_CORRECTIONS):
             # Steps of poorly known shared values are long, and K* does not follow them linearly.
-            if _no_worse(step, best):
+            if no_worse(step, best):
                 break
-            stiffness = _moved(stiffness, step.own_step)
-            step = _sweep(problem, z, stiffness, best.slope)
+            stiffness = moved(stiffness, step.own_step)
+            step = sweep(problem, z, stiffness, best.slope)
     z, stiffness, step = before
     if step.size() < _CLOSE:
         converged, reason = True, ""
@@ -267,18 +267,18 @@ def solve_either(problem: Problem, start: ComplexArray, z: FloatArray | None = N
     return simpler, solve(simpler, start, z)
 
 
-def _no_worse(step: _Step, before: _Step) -> bool:
+def no_worse(step: Step, before: Step) -> bool:
     """Whether the objective does not rise by more than the allowance."""
     return bool(step.objective <= before.objective * (1 + _ALLOWED_RISE) + _ALLOWED_RISE)
 
 
-def _moved(stiffness: ComplexArray, dlog_k: FloatArray) -> ComplexArray:
+def moved(stiffness: ComplexArray, dlog_k: FloatArray) -> ComplexArray:
     """K* with changes (c, 2) of Re and Im of its logarithm, each limited to a modulus of 1."""
     change = dlog_k[:, 0] + 1j * dlog_k[:, 1]
     return np.asarray(stiffness * np.exp(change / np.maximum(1.0, np.abs(change))))
 
 
-def _sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray | None = None) -> _Step:
+def sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray | None = None) -> Step:
     """Objective and step from all tests; `before` (c, 2, p) is the slope of log K* from the step before."""
     p = len(problem.shared)
     lead = np.zeros((problem.conditions.label.size, 2, p)) if before is None else problem.conditions.lead(before)
@@ -301,7 +301,7 @@ def _sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: Flo
     slope = np.concatenate(slopes) if slopes else np.zeros((0, 2, p))
     own_step = np.concatenate(own_steps) if own_steps else np.zeros((0, 2))
     own_root = np.concatenate(roots) if roots else np.zeros((0, 2, 2))
-    return _Step(objective, dz, own_step - slope @ dz, own_step, triangle[:p, :p], own_root, slope)
+    return Step(objective, dz, own_step - slope @ dz, own_step, triangle[:p, :p], own_root, slope)
 
 
 def with_columns(triangle: FloatArray, columns: FloatArray) -> FloatArray:

@@ -1,0 +1,131 @@
+r"""The likelihood of K* about the K* of a model, from the phasors of all tests of a rig.
+
+Errors that tests share, such as a gain, move K* by per cents where the noise moves it by hundredths of a per cent. A
+linearisation at the measured K* is then off by the square of the shared errors, which is far above the noise. Here some
+conditions have the K* of a model, and the shared values that suit it best are found; about these the likelihood of
+log K* is normal:
+
+.. math:: \log \hat K_c = \log K_c + e_c - B_c\,\delta z,
+
+where e_c is the step to the best K* for known shared values, B_c its slope by the shared values z, and
+:math:`\delta z` their distance from the values that suit the tests best when no K* is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.joint.solve import Problem, Step, moved, no_worse, sweep
+
+#: Largest number of Gauss-Newton steps, and of halvings of a step that raises the objective.
+_STEPS, _HALVINGS = 12, 6
+#: Longest step of a shared value, in stated standard uncertainties.
+_LONGEST = 3.0
+#: The search ends at a step below this share of every standard uncertainty of the shared values.
+_SMALL = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Around(ByValue):
+    """The likelihood of K* of some conditions about given values.
+
+    Attributes
+    ----------
+    z : (p,) float array
+        Shared values that suit the given K* best, in stated standard uncertainties from the statement.
+    change : (n, 2) float array
+        Re and Im of the most probable K* over the given one, less 1, of each given condition.
+    own : (n, 2, 2) float array
+        Covariance of `change` for known shared values.
+    shared : (n, 2, p) float array
+        Changes when one of p independent errors, that all conditions share, is one standard uncertainty.
+    """
+
+    z: FloatArray
+    change: FloatArray
+    own: FloatArray
+    shared: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood(ByValue):
+    """All tests of a rig as the joint route weighed them, with its solution.
+
+    Attributes
+    ----------
+    problem : Problem
+    z : (p,) float array
+        Shared values of the solution, in stated standard uncertainties from the statement.
+    stiffness : (c,) complex array [N/m]
+        K* of each condition.
+    """
+
+    problem: Problem
+    z: FloatArray
+    stiffness: ComplexArray
+    _last: dict[bytes, tuple[FloatArray, ComplexArray, FloatArray]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    def around(self, given: np.ndarray, value: ComplexArray) -> Around:
+        """The likelihood of K* of some conditions, linear about given values; K* of the others is free.
+
+        Parameters
+        ----------
+        given : (n,) int array
+            Conditions whose K* is given.
+        value : (n,) complex array [N/m]
+            Their K*.
+        """
+        problem = self.problem
+        z, stiffness, slope = self._start(given)
+        stiffness = stiffness.copy()
+        stiffness[given] = value
+        step = sweep(problem, z, stiffness, slope)
+        for _ in range(_STEPS):
+            dz = _best_shared(step, given)
+            dz = dz * min(1.0, _LONGEST / float(np.abs(dz).max(initial=_LONGEST)))
+            small = np.all(np.abs(dz) <= _SMALL * np.sqrt(np.diag(step.covariance)))
+            z, stiffness, step = _stepped(problem, z, stiffness, step, given, dz)
+            if small:
+                break
+        self._last[given.tobytes()] = (z, stiffness, step.slope)
+        change = step.own_step - step.slope @ step.dz
+        root = np.linalg.inv(step.triangle) if step.triangle.size else step.triangle
+        return Around(z, change[given], step.own[given], -(step.slope @ root)[given])
+
+    def _start(self, given: np.ndarray) -> tuple[FloatArray, ComplexArray, FloatArray]:
+        """Shared values, K* and its slopes to begin with: those found last for the same conditions."""
+        found = self._last.get(given.tobytes())
+        return found or (self.z, self.stiffness, sweep(self.problem, self.z, self.stiffness).slope)
+
+
+def _stepped(
+    problem: Problem, z: FloatArray, stiffness: ComplexArray, step: Step, given: np.ndarray, dz: FloatArray
+) -> tuple[FloatArray, ComplexArray, Step]:
+    """The shared values and K* after a step that does not raise the objective: it is halved until it does not."""
+    for share in 0.5 ** np.arange(_HALVINGS):
+        found = _moved(stiffness, step, given, share * dz)
+        there = sweep(problem, z + share * dz, found, step.slope)
+        if no_worse(there, step):
+            break
+    return z + share * dz, found, there
+
+
+def _best_shared(step: Step, given: np.ndarray) -> FloatArray:
+    """Change (p,) of the shared values to the best ones, while K* of the given conditions stays."""
+    weigh = np.linalg.inv(step.own_root[given])
+    rows = (weigh @ step.slope[given]).reshape(-1, step.dz.size)
+    target = (weigh @ step.own_step[given][..., None]).ravel()
+    whole = np.vstack([step.triangle, rows])
+    return np.asarray(np.linalg.lstsq(whole, np.append(step.triangle @ step.dz, target), rcond=None)[0])
+
+
+def _moved(stiffness: ComplexArray, step: Step, given: np.ndarray, dz: FloatArray) -> ComplexArray:
+    """K* of all conditions for a change of the shared values; that of the given conditions stays."""
+    found = moved(stiffness, step.own_step - step.slope @ dz)
+    found[given] = stiffness[given]
+    return found

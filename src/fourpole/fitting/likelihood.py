@@ -1,0 +1,169 @@
+"""likelihood.parquet and its part of study.json: the tests of a rig as the joint route weighed them, and its solution.
+
+With them a fit holds its model against the recorded amplitudes, with the gains and the rig's values as parameters.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.joint import Joint
+from fourpole.core.joint.around import Likelihood
+from fourpole.core.joint.conditions import JointConditions
+from fourpole.core.joint.model import Observed
+from fourpole.core.joint.shared import Shared, SharedParameter
+from fourpole.core.joint.solve import Problem
+from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.core.sources import Kind, Role, Source
+from fourpole.errors import FourpoleError, TableError
+from fourpole.fitting.common_errors import MOST_BYTES
+from fourpole.io.source import read_bytes
+
+FILE = "likelihood.parquet"
+_NUMBERS = (q.FREQUENCY, q.ADDED_MASS, q.K1, q.RUN_PLACE, q.OFF_CURVE, q.SPREAD)
+_COUNTS = (q.CONDITION, q.FAMILY, q.SPECIMEN)
+_PARTS = (*q.F1.parts, *q.V1.parts, *q.V2.parts)
+#: Columns of likelihood.parquet after test and point.
+LIKELIHOOD_COLUMNS = (
+    q.RIG.head, *(one.head for one in (*_COUNTS, *_NUMBERS)), *_PARTS, q.STORAGE.head, q.LOSS.head, q.WEIGHTS.head,
+    q.TURNS.head,
+)  # fmt: skip
+
+
+def likelihood_of(joint: Joint) -> Likelihood:
+    """The tests of a joint solution, with the errors of channels that the solution has, and gain and delay of V1."""
+    problem, shared = joint.problem, joint.problem.shared
+    wanted = {one.source for one in shared.parameters if one.source.role is Role.CHANNEL}
+    wanted |= {Source(Kind.GAIN, "V1"), Source(Kind.DELAY, "V1")}
+    kept = [at for at, source in enumerate(problem.errors) if source in wanted]
+    place = {at: number for number, at in enumerate(kept)}
+    parameters = tuple(
+        replace(one, index=place[one.index]) if one.source.role is Role.CHANNEL else one for one in shared.parameters
+    )
+    observed = problem.observed
+    problem = replace(
+        problem,
+        observed=replace(
+            observed, turns=observed.turns[:, :, kept], frequency_std=np.zeros(observed.omega.size)
+        ),
+        shared=replace(shared, parameters=parameters),
+        errors=tuple(problem.errors[at] for at in kept),
+        scatter=0.0,
+        apart=problem.spread if np.any(problem.spread) else None,
+    )  # fmt: skip
+    return Likelihood(problem, joint.solution.z, joint.solution.stiffness)
+
+
+def likelihood_rows(found: Likelihood) -> list[dict[str, Any]]:
+    """Rows of likelihood.parquet without test and rig, in the order of the problem."""
+    problem = found.problem
+    observed, conditions = problem.observed, problem.conditions
+    tyre = conditions.label >= 0
+    family = np.where(tyre, np.append(conditions.family, -1)[conditions.label], -1)
+    stiffness = np.where(tyre, np.append(found.stiffness, np.nan)[conditions.label], np.nan)
+    k1 = np.where(tyre, np.append(conditions.k1, np.nan)[conditions.label], np.nan)
+    numbers = (
+        observed.omega / (2 * np.pi), observed.added(problem.shared.masses), k1, observed.place, observed.deflection,
+        problem.spread,
+    )  # fmt: skip
+    counts = (conditions.label, family, observed.specimen)
+    amplitudes = np.stack([observed.amplitudes.real, observed.amplitudes.imag], axis=2).reshape(-1, 6)
+    turns = np.stack([observed.turns.real, observed.turns.imag], axis=3).reshape(len(tyre), -1)
+    columns: dict[str, Any] = dict(zip((one.head for one in _COUNTS), (one.tolist() for one in counts), strict=True))
+    columns |= zip((one.head for one in _NUMBERS), (one.tolist() for one in numbers), strict=True)
+    columns |= zip(_PARTS, amplitudes.T.tolist(), strict=True)
+    columns |= {q.STORAGE.head: stiffness.real.tolist(), q.LOSS.head: stiffness.imag.tolist()}
+    columns |= {q.WEIGHTS.head: list(observed.whiten.reshape(-1, 36)), q.TURNS.head: list(turns)}
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def likelihood_record(found: Likelihood) -> dict[str, Any]:
+    """The part of study.json for one rig: the values that its tests share, as numbers that JSON keeps exactly."""
+    shared = found.problem.shared
+    rig = {name: getattr(shared.rig, name) for name in PARAMETERS}
+    return {
+        "rig": {name: value for name, value in rig.items() if np.isfinite(value)},
+        "masses": shared.masses.tolist(),
+        "specimens": list(found.problem.names),
+        "errors": [source.text for source in found.problem.errors],
+        "shared": [
+            {"value": one.source.text, "unit": one.unit, "index": one.index, "stated": one.stated, "u": one.std, "z": z}
+            for one, z in zip(shared.parameters, found.z.tolist(), strict=True)
+        ],
+    }
+
+
+def read_likelihoods(path: Path, record: Mapping[str, Any]) -> dict[str, Likelihood]:
+    """The likelihood of each rig from likelihood.parquet and the record of study.json; empty if there is none.
+
+    Raises
+    ------
+    TableError
+        If the file cannot be read, or is of another analysis than the record.
+    """
+    if not path.is_file() or not record:
+        return {}
+    try:
+        frame = pl.read_parquet(io.BytesIO(read_bytes(path, max_bytes=MOST_BYTES)))
+        return {rig: likelihood_in(frame.filter(pl.col(q.RIG.head) == rig), one) for rig, one in record.items()}
+    except (pl.exceptions.PolarsError, FourpoleError, ValueError, TypeError, KeyError, IndexError) as error:
+        raise TableError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
+
+
+def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:
+    """The likelihood of one rig from its rows and its record."""
+    frame = frame.sort(q.CONDITION.head, maintain_order=True)
+    label, family, specimen = (frame[one.head].to_numpy() for one in _COUNTS)
+    frequency, mass, k1, place, deflection, spread = (_numbers(frame, one.head) for one in _NUMBERS)
+    masses = np.array(record["masses"], dtype=float)
+    errors = tuple(Source.read(str(text)) for text in record["errors"])
+    parameters = tuple(
+        SharedParameter(
+            Source.read(str(one["value"])), str(one["unit"]), int(one["index"]), float(one["stated"]), float(one["u"])
+        )
+        for one in record["shared"]
+    )
+    observed = Observed(
+        omega=2 * np.pi * frequency,
+        frequency_std=np.zeros(frequency.size),
+        amplitudes=_complex(np.stack([_numbers(frame, head) for head in _PARTS], axis=1)),
+        whiten=_lists(frame, q.WEIGHTS.head, 36).reshape(-1, 6, 6),
+        mass_at=np.where(mass == 0, -1, np.searchsorted(masses, mass)),
+        rigid=label < 0,
+        turns=_complex(_lists(frame, q.TURNS.head, 6 * len(errors))).reshape(-1, 3, len(errors)),
+        specimen=specimen,
+        place=place,
+        deflection=deflection,
+    )
+    conditions = JointConditions(label, family, frequency, k1)
+    problem = Problem(
+        observed, conditions, Shared(Rig(**record["rig"]), parameters, masses), errors,
+        tuple(map(str, record["specimens"])), apart=spread if np.any(spread) else None,
+    )  # fmt: skip
+    stiffness = (_numbers(frame, q.STORAGE.head) + 1j * _numbers(frame, q.LOSS.head))[conditions.starts]
+    return Likelihood(problem, np.array([float(one["z"]) for one in record["shared"]]), stiffness)
+
+
+def _numbers(frame: pl.DataFrame, head: str) -> FloatArray:
+    """A column as numbers; not-a-number where there is none."""
+    return np.asarray(frame[head].cast(pl.Float64).fill_null(np.nan).to_numpy(), dtype=float)
+
+
+def _lists(frame: pl.DataFrame, head: str, length: int) -> FloatArray:
+    """A column of lists as an array (N, length)."""
+    rows: Sequence[Any] = frame[head].to_list()
+    return np.array(rows, dtype=float).reshape(len(rows), length)
+
+
+def _complex(values: FloatArray) -> ComplexArray:
+    """Complex values of columns with Re and Im in turn."""
+    return np.asarray(values[:, 0::2] + 1j * values[:, 1::2])
