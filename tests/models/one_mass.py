@@ -31,8 +31,11 @@ def impossible(w, rng):
     return 180e3 + 1j * w * 300.0 * (w / 60) ** 0.2
 
 
-def solved(seed, tyres, std, noise=1e-4, count=9, band=(6.0, 30.0)) -> tuple[Joint, np.ndarray]:
-    """The joint solution of one test per frequency and tyre, and the true K* of each test [N/m]."""
+def solved(seed, tyres, std, noise=1e-4, count=9, band=(6.0, 30.0), gain=1.0, delay=0.0) -> tuple[Joint, np.ndarray]:
+    """The joint solution of one test per frequency and tyre, and the true K* of each test [N/m].
+
+    `gain` and `delay` [s] of V1 are errors that nobody states.
+    """
     rng = np.random.default_rng(seed)
     f = np.tile(np.geomspace(*band, count), len(tyres))
     w = 2 * np.pi * f
@@ -43,6 +46,7 @@ def solved(seed, tyres, std, noise=1e-4, count=9, band=(6.0, 30.0)) -> tuple[Joi
     v1 = 2e-3 * w * np.exp(1j * rng.uniform(0, 6, w.size))
     v2 = v1 * truth / (truth + 1j * w * beyond)
     amplitudes = np.stack([beyond * v2, v1, v2], axis=1) * turn
+    amplitudes[:, 1] *= gain * np.exp(-1j * w * delay)
     size = noise * np.abs(amplitudes)
     amplitudes = amplitudes + size * (rng.standard_normal(size.shape) + 1j * rng.standard_normal(size.shape))
     covariance = np.repeat(size, 2, axis=1)[:, :, None] ** 2 * np.eye(6)

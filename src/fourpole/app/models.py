@@ -17,6 +17,7 @@ from fourpole.app.deliver import deliver
 from fourpole.app.model_words import show_fit, show_map, show_row
 from fourpole.app.options import DataOptions, FitOptions
 from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
+from fourpole.fitting.hint import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
 from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file, rig_file, shapes_in
@@ -139,6 +140,8 @@ def run_causality(path: Path, data: DataOptions, *, as_json: bool) -> None:
             "either the tests are at fault (a gain, a resonance, a tyre that had not settled), or their uncertainty is "
             "too small, or the tyre is not linear; fourpole rig says what the rig explains"
         )
+        if hint := channel_hint(*zip(*found, strict=True)):
+            say(hint)
 
 
 def _show_verdict(where: str, one: Measured, verdict: Possible) -> None:

@@ -68,7 +68,8 @@ class Measured(ByValue):
         Changes of Re K* and Im K* of each frequency in turn when one of p errors that all conditions share is one
         standard uncertainty.
     recorded : Recorded, optional
-        K* near that of a model, as the recordings have it; None where the shared errors are linear within the noise.
+        K* near that of a model, as the recordings have it. The data have it where the shared errors are not linear
+        within the noise.
     """
 
     tyre: str
@@ -97,7 +98,9 @@ class Measured(ByValue):
             k1=own.k1,
             k1_std=own.k1_std,
         )
-        return data if self.recorded is None else replace(data, recorded=np.array(self.recorded, dtype=object))
+        if self.recorded is None or not bends(own, self.shared):
+            return data
+        return replace(data, recorded=np.array(self.recorded, dtype=object))
 
     @property
     def frequency(self) -> FloatArray:
@@ -440,13 +443,13 @@ def _measured(
 
 
 def _as_recorded(one: Measured, rows: _Rows, likelihoods: Mapping[str, Likelihood]) -> Measured:
-    """The condition with K* as recorded, where all its tests are of one rig and its shared errors are not linear."""
+    """The condition with K* as recorded, where all its tests are of one rig."""
     if not rows.places or not likelihoods:
         return one
     place = dict(zip(rows.keys, rows.places, strict=True))
     rigs = {place[key][0] for key in one.keys}
     likelihood = likelihoods.get(rigs.pop()) if len(rigs) == 1 else None
-    if likelihood is None or not bends(one.own, one.shared):
+    if likelihood is None:
         return one
     return replace(one, recorded=Recorded.of(likelihood, [place[key][1] for key in one.keys], one.own))
 

@@ -43,8 +43,8 @@ class Possible(ByValue):
     possible : bool
     chi2, dof, chance : float, int, float [1]
         Chi-square of the best passive tyre, its degrees of freedom, and the probability of a larger chi-square.
-    residuals : (N,) complex array [N/m]
-        K* minus that of the best passive tyre.
+    best, residuals : (N,), (N,) complex arrays [N/m]
+        K* of the best passive tyre, and K* of the data minus it.
     far : (N,) float array [1]
         Residual of each frequency in standard uncertainties.
     impossible : (n,) float array [Hz]
@@ -59,6 +59,7 @@ class Possible(ByValue):
     chi2: float
     dof: int
     chance: float
+    best: ComplexArray
     residuals: ComplexArray
     far: FloatArray
     impossible: FloatArray
@@ -111,6 +112,7 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
         chi2=best.chi2,
         dof=best.dof,
         chance=best.chance,
+        best=best.stiffness,
         residuals=data.stiffness - best.stiffness,
         far=far,
         impossible=data.omega[rows] / (2 * np.pi),
@@ -127,7 +129,7 @@ def near_passive(data: StiffnessData) -> StiffnessData:
 
 def _near_best(data: StiffnessData, enough: float) -> tuple[StiffnessData, _Best]:
     """The best passive tyre, and the data with their shared errors at its K*."""
-    best = _best(data.eased(), enough)
+    best = _best(data if data.reference is not None else data.eased(), enough)
     for _ in range(SCALINGS):
         there = data.at(best.stiffness)
         if there is data:

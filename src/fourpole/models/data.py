@@ -219,20 +219,21 @@ class StiffnessData(ByValue):
     def _as_recorded(self, recorded: np.ndarray, stiffness: ComplexArray, stale: BoolArray) -> StiffnessData:
         """The data with those of some conditions near K* of a model, as recorded."""
         assert self.relative is not None
-        names = ("stiffness", "covariance", "relative", "reference")
-        held = (
-            self.stiffness,
-            self.covariance,
-            self.relative,
-            self.stiffness if self.reference is None else self.reference,
-        )
-        made: dict[str, Any] = {name: values.copy() for name, values in zip(names, held, strict=True)}
-        for place in zip(*np.nonzero(np.atleast_1d(stale)), strict=True):
-            at = place if stale.ndim else ()
-            near = recorded[at] if stale.ndim else recorded.item()
-            found = near(stiffness[at])
-            for name in names:
-                made[name][at] = getattr(found, name)
+        places = list(zip(*np.nonzero(np.atleast_1d(stale)), strict=True)) if stale.ndim else [()]
+        found = {place: recorded[place](stiffness[place]) for place in places}
+        width = max(self.relative.shape[-1], *(one.relative.shape[-1] for one in found.values()))
+        made: dict[str, Any] = {
+            "stiffness": self.stiffness.copy(),
+            "covariance": self.covariance.copy(),
+            "relative": np.zeros((*self.stiffness.shape, width), dtype=complex),
+            "reference": (self.stiffness if self.reference is None else self.reference).copy(),
+        }
+        made["relative"][..., : self.relative.shape[-1]] = self.relative
+        for place, one in found.items():
+            made["relative"][place] = 0.0
+            made["relative"][place][..., : one.relative.shape[-1]] = one.relative
+            for name in ("stiffness", "covariance", "reference"):
+                made[name][place] = getattr(one, name)
         return replace(self, **made)
 
     def whitener(self) -> FloatArray:

@@ -23,6 +23,8 @@ _LIKELY = 0.5
 #: The search ends when chi-square equals its degrees of freedom within this fraction.
 _CLOSE = 0.01
 _MOST_STEPS = 25
+#: Second order of the shared errors, over the discrepancy, below which the recordings are not needed.
+_SMALL = 0.3
 #: Least and largest discrepancy of the search.
 _LEAST, _MOST = 1e-7, 1.0
 
@@ -40,6 +42,12 @@ def with_error(data: StiffnessData, error: float) -> StiffnessData:
     if not error:
         return data
     recorded = data.recorded
+    if (
+        recorded is not None
+        and data.relative is not None
+        and np.all(np.sum(np.abs(data.relative) ** 2, axis=-1) < _SMALL * error)
+    ):
+        recorded = None
     if recorded is not None:
         wider = [partial(_wider, one, error) for one in recorded.ravel()]
         recorded = np.array([*wider, None], dtype=object)[:-1].reshape(recorded.shape)
