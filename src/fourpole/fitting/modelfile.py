@@ -20,6 +20,7 @@ from fourpole.errors import ModelError
 from fourpole.fitting.document import changes, check_seal, listed, read_document
 from fourpole.fitting.lawfile import TemperatureFile, check_law
 from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
+from fourpole.fitting.pressures import PressureFile, check_pressures
 from fourpole.fitting.seal import KEY, sealed
 from fourpole.io.write import write_text
 from fourpole.models.families import model_named
@@ -36,7 +37,7 @@ _MOST_PARAMETERS = 601
 
 
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
-LATER = ("axes", "points", "shape", "temperature")
+LATER = ("axes", "points", "shape", "temperature", "pressures")
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: A relative error.
@@ -122,6 +123,9 @@ class ModelEntry(_Entry):
     conditions: list[ConditionFile] = Field(max_length=_LONGEST)
     temperature: TemperatureFile | None = Field(
         default=None, description="Law of the shift factors if the model is of a master curve."
+    )
+    pressures: list[PressureFile] = Field(
+        default_factory=list, max_length=1000, description="Sets of parameters that hold for several pressures."
     )
 
 
@@ -314,6 +318,8 @@ def _check_model(name: str, entry: ModelEntry) -> None:
     size = len(model.parameters)
     if entry.temperature is not None:
         check_law(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature)
+    states = [{one.column: one.value for one in each.state} for each in entry.conditions]
+    check_pressures(f"{name}: tyre {shown(entry.tyre)}", entry.pressures, states)
     for at, one in enumerate(entry.conditions):
         where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
         if len(one.points) not in (0, len(one.tests)):

@@ -35,6 +35,7 @@ from fourpole.fitting.modelfile import (
     parameters_of,
 )
 from fourpole.fitting.modelparts import NamedValue, split_column
+from fourpole.fitting.pressures import OverPressures, PressureFile, sentences, share_over_pressures
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
@@ -75,6 +76,8 @@ class TyreFit(ByValue):
         Whether a passive linear tyre can have K* as measured, one per condition; empty if the uncertainty is not known.
     discrepancy : float [1]
         Model discrepancy: the relative error of K* that makes chi-square equal its degrees of freedom.
+    pressures : tuple of OverPressures
+        Fits with one set of parameters for several pressures, of a model that has the pressure as a parameter.
     """
 
     tyre: str
@@ -85,6 +88,7 @@ class TyreFit(ByValue):
     intervals: tuple[FloatArray, ...]
     verdicts: tuple[Possible, ...]
     discrepancy: float
+    pressures: tuple[OverPressures, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -188,12 +192,14 @@ def _fit_tyre(
         except KeyboardInterrupt:  # the fit is kept, without the discrepancy
             more, stopped = 0.0, True
     whole = float(np.hypot(discrepancy, more))
+    best, pressures = share_over_pressures(best, measured, whole, held, share, _common(measured))
     if share:
         best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
-    ends, why = intervals(best.fits, data, fixed, step, shared=bool(share), stopped=stopped)
-    choice = replace(choice, text=". ".join([choice.text, *_left_out(choice), *why]))
-    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole)
+    ends, why = intervals(best.fits, data, fixed, step, shared=bool(share or pressures), stopped=stopped)
+    said = [*sentences(pressures, measured, whole), *_left_out(choice), *why]
+    choice = replace(choice, text=". ".join([choice.text, *said]))
+    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, pressures)
 
 
 def _left_out(choice: Choice) -> list[str]:
@@ -421,6 +427,7 @@ def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | Non
         candidates=[_candidate_entry(one) for one in found.choice.candidates],
         conditions=[_condition_entry(*row) for row in rows],
         temperature=law,
+        pressures=[PressureFile.of(one) for one in found.pressures],
     )
 
 

@@ -17,8 +17,9 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AXES
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import ModelError
-from fourpole.fitting.modelfile import ModelEntry, ModelFile, RigFile, map_of, model_of
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, RigFile, map_of, model_of
 from fourpole.fitting.modelparts import LARGEST
+from fourpole.fitting.pressures import between, scatter_between, scatter_of
 from fourpole.fitting.rows import tyre_columns
 from fourpole.models.operating import Answer, LeaveOneOut, OperatingMap
 from fourpole.models.shift_law import ShiftLaw
@@ -186,6 +187,8 @@ def _condition(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -
         for at, own in enumerate(states)
         if all(column in own and file.axis(column).same(value, own[column]) for column, value in state.items())
     ]
+    if not good and (made := _between(file, entry, states, state)) is not None:
+        return made
     if len(good) != 1:
         there = "; ".join(sorted({_words(own) for own in states})[:12])
         what = "no condition is" if not good else f"{len(good)} conditions are"
@@ -193,18 +196,46 @@ def _condition(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -
             f"{what} the same as the stated one: the file has fits at {there}. State one of these, or make a map of "
             "the results with fourpole map"
         )
-    one, own, model = entry.conditions[good[0]], states[good[0]], model_of(entry)
-    linked = link_all(model, np.array(one.values))
+    one = entry.conditions[good[0]]
+    return _one_point(entry, one, np.array(one.values), states[good[0]], scatter_of(entry.pressures, good[0]))
+
+
+def _between(
+    file: ModelFile, entry: ModelEntry, states: Sequence[Mapping[str, float]], state: Mapping[str, float]
+) -> OperatingMap | None:
+    """The model at a pressure between those that share a set of parameters, as a map of one point; else None."""
+    rest = {column: value for column, value in state.items() if column != q.PRESSURE.head}
+    same = [
+        own
+        if all(column in own and file.axis(column).same(value, own[column]) for column, value in rest.items())
+        else {}
+        for own in states
+    ]
+    found, model = between(entry.pressures, same, state), model_of(entry)
+    if found is None:
+        return None
+    one, own = entry.conditions[found.conditions[0]], states[found.conditions[0]]
+    pressure = state[q.PRESSURE.head]
+    values = np.array(one.values)
+    values[model.symbols.index(model.pressure)] = pressure
+    return _one_point(entry, one, values, {**own, q.PRESSURE.head: pressure}, scatter_between(found))
+
+
+def _one_point(
+    entry: ModelEntry, one: ConditionFile, values: FloatArray, own: dict[str, float], scatter: float
+) -> OperatingMap:
+    """A set of parameters as a map of one point, with the band and the covariance of a condition."""
+    model = model_of(entry)
+    linked = link_all(model, values)
     _, slopes = unlink_all(model, linked)
     scale = np.divide(1.0, slopes, out=np.zeros_like(slopes), where=np.abs(slopes) > 1e-100)
-    covariance = np.array(one.covariance) * np.outer(scale, scale)
     return OperatingMap(
         model=model,
         axes=Axes((), np.zeros((1, 0)), own),
         terms=((),),
         coefficients=linked[:, None],
-        covariance=covariance,
-        scatter=Scatter(0.0, (entry.discrepancy, entry.discrepancy)),
+        covariance=np.array(one.covariance) * np.outer(scale, scale),
+        scatter=Scatter(scatter, (entry.discrepancy, entry.discrepancy)),
         band=one.band,
         leave_one_out=LeaveOneOut(),
     )
@@ -293,7 +324,7 @@ def _words(state: Mapping[str, float]) -> str:
 def response(entry: ModelEntry, at: int, frequency: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """K* (N,) of one condition's parameters at frequencies (N,) [Hz], and its covariance (N, 2, 2), Re and Im.
 
-    The model discrepancy is part of the covariance.
+    The model discrepancy and the scatter of conditions are part of the covariance.
     """
     model, one = model_of(entry), entry.conditions[at]
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
@@ -301,7 +332,8 @@ def response(entry: ModelEntry, at: int, frequency: FloatArray) -> tuple[Complex
     slopes = model.derivative(one.values, omega)
     rows = np.stack([slopes.real, slopes.imag], axis=1)
     covariance = rows @ np.array(one.covariance) @ np.swapaxes(rows, 1, 2)
-    return stiffness, covariance + ((entry.discrepancy * np.abs(stiffness)) ** 2)[:, None, None] * np.eye(2)
+    square = entry.discrepancy**2 + scatter_of(entry.pressures, at) ** 2
+    return stiffness, covariance + (square * np.abs(stiffness) ** 2)[:, None, None] * np.eye(2)
 
 
 def rig_in(file: RigFile | None) -> Rig | None:
