@@ -35,7 +35,7 @@ class PressureFile(Strict):
 
     conditions: list[int] = Field(max_length=100_000, description="Places of the conditions, from 0 on.")
     shared: list[str] = Field(max_length=100, description="Symbols of the parameters that were fitted.")
-    chi2: float = Field(description="Of the shared set, without scatter of conditions.")
+    chi2: float = Field(description="Of the shared set, without scatter.")
     dof: int
     separate_chi2: float = Field(description="With values of their own for each pressure.")
     separate_dof: int
@@ -43,7 +43,10 @@ class PressureFile(Strict):
     agrees: bool = Field(description="Whether the effect of the pressure agrees with the data.")
     trend: float = Field(description="Relative change of measured K* beyond the model's with pressure [1/Pa].")
     trend_std: float = Field(ge=0, description="Standard uncertainty of the trend [1/Pa].")
-    scatter: float = Field(ge=0, le=1, description="Relative misfit of conditions, in each uncertainty of K* [1].")
+    scatter: list[float] = Field(
+        max_length=100,
+        description="Relative scatter of each shared parameter from pressure to pressure; in the covariance [1].",
+    )
     alone: list[float] = Field(
         max_length=100_000, description="Relative error of K* at each pressure from parameters of its own [1]."
     )
@@ -66,7 +69,7 @@ class PressureFile(Strict):
             agrees=fit.agrees,
             trend=fit.trend / 1e5,
             trend_std=fit.trend_std / 1e5,
-            scatter=fit.scatter,
+            scatter=fit.scatter.tolist(),
             alone=fit.own_error.tolist(),
             predicted=fit.left_out.tolist(),
         )
@@ -77,8 +80,9 @@ def check_pressures(where: str, records: Sequence[PressureFile], states: Sequenc
     named = [at for one in records for at in one.conditions]
     if any(not 0 <= at < len(states) or _PRESSURE not in states[at] for at in named) or len({*named}) != len(named):
         raise ModelError(f"{where}: a fit over pressures names conditions that are not there, or one twice")
-    if any(len(one.conditions) != len(one.alone) or len(one.alone) != len(one.predicted) for one in records):
-        raise ModelError(f"{where}: a fit over pressures has not as many errors as conditions")
+    for one in records:
+        if {len(one.alone), len(one.predicted)} != {len(one.conditions)} or len(one.scatter) != len(one.shared):
+            raise ModelError(f"{where}: a fit over pressures has not as many errors as conditions and parameters")
 
 
 def share_over_pressures(
@@ -165,10 +169,10 @@ def _sentence(found: OverPressures, measured: Sequence[Measured], discrepancy: f
     else:
         parts.append(
             f"The effect of the pressure is NOT that of the {model} (p-value {fit.chance:.2g}): measured |K*| rises "
-            f"by {size:.3g} ± {std:.2g} % per bar {side} than the {model}'s. With a scatter of conditions of "
-            f"{100 * fit.scatter:.2g} % added it is within the uncertainty; intervals and queries include that"
+            f"by {size:.3g} ± {std:.2g} % per bar {side} than the {model}'s. Intervals and queries include the scatter "
+            f"from pressure to pressure: {_scatter(fit)}"
         )
-    predicted, alone = (100 * float(np.sqrt(np.mean(one**2))) for one in (fit.left_out, fit.own_error))
+    predicted, alone = (100 * float(np.sqrt(np.mean(np.square(one)))) for one in (fit.left_out, fit.own_error))
     parts.append(
         f"From the other pressures, K* at each one is predicted with an error of {predicted:.2g} % ({alone:.2g} % with "
         "own values)"
@@ -180,6 +184,12 @@ def _sentence(found: OverPressures, measured: Sequence[Measured], discrepancy: f
             else f"Over frequency the {model} itself is off by {100 * discrepancy:.2g} %, so this shows little"
         )
     return ". ".join(parts)
+
+
+def _scatter(fit: PressureFit) -> str:
+    """The scatter of the shared parameters in words."""
+    pairs = zip(fit.shared, (100 * fit.scatter).tolist(), strict=True)
+    return _listed([f"{size:.2g} % of {name}" for name, size in pairs if size]) or "none that stands out"
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -202,14 +212,3 @@ def between(
         if len(own) == len(one.conditions) and min(own) <= pressure <= max(own):
             good.append(one)
     return good[0] if len(good) == 1 else None
-
-
-def scatter_between(record: PressureFile) -> float:
-    """Relative misfit [1] of a condition as a whole at a pressure without tests."""
-    more = np.mean(np.square(record.predicted)) - np.mean(np.square(record.alone))
-    return max(record.scatter, float(np.sqrt(max(more, 0.0))))
-
-
-def scatter_of(records: Sequence[PressureFile], at: int) -> float:
-    """Relative misfit [1] of a condition, by its place; 0 if it has parameters of its own."""
-    return next((one.scatter for one in records if at in one.conditions), 0.0)

@@ -19,7 +19,7 @@ from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import ModelError
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, RigFile, map_of, model_of
 from fourpole.fitting.modelparts import LARGEST
-from fourpole.fitting.pressures import between, scatter_between, scatter_of
+from fourpole.fitting.pressures import between
 from fourpole.fitting.rows import tyre_columns
 from fourpole.models.operating import Answer, LeaveOneOut, OperatingMap
 from fourpole.models.shift_law import ShiftLaw
@@ -74,6 +74,7 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     state = dict(query.state) if shift is None else {**query.state, _TEMPERATURE: shift.law.reference}
     found = maps_of(file, tyre, state)
     point, outside, remarks = place_of(file, found, state, beyond=query.beyond)
+    remarks = (*remarks, *_untested(file, tyre, found))
     frequency = np.asarray(query.frequency, dtype=float)
     reduced = frequency if shift is None else frequency * shift.factor
     far = _beyond_band(found, reduced, beyond=query.beyond)
@@ -192,12 +193,13 @@ def _condition(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -
     if len(good) != 1:
         there = "; ".join(sorted({_words(own) for own in states})[:12])
         what = "no condition is" if not good else f"{len(good)} conditions are"
+        more = ", or a pressure between them," if entry.pressures else ""
         raise ModelError(
-            f"{what} the same as the stated one: the file has fits at {there}. State one of these, or make a map of "
-            "the results with fourpole map"
+            f"{what} the same as the stated one: the file has fits at {there}. State one of these{more} or make a map "
+            "of the results with fourpole map"
         )
     one = entry.conditions[good[0]]
-    return _one_point(entry, one, np.array(one.values), states[good[0]], scatter_of(entry.pressures, good[0]))
+    return _one_point(entry, one, np.array(one.values), states[good[0]])
 
 
 def _between(
@@ -218,12 +220,23 @@ def _between(
     pressure = state[q.PRESSURE.head]
     values = np.array(one.values)
     values[model.symbols.index(model.pressure)] = pressure
-    return _one_point(entry, one, values, {**own, q.PRESSURE.head: pressure}, scatter_between(found))
+    return _one_point(entry, one, values, {**own, q.PRESSURE.head: pressure})
 
 
-def _one_point(
-    entry: ModelEntry, one: ConditionFile, values: FloatArray, own: dict[str, float], scatter: float
-) -> OperatingMap:
+def _untested(file: ModelFile, tyre: str, found: OperatingMap) -> tuple[str, ...]:
+    """A remark if the pressure of an answer lies between the tested ones."""
+    pressure = found.axes.constant.get(q.PRESSURE.head)
+    entry = next((one for one in file.models if one.tyre == tyre and one.pressures), None)
+    tested = [one.value for each in entry.conditions for one in each.state] if entry is not None else []
+    if pressure is None or entry is None or pressure in tested:
+        return ()
+    errors = np.concatenate([one.predicted for one in entry.pressures])
+    error, where = 100 * float(np.sqrt(np.mean(errors**2))), _value(q.PRESSURE.head, pressure)
+    left_out = f"at tested pressures that were left out it was off by {error:.2g} %"
+    return (f"no test at {where}: K* is what the {entry.model} predicts; {left_out}",)
+
+
+def _one_point(entry: ModelEntry, one: ConditionFile, values: FloatArray, own: dict[str, float]) -> OperatingMap:
     """A set of parameters as a map of one point, with the band and the covariance of a condition."""
     model = model_of(entry)
     linked = link_all(model, values)
@@ -235,7 +248,7 @@ def _one_point(
         terms=((),),
         coefficients=linked[:, None],
         covariance=np.array(one.covariance) * np.outer(scale, scale),
-        scatter=Scatter(scatter, (entry.discrepancy, entry.discrepancy)),
+        scatter=Scatter(0.0, (entry.discrepancy, entry.discrepancy)),
         band=one.band,
         leave_one_out=LeaveOneOut(),
     )
@@ -324,7 +337,7 @@ def _words(state: Mapping[str, float]) -> str:
 def response(entry: ModelEntry, at: int, frequency: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """K* (N,) of one condition's parameters at frequencies (N,) [Hz], and its covariance (N, 2, 2), Re and Im.
 
-    The model discrepancy and the scatter of conditions are part of the covariance.
+    The model discrepancy is part of the covariance.
     """
     model, one = model_of(entry), entry.conditions[at]
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
@@ -332,8 +345,7 @@ def response(entry: ModelEntry, at: int, frequency: FloatArray) -> tuple[Complex
     slopes = model.derivative(one.values, omega)
     rows = np.stack([slopes.real, slopes.imag], axis=1)
     covariance = rows @ np.array(one.covariance) @ np.swapaxes(rows, 1, 2)
-    square = entry.discrepancy**2 + scatter_of(entry.pressures, at) ** 2
-    return stiffness, covariance + (square * np.abs(stiffness) ** 2)[:, None, None] * np.eye(2)
+    return stiffness, covariance + ((entry.discrepancy * np.abs(stiffness)) ** 2)[:, None, None] * np.eye(2)
 
 
 def rig_in(file: RigFile | None) -> Rig | None:

@@ -2,11 +2,12 @@ r"""One set of parameters for several inflation pressures: the fit of a model th
 
 The model at condition c and frequency f is
 
-.. math:: K^*_c(f) = K^*(f;\ p_c, \theta)\, e^{a_c + \sum_k h_{ck}(f)\,\epsilon_k}
+.. math:: K^*_c(f) = K^*(f;\ p_c, \theta)\, e^{\sum_k h_{ck}(f)\,\epsilon_k}
 
 with one theta for all pressures p_c. The errors epsilon that all tests share, such as gains of sensors, are parameters
-with their stated uncertainty. The misfit a_c of a condition as a whole, relative in Re and Im of log K*, has the
-standard deviation `scatter`. All of these act on the model, not on the measured K*.
+with their stated uncertainty; they act on the model, not on the measured K*. If the pressures do not agree on theta,
+the logarithm of each parameter has a scatter from pressure to pressure: theta is then the mean of fits to one pressure
+each, weighted with their covariance and the scatter.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import stats
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.confidence import CHANCE, CLAIM_CHANCE
+from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData, complex_columns
 from fourpole.models.fit import Fit
@@ -29,8 +30,6 @@ from fourpole.models.interface import Model
 _FARTHEST = 30.0
 #: A parameter within this distance of a bound, in its logarithm, counts as on the bound.
 _AT_BOUND = 1e-6
-#: Largest scatter of conditions [1], and relative tolerance of the search for it.
-_MOST_SCATTER, _CLOSE = 0.5, 0.01
 #: Damping of the search: start, factors after a good and a bad step, largest; smallest relative gain; most steps.
 _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 1e-3, 0.2, 5.0, 1e10
 _SMALL_GAIN, _MOST_STEPS = 1e-9, 100
@@ -50,11 +49,12 @@ class PressureFit(ByValue):
     shared : tuple of str
         Symbols of the parameters that were fitted.
     chi2, dof : float, int
-        Of the fit without scatter of conditions.
+        Of the fit without scatter.
     separate_chi2, separate_dof : float, int
         Of fits with parameters of their own for each pressure.
-    scatter : float [1]
-        Relative misfit of conditions that makes chi-square equal its degrees of freedom; 0 if the fit needs none.
+    scatter : (F,) float array [1]
+        Relative scatter of each shared parameter from pressure to pressure, which is part of its covariance; 0 if the
+        effect of the pressure agrees.
     trend, trend_std : float [1/bar]
         Relative change of measured K* with pressure beyond that of the model, and its standard uncertainty.
     left_out, own_error : (B,) float arrays [1]
@@ -69,7 +69,7 @@ class PressureFit(ByValue):
     dof: int
     separate_chi2: float
     separate_dof: int
-    scatter: float
+    scatter: FloatArray
     trend: float
     trend_std: float
     left_out: FloatArray
@@ -85,11 +85,6 @@ class PressureFit(ByValue):
     def agrees(self) -> bool:
         """Whether the effect of the pressure agrees with the data."""
         return self.chance > CHANCE
-
-    @property
-    def has_trend(self) -> bool:
-        """Whether measured K* changes with pressure in another way than the model's."""
-        return abs(self.trend) > float(stats.norm.isf(CLAIM_CHANCE / 2)) * self.trend_std
 
 
 def fit_over_pressures(
@@ -140,12 +135,11 @@ def fit_over_pressures(
     separate = apart.solved()
     if len(set(problem.pressures)) < 2:
         raise ModelError("the effect of the pressure needs conditions at two pressures at least")
-    scatter = _scatter(problem, joint, separate)
-    final = replace(problem, scatter=scatter)
+    mean, inverse, scatter = _mean(problem, joint, separate)
     bent = replace(problem, bends=True).solved(joint)
     trend = bent.unknowns[problem.free.size], float(np.sqrt(bent.inverse[problem.free.size, problem.free.size]))
     return PressureFit(
-        fits=tuple(final.fits(final.solved(joint) if scatter else joint)),
+        fits=tuple(problem.fits(mean, inverse, joint)),
         pressures=np.asarray(problem.pressures, dtype=float),
         shared=tuple(model.symbols[at] for at in problem.free),
         chi2=joint.chi2,
@@ -160,29 +154,36 @@ def fit_over_pressures(
     )
 
 
-def _scatter(problem: _Problem, joint: _Solved, separate: _Solved) -> float:
-    """Relative misfit of conditions that explains by how much chi-square exceeds that of the separate fits."""
+def _mean(problem: _Problem, joint: _Solved, separate: _Solved) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Logarithms of the shared parameters (F,), their covariance at one pressure, and their scatter (F,)."""
+    count, many = problem.free.size, len(problem.conditions)
     more = joint.dof - separate.dof
+    whole, nothing = joint.inverse[:count, :count], np.zeros(count)
     if stats.chi2.sf(max(joint.chi2 - separate.chi2, 0.0), max(more, 1)) > CHANCE:
-        return 0.0
-    wanted = separate.chi2 + more
-    near = replace(problem, scatter=1.0)
-    place = np.concatenate([joint.unknowns, np.zeros(near.priors - problem.priors)])
-    residuals, slopes = near.whole(place)
-    slopes[:, : problem.size] *= np.any(joint.slopes[:, : problem.size], axis=0)  # a parameter on a bound stays there
-    rows = residuals.size - 2 * len(problem.conditions)  # those of the scatter follow
+        return joint.unknowns[:count], whole, nothing
+    own = separate.unknowns[: many * count].reshape(many, count)
+    spread = separate.inverse[: many * count, : many * count].reshape(many, count, many, count)
+    told = np.array([np.all(np.diagonal(spread[:, at, :, at]) > 0) for at in range(count)])  # on no bound anywhere
+    if not told.any():
+        return joint.unknowns[:count], whole, nothing
+    scatter = np.array([_beyond(own[:, at], spread[:, at, :, at]) if told[at] else 0.0 for at in range(count)])
+    size = int(told.sum())
+    covariance = spread[:, told][:, :, :, told].reshape(many * size, many * size)
+    covariance = covariance + np.kron(np.eye(many), np.diag(scatter[told] ** 2))
+    design = np.tile(np.eye(size), (many, 1))
+    weighted = np.linalg.solve(covariance, design)
+    inverse = np.linalg.inv(design.T @ weighted)
+    mean, whole = np.array(joint.unknowns[:count]), np.zeros((count, count))
+    mean[told] = inverse @ weighted.T @ own[:, told].ravel()
+    whole[np.ix_(told, told)] = inverse + np.diag(scatter[told] ** 2)
+    return mean, whole, scatter
 
-    def excess(log_scatter: float) -> float:
-        """Chi-square of the linearised problem over the wanted one, less 1."""
-        by = slopes.copy()
-        by[:rows, place.size - (residuals.size - rows) :] *= np.exp(log_scatter)
-        step = np.linalg.lstsq(by, residuals, rcond=None)[0]
-        return float(np.sum((residuals - by @ step) ** 2)) / wanted - 1
 
-    low, high = np.log(1e-7), np.log(_MOST_SCATTER)
-    if excess(high) > 0:
-        return _MOST_SCATTER
-    return float(np.exp(optimize.brentq(excess, low, high, xtol=_CLOSE)))
+def _beyond(values: FloatArray, covariance: FloatArray) -> float:
+    """Standard deviation of values beyond that which their covariance explains."""
+    many = values.size
+    expected = (np.trace(covariance) - covariance.sum() / many) / (many - 1)
+    return float(np.sqrt(max(np.var(values, ddof=1) - expected, 0.0)))
 
 
 def _left_out(problem: _Problem, joint: _Solved, at: int) -> float:
@@ -224,14 +225,18 @@ class _Problem:
     free: np.ndarray
     effects: tuple[ComplexArray, ...]
     sets: tuple[int, ...]
-    scatter: float = 0.0
     bends: bool = False
 
     def part(self, chosen: Sequence[int]) -> _Problem:
         """The same problem for some of the conditions."""
-        names = ("conditions", "pressures", "effects", "sets")
-        rows = {name: tuple(getattr(self, name)[at] for at in chosen) for name in names}
-        return replace(self, start=self.start[list(chosen)], **rows)
+        return replace(
+            self,
+            start=self.start[list(chosen)],
+            conditions=tuple(self.conditions[at] for at in chosen),
+            pressures=tuple(self.pressures[at] for at in chosen),
+            effects=tuple(self.effects[at] for at in chosen),
+            sets=tuple(self.sets[at] for at in chosen),
+        )
 
     @property
     def is_pressure(self) -> np.ndarray:
@@ -250,8 +255,8 @@ class _Problem:
 
     @property
     def priors(self) -> int:
-        """Number of errors with a known standard deviation: shared ones, then two of each condition."""
-        return self.effects[0].shape[1] + 2 * len(self.conditions) * bool(self.scatter)
+        """Number of errors with a known standard deviation."""
+        return self.effects[0].shape[1]
 
     def values(self, unknowns: FloatArray, at: int) -> FloatArray:
         """Parameters (P,) of a condition."""
@@ -268,21 +273,17 @@ class _Problem:
 
     def by_log(self, at: int) -> ComplexArray:
         """Derivatives (N, size + priors) of log K* of a condition by trend and errors; zero by the parameters."""
-        data, common = self.conditions[at], self.effects[at].shape[1]
+        data = self.conditions[at]
         found = np.zeros((data.count, self.size + self.priors), dtype=complex)
         if self.bends:
             found[:, self.size - 1] = (self.pressures[at] - np.mean(self.pressures)) / _BAR
-        found[:, self.size : self.size + common] = self.effects[at]
-        if self.scatter:
-            own = self.size + common + 2 * at
-            found[:, own : own + 2] = self.scatter * np.array([1.0, 1j])
+        found[:, self.size :] = self.effects[at]
         return found
 
     def rest_log(self, at: int) -> FloatArray:
-        """Derivatives (size + priors,) of log K1: trend and scatter act on it, errors of the dynamic test do not."""
+        """Derivatives (size + priors,) of log K1: the trend acts on it, errors of the dynamic test do not."""
         found = np.array(self.by_log(at)[0].real)
-        common = self.effects[at].shape[1]
-        found[self.size : self.size + common] = 0.0
+        found[self.size :] = 0.0
         return found
 
     def linearised(self, unknowns: FloatArray, at: int) -> tuple[FloatArray, FloatArray]:
@@ -369,33 +370,36 @@ class _Problem:
         high[:count] = np.minimum(ends[1], begin[:count] + _FARTHEST)
         return low, high
 
-    def fits(self, found: _Solved) -> list[Fit]:
-        """One fit per condition, with the covariance of its parameters and an equal part of the degrees of freedom."""
-        size = len(self.model.parameters)
-        fits = []
-        for at in range(len(self.conditions)):
-            values = self.values(found.unknowns, at)
-            residuals = self.linearised(found.unknowns, at)[0]
-            spread = np.zeros((size, self.free.size))
-            spread[self.free, np.arange(self.free.size)] = values[self.free]
-            own = found.inverse[: self.free.size, : self.free.size]
-            on_bound = np.zeros(size, dtype=bool)
-            on_bound[self.free] = np.diag(own) == 0
-            fits.append(
-                Fit(
-                    model=self.model,
-                    values=values,
-                    covariance=spread @ own @ spread.T,
-                    chi2=np.asarray(np.sum(residuals**2)),
-                    dof=round(found.dof / len(self.conditions)),
-                    residuals=residuals,
-                    on_bound=on_bound,
-                    converged=np.asarray(found.converged),
-                    steps=0,
-                    agreed=np.asarray(1.0),
-                )
-            )
-        return fits
+    def fits(self, logarithms: FloatArray, inverse: FloatArray, joint: _Solved) -> list[Fit]:
+        """One fit per condition from the logarithms of the shared parameters (F,) and their covariance.
+
+        Shared errors are at their estimates in the joint solution.
+        """
+        place = np.concatenate([logarithms, joint.unknowns[self.size :]])
+        return [self._fit(at, place, inverse, joint) for at in range(len(self.conditions))]
+
+    def _fit(self, at: int, place: FloatArray, inverse: FloatArray, joint: _Solved) -> Fit:
+        """The fit of one condition; its chi-square counts the scatter from pressure to pressure in."""
+        size, count = len(self.model.parameters), self.free.size
+        values = self.values(place, at)
+        residuals, slopes = self.linearised(place, at)
+        spread = np.zeros((size, count))
+        spread[self.free, np.arange(count)] = values[self.free]
+        more = slopes[:, :count] @ inverse @ slopes[:, :count].T
+        on_bound = np.zeros(size, dtype=bool)
+        on_bound[self.free] = np.diag(inverse) == 0
+        return Fit(
+            model=self.model,
+            values=values,
+            covariance=spread @ inverse @ spread.T,
+            chi2=np.asarray(residuals @ np.linalg.solve(np.eye(residuals.size) + more, residuals)),
+            dof=round(joint.dof / len(self.conditions)),
+            residuals=residuals,
+            on_bound=on_bound,
+            converged=np.asarray(joint.converged),
+            steps=0,
+            agreed=np.asarray(1.0),
+        )
 
 
 def _problem(
