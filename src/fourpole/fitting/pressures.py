@@ -18,6 +18,8 @@ from fourpole.models.discrepancy import with_error
 from fourpole.models.over_pressure import PressureFit, fit_over_pressures
 
 _PRESSURE = q.PRESSURE.head
+#: Smaller p-values are not told apart.
+_LEAST_CHANCE = 1e-12
 #: Pressures that differ by less than this fraction are one.
 _SAME = 0.02
 
@@ -163,12 +165,12 @@ def _sentence(found: OverPressures, measured: Sequence[Measured], discrepancy: f
     side = "more" if fit.trend > 0 else "less"
     if fit.agrees:
         parts.append(
-            f"The effect of the pressure agrees with that of the {model} (p-value {fit.chance:.2g}): measured |K*| "
+            f"The effect of the pressure agrees with that of the {model} ({_chance(fit.chance)}): measured |K*| "
             f"rises by {size:.2g} ± {std:.2g} % per bar {side} than the {model}'s"
         )
     else:
         parts.append(
-            f"The effect of the pressure is NOT that of the {model} (p-value {fit.chance:.2g}): measured |K*| rises "
+            f"The effect of the pressure is NOT that of the {model} ({_chance(fit.chance)}): measured |K*| rises "
             f"by {size:.3g} ± {std:.2g} % per bar {side} than the {model}'s. Intervals and queries include the scatter "
             f"from pressure to pressure: {_scatter(fit)}"
         )
@@ -184,6 +186,10 @@ def _sentence(found: OverPressures, measured: Sequence[Measured], discrepancy: f
             else f"Over frequency the {model} itself is off by {100 * discrepancy:.2g} %, so this shows little"
         )
     return ". ".join(parts)
+
+
+def _chance(value: float) -> str:
+    return f"p-value {value:.2g}" if value > _LEAST_CHANCE else f"p-value below {_LEAST_CHANCE:g}"
 
 
 def _scatter(fit: PressureFit) -> str:
