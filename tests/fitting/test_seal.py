@@ -52,7 +52,15 @@ def test_numbers_are_those_of_the_standard(line):
     bits, text = line.split()
     (value,) = struct.unpack(">d", bytes.fromhex(bits))
     assert canonical(value) == text
+    assert canonical([[value, -value, value], 1.0, [value]]).startswith(f"[[{text},")
+    assert canonical([1.0, [value]]) == f"[1,[{text}]]"
+    assert canonical({"a": [value, "x"]}) == f'{{"a":[{text},"x"]}}'
     assert float(text) == value
+
+
+def test_integers_are_doubles():
+    assert canonical([2**53 + 1, -(2**60), 10**15, 12]) == "[9007199254740992,-1152921504606847000,1000000000000000,12]"
+    assert canonical([[], [[]], [0.0, -0.0, 100.0, 1e16, 1.5e-7]]) == "[[],[[]],[0,0,100,10000000000000000,1.5e-7]]"
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), 10**400])

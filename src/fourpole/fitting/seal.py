@@ -57,11 +57,16 @@ def canonical(value: Any) -> str:
     if isinstance(value, int | float):
         return _number(value)
     if isinstance(value, list):
-        return f"[{','.join(map(canonical, value))}]"
+        return f"[{','.join([_number(one) if type(one) is float else canonical(one) for one in value])}]"
     if isinstance(value, dict):
-        keys = sorted(value, key=lambda key: key.encode("utf-16-be"))
-        return f"{{{','.join(f'{json.dumps(key, ensure_ascii=False)}:{canonical(value[key])}' for key in keys)}}}"
+        return _object({key: canonical(part) for key, part in value.items()})
     raise TypeError(f"a {type(value).__name__} has no form in JSON")
+
+
+def _object(texts: Mapping[str, str]) -> str:
+    """The canonical form of an object, from those of its values."""
+    keys = sorted(texts, key=lambda key: key.encode("utf-16-be"))
+    return f"{{{','.join([f'{json.dumps(key, ensure_ascii=False)}:{texts[key]}' for key in keys])}}}"
 
 
 def _number(value: float) -> str:
@@ -82,29 +87,34 @@ def _number(value: float) -> str:
     return sign + (digits.ljust(power + 1, "0") if power > 0 else f"0.{'0' * (-power - 1)}{digits}")
 
 
-def digest(value: Any) -> str:
-    """SHA-256 of the canonical form of a JSON value, in UTF-8, as 64 hexadecimal digits."""
-    return hashlib.sha256(canonical(value).encode()).hexdigest()
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
-def marks(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Marks of the parts of a document, in the shape of the document."""
-    return {key: _mark(key, part) for key, part in document.items() if key != KEY}
+def _parts(part: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, Any]]:
+    """Canonical form and mark of each value of an object."""
+    both = {key: _part(key, one) for key, one in part.items()}
+    return {key: text for key, (text, _) in both.items()}, {key: mark for key, (_, mark) in both.items()}
 
 
-def _mark(key: str, part: Any) -> Any:
+def _part(key: str, part: Any) -> tuple[str, Any]:
+    """Canonical form of a value, and its mark; that of an opened part has the shape of the part."""
     if key in _OPENED and isinstance(part, dict):
-        return marks(part)
+        texts, marks = _parts(part)
+        return _object(texts), marks
     if key in _OPENED and isinstance(part, list) and all(isinstance(one, dict) for one in part):
-        return [marks(one) for one in part]
-    return digest(part)[:_DIGITS]
+        entries = [_parts(one) for one in part]
+        return f"[{','.join(_object(texts) for texts, _ in entries)}]", [marks for _, marks in entries]
+    text = canonical(part)
+    return text, _hash(text)[:_DIGITS]
 
 
 def sealed(document: Mapping[str, Any], written: str = "") -> dict[str, Any]:
     """The document with its seal, which replaces a former one; `written` is the time of writing."""
-    whole = {key: part for key, part in document.items() if key != KEY}
-    seal = {"method": METHOD, **({"written": written} if written else {}), "parts": marks(whole)}
-    return {**whole, KEY: {**seal, "whole": digest({**whole, KEY: seal})}}
+    content = {key: part for key, part in document.items() if key != KEY}
+    texts, marks = _parts(content)
+    seal = {"method": METHOD, **({"written": written} if written else {}), "parts": marks}
+    return {**content, KEY: {**seal, "whole": _hash(_object({**texts, KEY: canonical(seal)}))}}
 
 
 def alterations(document: Mapping[str, Any]) -> list[str]:
@@ -118,9 +128,10 @@ def alterations(document: Mapping[str, Any]) -> list[str]:
     seal = document.get(KEY)
     if not isinstance(seal, dict) or not isinstance(seal.get("parts"), dict):
         return ["its seal was removed or has lost its parts"]
-    found = list(_differences(seal["parts"], marks(document), ""))
-    rest = {key: part for key, part in seal.items() if key != "whole"}
-    if not found and digest({**document, KEY: rest}) != seal.get("whole"):
+    texts, marks = _parts({key: part for key, part in document.items() if key != KEY})
+    found = list(_differences(seal["parts"], marks, ""))
+    rest = canonical({key: part for key, part in seal.items() if key != "whole"})
+    if not found and _hash(_object({**texts, KEY: rest})) != seal.get("whole"):
         found = ["the seal itself was changed"]
     return found
 
