@@ -301,7 +301,8 @@ def _content_of(name: str, document: dict[str, Any]) -> ModelFile:
         found = ModelFile.model_validate_json(json.dumps(content), strict=True)
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the document"
+        parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"])
+        where = "".join(parts).removeprefix(".") or "the document"
         raise ModelError(f"{name}: {shown(where)}: {first['msg']}: it was changed, or is of another version") from None
     if (found.models if found.kind == "map" else found.maps) or not found.tyres:
         raise ModelError(f"{name}: is of kind {found.kind} and has no entry of it, or one of another: it was changed")
