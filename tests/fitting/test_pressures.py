@@ -102,7 +102,7 @@ def test_another_effect_of_the_pressure_is_said_and_is_in_the_uncertainty(stiffe
     truth, _ = simulated(pressure, 8e6 * (1 + 0.25 * 0.3), np.array([12.0]))
     row = ask(stiffening, Query([12.0], {"pressure [Pa]": pressure}))[0]
     std = row["u(Re K*) [N/m]"]
-    assert 0.03 * truth[0].real < std < 0.3 * truth[0].real
+    assert 0.03 * truth[0].real < std < 0.6 * truth[0].real
     assert abs(row["Re K* [N/m]"] - truth[0].real) < 2 * std
 
 

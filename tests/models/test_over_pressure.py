@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy import stats
 from tests.models.ring import ring
 
 from fourpole.errors import ModelError
@@ -89,6 +90,13 @@ def test_a_sidewall_that_stiffens_with_pressure_is_not_the_shells_effect():
     one = found.fits[0]
     assert np.all(np.abs(springs - np.log(one.values[5])) < 2 * one.std[5] / one.values[5])
     assert sum(float(fit.chi2) for fit in found.fits) < found.dof + 4 * np.sqrt(2 * found.dof)
+
+
+def test_a_scatter_from_few_pressures_is_as_uncertain_as_students_t():
+    found = fit_over_pressures(TYRE, data(2, stiffening), PRESSURES, sets(PRESSURES), FIXED)
+    one, many = found.fits[0], len(PRESSURES)
+    wanted = found.scatter[0] * np.sqrt(1 + 1 / many) * stats.t.ppf(0.975, many - 1) / stats.norm.ppf(0.975)
+    assert one.std[5] / one.values[5] == pytest.approx(wanted, rel=0.02)
 
 
 def test_a_gain_that_all_tests_share_is_no_effect_of_the_pressure():

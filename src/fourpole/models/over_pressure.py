@@ -7,7 +7,7 @@ The model at condition c and frequency f is
 with one theta for all pressures p_c. The errors epsilon that all tests share, such as gains of sensors, are parameters
 with their stated uncertainty; they act on the model, not on the measured K*. If the pressures do not agree on theta,
 the logarithm of each parameter has a scatter from pressure to pressure: theta is then the mean of fits to one pressure
-each, weighted with their covariance and the scatter.
+each, weighted with their covariance and the scatter. Their uncertainty is then that of one pressure, by Student's t.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from scipy import stats
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.confidence import CHANCE
+from fourpole.core.confidence import CHANCE, NORMAL_95
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData, complex_columns
 from fourpole.models.fit import Fit
@@ -175,7 +175,9 @@ def _mean(problem: _Problem, joint: _Solved, separate: _Solved) -> tuple[FloatAr
     inverse = np.linalg.inv(design.T @ weighted)
     mean, whole = np.array(joint.unknowns[:count]), np.zeros((count, count))
     mean[told] = inverse @ weighted.T @ own[:, told].ravel()
-    whole[np.ix_(told, told)] = inverse + np.diag(scatter[told] ** 2)
+    # A scatter from few pressures is itself uncertain: 1.96 of these standard uncertainties cover 95 %.
+    wider = np.where(scatter[told] > 0, stats.t.ppf(0.975, many - 1) / NORMAL_95, 1.0)
+    whole[np.ix_(told, told)] = (inverse + np.diag(scatter[told] ** 2)) * np.outer(wider, wider)
     return mean, whole, scatter
 
 
