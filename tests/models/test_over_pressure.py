@@ -45,6 +45,14 @@ def data(seed, springs=lambda pressure: TRUTH[0], pressures=PRESSURES, gain=0.0,
     return found
 
 
+@pytest.mark.parametrize("pressure", PRESSURES)
+def test_the_shell_has_the_stiffness_of_the_chain_within_their_discretisations(pressure):
+    values = [0.28, 0.11, 1e7, 10.0, pressure, *TRUTH, 0.06, 1.0]
+    clean, rest = simulated(pressure, TRUTH[0])
+    assert np.abs(Shell().stiffness(values, OMEGA) / clean - 1).max() < 3e-4
+    assert Shell().static_stiffness(values) == pytest.approx(rest, rel=3e-4)
+
+
 def test_the_parameters_of_the_simulation_are_found_and_the_effect_of_the_pressure_agrees():
     conditions = data(1)
     found = fit_over_pressures(TYRE, conditions, PRESSURES, sets(PRESSURES), FIXED)
