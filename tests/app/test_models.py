@@ -227,6 +227,12 @@ def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_
     folder = tmp_path / "results"
     shutil.copytree(results, folder, ignore=shutil.ignore_patterns("cache", "figures", "*.html"))
     run("fit", folder, "--model", "zener")
+    whole = (folder / "model.json").read_text()
+    (folder / "model.json").write_text(whole.replace('"causal": true', '"causal": false', 1))
+    ran = run("report", folder)
+    assert ran.exit_code == 0, ran.output
+    assert "models[0].causal was changed" in " ".join(ran.stderr.split())
+    (folder / "model.json").write_text(whole)
     table = (folder / "dynamic.csv").read_text().replace("radial-ply", "other")
     (folder / "dynamic.csv").write_text(table)
     ran = run("report", folder)

@@ -9,8 +9,9 @@ import polars as pl
 import pytest
 
 from fourpole.core.tyre import zener_stiffness
+from fourpole.fitting.document import FORMAT, VERSION
 from fourpole.fitting.measured import measured_of
-from fourpole.fitting.modelfile import FORMAT, LATER, VERSION, ModelFile, read_model_file, schema
+from fourpole.fitting.modelfile import LATER, ModelFile, read_model_file, schema
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

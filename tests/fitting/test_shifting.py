@@ -147,6 +147,16 @@ def test_a_law_of_another_master_curve_is_not_taken(made):
     assert laws_beside(folder / "isotherms.csv", "") == ({}, "")
 
 
+def test_a_law_beside_a_master_curve_that_was_changed_is_not_taken(made, model, tmp_path):
+    folder = made[0]
+    document = json.loads((folder / "temperature.json").read_text(encoding="utf-8"))
+    document["laws"][0]["temperature"]["constants"][0]["value"] *= 1.01
+    (tmp_path / "temperature.json").write_text(json.dumps(document), encoding="utf-8")
+    laws, note = laws_beside(tmp_path / "master.csv", document["master sha256"])
+    assert laws == {}
+    assert note.startswith("temperature.json: laws was changed: ")
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

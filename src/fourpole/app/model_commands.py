@@ -1,4 +1,4 @@
-"""The commands on models, as the command line has them: fit, causality, map, query and shift."""
+"""The commands on models, as the command line has them: fit, causality, map, query, verify and shift."""
 
 from __future__ import annotations
 
@@ -139,11 +139,31 @@ def shift(
     run_shift(tables, options, as_json=as_json)
 
 
+@command
+def verify(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="Model file that map or fit wrote.")],
+    copy: Annotated[
+        Path | None,
+        typer.Option("--seal", metavar="NEW", help="For a file from before seals: write a sealed copy and verify it."),
+    ] = None,
+    as_json: JsonFlag = False,
+) -> int | None:
+    """Check that a model file is as it was written, and show what it holds, from which table and by which version.
+
+    Exit code 0: the file is good; 2: it is not, and the message says what was changed. If the table of K* beside it has
+    changed since, that is a warning.
+    """
+    from fourpole.app.verify import run_verify
+
+    return run_verify(model, copy, as_json=as_json)
+
+
 #: Command functions by the name of the command, in the order of the help.
 COMMANDS: dict[str, Callable[..., None]] = {
     "fit": fit,
     "causality": causality,
     "map": map_,
     "query": query,
+    "verify": verify,
     "shift": shift,
 }

@@ -79,7 +79,8 @@ def _show_parameters(entry: ModelEntry) -> None:
             for at in fixed
         )
         out(f"fixed, not fitted: {', '.join(named)}")
-    out("value ± standard uncertainty, 95 % interval by profile likelihood; (bound): on a bound, or without influence")
+    how = "from the covariance" if entry.pressures else "by profile likelihood"
+    out(f"value ± standard uncertainty, 95 % interval {how}; (bound): on a bound, or without influence")
     if len(entry.conditions) > _MOST_ROWS and len(heads) <= _MOST_COLUMNS:
         out(f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file")
     alone = [_condition(one) for one in entry.conditions if not one.converged]

@@ -20,9 +20,10 @@ from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
 from fourpole.fitting.hint import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
 from fourpole.fitting.modelfile import ModelFile, read_model_file
-from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file, rig_file, shapes_in
+from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file
 from fourpole.fitting.query import Query, ask
 from fourpole.fitting.shifting import laws_beside
+from fourpole.fitting.stated import rig_file, shapes_in
 from fourpole.io.staging import staged
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.choice import STOPPED

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import astuple
-from importlib.metadata import version as version_of
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -17,9 +17,11 @@ from pydantic import Field, ValidationError
 
 from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError
+from fourpole.fitting.document import changes, check_seal, listed, read_document
 from fourpole.fitting.lawfile import TemperatureFile, check_law
 from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
-from fourpole.io.source import read_bytes
+from fourpole.fitting.pressures import PressureFile, check_pressures
+from fourpole.fitting.seal import KEY, sealed
 from fourpole.io.write import write_text
 from fourpole.models.families import model_named
 from fourpole.models.interface import Model
@@ -29,15 +31,13 @@ from fourpole.models.surface import Axes, ValueSurface
 from fourpole.models.together import Scatter
 from fourpole.units import shown
 
-FORMAT, VERSION = "fourpole-model", 1
-_MOST_BYTES = 50_000_000
 _LONGEST = 100_000
 #: Largest number of parameters of a model: those of a Prony series with 300 arms.
 _MOST_PARAMETERS = 601
 
 
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
-LATER = ("axes", "points", "shape", "temperature")
+LATER = ("axes", "points", "shape", "temperature", "pressures")
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: A relative error.
@@ -123,6 +123,9 @@ class ModelEntry(_Entry):
     conditions: list[ConditionFile] = Field(max_length=_LONGEST)
     temperature: TemperatureFile | None = Field(
         default=None, description="Law of the shift factors if the model is of a master curve."
+    )
+    pressures: list[PressureFile] = Field(
+        default_factory=list, max_length=1000, description="Sets of parameters that hold for several pressures."
     )
 
 
@@ -222,7 +225,11 @@ class ModelFile(Strict):
 
     @property
     def document(self) -> dict[str, Any]:
-        """The document with the keys and types of JSON; the keys of `LATER` stand only where they hold something."""
+        """The sealed document, in types of JSON; the keys of `LATER` stand only where they hold something."""
+        return sealed(self._content())
+
+    def _content(self) -> dict[str, Any]:
+        """The document without its seal."""
         document: dict[str, Any] = self.model_dump(mode="json", by_alias=True)
         models = document["models"]
         for part in (document, *models, *(one for entry in models for one in entry["conditions"])):
@@ -232,13 +239,30 @@ class ModelFile(Strict):
         return document
 
     def write(self, path: str | Path) -> None:
-        """Write the document in one step."""
-        write_text(Path(path), json.dumps(self.document, indent=1, ensure_ascii=False) + "\n")
+        """Write the document in one step, sealed, with the time."""
+        now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+        write_text(Path(path), json.dumps(sealed(self._content(), now), indent=1, ensure_ascii=False) + "\n")
+
+
+class SealFile(Strict):
+    """The seal of the document; docs/model-file.md has the canonical form and a program that checks it."""
+
+    method: Literal["SHA-256 of the canonical form of RFC 8785"]
+    written: str = Field(default="", description="Time of writing in UTC, as 2026-01-31T12:00:00Z.")
+    parts: dict[str, Any] = Field(description="Marks of the parts, in the shape of the document.")
+    whole: str = Field(description="SHA-256 of the document with this seal, without this value.")
+
+
+class _SealedFile(ModelFile):
+    """The document as it is in a file."""
+
+    seal: SealFile
 
 
 def schema() -> dict[str, Any]:
     """The JSON schema of a model file."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **ModelFile.model_json_schema()}
+    found = {**_SealedFile.model_json_schema(), "title": "ModelFile", "description": ModelFile.__doc__}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
 
 
 def read_model_file(path: str | Path) -> ModelFile:
@@ -249,15 +273,36 @@ def read_model_file(path: str | Path) -> ModelFile:
     FileError
         If the file cannot be read.
     ModelError
-        If the file is not a model file, has a later version, or contradicts itself.
+        If the file is not a model file, has a later version, contradicts itself, is not sealed, or was changed since it
+        was sealed.
     """
     name = Path(path).name
-    document = _document(path)
+    document = read_document(path)
+    found = checked(name, document)
+    check_seal(name, document)
+    return found
+
+
+def checked(name: str, document: dict[str, Any]) -> ModelFile:
+    """The content of a document, whatever its seal; ModelError if a value is not as the schema or the model has it."""
     try:
-        found = ModelFile.model_validate(document)
+        return _content_of(name, document)
+    except ModelError as error:
+        text = str(error) if str(error).startswith(f"{name}: ") else f"{name}: {error}"
+        found = changes(name, document) if KEY in document else []
+        raise ModelError(f"{text} (since it was written: {listed(found)})" if found else text) from None
+
+
+def _content_of(name: str, document: dict[str, Any]) -> ModelFile:
+    content = {key: part for key, part in document.items() if key != KEY}
+    try:
+        if KEY in document:
+            SealFile.model_validate(document[KEY], strict=True)
+        found = ModelFile.model_validate_json(json.dumps(content), strict=True)
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the document"
+        parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"])
+        where = "".join(parts).removeprefix(".") or "the document"
         raise ModelError(f"{name}: {shown(where)}: {first['msg']}: it was changed, or is of another version") from None
     if (found.models if found.kind == "map" else found.maps) or not found.tyres:
         raise ModelError(f"{name}: is of kind {found.kind} and has no entry of it, or one of another: it was changed")
@@ -268,32 +313,14 @@ def read_model_file(path: str | Path) -> ModelFile:
     return found
 
 
-def _document(path: str | Path) -> dict[str, Any]:
-    """The JSON document of a model file; ModelError if its version is another."""
-    name = Path(path).name
-    try:
-        document = json.loads(read_bytes(path, max_bytes=_MOST_BYTES))
-    except (ValueError, RecursionError) as error:
-        raise ModelError(f"{name}: is no model file: not valid JSON ({error})") from None
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise ModelError(f"{name}: is no model file: fourpole fit or fourpole map write such files")
-    stated = document.get("version")
-    if type(stated) is int and stated > VERSION:
-        own = version_of("fourpole")
-        raise ModelError(
-            f"{name}: is of version {str(stated)[:12]}, this Fourpole ({own}) reads up to {VERSION}: update it"
-        )
-    if type(stated) is not int or stated != VERSION:
-        raise ModelError(f"{name}: has no version that is known: {shown(str(stated))}")
-    return document
-
-
 def _check_model(name: str, entry: ModelEntry) -> None:
     """ModelError unless the numbers of a model are consistent."""
     model = model_of(entry, name)
     size = len(model.parameters)
     if entry.temperature is not None:
         check_law(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature)
+    states = [{one.column: one.value for one in each.state} for each in entry.conditions]
+    check_pressures(f"{name}: tyre {shown(entry.tyre)}", entry.pressures, states)
     for at, one in enumerate(entry.conditions):
         where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
         if len(one.points) not in (0, len(one.tests)):

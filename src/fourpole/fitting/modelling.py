@@ -9,13 +9,11 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-import polars as pl
 from scipy import stats
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import CHANCE
-from fourpole.core.rig import PARAMETERS
 from fourpole.errors import ModelError
 from fourpole.fitting.intervals import intervals
 from fourpole.fitting.lawfile import TemperatureFile
@@ -27,7 +25,6 @@ from fourpole.fitting.modelfile import (
     ModelFile,
     Provenance,
     RigFile,
-    RigValue,
     ToleranceFile,
     VerdictFile,
     entry_of,
@@ -35,6 +32,7 @@ from fourpole.fitting.modelfile import (
     parameters_of,
 )
 from fourpole.fitting.modelparts import NamedValue, split_column
+from fourpole.fitting.pressures import OverPressures, PressureFile, sentences, share_over_pressures
 from fourpole.models.causality import Possible, check_possible, near_passive
 from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
@@ -43,7 +41,7 @@ from fourpole.models.families import for_maps, model_named, sizes_of
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model
 from fourpole.models.operating import OperatingMap, make_map
-from fourpole.models.shape import Shape, shape_of
+from fourpole.models.shape import Shape
 from fourpole.models.surface import Axes
 from fourpole.models.together import fit_together
 from fourpole.units import shown
@@ -75,6 +73,8 @@ class TyreFit(ByValue):
         Whether a passive linear tyre can have K* as measured, one per condition; empty if the uncertainty is not known.
     discrepancy : float [1]
         Model discrepancy: the relative error of K* that makes chi-square equal its degrees of freedom.
+    pressures : tuple of OverPressures
+        Fits with one set of parameters for several pressures, of a model that has the pressure as a parameter.
     """
 
     tyre: str
@@ -85,6 +85,7 @@ class TyreFit(ByValue):
     intervals: tuple[FloatArray, ...]
     verdicts: tuple[Possible, ...]
     discrepancy: float
+    pressures: tuple[OverPressures, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -188,12 +189,14 @@ def _fit_tyre(
         except KeyboardInterrupt:  # the fit is kept, without the discrepancy
             more, stopped = 0.0, True
     whole = float(np.hypot(discrepancy, more))
+    best, pressures = share_over_pressures(best, measured, whole, held, share, _common(measured))
     if share:
         best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
-    ends, why = intervals(best.fits, data, fixed, step, shared=bool(share), stopped=stopped)
-    choice = replace(choice, text=". ".join([choice.text, *_left_out(choice), *why]))
-    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole)
+    ends, why = intervals(best.fits, data, fixed, step, shared=bool(share or pressures), stopped=stopped)
+    said = [*sentences(pressures, measured, whole), *_left_out(choice), *why]
+    choice = replace(choice, text=". ".join([choice.text, *said]))
+    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, pressures)
 
 
 def _left_out(choice: Choice) -> list[str]:
@@ -421,6 +424,7 @@ def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | Non
         candidates=[_candidate_entry(one) for one in found.choice.candidates],
         conditions=[_condition_entry(*row) for row in rows],
         temperature=law,
+        pressures=[PressureFile.of(one) for one in found.pressures],
     )
 
 
@@ -465,29 +469,3 @@ def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: 
         agreed=float(found.agreed),
         verdict=None if verdict is None else _verdict_entry(measured, verdict),
     )
-
-
-def shapes_in(record: Mapping[str, Any]) -> dict[str, Shape]:
-    """Shapes of the specimens that study.json states, by name."""
-    specimens = record.get("stated", {}).get("specimens", {})
-    stated = specimens.items() if isinstance(specimens, dict) else ()
-    found = {name: shape_of(one) for name, one in stated if isinstance(one, dict)}
-    return {name: one for name, one in found.items() if one is not None}
-
-
-def rig_file(record: Mapping[str, Any], found: pl.DataFrame) -> RigFile | None:
-    """The only rig of study.json, with values of rig.csv where the joint route found them; None for several rigs."""
-    rigs = record.get("stated", {}).get("rigs", {})
-    if not isinstance(rigs, dict) or len(rigs) != 1:
-        return None
-    name, stated = next(iter(rigs.items()))
-    rows = found.filter(found["rig"] == name).to_dicts() if found.height else []
-    better = {row["value"]: (row["found"], row[q.FOUND.u_head]) for row in rows}
-    values = {}
-    for symbol, unit in PARAMETERS.items():
-        one = stated.get(symbol)
-        if isinstance(one, dict) and isinstance(one.get("value"), int | float):
-            value, std = better.get(symbol, (one["value"], one.get("std") or 0.0))
-            if value is not None and np.isfinite(value):
-                values[symbol] = RigValue(value=value, unit=unit, std=std or 0.0)
-    return RigFile(output=stated.get("output", "moving"), values=values)

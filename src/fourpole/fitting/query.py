@@ -17,8 +17,9 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AXES
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import ModelError
-from fourpole.fitting.modelfile import ModelEntry, ModelFile, RigFile, map_of, model_of
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, RigFile, map_of, model_of
 from fourpole.fitting.modelparts import LARGEST
+from fourpole.fitting.pressures import between
 from fourpole.fitting.rows import tyre_columns
 from fourpole.models.operating import Answer, LeaveOneOut, OperatingMap
 from fourpole.models.shift_law import ShiftLaw
@@ -73,6 +74,7 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     state = dict(query.state) if shift is None else {**query.state, _TEMPERATURE: shift.law.reference}
     found = maps_of(file, tyre, state)
     point, outside, remarks = place_of(file, found, state, beyond=query.beyond)
+    remarks = (*remarks, *_untested(file, tyre, found))
     frequency = np.asarray(query.frequency, dtype=float)
     reduced = frequency if shift is None else frequency * shift.factor
     far = _beyond_band(found, reduced, beyond=query.beyond)
@@ -186,24 +188,66 @@ def _condition(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -
         for at, own in enumerate(states)
         if all(column in own and file.axis(column).same(value, own[column]) for column, value in state.items())
     ]
+    if not good and (made := _between(file, entry, states, state)) is not None:
+        return made
     if len(good) != 1:
         there = "; ".join(sorted({_words(own) for own in states})[:12])
         what = "no condition is" if not good else f"{len(good)} conditions are"
+        more = ", or a pressure between them," if entry.pressures else ""
         raise ModelError(
-            f"{what} the same as the stated one: the file has fits at {there}. State one of these, or make a map of "
-            "the results with fourpole map"
+            f"{what} the same as the stated one: the file has fits at {there}. State one of these{more} or make a map "
+            "of the results with fourpole map"
         )
-    one, own, model = entry.conditions[good[0]], states[good[0]], model_of(entry)
-    linked = link_all(model, np.array(one.values))
+    one = entry.conditions[good[0]]
+    return _one_point(entry, one, np.array(one.values), states[good[0]])
+
+
+def _between(
+    file: ModelFile, entry: ModelEntry, states: Sequence[Mapping[str, float]], state: Mapping[str, float]
+) -> OperatingMap | None:
+    """The model at a pressure between those that share a set of parameters, as a map of one point; else None."""
+    rest = {column: value for column, value in state.items() if column != q.PRESSURE.head}
+    same = [
+        own
+        if all(column in own and file.axis(column).same(value, own[column]) for column, value in rest.items())
+        else {}
+        for own in states
+    ]
+    found, model = between(entry.pressures, same, state), model_of(entry)
+    if found is None:
+        return None
+    one, own = entry.conditions[found.conditions[0]], states[found.conditions[0]]
+    pressure = state[q.PRESSURE.head]
+    values = np.array(one.values)
+    values[model.symbols.index(model.pressure)] = pressure
+    return _one_point(entry, one, values, {**own, q.PRESSURE.head: pressure})
+
+
+def _untested(file: ModelFile, tyre: str, found: OperatingMap) -> tuple[str, ...]:
+    """A remark if the pressure of an answer lies between the tested ones."""
+    pressure = found.axes.constant.get(q.PRESSURE.head)
+    entry = next((one for one in file.models if one.tyre == tyre and one.pressures), None)
+    tested = [one.value for each in entry.conditions for one in each.state] if entry is not None else []
+    if pressure is None or entry is None or pressure in tested:
+        return ()
+    errors = np.concatenate([one.predicted for one in entry.pressures])
+    error, where = 100 * float(np.sqrt(np.mean(errors**2))), _value(q.PRESSURE.head, pressure)
+    left_out = f"at tested pressures that were left out it was off by {error:.2g} %"
+    return (f"no test at {where}: K* is what the {entry.model} predicts; {left_out}",)
+
+
+def _one_point(entry: ModelEntry, one: ConditionFile, values: FloatArray, own: dict[str, float]) -> OperatingMap:
+    """A set of parameters as a map of one point, with the band and the covariance of a condition."""
+    model = model_of(entry)
+    linked = link_all(model, values)
     _, slopes = unlink_all(model, linked)
     scale = np.divide(1.0, slopes, out=np.zeros_like(slopes), where=np.abs(slopes) > 1e-100)
-    covariance = np.array(one.covariance) * np.outer(scale, scale)
     return OperatingMap(
         model=model,
         axes=Axes((), np.zeros((1, 0)), own),
         terms=((),),
         coefficients=linked[:, None],
-        covariance=covariance,
+        covariance=np.array(one.covariance) * np.outer(scale, scale),
         scatter=Scatter(0.0, (entry.discrepancy, entry.discrepancy)),
         band=one.band,
         leave_one_out=LeaveOneOut(),

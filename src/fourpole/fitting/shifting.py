@@ -21,6 +21,7 @@ from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
 from fourpole.fitting.lawfile import TemperatureFile, VerticalFile
 from fourpole.fitting.measured import MASTER, Measured, MeasuredSet, read_measured
 from fourpole.fitting.modelparts import NamedValue
+from fourpole.fitting.seal import alterations, sealed
 from fourpole.io.source import read_bytes
 from fourpole.models.common_curve import Isotherm
 from fourpole.models.overlap import Overlap, overlaps
@@ -316,7 +317,7 @@ def _root(covariance: FloatArray) -> FloatArray:
 def law_document(every: Sequence[TyreShift], sha256: str) -> dict[str, Any]:
     """The laws of a master curve as a JSON document, with the hash of the table that they belong to."""
     laws = [{"tyre": one.tyre, "temperature": law_file(one).model_dump(mode="json")} for one in every]
-    return {"format": "fourpole-temperature", "version": 1, "master sha256": sha256, "laws": laws}
+    return sealed({"format": "fourpole-temperature", "version": 1, "master sha256": sha256, "laws": laws})
 
 
 def laws_beside(table: Path, sha256: str) -> tuple[dict[str, TemperatureFile], str]:
@@ -326,11 +327,13 @@ def laws_beside(table: Path, sha256: str) -> tuple[dict[str, TemperatureFile], s
         return {}, ""
     try:
         document = json.loads(read_bytes(beside, max_bytes=_MOST_BYTES))
-        same = document["master sha256"] == sha256
+        changed, same = alterations(document), document["master sha256"] == sha256
         laws = {one["tyre"]: TemperatureFile.model_validate(one["temperature"]) for one in document["laws"]}
         single = len(laws) == len(document["laws"])
-    except (FileError, ValueError, KeyError, TypeError):
+    except (FileError, ValueError, KeyError, TypeError, AttributeError):
         return {}, f"{LAW} beside the table cannot be read: the model has no law of the temperature; run fourpole shift"
+    if changed:
+        return {}, f"{LAW}: {changed[0]}: the model has no law of the temperature; run fourpole shift again"
     if not same:
         return {}, f"{LAW} is of another {MASTER}: the model has no law of the temperature; run fourpole shift again"
     if not single:

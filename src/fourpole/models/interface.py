@@ -131,6 +131,9 @@ class Model(ABC):
     linear : bool
         Whether K* is a sum of fixed terms with non-negative factors, the parameters that are not usually fixed. Such a
         fit is solved by non-negative least squares, and parameters at zero are not counted in its degrees of freedom.
+    pressure : str
+        Symbol of the parameter that is the inflation pressure, if the model has one: a fit gives the other parameters
+        one value for all pressures.
     least_decades : float
         `auto` tries the family only if the band of the data spans at least so many decades.
     """
@@ -147,6 +150,7 @@ class Model(ABC):
     sizes: range = range(0)
     for_maps: tuple[str, ...] = ()
     linear: bool = False
+    pressure: str = ""
     least_decades: float = 0.0
 
     @abstractmethod

@@ -135,6 +135,7 @@ class Shell(Model):
     parameters = _PARAMETERS
     usually_fixed = ("R", "B", "S", "D", "p", "l", "beta")
     special_cases = ("kelvin",)
+    pressure = "p"
     relaxing = False  # it has inertia
 
     def __init__(

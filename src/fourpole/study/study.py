@@ -23,9 +23,10 @@ from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
 from fourpole.fitting.likelihood import likelihood_of, likelihood_record
 from fourpole.fitting.measured import MeasuredSet, measured_of
-from fourpole.fitting.modelling import TyreFit, fit_tyres, map_tyres, rig_file
+from fourpole.fitting.modelling import TyreFit, fit_tyres, map_tyres
 from fourpole.fitting.query import rig_in
 from fourpole.fitting.rows import axes_record
+from fourpole.fitting.stated import rig_file
 from fourpole.io.source import sha256_of
 from fourpole.io.staging import staged
 from fourpole.io.write import remove_leftovers, write_table, write_text
