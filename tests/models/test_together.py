@@ -9,7 +9,8 @@ from fourpole.models.fit import fit
 from fourpole.models.fractional import FractionalZener
 from fourpole.models.maxwell import Zener
 from fourpole.models.springs import Spring
-from fourpole.models.together import Scatter, fit_together, link, unlink
+from fourpole.models.links import link, unlink
+from fourpole.models.together import Scatter, fit_together
 
 OMEGA = 2 * np.pi * np.linspace(5.0, 30.0, 15)
 TRUTH = np.array([[180e3, 120e3, 700.0], [180e3, 140e3, 800.0], [180e3, 160e3, 900.0]])

@@ -1,0 +1,98 @@
+"""Leave-one-out: each condition compared with the fit of the others, in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.confidence import NORMAL_95
+from fourpole.models.data import multiplication
+from fourpole.models.laws import Normal
+from fourpole.models.linearised import Rows
+from fourpole.models.together import Together
+
+#: Least value of 1 - leverage: the leverage is 1 in directions that no other condition determines.
+_LEAST_REMAINDER = 1e-9
+
+
+@dataclass(frozen=True)
+class LeaveOneOut:
+    """Comparison of each condition with the map of the other conditions; not-a-number if no condition can be omitted.
+
+    Attributes
+    ----------
+    error : float [1]
+        Leave-one-out error: root mean square difference between measured and predicted K*, relative.
+    inside : float [1]
+        Fraction of all K' and K'' that are inside the predicted 95 % intervals.
+    conditions : float [1]
+        Fraction of the conditions whose K' and K'' at the middle frequency are both inside.
+    """
+
+    error: float = float("nan")
+    inside: float = float("nan")
+    conditions: float = float("nan")
+
+    @classmethod
+    def of(cls, found: Together) -> LeaveOneOut:
+        """The leave-one-out errors of a fit, to first order."""
+        change, covariance = without_each(found.normal, found.inverse)
+        squares, scores, middle = [], [], []
+        for rows in found.rows:
+            off, spread = _predicted(rows, found.scatter.variances, change[rows.places], covariance[rows.places])
+            squares.append(np.sum(off**2, axis=2).ravel())
+            score = np.abs(off) / np.sqrt(spread)
+            scores.append(score.ravel())
+            middle.append(score[:, score.shape[1] // 2].max(axis=1))
+        return cls(
+            error=float(np.sqrt(np.mean(np.concatenate(squares)))),
+            inside=float(np.mean(np.concatenate(scores) < NORMAL_95)),
+            conditions=float(np.mean(np.concatenate(middle) < NORMAL_95)),
+        )
+
+
+def without_each(normal: Normal, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Changes (B, L) of the local vector of each condition when it is omitted, and its covariance (B, L, L) then.
+
+    With the local covariance C, information A and gradient g they are -(1 - C A)^-1 C g and (1 - C A)^-1 C.
+    """
+    spread = normal.local_covariance(inverse)
+    remainder = (1.0 + _LEAST_REMAINDER) * np.eye(spread.shape[1]) - spread @ normal.gram
+    covariance = np.linalg.solve(remainder, spread)
+    return -(covariance @ normal.right[..., None])[..., 0], covariance
+
+
+def error_without_each(rows: Sequence[Rows], normal: Normal) -> float:
+    """The leave-one-out error of the laws of normal equations that are linearised elsewhere."""
+    whole, _, local = normal.solved()
+    here = Normal(normal.laws, normal.gram, normal.right - (normal.gram @ local[..., None])[..., 0], normal.errors)
+    change, _ = without_each(here, whole)
+    squares = []
+    for one in rows:
+        move = (local + change)[one.places]
+        size = 2 * one.own.shape[1]
+        squares.append((one.off[:, :size] - (one.columns[:, :size] @ move[..., None])[..., 0]) ** 2)
+    return float(np.sqrt(2 * np.mean(np.concatenate([one.ravel() for one in squares]))))
+
+
+def _predicted(
+    rows: Rows, variances: FloatArray, change: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Differences (G, N, 2) of K' and K'' from those predicted without the condition, over |K*|, and their variance."""
+    groups, count = rows.own.shape[:2]
+    columns = rows.columns[:, : 2 * count]
+    off = (rows.off[:, : 2 * count] - (columns @ change[..., None])[..., 0]).reshape(groups, count, 2)
+    pairs = columns.reshape(groups, count, 2, -1)
+    spread = pairs @ covariance[:, None] @ np.swapaxes(pairs, 2, 3) + rows.own
+    spread = spread + np.diag(variances[1:3] + variances[0])
+    turn = multiplication(_direction(rows.scale))
+    turned = (turn @ off[..., None])[..., 0]
+    return turned, np.diagonal(turn @ spread @ np.swapaxes(turn, 2, 3), 0, 2, 3)
+
+
+def _direction(values: ComplexArray) -> ComplexArray:
+    """Complex numbers of modulus 1 in the directions of others."""
+    return values / np.abs(values)
