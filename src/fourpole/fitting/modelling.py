@@ -333,7 +333,7 @@ def _axes(tyre: str, measured: Sequence[Measured], over: Sequence[str]) -> Axes:
 
 def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> OperatingMap:
     """The map of one model, which starts from fits to each condition."""
-    even = [with_error(one.own, _EVEN) for one in measured]
+    even = [with_error(one.data, _EVEN) for one in measured]
     fits = fit_conditions(model, even, [_held(one, {}) for one in measured])
     start = np.stack([one.values for one in fits])
     return make_map(model, [one.own for one in measured], axes, start, _common(measured))

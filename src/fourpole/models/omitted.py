@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.confidence import NORMAL_95
 from fourpole.models.data import multiplication
 from fourpole.models.laws import Normal
-from fourpole.models.linearised import Rows
+from fourpole.models.linearised import Rows, Weights
 from fourpole.models.together import Together
 
 #: Least value of 1 - leverage: the leverage is 1 in directions that no other condition determines.
@@ -65,17 +65,16 @@ def without_each(normal: Normal, inverse: FloatArray) -> tuple[FloatArray, Float
     return -(covariance @ normal.right[..., None])[..., 0], covariance
 
 
-def error_without_each(rows: Sequence[Rows], normal: Normal) -> float:
-    """The leave-one-out error of the laws of normal equations that are linearised elsewhere."""
+def misfit_without_each(rows: Sequence[Rows], weights: Sequence[Weights], normal: Normal) -> float:
+    """Chi-square of each condition against the fit of the others, summed; the fit is that of linear equations."""
     whole, _, local = normal.solved()
-    here = Normal(normal.laws, normal.gram, normal.right - (normal.gram @ local[..., None])[..., 0], normal.errors)
+    here = replace(normal, right=normal.right - (normal.gram @ local[..., None])[..., 0])
     change, _ = without_each(here, whole)
-    squares = []
-    for one in rows:
+    total = 0.0
+    for one, weight in zip(rows, weights, strict=True):
         move = (local + change)[one.places]
-        size = 2 * one.own.shape[1]
-        squares.append((one.off[:, :size] - (one.columns[:, :size] @ move[..., None])[..., 0]) ** 2)
-    return float(np.sqrt(2 * np.mean(np.concatenate([one.ravel() for one in squares]))))
+        total += weight.chi2(one.off - (one.columns @ move[..., None])[..., 0])
+    return total
 
 
 def _predicted(

@@ -22,7 +22,7 @@ from fourpole.models.interface import Model
 from fourpole.models.laws import Laws
 from fourpole.models.linearised import Conditions, Scatter, Weights
 from fourpole.models.links import link_all, unlink_all
-from fourpole.models.omitted import LeaveOneOut, error_without_each
+from fourpole.models.omitted import LeaveOneOut, misfit_without_each
 from fourpole.models.restricted import scatter_of
 from fourpole.models.surface import Axes, Terms, ValueSurface, bends, design, term_sets, value_surface
 from fourpole.models.together import Together, assembled, search
@@ -39,8 +39,8 @@ _MOST_TERMS, _ROUNDS = 64, 8
 _CLOSE, _SMALL = 0.01, 1e-7
 #: A frequency is inside the band up to this fraction beyond its ends: drives that are stated as 10 Hz ran near it.
 _EDGE = 1e-2
-#: A larger surface is chosen only if its leave-one-out error is less than this fraction of that of a smaller one.
-_BETTER = 0.98
+#: A larger surface is chosen only if its leave-one-out chi-square is less than that of a smaller one by this.
+_BETTER = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,11 +313,13 @@ class _Choice:
         linked = link_all(self.conditions.model, np.asarray(start, dtype=float))
         middle = np.median(linked, axis=0)
         linked = np.clip(linked, middle - _NEAR_START, middle + _NEAR_START)
-        few = [one for one in self.bases if len(one) <= self.conditions.count * _FIRST] or [next(iter(self.bases))]
+        axes = len(next(iter(self.bases))[0])
+        most = min((axes + 1) * (axes + 2) / 2, self.conditions.count * _FIRST)
+        few = [one for one in self.bases if len(one) <= most] or [next(iter(self.bases))]
         terms = max(few, key=len)
         found = self._fitted(terms, linked, _FIRST_SCATTER)
         for _ in range(_ROUNDS if len(self.bases) > 1 else 0):
-            trial = replace(self._scatter(found, roughly=True), condition=_SCATTER)
+            trial = self._scatter(found, roughly=True)
             best = self._best(found, trial)
             if best == terms:
                 break
@@ -346,9 +348,11 @@ class _Choice:
         weights = [Weights.of(one, scatter.variances) for one in found.rows]
         rows = [one.about_zero(found.linked) for one in found.rows]
         normal = assembled(rows, weights, found.laws, found.errors)
-        errors = {one: error_without_each(rows, replace(normal, laws=self._laws(one))) for one in self.bases}
-        least = min(errors.values())
-        return next(terms for terms, error in errors.items() if error * _BETTER <= least)
+        misfits = {
+            one: misfit_without_each(rows, weights, replace(normal, laws=self._laws(one))) for one in self.bases
+        }
+        least = min(misfits.values())
+        return next(one for one, misfit in misfits.items() if misfit <= least + _BETTER)
 
     def _calibrated(self, terms: Terms, found: Together) -> Together:
         """The fit with the scatter that it shows."""
