@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.arrays import ByValue, FloatArray, IntArray
 
 #: Ridge of the normal equations, scaled to a diagonal of 1, in a search; least relative eigenvalue of a covariance.
 _RIDGE, _LEAST_EIGENVALUE = 1e-13, 1e-13
@@ -59,7 +60,7 @@ class Laws(ByValue):
     def parts(self) -> list[slice]:
         """Places of the coefficients of each law among all unknowns of the laws and shared errors."""
         ends = np.cumsum([0, *self.sizes]).tolist()
-        return [slice(low, high) for low, high in zip(ends[:-1], ends[1:], strict=True)]
+        return [slice(low, high) for low, high in pairwise(ends)]
 
     @property
     def coefficients(self) -> int:
@@ -148,15 +149,15 @@ class Normal:
 
     def local_covariance(self, whole: FloatArray) -> FloatArray:
         """Covariances (B, L, L) of the local vectors, from that of the coefficients and shared errors."""
-        few, own = self._few, self.laws.own
+        few, own = self._few, np.array(self.laws.own, dtype=int)
         found = np.empty(self.gram.shape)
-        found[:, np.array(few)[:, None], few] = part = self.laws.covariances(whole)
-        if own:
-            block = inverse(self.gram[:, own][:, :, own])
-            slope = block @ self.gram[:, own][:, :, few]
-            found[:, np.array(own)[:, None], own] = block + slope @ part @ np.swapaxes(slope, 1, 2)
-            found[:, np.array(own)[:, None], few] = -slope @ part
-            found[:, np.array(few)[:, None], own] = -part @ np.swapaxes(slope, 1, 2)
+        found[:, few[:, None], few] = part = self.laws.covariances(whole)
+        if own.size:
+            block = inverse(self.gram[:, own[:, None], own])
+            slope = block @ self.gram[:, own[:, None], few]
+            found[:, own[:, None], own] = block + slope @ part @ np.swapaxes(slope, 1, 2)
+            found[:, own[:, None], few] = -slope @ part
+            found[:, few[:, None], own] = -part @ np.swapaxes(slope, 1, 2)
         return found
 
     def reduction(self, step: FloatArray, local: FloatArray) -> float:
@@ -167,22 +168,22 @@ class Normal:
         return 2 * slope - bend
 
     @cached_property
-    def _few(self) -> list[int]:
+    def _few(self) -> IntArray:
         """Places, in the local vector, of what follows laws, and of the shared errors."""
         laws = self.laws
-        return [*laws.ruled, *range(len(laws.designs), len(laws.designs) + laws.shared)]
+        return np.array([*laws.ruled, *range(len(laws.designs), len(laws.designs) + laws.shared)], dtype=int)
 
     def _reduced(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The equations of laws and shared errors, and (B, o, g + 1) from which each condition's own unknowns follow."""
-        few, own, laws = self._few, self.laws.own, self.laws
-        gram, right = self.gram[:, few][:, :, few], self.right[:, few]
+        """The equations of laws and shared errors, and (B, o, g + 1) from which the unknowns of conditions follow."""
+        few, own, laws = self._few, np.array(self.laws.own, dtype=int), self.laws
+        gram, right = self.gram[:, few[:, None], few], self.right[:, few]
         diagonal = laws.diagonal(np.diagonal(gram, 0, 1, 2)) if damping else 0.0
-        back = np.zeros((laws.count, 0, len(few) + 1))
-        if own:
-            block = self.gram[:, own][:, :, own].copy()
-            at = np.arange(len(own))
+        back = np.zeros((laws.count, 0, few.size + 1))
+        if own.size:
+            block = self.gram[:, own[:, None], own]
+            at = np.arange(own.size)
             block[:, at, at] *= 1 + damping
-            across = self.gram[:, own][:, :, few]
+            across = self.gram[:, own[:, None], few]
             back = inverse(block) @ np.concatenate([across, self.right[:, own, None]], axis=2)
             taken = np.swapaxes(across, 1, 2) @ back
             gram, right = gram - taken[..., :-1], right - taken[..., -1]

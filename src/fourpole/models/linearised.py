@@ -4,8 +4,8 @@ About a point of the search, with K* = M of the model and the shared errors, the
 
 .. math:: K^*_n / M_n - 1 = F_n \, \delta + \varepsilon_n + e + o_n ,
 
-where the changes delta are those of the linked parameters and of the shared errors, epsilon is the error of the model at
-a frequency, e the scatter of the condition, and o the uncertainty of the data. Shared errors and scatters are
+where the changes delta are those of the linked parameters and of the shared errors, epsilon is the error of the model
+at a frequency, e the scatter of the condition, and o the uncertainty of the data. Shared errors and scatters are
 proportional to K* of the model and never to the noisy measured K*, with which a fit would be too low.
 """
 

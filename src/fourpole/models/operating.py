@@ -331,9 +331,7 @@ class _Choice:
         basis, few = self.bases[terms], self.conditions
         return Laws((basis,) * len(few.model.parameters), few.shared, few.count)
 
-    def _fitted(
-        self, terms: Terms, linked: FloatArray, scatter: Scatter, errors: FloatArray | None = None
-    ) -> Together:
+    def _fitted(self, terms: Terms, linked: FloatArray, scatter: Scatter, errors: FloatArray | None = None) -> Together:
         return search(self.conditions, self._laws(terms), linked, scatter, errors)
 
     def _scatter(self, found: Together, *, roughly: bool = False) -> Scatter:
@@ -348,9 +346,7 @@ class _Choice:
         weights = [Weights.of(one, scatter.variances) for one in found.rows]
         rows = [one.about_zero(found.linked) for one in found.rows]
         normal = assembled(rows, weights, found.laws, found.errors)
-        misfits = {
-            one: misfit_without_each(rows, weights, replace(normal, laws=self._laws(one))) for one in self.bases
-        }
+        misfits = {one: misfit_without_each(rows, weights, replace(normal, laws=self._laws(one))) for one in self.bases}
         least = min(misfits.values())
         return next(one for one, misfit in misfits.items() if misfit <= least + _BETTER)
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.models.laws import Laws, Normal
+from fourpole.models.laws import Laws
 from fourpole.models.linearised import Rows, Scatter, Weights
 from fourpole.models.together import assembled
 
