@@ -333,10 +333,18 @@ def _axes(tyre: str, measured: Sequence[Measured], over: Sequence[str]) -> Axes:
 
 def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> OperatingMap:
     """The map of one model, which starts from fits to each condition."""
-    even = [with_error(one.data, _EVEN) for one in measured]
+    even = [with_error(_each_alone(one.data), _EVEN) for one in measured]
     fits = fit_conditions(model, even, [_held(one, {}) for one in measured])
     start = np.stack([one.values for one in fits])
     return make_map(model, [one.own for one in measured], axes, start, _common(measured))
+
+
+def _each_alone(data: StiffnessData) -> StiffnessData:
+    """The data without the covariance between frequencies."""
+    if not data.full:
+        return data
+    at = 2 * np.arange(data.count)[:, None] + np.arange(2)
+    return replace(data, covariance=data.covariance[at[:, :, None], at[:, None, :]], relative=None, reference=None)
 
 
 def _mean_uncertainty(found: OperatingMap) -> float:

@@ -33,14 +33,18 @@ _SCATTER = 1e-2
 _FIRST_SCATTER, _FIRST = Scatter(_SCATTER, (_SCATTER, _SCATTER), _SCATTER), 1.0 / 3.0
 #: Starts are limited to this distance from their median, in units of the link.
 _NEAR_START = 3.0
-#: Largest number of terms; maximum number of fits about which surfaces are compared, and of fits with a scatter.
+#: Largest number of terms; maximum number of fits with a scatter.
 _MOST_TERMS, _ROUNDS = 64, 8
 #: Variances of the scatter are final when they change by less than this fraction, or this standard deviation.
 _CLOSE, _SMALL = 0.01, 1e-7
+#: Chi-square that fits may leave: those about which surfaces are compared, and those of the map.
+_ROUGHLY, _CLOSE_FIT = 0.1, 1e-6
 #: A frequency is inside the band up to this fraction beyond its ends: drives that are stated as 10 Hz ran near it.
 _EDGE = 1e-2
 #: A larger surface is chosen only if its leave-one-out chi-square is less than that of a smaller one by this.
 _BETTER = 2.0
+#: Surfaces with more than this multiple of the least chi-square are not compared again.
+_FAR = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,13 +321,17 @@ class _Choice:
         most = min((axes + 1) * (axes + 2) / 2, self.conditions.count * _FIRST)
         few = [one for one in self.bases if len(one) <= most] or [next(iter(self.bases))]
         terms = max(few, key=len)
-        found = self._fitted(terms, linked, _FIRST_SCATTER)
-        for _ in range(_ROUNDS if len(self.bases) > 1 else 0):
+        found = self._fitted(terms, linked, _FIRST_SCATTER, close=_ROUGHLY)
+        seen, left = {terms}, tuple(self.bases)
+        while len(left) > 1:
             trial = self._scatter(found, roughly=True)
-            best = self._best(found, trial)
+            best, left = self._best(left, found, trial)
             if best == terms:
                 break
-            terms, found = best, self._fitted(best, found.linked, trial, found.errors)
+            terms, found = best, self._fitted(best, found.linked, trial, found.errors, close=_ROUGHLY)
+            if best in seen:
+                break
+            seen.add(best)
         return terms, self._calibrated(terms, found)
 
     def _laws(self, terms: Terms) -> Laws:
@@ -331,8 +339,16 @@ class _Choice:
         basis, few = self.bases[terms], self.conditions
         return Laws((basis,) * len(few.model.parameters), few.shared, few.count)
 
-    def _fitted(self, terms: Terms, linked: FloatArray, scatter: Scatter, errors: FloatArray | None = None) -> Together:
-        return search(self.conditions, self._laws(terms), linked, scatter, errors)
+    def _fitted(
+        self,
+        terms: Terms,
+        linked: FloatArray,
+        scatter: Scatter,
+        errors: FloatArray | None = None,
+        *,
+        close: float = _CLOSE_FIT,
+    ) -> Together:
+        return search(self.conditions, self._laws(terms), linked, scatter, errors, close=close)
 
     def _scatter(self, found: Together, *, roughly: bool = False) -> Scatter:
         """The scatter that a fit shows."""
@@ -341,14 +357,15 @@ class _Choice:
         free = (self.spare, True, True, self.spare)
         return scatter_of(found.rows, found.laws, found.errors, found.scatter, free, roughly=roughly)
 
-    def _best(self, found: Together, scatter: Scatter) -> Terms:
-        """The smallest terms whose leave-one-out error, to first order about a fit, is hardly larger than the least."""
+    def _best(self, candidates: Sequence[Terms], found: Together, scatter: Scatter) -> tuple[Terms, tuple[Terms, ...]]:
+        """The terms with hardly more than the least leave-one-out chi-square about a fit, and those not far from it."""
         weights = [Weights.of(one, scatter.variances) for one in found.rows]
         rows = [one.about_zero(found.linked) for one in found.rows]
         normal = assembled(rows, weights, found.laws, found.errors)
-        misfits = {one: misfit_without_each(rows, weights, replace(normal, laws=self._laws(one))) for one in self.bases}
+        misfits = {one: misfit_without_each(rows, weights, replace(normal, laws=self._laws(one))) for one in candidates}
         least = min(misfits.values())
-        return next(one for one, misfit in misfits.items() if misfit <= least + _BETTER)
+        best = next(one for one, misfit in misfits.items() if misfit <= least + _BETTER)
+        return best, tuple(one for one, misfit in misfits.items() if misfit <= _FAR * least)
 
     def _calibrated(self, terms: Terms, found: Together) -> Together:
         """The fit with the scatter that it shows."""

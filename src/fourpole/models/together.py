@@ -30,7 +30,7 @@ from fourpole.models.links import link_all, unlink_all
 
 #: Maximum number of steps; start, factors after a good and a bad step, and maximum of the damping.
 _STEPS, _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 100, 1e-3, 0.1, 8.0, 1e10
-#: The search ends when the predicted reduction of chi-square, or the last ones over `_WINDOW` steps, are smaller.
+#: The search ends when the predicted reduction of chi-square is smaller than this, or that of the last steps together.
 _SMALL_GAIN, _FLAT, _WINDOW = 1e-11, 1e-3, 10
 #: Chi-square that a step may add by round-off, as a fraction of itself.
 _ROUND_OFF = 1e-12
@@ -199,11 +199,13 @@ def search(
     linked: FloatArray,
     scatter: Scatter,
     errors: FloatArray | None = None,
+    *,
+    close: float = 0.0,
 ) -> Together:
     """The fit that a search from linked parameters (B, P) and shared errors (p,) ends at.
 
     The search is that of Levenberg and Marquardt. Weights are those at K* of the model of each step and do not vary
-    within it.
+    within it. It also ends when a full step would reduce chi-square by less than `close`.
 
     Raises
     ------
@@ -222,7 +224,8 @@ def search(
     for _ in range(_STEPS):
         step, local = now.normal.step(damping)
         gain = now.normal.reduction(step, local)
-        if not gain > _SMALL_GAIN or damping > _MOST_DAMPING or sum(gains[-_WINDOW:]) < _FLAT:
+        small = not gain > (close if damping <= _DAMPING else 0.0) + _SMALL_GAIN
+        if small or damping > _MOST_DAMPING or sum(gains[-_WINDOW:]) < _FLAT + _WINDOW * close:
             converged = bool(np.isfinite(now.chi2))
             break
         tried = place[0] + step, place[1] + local[:, : linked.shape[1]]
