@@ -30,11 +30,27 @@ class Laws(ByValue):
         Number of shared errors p.
     count : int
         Number of conditions B.
+    expected, precision : (U,) float arrays, optional
+        Mean and inverse variance of a prior of the coefficients; by default there is none.
     """
 
     designs: tuple[FloatArray | None, ...]
     shared: int
     count: int
+    expected: FloatArray | None = None
+    precision: FloatArray | None = None
+
+    @cached_property
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and inverse variance (U + p,) of the priors; those of shared errors are 0 and 1."""
+        none = np.zeros(self.coefficients)
+        mean, precision = (none if one is None else one for one in (self.expected, self.precision))
+        return np.append(mean, np.zeros(self.shared)), np.append(precision, np.ones(self.shared))
+
+    def prior_chi2(self, unknowns: FloatArray) -> float:
+        """Chi-square of unknowns (U + p,) against their priors."""
+        mean, precision = self.prior
+        return float(precision @ (unknowns - mean) ** 2)
 
     @cached_property
     def own(self) -> list[int]:
@@ -121,14 +137,14 @@ class Normal:
         F^T V^-1 F of each condition.
     right : (B, L) float array
         F^T V^-1 r of each condition.
-    errors : (p,) float array [1]
-        Shared errors about which the fit is linearised; their prior has mean 0 and variance 1.
+    unknowns : (U + p,) float array
+        Coefficients and shared errors about which the fit is linearised.
     """
 
     laws: Laws
     gram: FloatArray
     right: FloatArray
-    errors: FloatArray
+    unknowns: FloatArray
 
     def step(self, damping: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Changes (U + p,) of the coefficients and shared errors, and of all local vectors (B, L)."""
@@ -162,9 +178,9 @@ class Normal:
 
     def reduction(self, step: FloatArray, local: FloatArray) -> float:
         """Reduction of chi-square that the linearised model predicts for a step."""
-        errors = step[self.laws.coefficients :]
-        slope = float(np.sum(self.right * local) - errors @ self.errors)
-        bend = float(np.einsum("bi,bij,bj->", local, self.gram, local) + errors @ errors)
+        mean, precision = self.laws.prior
+        slope = float(np.sum(self.right * local) - step @ (precision * (self.unknowns - mean)))
+        bend = float(np.einsum("bi,bij,bj->", local, self.gram, local) + precision @ step**2)
         return 2 * slope - bend
 
     @cached_property
@@ -188,10 +204,9 @@ class Normal:
             taken = np.swapaxes(across, 1, 2) @ back
             gram, right = gram - taken[..., :-1], right - taken[..., -1]
         normal, gathered = laws.normal(gram), laws.gathered(right)
-        prior = np.append(np.zeros(laws.coefficients), np.ones(laws.shared))
-        normal[np.diag_indices_from(normal)] += prior + damping * (diagonal + prior)
-        gathered[laws.coefficients :] -= self.errors
-        return normal, gathered, back
+        mean, precision = laws.prior
+        normal[np.diag_indices_from(normal)] += precision + damping * (diagonal + precision)
+        return normal, gathered - precision * (self.unknowns - mean), back
 
     def _local(self, found: FloatArray, back: FloatArray) -> FloatArray:
         """All local vectors (B, L) of a step of laws and shared errors."""

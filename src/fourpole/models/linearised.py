@@ -167,7 +167,8 @@ class Conditions:
     def linearised(self, linked: FloatArray, errors: FloatArray) -> list[Rows]:
         """The conditions about linked parameters (B, P) and shared errors (p,), block by block."""
         values, slopes = unlink_all(self.model, linked)
-        return [self._rows(one, values[one.places], slopes[one.places], errors) for one in self.blocks]
+        errors = np.broadcast_to(errors, (self.count, self.shared))
+        return [self._rows(one, values[one.places], slopes[one.places], errors[one.places]) for one in self.blocks]
 
     def _rows(self, block: Block, values: FloatArray, slopes: FloatArray, errors: FloatArray) -> Rows:
         stiffness, shown, k1 = self._shown(block, values, errors)
@@ -187,11 +188,15 @@ class Conditions:
         return Rows(block.places, columns, _off(block, shown, k1, shown), own, static, shown)
 
     def residuals(self, linked: FloatArray, errors: FloatArray, about: Sequence[Rows]) -> list[FloatArray]:
-        """Residuals (G, M) of each block at another point, relative to K* of the rows `about`."""
+        """Residuals (G, M) of each block at another point, relative to K* of the rows `about`.
+
+        The shared errors are (p,), or (B, p) if each condition has others.
+        """
         values, _ = unlink_all(self.model, linked)
+        errors = np.broadcast_to(errors, (self.count, self.shared))
         found = []
         for block, rows in zip(self.blocks, about, strict=True):
-            _, shown, k1 = self._shown(block, values[block.places], errors)
+            _, shown, k1 = self._shown(block, values[block.places], errors[block.places])
             found.append(_off(block, shown, k1, rows.scale))
         return found
 
@@ -200,10 +205,10 @@ class Conditions:
     ) -> tuple[ComplexArray, ComplexArray, FloatArray]:
         """K* of the model, and K* and K1 with the shared errors."""
         stiffness = self.model.stiffness(values, block.data.omega)
-        shown = stiffness * np.exp(block.shared @ errors[: block.shared.shape[2]])
+        shown = stiffness * np.exp((block.shared @ errors[:, : block.shared.shape[2], None])[..., 0])
         k1 = self.model.static_stiffness(values)
         if self.common and block.static is not None:
-            k1 = k1 * np.exp(block.static * errors[-1])
+            k1 = k1 * np.exp(block.static * errors[:, -1])
         return stiffness, shown, k1
 
 

@@ -38,11 +38,13 @@ class LeaveOneOut:
 
     @classmethod
     def of(cls, found: Together) -> LeaveOneOut:
-        """The leave-one-out errors of a fit, to first order."""
+        """The leave-one-out errors of a fit; changes of parameters and shared errors are of first order."""
         change, covariance = without_each(found.normal, found.inverse)
+        size = found.linked.shape[1]
+        moved = found.linked + change[:, :size], found.errors + change[:, size:]
         squares, scores, middle = [], [], []
-        for rows in found.rows:
-            off, spread = _predicted(rows, found.scatter.variances, change[rows.places], covariance[rows.places])
+        for rows, left in zip(found.rows, found.conditions.residuals(*moved, found.rows), strict=True):
+            off, spread = _predicted(rows, found.scatter.variances, left, covariance[rows.places])
             squares.append(np.sum(off**2, axis=2).ravel())
             score = np.abs(off) / np.sqrt(spread)
             scores.append(score.ravel())
@@ -78,12 +80,12 @@ def misfit_without_each(rows: Sequence[Rows], weights: Sequence[Weights], normal
 
 
 def _predicted(
-    rows: Rows, variances: FloatArray, change: FloatArray, covariance: FloatArray
+    rows: Rows, variances: FloatArray, left: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Differences (G, N, 2) of K' and K'' from those predicted without the condition, over |K*|, and their variance."""
+    """Residuals (G, N, 2) of K' and K'' without the condition, from those (G, M) along K*, and their variance."""
     groups, count = rows.own.shape[:2]
     columns = rows.columns[:, : 2 * count]
-    off = (rows.off[:, : 2 * count] - (columns @ change[..., None])[..., 0]).reshape(groups, count, 2)
+    off = left[:, : 2 * count].reshape(groups, count, 2)
     pairs = columns.reshape(groups, count, 2, -1)
     spread = pairs @ covariance[:, None] @ np.swapaxes(pairs, 2, 3) + rows.own
     spread = spread + np.diag(variances[1:3] + variances[0])

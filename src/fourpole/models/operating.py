@@ -31,8 +31,9 @@ from fourpole.models.together import Together, assembled, search
 _SCATTER = 1e-2
 #: Scatter of the first fit, and its number of terms, as a fraction of the number of conditions.
 _FIRST_SCATTER, _FIRST = Scatter(_SCATTER, (_SCATTER, _SCATTER), _SCATTER), 1.0 / 3.0
-#: Starts are limited to this distance from their median, in units of the link.
-_NEAR_START = 3.0
+#: Standard deviations of the weak prior of coefficients: of a level about the median of the starts, and of a change
+#: over half the span of an axis, in units of the link, in which 1 is a factor of 2.7.
+_LEVEL, _CHANGE = 3.0, 2.0
 #: Largest number of terms; maximum number of fits with a scatter.
 _MOST_TERMS, _ROUNDS = 64, 8
 #: Variances of the scatter are final when they change by less than this fraction, or this standard deviation.
@@ -257,7 +258,7 @@ def make_map(
     band = _common_band(conditions)
     candidates = list(terms) if terms is not None else term_sets(axes.levels, len(conditions))
     try:
-        chosen, found = _Choice.of(model, conditions, axes, shared, candidates).made(start)
+        chosen, found = _Choice.of(model, conditions, axes, shared, candidates, start).made()
     except (ModelError, np.linalg.LinAlgError) as error:
         raise ModelError(f"no surface of the {model.name} model could be fitted: {error}") from None
     return OperatingMap(
@@ -282,6 +283,10 @@ class _Choice:
     conditions : Conditions
     bases : dict of Terms to (B, K) float array
         Basis functions of each candidate.
+    linked : (B, P) float array
+        Linked parameters of a fit to each condition, none far from the median.
+    middle : (P,) float array
+        Their medians.
     spare : bool
         Whether there are more conditions than terms, so that they show their scatter. The uncertainty of K1 is then one
         error of all conditions.
@@ -289,6 +294,8 @@ class _Choice:
 
     conditions: Conditions
     bases: dict[Terms, FloatArray]
+    linked: FloatArray
+    middle: FloatArray
     spare: bool
 
     @classmethod
@@ -299,6 +306,7 @@ class _Choice:
         axes: Axes,
         shared: Sequence[FloatArray] | None,
         candidates: Sequence[Terms],
+        start: ArrayLike,
     ) -> _Choice:
         """The search among candidates."""
         spare = any(len(one) < len(data) for one in candidates)
@@ -306,22 +314,22 @@ class _Choice:
         most = min(_MOST_TERMS, conditions.known // len(model.parameters), len(data) - int(spare))
         kept = [one for one in candidates if len(one) <= most] or list(candidates[:1])
         scaled = axes.scaled(axes.points)
-        return cls(conditions, {one: design(one, scaled) for one in kept}, spare)
+        linked = link_all(model, np.asarray(start, dtype=float))
+        middle = np.median(linked, axis=0)
+        linked = np.clip(linked, middle - _LEVEL, middle + _LEVEL)
+        return cls(conditions, {one: design(one, scaled) for one in kept}, linked, middle, spare)
 
-    def made(self, start: ArrayLike) -> tuple[Terms, Together]:
+    def made(self) -> tuple[Terms, Together]:
         """The terms with the least leave-one-out error, and their fit with the scatter that it shows.
 
         The candidates are compared about one fit, by linear algebra. The fit of the best is the next one about which
         they are compared, until the best stays.
         """
-        linked = link_all(self.conditions.model, np.asarray(start, dtype=float))
-        middle = np.median(linked, axis=0)
-        linked = np.clip(linked, middle - _NEAR_START, middle + _NEAR_START)
         axes = len(next(iter(self.bases))[0])
         most = min((axes + 1) * (axes + 2) / 2, self.conditions.count * _FIRST)
         few = [one for one in self.bases if len(one) <= most] or [next(iter(self.bases))]
         terms = max(few, key=len)
-        found = self._fitted(terms, linked, _FIRST_SCATTER, close=_ROUGHLY)
+        found = self._fitted(terms, self.linked, _FIRST_SCATTER, close=_ROUGHLY)
         seen, left = {terms}, tuple(self.bases)
         while len(left) > 1:
             trial = self._scatter(found, roughly=True)
@@ -335,9 +343,12 @@ class _Choice:
         return terms, self._calibrated(terms, found)
 
     def _laws(self, terms: Terms) -> Laws:
-        """The laws, which are the same for all parameters."""
+        """The laws, which are the same for all parameters, with a weak prior of their coefficients."""
         basis, few = self.bases[terms], self.conditions
-        return Laws((basis,) * len(few.model.parameters), few.shared, few.count)
+        constant = np.array([not any(one) for one in terms])
+        expected = np.where(constant, self.middle[:, None], 0.0).ravel()
+        precision = np.tile(np.where(constant, _LEVEL, _CHANGE) ** -2.0, len(self.middle))
+        return Laws((basis,) * len(self.middle), few.shared, few.count, expected, precision)
 
     def _fitted(
         self,
@@ -355,14 +366,18 @@ class _Choice:
         if not found.dof:
             return Scatter()
         free = (self.spare, True, True, self.spare)
-        return scatter_of(found.rows, found.laws, found.errors, found.scatter, free, roughly=roughly)
+        return scatter_of(found.rows, found.laws, found.unknowns, found.scatter, free, roughly=roughly)
 
     def _best(self, candidates: Sequence[Terms], found: Together, scatter: Scatter) -> tuple[Terms, tuple[Terms, ...]]:
         """The terms with hardly more than the least leave-one-out chi-square about a fit, and those not far from it."""
         weights = [Weights.of(one, scatter.variances) for one in found.rows]
         rows = [one.about_zero(found.linked) for one in found.rows]
-        normal = assembled(rows, weights, found.laws, found.errors)
-        misfits = {one: misfit_without_each(rows, weights, replace(normal, laws=self._laws(one))) for one in candidates}
+        normal = assembled(rows, weights, found.laws, found.unknowns)
+        misfits = {}
+        for one in candidates:
+            laws = self._laws(one)
+            zero = np.append(np.zeros(laws.coefficients), found.errors)
+            misfits[one] = misfit_without_each(rows, weights, replace(normal, laws=laws, unknowns=zero))
         least = min(misfits.values())
         best = next(one for one, misfit in misfits.items() if misfit <= least + _BETTER)
         return best, tuple(one for one, misfit in misfits.items() if misfit <= _FAR * least)

@@ -37,7 +37,7 @@ _MOST = 1.0
 def scatter_of(
     rows: Sequence[Rows],
     laws: Laws,
-    errors: FloatArray,
+    unknowns: FloatArray,
     start: Scatter,
     free: Sequence[bool] = (True,) * 4,
     *,
@@ -49,15 +49,15 @@ def scatter_of(
     ----------
     rows : sequence of Rows
     laws : Laws
-    errors : (p,) float array [1]
-        Shared errors about which the conditions are linearised.
+    unknowns : (U + p,) float array
+        Coefficients and shared errors about which the conditions are linearised.
     start : Scatter
     free : sequence of bool
         Which of the four variances are unknown; the others are zero.
     roughly : bool
         Keep variances that might as well be zero.
     """
-    likelihood = _Likelihood(rows, laws, errors)
+    likelihood = _Likelihood(rows, laws, unknowns)
     unknown = np.array(free) & np.array([True, True, True, any(one.static is not None for one in rows)])
     best = likelihood.least(np.where(unknown, start.variances, 0.0), unknown)
     for at in () if roughly else np.flatnonzero(unknown):
@@ -82,7 +82,7 @@ class _State:
 class _Likelihood:
     rows: Sequence[Rows]
     laws: Laws
-    errors: FloatArray
+    unknowns: FloatArray
 
     def least(self, variances: FloatArray, unknown: BoolArray) -> _State:
         """The least -2 log L over the unknown variances, none of which is negative."""
@@ -104,12 +104,12 @@ class _Likelihood:
     def at(self, variances: FloatArray) -> _State:
         """The likelihood at some variances."""
         weights = [Weights.of(one, variances) for one in self.rows]
-        normal = assembled(self.rows, weights, self.laws, self.errors)
+        normal = assembled(self.rows, weights, self.laws, self.unknowns)
         covariance, step, local = normal.solved()
         spread = normal.local_covariance(covariance)
         value = sum(one.logdet for one in weights) - float(np.linalg.slogdet(covariance)[1])
         value += sum(one.chi2(each.off) for one, each in zip(weights, self.rows, strict=True))
-        value += float(self.errors @ self.errors) - normal.reduction(step, local)
+        value += self.laws.prior_chi2(self.unknowns) - normal.reduction(step, local)
         downhill, curvature = np.zeros(4), np.zeros((4, 4))
         for one, weight in zip(self.rows, weights, strict=True):
             slope, bend = _slopes(one, weight, local[one.places], spread[one.places])

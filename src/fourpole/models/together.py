@@ -241,15 +241,15 @@ def search(
     )
 
 
-def assembled(rows: Sequence[Rows], weights: Sequence[Weights], laws: Laws, errors: FloatArray) -> Normal:
-    """The normal equations of linearised conditions."""
+def assembled(rows: Sequence[Rows], weights: Sequence[Weights], laws: Laws, unknowns: FloatArray) -> Normal:
+    """The normal equations of conditions that are linearised about unknowns (U + p,)."""
     size = rows[0].columns.shape[2]
     gram, right = np.empty((laws.count, size, size)), np.empty((laws.count, size))
     for one, weight in zip(rows, weights, strict=True):
         weighted = np.swapaxes(weight.times(one.columns), 1, 2)
         gram[one.places] = weighted @ one.columns
         right[one.places] = (weighted @ one.off[..., None])[..., 0]
-    return Normal(laws, gram, right, errors)
+    return Normal(laws, gram, right, unknowns)
 
 
 #: Coefficients and shared errors (U + p,), and linked parameters (B, P).
@@ -280,13 +280,14 @@ class _Point:
         rows = conditions.linearised(place[1], errors)
         weights = [Weights.of(one, scatter.variances) for one in rows]
         chi2 = sum(one.chi2(each.off) for one, each in zip(weights, rows, strict=True))
-        return cls(rows, weights, assembled(rows, weights, laws, errors), float(chi2 + errors @ errors))
+        return cls(rows, weights, assembled(rows, weights, laws, place[0]), chi2 + laws.prior_chi2(place[0]))
 
     def chi2_at(self, conditions: Conditions, laws: Laws, place: _Place) -> float:
         """Chi-square at another place with the weights of this one."""
         errors = place[0][laws.coefficients :]
         off = conditions.residuals(place[1], errors, self.rows)
-        return float(sum(one.chi2(each) for one, each in zip(self.weights, off, strict=True)) + errors @ errors)
+        chi2 = sum(one.chi2(each) for one, each in zip(self.weights, off, strict=True))
+        return chi2 + laws.prior_chi2(place[0])
 
 
 def _law_of(symbol: str, given: ArrayLike, count: int) -> FloatArray:
