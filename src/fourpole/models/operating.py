@@ -33,7 +33,9 @@ _SCATTER = 1e-2
 _FIRST_SCATTER, _FIRST = Scatter(_SCATTER, (_SCATTER, _SCATTER), _SCATTER), 1.0 / 3.0
 #: Standard deviations of the weak prior of coefficients: of a level about the median of the starts, and of a change
 #: over half the span of an axis, in units of the link, in which 1 is a factor of 2.7.
-_LEVEL, _CHANGE = 3.0, 2.0
+_LEVEL, _CHANGE = 10.0, 2.0
+#: Starts are limited to this distance from their median, in units of the link.
+_NEAR = 3.0
 #: Largest number of terms; maximum number of fits with a scatter.
 _MOST_TERMS, _ROUNDS = 64, 8
 #: Variances of the scatter are final when they change by less than this fraction, or this standard deviation.
@@ -244,7 +246,7 @@ def make_map(
     axes : Axes
         Axes of the same conditions.
     start : (B, P) float array
-        Parameters of a fit to each condition.
+        Parameters of a fit to each condition, or to some: not-a-number for the others.
     shared : sequence of B (2N, p) float arrays [N/m], optional
         Effect of the errors that all conditions share; see `together.fit_together`.
     terms : sequence of Terms, optional
@@ -314,9 +316,7 @@ class _Choice:
         most = min(_MOST_TERMS, conditions.known // len(model.parameters), len(data) - int(spare))
         kept = [one for one in candidates if len(one) <= most] or list(candidates[:1])
         scaled = axes.scaled(axes.points)
-        linked = link_all(model, np.asarray(start, dtype=float))
-        middle = np.median(linked, axis=0)
-        linked = np.clip(linked, middle - _LEVEL, middle + _LEVEL)
+        linked, middle = _started(model, np.asarray(start, dtype=float), scaled)
         return cls(conditions, {one: design(one, scaled) for one in kept}, linked, middle, spare)
 
     def made(self) -> tuple[Terms, Together]:
@@ -390,6 +390,18 @@ class _Choice:
             if np.all(np.abs(scatter.variances - before) <= _CLOSE * before + _SMALL**2):
                 break
         return found
+
+
+def _started(model: Model, start: FloatArray, scaled: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Linked parameters (B, P) of all conditions from those of which a fit is known, and their medians (P,)."""
+    known = np.flatnonzero(np.all(np.isfinite(start), axis=1))
+    linked = link_all(model, start[known])
+    middle = np.median(linked, axis=0)
+    linked = np.clip(linked, middle - _NEAR, middle + _NEAR)
+    if len(known) == len(start):
+        return linked, middle
+    basis = np.insert(scaled, 0, 1.0, axis=1)
+    return basis @ np.linalg.lstsq(basis[known], linked, rcond=None)[0], middle
 
 
 def _common_band(conditions: Sequence[StiffnessData]) -> tuple[float, float]:
