@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -62,16 +62,21 @@ def without_each(normal: Normal, inverse: FloatArray) -> tuple[FloatArray, Float
     With the local covariance C, information A and gradient g they are -(1 - C A)^-1 C g and (1 - C A)^-1 C.
     """
     spread = normal.local_covariance(inverse)
-    remainder = (1.0 + _LEAST_REMAINDER) * np.eye(spread.shape[1]) - spread @ normal.gram
-    covariance = np.linalg.solve(remainder, spread)
+    covariance = np.linalg.solve(_remainder(normal, spread), spread)
     return -(covariance @ normal.right[..., None])[..., 0], covariance
+
+
+def _remainder(normal: Normal, spread: FloatArray) -> FloatArray:
+    """1 - C A (B, L, L)."""
+    return np.asarray((1.0 + _LEAST_REMAINDER) * np.eye(spread.shape[1]) - spread @ normal.gram)
 
 
 def misfit_without_each(rows: Sequence[Rows], weights: Sequence[Weights], normal: Normal) -> float:
     """Chi-square of each condition against the fit of the others, summed; the fit is that of linear equations."""
     whole, _, local = normal.solved()
-    here = replace(normal, right=normal.right - (normal.gram @ local[..., None])[..., 0])
-    change, _ = without_each(here, whole)
+    spread = normal.local_covariance(whole)
+    gradient = normal.right[..., None] - normal.gram @ local[..., None]
+    change = -np.linalg.solve(_remainder(normal, spread), spread @ gradient)[..., 0]
     total = 0.0
     for one, weight in zip(rows, weights, strict=True):
         move = (local + change)[one.places]

@@ -47,7 +47,7 @@ _EDGE = 1e-2
 #: A larger surface is chosen only if its leave-one-out chi-square is less than that of a smaller one by this.
 _BETTER = 2.0
 #: Surfaces with more than this multiple of the least chi-square are not compared again.
-_FAR = 1.2
+_FAR = 1.05
 
 
 @dataclass(frozen=True, eq=False)
