@@ -32,6 +32,8 @@ class Laws(ByValue):
         Number of conditions B.
     expected, precision : (U,) float arrays, optional
         Mean and inverse variance of a prior of the coefficients; by default there is none.
+    error_precision : (p,) float array, optional
+        Inverse variance of the shared errors, whose mean is 0; by default 1.
     """
 
     designs: tuple[FloatArray | None, ...]
@@ -39,13 +41,15 @@ class Laws(ByValue):
     count: int
     expected: FloatArray | None = None
     precision: FloatArray | None = None
+    error_precision: FloatArray | None = None
 
     @cached_property
     def prior(self) -> tuple[FloatArray, FloatArray]:
-        """Mean and inverse variance (U + p,) of the priors; those of shared errors are 0 and 1."""
+        """Mean and inverse variance (U + p,) of the priors."""
         none = np.zeros(self.coefficients)
         mean, precision = (none if one is None else one for one in (self.expected, self.precision))
-        return np.append(mean, np.zeros(self.shared)), np.append(precision, np.ones(self.shared))
+        errors = np.ones(self.shared) if self.error_precision is None else self.error_precision
+        return np.append(mean, np.zeros(self.shared)), np.append(precision, errors)
 
     def prior_chi2(self, unknowns: FloatArray) -> float:
         """Chi-square of unknowns (U + p,) against their priors."""

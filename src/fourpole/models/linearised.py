@@ -12,7 +12,7 @@ proportional to K* of the model and never to the noisy measured K*, with which a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from fourpole.models.links import unlink_all
 _FLOOR = 1e-7
 #: Part of the stated uncertainty of K1 that each condition has for itself, if the conditions have it in common.
 _OWN_STATIC = 0.1
+#: Largest number of frequencies between which the common error of the model is linear, and its least variance.
+_NODES, LEAST_COMMON = 5, 1e-10
 
 
 @dataclass(frozen=True)
@@ -40,22 +42,31 @@ class Scatter:
         Error of the model at each frequency, along and across K*.
     static : float [1]
         Scatter of the measured K1 about that of the model.
+    common : (2,) tuple of float [1]
+        Error of the model, along and across K*, that is a smooth function of frequency and the same in all conditions.
     """
 
     condition: float = 0.0
     frequency: tuple[float, float] = (0.0, 0.0)
     static: float = 0.0
+    common: tuple[float, float] = (0.0, 0.0)
 
     @property
     def variances(self) -> FloatArray:
-        """Variances (4,): of a condition, of a frequency along and across K*, of K1."""
-        return np.array([self.condition, *self.frequency, self.static]) ** 2
+        """Variances (6,): of a condition, of a frequency along and across K*, of K1, of the common error of the model."""
+        return np.array([self.condition, *self.frequency, self.static, *self.common]) ** 2
 
     @classmethod
     def of(cls, variances: FloatArray) -> Scatter:
         """The scatter with these variances."""
-        condition, along, across, static = np.sqrt(variances).tolist()
-        return cls(condition, (along, across), static)
+        condition, along, across, static, *common = np.sqrt(variances).tolist()
+        return cls(condition, (along, across), static, (common[0], common[1]))
+
+    @property
+    def summed(self) -> Scatter:
+        """The scatter with one error of the model at each frequency, common or not."""
+        along, across = np.hypot(self.frequency, self.common).tolist()
+        return Scatter(self.condition, (along, across), self.static)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +146,9 @@ class Conditions:
         Number of shared errors p.
     common : bool
         Whether the uncertainty of K1 is one error of all conditions; it is then the last of the shared errors.
+    nodes : (Q,) float array
+        Logarithms of angular frequencies between which the common error of the model is linear. Its values there, first
+        along and then across K*, are shared errors before that of K1; empty if there is no such error.
     """
 
     model: Model
@@ -142,6 +156,7 @@ class Conditions:
     count: int
     shared: int
     common: bool
+    nodes: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of(
@@ -158,6 +173,29 @@ class Conditions:
             blocks.append(Block(np.array(places), together, effect, together.k1_std / together.k1 if known else None))
         common = common and any(one.static is not None for one in blocks)
         return cls(model, tuple(blocks), len(data), effects[0].shape[1] + int(common), common)
+
+    @property
+    def errors_of_model(self) -> tuple[slice, slice]:
+        """Places of the values of the common error of the model among the shared errors, along and across K*."""
+        end, size = self.shared - int(self.common), self.nodes.size
+        return slice(end - 2 * size, end - size), slice(end - size, end)
+
+    def with_errors_of_model(self) -> Conditions:
+        """The same conditions with a common error of the model."""
+        logs = np.unique(np.concatenate([np.log(one.data.omega).ravel() for one in self.blocks]))
+        nodes = np.linspace(logs[0], logs[-1], min(_NODES, logs.size))
+        blocks = []
+        for one in self.blocks:
+            each = np.stack([np.interp(np.log(one.data.omega), nodes, unit) for unit in np.eye(nodes.size)], axis=-1)
+            blocks.append(replace(one, shared=np.concatenate([one.shared, each, 1j * each], axis=2)))
+        return replace(self, blocks=tuple(blocks), shared=self.shared + 2 * nodes.size, nodes=nodes)
+
+    def precision(self, variances: FloatArray) -> FloatArray:
+        """Inverse variances (p,) of the shared errors."""
+        found = np.ones(self.shared)
+        for part, variance in zip(self.errors_of_model, variances[4:], strict=True):
+            found[part] = 1.0 / max(variance, LEAST_COMMON)
+        return found
 
     @property
     def known(self) -> int:
@@ -247,7 +285,7 @@ class Weights:
     @classmethod
     def of(cls, rows: Rows, variances: FloatArray) -> Weights:
         """The weights of rows with the variances of a scatter."""
-        condition, along, across, static = variances.tolist()
+        condition, along, across, static = variances[:4].tolist()
         whole = rows.own + np.diag([along, across])
         blocks = np.linalg.inv(whole)
         total = np.sum(blocks, axis=1)

@@ -41,10 +41,16 @@ class LeaveOneOut:
         """The leave-one-out errors of a fit; changes of parameters and shared errors are of first order."""
         change, covariance = without_each(found.normal, found.inverse)
         size = found.linked.shape[1]
-        moved = found.linked + change[:, :size], found.errors + change[:, size:]
+        errors = found.errors + change[:, size:]
+        for part in found.conditions.errors_of_model:  # the map does not correct K* for the error of the model
+            errors[:, part] = 0.0
+            columns = slice(size + part.start, size + part.stop)
+            covariance[:, columns] = covariance[:, :, columns] = 0.0
+        variances = found.scatter.summed.variances
+        moved = found.linked + change[:, :size], errors
         squares, scores, middle = [], [], []
         for rows, left in zip(found.rows, found.conditions.residuals(*moved, found.rows), strict=True):
-            off, spread = _predicted(rows, found.scatter.variances, left, covariance[rows.places])
+            off, spread = _predicted(rows, variances, left, covariance[rows.places])
             squares.append(np.sum(off**2, axis=2).ravel())
             score = np.abs(off) / np.sqrt(spread)
             scores.append(score.ravel())

@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import stats
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.confidence import CHANCE
 from fourpole.core.curvature import arm_covariance
 from fourpole.core.rig import Rig
 from fourpole.core.routes import maxwell_arm
@@ -269,7 +271,7 @@ def make_map(
         terms=chosen,
         coefficients=np.stack(found.coefficients),
         covariance=found.covariance,
-        scatter=found.scatter,
+        scatter=found.scatter.summed,
         band=band,
         leave_one_out=LeaveOneOut.of(found) if len(chosen) < len(conditions) else LeaveOneOut(),
         static=_static(conditions, axes),
@@ -365,8 +367,7 @@ class _Choice:
         """The scatter that a fit shows."""
         if not found.dof:
             return Scatter()
-        free = (self.spare, True, True, self.spare)
-        return scatter_of(found.rows, found.laws, found.unknowns, found.scatter, free, roughly=roughly)
+        return scatter_of(found, (self.spare, True, True, self.spare, True, True), roughly=roughly)
 
     def _best(self, candidates: Sequence[Terms], found: Together, scatter: Scatter) -> tuple[Terms, tuple[Terms, ...]]:
         """The terms with hardly more than the least leave-one-out chi-square about a fit, and those not far from it."""
@@ -383,6 +384,23 @@ class _Choice:
         return best, tuple(one for one, misfit in misfits.items() if misfit <= _FAR * least)
 
     def _calibrated(self, terms: Terms, found: Together) -> Together:
+        """The fit with the scatter that it shows.
+
+        If the model does not fit, its error may be the same in all conditions. It must not pass for shared errors, so
+        that it becomes an unknown beside these.
+        """
+        found = self._scattered(terms, found)
+        moved = float(found.errors @ found.errors) if found.errors.size else 0.0
+        surprising = moved > stats.chi2.isf(CHANCE, max(found.errors.size, 1))
+        if found.dof and (surprising or any(found.scatter.frequency)):
+            wider = replace(self, conditions=self.conditions.with_errors_of_model())
+            last = int(self.conditions.common)
+            errors = np.insert(found.errors, found.errors.size - last, np.zeros(2 * wider.conditions.nodes.size))
+            begin = replace(found.scatter, common=found.scatter.frequency)
+            found = wider._scattered(terms, wider._fitted(terms, found.linked, begin, errors))
+        return found
+
+    def _scattered(self, terms: Terms, found: Together) -> Together:
         """The fit with the scatter that it shows."""
         for _ in range(_ROUNDS):
             before, scatter = found.scatter.variances, self._scatter(found)

@@ -17,60 +17,49 @@ D. A. Harville, "Maximum likelihood approaches to variance component estimation"
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.models.laws import Laws
-from fourpole.models.linearised import Rows, Scatter, Weights
-from fourpole.models.together import assembled
+from fourpole.models.linearised import LEAST_COMMON, Rows, Scatter, Weights
+from fourpole.models.together import Together, assembled
 
 #: Maximum number of steps, and of halvings of one; the search ends at a smaller change of -2 log L.
 _STEPS, _HALVINGS, _SMALL = 40, 12, 1e-3
 #: A variance is zero unless it reduces -2 log L by more than this: a chance of 10 %, as a variance is not negative.
 _NEEDED = 1.642
-#: Largest variance.
-_MOST = 1.0
+#: Least and largest variances.
+_LEAST, _MOST = np.array([0.0, 0.0, 0.0, 0.0, LEAST_COMMON, LEAST_COMMON]), 1.0
 
 
-def scatter_of(
-    rows: Sequence[Rows],
-    laws: Laws,
-    unknowns: FloatArray,
-    start: Scatter,
-    free: Sequence[bool] = (True,) * 4,
-    *,
-    roughly: bool = False,
-) -> Scatter:
-    """The scatter of linearised conditions.
+def scatter_of(found: Together, free: Sequence[bool] = (True,) * 6, *, roughly: bool = False) -> Scatter:
+    """The scatter that a fit shows, to first order about it.
 
     Parameters
     ----------
-    rows : sequence of Rows
-    laws : Laws
-    unknowns : (U + p,) float array
-        Coefficients and shared errors about which the conditions are linearised.
-    start : Scatter
+    found : Together
     free : sequence of bool
-        Which of the four variances are unknown; the others are zero.
+        Which of the six variances are unknown; the others are zero.
     roughly : bool
         Keep variances that might as well be zero.
     """
-    likelihood = _Likelihood(rows, laws, unknowns)
-    unknown = np.array(free) & np.array([True, True, True, any(one.static is not None for one in rows)])
-    best = likelihood.least(np.where(unknown, start.variances, 0.0), unknown)
+    likelihood = _Likelihood(found)
+    conditions = found.conditions
+    static, common = any(one.static is not None for one in found.rows), conditions.nodes.size > 0
+    unknown = np.array(free) & np.array([True, True, True, static, common, common])
+    best = likelihood.least(np.where(unknown, found.scatter.variances, 0.0), unknown)
     for at in () if roughly else np.flatnonzero(unknown):
         others = unknown & (np.arange(unknown.size) != at)
         without = likelihood.least(np.where(others, best.variances, 0.0), others)
         if without.value < best.value + _NEEDED:
             best, unknown = without, others
-    return Scatter.of(best.variances)
+    return Scatter.of(np.where(unknown, best.variances, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """-2 log L at some variances (4,), minus its slope, and its expected curvature."""
+    """-2 log L at some variances (6,), minus its slope, and its expected curvature."""
 
     variances: FloatArray
     value: float
@@ -80,9 +69,7 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class _Likelihood:
-    rows: Sequence[Rows]
-    laws: Laws
-    unknowns: FloatArray
+    found: Together
 
     def least(self, variances: FloatArray, unknown: BoolArray) -> _State:
         """The least -2 log L over the unknown variances, none of which is negative."""
@@ -90,7 +77,7 @@ class _Likelihood:
         for _ in range(_STEPS if unknown.any() else 0):
             step = _step(now, unknown)
             for halving in range(_HALVINGS):
-                tried = np.clip(now.variances + step * 0.5**halving, 0.0, _MOST)
+                tried = np.clip(now.variances + step * 0.5**halving, _LEAST, _MOST)
                 if abs((tried - now.variances) @ now.downhill) < _SMALL:
                     return now
                 then = self.at(tried)
@@ -103,32 +90,42 @@ class _Likelihood:
 
     def at(self, variances: FloatArray) -> _State:
         """The likelihood at some variances."""
-        weights = [Weights.of(one, variances) for one in self.rows]
-        normal = assembled(self.rows, weights, self.laws, self.unknowns)
+        variances = np.maximum(variances, _LEAST)
+        rows, unknowns, conditions = self.found.rows, self.found.unknowns, self.found.conditions
+        laws = replace(self.found.laws, error_precision=conditions.precision(variances))
+        weights = [Weights.of(one, variances) for one in rows]
+        normal = assembled(rows, weights, laws, unknowns)
         covariance, step, local = normal.solved()
         spread = normal.local_covariance(covariance)
         value = sum(one.logdet for one in weights) - float(np.linalg.slogdet(covariance)[1])
-        value += sum(one.chi2(each.off) for one, each in zip(weights, self.rows, strict=True))
-        value += self.laws.prior_chi2(self.unknowns) - normal.reduction(step, local)
-        downhill, curvature = np.zeros(4), np.zeros((4, 4))
-        for one, weight in zip(self.rows, weights, strict=True):
+        value += sum(one.chi2(each.off) for one, each in zip(weights, rows, strict=True))
+        value += laws.prior_chi2(unknowns) - normal.reduction(step, local)
+        value -= float(np.sum(np.log(conditions.precision(variances))))
+        downhill, curvature = np.zeros(6), np.zeros((6, 6))
+        for one, weight in zip(rows, weights, strict=True):
             slope, bend = _slopes(one, weight, local[one.places], spread[one.places])
-            downhill += slope
-            curvature += bend
+            downhill[:4] += slope
+            curvature[:4, :4] += bend
+        size = laws.coefficients
+        for at, part in enumerate(conditions.errors_of_model, start=4):
+            error, own = (unknowns + step)[size:][part], covariance[size:, size:][part, part]
+            taken = (np.eye(error.size) - own / variances[at]) / variances[at]
+            downhill[at] = error @ error / variances[at] ** 2 - np.trace(taken)
+            curvature[at, at] = np.sum(taken**2)
         return _State(variances, value, downhill, curvature)
 
 
 def _step(now: _State, unknown: BoolArray) -> FloatArray:
-    """The step (4,) of Fisher's scoring; a variance of zero stays if it would become negative."""
+    """The step (6,) of Fisher's scoring; a variance of zero stays if it would become negative."""
     moved = unknown.copy()
-    step = np.zeros(4)
-    for _ in range(4):
+    step = np.zeros(6)
+    for _ in range(6):
         at = np.flatnonzero(moved)
         step[:] = 0.0
         if not at.size:
             break
         step[at] = np.linalg.solve(now.curvature[np.ix_(at, at)], now.downhill[at])
-        stuck = moved & (now.variances <= 0) & (step <= 0)
+        stuck = moved & (now.variances <= _LEAST) & (step <= 0)
         if not stuck.any():
             break
         moved &= ~stuck

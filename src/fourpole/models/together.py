@@ -13,7 +13,7 @@ reduce them. They act on K* of the model.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -218,6 +218,7 @@ def search(
             f"{laws.count} conditions give {conditions.known} numbers, too few for {free} coefficients of the "
             f"{conditions.model.name} model: take a simpler law or a smaller model"
         )
+    laws = replace(laws, error_precision=conditions.precision(scatter.variances))
     place = _begin(laws, linked, errors if errors is not None else np.zeros(laws.shared))
     damping, converged, gains = _DAMPING, False, [np.inf] * _WINDOW
     now = _Point.of(conditions, laws, place, scatter)
