@@ -53,7 +53,7 @@ class Scatter:
 
     @property
     def variances(self) -> FloatArray:
-        """Variances (6,): of a condition, of a frequency along and across K*, of K1, of the common error of the model."""
+        """Variances (6,): of a condition, a frequency along and across K*, K1, the common error along and across."""
         return np.array([self.condition, *self.frequency, self.static, *self.common]) ** 2
 
     @classmethod

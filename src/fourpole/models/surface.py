@@ -206,9 +206,10 @@ def design(terms: Terms, scaled: FloatArray) -> FloatArray:
 def term_sets(levels: Sequence[int], count: int) -> list[Terms]:
     """Candidate surfaces for the number of levels of each axis and the number of conditions, the smallest first.
 
-    The degree of an axis is at most 3, and 1 or 2 with two or three levels, which it meets exactly. With more levels one
-    remains that shows whether the law is such a polynomial. Products of axes are omitted, limited to the highest degree,
-    or all included. With at most one condition more than axes the only surface is linear.
+    The degree of an axis is at most 3. It is 1 with two levels and 2 with three, which such a polynomial meets exactly.
+    With more levels there is at least one more than the polynomial needs, so that a law that is no polynomial shows.
+    Products of axes are omitted, limited to the highest degree, or all included. With at most one condition more than
+    axes the only surface is linear.
 
     Examples
     --------
