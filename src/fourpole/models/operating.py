@@ -389,201 +389,21 @@ class _Choice:
         If the model does not fit, its error may be the same in all conditions. It must not pass for shared errors, so
         that it becomes an unknown beside these.
         """
-        found = self._scattered(terms, found)
+        found = self._with_scatter(terms, found)
         moved = float(found.errors @ found.errors)
         surprising = bool(moved > stats.chi2.isf(CHANCE, max(found.errors.size, 1)))
         if not found.dof or not (surprising or any(found.scatter.frequency)):
             return found
-        return replace(self, conditions=self.conditions.with_errors_of_model()).begun(terms, found)
+        return replace(self, conditions=self.conditions.with_errors_of_model()).resumed(terms, found)
 
-    def begun(self, terms: Terms, before: Together) -> Together:
+    def resumed(self, terms: Terms, before: Together) -> Together:
         """The fit with the scatter that it shows, from one without a common error of the model."""
         last = before.errors.size - int(self.conditions.common)
         errors = np.insert(before.errors, last, np.zeros(2 * self.conditions.nodes.size))
         begin = replace(before.scatter, common=before.scatter.frequency)
-        return self._scattered(terms, self._fitted(terms, before.linked, begin, errors))
+        return self._with_scatter(terms, self._fitted(terms, before.linked, begin, errors))
 
-    def _scattered(self, stiffness: ComplexArray, k1: FloatArray) -> FloatArray:
-        """Covariance (Q, 3, 3) of Re K*, Im K* and K1 for the scatter about the surfaces."""
-        turn = multiplication(stiffness)
-        spread = np.array(self.scatter.frequency) ** 2 + self.scatter.condition**2
-        whole = np.zeros((stiffness.size, 3, 3))
-        whole[:, :2, :2] = (turn * spread) @ np.swapaxes(turn, 1, 2)
-        whole[:, 2, 2] = (self.scatter.condition * k1) ** 2
-        return whole
-
-
-def make_map(
-    model: Model,
-    conditions: Sequence[StiffnessData],
-    axes: Axes,
-    start: ArrayLike,
-    shared: Sequence[FloatArray] | None = None,
-    terms: Sequence[Terms] | None = None,
-) -> OperatingMap:
-    """Make the operating map of a model: choose the surface and fit its coefficients.
-
-    Parameters
-    ----------
-    model : Model
-    conditions : sequence of B StiffnessData
-        Data of one condition each, without covariance between frequencies.
-    axes : Axes
-        Axes of the same conditions.
-    start : (B, P) float array
-        Parameters of a fit to each condition, or to some: not-a-number for the others.
-    shared : sequence of B (2N, p) float arrays [N/m], optional
-        Effect of the errors that all conditions share; see `together.fit_together`.
-    terms : sequence of Terms, optional
-        Surfaces to choose from; by default `surface.term_sets`.
-
-    Raises
-    ------
-    ModelError
-        If no surface can be fitted.
-    """
-    band = _common_band(conditions)
-    candidates = list(terms) if terms is not None else term_sets(axes.levels, len(conditions))
-    try:
-        chosen, found = _Choice.of(model, conditions, axes, shared, candidates, start).made()
-    except (ModelError, np.linalg.LinAlgError) as error:
-        raise ModelError(f"no surface of the {model.name} model could be fitted: {error}") from None
-    return OperatingMap(
-        model=model,
-        axes=axes,
-        terms=chosen,
-        coefficients=np.stack(found.coefficients),
-        covariance=found.covariance,
-        scatter=found.scatter.summed,
-        band=band,
-        leave_one_out=LeaveOneOut.of(found) if len(chosen) < len(conditions) else LeaveOneOut(),
-        static=_static(conditions, axes),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Choice:
-    """The search for the terms of a map and for the scatter of its conditions.
-
-    Attributes
-    ----------
-    conditions : Conditions
-    bases : dict of Terms to (B, K) float array
-        Basis functions of each candidate.
-    linked : (B, P) float array
-        Linked parameters of a fit to each condition, none far from the median.
-    middle : (P,) float array
-        Their medians.
-    spare : bool
-        Whether there are more conditions than terms, so that they show their scatter. The uncertainty of K1 is then one
-        error of all conditions.
-    """
-
-    conditions: Conditions
-    bases: dict[Terms, FloatArray]
-    linked: FloatArray
-    middle: FloatArray
-    spare: bool
-
-    @classmethod
-    def of(
-        cls,
-        model: Model,
-        data: Sequence[StiffnessData],
-        axes: Axes,
-        shared: Sequence[FloatArray] | None,
-        candidates: Sequence[Terms],
-        start: ArrayLike,
-    ) -> _Choice:
-        """The search among candidates."""
-        spare = any(len(one) < len(data) for one in candidates)
-        conditions = Conditions.of(model, data, shared, common=spare)
-        most = min(_MOST_TERMS, conditions.known // len(model.parameters), len(data) - int(spare))
-        kept = [one for one in candidates if len(one) <= most] or list(candidates[:1])
-        scaled = axes.scaled(axes.points)
-        linked, middle = _started(model, np.asarray(start, dtype=float), scaled)
-        return cls(conditions, {one: design(one, scaled) for one in kept}, linked, middle, spare)
-
-    def made(self) -> tuple[Terms, Together]:
-        """The terms with the least leave-one-out error, and their fit with the scatter that it shows.
-
-        The candidates are compared about one fit, by linear algebra. The fit of the best is the next one about which
-        they are compared, until the best stays.
-        """
-        axes = len(next(iter(self.bases))[0])
-        most = min((axes + 1) * (axes + 2) / 2, self.conditions.count * _FIRST)
-        few = [one for one in self.bases if len(one) <= most] or [next(iter(self.bases))]
-        terms = max(few, key=len)
-        found = self._fitted(terms, self.linked, _FIRST_SCATTER, close=_ROUGHLY)
-        seen, left = {terms}, tuple(self.bases)
-        while len(left) > 1:
-            trial = self._scatter(found, roughly=True)
-            best, left = self._best(left, found, trial)
-            if best == terms:
-                break
-            terms, found = best, self._fitted(best, found.linked, trial, found.errors, close=_ROUGHLY)
-            if best in seen:
-                break
-            seen.add(best)
-        return terms, self._calibrated(terms, found)
-
-    def _laws(self, terms: Terms) -> Laws:
-        """The laws, which are the same for all parameters, with a weak prior of their coefficients."""
-        basis, few = self.bases[terms], self.conditions
-        constant = np.array([not any(one) for one in terms])
-        expected = np.where(constant, self.middle[:, None], 0.0).ravel()
-        precision = np.tile(np.where(constant, _LEVEL, _CHANGE) ** -2.0, len(self.middle))
-        return Laws((basis,) * len(self.middle), few.shared, few.count, expected, precision)
-
-    def _fitted(
-        self,
-        terms: Terms,
-        linked: FloatArray,
-        scatter: Scatter,
-        errors: FloatArray | None = None,
-        *,
-        close: float = _CLOSE_FIT,
-    ) -> Together:
-        return search(self.conditions, self._laws(terms), linked, scatter, errors, close=close)
-
-    def _scatter(self, found: Together, *, roughly: bool = False) -> Scatter:
-        """The scatter that a fit shows."""
-        if not found.dof:
-            return Scatter()
-        return scatter_of(found, (self.spare, True, True, self.spare, True, True), roughly=roughly)
-
-    def _best(self, candidates: Sequence[Terms], found: Together, scatter: Scatter) -> tuple[Terms, tuple[Terms, ...]]:
-        """The terms with hardly more than the least leave-one-out chi-square about a fit, and those not far from it."""
-        weights = [Weights.of(one, scatter.variances) for one in found.rows]
-        rows = [one.about_zero(found.linked) for one in found.rows]
-        normal = assembled(rows, weights, found.laws, found.unknowns)
-        misfits = {}
-        for one in candidates:
-            laws = self._laws(one)
-            zero = np.append(np.zeros(laws.coefficients), found.errors)
-            misfits[one] = misfit_without_each(rows, weights, replace(normal, laws=laws, unknowns=zero))
-        least = min(misfits.values())
-        best = next(one for one, misfit in misfits.items() if misfit <= least + _BETTER)
-        return best, tuple(one for one, misfit in misfits.items() if misfit <= _FAR * least)
-
-    def _calibrated(self, terms: Terms, found: Together) -> Together:
-        """The fit with the scatter that it shows.
-
-        If the model does not fit, its error may be the same in all conditions. It must not pass for shared errors, so
-        that it becomes an unknown beside these.
-        """
-        found = self._scattered(terms, found)
-        moved = float(found.errors @ found.errors) if found.errors.size else 0.0
-        surprising = moved > stats.chi2.isf(CHANCE, max(found.errors.size, 1))
-        if found.dof and (surprising or any(found.scatter.frequency)):
-            wider = replace(self, conditions=self.conditions.with_errors_of_model())
-            last = int(self.conditions.common)
-            errors = np.insert(found.errors, found.errors.size - last, np.zeros(2 * wider.conditions.nodes.size))
-            begin = replace(found.scatter, common=found.scatter.frequency)
-            found = wider._scattered(terms, wider._fitted(terms, found.linked, begin, errors))
-        return found
-
-    def _scattered(self, terms: Terms, found: Together) -> Together:
+    def _with_scatter(self, terms: Terms, found: Together) -> Together:
         """The fit with the scatter that it shows."""
         for _ in range(_ROUNDS):
             before, scatter = found.scatter.variances, self._scatter(found)
