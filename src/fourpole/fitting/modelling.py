@@ -52,7 +52,7 @@ _ALIKE = 1.1
 #: Relative error that is added to each condition before the fits that start a map, so that none dominates.
 _EVEN = 0.01
 #: Largest number of conditions that are fitted for the start of a map.
-_MOST_STARTS = 40
+_MOST_STARTS = 24
 
 
 @dataclass(frozen=True, eq=False)
