@@ -84,10 +84,11 @@ def test_candidates_are_compared_by_the_chi_square_of_omitted_conditions(cases):
     rows = [one.about_zero(whole.linked) for one in whole.rows]
     normal = assembled(rows, weights, whole.laws, whole.unknowns)
     zero = np.append(np.zeros(whole.laws.coefficients), whole.errors)
-    found = misfit_without_each(rows, weights, replace(normal, unknowns=zero))
+    found, error = misfit_without_each(rows, weights, replace(normal, unknowns=zero))
+    assert error == pytest.approx(LeaveOneOut.of(whole).error, rel=1e-2)
     change, _ = without_each(whole.normal, whole.inverse)
     (one,), (weight,) = whole.rows, weights
     assert found == pytest.approx(weight.chi2(one.off - (one.columns @ change[..., None])[..., 0]), rel=1e-6)
     constant = Laws((np.ones((6, 1)),) * 3, 2, 6)
     zero = np.append(np.zeros(3), whole.errors)
-    assert misfit_without_each(rows, weights, replace(normal, laws=constant, unknowns=zero)) > 100 * found
+    assert misfit_without_each(rows, weights, replace(normal, laws=constant, unknowns=zero))[0] > 100 * found

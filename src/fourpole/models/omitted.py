@@ -77,17 +77,22 @@ def _remainder(normal: Normal, spread: FloatArray) -> FloatArray:
     return np.asarray((1.0 + _LEAST_REMAINDER) * np.eye(spread.shape[1]) - spread @ normal.gram)
 
 
-def misfit_without_each(rows: Sequence[Rows], weights: Sequence[Weights], normal: Normal) -> float:
-    """Chi-square of each condition against the fit of the others, summed; the fit is that of linear equations."""
+def misfit_without_each(rows: Sequence[Rows], weights: Sequence[Weights], normal: Normal) -> tuple[float, float]:
+    """Chi-square of each condition against the fit of the others, summed, and the leave-one-out error of K*, relative.
+
+    The fit is that of linear equations.
+    """
     whole, _, local = normal.solved()
     spread = normal.local_covariance(whole)
     gradient = normal.right[..., None] - normal.gram @ local[..., None]
     change = -np.linalg.solve(_remainder(normal, spread), spread @ gradient)[..., 0]
-    total = 0.0
+    total, squares = 0.0, []
     for one, weight in zip(rows, weights, strict=True):
         move = (local + change)[one.places]
-        total += weight.chi2(one.off - (one.columns @ move[..., None])[..., 0])
-    return total
+        off = one.off - (one.columns @ move[..., None])[..., 0]
+        total += weight.chi2(off)
+        squares.append((off[:, : 2 * one.own.shape[1]] ** 2).ravel())
+    return total, float(np.sqrt(2 * np.mean(np.concatenate(squares))))
 
 
 def _predicted(

@@ -48,6 +48,8 @@ _ROUGHLY, _CLOSE_FIT = 0.1, 1e-6
 _EDGE = 1e-2
 #: A larger surface is chosen only if its leave-one-out chi-square is less than that of a smaller one by this.
 _BETTER = 2.0
+#: A surface whose leave-one-out error exceeds the least one by more than this factor is not chosen.
+_MOST_ERROR = 1.25
 #: Surfaces with more than this multiple of the least chi-square are not compared again.
 _FAR = 1.05
 
@@ -379,9 +381,11 @@ class _Choice:
             laws = self._laws(one)
             zero = np.append(np.zeros(laws.coefficients), found.errors)
             misfits[one] = misfit_without_each(rows, weights, replace(normal, laws=laws, unknowns=zero))
-        least = min(misfits.values())
-        best = next(one for one, misfit in misfits.items() if misfit <= least + _BETTER)
-        return best, tuple(one for one, misfit in misfits.items() if misfit <= _FAR * least)
+        error = min(each for _, each in misfits.values())
+        good = {one: misfit for one, (misfit, each) in misfits.items() if each <= _MOST_ERROR * error}
+        least = min(good.values())
+        best = next(one for one, misfit in good.items() if misfit <= least + _BETTER)
+        return best, tuple(one for one, (misfit, _) in misfits.items() if misfit <= _FAR * least)
 
     def _calibrated(self, terms: Terms, found: Together) -> Together:
         """The fit with the scatter that it shows.
