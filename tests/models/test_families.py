@@ -40,7 +40,7 @@ class Damper(Model):
         return 1j * positive(omega) * c
 
     def derivative(self, values, omega):
-        return 1j * positive(omega)[:, None] + 0 * self.stiffness(values, omega)[..., None]
+        return 1j * positive(omega)[..., None] + 0 * self.stiffness(values, omega)[..., None]
 
     def starts(self, data, count):
         return np.mean(data.stiffness.imag / data.omega, axis=1)[None, :, None]

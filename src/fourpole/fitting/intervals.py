@@ -11,8 +11,8 @@ from fourpole.core.confidence import NORMAL_95
 from fourpole.models.choice import STOPPED
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit
+from fourpole.models.links import link_all, unlink_all
 from fourpole.models.profile import profile_intervals
-from fourpole.models.together import link_all, unlink_all
 
 #: Largest product of the cube of the free parameters and the frequencies for intervals by profile likelihood.
 _MOST_WORK = 600_000

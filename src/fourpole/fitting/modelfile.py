@@ -25,10 +25,11 @@ from fourpole.fitting.seal import KEY, sealed
 from fourpole.io.write import write_text
 from fourpole.models.families import model_named
 from fourpole.models.interface import Model
-from fourpole.models.operating import LeaveOneOut, OperatingMap
+from fourpole.models.linearised import Scatter
+from fourpole.models.omitted import LeaveOneOut
+from fourpole.models.operating import OperatingMap
 from fourpole.models.shape import Shape
 from fourpole.models.surface import Axes, ValueSurface
-from fourpole.models.together import Scatter
 from fourpole.units import shown
 
 _LONGEST = 100_000

@@ -51,6 +51,8 @@ Progress = Callable[[int, int], None]
 _ALIKE = 1.1
 #: Relative error that is added to each condition before the fits that start a map, so that none dominates.
 _EVEN = 0.01
+#: Largest number of conditions that are fitted for the start of a map.
+_MOST_STARTS = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -332,10 +334,13 @@ def _axes(tyre: str, measured: Sequence[Measured], over: Sequence[str]) -> Axes:
 
 
 def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> OperatingMap:
-    """The map of one model, which starts from fits to each condition."""
-    even = [with_error(one.data, _EVEN) for one in measured]
-    fits = fit_conditions(model, even, [_held(one, {}) for one in measured])
-    start = np.stack([one.values for one in fits])
+    """The map of one model, which starts from fits to each condition, or to some of very many."""
+    order = np.random.default_rng(0).permutation(len(measured))
+    some = np.sort(order[:_MOST_STARTS]).tolist()
+    even = [with_error(measured[at].data, _EVEN) for at in some]
+    fits = fit_conditions(model, even, [_held(measured[at], {}) for at in some])
+    start = np.full((len(measured), len(model.parameters)), np.nan)
+    start[some] = [one.values for one in fits]
     return make_map(model, [one.own for one in measured], axes, start, _common(measured))
 
 

@@ -21,10 +21,12 @@ from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, Rig
 from fourpole.fitting.modelparts import LARGEST
 from fourpole.fitting.pressures import between
 from fourpole.fitting.rows import tyre_columns
-from fourpole.models.operating import Answer, LeaveOneOut, OperatingMap
+from fourpole.models.linearised import Scatter
+from fourpole.models.links import link_all, unlink_all
+from fourpole.models.omitted import LeaveOneOut
+from fourpole.models.operating import Answer, OperatingMap
 from fourpole.models.shift_law import ShiftLaw
 from fourpole.models.surface import Axes
-from fourpole.models.together import Scatter, link_all, unlink_all
 from fourpole.units import shown
 
 _TEMPERATURE = q.TEMPERATURE.head

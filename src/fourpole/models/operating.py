@@ -6,50 +6,52 @@ chosen. The scatter of conditions about it is adjusted until leave-one-out resid
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import stats
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.confidence import NORMAL_95
+from fourpole.core.confidence import CHANCE
 from fourpole.core.curvature import arm_covariance
 from fourpole.core.rig import Rig
 from fourpole.core.routes import maxwell_arm
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData, multiplication
 from fourpole.models.interface import Model
+from fourpole.models.laws import Laws
+from fourpole.models.linearised import Conditions, Scatter, Weights
+from fourpole.models.links import link_all, unlink_all
+from fourpole.models.omitted import LeaveOneOut, misfit_without_each
+from fourpole.models.restricted import scatter_of
 from fourpole.models.surface import Axes, Terms, ValueSurface, bends, design, term_sets, value_surface
-from fourpole.models.together import Scatter, Together, fit_together, unlink_all
+from fourpole.models.together import Together, assembled, search
 
-#: Relative scatter of conditions in the comparison of surfaces; least and largest scatter of the search.
-_SCATTER, _LEAST, _MOST = 1e-2, 1e-6, 1.0
-#: Maximum number of steps of the search for the scatter.
-_ROUNDS = 12
+#: Relative scatter of conditions in the comparison of surfaces.
+_SCATTER = 1e-2
+#: Scatter of the first fit, and its number of terms, as a fraction of the number of conditions.
+_FIRST_SCATTER, _FIRST = Scatter(_SCATTER, (_SCATTER, _SCATTER), _SCATTER), 1.0 / 3.0
+#: Standard deviations of the weak prior of coefficients: of a level about the median of the starts, and of a change
+#: over half the span of an axis, in units of the link, in which 1 is a factor of 2.7.
+_LEVEL, _CHANGE = 10.0, 2.0
+#: Starts are limited to this distance from their median, in units of the link.
+_NEAR = 3.0
+#: Largest number of terms; maximum number of fits with a scatter.
+_MOST_TERMS, _ROUNDS = 64, 8
+#: Variances of the scatter are final when they change by less than this fraction, or this standard deviation.
+_CLOSE, _SMALL = 0.01, 1e-7
+#: Chi-square that fits may leave: those about which surfaces are compared, and those of the map.
+_ROUGHLY, _CLOSE_FIT = 0.1, 1e-6
 #: A frequency is inside the band up to this fraction beyond its ends: drives that are stated as 10 Hz ran near it.
 _EDGE = 1e-2
-#: A larger surface is chosen only if its leave-one-out error is less than this fraction of that of a smaller one.
-_BETTER = 0.98
-
-
-@dataclass(frozen=True)
-class LeaveOneOut:
-    """Comparison of each condition with the map of the other conditions; not-a-number if no condition can be omitted.
-
-    Attributes
-    ----------
-    error : float [1]
-        Leave-one-out error: root mean square difference between measured and predicted K*, relative.
-    inside : float [1]
-        Fraction of all K' and K'' that are inside the predicted 95 % intervals.
-    conditions : float [1]
-        Fraction of the conditions whose K' and K'' at the middle frequency are both inside.
-    """
-
-    error: float = float("nan")
-    inside: float = float("nan")
-    conditions: float = float("nan")
+#: A larger surface is chosen only if its leave-one-out chi-square is less than that of a smaller one by this.
+_BETTER = 2.0
+#: A surface whose leave-one-out error exceeds the least one by more than this factor is not chosen.
+_MOST_ERROR = 1.25
+#: Surfaces with more than this multiple of the least chi-square are not compared again.
+_FAR = 1.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +250,7 @@ def make_map(
     axes : Axes
         Axes of the same conditions.
     start : (B, P) float array
-        Parameters of a fit to each condition.
+        Parameters of a fit to each condition, or to some: not-a-number for the others.
     shared : sequence of B (2N, p) float arrays [N/m], optional
         Effect of the errors that all conditions share; see `together.fit_together`.
     terms : sequence of Terms, optional
@@ -259,123 +261,172 @@ def make_map(
     ModelError
         If no surface can be fitted.
     """
-    _common_band(conditions)
-    scaled = axes.scaled(axes.points)
-    frequency = misfit_of(model, conditions, start)
-    trial = Scatter(_SCATTER, frequency)
-    tried: list[tuple[float, Terms, Together]] = []
-    reason = "no surface was given"
-    for one in terms if terms is not None else term_sets(axes.levels, len(conditions)):
-        try:
-            found = _fitted(model, conditions, start, design(one, scaled), shared, trial)
-        except (ModelError, np.linalg.LinAlgError) as error:
-            reason = str(error)
-            continue
-        error_ = _leave_one_out(found, conditions).error
-        if np.isfinite(error_) or len(one) >= len(conditions):
-            tried.append((error_, one, found))
-    if not tried:
-        raise ModelError(f"no surface of the {model.name} model could be fitted: {reason}")
-    least = min(error for error, _, _ in tried)
-    simplest = next((each for each in tried if each[0] * _BETTER <= least), tried[0])
-    return _calibrated(model, conditions, axes, simplest[2].values, shared, simplest[1], frequency)
-
-
-def misfit_of(model: Model, conditions: Sequence[StiffnessData], values: ArrayLike) -> tuple[float, float]:
-    """Relative standard deviation of the residuals beyond the noise, along and across K*: the error of the model."""
-    sums, noise, spare = np.zeros(2), np.zeros(2), 0.0
-    for data, own in zip(conditions, np.asarray(values, dtype=float), strict=True):
-        left = data.stiffness / model.stiffness(own, data.omega) - 1
-        turn = multiplication(np.conj(data.stiffness) / np.abs(data.stiffness) ** 2)
-        sums += [np.sum(left.real**2), np.sum(left.imag**2)]
-        noise += np.sum(np.diagonal(turn @ data.covariance @ np.swapaxes(turn, 1, 2), 0, 1, 2), axis=0)
-        spare += data.count - len(model.parameters) / 2
-    more = np.maximum(sums / max(spare, 1.0) - noise / sum(one.count for one in conditions), 0.0)
-    return float(np.sqrt(more[0])), float(np.sqrt(more[1]))
-
-
-def _fitted(
-    model: Model,
-    conditions: Sequence[StiffnessData],
-    start: ArrayLike,
-    basis: FloatArray,
-    shared: Sequence[FloatArray] | None,
-    scatter: Scatter,
-) -> Together:
-    """The fit whose parameters all have the same basis functions (B, K)."""
-    laws = {one.symbol: basis for one in model.parameters}
-    return fit_together(model, conditions, start, laws, shared=shared, scatter=scatter)
-
-
-def _omitted(
-    found: Together, conditions: Sequence[StiffnessData]
-) -> Iterator[tuple[StiffnessData, FloatArray, FloatArray]]:
-    """Each condition with its leave-one-out residuals (2N,) [N/m] and their covariance (2N, 2N) [N²/m²]."""
-    for at, data in enumerate(conditions):
-        off, covariance = found.leave_one_out(at)
-        size = 2 * data.count
-        back = np.linalg.inv(found.whiteners[at])
-        yield data, back @ off[:size], back @ covariance[:size, :size] @ back.T
-
-
-def _leave_one_out(found: Together, conditions: Sequence[StiffnessData]) -> LeaveOneOut:
-    """The leave-one-out error of a fit."""
-    if not _has_spare_conditions(found):
-        return LeaveOneOut()
-    errors, scores, middle = [], [], []
-    for data, off, covariance in _omitted(found, conditions):
-        errors.append(np.hypot(off[::2], off[1::2]) / np.abs(data.stiffness))
-        score = np.abs(off) / np.sqrt(np.diag(covariance))
-        scores.append(score)
-        centre = data.count // 2
-        middle.append(float(score[2 * centre : 2 * centre + 2].max()))
-    return LeaveOneOut(
-        error=float(np.sqrt(np.mean(np.concatenate(errors) ** 2))),
-        inside=float(np.mean(np.concatenate(scores) < NORMAL_95)),
-        conditions=float(np.mean(np.array(middle) < NORMAL_95)),
-    )
-
-
-def _calibrated(
-    model: Model,
-    conditions: Sequence[StiffnessData],
-    axes: Axes,
-    start: ArrayLike,
-    shared: Sequence[FloatArray] | None,
-    terms: Terms,
-    frequency: tuple[float, float],
-) -> OperatingMap:
-    """The map with the scatter of conditions that agrees with the leave-one-out residuals."""
-    basis = design(terms, axes.scaled(axes.points))
-    low, high, size = _LEAST, _MOST, _SCATTER
-    found = _fitted(model, conditions, start, basis, shared, Scatter(0.0, frequency))
-    scatter = Scatter(0.0, frequency)
-    if _has_spare_conditions(found) and _excess(found, conditions) > 1:
-        for _ in range(_ROUNDS):
-            scatter = Scatter(size, frequency)
-            found = _fitted(model, conditions, found.values, basis, shared, scatter)
-            excess = _excess(found, conditions)
-            low, high = (size, high) if excess > 1 else (low, size)
-            if abs(excess - 1) < 0.02 or high / low < 1.02:
-                break
-            guess = size * np.sqrt(excess)
-            size = float(guess) if low < guess < high else float(np.sqrt(low * high))
+    band = _common_band(conditions)
+    candidates = list(terms) if terms is not None else term_sets(axes.levels, len(conditions))
+    try:
+        chosen, found = _Choice.of(model, conditions, axes, shared, candidates, start).made()
+    except (ModelError, np.linalg.LinAlgError) as error:
+        raise ModelError(f"no surface of the {model.name} model could be fitted: {error}") from None
     return OperatingMap(
         model=model,
         axes=axes,
-        terms=terms,
+        terms=chosen,
         coefficients=np.stack(found.coefficients),
         covariance=found.covariance,
-        scatter=scatter,
-        band=_common_band(conditions),
-        leave_one_out=_leave_one_out(found, conditions),
+        scatter=found.scatter.summed,
+        band=band,
+        leave_one_out=LeaveOneOut.of(found) if len(chosen) < len(conditions) else LeaveOneOut(),
         static=_static(conditions, axes),
     )
 
 
-def _has_spare_conditions(found: Together) -> bool:
-    """Whether there are more conditions than terms, so that one condition can be omitted."""
-    return len(found.values) > max(one.shape[1] for one in found.designs)
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """The search for the terms of a map and for the scatter of its conditions.
+
+    Attributes
+    ----------
+    conditions : Conditions
+    bases : dict of Terms to (B, K) float array
+        Basis functions of each candidate.
+    linked : (B, P) float array
+        Linked parameters of a fit to each condition, none far from the median.
+    middle : (P,) float array
+        Their medians.
+    spare : bool
+        Whether there are more conditions than terms, so that they show their scatter. The uncertainty of K1 is then one
+        error of all conditions.
+    """
+
+    conditions: Conditions
+    bases: dict[Terms, FloatArray]
+    linked: FloatArray
+    middle: FloatArray
+    spare: bool
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        data: Sequence[StiffnessData],
+        axes: Axes,
+        shared: Sequence[FloatArray] | None,
+        candidates: Sequence[Terms],
+        start: ArrayLike,
+    ) -> _Choice:
+        """The search among candidates."""
+        spare = any(len(one) < len(data) for one in candidates)
+        conditions = Conditions.of(model, data, shared, common=spare)
+        most = min(_MOST_TERMS, conditions.known // len(model.parameters), len(data) - int(spare))
+        kept = [one for one in candidates if len(one) <= most] or list(candidates[:1])
+        scaled = axes.scaled(axes.points)
+        linked, middle = _started(model, np.asarray(start, dtype=float), scaled)
+        return cls(conditions, {one: design(one, scaled) for one in kept}, linked, middle, spare)
+
+    def made(self) -> tuple[Terms, Together]:
+        """The terms with the least leave-one-out error, and their fit with the scatter that it shows.
+
+        The candidates are compared about one fit, by linear algebra. The fit of the best is the next one about which
+        they are compared, until the best stays.
+        """
+        axes = len(next(iter(self.bases))[0])
+        most = min((axes + 1) * (axes + 2) / 2, self.conditions.count * _FIRST)
+        few = [one for one in self.bases if len(one) <= most] or [next(iter(self.bases))]
+        terms = max(few, key=len)
+        found = self._fitted(terms, self.linked, _FIRST_SCATTER, close=_ROUGHLY)
+        seen, left = {terms}, tuple(self.bases)
+        while len(left) > 1:
+            trial = self._scatter(found, roughly=True)
+            best, left = self._best(left, found, trial)
+            if best == terms:
+                break
+            terms, found = best, self._fitted(best, found.linked, trial, found.errors, close=_ROUGHLY)
+            if best in seen:
+                break
+            seen.add(best)
+        return terms, self._calibrated(terms, found)
+
+    def _laws(self, terms: Terms) -> Laws:
+        """The laws, which are the same for all parameters, with a weak prior of their coefficients."""
+        basis, few = self.bases[terms], self.conditions
+        constant = np.array([not any(one) for one in terms])
+        expected = np.where(constant, self.middle[:, None], 0.0).ravel()
+        precision = np.tile(np.where(constant, _LEVEL, _CHANGE) ** -2.0, len(self.middle))
+        return Laws((basis,) * len(self.middle), few.shared, few.count, expected, precision)
+
+    def _fitted(
+        self,
+        terms: Terms,
+        linked: FloatArray,
+        scatter: Scatter,
+        errors: FloatArray | None = None,
+        *,
+        close: float = _CLOSE_FIT,
+    ) -> Together:
+        return search(self.conditions, self._laws(terms), linked, scatter, errors, close=close)
+
+    def _scatter(self, found: Together, *, roughly: bool = False) -> Scatter:
+        """The scatter that a fit shows."""
+        if not found.dof:
+            return Scatter()
+        return scatter_of(found, (self.spare, True, True, self.spare, True, True), roughly=roughly)
+
+    def _best(self, candidates: Sequence[Terms], found: Together, scatter: Scatter) -> tuple[Terms, tuple[Terms, ...]]:
+        """The terms with hardly more than the least leave-one-out chi-square about a fit, and those not far from it."""
+        weights = [Weights.of(one, scatter.variances) for one in found.rows]
+        rows = [one.about_zero(found.linked) for one in found.rows]
+        normal = assembled(rows, weights, found.laws, found.unknowns)
+        misfits = {}
+        for one in candidates:
+            laws = self._laws(one)
+            zero = np.append(np.zeros(laws.coefficients), found.errors)
+            misfits[one] = misfit_without_each(rows, weights, replace(normal, laws=laws, unknowns=zero))
+        error = min(each for _, each in misfits.values())
+        good = {one: misfit for one, (misfit, each) in misfits.items() if each <= _MOST_ERROR * error}
+        least = min(good.values())
+        best = next(one for one, misfit in good.items() if misfit <= least + _BETTER)
+        return best, tuple(one for one, (misfit, _) in misfits.items() if misfit <= _FAR * least)
+
+    def _calibrated(self, terms: Terms, found: Together) -> Together:
+        """The fit with the scatter that it shows.
+
+        If the model does not fit, its error may be the same in all conditions. It must not pass for shared errors, so
+        that it becomes an unknown beside these.
+        """
+        found = self._with_scatter(terms, found)
+        moved = float(found.errors @ found.errors)
+        surprising = bool(moved > stats.chi2.isf(CHANCE, max(found.errors.size, 1)))
+        if not found.dof or not (surprising or any(found.scatter.frequency)):
+            return found
+        return replace(self, conditions=self.conditions.with_errors_of_model()).resumed(terms, found)
+
+    def resumed(self, terms: Terms, before: Together) -> Together:
+        """The fit with the scatter that it shows, from one without a common error of the model."""
+        last = before.errors.size - int(self.conditions.common)
+        errors = np.insert(before.errors, last, np.zeros(2 * self.conditions.nodes.size))
+        begin = replace(before.scatter, common=before.scatter.frequency)
+        return self._with_scatter(terms, self._fitted(terms, before.linked, begin, errors))
+
+    def _with_scatter(self, terms: Terms, found: Together) -> Together:
+        """The fit with the scatter that it shows."""
+        for _ in range(_ROUNDS):
+            before, scatter = found.scatter.variances, self._scatter(found)
+            found = self._fitted(terms, found.linked, scatter, found.errors)
+            if np.all(np.abs(scatter.variances - before) <= _CLOSE * before + _SMALL**2):
+                break
+        return found
+
+
+def _started(model: Model, start: FloatArray, scaled: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Linked parameters (B, P) of all conditions from those of which a fit is known, and their medians (P,)."""
+    known = np.flatnonzero(np.all(np.isfinite(start), axis=1))
+    linked = link_all(model, start[known])
+    middle = np.median(linked, axis=0)
+    linked = np.clip(linked, middle - _NEAR, middle + _NEAR)
+    if len(known) == len(start):
+        return linked, middle
+    basis = np.insert(scaled, 0, 1.0, axis=1)
+    return basis @ np.linalg.lstsq(basis[known], linked, rcond=None)[0], middle
 
 
 def _common_band(conditions: Sequence[StiffnessData]) -> tuple[float, float]:
@@ -396,13 +447,3 @@ def _static(conditions: Sequence[StiffnessData], axes: Axes) -> ValueSurface | N
     if not (np.all(np.isfinite(k1)) and np.all(np.isfinite(std)) and np.all(k1 > 0)):
         return None
     return value_surface(axes, k1, std)
-
-
-def _excess(found: Together, conditions: Sequence[StiffnessData]) -> float:
-    """Mean ratio of the squared leave-one-out residuals to their variance, residuals averaged over frequency."""
-    ratios = []
-    for data, off, covariance in _omitted(found, conditions):
-        relative = np.conj(data.stiffness) / np.abs(data.stiffness) ** 2 / data.count
-        mean = np.hstack(list(multiplication(relative)))  # the mean of log K*, Re and Im, from (2N,) residuals
-        ratios.append((mean @ off) ** 2 / np.diag(mean @ covariance @ mean.T))
-    return float(np.mean(ratios))

@@ -206,8 +206,10 @@ def design(terms: Terms, scaled: FloatArray) -> FloatArray:
 def term_sets(levels: Sequence[int], count: int) -> list[Terms]:
     """Candidate surfaces for the number of levels of each axis and the number of conditions, the smallest first.
 
-    The degree of an axis is at most 3 and less than its number of levels. Products of axes are omitted, limited to the
-    highest degree, or all included. With at most one condition more than axes the only surface is linear.
+    The degree of an axis is at most 3. It is 1 with two levels and 2 with three, which such a polynomial meets exactly.
+    With more levels there is at least one more than the polynomial needs, so that a law that is no polynomial shows.
+    Products of axes are omitted, limited to the highest degree, or all included. With at most one condition more than
+    axes the only surface is linear.
 
     Examples
     --------
@@ -218,7 +220,7 @@ def term_sets(levels: Sequence[int], count: int) -> list[Terms]:
         return [tuple(tuple(int(at == axis) for at in range(len(levels))) for axis in range(-1, len(levels)))[:count]]
     most = max(int(_MOST_TERMS * count), 1)
     found: dict[Terms, None] = {}
-    for degrees in product(*(range(min(level - 1, _MOST_DEGREE) + 1) for level in levels)):
+    for degrees in product(*(range(_degree(level) + 1) for level in levels)):
         every = sorted(product(*(range(degree + 1) for degree in degrees)), key=lambda one: (sum(one), one[::-1]))
         additive = tuple(one for one in every if sum(power > 0 for power in one) <= 1)
         limited = tuple(one for one in every if sum(one) <= max(degrees, default=0))
@@ -226,6 +228,11 @@ def term_sets(levels: Sequence[int], count: int) -> list[Terms]:
             if len(terms) <= most:
                 found[terms] = None
     return sorted(found, key=len)
+
+
+def _degree(levels: int) -> int:
+    """Highest degree of an axis with a number of levels."""
+    return min(levels - 1, max(levels - 2, 2), _MOST_DEGREE)
 
 
 def _levels(values: FloatArray) -> int:

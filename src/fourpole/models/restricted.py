@@ -1,0 +1,165 @@
+r"""Scatter of conditions about laws, by restricted maximum likelihood.
+
+With the covariance V of all data given the shared errors, and the normal matrix N of the coefficients and of the shared
+errors with their prior, the variances minimise
+
+.. math:: -2 \log L = \log|V| + \log|N| + r^T V^{-1} r ,
+
+r being the residuals of the fit. What the shared errors can explain within their stated uncertainty is therefore no
+scatter, and the coefficients cost as many degrees of freedom as they have.
+
+References
+----------
+H. D. Patterson, R. Thompson, "Recovery of inter-block information when block sizes are unequal", Biometrika 58, 1971;
+D. A. Harville, "Maximum likelihood approaches to variance component estimation", J. Am. Stat. Assoc. 72, 1977.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.models.linearised import LEAST_COMMON, Rows, Scatter, Weights
+from fourpole.models.together import Together, assembled
+
+#: Maximum number of steps, and of halvings of one; the search ends at a smaller change of -2 log L.
+_STEPS, _HALVINGS, _SMALL = 40, 12, 1e-3
+#: A variance is zero unless it reduces -2 log L by more than this: a chance of 10 %, as a variance is not negative.
+_NEEDED = 1.642
+#: Least and largest variances.
+_LEAST, _MOST = np.array([0.0, 0.0, 0.0, 0.0, LEAST_COMMON, LEAST_COMMON]), 1.0
+
+
+def scatter_of(found: Together, free: Sequence[bool] = (True,) * 6, *, roughly: bool = False) -> Scatter:
+    """The scatter that a fit shows, to first order about it.
+
+    Parameters
+    ----------
+    found : Together
+    free : sequence of bool
+        Which of the six variances are unknown; the others are zero.
+    roughly : bool
+        Keep variances that might as well be zero.
+    """
+    likelihood = _Likelihood(found)
+    conditions = found.conditions
+    static, common = any(one.static is not None for one in found.rows), conditions.nodes.size > 0
+    unknown = np.array(free) & np.array([True, True, True, static, common, common])
+    best = likelihood.least(np.where(unknown, found.scatter.variances, 0.0), unknown)
+    for at in () if roughly else np.flatnonzero(unknown):
+        others = unknown & (np.arange(unknown.size) != at)
+        without = likelihood.least(np.where(others, best.variances, 0.0), others)
+        if without.value < best.value + _NEEDED:
+            best, unknown = without, others
+    return Scatter.of(np.where(unknown, best.variances, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """-2 log L at some variances (6,), minus its slope, and its expected curvature."""
+
+    variances: FloatArray
+    value: float
+    downhill: FloatArray
+    curvature: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    found: Together
+
+    def least(self, variances: FloatArray, unknown: BoolArray) -> _State:
+        """The least -2 log L over the unknown variances, none of which is negative."""
+        now = self.at(variances)
+        for _ in range(_STEPS if unknown.any() else 0):
+            step = _step(now, unknown)
+            for halving in range(_HALVINGS):
+                tried = np.clip(now.variances + step * 0.5**halving, _LEAST, _MOST)
+                if abs((tried - now.variances) @ now.downhill) < _SMALL:
+                    return now
+                then = self.at(tried)
+                if then.value < now.value:
+                    now = then
+                    break
+            else:
+                return now
+        return now
+
+    def at(self, variances: FloatArray) -> _State:
+        """The likelihood at some variances."""
+        variances = np.maximum(variances, _LEAST)
+        rows, unknowns, conditions = self.found.rows, self.found.unknowns, self.found.conditions
+        laws = replace(self.found.laws, error_precision=conditions.precision(variances))
+        weights = [Weights.of(one, variances) for one in rows]
+        normal = assembled(rows, weights, laws, unknowns)
+        covariance, step, local = normal.solved()
+        spread = normal.local_covariance(covariance)
+        value = sum(one.logdet for one in weights) - float(np.linalg.slogdet(covariance)[1])
+        value += sum(one.chi2(each.off) for one, each in zip(weights, rows, strict=True))
+        value += laws.prior_chi2(unknowns) - normal.reduction(step, local)
+        value -= float(np.sum(np.log(conditions.precision(variances))))
+        downhill, curvature = np.zeros(6), np.zeros((6, 6))
+        for one, weight in zip(rows, weights, strict=True):
+            slope, bend = _slopes(one, weight, local[one.places], spread[one.places])
+            downhill[:4] += slope
+            curvature[:4, :4] += bend
+        size = laws.coefficients
+        for at, part in enumerate(conditions.errors_of_model, start=4):
+            error, own = (unknowns + step)[size:][part], covariance[size:, size:][part, part]
+            taken = (np.eye(error.size) - own / variances[at]) / variances[at]
+            downhill[at] = error @ error / variances[at] ** 2 - np.trace(taken)
+            curvature[at, at] = np.sum(taken**2)
+        return _State(variances, value, downhill, curvature)
+
+
+def _step(now: _State, unknown: BoolArray) -> FloatArray:
+    """The step (6,) of Fisher's scoring; a variance of zero stays if it would become negative."""
+    moved = unknown.copy()
+    step = np.zeros(6)
+    for _ in range(6):
+        at = np.flatnonzero(moved)
+        step[:] = 0.0
+        if not at.size:
+            break
+        step[at] = np.linalg.solve(now.curvature[np.ix_(at, at)], now.downhill[at])
+        stuck = moved & (now.variances <= _LEAST) & (step <= 0)
+        if not stuck.any():
+            break
+        moved &= ~stuck
+    return step
+
+
+def _slopes(rows: Rows, weight: Weights, local: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Minus the slope (4,) of -2 log L of a block, and its expected curvature (4, 4).
+
+    P is V^-1 less what the free unknowns take; entries of P between conditions are left out of the curvature.
+    """
+    groups, count = len(rows.off), rows.own.shape[1]
+    weighted = weight.times(rows.columns)
+    off = weight.times((rows.off - (rows.columns @ local[..., None])[..., 0])[..., None])[..., 0]
+    taken = weighted @ spread
+    lost = np.sum(taken * weighted, axis=2)
+    diagonal = (weight.diagonal - lost[:, : 2 * count]).reshape(groups, count, 2)
+    each = off[:, : 2 * count].reshape(groups, count, 2)
+    # One error of a condition acts on all its frequencies: sums over these.
+    summed = np.sum(weighted[:, : 2 * count].reshape(groups, count, 2, -1), axis=1)
+    error = np.zeros((groups, weighted.shape[1], 2))
+    error[:, : 2 * count] = np.tile(np.eye(2), (count, 1))
+    across = (weight.times(error) - taken @ np.swapaxes(summed, 1, 2))[:, : 2 * count].reshape(groups, count, 2, 2)
+    inner = np.sum(across, axis=1)
+    slope, curvature = np.zeros(4), np.zeros((4, 4))
+    slope[0] = np.sum(np.sum(each, axis=1) ** 2) - np.trace(inner, 0, 1, 2).sum()
+    slope[1:3] = np.sum(each**2, axis=(0, 1)) - np.sum(diagonal, axis=(0, 1))
+    curvature[0, 0] = np.sum(inner**2)
+    curvature[1, 1], curvature[2, 2] = np.sum(diagonal**2, axis=(0, 1))
+    curvature[0, 1:3] = curvature[1:3, 0] = np.sum(across**2, axis=(0, 1, 3))
+    if weight.static is None:
+        curvature[3, 3] = 0.0
+    else:
+        static = weight.static - lost[:, -1]
+        slope[3] = np.sum(off[:, -1] ** 2) - np.sum(static)
+        curvature[3, 3] = np.sum(static**2)
+    return slope, curvature

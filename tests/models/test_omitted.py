@@ -1,0 +1,94 @@
+"""Leave-one-out in closed form, against fits without each condition."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fourpole.models.data import StiffnessData, complex_columns
+from fourpole.models.laws import Laws
+from fourpole.models.linearised import Conditions, Scatter, Weights
+from fourpole.models.links import link_all, unlink_all
+from fourpole.models.maxwell import Zener
+from fourpole.models.omitted import LeaveOneOut, misfit_without_each, without_each
+from fourpole.models.together import assembled, search
+
+OMEGA = 2 * np.pi * np.linspace(5.0, 30.0, 9)
+X = np.linspace(-1.0, 1.0, 6)
+BASIS = np.stack([np.ones(6), X], axis=1)
+TRUTH = np.stack([180e3 * np.exp(0.1 * X), 140e3 * np.exp(0.2 * X), np.full(6, 800.0)], axis=1)
+SCATTER = Scatter(1e-3, (5e-4, 3e-4))
+
+
+def measured(noise):
+    """Conditions under a gain of 1 % and a phase of 0.5 %, and the effects of these."""
+    rng = np.random.default_rng(3)
+    data, shared = [], []
+    for values in TRUTH:
+        clean = Zener().stiffness(values, OMEGA) * np.exp(0.01 - 0.005j)
+        std = noise * np.abs(clean)
+        draw = rng.standard_normal(OMEGA.size) + 1j * rng.standard_normal(OMEGA.size)
+        data.append(StiffnessData.of(OMEGA, clean + std * draw, std))
+        effects = data[-1].stiffness[:, None] * [0.01, 0.005j]
+        shared.append(np.stack([effects.real, effects.imag], axis=1).reshape(-1, 2))
+    return data, shared
+
+
+def fitted(data, shared, kept):
+    conditions = Conditions.of(Zener(), [data[at] for at in kept], [shared[at] for at in kept], common=False)
+    laws = Laws((BASIS[kept],) * 3, 2, len(kept))
+    return search(conditions, laws, link_all(Zener(), TRUTH[kept]), SCATTER)
+
+
+@pytest.fixture(scope="module")
+def cases():
+    data, shared = measured(1e-3)
+    whole = fitted(data, shared, list(range(6)))
+    return data, shared, whole, [fitted(data, shared, [at for at in range(6) if at != out]) for out in range(6)]
+
+
+def test_an_omitted_condition_is_predicted_as_by_a_fit_without_it(cases):
+    """Coefficients move by some 1e-3: terms of second order are 1e-3 of the change."""
+    _, _, whole, parts = cases
+    change, covariance = without_each(whole.normal, whole.inverse)
+    for at, part in enumerate(parts):
+        to = np.append(np.array([BASIS[at] @ each for each in part.coefficients]), part.errors)
+        by = np.append(whole.linked[at], whole.errors)
+        std = np.sqrt(np.diag(covariance[at]))
+        np.testing.assert_allclose(change[at] / std, (to - by) / std, atol=0.02)
+        rows = np.zeros((5, part.inverse.shape[0]))
+        for p in range(3):
+            rows[p, part.laws.parts[p]] = BASIS[at]
+        rows[3:, -2:] = np.eye(2)
+        wanted = rows @ part.inverse @ rows.T
+        np.testing.assert_allclose(covariance[at] / np.outer(std, std), wanted / np.outer(std, std), atol=0.02)
+
+
+def test_the_leave_one_out_error_is_that_of_fits_without_each(cases):
+    data, shared, whole, parts = cases
+    squares = []
+    for at, part in enumerate(parts):
+        linked = np.array([BASIS[at] @ each for each in part.coefficients])
+        effect = complex_columns(shared[at]) / data[at].stiffness[:, None]
+        shown = Zener().stiffness(unlink_all(Zener(), linked)[0], OMEGA) * np.exp(effect @ part.errors)
+        squares.append(np.abs(data[at].stiffness / shown - 1) ** 2)
+    found = LeaveOneOut.of(whole)
+    assert found.error == pytest.approx(np.sqrt(np.mean(squares)), rel=2e-3)
+    assert 0.85 < found.inside <= 1.0
+
+
+def test_candidates_are_compared_by_the_chi_square_of_omitted_conditions(cases):
+    """About the fit itself, the linear equations of the same laws give the residuals of fits without each."""
+    _, _, whole, _ = cases
+    weights = [Weights.of(one, SCATTER.variances) for one in whole.rows]
+    rows = [one.about_zero(whole.linked) for one in whole.rows]
+    normal = assembled(rows, weights, whole.laws, whole.unknowns)
+    zero = np.append(np.zeros(whole.laws.coefficients), whole.errors)
+    found, error = misfit_without_each(rows, weights, replace(normal, unknowns=zero))
+    assert error == pytest.approx(LeaveOneOut.of(whole).error, rel=1e-2)
+    change, _ = without_each(whole.normal, whole.inverse)
+    (one,), (weight,) = whole.rows, weights
+    assert found == pytest.approx(weight.chi2(one.off - (one.columns @ change[..., None])[..., 0]), rel=1e-6)
+    constant = Laws((np.ones((6, 1)),) * 3, 2, 6)
+    zero = np.append(np.zeros(3), whole.errors)
+    assert misfit_without_each(rows, weights, replace(normal, laws=constant, unknowns=zero))[0] > 100 * found
