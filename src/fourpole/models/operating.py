@@ -285,7 +285,7 @@ def misfit_of(model: Model, conditions: Sequence[StiffnessData], values: ArrayLi
     """Relative standard deviation of the residuals beyond the noise, along and across K*: the error of the model."""
     sums, noise, spare = np.zeros(2), np.zeros(2), 0.0
     for data, own in zip(conditions, np.asarray(values, dtype=float), strict=True):
-        left = data.stiffness / model.stiffness(own, data.omega) - 1
+        left = data.stiffness / model.on(data).stiffness(own, data.omega) - 1
         turn = multiplication(np.conj(data.stiffness) / np.abs(data.stiffness) ** 2)
         sums += [np.sum(left.real**2), np.sum(left.imag**2)]
         noise += np.sum(np.diagonal(turn @ data.covariance @ np.swapaxes(turn, 1, 2), 0, 1, 2), axis=0)

@@ -294,7 +294,7 @@ class _Search:
         found: dict[int, FloatArray] = {}
         for one in self.groups:
             data, own = one.data, values[one.places]
-            shown = self.model.stiffness(own, data.omega) * np.exp(one.shared @ u[self.coefficients :])
+            shown = self.model.on(data).stiffness(own, data.omega) * np.exp(one.shared @ u[self.coefficients :])
             off = real_columns((data.stiffness - shown)[..., None])[..., 0]
             rows = (one.whitener @ off[..., None])[..., 0]
             if one.has_k1:
@@ -310,8 +310,9 @@ class _Search:
         for one in self.groups:
             own, slope = values[one.places], slopes[one.places]
             seen = np.exp(one.shared @ u[self.coefficients :])[..., None]
-            by_value = real_columns(self.model.derivative(own, one.data.omega) * seen) * slope[:, None, :]
-            by_shared = real_columns(self.model.stiffness(own, one.data.omega)[..., None] * seen * one.shared)
+            model = self.model.on(one.data)
+            by_value = real_columns(model.derivative(own, one.data.omega) * seen) * slope[:, None, :]
+            by_shared = real_columns(model.stiffness(own, one.data.omega)[..., None] * seen * one.shared)
             rows = one.whitener @ np.concatenate([self._by_law(by_value, one.places), by_shared], axis=2)
             if one.has_k1:
                 by_value = (self.model.static_derivative(own) * slope / one.k1_std[:, None])[:, None, :]
