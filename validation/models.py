@@ -158,8 +158,11 @@ def table(results: list[dict[str, Any]]) -> list[str]:
     """The tables of the document."""
     from scores import exact_limits
 
-    lines = ["| campaigns | told impossible, of tyres that are possible | impossible tyre found | "
-             "choice right, undecided, wrong |", "|---|---|---|---|"]
+    lines = [
+        "| campaigns | told impossible, of tyres that are possible | impossible tyre found | "
+        "choice right, undecided, wrong |",
+        "|---|---|---|---|",
+    ]
     groups = {}
     for masses in ("one mass", "two masses"):
         for std in (0.005, 0.01, 0.03):
@@ -171,8 +174,12 @@ def table(results: list[dict[str, Any]]) -> list[str]:
         chosen = ", ".join(str(sum(one["choice"] == word for one in some)) for word in ("right", "undecided", "wrong"))
         found = sum(one["found"] for one in some)
         lines.append(f"| {name} ({len(some)}) | {told} of {7 * len(some)} | {found} of {len(some)} | {chosen} |")
-    lines += ["", "| campaigns | parameters inside 95 % intervals | mean error / u | rms | K\\* of the map at the "
-              "omitted pressure, within 1.96 u | mean error / u | rms |", "|---|---|---|---|---|---|---|"]
+    lines += [
+        "",
+        "| campaigns | parameters inside 95 % intervals | mean error / u | rms | K\\* of the map at the "
+        "omitted pressure, within 1.96 u | mean error / u | rms |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for name, some in groups.items():
         inside = np.concatenate([one["inside"] for one in some])
         fits, maps = (np.concatenate([one[key] for one in some]) for key in ("fit", "map"))

@@ -167,6 +167,15 @@ def test_one_condition_makes_a_map_over_frequency_alone(run, tmp_path):
     assert "do not state pressure" in refused.stderr
 
 
+def test_on_a_cam_rig_the_payne_effect_has_no_numbers(run, results, tmp_path):
+    for command in ("fit", "map"):
+        ran = run(command, results, "--model", "kraus", "--out", tmp_path / "none.json")
+        assert ran.exit_code == 2
+        assert "amplitude and frequency cannot be told apart" in ran.stderr
+        assert "variance inflation" in ran.stderr
+    assert not (tmp_path / "none.json").exists()
+
+
 def test_a_query_outside_is_refused_and_writes_nothing(run, results, tmp_path):
     if not (results / "map.json").is_file():
         run("map", results)

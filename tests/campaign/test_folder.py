@@ -109,7 +109,7 @@ def test_a_problem_names_the_line_of_the_file(tmp_path):
 def test_all_that_is_wrong_with_a_row_is_said_at_once(tmp_path):
     campaign = read(tmp_path, "test,file,kind,tyre,pressure [bar],preload [N]\nD1,,dinamic,radail,low,-5\n")
     (test,) = campaign.tests
-    parts = ["pressure", "preload: '-5' must be positive", "'dynamic'", "'radial'", "no recording is named"]
+    parts = ["pressure", "preload: -5 N must be positive", "'dynamic'", "'radial'", "no recording is named"]
     assert [part for part in parts if part not in test.problem] == []
 
 

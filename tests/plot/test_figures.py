@@ -24,7 +24,7 @@ from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 pytestmark = pytest.mark.thorough
 
 SCHEMES = ("fig01", "fig02", "fig03", "fig04")
-MODELS = ("model", "model-choice", "spectrum", "map")
+MODELS = ("model", "model-choice", "spectrum", "amplitude", "map")
 DATA = tuple(key for key in FIGURES if key not in (*SCHEMES, *MODELS))
 TYRES = {"cross-ply": CROSS_PLY, "radial-ply": RADIAL_PLY}
 LOW_HIGH = {"fig06": 1000.0, "fig07": 2000.0, "fig08": 1000.0, "fig09": 2000.0, "fig10": 1000.0, "fig11": 2000.0,

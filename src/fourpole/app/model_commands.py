@@ -96,6 +96,9 @@ def query(
     pressure: Annotated[float | None, amount("--pressure", "pressure", 'As "1.85 bar".')] = None,
     preload: Annotated[float | None, amount("--preload", "force", 'As "1400 N".')] = None,
     temperature: Annotated[float | None, amount("--temperature", "temperature", 'As "20 degC".')] = None,
+    amplitude: Annotated[
+        float | None, amount("--amplitude", "displacement", 'Of the deflection, 0-to-peak, as "0.5 mm".', "positive")
+    ] = None,
     at: Annotated[list[str] | None, typer.Option(help=r'Value of a further axis, as "camber \[deg] = 2".')] = None,
     tyre: Annotated[str | None, typer.Option(help="Which tyre, if the file has several.")] = None,
     *,
@@ -115,6 +118,7 @@ def query(
     from fourpole.fitting.query import Query
 
     stated = {q.PRESSURE.head: pressure, q.PRELOAD.head: preload, q.TEMPERATURE.head: temperature}
+    stated[q.DEFLECTION_AMPLITUDE.head] = amplitude
     state = {column: value for column, value in stated.items() if value is not None} | axis_values(at or [])
     run_query(model, Query(frequencies(frequency), state, tyre, above.rig, beyond), file, as_json=as_json)
 

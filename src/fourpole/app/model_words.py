@@ -172,7 +172,9 @@ def show_row(row: Mapping[str, Any]) -> None:
         text = value if isinstance(value, str) else f"{value:.6g}"
         sure = f" ± {std:.2g}" if isinstance(std, float) else ""
         out(f"{quantity:<12} {text}{sure} {unit if unit != '1' else ''}".rstrip())
-    if row[q.K2.head] is None:
+    if row[q.K1.head] is None:
+        say("K1, K2 and C: none; the model states no static stiffness")
+    elif row[q.K2.head] is None:
         say("K2 and C: none; no passive arm beside K1 has this K*")
     if row[q.TR.head] is None:
         say("TR: none without a rig; state --mass and --preload-stiffness")

@@ -27,22 +27,25 @@ from fourpole.fitting.stated import rig_file, shapes_in
 from fourpole.io.staging import staged
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.choice import STOPPED
-from fourpole.models.families import automatic, model_named, sizes_of
+from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
 from fourpole.study.results import Results, read_results
 
 #: Relative uncertainty of K* for a verdict if the table states none.
 _ASSUMED = 0.01
 _MOST_NAMED = 12
 #: Figures of a model file.
-_FIGURES = ("model", "model-choice", "spectrum")
+_FIGURES = ("model", "model-choice", "spectrum", "amplitude")
+#: Figures that not every model has, written beside the first one.
+_FURTHER = ("spectrum", "amplitude")
 
 
-def _read(path: Path, data: DataOptions, assumed: float | None = None) -> MeasuredSet:
+def _read(path: Path, data: DataOptions, assumed: float | None = None, model: str = "") -> MeasuredSet:
     """K* of the chosen conditions; `assumed` is its relative uncertainty if no option states one."""
     std = assumed if data.std is None else option(data.std, "ratio", "--std")
     if std is not None and not 0 < std < 1:
         raise UnitError("--std: the uncertainty of K* must lie between 0 and 100 %")
-    found = read_measured(path, over=data.over or (), std=std, k1=_static(data))
+    moved = by_amplitude(model)
+    found = read_measured(path, over=data.over or (), std=std, k1=_static(data), by_amplitude=moved)
     return found.only(data.tyre, None if data.band is None else _band(data.band))
 
 
@@ -72,7 +75,7 @@ def _band(text: str) -> tuple[float, float]:
 
 def run_fit(path: Path, model: str, options: FitOptions, *, as_json: bool) -> None:
     """Fit or choose a model for each tyre; write the model file and its figures."""
-    measured = _read(path, options)
+    measured = _read(path, options, model=model)
     _notes(measured)
     with progress("fitting") as advance:
         fixed = _fixed(options.fix or (), model)
@@ -156,7 +159,7 @@ def _show_verdict(where: str, one: Measured, verdict: Possible) -> None:
 
 def run_map(path: Path, model: str, data: DataOptions, file: Path | None, *, as_json: bool) -> None:
     """Make the operating map of each tyre, and write the map and its figures."""
-    measured = _read(path, data)
+    measured = _read(path, data, model=model)
     _notes(measured)
     with progress("mapping") as advance:
         maps = map_tyres(measured, model, data.over or (), progress=advance)
@@ -263,8 +266,9 @@ def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | No
         if one is None:
             raise ModelError("the model file holds nothing to draw")
         drawn.append(write_figure(one, keys[0], figure))
-        if "spectrum" in keys and (more := draw(results, "spectrum")) is not None:
-            drawn.append(write_figure(more, "spectrum", figure.with_stem(f"{figure.stem}-spectrum")))
+        for key in _FURTHER:
+            if key in keys and (more := draw(results, key)) is not None:
+                drawn.append(write_figure(more, key, figure.with_stem(f"{figure.stem}-{key}")))
     return drawn
 
 

@@ -31,7 +31,7 @@ _MOST_TEXT = 1000
 #: Kind of quantity and allowed sign of each column of numbers, by the name of the column.
 _QUANTITIES: dict[str, tuple[str, str]] = {
     "pressure": ("pressure", "zero or positive"),
-    "preload": ("force", "positive"),
+    "preload": ("force", "any"),
     "frequency": ("frequency", "positive"),
     "K1": ("stiffness", "positive"),
     "u(K1)": ("stiffness", "zero or positive"),
@@ -51,7 +51,10 @@ _KINDS = ("static", "dynamic", "calibration")
 
 @dataclass(frozen=True)
 class Test:
-    """One row of tests.csv in SI units; `problem` is the reason why the row cannot be used, or empty."""
+    """One row of tests.csv in SI units; `problem` is the reason why the row cannot be used, or empty.
+
+    `fixed` says that the specimen is held on both sides and can be pulled.
+    """
 
     name: str
     row: int
@@ -63,6 +66,7 @@ class Test:
     window: tuple[float, float] | None = None
     extra: dict[str, str] = field(default_factory=dict)
     problem: str = ""
+    fixed: bool = False
 
     def value(self, name: str) -> float | None:
         """A number of the row: pressure [Pa], preload [N], frequency [Hz], K1 [N/m] ...; None for a blank cell."""
@@ -128,7 +132,7 @@ def read_campaign(folder: str | Path) -> Campaign:
     if not rows:
         raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
     columns = _columns(rows[0][1])
-    tests = [_test(row, cells, columns, stated) for row, cells in rows[1:]]
+    tests = _held([_test(row, cells, columns, stated) for row, cells in rows[1:]], stated)
     if not tests:
         raise CampaignError("tests.csv: lists no test below its row of names")
     _check_names(tests)
@@ -277,11 +281,33 @@ def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFi
     problems += _contradictions(texts, stated)
     if texts["kind"] == "calibration" and "added_mass" not in test.values:
         problems.append("the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight")
+    if not _can_have(test.value("preload"), texts.get("tyre", ""), stated):
+        problems.append(
+            f"preload: {test.value('preload'):g} N must be positive for a specimen that only stands on the rig; one "
+            "that can be pulled belongs under [specimens], with fixed = true"
+        )
     rigs = list(stated.all_rigs)
     rig = texts.get("rig") or (rigs[0] if len(rigs) == 1 else "")
     file, tyre = texts.get("file", ""), texts.get("tyre", "")
     problem = "; ".join(f"{where}: {problem}" for problem in problems)
     return replace(test, name=texts["test"], file=file, kind=texts["kind"], tyre=tyre, rig=rig, problem=problem)
+
+
+def _can_have(preload: float | None, specimen: str, stated: CampaignFile) -> bool:
+    """Whether a specimen can have a preload [N]: one that is zero or negative only if it is held on both sides."""
+    one = stated.all_specimens.get(specimen)
+    fixed = one is not None and (specimen in stated.specimens if one.fixed is None else one.fixed)
+    return fixed or preload is None or preload > 0
+
+
+def _held(tests: list[Test], stated: CampaignFile) -> list[Test]:
+    """The tests, with `fixed` set for specimens that are held on both sides.
+
+    So is a specimen that campaign.toml states as fixed, and one under [specimens] with a preload of zero or less.
+    """
+    pulled = {one.tyre for one in tests if not one.problem and one.values.get("preload", 1.0) <= 0}
+    fixed = {name for name, one in stated.all_specimens.items() if one.fixed or (one.fixed is None and name in pulled)}
+    return [replace(one, fixed=True) if one.tyre in fixed else one for one in tests]
 
 
 def _read_cells(

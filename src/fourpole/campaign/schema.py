@@ -6,7 +6,7 @@ import tomllib
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError, field_validator, model_validator
 
 from fourpole import units
 from fourpole.campaign import defaults
@@ -122,11 +122,15 @@ class RigFile(File):
 
 
 class SpecimenFile(BaseModel):
-    """[tyres.NAME] or [specimens.NAME]: the construction, the shape, and further keys of any name."""
+    """[tyres.NAME] or [specimens.NAME]: the construction, the shape, and further keys of any name.
+
+    `fixed` says whether the specimen is held on both sides, so that it can be pulled; None if it is not stated.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
     construction: str = ""
+    fixed: StrictBool | None = None
 
     @model_validator(mode="after")
     def _check_shape(self) -> SpecimenFile:
@@ -255,7 +259,10 @@ class CampaignFile(File):
             },
             "sample_rate [Hz]": self.channels.rate,
             **({"reference": self.channels.reference.model_dump()} if self.channels.reference is not None else {}),
-            "specimens": {name: specimen.model_dump(mode="json") for name, specimen in self.all_specimens.items()},
+            "specimens": {
+                name: specimen.model_dump(mode="json", exclude_none=True)
+                for name, specimen in self.all_specimens.items()
+            },
         }
 
     def conversion_kind(self, role: str) -> str:

@@ -117,7 +117,7 @@ class Code(Enum):
         "the dynamic force over the preload",
         "the tyre is close to lifting off",
         "the dynamic force reaches {peak:.4g} N, {statistic:.0%} of the preload of {preload:.4g} N: {short}; ",
-        "test with a higher preload or a smaller excitation",
+        "test with a higher preload or a smaller excitation, or state fixed = true for a specimen held on both sides",
         "the tyre lifts off",
     )
     RESONANCE = (

@@ -69,6 +69,8 @@ class Axis:
 PRESSURE = Axis("pressure", q.PRESSURE.head, relative=0.02)
 PRELOAD = Axis("preload", q.PRELOAD.head, relative=0.01)
 AXES = (PRESSURE, PRELOAD, Axis("temperature", q.TEMPERATURE.head, absolute=5.0))
+#: The amplitude of the deflection, 0-to-peak: a coordinate of K* like the frequency, and no part of a condition.
+AMPLITUDE = Axis("amplitude", q.DEFLECTION_AMPLITUDE.head, relative=0.05)
 #: Relative change of K* per kelvin [1/K] that is assumed where none is stated: that of tread rubber.
 TEMPERATURE_SENSITIVITY = 0.01
 #: Frequencies that figures, words and exports show as one. A frequency is not part of a condition.
@@ -78,8 +80,8 @@ _OWN = 0.01
 
 
 def axis_of(column: str) -> Axis:
-    """The axis of a column of the result tables; an axis that is not in `AXES` has a relative tolerance of 1 %."""
-    return next((axis for axis in AXES if axis.column == column), Axis(column, relative=_OWN))
+    """The axis of a column of the result tables; one without a tolerance of its own has a relative one of 1 %."""
+    return next((axis for axis in (*AXES, AMPLITUDE) if axis.column == column), Axis(column, relative=_OWN))
 
 
 def temperature_std(temperature: FloatArray, group: np.ndarray, sensitivity: float) -> FloatArray:

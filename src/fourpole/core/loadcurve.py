@@ -449,7 +449,7 @@ class LoadCurve(ByValue):
             travel = place - deflection_at(curve, 0.0)
         except LoadCurveError:
             return Secant(float("nan"), "the mean of the branches does not reach zero load")
-        return Secant(load / travel) if travel else Secant(float("nan"), "the load is zero: no secant")
+        return Secant(load / travel) if travel and load else Secant(float("nan"), "the load is zero: no secant")
 
     @property
     def hysteresis_loss(self) -> float:

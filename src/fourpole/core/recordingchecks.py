@@ -25,9 +25,12 @@ def check_frequency(found: float, stated: float | None) -> Check:
     return judged(Code.FREQUENCY, off, 0.01, 0.05, found=found, stated=stated)
 
 
-def check_lift_off(force_peak: float, preload: float | None) -> Check:
-    """Compare the peak of the dynamic force, harmonics included, with the preload; above it the tyre lifts off."""
-    share = 0.0 if preload is None else force_peak / preload if preload > 0 else np.inf
+def check_lift_off(force_peak: float, preload: float | None, *, fixed: bool = False) -> Check:
+    """Compare the peak of the dynamic force, harmonics included, with the preload; above it the tyre lifts off.
+
+    A specimen that is fixed on both sides does not lift off.
+    """
+    share = 0.0 if preload is None or fixed else force_peak / preload if preload > 0 else np.inf
     return judged(Code.LIFT_OFF, share, 0.9, 1.0, peak=force_peak, preload=preload or 0.0)
 
 
@@ -172,7 +175,7 @@ _OFF_LOAD = 0.1
 
 def check_mean_force(mean: float, preload: float | None) -> Check:
     """Compare the mean of F1 with the preload, if the channel has the static load."""
-    share = abs(mean) / preload if preload else 0.0
+    share = abs(mean / preload) if preload else 0.0
     if not _HAS_LOAD <= share <= 1 / _HAS_LOAD:
         return Check(Code.MEAN_FORCE, 0.0, _OFF_LOAD, "ok")
     return judged(Code.MEAN_FORCE, abs(share - 1.0), _OFF_LOAD, mean=mean, preload=preload)

@@ -43,7 +43,7 @@ def intervals(
             if shared or long or STOPPED in why:
                 ends.append(normal_ends(one))
             else:
-                here = row.at(one.model.stiffness(one.values, row.omega))
+                here = row.at(one.model.on(row).stiffness(one.values, row.omega))
                 ends.append(profile_intervals(one, here, fixed=fixed))
         except KeyboardInterrupt:
             why.append(STOPPED)

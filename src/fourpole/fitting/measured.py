@@ -7,7 +7,6 @@ The source is a results folder, a dynamic.csv alone, or any table with a frequen
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,12 +17,24 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.condition import AXES, TEMPERATURE_SENSITIVITY, Axis, Sameness, temperature_std
 from fourpole.core.joint.around import Likelihood
-from fourpole.errors import FileError, ModelError, TableError
+from fourpole.errors import FileError, ModelError
+from fourpole.fitting.amplitude import COLUMN, columns_of, levels_of, mixed, with_amplitude, without_amplitude
 from fourpole.fitting.common_errors import MOST_BYTES, joined, read_covariance
 from fourpole.fitting.likelihood import FILE, read_likelihoods
+from fourpole.fitting.measuredtable import (
+    FREQUENCY,
+    IM,
+    RE,
+    STD,
+    numbers_of,
+    stated_covariance,
+    table_frame,
+    usable,
+    with_deflection,
+)
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
 from fourpole.io.source import read_bytes
 from fourpole.io.staging import recover
@@ -31,24 +42,20 @@ from fourpole.models.data import StiffnessData
 from fourpole.models.recorded import Recorded, bends
 from fourpole.units import shown
 
-FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
-_STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)
 _K1 = (q.K1.head, q.K1.u_head)
 _TEMPERATURE = q.TEMPERATURE.head
 _MOVED = (
     f"rows of one condition differ in temperature: K* counts as uncertain by {100 * TEMPERATURE_SENSITIVITY:g} % per "
     "kelvin from their mean"
 )
-#: Upper bound of a stiffness [N/m].
-_LARGEST = 1e25
-#: Bounds of a frequency [Hz]: a product of two of them, or of one and its reciprocal, is a number.
-_LOWEST, _HIGHEST = 1e-100, 1e100
 #: Relative distance beyond an end of a band within which a frequency is inside, as drives are stated by round numbers.
 _NOMINAL = 1e-2
 _RULE = Sameness()
 #: Tables of a results folder, and the table of a master curve; covariance.parquet may lie beside each.
 _RESULTS, MASTER = ("dynamic.csv", "dynamic.parquet"), "master.csv"
 _USUAL = {axis.column for axis in AXES}
+#: Least variance of a test's K* as a share of that of its condition; from the second share on it is that of all tests.
+_LEAST_OWN, _COMMON = 1e-4, 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +105,7 @@ class Measured(ByValue):
             k1=own.k1,
             k1_std=own.k1_std,
         )
+        data = replace(data, amplitude=own.amplitude)
         if self.recorded is None or not bends(own, self.shared):
             return data
         return replace(data, recorded=np.array(self.recorded, dtype=object))
@@ -191,6 +199,7 @@ def read_measured(
     k1: tuple[float, float] | None = None,
     axes: Sequence[Axis] = AXES,
     prepared: Callable[[pl.DataFrame], pl.DataFrame] | None = None,
+    by_amplitude: bool = False,
 ) -> MeasuredSet:
     """Read K* of all conditions from results.
 
@@ -208,6 +217,8 @@ def read_measured(
         The axes that every table has, with their tolerances.
     prepared : callable, optional
         A change of the table before it is read, such as its units.
+    by_amplitude : bool
+        Whether tests of one condition with different amplitudes of the deflection have different K*.
 
     Returns
     -------
@@ -224,7 +235,7 @@ def read_measured(
     table = path / "dynamic.csv" if path.is_dir() else path
     recover(table.parent)
     content = read_bytes(table, max_bytes=MOST_BYTES)
-    frame = _frame(table.name, content)
+    frame = table_frame(table.name, content)
     frame = frame if prepared is None else prepared(frame)
     beside = table.parent / "covariance.parquet"
     covariance = None
@@ -233,7 +244,8 @@ def read_measured(
     record = _record_beside(table) if table.name in _RESULTS else {}
     rule = Sameness((*axes, *rule_in(record).further))
     likelihoods = {} if covariance is None else read_likelihoods(table.parent / FILE, record.get("likelihood", {}))
-    found = measured_of(frame, covariance, likelihoods, over=over, std=std, k1=k1, name=table.name, rule=rule)
+    given: dict[str, Any] = {"over": over, "std": std, "k1": k1, "by_amplitude": by_amplitude}
+    found = measured_of(frame, covariance, likelihoods, name=table.name, rule=rule, **given)
     return replace(found, sha256=hashlib.sha256(content).hexdigest())
 
 
@@ -258,9 +270,10 @@ def table_of(measured: MeasuredSet) -> pl.DataFrame:
             u_re, u_im = float(std[2 * at]), float(std[2 * at + 1])
             key = dict(zip(KEY if several else KEY[:1], one.keys[at], strict=False))
             row = {**key, "tyre": one.tyre, **one.state, FREQUENCY: float(one.frequency[at])}
+            row |= {} if own.amplitude is None else {COLUMN: float(own.amplitude[at])}
             row |= {RE: float(own.stiffness[at].real), IM: float(own.stiffness[at].imag)}
             if measured.known:
-                row |= {_STD[0]: u_re, _STD[1]: u_im, _STD[2]: float(cross[at] / (u_re * u_im)) if u_re * u_im else 0.0}
+                row |= {STD[0]: u_re, STD[1]: u_im, STD[2]: float(cross[at] / (u_re * u_im)) if u_re * u_im else 0.0}
             rows.append({**row, _K1[0]: _known_or_none(own.k1), _K1[1]: _known_or_none(own.k1_std)})
     return pl.DataFrame(rows, infer_schema_length=None)
 
@@ -279,19 +292,24 @@ def measured_of(
     k1: tuple[float, float] | None = None,
     name: str = "dynamic",
     rule: Sameness = _RULE,
+    by_amplitude: bool = False,
 ) -> MeasuredSet:
     """K* of all conditions, by a rule, from a table in memory; see `read_measured`."""
+    over, frame = columns_of(over), with_amplitude(frame)
     rule = rule.over(over)
-    for column in (FREQUENCY, RE, IM, *over):
+    rule = Sameness(without_amplitude(rule.axes)) if by_amplitude else rule
+    for column in (FREQUENCY, RE, IM, *over, *([COLUMN] if by_amplitude else [])):
         if column not in frame.columns:
             raise ModelError(
                 f"{name}: has no column {shown(column)}: it has {', '.join(map(shown, frame.columns[:40]))}"
             )
-    numbers = {column: _numbers(frame, column, name, np.ones(frame.height, dtype=bool)) for column in (RE, IM)}
+    numbers = {column: numbers_of(frame, column, name, np.ones(frame.height, dtype=bool)) for column in (RE, IM)}
     measured = np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
     others = [column for column in frame.columns if column in _known(rule) - {RE, IM}]
-    numbers |= {column: _numbers(frame, column, name, measured) for column in others}
-    good, notes = _usable(numbers, name, stated=std is None and covariance is None)
+    numbers |= {column: numbers_of(frame, column, name, measured) for column in others}
+    good, notes = usable(numbers, name, stated=std is None and covariance is None)
+    if by_amplitude:
+        good = with_deflection(numbers, good, name, notes)
     if not good.any():
         raise ModelError(f"{name}: no row has a frequency and K*: nothing can be fitted")
     # A test without K* can still join two conditions, as it does where the tests are identified.
@@ -301,34 +319,18 @@ def measured_of(
     (tyres,) = names_apart([conditions_in(frame, worded)], worded)
     rows = _Rows.of(tyres, keys_of(frame), {column: each[good] for column, each in numbers.items()}, covariance, std)
     rows = rows.at_temperatures(label)
+    apart = by_amplitude or COLUMN in over
+    rows = rows.by_level(label) if apart else rows
     notes += rows.notes(covariance is not None)
+    notes += [] if by_amplitude else mixed(label, rows.numbers[FREQUENCY], rows.numbers.get(COLUMN), rule)
     axes = [axis.column for axis in rule.axes if axis.column in numbers]
     cells = np.stack([rows.numbers[column] for column in axes], axis=1) if axes else np.zeros((rows.count, 0))
-    conditions = [_measured(rows, np.flatnonzero(label == one), axes, cells, k1) for one in np.unique(label)]
-    conditions = [_as_recorded(one, rows, likelihoods or {}) for one in conditions]
+    conditions = [
+        _measured(rows, np.flatnonzero(label == one), axes, cells, k1, by_amplitude) for one in np.unique(label)
+    ]
+    if not apart:  # the recordings hold K* of a joint condition, not of an amplitude
+        conditions = [_as_recorded(one, rows, likelihoods or {}) for one in conditions]
     return MeasuredSet(tuple(conditions), tuple(notes), rows.known, name, rule=rule)
-
-
-def _usable(numbers: Mapping[str, FloatArray], name: str, *, stated: bool) -> tuple[BoolArray, list[str]]:
-    """Flags of the rows used, and notes on the others; if some rows state an uncertainty, rows without are not used."""
-    good = np.isfinite(numbers[FREQUENCY]) & np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
-    inside = ~(good & ((numbers[FREQUENCY] > _HIGHEST) | ((numbers[FREQUENCY] > 0) & (numbers[FREQUENCY] < _LOWEST))))
-    good &= numbers[FREQUENCY] > 0
-    notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
-    if not inside.all():
-        count = int(np.sum(~inside))
-        notes.append(f"{count} rows of {name} have a frequency beyond {_LOWEST:g} to {_HIGHEST:g} Hz and were left out")
-        good &= inside
-    sound = good & (numbers[RE] > 0) & (np.hypot(np.nan_to_num(numbers[RE]), np.nan_to_num(numbers[IM])) < _LARGEST)
-    if sound.sum() < good.sum():
-        notes.append(f"{int(good.sum() - sound.sum())} rows of {name} have a K' below zero and were left out")
-    good = sound
-    if stated and all(column in numbers for column in _STD[:2]):
-        sure = np.isfinite(numbers[_STD[0]]) & np.isfinite(numbers[_STD[1]])
-        if np.any(sure & good) and np.any(good & ~sure):
-            notes.append(f"{int(np.sum(good & ~sure))} rows of {name} state no uncertainty of K* and were left out")
-            good &= sure
-    return good, notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -367,8 +369,8 @@ class _Rows:
         elif covariance is not None and set(keys) <= set(keys_of(covariance)):
             own, shared, condition, places = joined(keys, covariance)
             alone = False
-        elif all(column in numbers for column in _STD[:2]) and np.all(np.isfinite(numbers[_STD[0]])):
-            own = _stated(numbers)
+        elif all(column in numbers for column in STD[:2]) and np.all(np.isfinite(numbers[STD[0]])):
+            own = stated_covariance(numbers)
         else:
             known = False
         return cls(tyres, keys, numbers, own, shared, condition, known, alone, std is not None, places=places)
@@ -393,6 +395,27 @@ class _Rows:
             self, covariance=self.covariance + moved[:, None, None] ** 2 * np.eye(2), moved=bool(moved.any())
         )
 
+    def by_level(self, label: np.ndarray) -> _Rows:
+        """The rows with K* of each level of the amplitude apart, and the covariance of the tests themselves.
+
+        Tests that share one K* in the joint route scatter about it with their amplitude. Without scatter each of them
+        has K* of all tests, whose information then is divided among the levels.
+        """
+        level = np.zeros(self.count, dtype=int)
+        for one in np.unique(label):
+            level[label == one] = levels_of(self.numbers[COLUMN][label == one])
+        _, condition = np.unique(np.stack([self.condition, level], axis=1), axis=0, return_inverse=True)
+        if self.alone or self.forced or not all(column in self.numbers for column in STD[:2]):
+            return replace(self, condition=condition)
+        own = stated_covariance(self.numbers) - self.shared @ np.swapaxes(self.shared, 1, 2)
+        values, vectors = np.linalg.eigh(own)
+        least = _LEAST_OWN * np.trace(self.covariance, axis1=1, axis2=2)[:, None]
+        own = (vectors * np.maximum(values, least)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+        levels = np.array([np.unique(condition[self.condition == one]).size for one in self.condition])
+        common = np.trace(own, axis1=1, axis2=2) > _COMMON * np.trace(self.covariance, axis1=1, axis2=2)
+        own = np.where((levels > 1)[:, None, None], own * np.where(common, levels, 1)[:, None, None], self.covariance)
+        return replace(self, condition=condition, covariance=own)
+
     def notes(self, had_covariance: bool) -> list[str]:
         moved = [_MOVED] if self.moved else []
         return self._notes(had_covariance) + moved
@@ -410,11 +433,16 @@ class _Rows:
 
 
 def _known(rule: Sameness) -> set[str]:
-    return {FREQUENCY, RE, IM, *_STD, *_K1, *(axis.column for axis in rule.axes if not axis.text)}
+    return {FREQUENCY, RE, IM, *STD, *_K1, COLUMN, *(axis.column for axis in rule.axes if not axis.text)}
 
 
 def _measured(
-    rows: _Rows, places: np.ndarray, axes: Sequence[str], cells: FloatArray, k1: tuple[float, float] | None
+    rows: _Rows,
+    places: np.ndarray,
+    axes: Sequence[str],
+    cells: FloatArray,
+    k1: tuple[float, float] | None,
+    by_amplitude: bool,
 ) -> Measured:
     """One condition from its rows; rows with the same number of `condition` share one K* and are one frequency."""
     frequency = rows.numbers[FREQUENCY]
@@ -424,6 +452,7 @@ def _measured(
     ordered = sorted(groups.values(), key=lambda members: float(np.mean(frequency[members])))
     mean = [np.array(members) for members in ordered]
     shared = np.stack([rows.shared[members].mean(axis=0) for members in mean])
+    deflection = rows.numbers[COLUMN] if by_amplitude else None
     static = _static(rows, places) if k1 is None else k1
     own = StiffnessData.of(
         2 * np.pi * np.array([frequency[members].mean() for members in mean]),
@@ -432,6 +461,8 @@ def _measured(
         k1=static[0],
         k1_std=static[1],
     )
+    if deflection is not None:
+        own = replace(own, amplitude=np.array([np.exp(np.mean(np.log(deflection[members]))) for members in mean]))
     state = {column: float(np.mean(cells[places, at])) for at, column in enumerate(axes)}
     return Measured(
         tyre=rows.tyres[int(places[0])],
@@ -463,38 +494,3 @@ def _static(rows: _Rows, places: np.ndarray) -> tuple[float, float]:
     if not good.any():
         return float("nan"), float("nan")
     return float(value[good].mean()), float(std[good].mean())
-
-
-def _stated(numbers: dict[str, FloatArray]) -> FloatArray:
-    """Covariance (N, 2, 2) [N²/m²] from the columns of uncertainty and correlation."""
-    first, second = numbers[_STD[0]], numbers[_STD[1]]
-    correlation = np.nan_to_num(numbers.get(_STD[2], np.zeros(first.size)))
-    if np.any(np.abs(correlation) > 1) or np.any(first < 0) or np.any(second < 0) or not np.all(np.isfinite(second)):
-        raise ModelError(
-            "an uncertainty of K* is missing or negative, or a correlation is beyond 1: it is no covariance"
-        )
-    cross = correlation * first * second
-    return np.stack([np.stack([first**2, cross], axis=-1), np.stack([cross, second**2], axis=-1)], axis=-2)
-
-
-def _frame(name: str, content: bytes) -> pl.DataFrame:
-    try:
-        if name.endswith(".parquet"):
-            return pl.read_parquet(io.BytesIO(content))
-        return pl.read_csv(content, infer_schema=False, comment_prefix="#")
-    except pl.exceptions.PolarsError as error:
-        raise TableError(f"{name}: is no table of results ({str(error).splitlines()[0]})") from None
-
-
-def _numbers(frame: pl.DataFrame, column: str, name: str, used: BoolArray) -> FloatArray:
-    """A column as numbers; TableError where a row that is used has other text."""
-    series = frame[column]
-    if series.dtype == pl.String:
-        stripped = series.str.strip_chars()
-        found = stripped.cast(pl.Float64, strict=False)
-        lost = found.is_null() & stripped.is_not_null() & (stripped != "") & pl.Series(used)
-        if lost.any():
-            at = int(lost.arg_max() or 0)
-            raise TableError(f"{name}: row {at + 2}, column {shown(column)}: {shown(str(series[at]))} is no number")
-        series = found
-    return np.asarray(series.cast(pl.Float64).fill_null(np.nan).to_numpy(), dtype=float)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field, StrictBool, ValidationError
 
 from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError
@@ -38,9 +38,14 @@ _MOST_PARAMETERS = 601
 
 
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
-LATER = ("axes", "points", "shape", "temperature", "pressures")
+LATER = ("axes", "points", "shape", "temperature", "pressures", "amplitude", "logarithmic")
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
+#: Amplitudes of the deflection, rising [m].
+Amplitudes = Annotated[
+    list[Annotated[float, Field(gt=0)]] | None,
+    Field(max_length=1000, description="Tested 0-to-peak deflections [m], rising, if K* of the model depends on them."),
+]
 #: A relative error.
 Share = Annotated[float, Field(ge=0, le=1e3)]
 
@@ -90,6 +95,7 @@ class ConditionFile(Strict):
         default_factory=list, max_length=_LONGEST, description="Point of each of `tests`; without it, 1."
     )
     band: Band = Field(description="Lowest and highest frequency fitted [Hz].")
+    amplitude: Amplitudes = None
     values: list[float] = Field(max_length=_MOST_PARAMETERS, description="Values of the parameters, in their order.")
     covariance: list[list[float]] = Field(max_length=_MOST_PARAMETERS, description="Covariance of the parameters.")
     intervals: list[tuple[float | None, float | None]] = Field(
@@ -134,6 +140,7 @@ class AxisFile(Named):
     """An axis of a map, with the value of each tested condition."""
 
     values: list[float] = Field(max_length=_LONGEST)
+    logarithmic: StrictBool = Field(default=False, description="Whether the axis is scaled by its logarithm.")
 
 
 class SurfaceFile(Strict):
@@ -160,6 +167,7 @@ class MapEntry(_Entry):
         description="Relative scatter: of conditions; of frequencies, along and across K*."
     )
     band: Band = Field(description="[Hz]")
+    amplitude: Amplitudes = None
     leave_one_out: tuple[float | None, float | None, float | None] = Field(
         description="Relative leave-one-out error; fraction of K', K'' and of conditions inside 95 %; null: none."
     )
@@ -233,6 +241,10 @@ class ModelFile(Strict):
         """The document without its seal."""
         document: dict[str, Any] = self.model_dump(mode="json", by_alias=True)
         models = document["models"]
+        for entry in document["maps"]:
+            for part, key in ((entry, "amplitude"), *((axis, "logarithmic") for axis in entry["axes"])):
+                if not part[key]:
+                    del part[key]
         for part in (document, *models, *(one for entry in models for one in entry["conditions"])):
             for key in LATER:
                 if key in part and part[key] in ([], None):
@@ -330,6 +342,7 @@ def _check_model(name: str, entry: ModelEntry) -> None:
             raise ModelError(f"{where}: {len(one.values)} values for {size} parameters")
         model.checked(one.values)
         _check_numbers(where, one.values, one.band)
+        _check_amplitude(where, model, one.amplitude)
         check_covariance(where, one.covariance, size)
 
 
@@ -340,6 +353,7 @@ def _check_map(name: str, entry: MapEntry) -> None:
     if len(entry.coefficients) != size or any(len(one) != terms for one in entry.coefficients):
         raise ModelError(f"{where}: the coefficients are not {terms} for each of {size} parameters")
     _check_axes(where, entry)
+    _check_amplitude(where, model_of(entry, name), entry.amplitude)
     _check_numbers(where, [value for row in entry.coefficients for value in row], entry.band)
     check_covariance(where, entry.covariance, size * terms)
     if entry.static is not None:
@@ -354,6 +368,8 @@ def _check_axes(where: str, entry: MapEntry) -> None:
         raise ModelError(f"{where}: the terms do not fit the axes")
     if len({len(axis.values) for axis in entry.axes}) > 1 or any(not axis.values for axis in entry.axes):
         raise ModelError(f"{where}: the axes have different numbers of tested conditions")
+    if any(axis.logarithmic and min(axis.values) <= 0 for axis in entry.axes):
+        raise ModelError(f"{where}: a value on a logarithmic axis is not positive")
     if any(min(axis.values) == max(axis.values) for axis in entry.axes):
         raise ModelError(f"{where}: an axis has one value only")
 
@@ -361,6 +377,13 @@ def _check_axes(where: str, entry: MapEntry) -> None:
 def _check_numbers(where: str, values: list[float], band: tuple[float, float]) -> None:
     if max(map(abs, values), default=0.0) > LARGEST or band[0] > band[1]:
         raise ModelError(f"{where}: a number is beyond all measure, or the band falls: it was changed")
+
+
+def _check_amplitude(where: str, model: Model, amplitude: list[float] | None) -> None:
+    """ModelError unless rising amplitudes stand where K* of the model depends on them, and only there."""
+    falls = amplitude is not None and (len(amplitude) < 2 or any(np.diff(amplitude) <= 0))
+    if (amplitude is not None) != model.by_amplitude or falls:
+        raise ModelError(f"{where}: the tested amplitudes are missing, do not rise, or are of a model without them")
 
 
 def _fit_axes(terms: list[list[int]], entry: MapEntry) -> bool:
@@ -397,11 +420,14 @@ def parameters_of(model: Model) -> list[ParameterFile]:
     ]
 
 
-def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
-    """A map as it is in a file."""
+def entry_of(tyre: str, found: OperatingMap, choice: str, amplitude: Amplitudes = None) -> MapEntry:
+    """A map as it is in a file; `amplitude` is the tested range if the model depends on it."""
     error, inside, conditions = map(finite_or_none, astuple(found.leave_one_out))
-    heads = zip(map(split_column, found.axes.names), found.axes.points.T.tolist(), strict=True)
-    axes = [AxisFile(name=name, unit=unit, values=values) for (name, unit), values in heads]
+    heads = zip(found.axes.names, map(split_column, found.axes.names), found.axes.points.T.tolist(), strict=True)
+    axes = [
+        AxisFile(name=name, unit=unit, values=values, logarithmic=head in found.axes.logarithmic)
+        for head, (name, unit), values in heads
+    ]
     return MapEntry(
         tyre=tyre,
         model=found.model.name,
@@ -414,6 +440,7 @@ def entry_of(tyre: str, found: OperatingMap, choice: str) -> MapEntry:
         covariance=found.covariance.tolist(),
         scatter=(found.scatter.condition, *found.scatter.frequency),
         band=found.band,
+        amplitude=amplitude,
         leave_one_out=(error, inside, conditions),
         static=_surface_entry(found.static),
         choice=choice,
@@ -443,6 +470,7 @@ def map_of(entry: MapEntry) -> OperatingMap:
             tuple(axis.column for axis in entry.axes),
             points,
             {one.column: one.value for one in entry.constant},
+            tuple(axis.column for axis in entry.axes if axis.logarithmic),
         ),
         terms=tuple(tuple(one) for one in entry.terms),
         coefficients=np.array(entry.coefficients, dtype=float).reshape(len(model.parameters), -1),

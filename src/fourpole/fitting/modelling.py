@@ -15,8 +15,10 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
+from fourpole.fitting.amplitude import COLUMN, columns_of, tested, told_apart
 from fourpole.fitting.intervals import intervals
 from fourpole.fitting.lawfile import TemperatureFile
+from fourpole.fitting.mapwords import map_text, mean_uncertainty
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
     CandidateFile,
@@ -31,13 +33,13 @@ from fourpole.fitting.modelfile import (
     finite_or_none,
     parameters_of,
 )
-from fourpole.fitting.modelparts import NamedValue, split_column
+from fourpole.fitting.modelparts import NamedValue
 from fourpole.fitting.pressures import OverPressures, PressureFile, sentences, share_over_pressures
 from fourpole.models.causality import Possible, check_possible, near_passive
 from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
-from fourpole.models.families import for_maps, model_named, sizes_of
+from fourpole.models.families import by_amplitude, for_maps, model_named, sizes_of
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model
 from fourpole.models.operating import OperatingMap, make_map
@@ -175,9 +177,11 @@ def _fit_tyre(
     share: Sequence[str],
     step: Callable[[], None],
 ) -> TyreFit:
-    measured = every.of(tyre)
-    stated = [near_passive(one.data) for one in measured]
-    verdicts = tuple(check_possible(one) for one in stated) if every.known else ()
+    measured, told = every.of(tyre), ""
+    if by_amplitude(model):
+        measured, told = told_apart(tyre, measured, model)
+    stated = [one.data if told else near_passive(one.data) for one in measured]
+    verdicts = tuple(check_possible(one) for one in stated) if every.known and not told else ()
     held = [_held(one, given) for one in measured]
     discrepancy = _discrepancy(stated, model, held, known=every.known)
     data = [with_error(one, discrepancy) for one in stated]
@@ -196,7 +200,7 @@ def _fit_tyre(
         best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
     ends, why = intervals(best.fits, data, fixed, step, shared=bool(share or pressures), stopped=stopped)
-    said = [*sentences(pressures, measured, whole), *_left_out(choice), *why]
+    said = [*sentences(pressures, measured, whole), *_left_out(choice), *why, *([told] if told else [])]
     choice = replace(choice, text=". ".join([choice.text, *said]))
     return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, pressures)
 
@@ -281,6 +285,7 @@ def map_tyres(
     names = for_maps() if model == "auto" else (model,)
     for name in names:
         model_named(name)
+    over = columns_of(over)
     total = len(names) * len(measured.tyres)
     found = []
     for at, tyre in enumerate(measured.tyres):
@@ -296,6 +301,9 @@ def _map_tyre(
     over: Sequence[str],
     progress: Callable[[int], None] | None,
 ) -> TyreMap:
+    said = ""
+    if by_amplitude(names[0]):
+        measured, said = told_apart(tyre, measured, names[0])
     axes = _axes(tyre, measured, over)
     made: list[tuple[str, OperatingMap | str]] = []
     for at, name in enumerate(names):
@@ -317,8 +325,10 @@ def _map_tyre(
     if not good:
         raise ModelError(f"no map of the tyre {tyre!r} could be made: {made[0][1]}")
     least = min(one.leave_one_out.error for one in good)
-    best = min((one for one in good if not one.leave_one_out.error > _ALIKE * least), key=_mean_uncertainty)
-    return TyreMap(tyre, measured, best, tuple(made), _map_text(best, good))
+    alike = [one for one in good if not one.leave_one_out.error > _ALIKE * least]
+    best = min(alike, key=mean_uncertainty) if len(alike) > 1 else alike[0]
+    text = ". ".join(filter(None, [map_text(best, good), said]))
+    return TyreMap(tyre, measured, best, tuple(made), text)
 
 
 def _axes(tyre: str, measured: Sequence[Measured], over: Sequence[str]) -> Axes:
@@ -327,7 +337,9 @@ def _axes(tyre: str, measured: Sequence[Measured], over: Sequence[str]) -> Axes:
     lacking = [column for column in over if column not in everywhere]
     if lacking:
         raise ModelError(f"{lacking[0]} is not known of every condition of the tyre {tyre!r}: a map cannot go over it")
-    axes = Axes.of(everywhere, [[one.state[column] for column in everywhere] for one in measured])
+    points = [[one.state[column] for column in everywhere] for one in measured]
+    positive = all(one.state.get(COLUMN, 1.0) > 0 for one in measured)
+    axes = Axes.of(everywhere, points, [COLUMN] if positive else [])
     if not axes.names and len(measured) > 1:
         raise ModelError(f"the {len(measured)} conditions of the tyre {tyre!r} have the same values on all axes")
     return axes
@@ -342,41 +354,6 @@ def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> Operating
     start = np.full((len(measured), len(model.parameters)), np.nan)
     start[some] = [one.values for one in fits]
     return make_map(model, [one.own for one in measured], axes, start, _common(measured))
-
-
-def _mean_uncertainty(found: OperatingMap) -> float:
-    """Mean relative uncertainty of K* over the conditions, at the middle of the band."""
-    points = found.axes.points if found.axes.names else np.zeros((1, 0))
-    answer = found.ask(points, np.full(len(points), float(np.sqrt(found.band[0] * found.band[1]))))
-    variance = answer.covariance[:, 0, 0] + answer.covariance[:, 1, 1]
-    return float(np.mean(np.sqrt(variance) / np.abs(answer.stiffness)))
-
-
-def _map_text(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
-    """The model of a map, its leave-one-out error, and what to take for a simulation in time."""
-    over = ", ".join(split_column(name)[0] for name in best.axes.names) or "one condition"
-    many = f"{len(best.terms)} terms" if len(best.terms) > 1 else "one value"
-    parts = [f"{best.model.name} over {over}, {many} for each parameter"]
-    errors = best.leave_one_out
-    if np.isfinite(errors.error):
-        inside = f"{100 * errors.inside:.0f} % of K' and K'' inside their 95 % intervals"
-        parts.append(f"leave-one-out error {100 * errors.error:.2g} %, {inside}")
-    elif len(best.axes.points) > 1:
-        parts.append("linear between the conditions, which are too few for a leave-one-out error or a scatter")
-    for axis in best.axes.straight:
-        name = split_column(best.axes.names[axis])[0]
-        parts.append(f"the uncertainty between the two tested values of {name} includes a bend")
-    text = "; ".join(parts)
-    if best.model.causal:
-        return text
-    text += ". It describes K2 and C and is not causal"
-    causal = [one for one in good if one.model.causal]
-    if causal:
-        first = min(causal, key=lambda one: one.leave_one_out.error)
-        error = first.leave_one_out.error
-        text += f": for a simulation in time take {first.model.name}"
-        text += f" ({100 * error:.2g} %)" if np.isfinite(error) else ""
-    return text
 
 
 def model_file(
@@ -398,7 +375,7 @@ def model_file(
     return ModelFile(
         kind="map" if maps else "model",
         models=[_model_entry(one, shapes.get(one.tyre), laws.get(one.tyre)) for one in fits],
-        maps=[entry_of(one.tyre, one.best, one.text) for one in maps],
+        maps=[entry_of(one.tyre, one.best, one.text, tested(one.measured, one.best.model)) for one in maps],
         rig=rig,
         axes=[
             ToleranceFile(column=axis.column, relative=axis.relative, absolute=axis.absolute)
@@ -464,6 +441,7 @@ def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: 
         tests=[name for name in measured.tests if name],
         points=points if any(point > 1 for point in points) else [],
         band=(float(measured.frequency.min()), float(measured.frequency.max())),
+        amplitude=tested([measured], found.model),
         values=found.values.tolist(),
         covariance=found.covariance.tolist(),
         intervals=[(finite_or_none(low), finite_or_none(high)) for low, high in ends.tolist()],

@@ -14,9 +14,17 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.condition import AXES
+from fourpole.core.condition import AMPLITUDE, AXES
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import ModelError
+from fourpole.fitting.amplitudequery import (
+    answer_at,
+    around,
+    depends_on_amplitude,
+    in_own_unit,
+    levels_of_map,
+    outside_levels,
+)
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, RigFile, map_of, model_of
 from fourpole.fitting.modelparts import LARGEST
 from fourpole.fitting.pressures import between
@@ -35,7 +43,7 @@ _NOMINAL = 1.0
 #: Column of the frequency on the master curve.
 _REDUCED = "reduced frequency [Hz]"
 #: Option of `fourpole query` that states an axis, by the column of the axis.
-_OPTIONS = {axis.column: axis.name for axis in AXES}
+_OPTIONS = {axis.column: axis.name for axis in (*AXES, AMPLITUDE)}
 
 
 @dataclass(frozen=True)
@@ -74,14 +82,23 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     tyre = _tyre_of(file, query.tyre)
     shift = _shift_of(file, tyre, query)
     state = dict(query.state) if shift is None else {**query.state, _TEMPERATURE: shift.law.reference}
+    amplitude = state.pop(AMPLITUDE.column, None) if depends_on_amplitude(file, tyre) else None
+    state = in_own_unit(file, tyre, state)
     found = maps_of(file, tyre, state)
     point, outside, remarks = place_of(file, found, state, beyond=query.beyond)
     remarks = (*remarks, *_untested(file, tyre, found))
+    levels: list[float] = []
+    if depends_on_amplitude(file, tyre):
+        levels = levels_of_map(file, tyre, found)
+        remarks = (*remarks, *outside_levels(levels, amplitude, beyond=query.beyond))
     frequency = np.asarray(query.frequency, dtype=float)
     reduced = frequency if shift is None else frequency * shift.factor
     far = _beyond_band(found, reduced, beyond=query.beyond)
     points = np.repeat(point[None], frequency.size, axis=0)
-    answer = found.ask(points, frequency) if shift is None else shift.answer(found, points, frequency)
+    if amplitude is not None:
+        answer = answer_at(found, points, frequency, amplitude, levels)
+    else:
+        answer = found.ask(points, frequency) if shift is None else shift.answer(found, points, frequency)
     rig = query.rig if query.rig is not None else rig_in(file.rig)
     tr = answer.transmissibility(rig, frequency) if rig is not None else np.full((2, frequency.size), np.nan)
     columns = {**tyre_columns(answer), **dict(zip(q.TR.heads, tr, strict=True))}
@@ -89,6 +106,7 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     for at in range(frequency.size):
         beyond = [f"{far[at]:.3g} octaves outside the measured band"] if far[at] else []
         row = {"tyre": tyre, **found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
+        row |= {} if amplitude is None else {AMPLITUDE.column: amplitude}
         row |= {q.FREQUENCY.head: float(frequency[at])}
         row |= {} if shift is None else {_TEMPERATURE: shift.temperature, _REDUCED: float(reduced[at])}
         row |= {head: float(one[at]) for head, one in columns.items()}
@@ -267,7 +285,8 @@ def place_of(
         known = axes.constant.get(column)
         over = ", ".join(_name(one) for one in axes.names) or "no axis"
         if known is None:
-            raise ModelError(f"the tests do not state {_name(column)}: the map is over {over} and frequency")
+            how = "; make one with --model kraus or --over amplitude" if column == AMPLITUDE.column else ""
+            raise ModelError(f"the tests do not state {_name(column)}: the map is over {over} and frequency{how}")
         if not file.axis(column).same(value, known):
             raise ModelError(
                 f"all tests had the {_name(column)} {_value(column, known)}, not {_value(column, value)}: the map is "
@@ -327,6 +346,8 @@ def _value(column: str, value: float) -> str:
     """A value with its unit, pressure in bar."""
     if column == q.PRESSURE.head:
         return f"{value / 1e5:.4g} bar"
+    if column == AMPLITUDE.column:
+        return f"{1e3 * value:.4g} mm"
     name, _, unit = column.removesuffix("]").partition(" [")
     text = f"{value:.5g} {unit}".rstrip()
     return text if column in _OPTIONS else f"{shown(name)} {text}"
@@ -336,17 +357,26 @@ def _words(state: Mapping[str, float]) -> str:
     return ", ".join(_value(column, value) for column, value in state.items()) or "one condition"
 
 
-def response(entry: ModelEntry, at: int, frequency: FloatArray) -> tuple[ComplexArray, FloatArray]:
+def response(
+    entry: ModelEntry, at: int, frequency: FloatArray, amplitude: FloatArray | None = None
+) -> tuple[ComplexArray, FloatArray]:
     """K* (N,) of one condition's parameters at frequencies (N,) [Hz], and its covariance (N, 2, 2), Re and Im.
 
-    The model discrepancy is part of the covariance.
+    A model whose K* depends on the amplitude of the deflection needs amplitudes (N,) [m]. The model discrepancy and the
+    uncertainty of the law between the tested amplitudes are part of the covariance.
     """
     model, one = model_of(entry), entry.conditions[at]
+    model = model if amplitude is None else model.at_amplitude(amplitude)
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
     stiffness = model.stiffness(one.values, omega)
     slopes = model.derivative(one.values, omega)
     rows = np.stack([slopes.real, slopes.imag], axis=1)
     covariance = rows @ np.array(one.covariance) @ np.swapaxes(rows, 1, 2)
+    if amplitude is not None and one.amplitude is not None:
+        share, *ends = around(amplitude, one.amplitude)
+        below, above = (model.at_amplitude(end).stiffness(one.values, omega) for end in ends)
+        bend = np.stack([(above - below).real, (above - below).imag], axis=1) * share[:, None]
+        covariance = covariance + bend[:, :, None] * bend[:, None, :]
     return stiffness, covariance + ((entry.discrepancy * np.abs(stiffness)) ** 2)[:, None, None] * np.eye(2)
 
 

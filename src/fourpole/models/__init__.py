@@ -13,6 +13,7 @@ Each family is a class of this package, imported when it is first used: ``from f
 `FractionalZener`    two springs and one power of the frequency
 `FractionalZener5`   the same with a second power, for a skew loss peak
 `Shell`              inflated cylindrical shell on radial springs, with inertia
+`Kraus`              filled rubber, whose K* depends on the amplitude of the deflection; not causal
 ==================== ==================================================================================
 
 The registry `fourpole.models.families` has the name of each family in commands and files.

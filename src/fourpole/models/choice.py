@@ -251,7 +251,7 @@ def _at_own_errors(model: Model, data: StiffnessData, found: Fit, fixed: Sequenc
     """The fit with the errors that frequencies share at K* of the fit itself."""
     agreed = found.agreed
     for _ in range(SCALINGS):
-        there = data.at(model.stiffness(found.values, data.omega))
+        there = data.at(model.on(data).stiffness(found.values, data.omega))
         if there is data:
             break
         data, found = there, fit(model, there, found.values, fixed=fixed)
@@ -320,10 +320,10 @@ def _cross_validation_error(
         unused = np.arange(count) % folds == np.arange(folds)[:, None]
         values = np.stack([candidate.fits[place].values for place in places])
         start = np.broadcast_to(values, (folds, *values.shape))
-        here = together.at(model.stiffness(values, together.omega))
+        here = together.at(model.on(together).stiffness(values, together.omega))
         fixed = list(fixed_of(model, [given[place] for place in places]))
         found = fit(model, _without(here, unused), start, fixed=fixed)
-        off = here.stiffness - model.stiffness(found.values, here.omega)
+        off = here.stiffness - model.on(here).stiffness(found.values, here.omega)
         for fold, rows in enumerate(unused):
             rest = here.part(np.flatnonzero(rows))
             squares.append(rest.whitened(rest.whitener(), off[fold][:, rows, None])[..., 0].reshape(size, -1) ** 2)
@@ -344,7 +344,9 @@ def _without(data: StiffnessData, unused: BoolArray) -> StiffnessData:
         covariance = np.where(unused[:, None, :, None, None], huge[..., None, None] * np.eye(2), covariance)
     lead = (folds, *data.stiffness.shape[:-1])
     omega, k1, k1_std = (np.broadcast_to(one, (*lead, *one.shape[1:])) for one in (data.omega, data.k1, data.k1_std))
-    return StiffnessData(omega, np.broadcast_to(data.stiffness, (*lead, count)), covariance, k1, k1_std)
+    found = StiffnessData(omega, np.broadcast_to(data.stiffness, (*lead, count)), covariance, k1, k1_std)
+    amplitude = data.amplitude
+    return found if amplitude is None else replace(found, amplitude=np.broadcast_to(amplitude, (*lead, count)))
 
 
 def _text(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Sequence[str]) -> str:

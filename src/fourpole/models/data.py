@@ -46,6 +46,8 @@ class StiffnessData(ByValue):
     recorded : (...,) array of callables, optional
         For each condition a function of K* (N,) [N/m] of a model that returns the data as the recordings have them
         near that K*; see `models.recorded.Recorded`. Without it, shared errors act in proportion to K*.
+    amplitude : (N,) or (..., N) float array, optional [m]
+        0-to-peak amplitude of the deflection, for models whose K* depends on it.
 
     Examples
     --------
@@ -62,6 +64,7 @@ class StiffnessData(ByValue):
     relative: ComplexArray | None = None
     reference: ComplexArray | None = None
     recorded: np.ndarray | None = None
+    amplitude: FloatArray | None = None
 
     @classmethod
     def of(
@@ -142,6 +145,7 @@ class StiffnessData(ByValue):
             np.broadcast_to(self.covariance, (*self.stiffness.shape[:-1], *tail)).reshape(-1, *tail),
             self.k1.reshape(-1),
             self.k1_std.reshape(-1),
+            amplitude=flat_rows(self.amplitude),
         )
 
     def at(self, stiffness: ComplexArray) -> StiffnessData:
@@ -274,9 +278,15 @@ class StiffnessData(ByValue):
             covariance = self.covariance[..., rows, :, :]
         relative = None if self.relative is None else self.relative[..., rows, :]
         reference = None if self.reference is None else self.reference[..., rows]
-        return StiffnessData(
-            self.omega[..., rows], self.stiffness[..., rows], covariance, self.k1, self.k1_std, relative, reference
-        )
+        amplitude = None if self.amplitude is None else self.amplitude[..., rows]
+        omega, stiffness = self.omega[..., rows], self.stiffness[..., rows]
+        found = StiffnessData(omega, stiffness, covariance, self.k1, self.k1_std, relative, reference)
+        return found if amplitude is None else replace(found, amplitude=amplitude)
+
+
+def flat_rows(values: FloatArray | None) -> FloatArray | None:
+    """Values (..., N) as rows (B, N); values (N,), which all conditions have, and None as they are."""
+    return values if values is None or values.ndim < 2 else values.reshape(-1, values.shape[-1])
 
 
 def relaxation(omega: FloatArray, times: FloatArray) -> ComplexArray:
@@ -296,11 +306,11 @@ def stacked(conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], St
     The members of a group have the same number of frequencies and of shared errors, and the same form of covariance.
     All or none of them have K1.
     """
-    names = ("omega", "stiffness", "covariance", "k1", "k1_std", "relative", "reference", "recorded")
+    names = ("omega", "stiffness", "covariance", "k1", "k1_std", "relative", "reference", "recorded", "amplitude")
     kinds: dict[tuple[Any, ...], list[int]] = {}
     for at, one in enumerate(conditions):
         shared = None if one.relative is None else one.relative.shape[-1]
-        held = (one.reference is not None, one.recorded is not None)
+        held = (one.reference is not None, one.recorded is not None, one.amplitude is not None)
         kinds.setdefault((one.count, one.full, one.has_k1, shared, *held), []).append(at)
     for places in kinds.values():
         parts = [conditions[at] for at in places]

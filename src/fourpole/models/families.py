@@ -27,6 +27,7 @@ FAMILIES = {
     "fractional": "fractional.FractionalZener",
     "fractional5": "fractional.FractionalZener5",
     "shell": "tyre_shell.Shell",
+    "kraus": "kraus.Kraus",
 }
 #: Names of all families, as help and messages list them.
 NAMES = ", ".join(FAMILIES)
@@ -76,6 +77,11 @@ def for_maps() -> tuple[str, ...]:
 def sizes_of(name: str) -> range:
     """Sizes that are tried for the bare name of a family; an empty range for every other name."""
     return _class(name).sizes if name in _PLACES else range(0)
+
+
+def by_amplitude(name: str) -> bool:
+    """Whether K* of a model also depends on the amplitude of the deflection; False for a name that is none."""
+    return name in _PLACES and _class(name).by_amplitude
 
 
 def contains(larger: str, smaller: str) -> bool:

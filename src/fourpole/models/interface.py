@@ -136,6 +136,8 @@ class Model(ABC):
         one value for all pressures.
     least_decades : float
         `auto` tries the family only if the band of the data spans at least so many decades.
+    by_amplitude : bool
+        Whether K* also depends on the amplitude of the deflection, which `at_amplitude` states.
     """
 
     name: str
@@ -152,6 +154,7 @@ class Model(ABC):
     linear: bool = False
     pressure: str = ""
     least_decades: float = 0.0
+    by_amplitude: bool = False
 
     @abstractmethod
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
@@ -193,6 +196,14 @@ class Model(ABC):
     def placed(self, conditions: Sequence[StiffnessData]) -> Model:  # noqa: ARG002
         """The model with what it takes from the band of the data, such as fixed relaxation times."""
         return self
+
+    def at_amplitude(self, amplitude: ArrayLike) -> Model:  # noqa: ARG002
+        """The model at 0-to-peak amplitudes of the deflection [m], which broadcast with the frequencies."""
+        return self
+
+    def on(self, data: StiffnessData) -> Model:
+        """The model at the amplitudes of the data, if they have any."""
+        return self if data.amplitude is None else self.at_amplitude(data.amplitude)
 
     def with_parameters(self, count: int) -> Model:  # noqa: ARG002
         """The model with this number of parameters, for a model whose number of parameters follows from the data."""

@@ -210,7 +210,9 @@ class Conditions:
 
     def _rows(self, block: Block, values: FloatArray, slopes: FloatArray, errors: FloatArray) -> Rows:
         stiffness, shown, k1 = self._shown(block, values, errors)
-        by_linked = self.model.derivative(values, block.data.omega) * (slopes[:, None, :] / stiffness[..., None])
+        by_linked = self.model.on(block.data).derivative(values, block.data.omega) * (
+            slopes[:, None, :] / stiffness[..., None]
+        )
         last = np.zeros((*stiffness.shape, int(self.common)))
         columns = real_columns(np.concatenate([by_linked, block.shared, last], axis=2))
         turn = multiplication(1.0 / shown)
@@ -242,7 +244,7 @@ class Conditions:
         self, block: Block, values: FloatArray, errors: FloatArray
     ) -> tuple[ComplexArray, ComplexArray, FloatArray]:
         """K* of the model, and K* and K1 with the shared errors."""
-        stiffness = self.model.stiffness(values, block.data.omega)
+        stiffness = self.model.on(block.data).stiffness(values, block.data.omega)
         shown = stiffness * np.exp((block.shared @ errors[:, : block.shared.shape[2], None])[..., 0])
         k1 = self.model.static_stiffness(values)
         if self.common and block.static is not None:

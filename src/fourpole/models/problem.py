@@ -72,6 +72,8 @@ class FitProblem(ByValue):
         data = replace(self.data, **{name: getattr(self.data, name)[rows] for name in names})
         if data.omega.ndim > 1:
             data = replace(data, omega=data.omega[rows])
+        if data.amplitude is not None and data.amplitude.ndim > 1:
+            data = replace(data, amplitude=data.amplitude[rows])
         return replace(self, data=data, whiten=self.whiten[rows], fixed=self.fixed[rows], scale=self.scale[rows])
 
     def values_of(self, place: FloatArray) -> FloatArray:
@@ -108,7 +110,7 @@ class FitProblem(ByValue):
     def residuals(self, place: FloatArray) -> FloatArray:
         """Whitened residuals, data minus model (B, M)."""
         values = self.values_of(place)
-        off = self.data.stiffness - self.model.stiffness(values, self.data.omega)
+        off = self.data.stiffness - self.model.on(self.data).stiffness(values, self.data.omega)
         rows = self.data.whitened(self.whiten, off[..., None])[..., 0]
         if not self.has_k1:
             return rows
@@ -118,7 +120,7 @@ class FitProblem(ByValue):
     def jacobian(self, place: FloatArray) -> FloatArray:
         """Derivatives (B, M, F) of the whitened model by the search variables."""
         values = self.values_of(place)
-        by = self.model.derivative(values, self.data.omega)
+        by = self.model.on(self.data).derivative(values, self.data.omega)
         by = by @ self.spread if self._follows.size else by[..., self.free]
         unit = self.unit_of(values)
         rows = self.data.whitened(self.whiten, by * unit[:, None, :])

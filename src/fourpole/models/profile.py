@@ -7,7 +7,7 @@ of probability :math:`P(\chi^2_1 < q)` ends where the profile is :math:`q` above
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -228,7 +228,7 @@ def _at_distances(parameter: Parameter, best: float, std: float, side: float, di
 
 def _misfit(model: Model, data: StiffnessData, values: FloatArray) -> FloatArray:
     """Chi-square (B,) of given parameters (B, P) on conditions (B,)."""
-    off = data.stiffness - model.stiffness(values, data.omega)
+    off = data.stiffness - model.on(data).stiffness(values, data.omega)
     chi2 = np.sum(data.whitened(data.whitener(), off[..., None])[..., 0] ** 2, axis=-1)
     if not model.rests:
         return np.asarray(chi2)
@@ -239,4 +239,5 @@ def _misfit(model: Model, data: StiffnessData, values: FloatArray) -> FloatArray
 def _repeated(data: StiffnessData, shape: tuple[int, ...]) -> StiffnessData:
     """The data of one condition as those of an array of equal conditions."""
     parts: list[Any] = [data.stiffness, data.covariance, data.k1, data.k1_std]
-    return StiffnessData(data.omega, *(np.broadcast_to(one, (*shape, *one.shape)) for one in parts))
+    found = StiffnessData(data.omega, *(np.broadcast_to(one, (*shape, *one.shape)) for one in parts))
+    return replace(found, amplitude=data.amplitude)

@@ -25,7 +25,7 @@ _SAME = 0.02
 _ON_HULL = 1e-6
 _HEAVY = 1e4
 #: Standard deviation of a bend half way between two levels, as a fraction of the change between the levels.
-_BEND = 1.0 / 24.0
+BEND = 1.0 / 24.0
 #: A larger surface must have an error below this fraction of that of a smaller one; least value of 1 - leverage.
 _BETTER, _LEAST_REMAINDER = 0.98, 1e-6
 
@@ -42,14 +42,17 @@ class Axes(ByValue):
         Values of each condition.
     constant : dict of str to float
         Columns that have one value in all conditions, with that value.
+    logarithmic : tuple of str
+        Names of the axes that are scaled by their logarithm; all values on them are positive.
     """
 
     names: tuple[str, ...]
     points: FloatArray
     constant: dict[str, float]
+    logarithmic: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, names: Sequence[str], points: ArrayLike) -> Axes:
+    def of(cls, names: Sequence[str], points: ArrayLike, logarithmic: Sequence[str] = ()) -> Axes:
         """Axes from the columns and their values (B, columns); columns that do not vary become `constant`.
 
         Examples
@@ -61,17 +64,27 @@ class Axes(ByValue):
         array = array.reshape(len(array), len(names))
         varied = [at for at in range(len(names)) if _levels(array[:, at]) > 1]
         fixed = {name: float(np.mean(array[:, at])) for at, name in enumerate(names) if at not in varied}
-        return cls(tuple(names[at] for at in varied), array[:, varied], fixed)
+        axes = tuple(names[at] for at in varied)
+        return cls(axes, array[:, varied], fixed, tuple(name for name in logarithmic if name in axes))
 
     @property
     def middle(self) -> FloatArray:
-        """Middle of the span of each axis (d,)."""
-        return np.asarray((self.points.min(axis=0) + self.points.max(axis=0)) / 2)
+        """Middle of the span of each axis (d,), of the logarithm of a logarithmic one."""
+        ends = self._measured(self.points)
+        return np.asarray((ends.min(axis=0) + ends.max(axis=0)) / 2)
 
     @property
     def half(self) -> FloatArray:
-        """Half the span of each axis (d,)."""
-        return np.asarray((self.points.max(axis=0) - self.points.min(axis=0)) / 2)
+        """Half the span of each axis (d,), of the logarithm of a logarithmic one."""
+        ends = self._measured(self.points)
+        return np.asarray((ends.max(axis=0) - ends.min(axis=0)) / 2)
+
+    def _measured(self, points: FloatArray) -> FloatArray:
+        """The points (Q, d) with the logarithm of their values on logarithmic axes."""
+        if not self.logarithmic:
+            return points
+        logs = np.isin(self.names, self.logarithmic)
+        return np.where(logs, np.log(np.where(logs, points, 1.0)), points)
 
     @property
     def levels(self) -> tuple[int, ...]:
@@ -86,7 +99,7 @@ class Axes(ByValue):
     def scaled(self, points: ArrayLike) -> FloatArray:
         """Points (Q, d) [1] in units of half the span from the middle; tested values are between -1 and 1."""
         array = np.atleast_2d(np.asarray(points, dtype=float))
-        return np.asarray((array - self.middle) / self.half)
+        return np.asarray((self._measured(array) - self.middle) / self.half)
 
     def outside(self, point: ArrayLike) -> tuple[float, FloatArray]:
         """Distance of a point (d,) from the convex hull of the tested conditions, and the nearest point of the hull.
@@ -113,7 +126,8 @@ class Axes(ByValue):
         distance = float(np.linalg.norm(nearest - target))
         if distance < _ON_HULL:
             return 0.0, np.asarray(point, dtype=float)
-        return float(np.round(distance, 6)), np.asarray(np.round(nearest, 6) * self.half + self.middle)
+        place = np.asarray(np.round(nearest, 6) * self.half + self.middle)
+        return float(np.round(distance, 6)), np.exp(place, out=place, where=np.isin(self.names, self.logarithmic))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +171,7 @@ def bends(scaled: FloatArray, straight: Sequence[int]) -> Iterator[tuple[FloatAr
     for axis in straight:
         low, high = scaled.copy(), scaled.copy()
         low[:, axis], high[:, axis] = -1.0, 1.0
-        yield _BEND * np.maximum(1.0 - scaled[:, axis] ** 2, 0.0), low, high
+        yield BEND * np.maximum(1.0 - scaled[:, axis] ** 2, 0.0), low, high
 
 
 def value_surface(axes: Axes, values: ArrayLike, stds: ArrayLike) -> ValueSurface:

@@ -403,7 +403,7 @@ def _lift_off(rigs: Sequence[RigPlan]) -> list[str]:
     names = []
     for item in rigs:
         force = np.abs(planned_phasors(item.plan.tests, item.plan.rig).force_in)
-        load = np.array([test.value("preload") or np.inf for test in item.tests])
+        load = np.array([np.inf if test.fixed else test.value("preload") or np.inf for test in item.tests])
         names += [item.tests[at].name for at in np.flatnonzero(force > 0.9 * load)]
     if not names:
         return []

@@ -118,6 +118,7 @@ def _statics(tests: Sequence[Test], dynamic: Sequence[Test], rng: np.random.Gene
     for test in _shuffled(tests, rng):
         loads = [load for other in (test, *dynamic) if (load := other.value("preload")) is not None]
         past = f"well past {max(loads):g} N" if loads else "well past the highest preload"
+        past += f" and below {min(loads):g} N" if loads and min(loads) <= 0 else ""
         steps = [
             *_settings(test),
             f"condition: load {past} and unload {_CONDITIONING} times, slowly and evenly",

@@ -28,6 +28,7 @@ _MODULES = (
     "models",
     "choice",
     "spectrum",
+    "amplitude",
     "operating",
 )
 #: All figures by their keys, in the order of a report.

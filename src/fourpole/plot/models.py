@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +14,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.confidence import NORMAL_95
+from fourpole.fitting.amplitude import COLUMN, amplitudes_of, levels_of
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile
 from fourpole.fitting.query import response
 from fourpole.fitting.rows import keys_of
@@ -27,6 +28,8 @@ from fourpole.study.results import Results
 _MOST_COLUMNS = 4
 #: Largest number of conditions in a panel: over less than a decade of frequency, where bands overlap, and over more.
 _MOST_SERIES, _MOST_WIDE = 3, 5
+#: Amplitudes of the deflection within this ratio are one series.
+_LEVEL = 1.3
 #: Ratios of the ends of an axis beyond which it is logarithmic: of frequency, and of K' or K''.
 _DECADE, _STEEP = 10.0, 20.0
 #: Number of points of a model's line over more than a decade of frequency, and over less.
@@ -52,6 +55,7 @@ class Drawn(ByValue):
     load: int
     others: tuple[tuple[str, float], ...]
     rows: BoolArray
+    amplitude: float | None = None
 
     @property
     def series(self) -> tuple[int, tuple[float, ...]]:
@@ -135,7 +139,23 @@ def conditions_of(entry: ModelEntry, sheet: Sheet, file: ModelFile) -> list[Draw
             for groups, column in zip((sheet.pressures, sheet.loads), _STATED, strict=True)
         )
         rows = _rows(one, state, sheet, file) & (sheet.tyre == tyre)
-        found.append(Drawn(entry, at, tyre, pressure, load, others, rows))
+        drawn = Drawn(entry, at, tyre, pressure, load, others, rows)
+        found += _by_level(drawn, sheet) if one.amplitude is not None else [drawn]
+    return found
+
+
+def _by_level(drawn: Drawn, sheet: Sheet) -> list[Drawn]:
+    """A condition of a model that depends on the amplitude of the deflection, once for each level of it."""
+    amplitude = amplitudes_of(sheet.table)
+    rows = np.flatnonzero(drawn.rows & np.isfinite(amplitude) & (np.nan_to_num(amplitude) > 0))
+    level, found = levels_of(amplitude[rows], _LEVEL), []
+    for one in np.unique(level):
+        here = np.zeros(amplitude.size, dtype=bool)
+        here[rows[level == one]] = True
+        middle = float(np.exp(np.mean(np.log(amplitude[here]))))
+        found.append(
+            replace(drawn, others=(*drawn.others, (COLUMN, float(f"{middle:.2g}"))), rows=here, amplitude=middle)
+        )
     return found
 
 
@@ -170,8 +190,10 @@ def curves_of(one: Drawn, sheet: Sheet) -> Curves:
     )
     low, high = one.band
     grid = np.geomspace(low, high, _GRID_WIDE) if high > _DECADE * low else np.linspace(low, high, _GRID)
-    line, line_covariance = response(one.entry, one.at, grid)
-    predicted, covariance = response(one.entry, one.at, frequency)
+    moved = None if one.amplitude is None else np.full(grid.size, one.amplitude)
+    line, line_covariance = response(one.entry, one.at, grid, moved)
+    own = None if one.amplitude is None else amplitudes_of(sheet.table)[rows]
+    predicted, covariance = response(one.entry, one.at, frequency, own)
     correlation = np.nan_to_num(sheet.values(q.CORR_K.head)[rows])
     off = np.stack([real - predicted.real / q.STORAGE.scale, imag - predicted.imag / q.STORAGE.scale], axis=1)
     residuals = whitened(off, covariance / q.STORAGE.scale**2 + _data_covariance(real_std, imag_std, correlation))
@@ -375,6 +397,8 @@ def _series_keys(
 def _other(column: str, value: float) -> str:
     """The value of a further axis of the condition, as the key has it."""
     name, _, unit = column.removesuffix("]").partition(" [")
+    if column == COLUMN:
+        return f"amplitude {1e3 * value:.3g} mm"
     if name == "temperature":
         return f"{value:.4g} °C"
     return plain_text(f"{name} {value:.4g} {'' if unit == '1' else unit}".rstrip())

@@ -14,6 +14,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import FREQUENCY, Axis
 from fourpole.core.confidence import NORMAL_95
+from fourpole.fitting.amplitude import amplitudes_of
 from fourpole.fitting.modelfile import MapEntry, ModelFile, map_of
 from fourpole.models.operating import Answer, OperatingMap
 from fourpole.plot.figure import FigureSpec
@@ -32,7 +33,9 @@ _GRID = 41
 _NEAR = 0.02
 _PRESSURE, _PRELOAD = q.PRESSURE.head, q.PRELOAD.head
 #: Name, unit and scale of an axis as shown.
-_SHOWN = {one.head: (one.suffix, 1 / one.scale) for one in (q.PRESSURE, q.TEMPERATURE)}
+_SHOWN = {one.head: (one.suffix, 1 / one.scale) for one in (q.PRESSURE, q.TEMPERATURE, q.DEFLECTION_AMPLITUDE)}
+#: Tests at an amplitude of the deflection within this ratio of that of a panel are shown.
+_ALIKE = 1.2
 _Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 
@@ -47,6 +50,12 @@ class _Panel:
     axes: tuple[Axis, ...]
     held: dict[int, float] = field(default_factory=dict)
     rank: int = 0
+
+    @property
+    def amplitude(self) -> float | None:
+        """Amplitude of the deflection that is shown [m]: the middle of the tested ones if the map depends on it."""
+        tested = self.entry.amplitude
+        return None if tested is None else float(np.sqrt(tested[0] * tested[-1]))
 
     @property
     def column(self) -> str:
@@ -72,6 +81,9 @@ class _Panel:
         for at, value in self.held.items():
             own = sheet.values(self.found.axes.names[at]).tolist()
             mask = mask & np.array([self.axes[at].same(one, value) for one in own], dtype=bool)
+        if self.amplitude is not None:
+            off = np.abs(np.log(np.maximum(amplitudes_of(sheet.table), 1e-300) / self.amplitude))
+            mask = mask & (off <= np.log(_ALIKE))
         return np.asarray(mask)
 
 
@@ -142,6 +154,8 @@ def _panels(entry: MapEntry, sheet: Sheet, file: ModelFile) -> list[_Panel]:
     others = [at for at in range(len(names)) if at != along]
     axes = tuple(map(file.axis, names))
     panel = _Panel(entry, found, sheet.names.index(entry.tyre), along, axes)
+    if panel.amplitude is not None:
+        panel = replace(panel, found=replace(found, model=found.model.at_amplitude(panel.amplitude)))
     if not others:
         return [panel]
     first = names.index(_PRELOAD) if _PRELOAD in names and names.index(_PRELOAD) in others else others[0]
@@ -282,6 +296,9 @@ def _say(notes: Notes, panels: Sequence[_Panel], pair: tuple[Quantity, Quantity]
         notes.say(f"leave-one-out error of K* over the conditions: {', '.join(known)}")
     if pair[0] is not q.K2:
         notes.say("no K2 and C: K1 is not known, or no passive arm has this K*")
+    moved = sorted({1e3 * one.amplitude for one in panels if one.amplitude is not None})
+    if moved:
+        notes.say(f"amplitude of the deflection: {', '.join(f'{one:.3g}' for one in moved)} mm, and tests near it")
     notes.say("curves end where the tests do")
 
 

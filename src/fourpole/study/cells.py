@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Test
+from fourpole.core import deflection
 from fourpole.core.checks import Check, interval_words, judged, reported, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.confidence import SEARCH_CHANCE
@@ -128,13 +129,10 @@ def _interval(found: Identified, which: int) -> str:
 def deflection_amplitude(phasors: Phasors, found: Identified | None, *, blocked: bool) -> float:
     """Amplitude of the specimen's deflection [m]; not-a-number if it is not known."""
     f1, v1, v2 = phasors.amplitudes
-    if blocked:
-        v2 = 0.0
-    elif np.isnan(v2) and found is not None:
-        rig = found.group.setup.rig
-        input_mass = 0.0 if rig is None else rig.input_mass
-        return float(abs((f1 - 1j * phasors.omega * input_mass * v1) / found.result.stiffness[found.at]))
-    return float(abs(v1 - v2) / phasors.omega)
+    rig = None if found is None else found.group.setup.rig
+    force = f1 - (0.0 if rig is None else 1j * phasors.omega * rig.input_mass * v1)
+    stiffness = np.nan if found is None else found.result.stiffness[found.at]
+    return float(deflection.deflection_amplitude(force, v1, v2, phasors.omega, stiffness=stiffness, blocked=blocked))
 
 
 def _amplitude_cells(phasors: Phasors) -> dict[str, float]:

@@ -15,6 +15,7 @@ from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check, judged, reported, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.curves import Curves, Samples, curves_of
+from fourpole.core.deflection import deflection_amplitude
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
@@ -318,13 +319,14 @@ def own_of(phasors: Phasors | None, rig: Rig | None, added: float) -> Own:
             stiffness = complex(
                 stiffness_by("mobility", [np.asarray(one) for one in (force, v1, v2)], impedance, omega)
             )
-            moved, lever = abs(omega * force / stiffness), 0j
+            lever = 0j
             noise = np.hypot(std[0] / abs(f1), std[1] / abs(v1))
         else:
             stiffness = complex(stiffness_by("relative", [np.asarray(one) for one in (force, v1, v2)], 0.0, omega))
-            moved, lever = abs(v1 - v2), complex(np.divide(v1, v1 - v2))
+            lever = complex(np.divide(v1, v1 - v2))
             noise = np.hypot(std[0] / abs(f1), np.hypot(std[1], std[2]) / abs(v1 - v2))
-    return Own(stiffness, float(noise), float(moved / omega), float(phasors.frequency), lever)
+        moved = deflection_amplitude(force, v1, v2, omega, stiffness=stiffness, blocked=blocked)
+    return Own(stiffness, float(noise), float(moved), float(phasors.frequency), lever)
 
 
 def curve_checks(curves: Curves, tests: Sequence[Test]) -> list[tuple[int, Check]]:

@@ -108,7 +108,7 @@ class Job:
     def _settings(self) -> list[object]:
         """All inputs of the result but the recording."""
         rig = self.rig and repr(self.rig)
-        stated = self.test.kind, self.test.values, self.test.window
+        stated = self.test.kind, self.test.values, self.test.window, *(["fixed"] if self.test.fixed else [])
         return [self.needed, *stated, self.channels.model_dump(), self.responses, rig]
 
 
@@ -193,7 +193,7 @@ def _is_plain(job: Job, recording: Recording) -> bool:
         return False
     if not all(_is_sine(track, frequency) for track in tracks):
         return False
-    if preload is not None and _force_peak(recording) > _PLAIN_FORCE * preload:
+    if preload is not None and not job.test.fixed and _force_peak(recording) > _PLAIN_FORCE * preload:
         return False
     rig = job.rig.rig() if job.rig is not None else None
     return rig is None or checks.check_resonance(frequency, rig, job.test.value("added_mass") or 0.0).verdict == "ok"
@@ -323,7 +323,7 @@ def _checks_of(job: Job, found: Demodulation, mean_force: float) -> Iterator[Che
         spare = row.verdict == "rejected" and row.channel in spared
         yield replace(row, verdict="warning") if spare else row
     if np.isfinite(found.force_peak):
-        yield checks.check_lift_off(found.force_peak, test.value("preload"))
+        yield checks.check_lift_off(found.force_peak, test.value("preload"), fixed=test.fixed)
         yield checks.check_mean_force(mean_force, test.value("preload"))
     if rig is not None and not rig.blocked:
         yield checks.check_resonance(frequency, rig, added)

@@ -30,6 +30,7 @@ from fourpole.fitting.stated import rig_file
 from fourpole.io.source import sha256_of
 from fourpole.io.staging import staged
 from fourpole.io.write import remove_leftovers, write_table, write_text
+from fourpole.models.families import by_amplitude
 from fourpole.study.cells import dynamic_cells, dynamic_checks
 from fourpole.study.compare import compare_tests
 from fourpole.study.identified import NO_RIG, identify_tests, possible_route
@@ -110,8 +111,19 @@ class Study(Tables):
     @property
     def measured(self) -> MeasuredSet:
         """K* of each condition with its covariance: the input of model fits."""
+        return self._measured()
+
+    def _measured(self, model: str = "", over: Sequence[str] = ()) -> MeasuredSet:
+        """K* as a model takes it, with each amplitude apart if it depends on them, or over further columns."""
+        rule, moved = self.campaign.stated.sameness, by_amplitude(model)
         return measured_of(
-            self.dynamic, self.covariance, self.likelihoods, name="the study", rule=self.campaign.stated.sameness
+            self.dynamic,
+            self.covariance,
+            self.likelihoods,
+            over=over,
+            name="the study",
+            rule=rule,
+            by_amplitude=moved,
         )
 
     def fit(self, model: str = "auto") -> list[TyreFit]:
@@ -122,7 +134,7 @@ class Study(Tables):
         ModelError
             If there is no such model, or K* is known at too few frequencies.
         """
-        return fit_tyres(self.measured, model)
+        return fit_tyres(self._measured(model), model)
 
     def map(
         self,
@@ -161,7 +173,7 @@ class Study(Tables):
         """
         from fourpole.fitting.grid import grid_of
 
-        maps = map_tyres(self.measured.only(tyre), model, over)
+        maps = map_tyres(self._measured(model, over).only(tyre), model, over)
         rig = rig_in(rig_file(self.record, self.rig))
         return grid_of({one.tyre: one.best for one in maps}, rig, at)
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
+from fourpole.core.deflection import deflection_amplitude
 from fourpole.core.joint.shared import DRIFTS, Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
@@ -86,7 +87,7 @@ class Observed(ByRows):
             turns[:, error.channel, at] = error.turn
         specimen, place = run or (np.zeros(len(amplitudes), dtype=int), np.zeros(len(amplitudes)))
         with np.errstate(divide="ignore"):
-            size = np.log(np.abs(amplitudes[:, 1] - amplitudes[:, 2]) / phasors.omega)
+            size = np.log(deflection_amplitude(amplitudes[:, 0], amplitudes[:, 1], amplitudes[:, 2], phasors.omega))
         known = present[:, 1] & present[:, 2] & np.isfinite(size) & ~rigid
         deflection = np.where(known, size - np.mean(size, where=known) if known.any() else 0.0, 0.0)
         run_of = (specimen, place, deflection)

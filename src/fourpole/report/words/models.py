@@ -12,6 +12,7 @@ from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY, axis_of
 from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of
 from fourpole.fitting.modelparts import NamedValue
+from fourpole.models.families import by_amplitude
 from fourpole.report.digits import number, spread
 from fourpole.report.words.phrases import percent, ranged
 
@@ -36,6 +37,8 @@ def discrepancy(entry: ModelEntry) -> str:
     """The model discrepancy in two sentences, for a model that has one."""
     known = any(one.verdict is not None for one in entry.conditions)
     first = "The model does not fit within the measurement" if known else "The table does not state the"
+    if by_amplitude(entry.model):  # such an entry has no verdicts
+        first, known = "The model does not fit within the stated", True
     which = "a model discrepancy" if known else "a standard uncertainty"
     ratio = sum(one.chi2 for one in entry.conditions) / max(sum(one.dof for one in entry.conditions), 1)
     return (
@@ -55,6 +58,8 @@ def verdicts(entry: ModelEntry) -> list[str]:
     bad = [one for one, verdict in judged if not verdict.possible]
     worst = percent(max((verdict.misfit for _, verdict in judged if not verdict.possible), default=0.0))
     off = f"it would take an error of K* of up to {worst} at each frequency"
+    if by_amplitude(entry.model):
+        return ["K* depends on the amplitude of the deflection, so no linear tyre can have it at all amplitudes."]
     match len(judged), len(bad):
         case 0, _:
             return [

@@ -1,0 +1,88 @@
+"""Reading of a table of measured K*: its cells, the numbers of a column, and the stated covariance of K*."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+
+import numpy as np
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.errors import ModelError, TableError
+from fourpole.fitting.amplitude import COLUMN
+from fourpole.units import shown
+
+FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
+STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)
+#: Bounds of a frequency [Hz]: a product of two of them, or of one and its reciprocal, is a number.
+_LOWEST, _HIGHEST = 1e-100, 1e100
+#: Upper bound of a stiffness [N/m].
+_LARGEST = 1e25
+
+
+def stated_covariance(numbers: dict[str, FloatArray]) -> FloatArray:
+    """Covariance (N, 2, 2) [N²/m²] from the columns of uncertainty and correlation."""
+    first, second = numbers[STD[0]], numbers[STD[1]]
+    correlation = np.nan_to_num(numbers.get(STD[2], np.zeros(first.size)))
+    if np.any(np.abs(correlation) > 1) or np.any(first < 0) or np.any(second < 0) or not np.all(np.isfinite(second)):
+        raise ModelError(
+            "an uncertainty of K* is missing or negative, or a correlation is beyond 1: it is no covariance"
+        )
+    cross = correlation * first * second
+    return np.stack([np.stack([first**2, cross], axis=-1), np.stack([cross, second**2], axis=-1)], axis=-2)
+
+
+def table_frame(name: str, content: bytes) -> pl.DataFrame:
+    """A table of results, all cells of a CSV file as text; TableError if it is none."""
+    try:
+        if name.endswith(".parquet"):
+            return pl.read_parquet(io.BytesIO(content))
+        return pl.read_csv(content, infer_schema=False, comment_prefix="#")
+    except pl.exceptions.PolarsError as error:
+        raise TableError(f"{name}: is no table of results ({str(error).splitlines()[0]})") from None
+
+
+def numbers_of(frame: pl.DataFrame, column: str, name: str, used: BoolArray) -> FloatArray:
+    """A column as numbers; TableError where a row that is used has other text."""
+    series = frame[column]
+    if series.dtype == pl.String:
+        stripped = series.str.strip_chars()
+        found = stripped.cast(pl.Float64, strict=False)
+        lost = found.is_null() & stripped.is_not_null() & (stripped != "") & pl.Series(used)
+        if lost.any():
+            at = int(lost.arg_max() or 0)
+            raise TableError(f"{name}: row {at + 2}, column {shown(column)}: {shown(str(series[at]))} is no number")
+        series = found
+    return np.asarray(series.cast(pl.Float64).fill_null(np.nan).to_numpy(), dtype=float)
+
+
+def usable(numbers: Mapping[str, FloatArray], name: str, *, stated: bool) -> tuple[BoolArray, list[str]]:
+    """Flags of the rows used, and notes on the others; if some rows state an uncertainty, rows without are not used."""
+    good = np.isfinite(numbers[FREQUENCY]) & np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
+    inside = ~(good & ((numbers[FREQUENCY] > _HIGHEST) | ((numbers[FREQUENCY] > 0) & (numbers[FREQUENCY] < _LOWEST))))
+    good &= numbers[FREQUENCY] > 0
+    notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
+    if not inside.all():
+        count = int(np.sum(~inside))
+        notes.append(f"{count} rows of {name} have a frequency beyond {_LOWEST:g} to {_HIGHEST:g} Hz and were left out")
+        good &= inside
+    sound = good & (numbers[RE] > 0) & (np.hypot(np.nan_to_num(numbers[RE]), np.nan_to_num(numbers[IM])) < _LARGEST)
+    if sound.sum() < good.sum():
+        notes.append(f"{int(good.sum() - sound.sum())} rows of {name} have a K' below zero and were left out")
+    good = sound
+    if stated and all(column in numbers for column in STD[:2]):
+        sure = np.isfinite(numbers[STD[0]]) & np.isfinite(numbers[STD[1]])
+        if np.any(sure & good) and np.any(good & ~sure):
+            notes.append(f"{int(np.sum(good & ~sure))} rows of {name} state no uncertainty of K* and were left out")
+            good &= sure
+    return good, notes
+
+
+def with_deflection(numbers: Mapping[str, FloatArray], good: BoolArray, name: str, notes: list[str]) -> BoolArray:
+    """Flags of the usable rows with a deflection; a note on the others."""
+    known = np.isfinite(numbers[COLUMN]) & (np.nan_to_num(numbers[COLUMN]) > 0)
+    if np.any(good & ~known):
+        notes.append(f"{int(np.sum(good & ~known))} rows of {name} have no {shown(COLUMN)} and were left out")
+    return good & known
