@@ -210,9 +210,8 @@ class Conditions:
 
     def _rows(self, block: Block, values: FloatArray, slopes: FloatArray, errors: FloatArray) -> Rows:
         stiffness, shown, k1 = self._shown(block, values, errors)
-        by_linked = self.model.on(block.data).derivative(values, block.data.omega) * (
-            slopes[:, None, :] / stiffness[..., None]
-        )
+        by_value = self.model.on(block.data).derivative(values, block.data.omega)
+        by_linked = by_value * (slopes[:, None, :] / stiffness[..., None])
         last = np.zeros((*stiffness.shape, int(self.common)))
         columns = real_columns(np.concatenate([by_linked, block.shared, last], axis=2))
         turn = multiplication(1.0 / shown)
