@@ -51,7 +51,7 @@ def run(number: int) -> dict[str, Any]:
     omega = 2 * np.pi * frequency
     truth = [np.array(model.stiffness(_at(laws, pressure), omega)) for pressure in pressures]
     odd = 180e3 + 1j * omega * 300.0 * (omega / 60) ** (0.05 if two else 0.2)
-    joint = _solved([*truth, odd], frequency, std=std, noise=noise if noise < 1e-3 else 1e-3, two=two, rng=rng)
+    joint = _solved([*truth, odd], frequency, std=std, noise=noise, two=two, rng=rng)
     measured = _measured(joint, frequency, [*pressures, 3.0])
     good = measured[:7]
     middle = good[3]

@@ -1,7 +1,8 @@
 """Thousands of virtual campaigns through the joint route, their truth known: `python validation/validate.py`.
 
 Part A is at phasor level, part B goes through recordings in the time domain; their tables go to docs/validation.md. The
-part "faults" has laboratories with one fault each, and makes docs/faults.md. What is done is kept in
+part "faults" has laboratories with one fault each, and makes docs/faults.md; the part "models" has fits, choices, maps
+and verdicts. What is done is kept in
 validation/results, campaign by campaign, so that a run that was stopped goes on where it was; results of other code or
 settings are begun anew, unless --keep is given.
 """
@@ -32,8 +33,9 @@ ROOT = HERE.parent
 RESULTS = HERE / "results"
 DOCUMENT = ROOT / "docs" / "validation.md"
 FAULTS = ROOT / "docs" / "faults.md"
-PARTS = ("phasors", "recordings", "faults")
+PARTS = ("phasors", "recordings", "faults", "models")
 BEGIN, END = "<!-- begin: made by make validate -->", "<!-- end: made by make validate -->"
+BEGIN_MODELS, END_MODELS = "<!-- begin: models, made by make validate -->", "<!-- end: models -->"
 
 OUTPUTS = ("K'", "K''", "loss factor", "K2", "C", "TR", "R", "I")
 
@@ -44,6 +46,7 @@ def main() -> int:
     parser.add_argument("--phasors", type=int, default=2000, metavar="N", help="campaigns at phasor level")
     parser.add_argument("--recordings", type=int, default=200, metavar="N", help="campaigns in the time domain")
     parser.add_argument("--faults", type=int, metavar="N", help="campaigns with a fault; by default all")
+    parser.add_argument("--models", type=int, default=600, metavar="N", help="campaigns with models after K*")
     parser.add_argument("--only", choices=PARTS, action="append", help="this part alone; may be given again")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes; by default one per core")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after so long; go on another time")
@@ -55,8 +58,11 @@ def main() -> int:
     from phasor_level import run as phasor_level
     from time_domain import run as time_domain
 
-    work = dict(zip(PARTS, (phasor_level, time_domain, faulty), strict=True))
-    counts = dict(zip(PARTS, (asked.phasors, asked.recordings, asked.faults or len(CELLS)), strict=True))
+    from models import run as models
+
+    work = dict(zip(PARTS, (phasor_level, time_domain, faulty, models), strict=True))
+    numbers = (asked.phasors, asked.recordings, asked.faults or len(CELLS), asked.models)
+    counts = dict(zip(PARTS, numbers, strict=True))
     until = time.monotonic() + asked.seconds
     done = {}
     try:
@@ -70,7 +76,9 @@ def main() -> int:
         return 130
     if "faults" in done:
         write_faults(done["faults"])
-    if done.keys() - {"faults"}:
+    if "models" in done:
+        write_models(done["models"])
+    if done.keys() - {"faults", "models"}:
         others = [done.get(name) or Part(name, work[name], 1).results() for name in PARTS[:2]]
         write_document(*others)
     return 0
@@ -141,9 +149,14 @@ def _say(text: str) -> None:
 
 def _code() -> str:
     """Hash of all that results depend on."""
-    rooms = [ROOT / "src" / "fourpole" / room for room in ("core", "virtual", "units", "io", "campaign", "study")]
+    rooms = [
+        ROOT / "src" / "fourpole" / room for room in ("core", "virtual", "units", "io", "campaign", "study", "models")
+    ]
     files = [file for room in rooms for file in sorted(room.rglob("*.py"))]
-    files += [HERE / name for name in ("laboratories.py", "phasor_level.py", "bound.py", "time_domain.py", "faulty.py")]
+    files += [
+        HERE / name
+        for name in ("laboratories.py", "phasor_level.py", "bound.py", "time_domain.py", "faulty.py", "models.py")
+    ]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 
@@ -166,10 +179,20 @@ def write_faults(results: Sequence[dict[str, Any]]) -> None:
     _put(FAULTS, ["", *table(results)])
 
 
-def _put(document: Path, lines: Sequence[str]) -> None:
+def write_models(results: Sequence[dict[str, Any]]) -> None:
+    """Put the tables on models after K* between their marks of the document."""
+    from models import RANGES, table
+
+    rows = [f"| {name} | {words} |" for name, words in RANGES.items()]
+    lines = ["", f"{len(results)} campaigns.", "", "| random value | distribution |", "|---|---|", *rows, ""]
+    _put(DOCUMENT, [*lines, *table(results), ""], (BEGIN_MODELS, END_MODELS))
+
+
+def _put(document: Path, lines: Sequence[str], marks: tuple[str, str] = (BEGIN, END)) -> None:
     text = document.read_text()
-    before, rest = text.split(BEGIN)
-    document.write_text(f"{before}{BEGIN}\n" + "\n".join(lines) + f"\n{END}{rest.split(END)[1]}")
+    begin, end = marks
+    before, rest = text.split(begin)
+    document.write_text(f"{before}{begin}\n" + "\n".join(lines) + f"\n{end}{rest.split(end)[1]}")
     _say(f"{document.relative_to(ROOT)} is written.\n")
 
 

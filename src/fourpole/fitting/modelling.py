@@ -34,6 +34,7 @@ from fourpole.fitting.modelfile import (
     parameters_of,
 )
 from fourpole.fitting.modelparts import NamedValue
+from fourpole.fitting.near import near_models, needs_recordings
 from fourpole.fitting.pressures import OverPressures, PressureFile, sentences, share_over_pressures
 from fourpole.models.causality import Possible, check_possible, near_passive
 from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
@@ -238,6 +239,12 @@ def _sharing(
     model = best.fit.model
     if fixed_of(model, held):
         raise ModelError("parameters cannot be given together with shared ones: state --fix or --share")
+    if needs_recordings(measured):
+        shown = [
+            one.model.on(row.own).stiffness(one.values, row.own.omega)
+            for one, row in zip(best.fits, measured, strict=True)
+        ]
+        measured = near_models(measured, shown)
     data = [with_error(one.own, discrepancy) for one in measured]
     designs = {name: np.ones((len(data), 1)) for name in share}
     start = np.stack([one.values for one in best.fits])
@@ -353,7 +360,16 @@ def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> Operating
     fits = fit_conditions(model, even, [_held(measured[at], {}) for at in some])
     start = np.full((len(measured), len(model.parameters)), np.nan)
     start[some] = [one.values for one in fits]
-    return make_map(model, [one.own for one in measured], axes, start, _common(measured))
+
+    def made(rows: Sequence[Measured]) -> OperatingMap:
+        return make_map(model, [one.own for one in rows], axes, start, _common(rows))
+
+    found = made(measured)
+    if not needs_recordings(measured):
+        return found
+    values = found.parameters(axes.points if axes.names else np.zeros((len(measured), 0)))
+    shown = [model.on(one.own).stiffness(own, one.own.omega) for one, own in zip(measured, values, strict=True)]
+    return made(near_models(measured, shown))
 
 
 def model_file(
