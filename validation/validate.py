@@ -149,14 +149,10 @@ def _say(text: str) -> None:
 
 def _code() -> str:
     """Hash of all that results depend on."""
-    rooms = [
-        ROOT / "src" / "fourpole" / room for room in ("core", "virtual", "units", "io", "campaign", "study", "models")
-    ]
-    files = [file for room in rooms for file in sorted(room.rglob("*.py"))]
-    files += [
-        HERE / name
-        for name in ("laboratories.py", "phasor_level.py", "bound.py", "time_domain.py", "faulty.py", "models.py")
-    ]
+    names = ("core", "virtual", "units", "io", "campaign", "study", "models")
+    files = [file for name in names for file in sorted((ROOT / "src" / "fourpole" / name).rglob("*.py"))]
+    own = ("laboratories.py", "phasor_level.py", "bound.py", "time_domain.py", "faulty.py", "models.py")
+    files += [HERE / name for name in own]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 
