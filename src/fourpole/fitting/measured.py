@@ -29,6 +29,7 @@ from fourpole.fitting.measuredtable import (
     IM,
     RE,
     STD,
+    in_si,
     numbers_of,
     stated_covariance,
     table_frame,
@@ -295,7 +296,7 @@ def measured_of(
     by_amplitude: bool = False,
 ) -> MeasuredSet:
     """K* of all conditions, by a rule, from a table in memory; see `read_measured`."""
-    over, frame = columns_of(over), with_amplitude(frame)
+    over, frame = columns_of(over), with_amplitude(in_si(frame, name))
     rule = rule.over(over)
     rule = Sameness(without_amplitude(rule.axes)) if by_amplitude else rule
     for column in (FREQUENCY, RE, IM, *over, *([COLUMN] if by_amplitude else [])):

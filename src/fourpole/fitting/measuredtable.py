@@ -10,12 +10,18 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.errors import ModelError, TableError
+from fourpole.errors import ModelError, TableError, UnitError
 from fourpole.fitting.amplitude import COLUMN
-from fourpole.units import shown
+from fourpole.units import column_unit, shown, to_si
 
 FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
 STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)
+#: Kinds of the columns whose unit may be another than that of dynamic.csv.
+_KINDS = {
+    FREQUENCY: "frequency", RE: "stiffness", IM: "stiffness", STD[0]: "stiffness", STD[1]: "stiffness",
+    q.K1.head: "stiffness", q.K1.u_head: "stiffness", q.PRESSURE.head: "pressure", q.PRELOAD.head: "force",
+    q.TEMPERATURE.head: "temperature",
+}  # fmt: skip
 #: Bounds of a frequency [Hz]: a product of two of them, or of one and its reciprocal, is a number.
 _LOWEST, _HIGHEST = 1e-100, 1e100
 #: Upper bound of a stiffness [N/m].
@@ -42,6 +48,27 @@ def table_frame(name: str, content: bytes) -> pl.DataFrame:
         return pl.read_csv(content, infer_schema=False, comment_prefix="#")
     except pl.exceptions.PolarsError as error:
         raise TableError(f"{name}: is no table of results ({str(error).splitlines()[0]})") from None
+
+
+def in_si(frame: pl.DataFrame, name: str) -> pl.DataFrame:
+    """The table with the usual columns in SI, where they stand in another unit: "pressure [bar]", "Re K* [kN/m]".
+
+    Raises
+    ------
+    TableError
+        If the unit of such a column is none of its quantity.
+    """
+    for head, kind in _KINDS.items():
+        usual = column_unit(head)[0]
+        other = next((one for one in frame.columns if column_unit(one)[0] == usual and column_unit(one)[1]), None)
+        if head in frame.columns or other is None:
+            continue
+        values = numbers_of(frame, other, name, np.ones(frame.height, dtype=bool))
+        try:
+            frame = frame.with_columns(pl.Series(head, to_si(values, column_unit(other)[1] or "", kind)))
+        except UnitError as error:
+            raise TableError(f"{name}: column {shown(other)}: {error}") from None
+    return frame
 
 
 def numbers_of(frame: pl.DataFrame, column: str, name: str, used: BoolArray) -> FloatArray:
