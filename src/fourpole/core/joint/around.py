@@ -22,6 +22,8 @@ from fourpole.core.joint.solve import Problem, Step, moved, no_worse, sweep
 
 #: Largest number of Gauss-Newton steps, and of halvings of a step that raises the objective.
 _STEPS, _HALVINGS = 12, 6
+#: Number of results that are kept as starts.
+_MOST_KEPT = 64
 #: Longest step of a shared value, in stated standard uncertainties.
 _LONGEST = 3.0
 #: The search ends at a step below this share of every standard uncertainty of the shared values.
@@ -92,6 +94,8 @@ class Likelihood(ByValue):
             z, stiffness, step = _stepped(problem, z, stiffness, step, given, dz)
             if small:
                 break
+        if len(self._last) > _MOST_KEPT:
+            self._last.clear()
         self._last[given.tobytes()] = (z, stiffness, step.slope)
         change = step.own_step - step.slope @ step.dz
         root = np.linalg.inv(step.triangle) if step.triangle.size else step.triangle
