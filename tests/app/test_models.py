@@ -263,3 +263,36 @@ def test_a_fixed_parameter_has_the_unit_of_its_family(model, text, symbol, expec
     for one in model_named(model).parameters:
         if symbol in ("every", one.symbol):
             assert _fixed([text.format(symbol=one.symbol, unit=one.unit)], model) == {one.symbol: expected}
+
+
+def test_a_static_test_joins_as_a_ramp_on_request(run, results, tmp_path):
+    out = tmp_path / "model.json"
+    ran = run("fit", results, "--model", "zener", "--static", "ramp", "--std-static", "4 %", "--out", out)
+    assert ran.exit_code == 0, ran.output
+    assert "(before the fit: 1 ± 0.04)" in " ".join(ran.stdout.split())
+    document = json.loads(out.read_text())
+    assert document["provenance"]["settings"]["static"] == "ramp"
+    for one in document["models"][0]["conditions"]:
+        assert one["static"]["branch_time"] == pytest.approx(10.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--static", "slow"], "neither rest nor ramp"),
+        (["--std-static", "5 %"], "is of --static ramp"),
+        (["--static", "ramp", "--k1", "180 kN/m"], "--k1 states no time"),
+        (["--static", "ramp", "--share", "K1"], "--share takes K1 at rest"),
+        (["--static", "ramp", "--std-static", "200 %"], "between 0 and 100 %"),
+    ],
+)
+def test_a_static_option_that_makes_no_sense_is_told(run, results, arguments, said):
+    ran = run("fit", results, "--model", "zener", *arguments)
+    assert ran.exit_code == 2
+    assert said in " ".join(ran.stderr.split())
+
+
+def test_a_table_without_static_tests_cannot_have_a_ramp(run, tmp_path):
+    ran = run("fit", reduced(tmp_path / "k.csv"), "--static", "ramp")
+    assert ran.exit_code == 2
+    assert "has no static.csv" in ran.stderr

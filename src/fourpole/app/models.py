@@ -24,6 +24,7 @@ from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, mode
 from fourpole.fitting.query import Query, ask
 from fourpole.fitting.shifting import laws_beside
 from fourpole.fitting.stated import rig_file, shapes_in
+from fourpole.fitting.static import FACTOR_STD, join_static
 from fourpole.io.staging import staged
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.choice import STOPPED
@@ -65,6 +66,24 @@ def _static(data: DataOptions) -> tuple[float, float] | None:
     return k1, k1 * option(data.std_k1 or "2 %", "ratio", "--std-k1")
 
 
+def _with_static(measured: MeasuredSet, path: Path, options: FitOptions) -> MeasuredSet:
+    """The conditions with K1 as ``--static`` states it: at rest, or as the tangent of a ramp."""
+    if options.static not in (None, "rest", "ramp"):
+        raise UnitError(f"--static: {units.shown(str(options.static))} is neither rest nor ramp")
+    if options.static != "ramp":
+        if options.std_static is not None:
+            raise UnitError("--std-static is of --static ramp: state both")
+        return measured
+    if options.k1 is not None:
+        raise UnitError("--k1 states no time: --static ramp takes K1 of the static tests; state one of the two")
+    if options.share:
+        raise UnitError("--share takes K1 at rest: state --share or --static ramp")
+    std = FACTOR_STD if options.std_static is None else option(options.std_static, "ratio", "--std-static")
+    if not 0 <= std <= 1:
+        raise UnitError("--std-static: the uncertainty of the factor must lie between 0 and 100 %")
+    return join_static(measured, path, std)
+
+
 def _band(text: str) -> tuple[float, float]:
     """Lowest and highest frequency [Hz] of the option ``--band``."""
     try:
@@ -75,7 +94,7 @@ def _band(text: str) -> tuple[float, float]:
 
 def run_fit(path: Path, model: str, options: FitOptions, *, as_json: bool) -> None:
     """Fit or choose a model for each tyre; write the model file and its figures."""
-    measured = _read(path, options, model=model)
+    measured = _with_static(_read(path, options, model=model), path, options)
     _notes(measured)
     with progress("fitting") as advance:
         fixed = _fixed(options.fix or (), model)

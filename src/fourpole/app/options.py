@@ -143,6 +143,8 @@ class FitOptions(DataOptions):
 
     fix: list[str] | None = _given('A known parameter, as "K1=180 kN/m"; it is not fitted.')
     share: list[str] | None = _given("A parameter with one value for all conditions of a tyre, as tau_1.")
+    static: str | None = _given("K1 of the static test: rest, at zero frequency (default), or ramp, at its own rate.")
+    std_static: str | None = _given('For ramp: u of the factor by which K1 differs at its amplitude; by default "5 %".')
     file: Path | None = _given("Model file to write; by default RESULTS/model.json of a folder.", "--out")
     figure: Path | None = _given("Figure to write: .svg, .png or .pdf.")
 

@@ -40,6 +40,7 @@ from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart,
 from fourpole.io.source import read_bytes
 from fourpole.io.staging import recover
 from fourpole.models.data import StiffnessData
+from fourpole.models.ramp import Loop
 from fourpole.models.recorded import Recorded, bends
 from fourpole.units import shown
 
@@ -78,6 +79,8 @@ class Measured(ByValue):
     recorded : Recorded, optional
         K* near that of a model, as the recordings have it. The data have it where the shared errors are not linear
         within the noise.
+    loop : Loop, optional
+        The static test, if K1 is the tangent of its ramp.
     """
 
     tyre: str
@@ -86,6 +89,7 @@ class Measured(ByValue):
     own: StiffnessData
     shared: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     recorded: Recorded | None = None
+    loop: Loop | None = None
 
     @property
     def tests(self) -> tuple[str, ...]:
@@ -98,15 +102,9 @@ class Measured(ByValue):
         own = self.own
         if not self.shared.size:
             return own
-        data = StiffnessData.of(
-            own.omega,
-            own.stiffness,
-            covariance=own.covariance,
-            shared=self.shared,
-            k1=own.k1,
-            k1_std=own.k1_std,
-        )
-        data = replace(data, amplitude=own.amplitude)
+        k1 = {"k1": own.k1, "k1_std": own.k1_std}
+        data = StiffnessData.of(own.omega, own.stiffness, covariance=own.covariance, shared=self.shared, **k1)
+        data = replace(data, amplitude=own.amplitude, **own.ramp)
         if self.recorded is None or not bends(own, self.shared):
             return data
         return replace(data, recorded=np.array(self.recorded, dtype=object))

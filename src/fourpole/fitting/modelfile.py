@@ -22,6 +22,7 @@ from fourpole.fitting.lawfile import TemperatureFile, check_law
 from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
 from fourpole.fitting.pressures import PressureFile, check_pressures
 from fourpole.fitting.seal import KEY, sealed
+from fourpole.fitting.static import StaticFile
 from fourpole.io.write import write_text
 from fourpole.models.families import model_named
 from fourpole.models.interface import Model
@@ -38,7 +39,7 @@ _MOST_PARAMETERS = 601
 
 
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
-LATER = ("axes", "points", "shape", "temperature", "pressures", "amplitude", "logarithmic")
+LATER = ("axes", "points", "shape", "temperature", "pressures", "amplitude", "logarithmic", "static")
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: Amplitudes of the deflection, rising [m].
@@ -107,6 +108,7 @@ class ConditionFile(Strict):
     converged: bool
     agreed: float = Field(description="Fraction of the starts that led to this optimum [1].")
     verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
+    static: StaticFile | None = Field(default=None, description="Static test that was joined as a ramp.")
 
 
 class _Entry(Strict):

@@ -36,6 +36,7 @@ from fourpole.fitting.modelfile import (
 from fourpole.fitting.modelparts import NamedValue
 from fourpole.fitting.near import near_models, needs_recordings
 from fourpole.fitting.pressures import OverPressures, PressureFile, sentences, share_over_pressures
+from fourpole.fitting.static import StaticFile, factor_sentence
 from fourpole.models.causality import Possible, check_possible, near_passive
 from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
@@ -201,7 +202,10 @@ def _fit_tyre(
         best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
     ends, why = intervals(best.fits, data, fixed, step, shared=bool(share or pressures), stopped=stopped)
-    said = [*sentences(pressures, measured, whole), *_left_out(choice), *why, *([told] if told else [])]
+    statics = [StaticFile.of(one.loop, fit, row) for one, fit, row in zip(measured, best.fits, data, strict=True)]
+    joined = [one for one in statics if one is not None]
+    ramped = factor_sentence(best.fit.model, joined, any(one.loop is not None for one in measured))
+    said = [*sentences(pressures, measured, whole), *ramped, *_left_out(choice), *why, *([told] if told else [])]
     choice = replace(choice, text=". ".join([choice.text, *said]))
     return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, pressures)
 
@@ -410,7 +414,7 @@ def model_file(
 
 def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | None) -> ModelEntry:
     verdicts = found.verdicts or (None,) * len(found.measured)
-    rows = zip(found.measured, found.chosen.fits, found.intervals, verdicts, strict=True)
+    rows = zip(found.measured, found.data, found.chosen.fits, found.intervals, verdicts, strict=True)
     return ModelEntry(
         tyre=found.tyre,
         model=found.model.name,
@@ -450,7 +454,9 @@ def lacking_error(measured: Measured, verdict: Possible) -> float:
     return 0.0 if verdict.possible else model_discrepancy([measured.data])
 
 
-def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: Possible | None) -> ConditionFile:
+def _condition_entry(
+    measured: Measured, data: StiffnessData, found: Fit, ends: FloatArray, verdict: Possible | None
+) -> ConditionFile:
     points = [point for name, point in measured.keys if name]
     return ConditionFile(
         state=NamedValue.of(measured.state),
@@ -467,4 +473,5 @@ def _condition_entry(measured: Measured, found: Fit, ends: FloatArray, verdict: 
         converged=bool(found.converged),
         agreed=float(found.agreed),
         verdict=None if verdict is None else _verdict_entry(measured, verdict),
+        static=StaticFile.of(measured.loop, found, data, ranged=True),
     )

@@ -41,5 +41,5 @@ def near_models(measured: Sequence[Measured], stiffness: Sequence[ComplexArray])
             k1_std=one.own.k1_std,
         )
         effect = (multiplication(data.stiffness) @ shared).reshape(2 * k.size, -1)
-        made.append(replace(one, own=replace(data, amplitude=one.own.amplitude), shared=effect))
+        made.append(replace(one, own=replace(data, amplitude=one.own.amplitude, **one.own.ramp), shared=effect))
     return made

@@ -29,6 +29,7 @@ from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, Rig
 from fourpole.fitting.modelparts import LARGEST
 from fourpole.fitting.pressures import between
 from fourpole.fitting.rows import tyre_columns
+from fourpole.fitting.static import StaticFile
 from fourpole.models.linearised import Scatter
 from fourpole.models.links import link_all, unlink_all
 from fourpole.models.omitted import LeaveOneOut
@@ -99,6 +100,10 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         answer = answer_at(found, points, frequency, amplitude, levels)
     else:
         answer = found.ask(points, frequency) if shift is None else shift.answer(found, points, frequency)
+    static = _static_of(file, tyre, found)
+    if static is not None and far.any():
+        wider = static.wider(reduced, answer.stiffness, answer.covariance)
+        answer = Answer.of(answer.stiffness, answer.k1, wider, 2 * np.pi * frequency)
     rig = query.rig if query.rig is not None else rig_in(file.rig)
     tr = answer.transmissibility(rig, frequency) if rig is not None else np.full((2, frequency.size), np.nan)
     columns = {**tyre_columns(answer), **dict(zip(q.TR.heads, tr, strict=True))}
@@ -111,6 +116,8 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         row |= {} if shift is None else {_TEMPERATURE: shift.temperature, _REDUCED: float(reduced[at])}
         row |= {head: float(one[at]) for head, one in columns.items()}
         apart = outside if shift is None else max(outside, shift.outside)
+        if static is not None and far[at] and reduced[at] < found.band[0]:
+            beyond.append(static.remark(float(reduced[at])))
         every = [*remarks, *([] if shift is None else shift.remarks), *beyond]
         row |= {q.OUTSIDE.head: apart, "remarks": "; ".join(every)}
         rows.append({name: _finite(value) for name, value in row.items()})
@@ -254,6 +261,15 @@ def _untested(file: ModelFile, tyre: str, found: OperatingMap) -> tuple[str, ...
     error, where = 100 * float(np.sqrt(np.mean(errors**2))), _value(q.PRESSURE.head, pressure)
     left_out = f"at tested pressures that were left out it was off by {error:.2g} %"
     return (f"no test at {where}: K* is what the {entry.model} predicts; {left_out}",)
+
+
+def _static_of(file: ModelFile, tyre: str, found: OperatingMap) -> StaticFile | None:
+    """The static test of the condition of an answer, if it was joined as a ramp."""
+    entry = next((one for one in file.models if one.tyre == tyre), None)
+    for one in entry.conditions if entry is not None else ():
+        if {each.column: each.value for each in one.state} == found.axes.constant:
+            return one.static
+    return None
 
 
 def _one_point(entry: ModelEntry, one: ConditionFile, values: FloatArray, own: dict[str, float]) -> OperatingMap:

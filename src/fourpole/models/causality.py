@@ -158,9 +158,10 @@ class _Best:
 def _best(data: StiffnessData, enough: float) -> _Best:
     """The best passive tyre on a grid of times that is refined, and searched, until the probability is `enough`."""
     omega = data.omega
-    decades = np.log10(omega.max() / omega.min()) + 2 * _BEYOND
+    low = data.lowest
+    decades = np.log10(omega.max() / low) + 2 * _BEYOND
     count = int(np.ceil(decades * _PER_DECADE)) + 1
-    times: FloatArray = 1.0 / np.geomspace(omega.min() / 10**_BEYOND, omega.max() * 10**_BEYOND, count)[::-1]
+    times: FloatArray = 1.0 / np.geomspace(low / 10**_BEYOND, omega.max() * 10**_BEYOND, count)[::-1]
     whiten, before = data.whitener(), np.inf
     for _ in range(_ROUNDS):
         best = _with_times(data, whiten, times)
@@ -172,11 +173,12 @@ def _best(data: StiffnessData, enough: float) -> _Best:
 
 def _with_times(data: StiffnessData, whiten: FloatArray, times: FloatArray) -> _Best:
     """The best passive tyre with given relaxation times."""
-    terms = _terms(data.omega, times, data.has_k1)
+    terms = _terms(data.omega, times, data.has_k1 and not data.ramp)
     rows, target = data.whitened(whiten, terms), data.whitened(whiten, data.stiffness[:, None])[:, 0]
-    if data.has_k1:  # one more row, in which only the first term, K_inf, has a coefficient
+    if data.has_k1:  # one more row: K_inf, and the share of each arm if the static test was a ramp
         k1 = np.zeros(terms.shape[1])
         k1[0] = 1.0 / data.k1_std
+        k1[-times.size - 1 : -1] = data.static_share(times) / data.k1_std
         rows, target = np.vstack([rows, k1]), np.append(target, data.k1 / data.k1_std)
     size = np.linalg.norm(rows, axis=0)
     found, norm = optimize.nnls(rows / size, target, maxiter=20 * terms.shape[1])
@@ -233,7 +235,8 @@ def _impossible(data: StiffnessData, far: FloatArray) -> tuple[np.ndarray, bool]
 def _terms(omega: FloatArray, times: FloatArray, known: bool) -> ComplexArray:
     """K* of the terms per unit of their coefficients (N, k): K_inf, arms, a damper.
 
-    If K1 is known, a second constant is an arm that relaxes too slowly for the band: it is part of K*, but not of K1.
+    If K1 is `known` at zero frequency, a second constant is an arm that relaxes too slowly for the band: it is part of
+    K*, but not of K1.
     """
     constant = np.ones((omega.size, 2 if known else 1))
     return np.concatenate([constant, relaxation(omega, times), 1j * omega[:, None] / omega.max()], axis=1)

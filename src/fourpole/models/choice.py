@@ -15,6 +15,7 @@ from fourpole.models.data import SCALINGS, StiffnessData, stacked
 from fourpole.models.families import automatic, contains, model_named, sizes_of
 from fourpole.models.fit import Fit, best_fit, fit
 from fourpole.models.interface import Model
+from fourpole.models.ramp import takes_k1
 from fourpole.models.starts import starts_of
 
 #: Reason why a model that was not compared was left out: the user stopped the fits.
@@ -299,7 +300,7 @@ def _candidate(model: Model, conditions: Sequence[StiffnessData], given: Sequenc
     aicc = bic = 0.0
     for one, data in zip(fits, conditions, strict=True):
         # For a model that flows, K1 is a datum and a parameter of its own: all models are compared on the same data.
-        count = one.residuals.shape[-1] + int(data.has_k1 and not model.rests)
+        count = one.residuals.shape[-1] + int(data.has_k1 and not takes_k1(model, data))
         free = count - one.dof
         aicc += float(one.chi2) + 2 * free + 2 * free * (free + 1) / max(count - free - 1, 1)
         bic += float(one.chi2) + free * float(np.log(count))
@@ -344,7 +345,7 @@ def _without(data: StiffnessData, unused: BoolArray) -> StiffnessData:
         covariance = np.where(unused[:, None, :, None, None], huge[..., None, None] * np.eye(2), covariance)
     lead = (folds, *data.stiffness.shape[:-1])
     omega, k1, k1_std = (np.broadcast_to(one, (*lead, *one.shape[1:])) for one in (data.omega, data.k1, data.k1_std))
-    found = StiffnessData(omega, np.broadcast_to(data.stiffness, (*lead, count)), covariance, k1, k1_std)
+    found = StiffnessData(omega, np.broadcast_to(data.stiffness, (*lead, count)), covariance, k1, k1_std, **data.ramp)
     amplitude = data.amplitude
     return found if amplitude is None else replace(found, amplitude=np.broadcast_to(amplitude, (*lead, count)))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,8 @@ _NEGLIGIBLE = 0.1
 _REACH = 5.0
 #: Largest entry of a covariance that is accepted [N²/m²].
 _LARGEST = 1e60
+#: Lowest frequency of which a static ramp says something, over the lowest in its weighted sum.
+_SLOWEST = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +50,9 @@ class StiffnessData(ByValue):
         near that K*; see `models.recorded.Recorded`. Without it, shared errors act in proportion to K*.
     amplitude : (N,) or (..., N) float array, optional [m]
         0-to-peak amplitude of the deflection, for models whose K* depends on it.
+    static_omega, static_weights : (..., J) float and complex arrays, optional [rad/s], [1]
+        Angular frequencies and weights for which K1 is the real part of the weighted sum of K*, as in a static test of
+        finite duration; see `models.ramp`. Without them K1 is K* at zero frequency.
 
     Examples
     --------
@@ -65,6 +70,8 @@ class StiffnessData(ByValue):
     reference: ComplexArray | None = None
     recorded: np.ndarray | None = None
     amplitude: FloatArray | None = None
+    static_omega: FloatArray | None = None
+    static_weights: ComplexArray | None = None
 
     @classmethod
     def of(
@@ -135,6 +142,25 @@ class StiffnessData(ByValue):
         """Whether at least one condition has a known static stiffness."""
         return bool(np.any(np.isfinite(self.k1) & np.isfinite(self.k1_std)))
 
+    @property
+    def ramp(self) -> dict[str, Any]:
+        """The frequencies and weights of a static test of finite duration, by the names of the attributes, if any."""
+        if self.static_omega is None or self.static_weights is None:
+            return {}
+        return {"static_omega": self.static_omega, "static_weights": self.static_weights}
+
+    @property
+    def lowest(self) -> float:
+        """Lowest angular frequency [rad/s] of the data, that of a static test of finite duration included."""
+        band = float(self.omega.min())
+        return band if self.static_omega is None else min(band, _SLOWEST * float(self.static_omega.min()))
+
+    def static_share(self, times: FloatArray) -> FloatArray:
+        """Share (T,) [1] of arms with relaxation times (T,) [s] in K1 of one condition; 0 at zero frequency."""
+        if self.static_omega is None or self.static_weights is None:
+            return np.zeros(times.shape)
+        return np.asarray(np.sum((self.static_weights[:, None] * relaxation(self.static_omega, times)).real, axis=0))
+
     def flat(self) -> StiffnessData:
         """The same data with all conditions along one axis (B, N), and their covariance as it is."""
         count = self.count
@@ -146,6 +172,10 @@ class StiffnessData(ByValue):
             self.k1.reshape(-1),
             self.k1_std.reshape(-1),
             amplitude=flat_rows(self.amplitude),
+            **{
+                name: np.broadcast_to(one, (*self.k1.shape, one.shape[-1])).reshape(-1, one.shape[-1])
+                for name, one in self.ramp.items()
+            },
         )
 
     def at(self, stiffness: ComplexArray) -> StiffnessData:
@@ -279,9 +309,8 @@ class StiffnessData(ByValue):
         relative = None if self.relative is None else self.relative[..., rows, :]
         reference = None if self.reference is None else self.reference[..., rows]
         amplitude = None if self.amplitude is None else self.amplitude[..., rows]
-        omega, stiffness = self.omega[..., rows], self.stiffness[..., rows]
-        found = StiffnessData(omega, stiffness, covariance, self.k1, self.k1_std, relative, reference)
-        return found if amplitude is None else replace(found, amplitude=amplitude)
+        found = replace(self, omega=self.omega[..., rows], stiffness=self.stiffness[..., rows], covariance=covariance)
+        return replace(found, relative=relative, reference=reference, recorded=None, amplitude=amplitude)
 
 
 def flat_rows(values: FloatArray | None) -> FloatArray | None:
@@ -306,11 +335,11 @@ def stacked(conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], St
     The members of a group have the same number of frequencies and of shared errors, and the same form of covariance.
     All or none of them have K1.
     """
-    names = ("omega", "stiffness", "covariance", "k1", "k1_std", "relative", "reference", "recorded", "amplitude")
+    names = [one.name for one in fields(StiffnessData)]
     kinds: dict[tuple[Any, ...], list[int]] = {}
     for at, one in enumerate(conditions):
         shared = None if one.relative is None else one.relative.shape[-1]
-        held = (one.reference is not None, one.recorded is not None, one.amplitude is not None)
+        held = tuple(getattr(one, name) is not None for name in names[6:])
         kinds.setdefault((one.count, one.full, one.has_k1, shared, *held), []).append(at)
     for places in kinds.values():
         parts = [conditions[at] for at in places]

@@ -14,6 +14,7 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
+from fourpole.models.ramp import static_derivative, static_stiffness, takes_k1
 from fourpole.models.spectrum import WhitenedCondition, each_whitened
 
 if TYPE_CHECKING:
@@ -59,9 +60,9 @@ def _linear(model: Model, condition: WhitenedCondition, start: FloatArray, fixed
     rows = data.whitened(whiten, terms)
     off = data.stiffness - model.stiffness(values, data.omega)
     target = data.whitened(whiten, off[:, None])[:, 0]
-    if data.has_k1 and model.rests:
-        rows = np.vstack([rows, model.static_derivative(values)[free] / data.k1_std])
-        target = np.append(target, (data.k1 - model.static_stiffness(values)) / data.k1_std)
+    if takes_k1(model, data):
+        rows = np.vstack([rows, static_derivative(model, values, data)[free] / data.k1_std])
+        target = np.append(target, (data.k1 - static_stiffness(model, values, data)) / data.k1_std)
     return _Linear(rows, target, free, values)
 
 
@@ -140,7 +141,7 @@ def nonnegative_intervals(found: Fit, data: StiffnessData, rise: float, fixed: S
     least = float(found.chi2) - rest
     for at, place in enumerate(problem.free.tolist()):
         others = np.delete(small, at, axis=1)
-        profile = _Profile(small[:, at], others, target, least)
+        profile = Profile(small[:, at], others, target, least)
         best, std = float(found.values[place]), float(found.std[place])
         step = rise * (std or 1.0 / max(float(np.linalg.norm(small[:, at])), 1e-300))
         ends[place, 1] = profile.end(best, step, rise)
@@ -158,7 +159,7 @@ def _condensed(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatA
 
 
 @dataclass(frozen=True, eq=False)
-class _Profile(ByValue):
+class Profile(ByValue):
     """Least chi-square over all other terms, as a function of the factor of one term."""
 
     term: FloatArray

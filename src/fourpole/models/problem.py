@@ -16,6 +16,7 @@ from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
+from fourpole.models.ramp import static_derivative, static_stiffness, takes_k1
 
 #: A logarithm that is farther than this from its start counts as on its bound.
 _FARTHEST = 30.0
@@ -68,7 +69,7 @@ class FitProblem(ByValue):
 
     def part(self, rows: np.ndarray) -> FitProblem:
         """The same problem for some of the conditions."""
-        names = ("stiffness", "covariance", "k1", "k1_std")
+        names = ("stiffness", "covariance", "k1", "k1_std", *self.data.ramp)
         data = replace(self.data, **{name: getattr(self.data, name)[rows] for name in names})
         if data.omega.ndim > 1:
             data = replace(data, omega=data.omega[rows])
@@ -114,7 +115,7 @@ class FitProblem(ByValue):
         rows = self.data.whitened(self.whiten, off[..., None])[..., 0]
         if not self.has_k1:
             return rows
-        at_rest = (np.nan_to_num(self.data.k1) - self.model.static_stiffness(values)) / self._k1_std()
+        at_rest = (np.nan_to_num(self.data.k1) - static_stiffness(self.model, values, self.data)) / self._k1_std()
         return np.concatenate([rows, at_rest[:, None]], axis=1)
 
     def jacobian(self, place: FloatArray) -> FloatArray:
@@ -126,7 +127,7 @@ class FitProblem(ByValue):
         rows = self.data.whitened(self.whiten, by * unit[:, None, :])
         if not self.has_k1:
             return rows
-        at_rest = self.model.static_derivative(values) @ self.spread * unit / self._k1_std()[:, None]
+        at_rest = static_derivative(self.model, values, self.data) @ self.spread * unit / self._k1_std()[:, None]
         return np.concatenate([rows, at_rest[:, None, :]], axis=1)
 
     def _k1_std(self) -> FloatArray:
@@ -178,7 +179,7 @@ def problem_of(
         model.checked(begin)
     free = np.array([at for at, one in enumerate(symbols) if one not in fixed and one not in tied], dtype=int)
     flat = data.flat()
-    has_k1 = data.has_k1 and model.rests
+    has_k1 = takes_k1(model, data)
     _check_count(model, free.size, data.count, 2 * data.count + int(has_k1))
     chosen = [model.parameters[at] for at in free]
     spread, high = _spread(model, symbols, free, tied)

@@ -22,6 +22,7 @@ from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit, fit
 from fourpole.models.interface import Model, Parameter
 from fourpole.models.nonnegative import nonnegative_intervals
+from fourpole.models.ramp import static_stiffness, takes_k1
 from fourpole.models.starts import starts_of
 
 #: Distances from the best value, in standard uncertainties, at which the profile is evaluated: first near, then far.
@@ -230,14 +231,14 @@ def _misfit(model: Model, data: StiffnessData, values: FloatArray) -> FloatArray
     """Chi-square (B,) of given parameters (B, P) on conditions (B,)."""
     off = data.stiffness - model.on(data).stiffness(values, data.omega)
     chi2 = np.sum(data.whitened(data.whitener(), off[..., None])[..., 0] ** 2, axis=-1)
-    if not model.rests:
+    if not takes_k1(model, data):
         return np.asarray(chi2)
-    k1 = (data.k1 - model.static_stiffness(values)) / data.k1_std
+    k1 = (data.k1 - static_stiffness(model, values, data)) / data.k1_std
     return np.asarray(chi2 + np.nan_to_num(k1) ** 2)
 
 
 def _repeated(data: StiffnessData, shape: tuple[int, ...]) -> StiffnessData:
     """The data of one condition as those of an array of equal conditions."""
     parts: list[Any] = [data.stiffness, data.covariance, data.k1, data.k1_std]
-    found = StiffnessData(data.omega, *(np.broadcast_to(one, (*shape, *one.shape)) for one in parts))
-    return replace(found, amplitude=data.amplitude)
+    many = [np.broadcast_to(one, (*shape, *one.shape)) for one in parts]
+    return replace(StiffnessData(data.omega, *many), amplitude=data.amplitude, **data.ramp)

@@ -83,12 +83,13 @@ class Prony(RelaxingArms):
     def placed(self, conditions: Sequence[StiffnessData]) -> Prony:
         """The model with relaxation times over the band of all conditions.
 
-        The number of times is that of the band and its decades. Each end of the times lies 0, 1/4 or 1/2 decade beyond
-        the band; of these nine choices the one with the least chi-square is taken.
+        A static test of finite duration extends the band. The number of times is that of the band and its decades.
+        Each end of the times lies 0, 1/4 or 1/2 decade beyond the band; of these nine choices the one with the least
+        chi-square is taken.
         """
         if self._is_placed:
             return self
-        low = min(float(one.omega.min()) for one in conditions)
+        low = min(one.lowest for one in conditions)
         high = max(float(one.omega.max()) for one in conditions)
         decades = float(np.log10(high) - np.log10(low))
         count = max(int(decades * self.per_decade + 1e-6) + 1, _FEWEST)

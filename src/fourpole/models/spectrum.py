@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import optimize
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
@@ -46,10 +47,15 @@ class WhitenedCondition(ByValue):
         """K* (N,) [N/m]."""
         return self.data.stiffness
 
-    def rows(self, terms: ComplexArray) -> FloatArray:
-        """Terms of K* (..., N, k) as rows (..., 2N + 1, k); the first term is the stiffness at zero frequency."""
+    def rows(self, terms: ComplexArray, static: ArrayLike = 0.0) -> FloatArray:
+        """Terms of K* (..., N, k) as rows (..., 2N + 1, k); the first term is the stiffness at zero frequency.
+
+        `static` is the share of the other terms in K1 [1].
+        """
         k1 = np.zeros((*terms.shape[:-2], 1, terms.shape[-1]))
-        k1[..., 0] = 1.0 / self.data.k1_std if self.data.has_k1 else 0.0
+        if self.data.has_k1:
+            k1[..., 0] = 1.0 / self.data.k1_std
+            k1[..., 1:] = np.asarray(static) / self.data.k1_std
         return np.concatenate([self.data.whitened(self.whiten, terms), k1], axis=-2)
 
     @property
@@ -60,15 +66,16 @@ class WhitenedCondition(ByValue):
 
     def arms(self, times: FloatArray) -> FloatArray:
         """Rows (2N + 1, T + 1) of a unit spring and of unit arms with relaxation times (T,) [s]."""
-        return self.rows(np.concatenate([np.ones((self.omega.size, 1)), relaxation(self.omega, times)], axis=1))
+        terms = np.concatenate([np.ones((self.omega.size, 1)), relaxation(self.omega, times)], axis=1)
+        return self.rows(terms, self.data.static_share(times))
 
 
 def whitened_conditions(data: StiffnessData) -> list[WhitenedCondition]:
     """Each of the conditions (B, N), whose frequencies are (B, N) as well, with its whitener."""
     parts = (data.omega, data.stiffness, data.covariance, data.k1, data.k1_std)
-    return [
-        WhitenedCondition(StiffnessData(*row), whiten) for *row, whiten in zip(*parts, data.whitener(), strict=True)
-    ]
+    ramps = [{name: one[at] for name, one in data.ramp.items()} for at in range(len(data.stiffness))]
+    rows = zip(*parts, data.whitener(), ramps, strict=True)
+    return [WhitenedCondition(StiffnessData(*row, **ramp), whiten) for *row, whiten, ramp in rows]
 
 
 def each_whitened(data: StiffnessData) -> list[WhitenedCondition]:
@@ -122,7 +129,7 @@ def _springs_at(condition: WhitenedCondition, times: FloatArray) -> tuple[FloatA
 
 def _spread(condition: WhitenedCondition, arms: int, beyond: float) -> FloatArray:
     """Logarithms of times, evenly spread over the band and beyond it by a factor; a single time is within the band."""
-    low, high = -np.log(condition.omega.max()), -np.log(condition.omega.min())
+    low, high = -np.log(condition.omega.max()), -np.log(condition.data.lowest)
     if arms == 1:
         return np.array([low + (high - low) * beyond / (1.0 + beyond)])
     low, high = np.sort([low - np.log(beyond), high + np.log(beyond)])
@@ -179,7 +186,7 @@ class _Spectrum:
 
 def _spectrum(condition: WhitenedCondition) -> _Spectrum:
     """The relaxation spectrum of a condition, by non-negative least squares."""
-    decades = np.log10(condition.omega.max() / condition.omega.min()) + 2 * _BEYOND
+    decades = np.log10(condition.omega.max() / condition.data.lowest) + 2 * _BEYOND
     low = -np.log(condition.omega.max()) - _BEYOND * np.log(10.0)
     grid = np.linspace(low, low + decades * np.log(10.0), int(np.ceil(decades * _FINE)) + 1)
     rows = condition.arms(np.exp(grid))
