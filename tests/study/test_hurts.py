@@ -290,7 +290,9 @@ HURTS = {
         "rejected", ("tests.csv row 4: preload: 'lots' does not begin with a number",), in_row("1000", "lots")
     ),
     "negative preload": Hurt(
-        "rejected", ("tests.csv row 4: preload: '-1000' must be positive",), in_row("1000", "-1000")
+        "rejected",
+        ("tests.csv row 4: preload: -1000 N must be positive for a specimen that only stands on the rig",),
+        in_row("1000", "-1000"),
     ),
     "unit of another kind": Hurt(
         "rejected", ("tests.csv row 4: preload: ", "'mm' is a length; a force is needed"), in_row("1000", "10 mm")

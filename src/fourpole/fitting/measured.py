@@ -88,7 +88,7 @@ class Measured(ByValue):
     keys: tuple[Key, ...]
     own: StiffnessData
     shared: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
-    recorded: Recorded | None = None
+    recorded: Recorded | None = field(default=None, compare=False)
     loop: Loop | None = None
 
     @property

@@ -131,7 +131,7 @@ class Laws(ByValue):
 
 
 @dataclass(frozen=True, eq=False)
-class Normal:
+class Normal(ByValue):
     """The normal equations of a linearised fit.
 
     Attributes

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray, IntArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData, complex_columns, multiplication, real_columns, stacked
 from fourpole.models.interface import Model
@@ -70,7 +70,7 @@ class Scatter:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class Block(ByValue):
     """Conditions with the same number of frequencies.
 
     Attributes
@@ -92,7 +92,7 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(ByValue):
     """The linearised conditions of a block, M = 2N or, with K1, 2N + 1 rows each.
 
     Attributes
@@ -133,7 +133,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class Conditions:
+class Conditions(ByValue):
     """All conditions of a fit.
 
     Attributes
@@ -260,7 +260,7 @@ def _off(block: Block, shown: ComplexArray, k1: FloatArray, scale: ComplexArray)
 
 
 @dataclass(frozen=True, eq=False)
-class Weights:
+class Weights(ByValue):
     """The inverse V^-1 of the covariance of the rows of each condition of a block.
 
     The scatter of a condition adds two unknowns, one of Re log K* and one of Im log K*. They are eliminated, so that
