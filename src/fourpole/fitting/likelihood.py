@@ -82,7 +82,7 @@ def likelihood_rows(found: Likelihood) -> list[dict[str, Any]]:
     columns |= zip((one.head for one in _NUMBERS), (one.tolist() for one in numbers), strict=True)
     columns |= zip(_PARTS, amplitudes.T.tolist(), strict=True)
     columns |= {q.STORAGE.head: stiffness.real.tolist(), q.LOSS.head: stiffness.imag.tolist()}
-    columns |= {q.WEIGHTS.head: list(observed.whiten.reshape(-1, 36)), q.TURNS.head: list(turns)}
+    columns |= {q.WEIGHTS.head: observed.whiten.reshape(-1, 36).tolist(), q.TURNS.head: turns.tolist()}
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 

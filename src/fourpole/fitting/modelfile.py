@@ -277,6 +277,7 @@ class _SealedFile(ModelFile):
 def schema() -> dict[str, Any]:
     """The JSON schema of a model file."""
     found = {**_SealedFile.model_json_schema(), "title": "ModelFile", "description": ModelFile.__doc__}
+    found["$defs"]["Shape"]["description"] = (Shape.__doc__ or "").partition("\n")[0]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
 
 
