@@ -187,7 +187,7 @@ def test_rows_that_state_no_uncertainty_among_others_that_do_are_left_out():
 def test_a_stiffness_below_zero_is_no_tyres():
     found = measured_of(table(**{RE: [-200e3, 190e3, 195e3, 150e3]}))
     assert found.conditions[0].tests == ("D2",)
-    assert "below zero" in found.notes[0]
+    assert "not positive" in found.notes[0]
 
 
 def test_the_table_of_the_conditions_has_the_points_of_tests_with_several():

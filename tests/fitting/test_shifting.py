@@ -1,18 +1,20 @@
 """From tables of isotherms to a master curve on disk, a fitted model with the law, and answers at a temperature."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
 import pytest
 from tests.models.isotherms import C1, C2, fractional_zener, isotherm, log_a
 
-from fourpole.errors import ModelError
+from fourpole.errors import ModelError, TableError
 from fourpole.fitting.measured import read_measured
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.fitting.query import Query, ask
 from fourpole.fitting.shifting import (
+    _isotherm,
     as_stiffness,
     law_document,
     law_file,
@@ -183,3 +185,32 @@ def test_the_law_of_the_simulation_is_in_the_file(model):
     shifted = law.shift_law.at_reference(20.0)
     assert np.all(np.abs(shifted.values - [C1, C2]) < 4 * std)
     assert len(values) == 2
+
+
+def test_errors_that_the_recordings_share_stay_in_the_master_curve(tmp_path):
+    """A gain known to 2 % leaves every point of the master curve uncertain by 2 %, all together."""
+    measured = read_isotherms([table(tmp_path / "isotherms.csv", noise=1e-3)], std=1e-3)
+    gain = 0.02
+    conditions = []
+    for one in measured.conditions:
+        along = gain * np.stack([one.own.stiffness.real, one.own.stiffness.imag], axis=1).reshape(-1, 1)
+        conditions.append(replace(one, shared=along))
+    (found,) = shift_tyres(replace(measured, conditions=tuple(conditions)), 20.0)
+    master, covariance = master_tables([found])
+    of_gain = np.array([row[-1] for row in covariance["shared Re K* [N/m]"].to_list()])
+    assert of_gain == pytest.approx(gain * master["Re K* [N/m]"].to_numpy(), rel=0.01)
+    assert np.all(master["u(Re K*) [N/m]"].to_numpy() > 0.99 * gain * master["Re K* [N/m]"].to_numpy())
+
+
+def test_a_cell_that_is_no_number_is_named():
+    frame = pl.DataFrame({HERTZ: ["1", "2"], "E' [MPa]": ["1.0", "1,2e5"], "E'' [MPa]": ["0.1", "0.2"]})
+    with pytest.raises(TableError, match="row 3"):
+        as_stiffness(frame)
+
+
+def test_very_low_frequencies_stay_apart(tmp_path):
+    rows = {HERTZ: [1e-14, 2e-14, 3e-14] * 2, "temperature [degC]": [0.0] * 3 + [20.0] * 3}
+    rows |= {"Re K* [N/m]": [1e5, 1.1e5, 1.2e5] * 2, "Im K* [N/m]": [1e4] * 6}
+    pl.DataFrame(rows).write_csv(tmp_path / "low.csv")
+    (one, _) = read_isotherms([tmp_path / "low.csv"], std=0.01).conditions
+    assert one.own.omega.size == _isotherm(one, known=True).frequency.size == 3

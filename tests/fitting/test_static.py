@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
 import pytest
 
+from fourpole import quantities as q
 from fourpole.errors import ModelError, TableError
-from fourpole.fitting.measured import read_measured
+from fourpole.fitting.measured import Measured, read_measured
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.fitting.query import Query, ask
-from fourpole.fitting.static import LOOPS, STATIC, join_static
+from fourpole.fitting.static import LOOPS, STATIC, _is_of, join_static
+from fourpole.models.data import StiffnessData
 from fourpole.models.families import model_named
 
 FREQUENCY = np.linspace(6.0, 30.0, 13)
@@ -133,3 +136,13 @@ def test_a_preload_at_the_turn_is_refused(results):
     table.with_columns(pl.col("mean load [N]").list.eval(pl.element() * 0.503)).write_parquet(results / LOOPS)
     with pytest.raises(ModelError, match="where the motion turns"):
         join_static(read_measured(results), results, 0.05)
+
+
+def test_a_specimen_whose_name_begins_like_another_is_another():
+    data = StiffnessData.of([60.0], [2e5 + 2e4j], 1e3)
+    measured = Measured("radial-wide", {q.PRESSURE.head: 1.7e5, q.PRELOAD.head: 1000.0}, (("D1", 1),), data)
+    row = {q.TYRE.head: "radial", q.K1.head: 1e5, q.VERDICT.head: "ok", q.PRESSURE.head: 1.7e5, q.PRELOAD.head: 1000.0}
+    assert not _is_of(row, measured)
+    assert _is_of(row, replace(measured, tyre="radial at 20 °C"))
+    cold = replace(measured, tyre="radial", state={**measured.state, q.TEMPERATURE.head: 20.0})
+    assert not _is_of({**row, q.TEMPERATURE.head: 60.0}, cold)

@@ -29,6 +29,7 @@ from fourpole.fitting.common_errors import MOST_BYTES
 from fourpole.io.source import read_bytes
 
 FILE = "likelihood.parquet"
+_MOST_SHARED = 100_000
 _NUMBERS = (q.FREQUENCY, q.ADDED_MASS, q.K1, q.RUN_PLACE, q.OFF_CURVE, q.SPREAD)
 _COUNTS = (q.CONDITION, q.FAMILY, q.SPECIMEN)
 _PARTS = (*q.F1.parts, *q.V1.parts, *q.V2.parts)
@@ -115,7 +116,16 @@ def read_likelihoods(path: Path, record: Mapping[str, Any]) -> dict[str, Likelih
     try:
         frame = pl.read_parquet(io.BytesIO(read_bytes(path, max_bytes=MOST_BYTES)))
         return {rig: likelihood_in(frame.filter(pl.col(q.RIG.head) == rig), one) for rig, one in record.items()}
-    except (pl.exceptions.PolarsError, FourpoleError, ValueError, TypeError, KeyError, IndexError) as error:
+    except (
+        pl.exceptions.PolarsError,
+        FourpoleError,
+        ValueError,
+        TypeError,
+        KeyError,
+        IndexError,
+        AttributeError,
+        OverflowError,
+    ) as error:
         raise TableError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
 
 
@@ -132,6 +142,9 @@ def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:
         )
         for one in record["shared"]
     )
+    for one in parameters:
+        if not 0 <= one.index < (len(errors) if one.source.role is Role.CHANNEL else _MOST_SHARED):
+            raise ValueError(f"{one.source.text} has the index {one.index}")
     observed = Observed(
         omega=2 * np.pi * frequency,
         frequency_std=np.zeros(frequency.size),

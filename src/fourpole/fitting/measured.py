@@ -252,7 +252,7 @@ def _record_beside(table: Path) -> dict[str, Any]:
     """The record of the study that wrote the table; empty if there is none."""
     try:
         record = json.loads(read_bytes(table.parent / "study.json", max_bytes=MOST_BYTES))
-    except (FileError, ValueError):
+    except (FileError, ValueError, RecursionError):
         return {}
     return record if isinstance(record, dict) else {}
 

@@ -97,7 +97,9 @@ def usable(numbers: Mapping[str, FloatArray], name: str, *, stated: bool) -> tup
         good &= inside
     sound = good & (numbers[RE] > 0) & (np.hypot(np.nan_to_num(numbers[RE]), np.nan_to_num(numbers[IM])) < _LARGEST)
     if sound.sum() < good.sum():
-        notes.append(f"{int(good.sum() - sound.sum())} rows of {name} have a K' below zero and were left out")
+        count = int(good.sum() - sound.sum())
+        text = f"have a K' that is not positive, or beyond {_LARGEST:g} N/m, and were left out"
+        notes.append(f"{count} rows of {name} {text}")
     good = sound
     if stated and all(column in numbers for column in STD[:2]):
         sure = np.isfinite(numbers[STD[0]]) & np.isfinite(numbers[STD[1]])

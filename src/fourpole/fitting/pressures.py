@@ -10,6 +10,7 @@ from pydantic import Field
 
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
+from fourpole.core.condition import AXES
 from fourpole.errors import ModelError
 from fourpole.fitting.measured import Measured
 from fourpole.fitting.modelparts import Strict
@@ -35,7 +36,7 @@ class OverPressures:
 class PressureFile(Strict):
     """A set of parameters that several conditions share, which differ in their pressure."""
 
-    conditions: list[int] = Field(max_length=100_000, description="Places of the conditions, from 0 on.")
+    conditions: list[int] = Field(min_length=2, max_length=100_000, description="Places of the conditions, from 0 on.")
     shared: list[str] = Field(max_length=100, description="Symbols of the parameters that were fitted.")
     chi2: float = Field(description="Of the shared set, without scatter.")
     dof: int
@@ -138,9 +139,15 @@ def _near(
     """The known state that equals this one within the tolerance of a pressure; else this one."""
     for other in known:
         same = [column for column, _ in other] == [column for column, _ in rest]
-        if same and all(abs(a - b) <= _SAME * max(abs(a), abs(b)) for (_, a), (_, b) in zip(rest, other, strict=True)):
+        if same and all(_alike(column, a, b) for (column, a), (_, b) in zip(rest, other, strict=True)):
             return other
     return rest
+
+
+def _alike(column: str, one: float, other: float) -> bool:
+    """Whether two values on an axis are of one condition."""
+    axis = next((axis for axis in AXES if axis.column == column), None)
+    return abs(one - other) <= _SAME * max(abs(one), abs(other)) if axis is None else axis.same(one, other)
 
 
 def sentences(found: Sequence[OverPressures], measured: Sequence[Measured], discrepancy: float) -> list[str]:

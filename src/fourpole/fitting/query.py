@@ -39,6 +39,8 @@ from fourpole.models.surface import Axes
 from fourpole.units import shown
 
 _TEMPERATURE = q.TEMPERATURE.head
+#: Absolute zero [°C], where the Arrhenius law ends.
+_ABSOLUTE_ZERO = -273.15
 #: A temperature this far [K] outside the isotherms, whose temperatures are measured ones, counts as inside.
 _NOMINAL = 1.0
 #: Column of the frequency on the master curve.
@@ -177,11 +179,10 @@ def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
         if not query.beyond:
             raise ModelError(f"{remark}: state a temperature inside, measure there, or state --beyond")
         remarks.append(remark)
-        values = [one.value for one in law.constants]
-        if law.law == "WLF" and values[1] + temperature - law.reference <= 0:
-            raise ModelError(
-                f"the WLF law ends at {law.reference - values[1]:.4g} degC: it has no value at {temperature:.5g} degC"
-            )
+    values = [one.value for one in law.constants]
+    ends = law.reference - values[1] if law.law == "WLF" else _ABSOLUTE_ZERO
+    if temperature <= ends:
+        raise ModelError(f"the {law.law} law ends at {ends:.4g} °C: it has no value at {temperature:.5g} °C")
     apart = temperature - law.reference
     level = (0.0, 0.0) if law.vertical is None else (law.vertical.slope * apart, law.vertical.std * abs(apart))
     return _Shift(law.shift_law, temperature, outside, tuple(remarks), *level)

@@ -20,10 +20,12 @@ from fourpole.errors import FileError, ModelError, TableError
 from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
 from fourpole.fitting.lawfile import TemperatureFile, VerticalFile
 from fourpole.fitting.measured import MASTER, Measured, MeasuredSet, read_measured
+from fourpole.fitting.measuredtable import in_si, numbers_of
 from fourpole.fitting.modelparts import NamedValue
 from fourpole.fitting.seal import alterations, sealed
 from fourpole.io.source import read_bytes
 from fourpole.models.common_curve import Isotherm
+from fourpole.models.data import complex_columns
 from fourpole.models.overlap import Overlap, overlaps
 from fourpole.models.shift_law import CONSTANTS, LawChoice, fit_laws
 from fourpole.models.superposition import Superposition, superpose
@@ -130,8 +132,6 @@ def as_stiffness(frame: pl.DataFrame, shape: float | None = None) -> pl.DataFram
     for name in frame.columns:
         found = _HEAD.match(name)
         if found is None:
-            if name.startswith("temperature [") and name != _TEMPERATURE:
-                frame = _with_unit(frame, name, "temperature", _TEMPERATURE)
             continue
         real = found["part"] == "Re" or (found["part"] is None and found["mark"] in ("'", "′"))
         quantity = q.STORAGE if real else q.LOSS
@@ -143,17 +143,9 @@ def as_stiffness(frame: pl.DataFrame, shape: float | None = None) -> pl.DataFram
             raise TableError(f"{units.shown(name)} and {units.shown(head)} are both in the table: keep one of them")
         frame = frame.rename({name: head}) if head != name else frame
         if scale != 1.0:
-            numbers = frame[head].cast(pl.String).str.strip_chars().cast(pl.Float64, strict=False)
-            frame = frame.with_columns((numbers * scale).alias(head))
-    return frame
-
-
-def _with_unit(frame: pl.DataFrame, name: str, kind: str, head: str) -> pl.DataFrame:
-    """The table with a column in the SI unit of its kind."""
-    numbers = frame[name].cast(pl.String).str.strip_chars().cast(pl.Float64, strict=False)
-    unit = units.column_unit(name)[1] or ""
-    values = units.to_si(numbers.fill_null(np.nan).to_numpy(), unit, kind)
-    return frame.rename({name: head}).with_columns(pl.Series(head, values))
+            numbers = numbers_of(frame, head, "the table", np.ones(frame.height, dtype=bool))
+            frame = frame.with_columns(pl.Series(head, scale * numbers))
+    return in_si(frame, "the table")
 
 
 def shift_tyres(
@@ -200,7 +192,7 @@ def _shift(members: Sequence[Measured], reference: float | None, *, known: bool,
 
 def _isotherm(one: Measured, *, known: bool) -> Isotherm:
     """The isotherm of a condition; rows of one frequency are their mean."""
-    omega, at = np.unique(np.round(one.own.omega, 12), return_inverse=True)
+    omega, at = _frequencies(one)
     count = np.bincount(at)
     stiffness = (np.bincount(at, one.own.stiffness.real) + 1j * np.bincount(at, one.own.stiffness.imag)) / count
     covariance = None
@@ -208,6 +200,12 @@ def _isotherm(one: Measured, *, known: bool) -> Isotherm:
         flat = one.own.covariance.reshape(-1, 4)
         covariance = np.stack([np.bincount(at, column) / count**2 for column in flat.T], axis=-1).reshape(-1, 2, 2)
     return Isotherm(one.state[_TEMPERATURE], omega, np.asarray(stiffness, dtype=complex), covariance)
+
+
+def _frequencies(one: Measured) -> tuple[FloatArray, np.ndarray]:
+    """The distinct angular frequencies of a condition, and the number of each row's."""
+    _, first, at = np.unique(np.round(np.log(one.own.omega), 10), return_index=True, return_inverse=True)
+    return one.own.omega[first], at
 
 
 def _vertical(found: Superposition) -> tuple[float, float]:
@@ -280,7 +278,7 @@ def master_tables(every: Sequence[TyreShift]) -> tuple[pl.DataFrame, pl.DataFram
     covariance: list[dict[str, Any]] = []
     for number, one in enumerate(every):
         for at, t in enumerate(one.found.temperatures.tolist()):
-            own, shared = _errors(one.found, at)
+            own, shared = _errors(one.found, at, one.measured[at])
             omega, stiffness = one.found.reduced(at)
             name = f"{one.tyre} at {t:.5g} degC".strip()
             for point in range(omega.size):
@@ -297,13 +295,22 @@ def master_tables(every: Sequence[TyreShift]) -> tuple[pl.DataFrame, pl.DataFram
     return pl.DataFrame(rows, infer_schema_length=None), pl.DataFrame(covariance, infer_schema_length=None)
 
 
-def _errors(found: Superposition, at: int) -> tuple[FloatArray, FloatArray]:
-    """Own covariance (N, 2, 2) of reduced K* of an isotherm, and its change (N, 2, p) by errors of the shifts."""
+def _errors(found: Superposition, at: int, measured: Measured) -> tuple[FloatArray, FloatArray]:
+    """Own covariance (N, 2, 2) of reduced K* of an isotherm, and its change (N, 2, p) by errors that points share.
+
+    These are the errors of the shifts, and those of the recordings, such as gains.
+    """
     omega, stiffness = found.reduced(at)
     own = (found.errors[at] * np.exp(found.log_b[at]))[:, :, None] ** 2 * np.eye(2)
     columns = [found.slope(omega)[:, None] * _root(found.covariance)[at][None, :]]
     if found.vertical:
         columns.append(stiffness[:, None] * _root(found.vertical_covariance)[at][None, :])
+    if measured.shared.size:
+        relative = complex_columns(measured.shared) / measured.own.stiffness[:, None]
+        _, same = _frequencies(measured)
+        mean = [np.bincount(same, part) / np.bincount(same) for part in (*relative.real.T, *relative.imag.T)]
+        count = relative.shape[1]
+        columns.append(stiffness[:, None] * (np.stack(mean[:count], axis=1) + 1j * np.stack(mean[count:], axis=1)))
     whole = np.concatenate(columns, axis=1)
     return own, np.stack([whole.real, whole.imag], axis=1)
 
@@ -330,7 +337,7 @@ def laws_beside(table: Path, sha256: str) -> tuple[dict[str, TemperatureFile], s
         changed, same = alterations(document), document["master sha256"] == sha256
         laws = {one["tyre"]: TemperatureFile.model_validate(one["temperature"]) for one in document["laws"]}
         single = len(laws) == len(document["laws"])
-    except (FileError, ValueError, KeyError, TypeError, AttributeError):
+    except (FileError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return {}, f"{LAW} beside the table cannot be read: the model has no law of the temperature; run fourpole shift"
     if changed:
         return {}, f"{LAW}: {changed[0]}: the model has no law of the temperature; run fourpole shift again"

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.condition import PRELOAD, PRESSURE
+from fourpole.core.condition import AXES
 from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import ModelError, TableError
 from fourpole.fitting.common_errors import MOST_BYTES
@@ -173,7 +173,9 @@ class _StaticTests:
                     "time and the loop of each static test; or state --static rest"
                 )
         try:
-            static = pl.read_csv(read_bytes(folder / STATIC, max_bytes=MOST_BYTES), infer_schema_length=None)
+            texts = dict.fromkeys((q.TEST.head, q.TYRE.head, q.K1_OF.head, q.VERDICT.head), pl.String)
+            content = read_bytes(folder / STATIC, max_bytes=MOST_BYTES)
+            static = pl.read_csv(content, infer_schema_length=None, schema_overrides=texts)
             loops = pl.read_parquet(read_bytes(folder / LOOPS, max_bytes=MOST_BYTES))
         except pl.exceptions.PolarsError as error:
             raise TableError(f"{folder}: {STATIC} or {LOOPS} is no table ({str(error).splitlines()[0]})") from None
@@ -237,9 +239,11 @@ _COLUMNS = (
 def _is_of(row: Mapping[str, Any], one: Measured) -> bool:
     """Whether a row of static.csv is used for a condition: of its tyre, pressure and preload, and not rejected."""
     tyre, k1 = str(row[q.TYRE.head] or ""), row[q.K1.head]
-    if row[q.VERDICT.head] == "rejected" or k1 is None or not one.tyre.startswith(tyre):
+    if row[q.VERDICT.head] == "rejected" or k1 is None:
         return False
-    own = {axis: one.state.get(axis.column) for axis in (PRESSURE, PRELOAD)}
+    if one.tyre != tyre and not one.tyre.startswith((f"{tyre}, ", f"{tyre} at ")):
+        return False
+    own = {axis: one.state.get(axis.column) for axis in AXES}
     return all(axis.same(row.get(axis.column), value, blank=True) for axis, value in own.items())
 
 

@@ -91,7 +91,10 @@ class Likelihood(ByValue):
             dz = _best_shared(step, given)
             dz = dz * min(1.0, _LONGEST / float(np.abs(dz).max(initial=_LONGEST)))
             small = np.all(np.abs(dz) <= _SMALL * np.sqrt(np.diag(step.covariance)))
-            z, stiffness, step = _stepped(problem, z, stiffness, step, given, dz)
+            moved_on = _stepped(problem, z, stiffness, step, given, dz)
+            if moved_on is None:
+                break
+            z, stiffness, step = moved_on
             if small:
                 break
         if len(self._last) > _MOST_KEPT:
@@ -109,14 +112,14 @@ class Likelihood(ByValue):
 
 def _stepped(
     problem: Problem, z: FloatArray, stiffness: ComplexArray, step: Step, given: np.ndarray, dz: FloatArray
-) -> tuple[FloatArray, ComplexArray, Step]:
-    """The shared values and K* after a step that does not raise the objective: it is halved until it does not."""
+) -> tuple[FloatArray, ComplexArray, Step] | None:
+    """The shared values and K* after a step, halved until the objective does not rise; None if it always rises."""
     for share in 0.5 ** np.arange(_HALVINGS):
         found = _moved(stiffness, step, given, share * dz)
         there = sweep(problem, z + share * dz, found, step.slope)
         if no_worse(there, step):
-            break
-    return z + share * dz, found, there
+            return z + share * dz, found, there
+    return None
 
 
 def _best_shared(step: Step, given: np.ndarray) -> FloatArray:
