@@ -27,7 +27,6 @@ from fourpole.fitting.stated import rig_file, shapes_in
 from fourpole.fitting.static import FACTOR_STD, join_static
 from fourpole.io.staging import staged
 from fourpole.models.causality import Possible, check_possible
-from fourpole.models.choice import STOPPED
 from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
 from fourpole.study.results import Results, read_results
 
@@ -104,7 +103,7 @@ def run_fit(path: Path, model: str, options: FitOptions, *, as_json: bool) -> No
         warn(note)
     made = model_file(measured, fits, settings=_settings(model, options), laws=laws, **_stated(path))
     _show_written(made, _written(path, measured, made, options.file, options.figure), as_json=as_json)
-    if any(STOPPED in one.choice for one in made.models):
+    if any(one.stopped for one in fits):
         raise KeyboardInterrupt  # the exit code says so; what was found is written
 
 

@@ -16,6 +16,7 @@ from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import solve
 from fourpole.core.sources import Kind, Source
 from fourpole.fitting.measured import Measured
+from fourpole.fitting.near import common_likelihood
 from fourpole.models.causality import Possible, check_possible
 
 #: Errors that are tried: the logarithm of a gain, or the phase [rad] by a delay at the highest frequency; and their
@@ -31,13 +32,8 @@ def channel_hint(measured: Sequence[Measured], verdicts: Sequence[Possible]) -> 
 
     It is looked for if some condition is impossible and all conditions are from one rig with one mass.
     """
-    if all(one.possible for one in verdicts) or any(one.recorded is None for one in measured):
-        return ""
-    likelihoods = {id(one.recorded.likelihood): one.recorded.likelihood for one in measured if one.recorded}
-    if len(likelihoods) != 1:
-        return ""
-    (likelihood,) = likelihoods.values()
-    if likelihood.problem.shared.masses.size:
+    likelihood = None if all(one.possible for one in verdicts) else common_likelihood(measured)
+    if likelihood is None or likelihood.problem.shared.masses.size:
         return ""
     for kind in (Kind.GAIN, Kind.DELAY):
         value = _common_error(measured, likelihood, Source(kind, "V1"))

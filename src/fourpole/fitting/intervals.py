@@ -27,31 +27,33 @@ def intervals(
     *,
     shared: bool,
     stopped: bool,
-) -> tuple[tuple[FloatArray, ...], list[str]]:
+) -> tuple[tuple[FloatArray, ...], list[str], bool]:
     """95 % intervals (P, 2) of each condition; sentences say which of them are not by profile likelihood, and why.
+
+    Also whether the user stopped them, or `stopped` the fits before.
 
     Intervals of fits that share parameters, and those after a stop, are from the covariance.
     """
     ends: list[FloatArray] = []
-    why: list[str] = [STOPPED] if stopped else []
+    why: list[str] = []
     for one, row in zip(fits, data, strict=True):
         free = len(one.model.parameters) - len(fixed)
         long = not one.model.linear and free**3 * row.count > _MOST_WORK
-        if long and not shared and not why:
+        if long and not (shared or stopped or why):
             why = [f"{free} free parameters are too many for profile likelihood: {_INSTEAD}"]
         try:
-            if shared or long or STOPPED in why:
+            if shared or long or stopped:
                 ends.append(normal_ends(one))
             else:
                 here = row.at(one.model.on(row).stiffness(one.values, row.omega))
                 ends.append(profile_intervals(one, here, fixed=fixed))
         except KeyboardInterrupt:
-            why.append(STOPPED)
+            stopped = True
             ends.append(normal_ends(one))
         step()
-    if STOPPED in why:
-        why[why.index(STOPPED)] = f"Profile likelihood was {STOPPED}: intervals that it lacks are from the covariance"
-    return tuple(ends), why
+    if stopped:
+        why.append(f"Profile likelihood was {STOPPED}: intervals that it lacks are from the covariance")
+    return tuple(ends), why, stopped
 
 
 def normal_ends(found: Fit) -> FloatArray:

@@ -416,19 +416,13 @@ class _Rows:
         return replace(self, condition=condition, covariance=own)
 
     def notes(self, had_covariance: bool) -> list[str]:
-        moved = [_MOVED] if self.moved else []
-        return self._notes(had_covariance) + moved
-
-    def _notes(self, had_covariance: bool) -> list[str]:
+        said = []
         if not self.known:
-            return ["the table states no uncertainty of K*: what the best passive tyre leaves is taken for it"]
-        if self.forced:
-            return []
-        if had_covariance and self.alone:
-            return ["covariance.parquet is of other tests: errors that tests share are taken as independent"]
-        if self.alone:
-            return ["only the table was given: errors that tests share are taken as independent"]
-        return []
+            said = ["the table states no uncertainty of K*: what the best passive tyre leaves is taken for it"]
+        elif self.alone and not self.forced:
+            why = "covariance.parquet is of other tests" if had_covariance else "only the table was given"
+            said = [f"{why}: errors that tests share are taken as independent"]
+        return [*said, _MOVED] if self.moved else said
 
 
 def _known(rule: Sameness) -> set[str]:

@@ -34,7 +34,7 @@ from fourpole.fitting.modelfile import (
     parameters_of,
 )
 from fourpole.fitting.modelparts import NamedValue
-from fourpole.fitting.near import near_models, needs_recordings
+from fourpole.fitting.near import near_model
 from fourpole.fitting.pressures import OverPressures, PressureFile, sentences, share_over_pressures
 from fourpole.fitting.static import StaticFile, factor_sentence
 from fourpole.models.causality import Possible, check_possible, near_passive
@@ -81,6 +81,8 @@ class TyreFit(ByValue):
         Model discrepancy: the relative error of K* that makes chi-square equal its degrees of freedom.
     pressures : tuple of OverPressures
         Fits with one set of parameters for several pressures, of a model that has the pressure as a parameter.
+    stopped : bool
+        Whether the user stopped the fits of this tyre, or of those after it.
     """
 
     tyre: str
@@ -92,6 +94,7 @@ class TyreFit(ByValue):
     verdicts: tuple[Possible, ...]
     discrepancy: float
     pressures: tuple[OverPressures, ...] = ()
+    stopped: bool = False
 
     @property
     def model(self) -> Model:
@@ -166,7 +169,7 @@ def fit_tyres(
                 raise
             rest = ", ".join(shown(one) for one in measured.tyres[len(found) :])
             text = f"{found[-1].choice.text}. Not fitted, {STOPPED}: {rest}"
-            found[-1] = replace(found[-1], choice=replace(found[-1].choice, text=text))
+            found[-1] = replace(found[-1], choice=replace(found[-1].choice, text=text), stopped=True)
             break
     return found
 
@@ -201,13 +204,13 @@ def _fit_tyre(
     if share:
         best = replace(best, fits=_sharing(best, measured, whole, share, held))
     fixed = list(fixed_of(best.fit.model, held))
-    ends, why = intervals(best.fits, data, fixed, step, shared=bool(share or pressures), stopped=stopped)
+    ends, why, stopped = intervals(best.fits, data, fixed, step, shared=bool(share or pressures), stopped=stopped)
     statics = [StaticFile.of(one.loop, fit, row) for one, fit, row in zip(measured, best.fits, data, strict=True)]
     joined = [one for one in statics if one is not None]
     ramped = factor_sentence(best.fit.model, joined, any(one.loop is not None for one in measured))
     said = [*sentences(pressures, measured, whole), *ramped, *_left_out(choice), *why, *([told] if told else [])]
     choice = replace(choice, text=". ".join([choice.text, *said]))
-    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, pressures)
+    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, pressures, stopped)
 
 
 def _left_out(choice: Choice) -> list[str]:
@@ -243,12 +246,7 @@ def _sharing(
     model = best.fit.model
     if fixed_of(model, held):
         raise ModelError("parameters cannot be given together with shared ones: state --fix or --share")
-    if needs_recordings(measured):
-        shown = [
-            one.model.on(row.own).stiffness(one.values, row.own.omega)
-            for one, row in zip(best.fits, measured, strict=True)
-        ]
-        measured = near_models(measured, shown)
+    measured = near_model(measured, model, [one.values for one in best.fits])
     data = [with_error(one.own, discrepancy) for one in measured]
     designs = {name: np.ones((len(data), 1)) for name in share}
     start = np.stack([one.values for one in best.fits])
@@ -369,11 +367,9 @@ def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> Operating
         return make_map(model, [one.own for one in rows], axes, start, _common(rows))
 
     found = made(measured)
-    if not needs_recordings(measured):
-        return found
     values = found.parameters(axes.points if axes.names else np.zeros((len(measured), 0)))
-    shown = [model.on(one.own).stiffness(own, one.own.omega) for one, own in zip(measured, values, strict=True)]
-    return made(near_models(measured, shown))
+    near = near_model(measured, model, list(values))
+    return found if near is measured else made(near)
 
 
 def model_file(

@@ -1,4 +1,4 @@
-"""Conditions that are fitted together, with their shared errors at K* of models of all of them."""
+"""Conditions that are fitted together, with their shared errors at K* of a model of all of them."""
 
 from __future__ import annotations
 
@@ -7,39 +7,41 @@ from dataclasses import replace
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray
+from fourpole.core.arrays import FloatArray
+from fourpole.core.joint.around import Likelihood
 from fourpole.fitting.measured import Measured
-from fourpole.models.data import StiffnessData, multiplication
-from fourpole.models.recorded import bends
+from fourpole.models.data import real_columns
+from fourpole.models.interface import Model
+from fourpole.models.recorded import bends, own_near
 
 
-def needs_recordings(measured: Sequence[Measured]) -> bool:
-    """Whether all conditions are recorded on one rig, and the shared errors of some are not linear within the noise."""
+def common_likelihood(measured: Sequence[Measured]) -> Likelihood | None:
+    """The likelihood of the rig on which all conditions are recorded; None if there is none, or several."""
     if any(one.recorded is None for one in measured):
-        return False
-    rigs = {id(one.recorded.likelihood) for one in measured if one.recorded is not None}
-    return len(rigs) == 1 and any(bends(one.own, one.shared) for one in measured)
+        return None
+    rigs = {id(one.recorded.likelihood): one.recorded.likelihood for one in measured if one.recorded is not None}
+    return next(iter(rigs.values())) if len(rigs) == 1 else None
 
 
-def near_models(measured: Sequence[Measured], stiffness: Sequence[ComplexArray]) -> list[Measured]:
-    """The conditions linear about K* of models of all of them, for one set of shared errors; see `needs_recordings`."""
+def near_model(measured: Sequence[Measured], model: Model, values: Sequence[FloatArray]) -> Sequence[Measured]:
+    """The conditions linear about K* of a model with parameters for each (B, P), for one set of shared errors.
+
+    They are returned as they are if they are not recorded on one rig, or if the shared errors are linear within the
+    noise.
+    """
+    likelihood = common_likelihood(measured)
+    if likelihood is None or not any(bends(one.own, one.shared) for one in measured):
+        return measured
     recorded = [one.recorded for one in measured if one.recorded is not None]
+    stiffness = [model.on(one.own).stiffness(own, one.own.omega) for one, own in zip(measured, values, strict=True)]
     places = np.concatenate([one.places for one in recorded])
     given = np.concatenate([k / one.ratio for k, one in zip(stiffness, recorded, strict=True)])
-    near = recorded[0].likelihood.around(places, given)
-    parts = np.cumsum([one.places.size for one in recorded])[:-1]
-    split = [np.split(values, parts) for values in (near.change, near.own, near.shared)]
-    made = []
-    for one, k, change, own, shared in zip(measured, stiffness, *split, strict=True):
-        by_log = multiplication(k)
-        covariance = by_log @ own @ np.swapaxes(by_log, 1, 2)
-        data = StiffnessData.of(
-            one.own.omega,
-            k * (1 + change @ [1, 1j]),
-            covariance=0.5 * (covariance + np.swapaxes(covariance, 1, 2)),
-            k1=one.own.k1,
-            k1_std=one.own.k1_std,
-        )
-        effect = (multiplication(data.stiffness) @ shared).reshape(2 * k.size, -1)
-        made.append(replace(one, own=replace(data, amplitude=one.own.amplitude, **one.own.ramp), shared=effect))
+    whole = likelihood.around(places, given)
+    made, at = [], 0
+    for one, k in zip(measured, stiffness, strict=True):
+        found = whole.part(slice(at, at := at + k.size))
+        own = own_near(one.own.omega, k, found)
+        effect = real_columns(found.relative * own.stiffness[:, None])
+        kept = {"k1": one.own.k1, "k1_std": one.own.k1_std, "amplitude": one.own.amplitude, **one.own.ramp}
+        made.append(replace(one, own=replace(own, **kept), shared=effect))
     return made

@@ -161,6 +161,11 @@ class StiffnessData(ByValue):
             return np.zeros(times.shape)
         return np.asarray(np.sum((self.static_weights[:, None] * relaxation(self.static_omega, times)).real, axis=0))
 
+    @property
+    def shared_variance(self) -> FloatArray:
+        """Variance (..., N) of K* over |K*|² by the shared errors [1]; 0 without them."""
+        return np.zeros(self.stiffness.shape) if self.relative is None else np.sum(np.abs(self.relative) ** 2, axis=-1)
+
     def flat(self) -> StiffnessData:
         """The same data with all conditions along one axis (B, N), and their covariance as it is."""
         count = self.count
@@ -227,7 +232,7 @@ class StiffnessData(ByValue):
         size = np.abs(self.stiffness)
         if self.recorded is not None:  # near a resonance of the rig K* itself may be far too small
             size = np.maximum(size, np.median(size, axis=-1, keepdims=True))
-        second = size * np.sum(np.abs(self.relative) ** 2, axis=-1)
+        second = size * self.shared_variance
         at = np.arange(2 * self.count)
         whole = self.covariance.copy()
         whole[..., at, at] += np.repeat(second, 2, axis=-1) ** 2
@@ -246,7 +251,7 @@ class StiffnessData(ByValue):
         whitened = self.whitened(self.whitener(), (now * moved**2)[..., None])[..., 0]
         stale = np.any(np.abs(whitened) > _NEGLIGIBLE, axis=-1) | (self.reference is None)
         if self.recorded is not None and self.reference is not None:
-            reach = _REACH * np.sqrt(np.sum(np.abs(self.relative) ** 2, axis=-1)).max(axis=-1)
+            reach = _REACH * np.sqrt(self.shared_variance).max(axis=-1)
             stale &= moved.max(axis=-1) < reach + _FLOOR
         return np.asarray(stale)
 
@@ -339,7 +344,7 @@ def stacked(conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], St
     kinds: dict[tuple[Any, ...], list[int]] = {}
     for at, one in enumerate(conditions):
         shared = None if one.relative is None else one.relative.shape[-1]
-        held = tuple(getattr(one, name) is not None for name in names[6:])
+        held = (getattr(one, name) is not None for name in names)
         kinds.setdefault((one.count, one.full, one.has_k1, shared, *held), []).append(at)
     for places in kinds.values():
         parts = [conditions[at] for at in places]

@@ -42,11 +42,7 @@ def with_error(data: StiffnessData, error: float) -> StiffnessData:
     if not error:
         return data
     recorded = data.recorded
-    if (
-        recorded is not None
-        and data.relative is not None
-        and np.all(np.sum(np.abs(data.relative) ** 2, axis=-1) < _SMALL * error)
-    ):
+    if recorded is not None and np.all(data.shared_variance < _SMALL * error):
         recorded = None
     if recorded is not None:
         wider = [partial(_wider, one, error) for one in recorded.ravel()]

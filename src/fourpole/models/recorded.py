@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.joint.around import Likelihood
-from fourpole.models.data import StiffnessData, complex_columns, multiplication
+from fourpole.core.joint.around import Around, Likelihood
+from fourpole.models.data import StiffnessData, complex_columns, multiplication, real_columns
 
 #: Largest relative difference between K* of the data and of the joint solution, as by drift.
 _ALIKE = 0.5
@@ -62,13 +62,16 @@ class Recorded(ByValue):
 
     def __call__(self, stiffness: ComplexArray) -> StiffnessData:
         """The data near K* = `stiffness` (N,) [N/m]; covariance and shared errors are those at this K*."""
-        near = self.likelihood.around(self.places, stiffness / self.ratio)
-        by_log = multiplication(stiffness)
-        own = by_log @ near.own @ np.swapaxes(by_log, 1, 2)
-        data = StiffnessData.of(
-            self.omega,
-            stiffness * (1 + near.change @ [1, 1j]),
-            covariance=0.5 * (own + np.swapaxes(own, 1, 2)),
-            shared=(by_log @ near.shared).reshape(2 * stiffness.size, -1),
-        )
-        return replace(data, relative=near.shared[:, 0] + 1j * near.shared[:, 1], reference=stiffness)
+        found = self.likelihood.around(self.places, stiffness / self.ratio)
+        own = own_near(self.omega, stiffness, found)
+        shared = real_columns(found.relative * stiffness[:, None])
+        data = StiffnessData.of(self.omega, own.stiffness, covariance=own.covariance, shared=shared)
+        return replace(data, relative=found.relative, reference=stiffness)
+
+
+def own_near(omega: FloatArray, stiffness: ComplexArray, found: Around) -> StiffnessData:
+    """K* with the covariance for known shared errors, whose likelihood about K* = `stiffness` (N,) [N/m] is `found`."""
+    by_log = multiplication(stiffness)
+    own = by_log @ found.own @ np.swapaxes(by_log, 1, 2)
+    covariance = 0.5 * (own + np.swapaxes(own, 1, 2))
+    return StiffnessData.of(omega, stiffness * (1 + found.change @ [1, 1j]), covariance=covariance)

@@ -13,7 +13,7 @@ where e_c is the step to the best K* for known shared values, B_c its slope by t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -50,6 +50,15 @@ class Around(ByValue):
     change: FloatArray
     own: FloatArray
     shared: FloatArray
+
+    @property
+    def relative(self) -> ComplexArray:
+        """`shared` as complex numbers (n, p)."""
+        return np.asarray(self.shared[:, 0] + 1j * self.shared[:, 1])
+
+    def part(self, rows: slice) -> Around:
+        """The likelihood of some of the given conditions."""
+        return replace(self, change=self.change[rows], own=self.own[rows], shared=self.shared[rows])
 
 
 @dataclass(frozen=True, eq=False)
