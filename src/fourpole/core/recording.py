@@ -253,7 +253,8 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
         row = int(np.argmin(np.isfinite(time)))
         raise RecordingError(f"time is missing at sample {row + 1}; fill it in, or state sample_rate for the channels")
     increments = np.diff(time)
-    if not np.all(increments > 0):
+    shortest, longest = float(increments.min()), float(increments.max())
+    if not shortest > 0:
         row = int(np.argmax(increments <= 0))
         how = "runs backwards" if np.all(increments < 0) else f"does not increase at sample {row + 2}"
         raise RecordingError(
@@ -265,7 +266,7 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
     stamps = _resolution(time - time[0], step)
     # stamps within half a unit of a grid lie within (1 + 5/3)/2 units of the fitted one: its ends weigh the rest by 5/3
     rounding = 4 / 3 * stamps + 1e-6 * step + 4 * np.finfo(float).eps * float(np.max(np.abs(time)))
-    jumps = increments.max() > 1.5 * np.percentile(increments, 99.0)
+    jumps = longest > 1.5 * shortest and longest > 1.5 * np.percentile(increments, 99.0)
     if off_grid[worst] <= rounding and not jumps:
         return step, ""
     if off_grid[worst] <= 0.5 * step and not jumps:

@@ -219,18 +219,19 @@ def reduced_point(job: Job, path: Path, part: float | None = None) -> Point:
     """
     recording, rows = _loaded(job, path, part)
     near = job.test.value("frequency")
+    start = None
     if job.test.window is None:
-        recording, cut = _trimmed(recording, near)
+        recording, start, cut = _trimmed(recording, near)
         rows += cut
     recording, clipped = _unclipped(recording, job.needed)
     rows += clipped
     try:
-        found, wandering = _followed(recording, near)
+        found, wandering = _followed(recording, near, start)
     except RecordingError as error:
         present = [role for role in recording.channels if role not in job.needed]
         if not present:
             raise
-        found, wandering = _followed(recording.without(present[0]), near)
+        found, wandering = _followed(recording.without(present[0]), near, start)
         rows.append(_left_out(present[0], str(error)))
     force = recording.channels.get("force_in")
     mean = float(np.nanmean(force.samples)) if force is not None and np.isfinite(force.samples).any() else 0.0
@@ -257,25 +258,26 @@ def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording,
     return recording, rows + [reported(Code.TIME_BASE, "warning", why=remark) for remark in remarks]
 
 
-def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, list[Check]]:
-    """The steady part of a recording, and a check that states the length of the parts cut off."""
+def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, float | None, list[Check]]:
+    """The steady part of a recording, the first guess of its frequency [Hz], and a check that states what was cut."""
     try:
-        part = steady_part(recording, first_guess(recording, near))
+        frequency = first_guess(recording, near)
+        part = steady_part(recording, frequency)
     except RecordingError:
-        return recording, []  # the demodulation raises the same error with its cause
+        return recording, None, []  # the demodulation raises the same error with its cause
     if part is None:
-        return recording, []
+        return recording, frequency, []
     low, high = recording.span
     cut = cut_words(part[0] - low, high - part[1])
-    return recording.between(*part), [reported(Code.STEADY, "ok", cut=cut, length=high - low)]
+    return recording.between(*part), None, [reported(Code.STEADY, "ok", cut=cut, length=high - low)]
 
 
-def _followed(recording: Recording, near: float | None) -> tuple[Demodulation, list[Check]]:
-    """Amplitudes, and a check of the speed.
+def _followed(recording: Recording, near: float | None, start: float | None = None) -> tuple[Demodulation, list[Check]]:
+    """Amplitudes from a first guess of the frequency [Hz], and a check of the speed.
 
     Without a reference, a frequency that wanders much is tracked along the phase of V1.
     """
-    found = demodulate(recording, near=near)
+    found = demodulate(recording, near=near, start=start)
     if recording.reference is not None:
         return refine_reference(recording, found), []
     followed = follow_wander(recording, found)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import fft
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, response_std, without_crosstalk
 from fourpole.core.demodulation.halves import changes_of
-from fourpole.core.demodulation.harmonics import Harmonics, harmonics_of
+from fourpole.core.demodulation.harmonics import KEPT, Harmonics, harmonics_of
 from fourpole.core.demodulation.preview import Preview, preview
 from fourpole.core.demodulation.sinefit import SineFit, fit_sines, refine
 from fourpole.core.demodulation.spectrum import (
@@ -18,7 +19,7 @@ from fourpole.core.demodulation.spectrum import (
     find_lines,
     noise_beside,
     off_multiples,
-    strongest_line,
+    strongest_lines,
 )
 from fourpole.core.demodulation.spoilt import without_spoilt
 from fourpole.core.demodulation.tracks import Track, following, named, tracks_of
@@ -27,6 +28,8 @@ from fourpole.core.recording import DERIVATIVES, Channel, Recording
 from fourpole.errors import RecordingError, TooShortError
 
 _HARMONICS = 10
+#: Samples of a cycle in which the peak of a periodic signal is looked for.
+_OF_A_CYCLE = 512
 _MOST_LINES = 12
 _LINE_PASSES = 4
 #: A line below this share of the fundamental's amplitude is not fitted: it cannot change the result.
@@ -103,6 +106,7 @@ def demodulate(
     *,
     frequency: float | None = None,
     near: float | None = None,
+    start: float | None = None,
     mains: float | None = None,
     harmonics: int = _HARMONICS,
 ) -> Demodulation:
@@ -122,6 +126,8 @@ def demodulate(
         or it is estimated.
     near : float [Hz], optional
         The search for the excitation prefers a line within 5 % of this value. The estimate comes from the recording.
+    start : float [Hz], optional
+        First guess of the frequency, if it was made before, as by `first_guess`.
     mains : float [Hz], optional
         Mains frequency to remove with its harmonics. Lines that stand out of the noise are found without it.
     harmonics : int
@@ -159,8 +165,10 @@ def demodulate(
     if recording.reference is not None and frequency is None:
         tracks, omega = following(tracks, recording.reference, recording.span)
         return _fitted(recording, tracks, omega / (2 * np.pi), mains, harmonics, free=False)
-    start = frequency if frequency is not None else _strongest(recording, tracks[0], near)
-    return _fitted(recording, tracks, start, mains, harmonics, free=frequency is None)
+    if frequency is not None:
+        return _fitted(recording, tracks, frequency, mains, harmonics, free=False)
+    guess = start if start is not None else _strongest(recording, tracks[0], near)
+    return _fitted(recording, tracks, guess, mains, harmonics, free=True)
 
 
 def _fitted(
@@ -178,8 +186,8 @@ def _fitted(
     fits = without_spoilt(fits, informing, free=free)
     fits = _remove_lines(fits, informing, mains, free=free)
 
-    noise = noise_beside(fits, fits[0].omega / (2 * np.pi))
-    fits, omega_std = refine(fits, informing=informing, free=free, weights=_weights(fits, noise))
+    noise = noise_beside(fits, min(KEPT, *(fit.harmonics for fit in fits)))
+    fits, omega_std = refine(fits, informing=informing, free=free, weights=_weights(fits, noise[0]))
     return _assemble(recording, fits, noise, omega_std)
 
 
@@ -188,7 +196,7 @@ def _weights(fits: list[SineFit], noise: Noise) -> list[FloatArray]:
     variances = np.split(np.diag(noise.covariance).real, np.cumsum([len(fit.track.signals) for fit in fits])[:-1])
     weights = []
     for fit, variance in zip(fits, variances, strict=True):
-        white = np.maximum(variance, 0.0) * fit.track.present.sum() / 4.0
+        white = np.maximum(variance, 0.0) * fit.track.known / 4.0
         floor = np.max(np.abs(fit.track.signals), axis=1) ** 2 * 1e-30 + 1e-300
         weights.append(1.0 / np.maximum(white, floor))
     return weights
@@ -213,16 +221,10 @@ def _strongest(recording: Recording, track: Track, near: float | None) -> float:
     order = DERIVATIVES[recording.channels["motion_in"].quantity]
     motion = track.signals[track.names.index("motion_in")]
     index = np.arange(motion.size) - 0.5 * (motion.size - 1)
-    trend = motion.mean() + index * (index @ motion / (index @ index))
-    strongest, frequency, spectrum = strongest_line(motion - trend, track.rate, order=order)
-    if near is not None:
-        beside = np.flatnonzero(np.abs(frequency - near) <= _NEAR * near)
-        if beside.size:
-            best = beside[np.argmax(spectrum[beside])]
-            peaks = 0 < best < spectrum.size - 1 and spectrum[best] >= max(spectrum[best - 1], spectrum[best + 1])
-            if peaks and spectrum[best] >= 0.3 * spectrum.max():
-                return float(frequency[best])
-    return strongest
+    slope = (index @ motion) / (motion.size * (motion.size**2 - 1.0) / 12.0)
+    lines = strongest_lines(motion - (motion.mean() + slope * index), track.rate, order=order)
+    beside = [] if near is None else [line.bin for line in lines if abs(line.bin - near) <= _NEAR * near]
+    return beside[0] if beside else lines[0].frequency
 
 
 def _check_length(recording: Recording, tracks: list[Track], frequency: float, *, given: bool) -> None:
@@ -279,7 +281,7 @@ def _with_lines(fit: SineFit, mains: float | None) -> SineFit | None:
     found = np.concatenate([stated, shown if fit.track.course is None else _foreign(shown, fit, mains)])
     lines, unsteady = _new_terms(fit, found, rate / fit.track.time.size, rate)
     more = 2 * lines.size + 4 * (len(unsteady) - len(fit.unsteady))
-    if not more or fit.dof < 4 * (fit.basis.shape[0] + more):
+    if not more or fit.dof < 4 * (fit.size + more):
         return None
     return fit.at(fit.omega, np.concatenate([fit.lines, 2 * np.pi * lines]), unsteady)
 
@@ -339,17 +341,17 @@ class _Wave:
 
 def _waves(recording: Recording, fit: SineFit) -> list[_Wave]:
     """The harmonics of each channel of a fit."""
-    inflation = float(np.sqrt(fit.amplitude_variance() * fit.track.present.sum() / 2.0))
-    residual = np.sqrt(np.sum(fit.residual**2, axis=1) / fit.track.time.size)
+    inflation = float(np.sqrt(fit.amplitude_variance() * fit.track.known / 2.0))
+    residual = np.sqrt(np.einsum("ij,ij->i", fit.residual, fit.residual) / fit.track.time.size)
     return [
         _Wave(name, row, row * _to_velocity(recording.channels[name], fit.omega, row.size), float(rms), inflation)
         for name, row, rms in zip(fit.track.names, fit.amplitudes(), residual, strict=True)
     ]
 
 
-def _assemble(recording: Recording, fits: list[SineFit], noise: Noise, omega_std: float) -> Demodulation:
+def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], omega_std: float) -> Demodulation:
     """The amplitudes of F1, V1, V2 and their figures of quality, from the final fits of all tracks."""
-    omega = fits[0].omega
+    omega, noise = fits[0].omega, noises[0]
     waves = [wave for fit in fits for wave in _waves(recording, fit)]
     names = [wave.role for wave in waves]
     at = [CHANNELS.index(name) for name in names]
@@ -388,7 +390,7 @@ def _assemble(recording: Recording, fits: list[SineFit], noise: Noise, omega_std
         speed_change=speed_change,
         channels=tuple(names[i] for i in order),
         preview=preview(fits, order),
-        harmonics=harmonics_of(fits, at, [wave.recorded for wave in waves], [wave.true for wave in waves]),
+        harmonics=harmonics_of(fits, noises, at, [wave.recorded for wave in waves], [wave.true for wave in waves]),
         corrections=(*corrections_of(recording, names, omega), *talk),
     )
 
@@ -423,5 +425,5 @@ def _real_covariance(gamma: ComplexArray) -> FloatArray:
 
 def _peak_of(amplitudes: ComplexArray) -> float:
     """Largest absolute value of a periodic signal, from the complex amplitudes of its harmonics."""
-    turn = np.exp(2j * np.pi * np.outer(np.arange(1, amplitudes.size + 1), np.arange(512) / 512))
-    return float(np.max(np.abs((amplitudes @ turn).real)))
+    spectrum = np.concatenate([[0.0], 0.5 * _OF_A_CYCLE * amplitudes])
+    return float(np.max(np.abs(fft.irfft(spectrum, _OF_A_CYCLE))))

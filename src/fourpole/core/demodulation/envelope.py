@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.core.demodulation.tracks import Track
+
+Turn: TypeAlias = Callable[[FloatArray], FloatArray]
 
 #: Length and distance of stretches, in cycles: a Hann window of this length suppresses mean and double frequency.
 _LENGTH, _HOP = 4.0, 2.0
@@ -43,7 +47,7 @@ class Envelope(ByValue):
         return np.unwrap(np.angle(self.amplitudes[role]))
 
 
-def envelope(tracks: Sequence[Track], omega: float, turn: Callable[[FloatArray], FloatArray] | None = None) -> Envelope:
+def envelope(tracks: Sequence[Track], omega: float, turn: Turn | None = None) -> Envelope:
     """Amplitudes in stretches of four cycles, two cycles apart; `turn(time)` is the phase minus omega·t [rad]."""
     period = 2 * np.pi / omega
     first = max(float(track.time[0]) for track in tracks) + 0.5 * _LENGTH * period
@@ -52,23 +56,33 @@ def envelope(tracks: Sequence[Track], omega: float, turn: Callable[[FloatArray],
     centres = first + hop * np.arange(max(0, int((last - first) / hop) + 1))
     amplitudes = {}
     for track in tracks:
-        phase = omega * track.time if turn is None else omega * track.time + turn(track.time)
-        found = _windowed(track, np.exp(-1j * phase), centres, _LENGTH * period)
+        found = _windowed(track, omega, turn, centres, _LENGTH * period)
         amplitudes.update(dict(zip(track.names, found, strict=True)))
     return Envelope(centres, amplitudes, omega, hop)
 
 
-def _windowed(track: Track, turning: ComplexArray, centres: FloatArray, length: float) -> ComplexArray:
-    """Windowed means (channels, n) of the channels times `turning`, around each of the centres [s]."""
+def _windowed(track: Track, omega: float, turn: Turn | None, centres: FloatArray, length: float) -> ComplexArray:
+    """Windowed means (channels, n) of the channels against the phase omega·t + turn, around each of the centres [s]."""
     half = max(2, int(0.5 * length * track.rate))
-    window = np.hanning(2 * half + 1)[1:-1]
+    window = np.hanning(2 * half + 1)[1 : track.time.size + 1][: 2 * half - 1]
     at = np.round((centres - track.time[0]) * track.rate).astype(int) - (half - 1)
     at = np.clip(at, 0, max(0, track.time.size - window.size))
-    result = np.full((len(track.names), centres.size), complex(np.nan, np.nan))
-    for k, start in enumerate(at):
-        part = slice(start, start + window.size)
-        weight = window[: track.time[part].size] * track.present[part]
-        total = weight.sum()
-        if total > _ENOUGH * window.sum():
-            result[:, k] = 2.0 * (track.signals[:, part] * (weight * turning[part])).sum(axis=1) / total
-    return result
+    # The turn inside a stretch is the same in all stretches; each has the phase of its first sample besides.
+    inside = window * np.exp(-1j * omega / track.rate * np.arange(window.size))
+    table = np.ascontiguousarray(inside).view(float).reshape(-1, 2)
+    first = np.exp(-1j * omega * track.time[at])
+    signals: FloatArray | ComplexArray = track.signals
+    if turn is not None:
+        signals = track.signals * np.exp(-1j * turn(track.time))
+    rows = [_products(row, at, table) for row in signals]
+    total = np.full(at.size, window.sum())
+    if track.known < track.time.size:
+        total = sliding_window_view(track.present, window.size)[at] @ window
+    enough = total > _ENOUGH * np.hanning(2 * half + 1).sum()
+    return np.where(enough, 2.0 * first * np.stack(rows) / np.where(enough, total, 1.0), complex(np.nan, np.nan))
+
+
+def _products(row: FloatArray | ComplexArray, at: IntArray, table: FloatArray) -> ComplexArray:
+    """Products (n,) of stretches of a row, from given samples on, with a table (W, 2) of real and imaginary parts."""
+    made = np.ascontiguousarray(sliding_window_view(row, len(table))[at]) @ table
+    return np.asarray(made[:, 0] + 1j * made[:, 1])

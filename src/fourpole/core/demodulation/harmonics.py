@@ -9,7 +9,7 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.sinefit import SineFit
-from fourpole.core.demodulation.spectrum import LINE_GAP, noise_beside, off_multiples
+from fourpole.core.demodulation.spectrum import LINE_GAP, Noise, off_multiples
 
 #: Number of harmonics that are kept, with the fundamental; higher ones are weak, and a specimen has modes there.
 KEPT = 5
@@ -35,7 +35,11 @@ class Harmonics(ByValue):
 
 
 def harmonics_of(
-    fits: Sequence[SineFit], places: Sequence[int], recorded: Sequence[ComplexArray], true: Sequence[ComplexArray]
+    fits: Sequence[SineFit],
+    noise: Sequence[Noise],
+    places: Sequence[int],
+    recorded: Sequence[ComplexArray],
+    true: Sequence[ComplexArray],
 ) -> Harmonics:
     """The harmonics of the channels of some fits.
 
@@ -43,6 +47,8 @@ def harmonics_of(
     ----------
     fits : sequence of SineFit
         Final fits of all tracks.
+    noise : sequence of Noise
+        Noise beside each harmonic that is kept.
     places : sequence of int
         Place of each channel among F1, V1, V2, in the order of the fits.
     recorded, true : sequences of (harmonics,) complex arrays
@@ -51,18 +57,18 @@ def harmonics_of(
     Returns
     -------
     Harmonics
-        As many as all fits have, at most `KEPT`.
+        As many as there are noises.
     """
-    count = min(KEPT, *(fit.harmonics for fit in fits))
+    count = len(noise)
     amplitudes = np.full((3, count), complex(np.nan, np.nan))
     std = np.full((3, count), np.nan)
     frequency = fits[0].omega / (2 * np.pi)
-    noise = [np.sqrt(0.5 * np.abs(np.diag(noise_beside(fits, n * frequency).covariance))) for n in range(1, count + 1)]
+    stds = np.sqrt(0.5 * np.abs([np.diag(one.covariance) for one in noise]))
     for i, (place, raw, whole) in enumerate(zip(places, recorded, true, strict=True)):
         amplitudes[place] = whole[:count]
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = np.abs(whole[:count] / raw[:count])
-        std[place] = np.array([row[i] for row in noise]) * np.where(np.isfinite(scale), scale, 0.0)
+        std[place] = stds[:, i] * np.where(np.isfinite(scale), scale, 0.0)
     return Harmonics(amplitudes, std, _clear(fits, frequency, count))
 
 

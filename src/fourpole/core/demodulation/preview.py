@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.arrays import ByValue, FloatArray, IntArray
 from fourpole.core.demodulation.sinefit import SineFit
 
 _CYCLES = 3.0
@@ -53,7 +53,7 @@ def preview(fits: Sequence[SineFit], order: Sequence[int]) -> Preview:
         time=shown,
         signals=signals[list(order)],
         fit=(signals - left)[list(order)],
-        blocks=np.repeat([part.mean() for part in np.array_split(first.track.time, blocks)], 2),
+        blocks=np.repeat(_middles(first.track.time, blocks), 2),
         residual=np.concatenate([_extremes(fit.residual, blocks) for fit in fits])[list(order)],
     )
 
@@ -65,6 +65,17 @@ def _at(fit: SineFit, values: FloatArray, times: FloatArray) -> FloatArray:
 
 def _extremes(values: FloatArray, blocks: int) -> FloatArray:
     """Least and largest value of each block in turn, (channels, 2 blocks)."""
-    parts = np.array_split(values, blocks, axis=1)
-    pairs = [(part.min(axis=1), part.max(axis=1)) for part in parts]
-    return np.array(pairs).reshape(-1, len(values)).T
+    starts = _starts(values.shape[1], blocks)
+    pairs = np.minimum.reduceat(values, starts, axis=1), np.maximum.reduceat(values, starts, axis=1)
+    return np.stack(pairs, axis=2).reshape(len(values), -1)
+
+
+def _middles(time: FloatArray, blocks: int) -> FloatArray:
+    """Middle of each block of a uniform time [s]."""
+    starts = _starts(time.size, blocks)
+    return np.asarray(0.5 * (time[starts] + time[np.append(starts[1:], time.size) - 1]))
+
+
+def _starts(count: int, blocks: int) -> IntArray:
+    """First index of each of nearly equal blocks of `count` samples."""
+    return np.asarray(np.arange(blocks) * (count // blocks) + np.minimum(np.arange(blocks), count % blocks))

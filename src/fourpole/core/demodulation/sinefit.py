@@ -9,16 +9,23 @@ sines, mean and drift are fitted together, so there is no leakage. If a referenc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from scipy import linalg
+from scipy.linalg import lapack
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.demodulation.terms import Rows, Terms, rows_of
 from fourpole.core.demodulation.tracks import Track
 
-_DRIFT_ORDER = 3  # mean, slope, parabola, cubic
 _ITERATIONS = 12
+#: Round-off of an energy, relative.
+_ROUND_OFF = 1e-14
+#: A step is taken to first order if its second order is at most this share of an amplitude's standard uncertainty.
+_SECOND = 1e-4
+#: A Gauss-Newton step leaves at most this multiple of the residual over the slope to the next step.
+_LEFT_OVER = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,100 +36,145 @@ class SineFit(ByValue):
     ----------
     track : Track
         The channels fitted, in units of each channel.
-    omega, lines : float, (L,) float [rad/s]
-        Fundamental, and interfering lines.
-    harmonics : int
-        Number of multiples of the fundamental, with the fundamental itself.
-    unsteady : tuple of int
-        Harmonics whose amplitude may vary over the record as a parabola, because a line lies too close to separate.
-    basis : (P, N) float
-        Cosines and minus sines of each frequency, then Legendre polynomials of time; 0 for missing samples.
-    factor : Cholesky factor of the basis' Gram matrix.
+    terms : Terms
+        What is fitted: the frequencies.
+    inner : (P + 2 S, P + 2 S) float
+        Inner products of the P rows of the terms, and of the rows of the S sines times time.
+    factor : (P, P) float
+        Cholesky factor of the inner products of the rows.
     coefficients : (P, channels) float
-        Amplitudes of the rows of `basis`, in units of each channel.
-    residual : (channels, N) float
-        Signals minus fit; 0 for missing samples.
+        Amplitudes of the rows, in units of each channel.
+    right : (P + 2 S, channels) float
+        Inner products of the rows with the residual; 0 but for round-off for the first P.
+    variance : (channels,) float
+        Mean square of the residual over its degrees of freedom, not below its round-off.
     """
 
     track: Track
-    omega: float
-    lines: FloatArray
-    harmonics: int
-    unsteady: tuple[int, ...]
-    basis: FloatArray
-    factor: tuple[FloatArray, bool]
+    terms: Terms
+    inner: FloatArray
+    factor: FloatArray
     coefficients: FloatArray
-    residual: FloatArray
+    right: FloatArray
+    variance: FloatArray
+
+    @property
+    def omega(self) -> float:
+        """Fundamental [rad/s]."""
+        return self.terms.omega
+
+    @property
+    def lines(self) -> FloatArray:
+        """Interfering lines (L,) [rad/s]."""
+        return self.terms.lines
+
+    @property
+    def harmonics(self) -> int:
+        """Number of multiples of the fundamental, with the fundamental itself."""
+        return self.terms.harmonics
+
+    @property
+    def unsteady(self) -> tuple[int, ...]:
+        """Harmonics whose amplitude may vary over the record, because a line lies too close to separate."""
+        return self.terms.unsteady
+
+    @property
+    def size(self) -> int:
+        """Number P of rows."""
+        return self.coefficients.shape[0]
 
     @property
     def dof(self) -> int:
         """Number of samples minus number of fitted parameters."""
-        return int(self.track.present.sum()) - self.basis.shape[0]
+        return self.track.known - self.size
 
     @property
     def resolution(self) -> float:
         """Width of a bin, 1/T [Hz]."""
-        time = self.track.time
-        return float((time.size - 1) / (time[-1] - time[0]) / time.size)
+        return self.rate / self.track.time.size
 
     @property
     def rate(self) -> float:
         """Samples per second [Hz]."""
-        return self.resolution * self.track.time.size
+        return self.track.exact_rate
+
+    @cached_property
+    def rows(self) -> Rows:
+        """The terms as rows over the samples."""
+        return rows_of(self.track, self.terms)
+
+    @cached_property
+    def apart(self) -> FloatArray:
+        """Inner products (2 S, 2 S) of the sines times time, without their parts along the rows."""
+        shared = self.inner[: self.size, self.size :]
+        return np.asarray(self.inner[self.size :, self.size :] - shared.T @ self.solve(shared))
+
+    @cached_property
+    def residual(self) -> FloatArray:
+        """Signals minus fit (channels, N); 0 for missing samples."""
+        return self.track.signals - self.rows.model(self.coefficients)
+
+    @cached_property
+    def carrier(self) -> ComplexArray:
+        """The fundamental as a rotation (N,)."""
+        return self.rows.carrier()
 
     def amplitudes(self) -> ComplexArray:
         """Complex amplitudes X (channels, harmonics) of x(t) = Re(X e^{jwt}), with t from the middle of the record."""
         pairs = self.coefficients[: 2 * self.harmonics]
-        return (pairs[0::2] + 1j * pairs[1::2]).T
+        turn = np.exp(-1j * self.omega * self.rows.lead * np.arange(1, self.harmonics + 1))
+        return np.asarray((pairs[0::2] + 1j * pairs[1::2]).T * turn)
 
     def amplitude_variance(self) -> float:
         """Variance of the real part of the fundamental's amplitude per unit of sample variance [1]."""
-        unit = np.zeros((self.basis.shape[0], 2))
+        unit = np.zeros((self.size, 2))
         unit[0, 0] = unit[1, 1] = 1.0
-        return float(0.5 * np.trace(linalg.cho_solve(self.factor, unit)[:2]))
+        return float(0.5 * np.trace(self.solve(unit)[:2]))
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """The inner products of the rows, inverted, times a matrix (P, n)."""
+        return np.asarray(lapack.dpotrs(self.factor, right, lower=1)[0])
 
     def at(self, omega: float, lines: FloatArray, unsteady: tuple[int, ...] | None = None) -> SineFit:
         """The same signals fitted at other frequencies."""
         kept = self.unsteady if unsteady is None else unsteady
         return fit_sines(self.track, omega, self.harmonics, lines, kept)
 
+    def moved(self, omega: float, lines: FloatArray, along: FloatArray) -> SineFit:
+        """The fit after a step of the frequencies that is small enough for first order.
+
+        Parameters
+        ----------
+        omega, lines : float, (L,) float [rad/s]
+            Steps of the fundamental and of the lines.
+        along : (channels, 2 S) float
+            The step along the sines times time, in units of each channel.
+        """
+        size, steps = self.size, np.concatenate([omega * np.arange(1, self.harmonics + 1), lines])
+        left = self.right[size:]
+        turned = np.zeros_like(self.coefficients)
+        turned[0 : 2 * steps.size : 2] = steps[:, None] * left[1::2]
+        turned[1 : 2 * steps.size : 2] = -steps[:, None] * left[0::2]
+        change = self.solve(turned - self.inner[:size, size:] @ along.T)
+        right = self.right - self.inner[:, size:] @ along.T - self.inner[:, :size] @ change
+        terms = replace(self.terms, omega=self.omega + omega, lines=self.lines + lines)
+        return replace(self, terms=terms, coefficients=self.coefficients + change, right=right)
+
 
 def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, unsteady: tuple[int, ...] = ()) -> SineFit:
     """Fit the channels of a track at given frequencies [rad/s]."""
-    basis = _basis(track, omega, harmonics, lines, unsteady)
-    factor = linalg.cho_factor(basis @ basis.T, lower=True)
-    coefficients = linalg.cho_solve(factor, basis @ track.signals.T)
-    residual = track.signals - coefficients.T @ basis
-    return SineFit(track, omega, lines, harmonics, unsteady, basis, factor, coefficients, residual)
-
-
-def _basis(track: Track, omega: float, harmonics: int, lines: FloatArray, unsteady: tuple[int, ...]) -> FloatArray:
-    """Rows (P, N) of sines and polynomials, in the order of `SineFit.basis`."""
-    time, course = track.time, track.course
-    steady = 2 * (harmonics + lines.size)
-    followed = 0 if course is None else len(course.follow)
-    rows = np.empty((steady + 4 * len(unsteady) + 2 * followed + _DRIFT_ORDER + 1, time.size))
-    rotation = np.exp(1j * (omega * time if course is None else omega * time + course.turn))
-    power = np.ones_like(rotation)
-    for k in range(harmonics):
-        power *= rotation
-        rows[2 * k], rows[2 * k + 1] = power.real, -power.imag
-    for k, line in enumerate(lines, start=harmonics):
-        turning = np.exp(1j * line * time)
-        rows[2 * k], rows[2 * k + 1] = turning.real, -turning.imag
-    place = time / max(abs(time[0]), abs(time[-1]))
-    for i, harmonic in enumerate(unsteady):
-        pair = rows[2 * harmonic - 2 : 2 * harmonic]
-        at = steady + 4 * i
-        rows[at : at + 2], rows[at + 2 : at + 4] = pair * place, pair * (place**2 - 1.0 / 3.0)
-    if course is not None:
-        at = steady + 4 * len(unsteady)
-        turned = course.follow * rotation
-        rows[at : at + 2 * followed : 2], rows[at + 1 : at + 2 * followed : 2] = turned.real, -turned.imag
-    rows[-4], rows[-3], rows[-2], rows[-1] = 1.0, place, place**2 - 1.0 / 3.0, place * (place**2 - 0.6)
-    if not track.present.all():
-        rows[:, ~track.present] = 0.0
-    return rows
+    terms = Terms(omega, harmonics, lines, unsteady)
+    rows = rows_of(track, terms)
+    inner, right = rows.products(), rows.with_signals()
+    size = rows.size
+    factor, wrong = lapack.dpotrf(inner[:size, :size], lower=1)
+    if wrong:
+        raise np.linalg.LinAlgError("the terms of a fit are not independent")
+    coefficients = lapack.dpotrs(factor, right[:size], lower=1)[0]
+    left = track.energy - np.einsum("ij,ij->j", coefficients, right[:size])
+    # The energy left is a difference: its round-off is that of the whole energy.
+    variance = np.maximum(left, _ROUND_OFF * track.energy + 1e-300) / max(track.known - size, 1)
+    return SineFit(track, terms, inner, factor, coefficients, right - inner[:, :size] @ coefficients, variance)
 
 
 def refine(
@@ -153,53 +205,70 @@ def refine(
     fits = list(fits)
     resolution = 2 * np.pi / max(fit.track.time[-1] - fit.track.time[0] for fit in fits)
     for _ in range(_ITERATIONS):
-        used = [_weights(fit) for fit in fits] if weights is None else weights
-        step, std = _newton_step(fits, informing, used, free=free)
+        used = [1.0 / fit.variance for fit in fits] if weights is None else weights
+        turned = [_turned(fit, spoken, free=free) for fit, spoken in zip(fits, informing, strict=True)]
+        step, std = _newton_step(fits, turned, used, free=free)
         if np.all(np.abs(step) < np.maximum(1e-12 * resolution, 1e-3 * std)):
             break
         step = np.clip(step, -0.3 * resolution, 0.3 * resolution)
-        moved = np.split(step[1:], np.cumsum([fit.lines.size for fit in fits])[:-1])
-        fits = [fit.at(fit.omega + step[0], fit.lines + lines) for fit, lines in zip(fits, moved, strict=True)]
+        lines = np.split(step[1:], np.cumsum([fit.lines.size for fit in fits])[:-1])
+        parts = list(zip(fits, turned, lines, strict=True))
+        last = np.all(_LEFT_OVER * np.abs(step) * _spread(fits, used) < 1e-3)
+        if last and all(_is_small(fit, step[0], moved) for fit, _, moved in parts):
+            fits = [fit.moved(step[0], moved, np.r_[step[0], moved] @ along) for fit, along, moved in parts]
+            break
+        fits = [fit.at(fit.omega + step[0], fit.lines + moved) for fit, _, moved in parts]
     return fits, float(std[0])
 
 
-def _weights(fit: SineFit) -> FloatArray:
-    """Inverse variances of the samples; round-off bounds the variance of a noiseless channel from below."""
-    variance = np.sum(fit.residual**2, axis=1) / max(fit.dof, 1)
-    floor = np.max(np.abs(fit.track.signals), axis=1) ** 2 * 1e-30 + 1e-300
-    return 1.0 / np.maximum(variance, floor)
+def _spread(fits: Sequence[SineFit], weights: Sequence[FloatArray]) -> float:
+    """Root of the weighted energy of the residual times the mean square of time [s].
+
+    Times the standard uncertainty of a frequency, this is the residual over the slope of the model: the share of a step
+    that Gauss-Newton may leave to the next, because it neglects the curvature of the model.
+    """
+    each = [
+        float(fit.variance @ weight) * fit.track.known * (fit.track.time[-1] - fit.track.time[0]) ** 2 / 12
+        for fit, weight in zip(fits, weights, strict=True)
+    ]
+    return float(np.sqrt(sum(each)))
+
+
+def _is_small(fit: SineFit, step: float, lines: FloatArray) -> bool:
+    """Whether the second order of a step of the frequencies [rad/s] is far below the uncertainty of all amplitudes."""
+    steps = np.concatenate([step * np.arange(1, fit.harmonics + 1), lines])
+    turn = steps * 0.5 * fit.track.time.size / fit.rate
+    second = 0.5 * turn**2 @ np.hypot(fit.coefficients[0 : 2 * turn.size : 2], fit.coefficients[1 : 2 * turn.size : 2])
+    return bool(np.all(second < _SECOND * np.sqrt(2.0 * fit.variance / fit.track.known)))
 
 
 def _newton_step(
-    fits: Sequence[SineFit], informing: Sequence[BoolArray], weights: Sequence[FloatArray], *, free: bool
+    fits: Sequence[SineFit], turned: Sequence[FloatArray], weights: Sequence[FloatArray], *, free: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Gauss-Newton step of the fundamental and the lines of each fit, with its standard uncertainty [rad/s]."""
     count = 1 + sum(fit.lines.size for fit in fits)
     normal, right = np.zeros((count, count)), np.zeros(count)
     at = 1
-    for fit, spoken, weighed in zip(fits, informing, weights, strict=True):
+    for fit, every, weighed in zip(fits, turned, weights, strict=True):
         own = np.r_[0, at : at + fit.lines.size]
         at += fit.lines.size
-        every = _slopes(fit, spoken, free=free)
-        along = np.swapaxes(every @ fit.basis.T, -1, -2)
-        for weight, slopes, shared, residual in zip(weighed, every, along, fit.residual, strict=True):
-            # The slopes are projected onto the complement of the basis; the residual already lies in it.
-            normal[np.ix_(own, own)] += weight * (slopes @ slopes.T - shared.T @ linalg.cho_solve(fit.factor, shared))
-            right[own] += weight * slopes @ residual
+        # The slopes are projected onto the complement of the rows; the residual already lies in it.
+        normal[np.ix_(own, own)] += np.einsum("c,cij->ij", weighed, every @ fit.apart @ np.swapaxes(every, 1, 2))
+        right[own] += np.einsum("c,cij,jc->i", weighed, every, fit.right[fit.size :])
     if not free:
         normal[0, 0] = 1.0
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal * np.outer(scale, scale)
-    covariance = np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) * np.outer(scale, scale)
+    inverse = scaled if count == 1 else np.linalg.pinv(scaled, rcond=1e-10, hermitian=True)
+    covariance = inverse * np.outer(scale, scale)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return covariance @ right, std if free else std * (np.arange(count) > 0)
 
 
-def _slopes(fit: SineFit, informing: BoolArray, *, free: bool) -> FloatArray:
-    """Derivatives (channels, 1 + lines, N) of the model by the fundamental and by each line."""
+def _turned(fit: SineFit, informing: BoolArray, *, free: bool) -> FloatArray:
+    """Derivatives (channels, 1 + lines, 2 S) by the fundamental and by each line, along the sines times time."""
     sines = fit.harmonics + fit.lines.size
     multiple = np.eye(1 + fit.lines.size, sines, k=fit.harmonics - 1)
     multiple[0, : fit.harmonics] = free * informing * np.arange(1.0, fit.harmonics + 1)
     pairs = fit.coefficients[: 2 * sines].T.reshape(-1, 1, sines, 2)
-    turned = (multiple[:, :, None] * pairs[..., ::-1] * [-1.0, 1.0]).reshape(len(pairs), -1, 2 * sines)
-    return turned @ fit.basis[: 2 * sines] * fit.track.time
+    return np.asarray((multiple[:, :, None] * pairs[..., ::-1] * [-1.0, 1.0]).reshape(len(pairs), -1, 2 * sines))

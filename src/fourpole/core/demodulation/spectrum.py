@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
+from scipy import fft, linalg
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.core.demodulation.sinefit import SineFit
+from fourpole.core.demodulation.sums import Blocks
 
 #: Power over the local noise at which a line is real: one false line in some ten thousand records of 10 000 bins.
 LINE_LIMIT = 30.0
@@ -21,7 +23,14 @@ _FEWEST_CYCLES = 2.5
 _MOST_BINS = 16
 _BAND = 0.4
 _FEWEST_BINS = 4
-_MANY = 1 << 18
+#: Samples from which bins as fine as 1/T do, and from which these are made first and finer ones about maxima only.
+_MANY, _FEW = 1 << 18, 1 << 12
+#: Least share of a line's amplitude that a bin as fine as 1/T has under a Hann window.
+_SCALLOP = 0.84
+#: A weaker line than this share of the strongest is no excitation.
+_WEAK = 0.3
+#: Blocks of the residual: 16 bins then turn by at most π 16/200 = 0.25 in half a block.
+_BLOCKS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +52,27 @@ class Noise(ByValue):
     dof: float
 
 
-def strongest_line(samples: FloatArray, rate: float, *, order: int) -> tuple[float, FloatArray, FloatArray]:
-    """Frequency [Hz] of the strongest line of a motion, converted to a velocity, with the spectrum searched.
+@dataclass(frozen=True)
+class Line:
+    """A line of a motion, converted to a velocity.
+
+    Attributes
+    ----------
+    frequency : float [Hz]
+        Its frequency.
+    bin : float [Hz]
+        Frequency of the bin nearest to it.
+    amplitude : float
+        Amplitude of the bin.
+    """
+
+    frequency: float
+    bin: float
+    amplitude: float
+
+
+def strongest_lines(samples: FloatArray, rate: float, *, order: int) -> list[Line]:
+    """The lines of a motion that reach 0.3 of the strongest, converted to a velocity; the strongest first.
 
     Parameters
     ----------
@@ -55,22 +83,64 @@ def strongest_line(samples: FloatArray, rate: float, *, order: int) -> tuple[flo
     order : {-1, 0, 1}
         Number of differentiations that make the motion a velocity.
 
-    Returns
-    -------
-    float [Hz], (n,) float array [Hz], (n,) float array
-        Frequency of the line; frequencies and amplitudes of the spectrum.
+    Notes
+    -----
+    The bins are four times finer than 1/T, in a record of more than 262 144 samples as fine as 1/T. Of a long record
+    the coarse bins are made first, and the fine ones about their maxima.
     """
-    window = hann(samples.size)
-    padded = (4 if samples.size < _MANY else 1) * samples.size  # a long record has fine bins without padding
-    spectrum = np.abs(np.fft.rfft(samples * window, padded)) * 2.0 / window.sum()
-    frequency = np.fft.rfftfreq(padded, 1.0 / rate)
-    lowest = int(np.ceil(_FEWEST_CYCLES * padded / samples.size))  # lower bins show drift, not lines
-    spectrum[:lowest] = 0.0
-    stands_out = spectrum**2 > LINE_LIMIT * _floor(spectrum[None] ** 2, 4 * _BLOCK)[0]
+    count, fine = samples.size, 4 if samples.size < _MANY else 1
+    windowed = samples * hann(count)
+    coarse = 1 if count >= _FEW else fine
+    spectrum = fft.rfft(windowed, coarse * count)
+    power = np.asarray(spectrum.real**2 + spectrum.imag**2)
+    lowest = int(np.ceil(_FEWEST_CYCLES * coarse))  # lower bins show drift, not lines
+    power[:lowest] = 0.0
+    stands_out = power > LINE_LIMIT * _floor(power[None], coarse * _BLOCK)[0]
     if stands_out.any():  # otherwise differentiated noise could exceed a line
-        spectrum = np.where(stands_out, spectrum, 0.0)
-    spectrum[lowest:] *= (2 * np.pi * frequency[lowest:]) ** order
-    return peak_place(spectrum, int(np.argmax(spectrum))) * rate / padded, frequency, spectrum
+        power[~stands_out] = 0.0
+    step = rate / (coarse * count)
+    power[lowest:] *= (2 * np.pi * step * np.arange(lowest, power.size)) ** (2 * order)
+    places = _maxima(power, _WEAK if coarse == fine else _WEAK * _SCALLOP)
+    if coarse == fine:
+        lines = [_line(power[at - 1 : at + 2], at, step) for at in places]
+    else:
+        lines = [_fine_line(windowed, rate, at, fine, order) for at in places]
+    lines.sort(key=lambda line: -line.amplitude)
+    return [line for line in lines if line.amplitude >= _WEAK * lines[0].amplitude]
+
+
+def _maxima(power: FloatArray, share: float) -> list[int]:
+    """Places of the maxima of a spectrum whose amplitude reaches a share of the largest; one at least."""
+    largest = int(np.argmax(power))
+    middle = power[1:-1]
+    tops = (middle >= power[:-2]) & (middle >= power[2:]) & (middle >= share**2 * power[largest]) & (middle > 0)
+    found = (np.flatnonzero(tops) + 1).tolist()
+    return found if largest in found else [*found, largest]
+
+
+def _line(three: FloatArray, at: int, step: float) -> Line:
+    """The line at a bin, from the power of three bins about it."""
+    middle = float(np.sqrt(three[1])) if three.size == 3 else 0.0
+    return Line((at + _vertex(three)) * step, at * step, middle)
+
+
+def _fine_line(windowed: FloatArray, rate: float, at: int, fine: int, order: int) -> Line:
+    """The line about a coarse bin, in bins that are finer by a factor."""
+    bins = np.arange((at - 1) * fine, (at + 1) * fine + 1)
+    omega = 2 * np.pi * rate / (fine * windowed.size) * bins
+    sums = Blocks(windowed[None], rate).sines(0.0, 0, omega).sums(0)[0, 0]
+    power = np.abs(sums) ** 2 * omega ** (2 * order)
+    top = 1 + int(np.argmax(power[1:-1]))
+    return _line(power[top - 1 : top + 2], int(bins[top]), rate / (fine * windowed.size))
+
+
+def _vertex(three: FloatArray) -> float:
+    """Place of a maximum of the power against the middle one of three bins, by a parabola through the logarithms."""
+    if three.size < 3 or np.any(three <= 0):
+        return 0.0
+    left, mid, right = np.log(three).tolist()
+    bend = left - 2 * mid + right
+    return 0.5 * (left - right) / bend if bend < 0 else 0.0
 
 
 def off_multiples(frequency: ArrayLike, base: float) -> FloatArray:
@@ -79,18 +149,17 @@ def off_multiples(frequency: ArrayLike, base: float) -> FloatArray:
     return np.abs(at - base * np.maximum(np.round(at / base), 1.0))
 
 
+@lru_cache(maxsize=2)
 def hann(count: int) -> FloatArray:
     """Hann window of a record of `count` samples."""
-    return 0.5 - 0.5 * np.cos(2 * np.pi / count * np.arange(count))
+    window: FloatArray = 0.5 - 0.5 * np.cos(2 * np.pi / count * np.arange(count))
+    window.flags.writeable = False
+    return window
 
 
 def peak_place(spectrum: FloatArray, index: int) -> float:
     """Position of a maximum in bins, by a parabola through the logarithms of three bins."""
-    if not 0 < index < spectrum.size - 1 or np.any(spectrum[index - 1 : index + 2] <= 0):
-        return float(index)
-    left, mid, right = np.log(spectrum[index - 1 : index + 2])
-    bend = left - 2 * mid + right
-    return index + (0.5 * (left - right) / bend if bend < 0 else 0.0)
+    return index + _vertex(spectrum[max(index - 1, 0) : index + 2] ** 2)
 
 
 def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArray:
@@ -99,58 +168,110 @@ def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArr
     Lines with an amplitude below `least` (channels,) are ignored.
     """
     count = residual.shape[1]
-    window = hann(count)
-    power = np.abs(np.fft.rfft(residual * window, axis=1)) ** 2
-    floor = np.maximum(_floor(power), (0.5 * window.sum() * least[:, None]) ** 2 / LINE_LIMIT)
+    spectrum = fft.rfft(residual * hann(count), axis=1, overwrite_x=True)
+    power = np.asarray(spectrum.real**2 + spectrum.imag**2)
+    smallest = (0.25 * count * least[:, None]) ** 2  # the window has the mean 0.5
+    if not _may_stand_out(power, smallest):
+        return np.empty(0)
+    floor = np.maximum(_floor(power), smallest / LINE_LIMIT)
     excess = np.max(power / np.maximum(floor, 1e-300), axis=0)
     middle = excess[1:-1]
     peaks = np.flatnonzero((middle > LINE_LIMIT) & (middle >= excess[:-2]) & (middle > excess[2:])) + 1
     peaks = peaks[np.argsort(-excess[peaks])]
-    root = np.sqrt(excess)
-    return np.array([peak_place(root, int(index)) for index in peaks]) * rate / count
+    return np.array([index + _vertex(excess[index - 1 : index + 2]) for index in peaks.tolist()]) * rate / count
+
+
+def _may_stand_out(power: FloatArray, smallest: FloatArray) -> bool:
+    """Whether a bin may exceed `LINE_LIMIT` times the local floor; False is certain.
+
+    The median of a block is at least its largest bin times log(2) over the limit, unless half of its bins are smaller.
+    """
+    blocks = _in_blocks(power, _BLOCK)
+    largest = blocks.max(axis=2)
+    rest = power[:, blocks.shape[1] * blocks.shape[2] :]
+    if rest.size:
+        largest[:, -1] = np.maximum(largest[:, -1], rest.max(axis=1))
+    below = np.count_nonzero(blocks < (largest * (np.log(2.0) / LINE_LIMIT))[:, :, None], axis=2)
+    return bool(np.any((largest > smallest) & (below >= blocks.shape[2] // 2)))
+
+
+def _in_blocks(power: FloatArray, block: int) -> FloatArray:
+    """The bins in whole blocks (channels, blocks, bins of a block)."""
+    bins = power.shape[1]
+    size = min(block, bins)
+    return power[:, : bins // size * size].reshape(power.shape[0], -1, size)
 
 
 def _floor(power: FloatArray, block: int = _BLOCK) -> FloatArray:
     """Local noise level of a power spectrum: the mean of exponential noise, from the median of each block of bins."""
-    bins = power.shape[1]
-    size = min(block, bins)
-    blocks = power[:, : bins // size * size].reshape(power.shape[0], -1, size)
-    level = np.median(blocks, axis=2) / np.log(2.0)
-    return level[:, np.minimum(np.arange(bins) // size, level.shape[1] - 1)]
+    blocks = _in_blocks(power, block)
+    size = blocks.shape[2]
+    level = median(blocks) / np.log(2.0)
+    return level[:, np.minimum(np.arange(power.shape[1]) // size, level.shape[1] - 1)]
 
 
-def noise_beside(fits: Sequence[SineFit], frequency: float) -> Noise:
-    """Cross-spectrum of the residuals in the bins beside a frequency [Hz].
+def median(values: FloatArray) -> FloatArray:
+    """Median along the last axis of finite values."""
+    half = values.shape[-1] // 2
+    low = half - 1 + values.shape[-1] % 2
+    parted = np.partition(values, sorted({low, half}), axis=-1)
+    return np.asarray(0.5 * (parted[..., low] + parted[..., half]))
 
-    At most 16 bins on each side and within 0.4 of the frequency are used, without the bins next to the frequency and to
-    removed lines. If fewer than four bins remain, the noise is assumed to be white and taken from the whole residual.
+
+def noise_beside(fits: Sequence[SineFit], harmonics: int = 1) -> list[Noise]:
+    """Cross-spectra of the residuals in the bins beside the fundamental and beside its next harmonics.
+
+    At most 16 bins on each side of a harmonic and within 0.4 of its frequency are used, without the bins next to it and
+    to removed lines. If fewer than four bins remain, the noise is taken as white and as large as the whole residual.
     """
     resolution, rate = fits[0].resolution, min(fit.rate for fit in fits)
+    lines = np.concatenate([fit.lines / (2 * np.pi) for fit in fits])
+    frequencies = fits[0].omega / (2 * np.pi) * np.arange(1, harmonics + 1)
+    used = [_offsets(frequency, resolution, rate, lines) for frequency in frequencies.tolist()]
+    widest = max((int(np.max(np.abs(one))) for one in used if one.size >= _FEWEST_BINS), default=0)
+    bins = np.concatenate([_bins(fit, harmonics, widest) for fit in fits])
+    return [
+        _of_bins(bins[:, k, one + widest], frequencies[k] + one * resolution)
+        if one.size >= _FEWEST_BINS
+        else _white(fits, rate)
+        for k, one in enumerate(used)
+    ]
+
+
+def _offsets(frequency: float, resolution: float, rate: float, lines: FloatArray) -> IntArray:
+    """Offsets of the bins beside a frequency [Hz], in bins."""
     reach = min(_MOST_BINS, int(_BAND * frequency / resolution), int((0.5 * rate - frequency) / resolution) - 1)
     offsets = np.arange(2, reach + 1)
     offsets = np.concatenate([-offsets[::-1], offsets])
-    places = frequency + offsets * resolution
-    lines = np.concatenate([fit.lines / (2 * np.pi) for fit in fits])
     if lines.size:
+        places = frequency + offsets * resolution
         offsets = offsets[np.min(np.abs(places[:, None] - lines), axis=1) > 1.5 * resolution]
-    if offsets.size < _FEWEST_BINS:
-        return _white(fits, rate)
-    bins = np.concatenate([_bins(fit, frequency, offsets) for fit in fits])
-    covariance = bins @ bins.conj().T / offsets.size
-    band = (frequency + float(offsets.min()) * resolution, frequency + float(offsets.max()) * resolution)
-    return Noise(covariance, band, 2.0 * offsets.size)
+    return offsets
 
 
-def _bins(fit: SineFit, frequency: float, offsets: np.ndarray) -> ComplexArray:
-    """Amplitudes (channels, offsets) of the residual, whole bins beside the fundamental, at the record's middle."""
-    phase = 2 * np.pi * frequency * fit.track.time
-    shifted = fit.residual * np.exp(-1j * (phase if fit.track.course is None else phase + fit.track.course.turn))
-    to_middle = np.exp(-2j * np.pi * offsets * fit.resolution * fit.track.time[0])
-    return np.asarray(np.fft.fft(shifted, axis=1)[:, offsets] * (2.0 / fit.track.present.sum()) * to_middle)
+def _of_bins(bins: ComplexArray, frequencies: FloatArray) -> Noise:
+    """Noise from the amplitudes (channels, J) of bins at some frequencies (J,) [Hz]."""
+    covariance = bins @ bins.conj().T / frequencies.size
+    return Noise(covariance, (float(frequencies.min()), float(frequencies.max())), 2.0 * frequencies.size)
+
+
+def _bins(fit: SineFit, harmonics: int, reach: int) -> ComplexArray:
+    """Amplitudes (channels, harmonics, 2 reach + 1) of the residual, whole bins beside each harmonic, at the middle."""
+    scale = 2.0 / fit.track.known
+    apart, course = 2 * np.pi * fit.resolution, fit.track.course
+    steps = np.arange(-reach, reach + 1)
+    if course is None:
+        sines = Blocks(fit.residual, fit.rate, _BLOCKS).sines(fit.omega, harmonics, np.empty(0))
+        omega = fit.omega * np.arange(1, harmonics + 1)[:, None] + apart * steps
+        return np.asarray(sines.beside(apart, reach) * (scale * np.exp(-1j * fit.rows.lead * omega)))
+    steady = fit.omega * np.arange(1, harmonics + 1)[:, None] * fit.track.time + course.turn
+    shifted = fit.residual[:, None] * np.exp(-1j * steady)
+    to_middle = np.exp(-1j * apart * steps * fit.track.time[0])
+    return np.asarray(np.fft.fft(shifted, axis=-1)[..., steps] * scale * to_middle)
 
 
 def _white(fits: Sequence[SineFit], rate: float) -> Noise:
     """White noise of the level of each fit's residual, without correlation between fits."""
-    blocks = [fit.residual @ fit.residual.T / max(fit.dof, 1) * (4.0 / fit.track.present.sum()) for fit in fits]
+    blocks = [fit.residual @ fit.residual.T / max(fit.dof, 1) * (4.0 / fit.track.known) for fit in fits]
     dof = min(fit.dof for fit in fits)
     return Noise(linalg.block_diag(*blocks).astype(complex), (0.0, 0.5 * rate), float(max(dof, 1)))

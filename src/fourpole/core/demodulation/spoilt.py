@@ -12,8 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.arrays import BoolArray, FloatArray, IntArray
 from fourpole.core.demodulation.sinefit import SineFit, fit_sines, refine
+from fourpole.core.demodulation.spectrum import median
+from fourpole.core.demodulation.terms import rows_of
 
 #: Residual over its usual size at which a sample is a spike: 1 of 500 million samples of normal noise exceeds it.
 _SPIKE = 6.0
@@ -82,33 +84,50 @@ def _flags(fit: SineFit, signals: FloatArray | None = None) -> BoolArray:
     track = fit.track
     present = track.present if track.spoilt is None else track.present | track.spoilt.any(axis=0)
     signals = track.signals if signals is None else signals
-    left = signals - fit.coefficients.T @ _whole_basis(fit) if track.spoilt is not None else fit.residual
+    left = signals - _everywhere(fit) if track.spoilt is not None else fit.residual
     size = np.hypot(*fit.coefficients[:2])
     count = int(min(max(_CYCLES * fit.rate * 2 * np.pi / fit.omega, 64), track.time.size))
     flags = np.zeros(signals.shape, dtype=bool)
-    for i, (row, rest, amplitude) in enumerate(zip(signals, left, size, strict=True)):
-        level = np.maximum(_SPIKE * _usual(rest, track.present, count), _LEAST * amplitude)
-        flags[i] = (np.abs(rest) > level) | _stuck(row, rest, amplitude)
+    whole = bool(present.all())
+    for i, (row, rest, amplitude) in enumerate(zip(signals, np.abs(left), size, strict=True)):
+        if not whole or _may_spike(rest, count, amplitude):
+            flags[i] = rest > np.maximum(_SPIKE * _usual(rest, present, count), _LEAST * amplitude)
+        if rest.max() > _APART * amplitude:
+            flags[i] |= _stuck(row, rest, amplitude)
     return flags & present
 
 
-def _whole_basis(fit: SineFit) -> FloatArray:
-    """The basis of a fit at all samples, also at those that it left out."""
+def _may_spike(rest: FloatArray, count: int, amplitude: float) -> bool:
+    """Whether a modulus of a residual (N,) may exceed the limit of a spike; False is certain.
+
+    The median of a block of `count` samples is large enough for its largest, unless half of its samples are smaller.
+    """
+    starts = _edges(rest.size, count)
+    largest = np.maximum.reduceat(rest, starts[:-1])
+    below = rest < np.repeat(largest * (_MEDIAN / _SPIKE), np.diff(starts))
+    fewer = np.add.reduceat(below, starts[:-1], dtype=int) < np.diff(starts) // 2
+    return bool(np.any((largest > _LEAST * amplitude) & ~fewer))
+
+
+def _edges(samples: int, count: int) -> IntArray:
+    """First index of each block of about `count` samples, and the number of samples."""
+    return np.linspace(0, samples, max(samples // count, 1) + 1).astype(int)
+
+
+def _everywhere(fit: SineFit) -> FloatArray:
+    """The fit (channels, N) at all samples, also at those that it left out."""
     whole = replace(fit.track, present=np.ones_like(fit.track.present))
-    return fit_sines(whole, fit.omega, fit.harmonics, fit.lines, fit.unsteady).basis
+    return rows_of(whole, fit.terms).model(fit.coefficients)
 
 
 def _usual(rest: FloatArray, present: BoolArray, count: int) -> FloatArray:
-    """Standard deviation of a residual (N,), from the median of each block of `count` samples."""
-    blocks = max(rest.size // count, 1)
-    edges = np.linspace(0, rest.size, blocks + 1).astype(int)
-    size = np.where(present, np.abs(rest), np.nan)
+    """Standard deviation of a residual of modulus `rest` (N,), from the median of each block of `count` samples."""
+    edges = _edges(rest.size, count)
     usual = np.empty(rest.size)
-    everywhere = float(np.nanmedian(size))
-    for low, high in pairwise(edges):
-        part = size[low:high]
-        known = np.isfinite(part)
-        usual[low:high] = np.median(part[known]) if 2 * known.sum() > part.size else everywhere
+    everywhere = median(rest[present])
+    for low, high in pairwise(edges.tolist()):
+        known = rest[low:high] if present[low:high].all() else rest[low:high][present[low:high]]
+        usual[low:high] = median(known) if 2 * known.size > high - low else everywhere
     return usual / _MEDIAN
 
 
@@ -122,7 +141,7 @@ def _stuck(row: FloatArray, rest: FloatArray, amplitude: float) -> BoolArray:
     moving = np.abs(steps[steps != 0.0])
     limit = _APART * amplitude + 3.0 * (float(np.min(moving)) if moving.size else np.inf)
     for low, high in runs:
-        if np.max(np.abs(rest[low : high + 1])) > limit:
+        if rest[low : high + 1].max() > limit:
             flags[low : high + 1] = True
     return flags
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.demodulation.sums import Blocks
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.core.reference import Reference
@@ -70,6 +72,26 @@ class Track(ByValue):
     rate: float
     course: Course | None = None
     spoilt: BoolArray | None = None
+
+    @cached_property
+    def known(self) -> int:
+        """Number of samples that all channels have."""
+        return int(np.count_nonzero(self.present))
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """The samples in blocks, for sums with sinusoids."""
+        return Blocks(self.signals, self.exact_rate)
+
+    @property
+    def exact_rate(self) -> float:
+        """Samples per second, from the first and the last time: it keeps the phase at both ends [Hz]."""
+        return float((self.time.size - 1) / (self.time[-1] - self.time[0]))
+
+    @cached_property
+    def energy(self) -> FloatArray:
+        """Sum (channels,) of the squares of the samples."""
+        return np.einsum("ij,ij->i", self.signals, self.signals)
 
 
 def tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:
@@ -141,6 +163,37 @@ def _signals(recording: Recording, names: Sequence[str]) -> tuple[FloatArray, Bo
             f"{recording.label} has {raw.shape[1]} samples, at least {_FEWEST_SAMPLES} are needed: "
             "record three cycles or more"
         )
+    present, signals = np.ones(raw.shape[1], dtype=bool), raw
+    if not np.isfinite(raw.sum(axis=1)).all():
+        present = _present(raw, names)
+        signals = np.where(present, raw, 0.0)
+    size = _largest(signals)
+    for name, largest in zip(names, size.tolist(), strict=True):
+        if largest > _LARGEST:
+            raise RecordingError(
+                f"{named(name)} reaches {largest:.3g} in SI units, which is no measurement: "
+                "check its column, unit and gain"
+            )
+    count = np.count_nonzero(present)
+    signals = signals - signals.sum(axis=1, keepdims=True) / count
+    if count < present.size:
+        signals *= present
+    for name, left, largest in zip(names, _largest(signals).tolist(), size.tolist(), strict=True):
+        if left <= 1e-12 * largest or largest == 0:
+            raise ConstantError(
+                f"{named(name)} is constant ({largest:.6g} in SI units): "
+                "the sensor was off, unplugged, or another column is meant"
+            )
+    return signals, present
+
+
+def _largest(rows: FloatArray) -> FloatArray:
+    """Largest modulus of each row."""
+    return np.maximum(rows.max(axis=1), -rows.min(axis=1)) + 0.0  # no minus zero
+
+
+def _present(raw: FloatArray, names: Sequence[str]) -> BoolArray:
+    """Flags (N,) of the samples that all channels (C, N) have; RecordingError if too many are missing."""
     there = np.isfinite(raw)
     present = np.asarray(there.all(axis=0))
     if np.mean(present) < 1.0 - _MOST_MISSING:
@@ -150,22 +203,7 @@ def _signals(recording: Recording, names: Sequence[str]) -> tuple[FloatArray, Bo
             f"({1.0 - present.mean():.0%} in any channel), at most {_MOST_MISSING:.0%} can be bridged; "
             "record the test again"
         )
-    signals: FloatArray = np.where(present, raw, 0.0)
-    size = np.max(np.abs(signals), axis=1)
-    for name, largest in zip(names, size, strict=True):
-        if largest > _LARGEST:
-            raise RecordingError(
-                f"{named(name)} reaches {largest:.3g} in SI units, which is no measurement: "
-                "check its column, unit and gain"
-            )
-    signals -= np.where(present, signals.sum(axis=1, keepdims=True) / present.sum(), 0.0)
-    for name, row, largest in zip(names, signals, size, strict=True):
-        if np.max(np.abs(row)) <= 1e-12 * largest or largest == 0:
-            raise ConstantError(
-                f"{named(name)} is constant ({largest:.6g} in SI units): "
-                "the sensor was off, unplugged, or another column is meant"
-            )
-    return signals, present
+    return present
 
 
 def named(role: str) -> str:

@@ -11,6 +11,7 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate
 from fourpole.core.demodulation.envelope import envelope
 from fourpole.core.demodulation.sinefit import fit_sines
+from fourpole.core.demodulation.terms import DRIFT
 from fourpole.core.demodulation.tracks import STEADY, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import DERIVATIVES, Recording
@@ -18,8 +19,6 @@ from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
 
 _FEWEST_STRETCHES = 12
-#: Number of rows for mean and drift at the end of a fit's basis.
-_DRIFT = 4
 #: The speed is followed if a ratio of amplitudes then changes by more than this many standard uncertainties.
 _SHIFT = 3.0
 #: The speed is also followed if the standard uncertainty of a ratio then falls by this factor.
@@ -125,8 +124,9 @@ def _own_reference(recording: Recording, found: Demodulation, *, lines: bool) ->
     first = tracks_of(recording, [name for name in CHANNELS if name in recording.channels])[0]
     if lines:
         fit = fit_sines(first, omega, 1, 2 * np.pi * np.unique(found.lines))
-        foreign = fit.coefficients[2:-_DRIFT].T @ fit.basis[2:-_DRIFT]
-        first = replace(first, signals=first.signals - foreign)
+        foreign = fit.coefficients.copy()
+        foreign[:2] = foreign[-DRIFT:] = 0.0
+        first = replace(first, signals=first.signals - fit.rows.model(foreign))
     curve = None if recording.reference is None else recording.reference.curve
 
     def turn(time: FloatArray) -> FloatArray:

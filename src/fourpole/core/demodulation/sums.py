@@ -1,0 +1,206 @@
+r"""Sums of uniform samples times sinusoids, without a table of the sinusoids.
+
+Samples stand in M blocks of B. With the time :math:`t_b` of the middle of a block and the time :math:`\tau` from there,
+:math:`e^{j\omega t} = e^{j\omega t_b} e^{j\omega\tau}`: one product of the samples with a small matrix gives the sums
+of all blocks, at any frequency. Sums without samples have a closed form. Both are exact but for round-off.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import comb
+
+import numpy as np
+
+from fourpole.core.arrays import ComplexArray, FloatArray
+
+#: Below this many turns of 1/2π over the record, the closed form loses digits, and the sum is made term by term.
+_FEWEST_TURNS = 0.5
+
+
+class Blocks:
+    """Samples of channels in blocks.
+
+    Time is `u`, from the middle of the samples; `s` is `u` over half the record's length, from -1 to 1.
+
+    Parameters
+    ----------
+    signals : (C, N) float array
+        Samples; 0 for missing ones.
+    rate : float [Hz]
+        Samples per second.
+    fewest : int
+        Number of blocks at least, if there are as many samples; by default the root of the number of samples.
+    """
+
+    def __init__(self, signals: FloatArray, rate: float, fewest: int = 1) -> None:
+        self.channels, self.count = signals.shape
+        size = max(1, min(int(np.sqrt(self.count)), self.count // fewest))
+        blocks = -(-self.count // size)
+        if blocks * size == self.count:
+            whole = np.ascontiguousarray(signals)
+        else:
+            whole = np.zeros((self.channels, blocks * size))
+            whole[:, : self.count] = signals
+        self.samples = whole.reshape(self.channels * blocks, size)
+        self.half = 0.5 * max(self.count - 1, 1) / rate
+        self.inside = (np.arange(size) - 0.5 * (size - 1)) / rate
+        self.middle = (np.arange(blocks) * size + 0.5 * (size - self.count)) / rate
+
+    @cached_property
+    def places(self) -> FloatArray:
+        """Powers 0 to 3 (4, M) of s in the middle of each block."""
+        return np.asarray((self.middle / self.half) ** np.arange(4)[:, None])
+
+    @cached_property
+    def moments(self) -> FloatArray:
+        """Sums (C, 4) of the samples times 1, s, s² and s³."""
+        return self.still.sums(3)[:, :, 0].real
+
+    @cached_property
+    def still(self) -> Sines:
+        """The frequency zero."""
+        return self.sines(0.0, 1, np.empty(0))
+
+    def sines(self, omega: float, harmonics: int, others: FloatArray) -> Sines:
+        """The multiples of omega, and other frequencies (L,) [rad/s]."""
+        tables = []
+        for time in (self.inside, self.middle):
+            table = np.empty((time.size, harmonics + others.size), dtype=complex)
+            table[:, harmonics:] = np.exp(-1j * time[:, None] * others)
+            geometric(np.exp(-1j * omega * time), table[:, :harmonics])
+            tables.append(table)
+        return Sines(self, *tables)
+
+
+def geometric(ratio: ComplexArray, table: ComplexArray, start: ComplexArray | None = None) -> None:
+    """Fill a table (n, F) with start · ratio^k in column k, from k = 0; by default with ratio^(k + 1)."""
+    if table.shape[1]:
+        table[:, 0] = ratio if start is None else start
+    for k in range(1, table.shape[1]):
+        np.multiply(table[:, k - 1], ratio, out=table[:, k])
+
+
+class Sines:
+    """Sinusoids e^{-jωu} on blocks, as their turn inside a block (B, F) and that of the middles of blocks (M, F)."""
+
+    def __init__(self, blocks: Blocks, inside: ComplexArray, middle: ComplexArray) -> None:
+        self._blocks, self._inside, self._middle = blocks, inside, middle
+
+    def sums(self, order: int) -> ComplexArray:
+        """Sums (C, order + 1, F) of the samples times s^p e^{-jωu}, for p from 0 and each frequency."""
+        parts = self._parts(order)
+        channels, blocks, _, count = parts.shape
+        flat = self._blocks.places[: order + 1] @ parts.reshape(channels, blocks, -1).view(float)
+        apart = flat.view(complex).reshape(channels, order + 1, order + 1, count)
+        made = np.zeros((channels, order + 1, count), dtype=complex)
+        for p in range(order + 1):
+            for q in range(p + 1):
+                made[:, p] += comb(p, q) * apart[:, p - q, q]
+        return made
+
+    def _parts(self, order: int) -> ComplexArray:
+        """Sums (C, M, order + 1, F) over each block of the samples times powers of s from its middle, and e^{-jωu}."""
+        blocks = self._blocks
+        parts = (blocks.samples @ self._within(order)).view(complex)
+        made = parts.reshape(blocks.channels, blocks.middle.size, order + 1, -1)
+        made *= self._middle[:, None]
+        return np.asarray(made)
+
+    def beside(self, offset: float, reach: int) -> ComplexArray:
+        """Sums (C, F, 2 J + 1) of the samples times e^{-j(ω + nd)u} for n from -J to J and a small offset d [rad/s].
+
+        Within a block the turn n·d·u is expanded to its cube: with n·d·u at most 0.25, a sum is off by at most 2e-4 of
+        what the samples hold beside it.
+        """
+        blocks, steps = self._blocks, np.arange(-reach, reach + 1)
+        turning = np.empty((blocks.middle.size, steps.size), dtype=complex)
+        geometric(np.exp(-1j * offset * blocks.middle), turning, np.exp(1j * reach * offset * blocks.middle))
+        parts = self._parts(3)
+        rows = parts.transpose(2, 0, 3, 1).reshape(-1, blocks.middle.size) @ turning
+        along = rows.reshape(4, blocks.channels, parts.shape[3], steps.size)
+        turn = -1j * blocks.half * offset * steps
+        return np.asarray(along[0] + turn * (along[1] + turn / 2 * (along[2] + turn / 3 * along[3])))
+
+    def wave(self, amplitudes: ComplexArray) -> FloatArray:
+        """The signals (C, N) Re sum s^p X e^{jωu} of amplitudes X (C, order + 1, F)."""
+        blocks, order = self._blocks, amplitudes.shape[1] - 1
+        # Amplitudes of each block: s = s_b + sigma, and the powers of a sum are binomial.
+        each = np.zeros((amplitudes.shape[0], blocks.middle.size, order + 1, amplitudes.shape[2]), dtype=complex)
+        for q in range(order + 1):
+            for p in range(q, order + 1):
+                each[:, :, q] += (comb(p, q) * blocks.places[p - q])[:, None] * amplitudes[:, None, p]
+        each *= self._middle.conj()[:, None]
+        made = each.reshape(-1, (order + 1) * amplitudes.shape[2]).view(float) @ self._within(order).T
+        return made.reshape(amplitudes.shape[0], -1)[:, : blocks.count]
+
+    def _within(self, order: int) -> FloatArray:
+        """Cosines and minus sines (B, 2 (order + 1) F) in a block, times the powers of s from the block's middle."""
+        place = (self._blocks.inside / self._blocks.half)[:, None]
+        table = np.empty((place.size, order + 1, self._inside.shape[1]), dtype=complex)
+        table[:, 0] = self._inside
+        for p in range(1, order + 1):
+            np.multiply(table[:, p - 1], place, out=table[:, p])
+        return table.reshape(place.size, -1).view(float)
+
+    def carrier(self) -> ComplexArray:
+        """The first of the sinusoids as a rotation e^{jωu} (N,)."""
+        turning = self._middle[:, :1].conj() * self._inside[:, 0].conj()
+        return np.asarray(turning.reshape(-1)[: self._blocks.count])
+
+
+def sums_without_samples(omega: FloatArray, count: int, rate: float, order: int) -> ComplexArray:
+    r"""Sums (order + 1, ...) of s^p e^{jωu} over uniform samples, for p from 0 to `order`, at omega (...) [rad/s].
+
+    With :math:`x = \omega/2f_s` the sum for p = 0 is :math:`g = \sin Nx/\sin x`, and that for p follows from
+    the p-th derivative of g, by differentiating :math:`g \sin x = \sin Nx`.
+
+    Parameters
+    ----------
+    omega : float array [rad/s]
+        Frequencies; the sum at 0 is that of the powers alone.
+    count : int
+        Number of samples N >= 2.
+    rate : float [Hz]
+        Samples per second.
+    order : int
+        Highest power of s.
+
+    Examples
+    --------
+    >>> s = np.linspace(-1.0, 1.0, 50)
+    >>> wave = np.exp(1j * 2.0 * 2.45 * s)
+    >>> bool(np.allclose(sums_without_samples(np.array([2.0]), 50, 10.0, 1)[:, 0], [wave.sum(), (s * wave).sum()]))
+    True
+    """
+    x = omega / (2 * rate)
+    slow = np.abs(np.sin(x)) * count < _FEWEST_TURNS
+    base = np.where(slow, 1.0, x)
+    sine, cosine = np.sin(base), np.cos(base) / np.sin(base)
+    # The derivatives of sin x over sin x, and those of sin Nx over N^p sin x.
+    own = [np.ones_like(base), cosine, -np.ones_like(base), -cosine]
+    whole = [np.sin(count * base) / sine, np.cos(count * base) / sine]
+    made: list[FloatArray] = []
+    for p in range(order + 1):
+        right = ((count / (count - 1)) ** p * (-1) ** (p // 2)) * whole[p % 2]
+        for i in range(p):
+            right -= (comb(p, i) * (count - 1.0) ** (i - p)) * own[(p - i) % 4] * made[i]
+        made.append(right)
+    result = np.stack([(-1j) ** p * row for p, row in enumerate(made)])
+    if slow.any():
+        result[:, slow] = _term_by_term(omega[slow], count, rate, order)
+    return result
+
+
+def _term_by_term(omega: FloatArray, count: int, rate: float, order: int) -> ComplexArray:
+    """The sums (order + 1, F) of `sums_without_samples` as they are defined."""
+    index = np.arange(count) - 0.5 * (count - 1)
+    place = index / (0.5 * (count - 1))
+    made = np.empty((order + 1, omega.size), dtype=complex)
+    known: dict[float, ComplexArray] = {}
+    for k, one in enumerate(omega.tolist()):
+        if one not in known:
+            turning = np.exp(1j * one / rate * index)
+            known[one] = np.array([place**p @ turning for p in range(order + 1)])
+        made[:, k] = known[one]
+    return made
