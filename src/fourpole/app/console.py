@@ -10,17 +10,15 @@ import sys
 import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, Literal, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias
 
 import typer
-from rich import box
-from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
-from rich.text import Text
 
 from fourpole.errors import FourpoleError, UnitError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
 
 Sign: TypeAlias = Literal["any", "not negative", "positive"]
 
@@ -40,6 +38,8 @@ class Terminated(KeyboardInterrupt):
 
 
 def _console(stderr: bool) -> Console:
+    from rich.console import Console  # only what prints loads it: a third of the time of a list of commands
+
     stream = sys.stderr if stderr else sys.stdout
     return Console(stderr=stderr, soft_wrap=not stream.isatty(), highlight=False)
 
@@ -50,11 +50,17 @@ def table_width() -> int:
 
 
 def _tables() -> Console:
+    from rich.console import Console
+
     return Console(width=None if sys.stdout.isatty() else _WIDE, highlight=False, markup=False, emoji=False)
 
 
 def print_table(heads: Iterable[str], rows: Iterable[Sequence[str | Text]], *, right: Collection[str] = ()) -> None:
     """Print a table; columns whose head is in `right` are aligned at the right and are not folded."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for head in heads:
         number = head in right
@@ -88,18 +94,25 @@ def out(text: str = "") -> None:
 
 def say(text: str) -> None:
     """Print on standard error what is not the result."""
-    _console(stderr=True).print(escape(without_controls(text)))
+    _print_marked("", text)
 
 
 def warn(text: str) -> None:
     """Print a warning on standard error."""
-    _console(stderr=True).print(f"[yellow]warning:[/yellow] {escape(without_controls(text))}")
+    _print_marked("[yellow]warning:[/yellow] ", text)
 
 
 def fail(text: str, code: int = UNREADABLE) -> NoReturn:
     """Print an error on standard error and end with this exit code."""
-    _console(stderr=True).print(f"[red]error:[/red] {escape(without_controls(text))}")
+    _print_marked("[red]error:[/red] ", text)
     raise typer.Exit(code)
+
+
+def _print_marked(mark: str, text: str) -> None:
+    """Print a text on standard error after a mark in rich's markup."""
+    from rich.markup import escape
+
+    _console(stderr=True).print(f"{mark}{escape(without_controls(text))}")
 
 
 def print_json(document: Any) -> None:
@@ -224,6 +237,8 @@ def _once_more(ignored: sys.UnraisableHookArgs) -> None:
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
     """Progress bar with the time left, on a terminal; the callable takes the number done and the number of all."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = _console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:

@@ -127,7 +127,7 @@ class SpecimenFile(BaseModel):
     `fixed` says whether the specimen is held on both sides, so that it can be pulled; None if it is not stated.
     """
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
     construction: str = ""
     fixed: StrictBool | None = None

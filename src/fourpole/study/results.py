@@ -6,19 +6,21 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
 from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
-from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
 from fourpole.io.source import read_bytes, sha256_of
 from fourpole.io.staging import recover
 from fourpole.quantities import TYRE
 from fourpole.study.rig_estimate import RigEstimate, read_rig_estimates
 from fourpole.study.tables import DYNAMIC, OPTIONAL, TABLES, Tables, TableSpec
+
+if TYPE_CHECKING:
+    from fourpole.fitting.modelfile import ModelFile
 
 _MOST_BYTES = 2_000_000_000
 _MADE_BY = {"model": "fit", "map": "map"}
@@ -149,6 +151,8 @@ def read_results(folder: str | Path) -> Results:
 
 def _with_models(results: Results, folder: Path) -> Results:
     """The results with the model files that were made from these results."""
+    from fourpole.fitting.modelfile import read_model_file
+
     sha256 = sha256_of(folder / f"{DYNAMIC.name}.csv", max_bytes=_MOST_BYTES)
     files: dict[str, Any] = {}
     faults = []
