@@ -44,8 +44,10 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     """Simulate a campaign, analyse it, and print the findings; exit code `SOME_REJECTED` if tests were rejected."""
     from fourpole.findings import findings
     from fourpole.report.words.sentence import headline
+    from fourpole.virtual import simulate_campaign
 
-    _simulate_demo(folder, seed)
+    with progress("recording") as advance:
+        simulate_campaign(folder, seed=seed, progress=advance, **_demo_settings())
     study, results = _analysed(folder, None)
     page = _written(study, results)
     if as_json:
@@ -59,20 +61,16 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     return SOME_REJECTED if study.counts["rejected"] else OK
 
 
-def _simulate_demo(folder: Path, seed: int) -> None:
-    """The demonstration: usual uncertainties of sensors and rig, and a weighed mass at one condition."""
-    from fourpole.virtual import RADIAL_PLY, simulate_campaign
+def _demo_settings() -> dict[str, Any]:
+    """Settings of the demonstration: usual uncertainties of sensors and rig, and a weighed mass at one condition."""
+    from fourpole.virtual import RADIAL_PLY
 
-    with progress("recording") as advance:
-        simulate_campaign(
-            folder,
-            seed=seed,
-            progress=advance,
-            sensors=(5e-3, radians(0.2)),
-            rig_std={"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
-            added_masses=(0.0, 10.0),
-            added_mass_at=(RADIAL_PLY.name, 170e3, 1000.0),
-        )
+    return {
+        "sensors": (5e-3, radians(0.2)),
+        "rig_std": {"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
+        "added_masses": (0.0, 10.0),
+        "added_mass_at": (RADIAL_PLY.name, 170e3, 1000.0),
+    }
 
 
 def _analysed(
