@@ -118,7 +118,9 @@ def init(
 
 @_command
 def analyse(
-    campaign: CampaignFolder,
+    campaigns: Annotated[
+        list[Path], typer.Argument(metavar="CAMPAIGN...", help="Folders with campaign.toml and tests.csv.")
+    ],
     folder: Annotated[
         Path | None, typer.Option("--out", help="Folder for the results; by default CAMPAIGN/results.")
     ] = None,
@@ -131,11 +133,16 @@ def analyse(
 ) -> int:
     """Analyse a campaign folder: recordings in; tables of K1, R, I, K*, K2, C and TR, figures and a report out.
 
-    Reduced recordings are kept in the folder of the results, so a run that was stopped continues where it was.
+    Reduced recordings are kept in the folder of the results, so a run that was stopped continues where it was. Of
+    several campaigns, each has its own results, and one that cannot be read does not stop the others.
     """
     from fourpole.app.analysis import run_analysis
+    from fourpole.app.campaigns import run_each
 
-    return run_analysis(campaign, folder, route, monte_carlo, tables_only=tables_only, as_json=as_json)
+    def run(campaign: Path) -> int:
+        return run_analysis(campaign, folder, route, monte_carlo, tables_only=tables_only, as_json=as_json)
+
+    return run_each(campaigns, folder, run, as_json=as_json)
 
 
 @_command
@@ -332,6 +339,22 @@ def rig(folder: ResultsFolder, as_json: JsonFlag = False) -> None:
     from fourpole.app.rig import run_rig
 
     run_rig(folder, as_json=as_json)
+
+
+@_command
+def lab(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that holds campaigns, at any depth.")],
+    place: Annotated[Path | None, typer.Option("--out", help="Folder of the data set; by default FOLDER/lab.")] = None,
+    as_json: JsonFlag = False,
+) -> int:
+    """Gather all results below a folder into one Parquet data set, which DuckDB and polars read.
+
+    Only results that have changed since are read again. docs/lab.md has the columns and queries: one specimen over the
+    years, and two campaigns compared.
+    """
+    from fourpole.app.lab import run_lab
+
+    return run_lab(folder, place, as_json=as_json)
 
 
 @_command

@@ -10,6 +10,7 @@ import sys
 import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias
 
 import typer
@@ -31,6 +32,12 @@ OK, UNREADABLE, SOME_REJECTED, STOPPED, TERMINATED, INTERNAL = 0, 2, 3, 130, 143
 #: Time after which a signal is repeated that came while an object was deleted [s].
 _SOON = 0.02
 _STOPPED_TEXT = "stopped; no file is half-written; what is done is kept: the same command goes on from there"
+
+
+#: What a progress bar is part of; empty for a command with one task.
+_PART: ContextVar[str] = ContextVar("_PART", default="")
+#: Where JSON documents go in place of standard output.
+_DOCUMENTS: ContextVar[list[Any] | None] = ContextVar("_DOCUMENTS", default=None)
 
 
 class Terminated(KeyboardInterrupt):
@@ -117,7 +124,30 @@ def _print_marked(mark: str, text: str) -> None:
 
 def print_json(document: Any) -> None:
     """Print one JSON document; a number that is not finite is null."""
+    if (documents := _DOCUMENTS.get()) is not None:
+        documents.append(document)
+        return
     out(json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+@contextmanager
+def gathered(documents: list[Any]) -> Iterator[None]:
+    """Let `print_json` append to a list in place of printing: a command prints one document only."""
+    token = _DOCUMENTS.set(documents)
+    try:
+        yield
+    finally:
+        _DOCUMENTS.reset(token)
+
+
+@contextmanager
+def within(part: str) -> Iterator[None]:
+    """Let progress bars say what they are part of, as "2 of 3: campaign"."""
+    token = _PART.set(part)
+    try:
+        yield
+    finally:
+        _PART.reset(token)
 
 
 def _plain(value: Any) -> Any:
@@ -237,10 +267,12 @@ def _once_more(ignored: sys.UnraisableHookArgs) -> None:
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
     """Progress bar with the time left, on a terminal; the callable takes the number done and the number of all."""
+    from rich.markup import escape
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = _console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what, total=None)
+        part = _PART.get()
+        task = bar.add_task(f"{escape(part)}, {what}" if part else what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

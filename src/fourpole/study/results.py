@@ -137,7 +137,7 @@ def read_results(folder: str | Path) -> Results:
     if not folder.is_dir():
         raise CampaignError(f"{folder}: there is no such folder of results")
     recover(folder)
-    tables = {spec.name: _table(folder, spec) for spec in TABLES.values() if spec.read}
+    tables = {spec.name: read_table(folder, spec) for spec in TABLES.values() if spec.read}
     try:
         record = json.loads(read_bytes(folder / "study.json", max_bytes=_MOST_BYTES))
         if not isinstance(record, dict):
@@ -170,7 +170,7 @@ def _with_models(results: Results, folder: Path) -> Results:
     return replace(results, faults=tuple(faults), **files)
 
 
-def _table(folder: Path, spec: TableSpec) -> pl.DataFrame:
+def read_table(folder: Path, spec: TableSpec) -> pl.DataFrame:
     """A table as it was written; a table without columns where an optional file is missing."""
     path = folder / f"{spec.name}{spec.endings[0]}"
     optional = not spec.always or path.suffix == ".parquet"
