@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -170,8 +170,11 @@ def _with_models(results: Results, folder: Path) -> Results:
     return replace(results, faults=tuple(faults), **files)
 
 
-def read_table(folder: Path, spec: TableSpec) -> pl.DataFrame:
-    """A table as it was written; a table without columns where an optional file is missing."""
+def read_table(folder: Path, spec: TableSpec, needed: Collection[str] | None = None) -> pl.DataFrame:
+    """A table as it was written; a table without columns where an optional file is missing.
+
+    A column of `needed`, by default any column, that the file does not have is an error.
+    """
     path = folder / f"{spec.name}{spec.endings[0]}"
     optional = not spec.always or path.suffix == ".parquet"
     if optional and not path.is_file():
@@ -190,7 +193,7 @@ def read_table(folder: Path, spec: TableSpec) -> pl.DataFrame:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
     except pl.exceptions.PolarsError as error:
         raise CampaignError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
-    lacking = [name for name in spec.columns if name not in names]
+    lacking = [name for name in (spec.columns if needed is None else needed) if name not in names]
     if lacking:
         raise CampaignError(f"{path.name}: has no column {lacking[0]!r}: run fourpole analyse again")
     return frame.with_columns(pl.col(pl.String).fill_null(""))

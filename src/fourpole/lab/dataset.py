@@ -208,7 +208,7 @@ def _taken(place: Path, name: str, new: Path, problems: list[str]) -> dict[str, 
     record = _record(content)
     slug = re.sub(r"[^A-Za-z0-9_.-]+", "-", name)[:60].strip("-.")
     file = f"{slug}-{hashlib.sha256(name.encode()).hexdigest()[:8]}.parquet"
-    tables = {table: read_table(place, one.spec) for table, one in TABLES.items()}
+    tables = {table: read_table(place, one.spec, one.needed) for table, one in TABLES.items()}
     origin = _origin(record, name, hashlib.sha256(content).hexdigest(), tables["tests"])
     made = {}
     for table, frame in tables.items():
