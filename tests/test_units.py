@@ -29,6 +29,8 @@ from fourpole.units import (
     to_si,
     unit_scale,
 )
+from fourpole.units.grammar import _looked_up as from_pint
+from fourpole.units.usual import USUAL
 
 PI = 3.141592653589793
 LBF = 4.4482216152605
@@ -468,3 +470,8 @@ def test_what_is_shown_is_printable_and_short() -> None:
 def test_importing_loads_no_pint() -> None:
     code = "import sys, fourpole.units, fourpole.io.text; sys.exit('pint' in sys.modules or 'polars' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_usual_units_are_those_of_pint() -> None:
+    """They stand in a table, since loading pint takes half a second."""
+    assert {name: from_pint(name) for name in USUAL} == USUAL

@@ -8,9 +8,11 @@ the time factor is e^{+jwt}.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # as type checkers know it; to import typing would take longer than all the rest
 if TYPE_CHECKING:
+    from typing import Any
+
     from fourpole import models
     from fourpole import twoport as twoport
     from fourpole.campaign import read_campaign

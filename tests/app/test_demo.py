@@ -62,7 +62,7 @@ def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
     def small(folder, **settings):
         return simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 24.0], **settings)
 
-    monkeypatch.setattr(analysis, "simulate_campaign", small)
+    monkeypatch.setattr("fourpole.virtual.simulate_campaign", small)
     monkeypatch.setattr(analysis, "_drawn", lambda study, new, obsolete: new / "report.html")
     small(tmp_path / "demo", seed=8)
     (tmp_path / "demo" / "results").mkdir()
@@ -75,7 +75,7 @@ def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
     assert said["found"]
     assert all(isinstance(sentence, str) for sentence in said["found"])
     assert pl.read_csv(tmp_path / "demo" / "results" / "dynamic.csv")["verdict"].to_list() == ["ok"] * 6
-    fresh = small(tmp_path / "fresh", seed=7, **analysis._DEMO).folder
+    fresh = small(tmp_path / "fresh", seed=7, **analysis._demo_settings()).folder
     for name in ("campaign.toml", "recordings/D1.csv"):
         assert (tmp_path / "demo" / name).read_bytes() == (fresh / name).read_bytes()
 

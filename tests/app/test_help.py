@@ -7,12 +7,12 @@ import sys
 
 import pytest
 import typer
-from rich.text import Text
 from tests.app.conftest import ENVIRONMENT
 
 from fourpole.app.cli import app
 
-COMMANDS = typer.main.get_command(app).commands
+GROUP = typer.main.get_command(app)
+COMMANDS = {name: GROUP.get_command(None, name) for name in GROUP.list_commands(None)}
 
 
 @pytest.fixture(scope="module")
@@ -151,11 +151,10 @@ def test_a_wrong_call_is_exit_2_without_a_traceback(run, arguments):
 
 
 def test_text_in_brackets_stands_in_the_help(run):
-    """Rich would take an unescaped [deg] for markup and leave it out."""
-    assert '"camber [deg]"' in run("fit", "--help").stdout.replace("\n", " ")
-    for command in COMMANDS.values():
-        for parameter in command.params:
-            assert Text.from_markup(parameter.help).plain.replace("\\", "") == parameter.help.replace("\\", "")
+    """The help has no markup, which would take [deg] for a style and leave it out."""
+    said = " ".join(run("fit", "--help").stdout.split())
+    assert '"camber [deg]"' in said
+    assert "\\" not in said
 
 
 @pytest.mark.parametrize("module", ["fourpole", "fourpole.app.cli"])

@@ -9,7 +9,7 @@ from fourpole.core.codes import Code
 from fourpole.findings import findings
 from fourpole.findings.verdicts import Doubt
 from fourpole.report.page import render_report
-from fourpole.report.words import sentences
+from fourpole.report.words.sentence import sentences
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 

@@ -6,31 +6,22 @@ from collections.abc import Sequence
 from filecmp import cmpfiles
 from math import radians
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress, say
 from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError
-from fourpole.findings import findings, findings_table
 from fourpole.io.staging import recover, staged
 from fourpole.io.write import write_table
-from fourpole.report.words import headline
-from fourpole.study import DRAWS, Study, analyse
-from fourpole.study.tables import TABLE_FILES
-from fourpole.virtual import RADIAL_PLY, simulate_campaign
+
+if TYPE_CHECKING:
+    from fourpole.study import Study
 
 _MOST_LISTED = 12
 #: Tests with the same remark that are named.
 _MOST_NAMED = 6
-#: Settings of the demonstration: usual uncertainties of sensors and rig, and a weighed mass at one condition.
-_DEMO: dict[str, Any] = {
-    "sensors": (5e-3, radians(0.2)),
-    "rig_std": {"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
-    "added_masses": (0.0, 10.0),
-    "added_mass_at": (RADIAL_PLY.name, 170e3, 1000.0),
-}
 
 
 def run_analysis(
@@ -51,8 +42,12 @@ def run_analysis(
 
 def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     """Simulate a campaign, analyse it, and print the findings; exit code `SOME_REJECTED` if tests were rejected."""
+    from fourpole.findings import findings
+    from fourpole.report.words.sentence import headline
+    from fourpole.virtual import simulate_campaign
+
     with progress("recording") as advance:
-        simulate_campaign(folder, seed=seed, progress=advance, **_DEMO)
+        simulate_campaign(folder, seed=seed, progress=advance, **_demo_settings())
     study, results = _analysed(folder, None)
     page = _written(study, results)
     if as_json:
@@ -66,16 +61,31 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     return SOME_REJECTED if study.counts["rejected"] else OK
 
 
+def _demo_settings() -> dict[str, Any]:
+    """Settings of the demonstration: usual uncertainties of sensors and rig, and a weighed mass at one condition."""
+    from fourpole.virtual import RADIAL_PLY
+
+    return {
+        "sensors": (5e-3, radians(0.2)),
+        "rig_std": {"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
+        "added_masses": (0.0, 10.0),
+        "added_mass_at": (RADIAL_PLY.name, 170e3, 1000.0),
+    }
+
+
 def _analysed(
-    campaign: Path, folder: Path | None, route: str = "joint", monte_carlo: int = DRAWS
+    campaign: Path, folder: Path | None, route: str = "joint", monte_carlo: int | None = None
 ) -> tuple[Study, Path]:
     stated = read_campaign(campaign)
+    from fourpole.study import DRAWS, analyse  # after the campaign is read, so that a wrong name is said at once
+
+    draws = DRAWS if monte_carlo is None else monte_carlo
     results = folder if folder is not None else campaign / "results"
     if results.exists() and not results.is_dir():
         raise CampaignError(f"{results}: is a file: name a folder for the results with --out")
     recover(results)
     with progress("analysing") as advance:
-        study = analyse(stated, route=route, monte_carlo=monte_carlo, cache=results / "cache", progress=advance)
+        study = analyse(stated, route=route, monte_carlo=draws, cache=results / "cache", progress=advance)
     return study, results
 
 
@@ -84,6 +94,9 @@ def _written(study: Study, results: Path, *, tables_only: bool = False) -> Path 
 
     With `tables_only`, figures and report of other tables are deleted.
     """
+    from fourpole.findings import findings, findings_table
+    from fourpole.study.tables import TABLE_FILES
+
     obsolete = [*TABLE_FILES, "findings.csv"]
     with staged(results, obsolete) as new:
         study.write(new)

@@ -11,6 +11,7 @@ import typer
 
 from fourpole.app import model_commands
 from fourpole.app.console import end_in_order, frequencies, out, progress, rising, say, warn
+from fourpole.app.group import group_of
 from fourpole.app.options import (
     BareRig,
     InfoOptions,
@@ -20,9 +21,9 @@ from fourpole.app.options import (
     RigOptions,
     ShapeOptions,
     amount,
-    command,
 )
 from fourpole.export.kinds import ABOUT
+from fourpole.version import VERSION
 
 CampaignFolder = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv.")]
 ResultsFolder = Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote.")]
@@ -35,29 +36,32 @@ _DRAWS = "Monte Carlo trials for intervals of K2 and C that are not normal; 0: n
 Theme = Annotated[str, typer.Option(help="Colours of the figures: light, dark or print.")]
 StaticStiffness = Annotated[float, amount("--k1", "stiffness", 'Static stiffness, as "180 kN/m".', "positive")]
 
+#: Functions of the commands by name, in the order of the help.
+RUNS: dict[str, Callable[..., int | None]] = {}
+
 app = typer.Typer(
     name="fourpole",
+    cls=group_of(RUNS),
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
+    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="From tyre-rig recordings to static stiffness K1, dynamic stiffness K2, damping C, mobility and "
-    "transmissibility, with the uncertainty of every number.\n\nStart with [bold]fourpole demo[/bold], which makes a "
-    "campaign folder to look at and analyses it; then [bold]fourpole analyse YOUR-FOLDER[/bold].\n\nQuantities are "
+    "transmissibility, with the uncertainty of every number.\n\nStart with fourpole demo, which makes a "
+    "campaign folder to look at and analyses it; then fourpole analyse YOUR-FOLDER.\n\nQuantities are "
     'written with their unit, as in "12.44 kN/m". Exit codes: 0 all used, 2 the input could not be read, 3 done but '
     "some tests were rejected.",
 )
 
 
-def _command(run: Callable[..., int | None]) -> Callable[..., None]:
-    return app.command()(command(run))
+def _command(run: Callable[..., int | None]) -> Callable[..., int | None]:
+    RUNS[run.__name__] = run
+    return run
 
 
 def _version(shown: bool) -> None:
     if shown:
-        from importlib.metadata import version
-
-        out(f"fourpole {version('fourpole')}")
+        out(f"fourpole {VERSION}")
         raise typer.Exit
 
 
@@ -114,7 +118,9 @@ def init(
 
 @_command
 def analyse(
-    campaign: CampaignFolder,
+    campaigns: Annotated[
+        list[Path], typer.Argument(metavar="CAMPAIGN...", help="Folders with campaign.toml and tests.csv.")
+    ],
     folder: Annotated[
         Path | None, typer.Option("--out", help="Folder for the results; by default CAMPAIGN/results.")
     ] = None,
@@ -127,11 +133,16 @@ def analyse(
 ) -> int:
     """Analyse a campaign folder: recordings in; tables of K1, R, I, K*, K2, C and TR, figures and a report out.
 
-    Reduced recordings are kept in the folder of the results, so a run that was stopped continues where it was.
+    Reduced recordings are kept in the folder of the results, so a run that was stopped continues where it was. Of
+    several campaigns, each has its own results, and one that cannot be read does not stop the others.
     """
     from fourpole.app.analysis import run_analysis
+    from fourpole.app.campaigns import run_each
 
-    return run_analysis(campaign, folder, route, monte_carlo, tables_only=tables_only, as_json=as_json)
+    def run(campaign: Path) -> int:
+        return run_analysis(campaign, folder, route, monte_carlo, tables_only=tables_only, as_json=as_json)
+
+    return run_each(campaigns, folder, run, as_json=as_json)
 
 
 @_command
@@ -287,9 +298,12 @@ def plan(
 @_command
 def report(folder: ResultsFolder, theme: Theme = "light") -> None:
     """Make the figures and report.html again from the result tables, without reading the recordings."""
+    from fourpole.study.results import read_results
+
+    results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
     from fourpole.app.report import run_report
 
-    run_report(folder, theme)
+    run_report(results, folder, theme)
 
 
 @_command
@@ -312,8 +326,7 @@ def export(
     out(f"{kind}: {exported.path}")
 
 
-for name, model_command in model_commands.COMMANDS.items():
-    app.command(name)(model_command)
+RUNS.update(model_commands.COMMANDS)
 
 
 @_command
@@ -329,6 +342,22 @@ def rig(folder: ResultsFolder, as_json: JsonFlag = False) -> None:
 
 
 @_command
+def lab(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that holds campaigns, at any depth.")],
+    place: Annotated[Path | None, typer.Option("--out", help="Folder of the data set; by default FOLDER/lab.")] = None,
+    as_json: JsonFlag = False,
+) -> int:
+    """Gather all results below a folder into one Parquet data set, which DuckDB and polars read.
+
+    Only results that have changed since are read again. docs/lab.md has the columns and queries: one specimen over the
+    years, and two campaigns compared.
+    """
+    from fourpole.app.lab import run_lab
+
+    return run_lab(folder, place, as_json=as_json)
+
+
+@_command
 def plot(
     folder: ResultsFolder,
     figure: Annotated[str, typer.Argument(metavar="FIGURE", help="Name of the figure, as fig05 or nyquist.")],
@@ -338,13 +367,16 @@ def plot(
     ylim: Annotated[str | None, typer.Option(help='Limits of the ordinate in its unit, as "0:3".')] = None,
 ) -> None:
     """Draw one figure from the result tables."""
-    from fourpole.app.report import run_plot
-    from fourpole.plot import Style
+    from fourpole.study.results import read_results
 
     limits = [
         None if text is None else rising(text, name, "10:24") for name, text in (("--xlim", xlim), ("--ylim", ylim))
     ]
-    run_plot(folder, figure, file, Style(theme, xlim=limits[0], ylim=limits[1]))
+    results = read_results(folder)
+    from fourpole.app.report import run_plot
+    from fourpole.plot import Style
+
+    run_plot(results, folder, figure, file, Style(theme, xlim=limits[0], ylim=limits[1]))
 
 
 def main() -> None:

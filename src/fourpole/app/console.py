@@ -10,17 +10,16 @@ import sys
 import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, Literal, NoReturn, TypeAlias
+from contextvars import ContextVar
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias
 
 import typer
-from rich import box
-from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
-from rich.text import Text
 
 from fourpole.errors import FourpoleError, UnitError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
 
 Sign: TypeAlias = Literal["any", "not negative", "positive"]
 
@@ -35,11 +34,19 @@ _SOON = 0.02
 _STOPPED_TEXT = "stopped; no file is half-written; what is done is kept: the same command goes on from there"
 
 
+#: What a progress bar is part of; empty for a command with one task.
+_PART: ContextVar[str] = ContextVar("_PART", default="")
+#: Where JSON documents go in place of standard output.
+_DOCUMENTS: ContextVar[list[Any] | None] = ContextVar("_DOCUMENTS", default=None)
+
+
 class Terminated(KeyboardInterrupt):
     """The process was asked to end by a signal other than Ctrl-C."""
 
 
 def _console(stderr: bool) -> Console:
+    from rich.console import Console  # only what prints loads it: a third of the time of a list of commands
+
     stream = sys.stderr if stderr else sys.stdout
     return Console(stderr=stderr, soft_wrap=not stream.isatty(), highlight=False)
 
@@ -50,11 +57,17 @@ def table_width() -> int:
 
 
 def _tables() -> Console:
+    from rich.console import Console
+
     return Console(width=None if sys.stdout.isatty() else _WIDE, highlight=False, markup=False, emoji=False)
 
 
 def print_table(heads: Iterable[str], rows: Iterable[Sequence[str | Text]], *, right: Collection[str] = ()) -> None:
     """Print a table; columns whose head is in `right` are aligned at the right and are not folded."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for head in heads:
         number = head in right
@@ -88,23 +101,53 @@ def out(text: str = "") -> None:
 
 def say(text: str) -> None:
     """Print on standard error what is not the result."""
-    _console(stderr=True).print(escape(without_controls(text)))
+    _print_marked("", text)
 
 
 def warn(text: str) -> None:
     """Print a warning on standard error."""
-    _console(stderr=True).print(f"[yellow]warning:[/yellow] {escape(without_controls(text))}")
+    _print_marked("[yellow]warning:[/yellow] ", text)
 
 
 def fail(text: str, code: int = UNREADABLE) -> NoReturn:
     """Print an error on standard error and end with this exit code."""
-    _console(stderr=True).print(f"[red]error:[/red] {escape(without_controls(text))}")
+    _print_marked("[red]error:[/red] ", text)
     raise typer.Exit(code)
+
+
+def _print_marked(mark: str, text: str) -> None:
+    """Print a text on standard error after a mark in rich's markup."""
+    from rich.markup import escape
+
+    _console(stderr=True).print(f"{mark}{escape(without_controls(text))}")
 
 
 def print_json(document: Any) -> None:
     """Print one JSON document; a number that is not finite is null."""
+    if (documents := _DOCUMENTS.get()) is not None:
+        documents.append(document)
+        return
     out(json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+@contextmanager
+def gathered(documents: list[Any]) -> Iterator[None]:
+    """Let `print_json` append to a list in place of printing: a command prints one document only."""
+    token = _DOCUMENTS.set(documents)
+    try:
+        yield
+    finally:
+        _DOCUMENTS.reset(token)
+
+
+@contextmanager
+def within(part: str) -> Iterator[None]:
+    """Let progress bars say what they are part of, as "2 of 3: campaign"."""
+    token = _PART.set(part)
+    try:
+        yield
+    finally:
+        _PART.reset(token)
 
 
 def _plain(value: Any) -> Any:
@@ -224,8 +267,12 @@ def _once_more(ignored: sys.UnraisableHookArgs) -> None:
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
     """Progress bar with the time left, on a terminal; the callable takes the number done and the number of all."""
+    from rich.markup import escape
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = _console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what, total=None)
+        part = _PART.get()
+        task = bar.add_task(f"{escape(part)}, {what}" if part else what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

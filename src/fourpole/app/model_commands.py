@@ -19,7 +19,6 @@ from fourpole.app.options import (
     Selection,
     ShiftOptions,
     amount,
-    command,
 )
 from fourpole.models.families import NAMES
 
@@ -28,7 +27,6 @@ Results = Annotated[
 ]
 
 
-@command
 def fit(
     results: Results,
     model: Annotated[
@@ -50,7 +48,6 @@ def fit(
     run_fit(results, model, options, as_json=as_json)
 
 
-@command
 def causality(
     results: Results,
     *,
@@ -67,7 +64,6 @@ def causality(
     run_causality(results, data, as_json=as_json)
 
 
-@command
 def map_(
     results: Results,
     model: Annotated[
@@ -89,7 +85,6 @@ def map_(
     run_map(results, model, DataOptions(**asdict(data)), file, as_json=as_json)
 
 
-@command
 def query(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="Model file that map or fit wrote.")],
     frequency: Annotated[str, typer.Option(help='Frequencies, as "13.7 Hz" or "10:24:0.5 Hz".')],
@@ -99,7 +94,7 @@ def query(
     amplitude: Annotated[
         float | None, amount("--amplitude", "displacement", 'Of the deflection, 0-to-peak, as "0.5 mm".', "positive")
     ] = None,
-    at: Annotated[list[str] | None, typer.Option(help=r'Value of a further axis, as "camber \[deg] = 2".')] = None,
+    at: Annotated[list[str] | None, typer.Option(help='Value of a further axis, as "camber [deg] = 2".')] = None,
     tyre: Annotated[str | None, typer.Option(help="Which tyre, if the file has several.")] = None,
     *,
     above: RigOptions,
@@ -123,7 +118,6 @@ def query(
     run_query(model, Query(frequencies(frequency), state, tyre, above.rig, beyond), file, as_json=as_json)
 
 
-@command
 def shift(
     tables: Annotated[
         list[Path],
@@ -143,7 +137,6 @@ def shift(
     run_shift(tables, options, as_json=as_json)
 
 
-@command
 def verify(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="Model file that map or fit wrote.")],
     copy: Annotated[
@@ -163,7 +156,7 @@ def verify(
 
 
 #: Command functions by the name of the command, in the order of the help.
-COMMANDS: dict[str, Callable[..., None]] = {
+COMMANDS: dict[str, Callable[..., int | None]] = {
     "fit": fit,
     "causality": causality,
     "map": map_,

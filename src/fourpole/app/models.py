@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
@@ -28,7 +28,9 @@ from fourpole.fitting.static import FACTOR_STD, join_static
 from fourpole.io.staging import staged
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
-from fourpole.study.results import Results, read_results
+
+if TYPE_CHECKING:
+    from fourpole.study.results import Results
 
 #: Relative uncertainty of K* for a verdict if the table states none.
 _ASSUMED = 0.01
@@ -247,6 +249,8 @@ def _notes(measured: MeasuredSet) -> None:
 
 def _stated(path: Path) -> dict[str, Any]:
     """The rig of the tests, for TR, and the shapes of the specimens; empty if the results are a single table."""
+    from fourpole.study.results import read_results
+
     folder = path if path.is_dir() else path.parent
     try:
         results = read_results(folder)
@@ -262,6 +266,7 @@ def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | No
     """
     from fourpole.plot import draw, save_figures, write_figure
     from fourpole.plot.catalogue import figure_files
+    from fourpole.study.results import Results, read_results
 
     field: dict[str, Any] = {"maps" if made.kind == "map" else "models": made}
     name, keys = ("map.json", ("map",)) if made.kind == "map" else ("model.json", _FIGURES)

@@ -125,7 +125,7 @@ class Selection:
 
     tyre: str | None = _given("Only this tyre.")
     band: str | None = _given('Only these frequencies, as "0.1:100 Hz".')
-    over: list[str] | None = _given(r'Further column whose values are separate conditions, as "camber \[deg]".')
+    over: list[str] | None = _given('Further column whose values are separate conditions, as "camber [deg]".')
 
 
 @dataclass(frozen=True)

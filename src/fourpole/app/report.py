@@ -11,8 +11,8 @@ from fourpole.io.staging import staged
 from fourpole.plot import FIGURES, Style, draw, save_figures, write_figure
 from fourpole.plot.catalogue import figure_files
 from fourpole.report.page import ReportFigure, write_report
-from fourpole.report.words import sentences
-from fourpole.study.results import Results, read_results
+from fourpole.report.words.sentence import sentences
+from fourpole.study.results import Results
 
 #: Files that `make_report` writes where all figures have data.
 OF_REPORT = (*(f"figures/{name}" for name in figure_files()), "report.html")
@@ -31,9 +31,8 @@ def make_report(results: Results, folder: Path, style: Style | None = None) -> P
     return page
 
 
-def run_report(folder: Path, theme: str) -> None:
+def run_report(results: Results, folder: Path, theme: str) -> None:
     """Make figures and report from the tables of a results folder, and print the path of the report."""
-    results = read_results(folder)
     for fault in results.faults:
         warn(fault)
     with staged(folder, OF_REPORT) as new:
@@ -41,9 +40,8 @@ def run_report(folder: Path, theme: str) -> None:
     out(f"report: {folder / page.name}")
 
 
-def run_plot(folder: Path, key: str, file: Path | None, style: Style) -> None:
+def run_plot(results: Results, folder: Path, key: str, file: Path | None, style: Style) -> None:
     """Draw one figure into a file, by default in the folder of the other figures."""
-    results = read_results(folder)
     figure = draw(results, key, style)
     if figure is None:
         raise CampaignError(f"the results in {folder} hold no data for {key}: {FIGURES[key].title}")

@@ -93,7 +93,7 @@ def _coefficients(raw: Any) -> dict[str, str]:
 class File(BaseModel):
     """A table of campaign.toml; an unknown key is an error."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True)
 
 
 class ChannelFile(File):

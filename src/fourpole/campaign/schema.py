@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import tomllib
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -127,7 +128,7 @@ class SpecimenFile(BaseModel):
     `fixed` says whether the specimen is held on both sides, so that it can be pulled; None if it is not stated.
     """
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
     construction: str = ""
     fixed: StrictBool | None = None
@@ -208,6 +209,8 @@ class CampaignFile(File):
     """The content of campaign.toml."""
 
     title: str = ""
+    laboratory: str = ""
+    date: dt.date | None = None
     rig: RigFile | None = None
     rigs: dict[str, RigFile] = Field(default_factory=dict)
     channels: ChannelsFile
@@ -241,6 +244,8 @@ class CampaignFile(File):
         """Statements on rigs, channels and specimens as plain data, in SI units."""
         channels = {role: channel for role in CHANNEL_KINDS if (channel := self.channels.named(role)) is not None}
         return {
+            **({"laboratory": self.laboratory} if self.laboratory else {}),
+            **({"date": self.date.isoformat()} if self.date else {}),
             "rigs": {
                 name: {
                     "output": rig.output or "moving",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from fourpole.core.arrays import FloatArray
 
@@ -57,7 +57,7 @@ class Decimator:
             self._held = run
             return
         known = np.isfinite(run)
-        smooth = signal.oaconvolve(np.where(known, run, 0.0), self._taps, mode="valid")
+        smooth = scipy.signal.oaconvolve(np.where(known, run, 0.0), self._taps, mode="valid")
         if not known.all():
             gaps = np.concatenate([[0], np.cumsum(~known)])
             smooth[gaps[self._taps.size :] > gaps[: -self._taps.size]] = np.nan
@@ -72,5 +72,5 @@ class Decimator:
 
 def _taps(factor: int) -> FloatArray:
     """Coefficients of the low-pass for a factor."""
-    count, beta = signal.kaiserord(_ATTENUATION, 2 * (_STOP - _PASS) / factor)
-    return np.asarray(signal.firwin(count | 1, (_PASS + _STOP) / factor, window=("kaiser", beta)))
+    count, beta = scipy.signal.kaiserord(_ATTENUATION, 2 * (_STOP - _PASS) / factor)
+    return np.asarray(scipy.signal.firwin(count | 1, (_PASS + _STOP) / factor, window=("kaiser", beta)))

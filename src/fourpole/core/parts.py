@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from fourpole.core.arrays import FloatArray
 from fourpole.core.branches import levels
@@ -106,4 +106,4 @@ def deflection_at(curve: MeanCurve, load: float) -> float:
     if not crossing.size:
         raise LoadCurveError(f"the mean of the branches does not reach {load:g} N: no extrapolation")
     inside = crossing[np.argmin(np.abs(x[crossing] - np.clip(x[crossing], low, high)))]
-    return float(optimize.brentq(lambda at: float(curve.value(at)) - load, x[inside], x[inside + 1], xtol=1e-15))
+    return float(scipy.optimize.brentq(lambda at: float(curve.value(at)) - load, x[inside], x[inside + 1], xtol=1e-15))

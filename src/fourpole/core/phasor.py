@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
 
+from fourpole.core import stats
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 from fourpole.core.confidence import COVERAGE
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import fft, interpolate
+import scipy
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import RecordingError
@@ -132,7 +132,7 @@ class Reference(ByValue):
     def curve(self) -> Callable[..., FloatArray]:
         """Phase [rad] as a function of time [s]; a second argument is the order of a derivative by time."""
         time = _smoothed(self.time)
-        spline = interpolate.make_interp_spline(time, self.phase)
+        spline = scipy.interpolate.make_interp_spline(time, self.phase)
 
         def phase(at: FloatArray, order: int = 0) -> FloatArray:
             return np.asarray(spline(at, nu=order))
@@ -157,14 +157,14 @@ def _smoothed(time: FloatArray) -> FloatArray:
     if time.size < _FEWEST_SMOOTHED or np.max(np.abs(beyond)) < 1e-9 * (time[-1] - time[0]):
         return time
     wide = np.concatenate([2 * beyond[0] - beyond[:0:-1], beyond, 2 * beyond[-1] - beyond[-2::-1]])
-    waves = fft.dct(wide, norm="ortho")
+    waves = scipy.fft.dct(wide, norm="ortho")
     stiff = (2 - 2 * np.cos(np.pi * np.arange(wide.size) / wide.size)) ** 2
     scores = []
     for weight in _WEIGHTS:
         lost = weight * stiff / (1 + weight * stiff)
         scores.append(np.sum((lost * waves) ** 2) / np.mean(lost) ** 2)
     best = _WEIGHTS[int(np.argmin(scores))]
-    smooth = fft.idct(waves / (1 + best * stiff), norm="ortho")
+    smooth = scipy.fft.idct(waves / (1 + best * stiff), norm="ortho")
     return np.asarray(trend + smooth[time.size - 1 : 2 * time.size - 1])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from fourpole.core.arrays import BoolArray, FloatArray, IntArray
 
@@ -79,7 +79,7 @@ def _rests_of(values: FloatArray) -> IntArray | None:
     blocks = -(-count // size)
     padded = np.append(values, np.full(blocks * size - count, values[-1]))
     middle = np.median(padded.reshape(blocks, size), axis=1)
-    smooth = ndimage.median_filter(middle, size=max(5, blocks // 50 | 1), mode="nearest")
+    smooth = scipy.ndimage.median_filter(middle, size=max(5, blocks // 50 | 1), mode="nearest")
     steps = np.abs(np.diff(smooth, prepend=smooth[0]))
     moves = steps > max(_QUICK * float(np.median(steps)), _STEP * span)
     if steps[moves].sum() < _WAY * steps.sum() or moves.mean() > _MOVING:

@@ -26,8 +26,8 @@ from math import hypot, inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
+from fourpole.core import stats
 from fourpole.core.confidence import CLAIM_CHANCE, SEARCH_CHANCE
 
 FloatArray = NDArray[np.float64]

@@ -9,7 +9,7 @@ from math import hypot, sqrt
 from typing import ClassVar
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY
@@ -308,7 +308,7 @@ def _gap(first: Curve, second: Curve, f: FloatArray) -> tuple[FloatArray, FloatA
 def _between(curve: Curve, f: FloatArray) -> tuple[FloatArray, FloatArray]:
     """TR and its uncertainty between the tested frequencies; 1/TR² is interpolated because it is smoother than TR."""
     tested = np.array(curve.frequency)
-    tr = 1.0 / np.sqrt(PchipInterpolator(tested, 1.0 / np.array(curve.tr) ** 2)(f))
+    tr = 1.0 / np.sqrt(scipy.interpolate.PchipInterpolator(tested, 1.0 / np.array(curve.tr) ** 2)(f))
     return tr, np.interp(f, tested, np.array(curve.std))
 
 

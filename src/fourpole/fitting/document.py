@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from fourpole.errors import ModelError
 from fourpole.fitting.seal import KEY, alterations
 from fourpole.io.source import read_bytes
 from fourpole.units import shown
+from fourpole.version import VERSION as OWN_VERSION
 
 FORMAT, VERSION = "fourpole-model", 1
 _MOST_BYTES = 50_000_000
@@ -39,9 +39,8 @@ def read_document(path: str | Path) -> dict[str, Any]:
         raise ModelError(f"{name}: is no model file: fourpole fit or fourpole map write such files")
     stated = document.get("version")
     if type(stated) is int and stated > VERSION:
-        own = version_of("fourpole")
         raise ModelError(
-            f"{name}: is of version {str(stated)[:12]}, this Fourpole ({own}) reads up to {VERSION}: update it"
+            f"{name}: is of version {str(stated)[:12]}, this Fourpole ({OWN_VERSION}) reads up to {VERSION}: update it"
         )
     if type(stated) is not int or stated != VERSION:
         raise ModelError(f"{name}: has no version that is known: {shown(str(stated))}")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import version as version_of
 from itertools import count
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from fourpole import quantities as q
+from fourpole.core import stats
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
@@ -49,6 +48,7 @@ from fourpole.models.shape import Shape
 from fourpole.models.surface import Axes
 from fourpole.models.together import fit_together
 from fourpole.units import shown
+from fourpole.version import VERSION
 
 Progress = Callable[[int, int], None]
 #: Maps are equally good if their leave-one-out errors differ by less than this factor; the smallest u(K*) decides.
@@ -399,7 +399,7 @@ def model_file(
             if not axis.text
         ],
         provenance=Provenance(
-            fourpole=version_of("fourpole"),
+            fourpole=VERSION,
             source=measured.source,
             sha256=measured.sha256,
             settings=dict(settings or {}),

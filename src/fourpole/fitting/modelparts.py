@@ -26,6 +26,7 @@ class Strict(BaseModel):
         extra="forbid",
         allow_inf_nan=False,
         frozen=True,
+        defer_build=True,  # most commands read no model file
         populate_by_name=True,
         alias_generator=lambda name: _KEYS.get(name, name),
     )

@@ -7,7 +7,7 @@ column `point` is written only if a test has more than one point.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars as pl
@@ -15,10 +15,12 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import AXES, Axis, Condition, Sameness, Value
-from fourpole.core.identification import Identification
-from fourpole.models.operating import Answer
 from fourpole.quantities import Quantity
 from fourpole.units import column_unit
+
+if TYPE_CHECKING:
+    from fourpole.core.identification import Identification
+    from fourpole.models.operating import Answer
 
 #: Heads of the columns that identify a row of a dynamic test.
 KEY = (q.TEST.head, q.POINT.head)

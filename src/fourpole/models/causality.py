@@ -13,8 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import optimize, stats
+import scipy
 
+from fourpole.core import stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
@@ -181,7 +182,7 @@ def _with_times(data: StiffnessData, whiten: FloatArray, times: FloatArray) -> _
         k1[-times.size - 1 : -1] = data.static_share(times) / data.k1_std
         rows, target = np.vstack([rows, k1]), np.append(target, data.k1 / data.k1_std)
     size = np.linalg.norm(rows, axis=0)
-    found, norm = optimize.nnls(rows / size, target, maxiter=20 * terms.shape[1])
+    found, norm = scipy.optimize.nnls(rows / size, target, maxiter=20 * terms.shape[1])
     chi2, weights = float(norm**2), found / size
     dof = max(target.size - int(np.sum(found > 0)), 1)
     chance = float(stats.chi2.sf(chi2, dof))

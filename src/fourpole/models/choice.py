@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
+from fourpole.core import stats
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.models.data import relaxation
@@ -112,7 +112,7 @@ def fit_spectra(
         size = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
         # The triangle of the QR decomposition has the same normal equations and far fewer rows.
         orthogonal, triangle = np.linalg.qr(weighted / size)
-        found, _ = optimize.nnls(triangle, orthogonal.T @ right, maxiter=50 * size.size)
+        found, _ = scipy.optimize.nnls(triangle, orthogonal.T @ right, maxiter=50 * size.size)
         springs.append(found / size)
         residual.append(right - weighted @ springs[-1])
         active.append((weighted / size)[:, found > 0])

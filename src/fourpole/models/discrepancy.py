@@ -11,8 +11,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy import stats
 
+from fourpole.core import stats
 from fourpole.core.arrays import ComplexArray
 from fourpole.core.confidence import CHANCE
 from fourpole.models.causality import check_possible

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
 
+from fourpole.core import stats
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model

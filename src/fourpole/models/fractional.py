@@ -6,8 +6,8 @@ A power of frequency has no state space of finite order. `rational` approximates
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import ndimage, optimize
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
@@ -172,7 +172,7 @@ def rational(
         terms = np.concatenate([np.ones((omega.size, 1)), relaxation(omega, times)], axis=1)
         rows = np.concatenate([terms, target[:, None]], axis=1) / np.abs(target)[:, None]
         real = np.concatenate([rows.real, rows.imag])
-        parameters = np.concatenate([optimize.nnls(real[:, :-1], real[:, -1])[0], times])
+        parameters = np.concatenate([scipy.optimize.nnls(real[:, :-1], real[:, -1])[0], times])
         maxwell = GeneralisedMaxwell(arms)
         worst = float(np.max(np.abs(maxwell.stiffness(parameters, omega) / target - 1)))
         if worst <= accuracy:
@@ -218,7 +218,7 @@ def _shares(omega: FloatArray, betas: FloatArray | None) -> tuple[FloatArray, Co
 
 def _optima(misfit: FloatArray, count: int) -> np.ndarray:
     """Places (count, 3) on a grid of misfits: local minima first, then the least misfits far from those chosen."""
-    best = misfit <= ndimage.minimum_filter(misfit, size=3, mode="nearest")
+    best = misfit <= scipy.ndimage.minimum_filter(misfit, size=3, mode="nearest")
     best.flat[np.argmin(misfit)] = True
     ranked = np.where(best, misfit, misfit + misfit.max())
     at = np.indices(misfit.shape)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import optimize
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
@@ -36,7 +36,7 @@ def least_squares(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, flo
     """
     size = np.linalg.norm(rows, axis=0)
     size = np.where(size > 0, size, 1.0)
-    found, misfit = optimize.nnls(rows / size, target, maxiter=max(30 * rows.shape[1], 100))
+    found, misfit = scipy.optimize.nnls(rows / size, target, maxiter=max(30 * rows.shape[1], 100))
     return found / size, float(misfit**2)
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
 
+from fourpole.core import stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.core.curvature import arm_covariance

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
 
+from fourpole.core import stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import CHANCE, NORMAL_95
 from fourpole.errors import ModelError

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
+from fourpole.core import stats
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.models.superposition import FEWEST_POINTS, Superposition, common_range, inside

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
 
+from fourpole.core import stats
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE
 from fourpole.errors import ModelError

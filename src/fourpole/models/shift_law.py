@@ -10,8 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, stats
+import scipy
 
+from fourpole.core import stats
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
@@ -233,7 +234,7 @@ class _Problem:
         at = int(np.argmin(every))
         if at == grid.size - 1:
             return None  # a straight line in temperature is as good as any bend
-        found = optimize.minimize_scalar(
+        found = scipy.optimize.minimize_scalar(
             chi2, bounds=(grid[max(at - 1, 0)], grid[at + 1]), method="bounded", options={"xatol": 1e-10}
         )
         c2 = least + float(np.exp(found.x))
@@ -273,7 +274,9 @@ class _Problem:
                 there = values[at] + side * far
                 if profile(there) > bound:
                     inner = values[at] + side * 0.5 * far if far > std else values[at]
-                    return float(optimize.brentq(lambda x: profile(x) - bound, min(inner, there), max(inner, there)))
+                    return float(
+                        scipy.optimize.brentq(lambda x: profile(x) - bound, min(inner, there), max(inner, there))
+                    )
                 far *= 2.0
             return side * np.inf
 
@@ -301,7 +304,9 @@ class _Problem:
             grid = np.linspace(np.log(0.05), np.log(1e6), 60)
             place = int(np.argmin([chi2(one) for one in grid]))
             ends = grid[max(place - 1, 0)], grid[min(place + 1, grid.size - 1)]
-            return float(optimize.minimize_scalar(chi2, bounds=ends, method="bounded", options={"xatol": 1e-10}).fun)
+            return float(
+                scipy.optimize.minimize_scalar(chi2, bounds=ends, method="bounded", options={"xatol": 1e-10}).fun
+            )
 
         if name == "Arrhenius":
             return of_energy

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import optimize
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.models.data import StiffnessData, relaxation
@@ -99,7 +99,7 @@ def two_springs(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, Float
 def _non_negative(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, float, FloatArray]:
     """Non-negative least squares: weights (k,), norm of the residuals, and the norm of each column."""
     size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    found, misfit = optimize.nnls(rows / size, target, maxiter=20 * rows.shape[1])
+    found, misfit = scipy.optimize.nnls(rows / size, target, maxiter=20 * rows.shape[1])
     return found / size, float(misfit), size
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import linalg, signal
 
 from fourpole.core.arrays import FloatArray
 from fourpole.errors import ModelError
@@ -66,7 +66,7 @@ def _discrete(model: StateSpace, step: float) -> tuple[FloatArray, FloatArray]:
         :, 1
     ]  # the integrators of the cubic run over time/step, so that the slope is step · v
     chain[[size, size + 1, size + 2], [size + 1, size + 2, size + 3]] = 1.0
-    whole = linalg.expm(chain)
+    whole = scipy.linalg.expm(chain)
     return whole[:size, :size], whole[:size, size:] @ _HERMITE
 
 
@@ -75,7 +75,7 @@ def _recursion(transition: FloatArray, drives: FloatArray, start: FloatArray) ->
     diagonal = np.diag(transition)
     if np.array_equal(transition, np.diag(diagonal)):
         rows = [
-            signal.lfilter([1.0], [1.0, -pole], np.concatenate([[first], drive]))
+            scipy.signal.lfilter([1.0], [1.0, -pole], np.concatenate([[first], drive]))
             for pole, first, drive in zip(diagonal, start, drives, strict=True)
         ]
         return np.stack(rows)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import optimize
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
@@ -121,7 +121,7 @@ class Axes(ByValue):
         corners, target = self.scaled(self.points), self.scaled(point)[0]
         # The nearest point is a mean of the corners with weights >= 0. One heavy row makes the weights add up to 1.
         rows = np.vstack([corners.T, np.full(len(corners), _HEAVY)])
-        weights, _ = optimize.nnls(rows, np.append(target, _HEAVY))
+        weights, _ = scipy.optimize.nnls(rows, np.append(target, _HEAVY))
         nearest = corners.T @ (weights / weights.sum())
         distance = float(np.linalg.norm(nearest - target))
         if distance < _ON_HULL:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import interpolate
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.routes import maxwell_arm
@@ -62,8 +62,8 @@ class Gehman(Model):
         if np.any(np.diff(rows[0]) <= 0) or not all(np.all(one > 0) for one in rows):
             raise ModelError("the frequencies of a table must rise, and they, K2 and C must be positive")
         self.frequency, self.k2, self.c = rows
-        self._k2 = interpolate.PchipInterpolator(self.frequency, self.k2)
-        self._c = interpolate.PchipInterpolator(self.frequency, self.c)
+        self._k2 = scipy.interpolate.PchipInterpolator(self.frequency, self.k2)
+        self._c = scipy.interpolate.PchipInterpolator(self.frequency, self.c)
 
     @property
     def band(self) -> tuple[float, float]:

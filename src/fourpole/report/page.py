@@ -22,9 +22,9 @@ from fourpole.report.digits import number
 from fourpole.report.models import models_section
 from fourpole.report.rows import DYNAMIC, STATIC, result_rows
 from fourpole.report.stated import channel_rows, rig_rows, tested, verdict_counts
-from fourpole.report.words import Sentence
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
+from fourpole.report.words.sentence import Sentence
 from fourpole.report.words.shared_values import GROUPS
 from fourpole.study.results import Results, section, texts
 

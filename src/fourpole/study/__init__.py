@@ -1,6 +1,22 @@
-"""A campaign becomes result tables: reduction, K1, identification; the only wiring of the pipeline."""
+"""A campaign becomes result tables: reduction, K1, identification; the only wiring of the pipeline.
 
-from fourpole.study.results import Results, read_results
-from fourpole.study.study import DRAWS, Study, analyse
+Each name is loaded when it is first used: a worker process that reduces recordings needs none of them.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fourpole.study.results import Results, read_results
+    from fourpole.study.study import DRAWS, Study, analyse
 
 __all__ = ["DRAWS", "Results", "Study", "analyse", "read_results"]
+_HOME = {"DRAWS": "study", "Results": "results", "Study": "study", "analyse": "study", "read_results": "results"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(import_module(f"fourpole.study.{_HOME[name]}"), name)
+    raise AttributeError(f"module 'fourpole.study' has no attribute {name!r}")

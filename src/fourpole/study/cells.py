@@ -7,11 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Test
-from fourpole.core import deflection
+from fourpole.core import deflection, stats
 from fourpole.core.checks import Check, interval_words, judged, reported, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.confidence import SEARCH_CHANCE
@@ -88,7 +87,7 @@ def _relative_check(found: Identified, joint: Joint) -> list[Check]:
     left, at = joint.residuals, found.at
     if left.rig_dof[at] < 2:
         return []
-    limit = float(chi2.isf(SEARCH_CHANCE / max(left.rig.size, 1), left.rig_dof[at]))
+    limit = float(stats.chi2.isf(SEARCH_CHANCE / max(left.rig.size, 1), left.rig_dof[at]))
     with np.errstate(divide="ignore", invalid="ignore"):
         other = relative_stiffness(joint, found.group.phasors)[at]
     percent = 100 * float(other.real / found.result.stiffness[at].real - 1)

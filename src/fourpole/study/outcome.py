@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check
 from fourpole.core.demodulation.corrections import Correction, response_std
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
-from fourpole.fitting.rows import Key
+
+if TYPE_CHECKING:
+    from fourpole.fitting.rows import Key
 
 
 @dataclass(frozen=True)

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
 from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
-from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
 from fourpole.io.source import read_bytes, sha256_of
 from fourpole.io.staging import recover
 from fourpole.quantities import TYRE
 from fourpole.study.rig_estimate import RigEstimate, read_rig_estimates
 from fourpole.study.tables import DYNAMIC, OPTIONAL, TABLES, Tables, TableSpec
+
+if TYPE_CHECKING:
+    from fourpole.fitting.modelfile import ModelFile
 
 _MOST_BYTES = 2_000_000_000
 _MADE_BY = {"model": "fit", "map": "map"}
@@ -135,7 +137,7 @@ def read_results(folder: str | Path) -> Results:
     if not folder.is_dir():
         raise CampaignError(f"{folder}: there is no such folder of results")
     recover(folder)
-    tables = {spec.name: _table(folder, spec) for spec in TABLES.values() if spec.read}
+    tables = {spec.name: read_table(folder, spec) for spec in TABLES.values() if spec.read}
     try:
         record = json.loads(read_bytes(folder / "study.json", max_bytes=_MOST_BYTES))
         if not isinstance(record, dict):
@@ -149,6 +151,8 @@ def read_results(folder: str | Path) -> Results:
 
 def _with_models(results: Results, folder: Path) -> Results:
     """The results with the model files that were made from these results."""
+    from fourpole.fitting.modelfile import read_model_file
+
     sha256 = sha256_of(folder / f"{DYNAMIC.name}.csv", max_bytes=_MOST_BYTES)
     files: dict[str, Any] = {}
     faults = []
@@ -166,8 +170,11 @@ def _with_models(results: Results, folder: Path) -> Results:
     return replace(results, faults=tuple(faults), **files)
 
 
-def _table(folder: Path, spec: TableSpec) -> pl.DataFrame:
-    """A table as it was written; a table without columns where an optional file is missing."""
+def read_table(folder: Path, spec: TableSpec, needed: Collection[str] | None = None) -> pl.DataFrame:
+    """A table as it was written; a table without columns where an optional file is missing.
+
+    A column of `needed`, by default any column, that the file does not have is an error.
+    """
     path = folder / f"{spec.name}{spec.endings[0]}"
     optional = not spec.always or path.suffix == ".parquet"
     if optional and not path.is_file():
@@ -186,7 +193,7 @@ def _table(folder: Path, spec: TableSpec) -> pl.DataFrame:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
     except pl.exceptions.PolarsError as error:
         raise CampaignError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
-    lacking = [name for name in spec.columns if name not in names]
+    lacking = [name for name in (spec.columns if needed is None else needed) if name not in names]
     if lacking:
         raise CampaignError(f"{path.name}: has no column {lacking[0]!r}: run fourpole analyse again")
     return frame.with_columns(pl.col(pl.String).fill_null(""))

@@ -7,7 +7,6 @@ import platform
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,9 +21,6 @@ from fourpole.core.joint.around import Likelihood
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
 from fourpole.fitting.likelihood import likelihood_of, likelihood_record
-from fourpole.fitting.measured import MeasuredSet, measured_of
-from fourpole.fitting.modelling import TyreFit, fit_tyres, map_tyres
-from fourpole.fitting.query import rig_in
 from fourpole.fitting.rows import axes_record
 from fourpole.fitting.stated import rig_file
 from fourpole.io.source import sha256_of
@@ -42,9 +38,13 @@ from fourpole.study.rig_estimate import RigEstimate
 from fourpole.study.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
 from fourpole.study.table_rows import Analysed
 from fourpole.study.tables import TABLE_FILES, TABLES, Tables
+from fourpole.version import VERSION
 
 if TYPE_CHECKING:
     from xarray import Dataset
+
+    from fourpole.fitting.measured import MeasuredSet
+    from fourpole.fitting.modelling import TyreFit
 
 #: Number of Monte Carlo draws of K* and K1 where value ± 1.96 u is not a 95 % interval of K2 or C.
 DRAWS = 10_000
@@ -115,6 +115,8 @@ class Study(Tables):
 
     def _measured(self, model: str = "", over: Sequence[str] = ()) -> MeasuredSet:
         """K* as a model takes it, with each amplitude apart if it depends on them, or over further columns."""
+        from fourpole.fitting.measured import measured_of
+
         rule, moved = self.campaign.stated.sameness, by_amplitude(model)
         return measured_of(
             self.dynamic,
@@ -134,6 +136,8 @@ class Study(Tables):
         ModelError
             If there is no such model, or K* is known at too few frequencies.
         """
+        from fourpole.fitting.modelling import fit_tyres
+
         return fit_tyres(self._measured(model), model)
 
     def map(
@@ -172,6 +176,8 @@ class Study(Tables):
             If xarray is not installed.
         """
         from fourpole.fitting.grid import grid_of
+        from fourpole.fitting.modelling import map_tyres
+        from fourpole.fitting.query import rig_in
 
         maps = map_tyres(self._measured(model, over).only(tyre), model, over)
         rig = rig_in(rig_file(self.record, self.rig))
@@ -212,13 +218,19 @@ class Study(Tables):
     @property
     def record(self) -> dict[str, Any]:
         """Content of study.json: all that is needed to repeat the analysis."""
-        packages = ("fourpole", "numpy", "scipy", "polars", "pint", "pydantic")
+        from importlib.metadata import version  # slow to load
+
+        packages = ("numpy", "scipy", "polars", "pint", "pydantic")
         return {
             "title": self.campaign.stated.title,
             "settings": {"route": self.route, "monte_carlo": self.monte_carlo, "seed": _SEED},
             "conditions": {"axes": axes_record(self.campaign.stated.sameness)},
             "stated": self.campaign.stated.summary(),
-            "versions": {"python": platform.python_version(), **{name: version(name) for name in packages}},
+            "versions": {
+                "python": platform.python_version(),
+                "fourpole": VERSION,
+                **{name: version(name) for name in packages},
+            },
             "verdicts": self.counts,
             "assumptions": list(self.notes),
             **({"joint": {rig.rig: rig.record for rig in self.rigs}} if self.rigs else {}),

@@ -13,11 +13,11 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from fourpole.errors import UnitError
+from fourpole.units.usual import USUAL, Dimensions
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
 
-Dimensions = tuple[tuple[str, int], ...]
 _Scaled = tuple[Fraction, Dimensions]
 _PURE: Dimensions = ()
 _LONGEST = 100
@@ -186,6 +186,11 @@ def _registry() -> UnitRegistry[Any]:
 @lru_cache(maxsize=512)
 def lookup(name: str) -> _Scaled:
     """Scale to root units and dimensions of one unit name; UnitError for shifted and logarithmic scales."""
+    return USUAL[name] if name in USUAL else _looked_up(name)
+
+
+def _looked_up(name: str) -> _Scaled:
+    """The same, from pint."""
     from pint.util import to_units_container
 
     registry = _registry()

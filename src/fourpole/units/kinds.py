@@ -9,7 +9,8 @@ from fractions import Fraction
 from functools import lru_cache
 
 from fourpole.errors import UnitError
-from fourpole.units.grammar import SPELLINGS, Dimensions, add_up, lookup, parse, shown, spelled_out
+from fourpole.units.grammar import SPELLINGS, add_up, lookup, parse, shown, spelled_out
+from fourpole.units.usual import Dimensions
 
 
 @dataclass(frozen=True)

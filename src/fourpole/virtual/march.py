@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import expm
-from scipy.signal import lfilter
+import scipy
 
 from fourpole.core.arrays import FloatArray
 
@@ -16,7 +15,7 @@ def held_force(a: FloatArray, column: FloatArray, step: float) -> FloatArray:
     chain[:size, :size] = a * step
     chain[:size, size] = column[:, 0] * step
     chain[size, size + 1] = 1.0
-    return np.asarray(expm(chain)[:size, size:] @ np.array([[1.0, 0.0], [-1.0, 1.0]]))
+    return np.asarray(scipy.linalg.expm(chain)[:size, size:] @ np.array([[1.0, 0.0], [-1.0, 1.0]]))
 
 
 def respond(a: FloatArray, b: FloatArray, x1: FloatArray, v1: FloatArray, step: float, kept: slice) -> FloatArray:
@@ -28,7 +27,7 @@ def respond(a: FloatArray, b: FloatArray, x1: FloatArray, v1: FloatArray, step: 
     chain[:size, size] = b[:, 0] * step
     chain[:size, size + 1] = b[:, 1]  # the time of the chain runs from 0 to 1, so its slope is step * v1
     chain[[size, size + 1, size + 2], [size + 1, size + 2, size + 3]] = 1.0
-    held = expm(chain)[:size]
+    held = scipy.linalg.expm(chain)[:size]
     derivatives = np.array(  # derivatives of the cubic at the start of a step, from x and step * v at its ends
         [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-6.0, -4.0, 6.0, -2.0], [12.0, 6.0, -12.0, 6.0]]
     )
@@ -41,7 +40,7 @@ def recur(a: FloatArray, push: FloatArray, ends: FloatArray, step: float, kept: 
     """States (n, kept) from rest: in each step the modes decay, and `push` times the input at its `ends` is added."""
     values, vectors = np.linalg.eig(a)
     if np.linalg.cond(vectors / np.abs(vectors).max(axis=1, keepdims=True)) > 1e9:
-        return march(expm(a * step), push @ ends)[:, kept]
+        return march(scipy.linalg.expm(a * step), push @ ends)[:, kept]
     keep = values.imag >= 0.0  # one mode of each conjugate pair is sufficient
     modal_push = np.linalg.solve(vectors, push.astype(complex))[keep]
     # einsum, because the threads that matmul starts cost more time here than they save
@@ -51,10 +50,10 @@ def recur(a: FloatArray, push: FloatArray, ends: FloatArray, step: float, kept: 
     for value, vector, re, im in zip(values[keep], vectors.T[keep], drives[:half], drives[half:], strict=True):
         pole = np.exp(value * step)
         if value.imag == 0.0:
-            modes.append(lfilter([1.0], [1.0, -pole.real], re))
+            modes.append(scipy.signal.lfilter([1.0], [1.0, -pole.real], re))
             weights.append(vector.real)
         else:
-            mode = lfilter([1.0], [1.0, -pole], re + 1j * im)
+            mode = scipy.signal.lfilter([1.0], [1.0, -pole], re + 1j * im)
             modes += [mode.real, mode.imag]
             weights += [2.0 * vector.real, -2.0 * vector.imag]
     history = np.stack([np.concatenate([[0.0], mode])[kept] for mode in modes])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.virtual.tyres import Tyre
@@ -98,5 +98,5 @@ def load_cycles(
     load = mean + np.where(loading, gap + conditioning, -gap)
     if creep:
         left = np.exp(-1.0 / (sample_rate * creep_time))
-        load += creep * (lfilter([np.sqrt(left)], [1.0, -left], np.diff(mean, prepend=mean[0])) - mean)
+        load += creep * (scipy.signal.lfilter([np.sqrt(left)], [1.0, -left], np.diff(mean, prepend=mean[0])) - mean)
     return StaticCycles(time=time, deflection=peak * u, load=load)

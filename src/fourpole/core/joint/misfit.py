@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
+from fourpole.core import stats
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.core.joint.model import (

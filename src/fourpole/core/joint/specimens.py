@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 
+from fourpole.core import stats
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.core.joint.misfit import Residuals, is_unlikely, residuals

@@ -1,0 +1,117 @@
+"""Findings in words: each kind of finding has one template, which is filled with its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fourpole.findings.claims import Claim, NoCommonState
+from fourpole.findings.comparisons import Comparison
+from fourpole.findings.finding import Finding, Topic
+from fourpole.findings.levels import CycleLoss, Departure, Level
+from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
+from fourpole.findings.trends import Trend
+from fourpole.findings.verdicts import Doubt, Tally
+from fourpole.report.words import resonances
+from fourpole.report.words.claims import claim, claims_summary, no_common_state
+from fourpole.report.words.comparison import comparison
+from fourpole.report.words.levels import cycle_loss, level, linearity
+from fourpole.report.words.trend import trend
+from fourpole.report.words.verdicts import doubt, tally
+
+__all__ = ["Sentence", "headline", "sentences"]
+
+_HEADLINE = (Topic.STATIC, Topic.DYNAMIC, Topic.DAMPING, Topic.LOSS, Topic.RESONANCE, Topic.TRANSMISSIBILITY)
+_MOST_IN_HEADLINE = 8
+_TEMPLATES: dict[type, Callable[[Finding, Any], str]] = {
+    Tally: tally,
+    Doubt: doubt,
+    Comparison: comparison,
+    Level: level,
+    Trend: trend,
+    Departure: linearity,
+    Resonance: resonances.resonance,
+    ResonanceOrder: resonances.order,
+    Crossings: resonances.crossings,
+    Prediction: resonances.prediction,
+    Claim: claim,
+    NoCommonState: no_common_state,
+}
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """One finding in words.
+
+    Attributes
+    ----------
+    topic : str
+        The heading under which it stands, see `fourpole.findings.Topic`.
+    text : str
+        Plain text with figures and units, and with names of tyres and tests as in the campaign.
+    tests : tuple of str
+        The tests that it names; empty where it concerns all.
+    """
+
+    topic: str
+    text: str
+    tests: tuple[str, ...] = ()
+
+
+def sentences(findings: Sequence[Finding]) -> list[Sentence]:
+    """Findings in words.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        See `fourpole.findings.findings`.
+
+    Returns
+    -------
+    list of Sentence
+        In the same order; the energy loss of a static cycle stands in one sentence for all specimens.
+
+    Examples
+    --------
+    >>> from fourpole import read_results  # doctest: +SKIP
+    >>> from fourpole.findings import findings  # doctest: +SKIP
+    >>> for one in sentences(findings(read_results("campaign/results"))):  # doctest: +SKIP
+    ...     print(one.topic, one.text)
+    """
+    made: list[Sentence] = []
+    losses = [finding for finding in findings if isinstance(finding.detail, CycleLoss)]
+    for finding in findings:
+        if not isinstance(finding.detail, CycleLoss):
+            text = _TEMPLATES[type(finding.detail)](finding, finding.detail)
+            made.append(Sentence(finding.topic, text, _named(finding)))
+        elif finding is losses[0]:
+            made.append(Sentence(finding.topic, cycle_loss(losses)))
+    return made
+
+
+def headline(findings: Sequence[Finding]) -> list[str]:
+    """The most important sentences, at most eight.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+
+    Returns
+    -------
+    list of str
+        The number of tests used, the first sentence of each topic, and the number of the paper's claims that hold.
+    """
+    made = sentences(findings)
+    texts = [made[0].text]
+    for topic in _HEADLINE:
+        texts += [each.text for each in made if each.topic == topic][:1]
+    summary = claims_summary(findings)
+    return [*texts, *([summary] if summary else [])][:_MOST_IN_HEADLINE]
+
+
+def _named(finding: Finding) -> tuple[str, ...]:
+    """The tests that the sentence names."""
+    if isinstance(finding.detail, Doubt):
+        return finding.tests
+    return finding.detail.beyond if isinstance(finding.detail, Prediction) else ()

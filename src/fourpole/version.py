@@ -1,0 +1,3 @@
+"""The version of Fourpole."""
+
+VERSION = "0.1.0"

@@ -1,0 +1,75 @@
+"""What a process loads before it does its work: every command and every worker waits for that."""
+
+import importlib.metadata
+import os
+import subprocess
+import sys
+
+import pytest
+
+from fourpole.version import VERSION
+
+#: What the reduction of a recording has no use for.
+NO_WORKERS = {
+    *("fourpole.app", "fourpole.export", "fourpole.findings", "fourpole.planning", "fourpole.plot", "fourpole.report"),
+    *("fourpole.core.joint", "fourpole.core.identify", "fourpole.guess", "fourpole.study.study", "fourpole.virtual"),
+    *("fourpole.fitting.measured", "fourpole.fitting.modelfile", "fourpole.models.fit", "fourpole.models.interface"),
+    *("jinja2", "matplotlib", "pint", "rich", "typer", "scipy.optimize", "scipy.signal", "scipy.stats"),
+}
+#: What takes long to load, and is loaded where it is used.
+SLOW = {"jinja2", "matplotlib", "pint", "scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.stats"}
+
+
+def loaded_by(code):
+    """Names of the modules that a new process has loaded after this code."""
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    code = f"import sys\n{code}\nprint(*sys.modules, sep=chr(10))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    return set(done.stdout.split())
+
+
+def run(*arguments, code):
+    """Code that runs the command and expects this exit code."""
+    return (
+        f"from fourpole.__main__ import main\nsys.argv = {['fourpole', *arguments]}\n"
+        f"try:\n    main()\nexcept SystemExit as end:\n    assert end.code == {code}"
+    )
+
+
+def test_a_worker_loads_what_reading_and_demodulation_need():
+    loaded = loaded_by("import fourpole.study.reduce")
+    assert "fourpole.core.demodulation.demodulate" in loaded
+    assert not loaded & NO_WORKERS
+
+
+@pytest.mark.parametrize("arguments", ["analyse", "fit", "report", "rig", "query --frequency=10Hz", "check", "verify"])
+def test_a_missing_file_is_said_before_anything_slow_is_loaded(arguments):
+    assert not loaded_by(run(*arguments.split(), "no-such-file", code=2)) & SLOW
+
+
+def test_the_version_is_printed_without_the_command_line():
+    loaded = loaded_by("import fourpole.__main__ as main\nsys.argv = ['fourpole', '--version']\nmain.main()")
+    assert {name for name in loaded if name.startswith("fourpole")} <= {
+        "fourpole",
+        "fourpole.__main__",
+        "fourpole.version",
+    }
+    assert not loaded & {"typer", "numpy", "importlib.metadata", "typing"}
+
+
+def test_the_list_of_commands_needs_typer_and_neither_rich_nor_numpy():
+    loaded = loaded_by(run("--help", code=0))
+    assert "typer" in loaded
+    assert not loaded & {"rich", "numpy", "pydantic"}
+
+
+def test_the_units_that_are_suggested_do_not_load_pint():
+    code = (
+        "from fourpole.units.kinds import TABLE\nfrom fourpole.units import is_unit, to_si\n"
+        "assert all(to_si([1.0], unit, kind).size for kind, one in TABLE.items() for unit in one.units)"
+    )
+    assert "pint" not in loaded_by(code)
+
+
+def test_the_package_is_installed_with_the_version_of_the_source():
+    assert importlib.metadata.version("fourpole") == VERSION
