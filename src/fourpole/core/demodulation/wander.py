@@ -12,7 +12,7 @@ from fourpole.core.demodulation.demodulate import Demodulation, demodulate
 from fourpole.core.demodulation.envelope import envelope
 from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.terms import DRIFT
-from fourpole.core.demodulation.tracks import STEADY, tracks_of
+from fourpole.core.demodulation.tracks import STEADY, Track, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import DERIVATIVES, Recording
 from fourpole.core.reference import Reference
@@ -91,8 +91,9 @@ def _along_v1(recording: Recording, found: Demodulation, share: float) -> tuple[
     are compared: the phase of V1 as it is, and with the lines removed first.
     """
     tries = []
+    motion = _motion(recording)
     for lines in dict.fromkeys((False, found.lines.size > 0)):
-        reference = _own_reference(recording, found, lines=lines)
+        reference = _own_reference(recording, motion, found, lines=lines)
         if reference is None or (departure := _departure(reference)) < STEADY:
             continue
         with suppress(RecordingError):
@@ -115,24 +116,30 @@ def _is_better(followed: Demodulation, found: Demodulation, share: float) -> boo
     return bool(left[CHANNELS.index("motion_in")] <= share and np.nanmax(left) <= _RESIDUAL_RISE)
 
 
-def _own_reference(recording: Recording, found: Demodulation, *, lines: bool) -> Reference | None:
+def _motion(recording: Recording) -> Track:
+    """V1 at the samples that all channels of its time base have."""
+    first = tracks_of(recording, [name for name in CHANNELS if name in recording.channels])[0]
+    at = first.names.index("motion_in")
+    return replace(first, names=("motion_in",), signals=first.signals[at : at + 1])
+
+
+def _own_reference(recording: Recording, motion: Track, found: Demodulation, *, lines: bool) -> Reference | None:
     """The phase of V1 as a reference, about the recording's own reference if it has one.
 
     If `lines`, the interfering lines found are removed from V1 first. None if V1 shows no wandering drive.
     """
     omega, middle = float(found.phasors.omega), 0.5 * sum(recording.span)
-    first = tracks_of(recording, [name for name in CHANNELS if name in recording.channels])[0]
     if lines:
-        fit = fit_sines(first, omega, 1, 2 * np.pi * np.unique(found.lines))
+        fit = fit_sines(motion, omega, 1, 2 * np.pi * np.unique(found.lines))
         foreign = fit.coefficients.copy()
         foreign[:2] = foreign[-DRIFT:] = 0.0
-        first = replace(first, signals=first.signals - fit.rows.model(foreign))
+        motion = replace(motion, signals=motion.signals - fit.rows.model(foreign))
     curve = None if recording.reference is None else recording.reference.curve
 
     def turn(time: FloatArray) -> FloatArray:
         return np.zeros_like(time) if curve is None else curve(time + middle) - omega * time
 
-    over_time = envelope([first], omega, turn)
+    over_time = envelope([motion], omega, None if curve is None else turn)
     amplitude = over_time.amplitudes["motion_in"]
     there = np.isfinite(amplitude)
     if there.sum() < _FEWEST_STRETCHES:
