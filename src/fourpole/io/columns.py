@@ -140,7 +140,7 @@ def read_columns(
     values = {one: found.get(index, np.empty(0)) for one, index in table.wanted.items()}
     if any(not len(column) for column in values.values()):
         raise table.empty()
-    return Columns(values, table.units, table.layout.first_row)
+    return Columns(values, table.units, table.layout.first_row, table.above)
 
 
 def _laid_out(file: BinaryIO, name: str) -> tuple[BinaryIO, Layout, str, bytes]:

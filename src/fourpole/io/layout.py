@@ -213,8 +213,12 @@ def _split_words(line: str) -> list[str]:
 def _delimiter(lines: Sequence[str]) -> tuple[str, int]:
     """The delimiter that splits most lines into the same number of cells (at least two), and this number."""
     best, share, width = ",", 0, 1
+    quoted = any('"' in line for line in lines)
     for delimiter in _DELIMITERS:
-        counts = Counter(_cell_count(line, delimiter) for line in lines)
+        if quoted or delimiter == " ":
+            counts = Counter([_cell_count(line, delimiter) for line in lines])
+        else:
+            counts = Counter([line.count(delimiter) + 1 for line in lines])
         count, often = max(counts.items(), key=lambda item: (item[1], item[0]))
         if count >= 2 and (often > share or (often == share and delimiter == " " and _spaced(lines, best))):
             best, share, width = delimiter, often, count
@@ -228,7 +232,9 @@ def _spaced(lines: Sequence[str], best: str) -> bool:
 
 
 def _cell_count(line: str, delimiter: str) -> int:
-    if '"' in line or delimiter == " ":
+    if delimiter == " " and '"' not in line:
+        return len(line.split())
+    if '"' in line:
         return len(splitter(delimiter)(line))
     return line.count(delimiter) + 1
 

@@ -31,6 +31,8 @@ _CATMAN_RATE = re.compile(r"[0-9.,]+ m?s \((?P<value>[0-9]+(?:[.,][0-9]+)?)\s?(?
 #: Lowest and highest rate that is accepted [Hz].
 _LOWEST, _HIGHEST = 1e-6, 1e12
 _MOST_NOTES = 20
+#: Memory of a number [byte].
+_NUMBER_SIZE = 8
 
 
 def _recognises(head: bytes) -> bool:
@@ -90,11 +92,13 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
 
 def _read(request: Request) -> Sequence[Signal]:
     in_group([], request.group, request.label)
-    most = request.max_file_bytes
-    found = survey_columns(request.path, max_bytes=most, label=request.label)
-    afford(8 * found.rows * max(len(request.names), 1), request.max_bytes, request.label)
-    rate = _rate(found.above)
+    most, count = request.max_file_bytes, max(len(request.names), 1)
+    # A cell has one byte at least, so that a short file needs no count of its rows.
+    if _NUMBER_SIZE * request.path.stat().st_size > request.max_bytes:
+        rows = survey_columns(request.path, max_bytes=most, label=request.label).rows
+        afford(_NUMBER_SIZE * rows * count, request.max_bytes, request.label)
     columns = read_columns(request.path, request.names, max_bytes=most, label=request.label)
+    rate = _rate(columns.above)
     return [Signal(one, columns.units[one], columns[one], rate=rate) for one in request.names]
 
 
