@@ -23,7 +23,7 @@ import json
 import os
 import struct
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, BinaryIO
@@ -331,6 +331,7 @@ class _Content:
         times = times or [one for one in self.columns if one.kind == "numbers" and is_time(one.name)]
         self.time = times[0] if len(times) == 1 else None
         self._firsts: dict[str, int] = {}
+        self._whole: dict[str, Any] = {}
 
     def _column(self, name: str, kind: Any, units: dict[str, str]) -> _Column:
         pl = self._pl
@@ -366,12 +367,21 @@ class _Content:
         return self._firsts[one.name]
 
     def _taken(self, one: _Column, first: int, last: int, kind: Any) -> Any:
-        asked = self._scan.select(self._pl.col(one.name).cast(kind)).slice(first, last - first)
-        cells = self.caught(asked.collect).to_series()
+        if (first, last) == (0, self.footer.rows) and one.name in self._whole:
+            cells = self._whole.pop(one.name)
+        else:
+            asked = self._scan.select(self._pl.col(one.name).cast(kind)).slice(first, last - first)
+            cells = self.caught(asked.collect).to_series()
         if len(cells) != last - first:
             what = f"column {shown(one.name)} has {first + len(cells)} of {self.footer.rows} values"
             raise TableError(f"{self._name}: is cut short: {what}; copy or export it again")
         return cells
+
+    def _take_whole(self, columns: Iterable[_Column]) -> None:
+        """Read columns together, which takes less time than one after the other."""
+        pl = self._pl
+        kinds = [pl.col(one.name).cast(pl.Float64 if one.kind == "numbers" else pl.Int64) for one in columns]
+        self._whole = self.caught(self._scan.select(kinds).collect).to_dict()
 
     def seconds(self) -> Part | None:
         """The function that reads times of all channels [s]; None if no column states them."""
@@ -420,8 +430,11 @@ class _Content:
                 raise TableError(f"{self._name}: column {shown(one.name)} holds no numbers; name another column")
         rows = self.footer.rows if whole else max(self.footer.groups, default=0)
         afford(24 * rows * max(len(chosen), 1), self._opened.max_bytes, self._name)
-        for one in {*chosen, *([self.time] if self.time else [])}:
+        needed = dict.fromkeys([*chosen, *([self.time] if self.time else [])])
+        for one in needed:
             self._check(one)
+        if whole and rows:
+            self._take_whole(needed)
         time = self.seconds()
         return [self.track(one, time) for one in chosen]
 
