@@ -30,9 +30,9 @@ def shared() -> Path:
 
 @pytest.fixture(autouse=True, scope="session")
 def one_recording_at_a_time() -> Iterator[None]:
-    """The processes of the tests use all cores: threads within a process would only wait for each other."""
+    """The processes of the tests use all cores: further worker processes would only wait for each other."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fourpole.study.reduce._WORKERS", 1)
+        patch.setattr("fourpole.study.workers._MOST", 1)
         yield
 
 

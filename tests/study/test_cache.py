@@ -1,8 +1,10 @@
 """The cache: a stopped run goes on, a changed setting redoes what it touches, and no cache is ever believed blindly."""
 
+import os
+
 import pytest
 
-from fourpole.study import reduce
+from fourpole.study import cache, reduce
 
 pytestmark = pytest.mark.thorough
 
@@ -58,9 +60,96 @@ def test_a_changed_recording_is_redone_alone(kept, demodulated):
 
 def test_a_changed_row_is_redone_alone(kept, demodulated):
     noisy, _ = kept
-    noisy.edit("tests.csv", "1.7,1000,14", "1.7,1100,14")
-    assert again(noisy).dynamic["preload [N]"].to_list() == [1000.0, 1100.0, 1000.0, 1000.0]
+    noisy.edit("tests.csv", "1.7,1000,14", "1.7,1000,14.1")
+    again(noisy)
     assert demodulated == ["recordings/D2.csv"]
+
+
+#: What is no part of the demodulation, with a column of dynamic.csv that it changes.
+REFINED = {
+    "preload": ("tests.csv", "1.7,1000,14", "1.7,1100,14", "preload [N]"),
+    "rig": ("campaign.toml", 'value = 15.0, unit = "kg"', 'value = 15.1, unit = "kg"', "Re K* [N/m]"),
+    "uncertainty": ("campaign.toml", '1 kN", std_gain = "0.02 %"', '1 kN", std_gain = "3 %"', "u(Re K*) [N/m]"),
+}
+
+
+@pytest.mark.parametrize("what", REFINED)
+def test_a_refined_statement_opens_no_recording_and_gives_what_a_first_run_gives(kept, demodulated, monkeypatch, what):
+    noisy, first = kept
+    name, old, new, column = REFINED[what]
+    noisy.edit(name, old, new)
+    settle(noisy)
+    monkeypatch.setattr(reduce, "sha256_of", None)
+    monkeypatch.setattr(reduce, "load_recording", None)
+    second = again(noisy)
+    assert demodulated == []
+    monkeypatch.undo()
+    assert second.dynamic.equals(noisy.analyse(route="mobility").dynamic)
+    assert not second.dynamic[column].equals(first.dynamic[column])
+
+
+def settle(folder):
+    """Recordings that changed long ago, analysed since."""
+    for path in (folder.path / "recordings").iterdir():
+        os.utime(path, ns=(10**18, 10**18))
+    again(folder)
+
+
+def test_a_file_that_was_copied_back_is_hashed_not_demodulated(kept, demodulated):
+    noisy, _ = kept
+    settle(noisy)
+    content = noisy.recording("D3").read_bytes()
+    noisy.recording("D3").unlink()
+    noisy.recording("D3").write_bytes(content)
+    again(noisy)
+    assert demodulated == []
+
+
+def test_only_verify_sees_a_change_behind_the_same_size_time_and_inode(kept, demodulated):
+    noisy, _ = kept
+    settle(noisy)
+    path = noisy.recording("D3")
+    content = bytearray(path.read_bytes())
+    content[-3] = ord("7") if content[-3] != ord("7") else ord("3")
+    with path.open("r+b") as file:
+        file.write(content)
+    os.utime(path, ns=(10**18, 10**18))
+    again(noisy)
+    assert demodulated == []
+    noisy.analyse(cache=noisy.path / "kept", route="mobility", verify=True)
+    assert demodulated == ["recordings/D3.csv"]
+
+
+def test_a_lost_or_cut_index_costs_the_recordings_not_the_tables(kept, demodulated):
+    noisy, first = kept
+    index = noisy.path / "kept" / "index.jsonl"
+    index.write_bytes(index.read_bytes()[:-20])
+    assert again(noisy).dynamic.equals(first.dynamic)
+    assert demodulated in ([], ["recordings/D4.csv"])
+    index.unlink()
+    assert again(noisy).dynamic.equals(first.dynamic)
+
+
+def test_what_no_run_uses_any_more_is_deleted(kept, monkeypatch):
+    noisy, _ = kept
+    monkeypatch.setattr(cache, "_RUNS", 2)
+    names = {path.name for path in (noisy.path / "kept").glob("*.fpp")}
+    (noisy.path / "kept" / f"{'a' * 40}.json").write_text("{}")
+    noisy.edit("campaign.toml", "gain = 1.02", "gain = 1.03")
+    again(noisy)
+    assert names < {path.name for path in (noisy.path / "kept").glob("*.fpp")}
+    again(noisy)
+    left = {path.name for path in (noisy.path / "kept").iterdir()}
+    assert len(left) == 5
+    assert not names & left
+
+
+def test_a_cache_that_is_too_large_loses_what_was_used_longest_ago(kept, monkeypatch):
+    noisy, _ = kept
+    monkeypatch.setattr(cache, "_MOST", 1)
+    noisy.edit("campaign.toml", "gain = 1.02", "gain = 1.03")
+    again(noisy)
+    assert len(list((noisy.path / "kept").glob("*.fpp"))) == 4
 
 
 @pytest.mark.parametrize(

@@ -12,17 +12,18 @@ import pytest
 from fourpole.campaign import read_campaign
 from fourpole.core.checks import worst_verdict
 from fourpole.study import analyse, study
-from fourpole.study.reduce import jobs_of, reduce_tests
+from fourpole.study.reduce import jobs_of
 from fourpole.study.results import read_results
+from fourpole.study.workers import Settings, reduce_tests
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 _MOST_PICKLED = 10_000
 TABLES = ("dynamic", "phasors", "previews", "corrections", "rig", "budget")
 
 
-def jobs(folder, cache=None):
+def jobs(folder):
     campaign = read_campaign(folder)
-    return jobs_of(campaign, campaign.of_kind("dynamic"), "joint", cache)
+    return jobs_of(campaign, campaign.of_kind("dynamic"), "joint")
 
 
 def test_a_job_is_small_whatever_the_campaign_holds(noisy):
@@ -33,9 +34,9 @@ def test_a_job_is_small_whatever_the_campaign_holds(noisy):
 def test_threads_and_spawned_processes_give_the_same(noisy):
     made = jobs(noisy.path)
     with ThreadPoolExecutor(2) as pool:
-        threads = reduce_tests(made, executor=pool)
+        threads = reduce_tests(made, settings=Settings(executor=pool))
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
-        processes = reduce_tests(made, executor=pool)
+        processes = reduce_tests(made, settings=Settings(executor=pool))
     assert [pickle.dumps(one) for one in threads] == [pickle.dumps(one) for one in reduce_tests(made)]
     assert [repr(one) for one in threads] == [repr(one) for one in processes]
     for one, other in zip(threads, processes, strict=True):

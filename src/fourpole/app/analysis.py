@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
 from filecmp import cmpfiles
 from math import radians
 from pathlib import Path
@@ -10,34 +12,73 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
-from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress, say
-from fourpole.campaign import read_campaign
+from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress
+from fourpole.app.options import RunOptions
+from fourpole.app.standing import (
+    STATEMENT,
+    Outcome,
+    forget,
+    identities,
+    note_standing,
+    results_of,
+    settings_of,
+    show,
+)
+from fourpole.campaign import Campaign, read_campaign
+from fourpole.core.codes import Code
+from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError
+from fourpole.io.child import SECONDS
 from fourpole.io.staging import recover, staged
 from fourpole.io.write import write_table
+from fourpole.quantities import CODE
 
 if TYPE_CHECKING:
     from fourpole.study import Study
 
 _MOST_LISTED = 12
+#: Checks that another run may pass with the same files, so that their results do not stand.
+_PASSING = {code.text for code in (Code.READER, Code.MEMORY, Code.FAULT)}
 #: Tests with the same remark that are named.
 _MOST_NAMED = 6
 
 
 def run_analysis(
-    campaign: Path, folder: Path | None, route: str, monte_carlo: int, *, tables_only: bool, as_json: bool
+    campaign: Path,
+    folder: Path | None,
+    route: str,
+    monte_carlo: int,
+    options: RunOptions,
+    *,
+    tables_only: bool,
+    as_json: bool,
 ) -> int:
     """Analyse a campaign and write its results; the exit code is `SOME_REJECTED` if tests were rejected."""
-    study, results = _analysed(campaign, folder, route, monte_carlo)
+    results, settings = results_of(campaign, folder), settings_of(route, monte_carlo, tables_only=tables_only)
+    forget(results)
+    inputs = identities(campaign, list(STATEMENT))
+    stated = read_campaign(campaign)
+    inputs |= identities(campaign, _files_of(stated))
+    study = _analysed(stated, results, route, monte_carlo, options)
     page = _written(study, results, tables_only=tables_only)
-    if as_json:
-        print_json({**_summary(study, results), "report": str(page) if page else None})
-    else:
-        _report(study)
-        out(f"results: {results}")
-        if page is not None:
-            out(f"report: {page}")
-    return SOME_REJECTED if study.counts["rejected"] else OK
+    lines = [f"results: {results}", *([f"report: {page}"] if page is not None else [])]
+    outcome = Outcome(
+        notes=_notes(study),
+        lines=[f"{counted_tests(study.counts)} (route: {study.route})", *lines],
+        document={**_summary(study, results), "report": str(page) if page else None},
+        code=SOME_REJECTED if study.counts["rejected"] else OK,
+    )
+    read = all(one is None or name in study.sha256 for name, one in inputs.items())
+    if read and not _PASSING.intersection(study.checks[CODE.head].to_list()):
+        note_standing(results, settings, inputs, study.sha256, outcome)
+    return show(outcome, as_json=as_json)
+
+
+def _files_of(campaign: Campaign) -> list[str]:
+    """The files that an analysis reads, as tests.csv and campaign.toml name them."""
+    channels = [campaign.stated.channels.named(role) for role in CHANNELS]
+    responses = [one.response for one in channels if one is not None and one.response is not None]
+    return list(dict.fromkeys([*(test.file for test in campaign.tests if test.file), *responses]))
 
 
 def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
@@ -48,7 +89,8 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
 
     with progress("recording") as advance:
         simulate_campaign(folder, seed=seed, progress=advance, **_demo_settings())
-    study, results = _analysed(folder, None)
+    results = results_of(folder, None)
+    study = _analysed(read_campaign(folder), results)
     page = _written(study, results)
     if as_json:
         print_json({**_summary(study, results), "report": str(page), "found": headline(findings(study.results))})
@@ -74,19 +116,41 @@ def _demo_settings() -> dict[str, Any]:
 
 
 def _analysed(
-    campaign: Path, folder: Path | None, route: str = "joint", monte_carlo: int | None = None
-) -> tuple[Study, Path]:
-    stated = read_campaign(campaign)
+    stated: Campaign,
+    results: Path,
+    route: str = "joint",
+    monte_carlo: int | None = None,
+    options: RunOptions | None = None,
+) -> Study:
     from fourpole.study import DRAWS, analyse  # after the campaign is read, so that a wrong name is said at once
 
-    draws = DRAWS if monte_carlo is None else monte_carlo
-    results = folder if folder is not None else campaign / "results"
     if results.exists() and not results.is_dir():
         raise CampaignError(f"{results}: is a file: name a folder for the results with --out")
     recover(results)
-    with progress("analysing") as advance:
-        study = analyse(stated, route=route, monte_carlo=draws, cache=results / "cache", progress=advance)
-    return study, results
+    options = options or RunOptions()
+    with _executor(options) as executor, progress("analysing") as advance:
+        return analyse(
+            stated,
+            route=route,
+            monte_carlo=DRAWS if monte_carlo is None else monte_carlo,
+            cache=results / "cache",
+            verify=options.verify,
+            workers=options.workers,
+            executor=executor,
+            time_limit=options.time_limit or SECONDS,
+            progress=advance,
+        )
+
+
+def _executor(options: RunOptions) -> AbstractContextManager[Executor | None]:
+    """The executor of the cluster that is named; None for the processes of this machine."""
+    if options.scheduler is None:
+        return nullcontext()
+    if options.workers is not None:
+        raise CampaignError("--workers and --scheduler contradict each other: the cluster has its own workers")
+    from fourpole.study.cluster import cluster
+
+    return cluster(options.scheduler)
 
 
 def _written(study: Study, results: Path, *, tables_only: bool = False) -> Path | None:
@@ -135,17 +199,17 @@ def _verdicts(study: Study) -> pl.DataFrame:
     return pl.concat([table.select("test", "verdict", "remarks") for table in (study.static, study.dynamic)])
 
 
-def _report(study: Study) -> None:
-    for note in study.notes:
-        say(f"note: {note}")
+def _notes(study: Study) -> list[str]:
+    """Assumptions, and the remarks of the tests with a warning or rejected."""
+    notes = [f"note: {note}" for note in study.notes]
     for verdict in ("warning", "rejected"):
         rows = _verdicts(study).filter(pl.col("verdict") == verdict).unique(maintain_order=True)
         same = rows.group_by("remarks", maintain_order=True).agg("test").head(_MOST_LISTED)
         for remarks, tests in same.rows():
-            say(f"{verdict}: {_some(tests)}: {remarks}")
+            notes.append(f"{verdict}: {_some(tests)}: {remarks}")
         if more := rows.height - same["test"].list.len().sum():
-            say(f"... and {more} more with verdict {verdict}; see the tables")
-    out(f"{counted_tests(study.counts)} (route: {study.route})")
+            notes.append(f"... and {more} more with verdict {verdict}; see the tables")
+    return notes
 
 
 def _some(tests: Sequence[str]) -> str:

@@ -19,6 +19,7 @@ from fourpole.app.options import (
     OutFile,
     PlanOptions,
     RigOptions,
+    RunOptions,
     ShapeOptions,
     amount,
 )
@@ -129,6 +130,8 @@ def analyse(
     tables_only: Annotated[
         bool, typer.Option("--tables-only", help="No figures and no report; those of other tables are deleted.")
     ] = False,
+    *,
+    options: RunOptions,
     as_json: JsonFlag = False,
 ) -> int:
     """Analyse a campaign folder: recordings in; tables of K1, R, I, K*, K2, C and TR, figures and a report out.
@@ -136,11 +139,18 @@ def analyse(
     Reduced recordings are kept in the folder of the results, so a run that was stopped continues where it was. Of
     several campaigns, each has its own results, and one that cannot be read does not stop the others.
     """
-    from fourpole.app.analysis import run_analysis
     from fourpole.app.campaigns import run_each
+    from fourpole.app.standing import results_of, settings_of, show, standing
+
+    settings = settings_of(route, monte_carlo, tables_only=tables_only)
 
     def run(campaign: Path) -> int:
-        return run_analysis(campaign, folder, route, monte_carlo, tables_only=tables_only, as_json=as_json)
+        former = standing(campaign, results_of(campaign, folder), settings, verify=options.verify)
+        if former is not None:
+            return show(former, as_json=as_json, stands=True)
+        from fourpole.app.analysis import run_analysis
+
+        return run_analysis(campaign, folder, route, monte_carlo, options, tables_only=tables_only, as_json=as_json)
 
     return run_each(campaigns, folder, run, as_json=as_json)
 
@@ -381,7 +391,7 @@ def plot(
 
 def main() -> None:
     """Run the command."""
-    # Recordings are reduced in parallel threads; further threads of the linear algebra would compete with them.
+    # Recordings are reduced in parallel; further threads of the linear algebra would compete with each other.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     end_in_order()

@@ -110,6 +110,22 @@ class RigOptions:
 
 
 @dataclass(frozen=True)
+class RunOptions:
+    """Where the recordings are reduced, and which of them are read again."""
+
+    workers: int | None = _given(
+        "Processes that reduce the recordings; 1: this one alone. By default as many as pay.", metavar="N", min=1
+    )
+    scheduler: str | None = _given('A running Dask cluster to use, as "tcp://10.0.0.5:8786".')
+    time_limit: float | None = _amount(
+        "--time-limit", "time", 'Time after which a recording is given up, as "60 s"; 1 s more per MB.', "positive"
+    )
+    verify: bool = _given(
+        "Hash every recording, even if its size, time and inode are as noted.", "--verify", default=False
+    )
+
+
+@dataclass(frozen=True)
 class InfoOptions:
     """The channels of a file to show, and how."""
 

@@ -345,3 +345,7 @@ class ChannelsFile(File):
     def rate(self) -> float | None:
         """Sample rate stated in place of a column of the time [Hz]; None if none is stated."""
         return self.sample_rate or (self.time.sample_rate if self.time else None)
+
+
+#: The classes of which [channels] is made.
+CLASSES: tuple[type, ...] = (ChannelsFile, ChannelFile, ReferenceFile, TimeFile, HighPass, LowPass, Geophone)

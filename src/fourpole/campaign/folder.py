@@ -16,11 +16,12 @@ from pathlib import Path
 
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean
+from fourpole.campaign.place import at_hand
 from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
 from fourpole.io.recordings import survey
-from fourpole.io.signals import SignalInfo
+from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode, read_bytes
 
 #: Largest size of campaign.toml and of tests.csv [byte].
@@ -146,24 +147,6 @@ def read_campaign(folder: str | Path) -> Campaign:
                 + (did_you_mean(axis.name, extra) if extra else "; it has none")
             )
     return Campaign(folder, stated, tuple(tests), extra)
-
-
-def inside(folder: Path, file: str) -> Path:
-    """Absolute path of a file of a campaign; the group in `file#group` is ignored.
-
-    FileError if the path is outside the campaign folder after all links are resolved.
-    """
-    name = units.shown(file, 200)
-    try:
-        path = (folder / file).resolve()
-        if "#" in file and not path.exists():
-            path = (folder / file.rpartition("#")[0]).resolve()
-        within = path.is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError) as error:
-        raise FileError(f"file {name} cannot be looked up: {getattr(error, 'strerror', None) or error}") from None
-    if not within:
-        raise FileError(f"file {name} lies outside the campaign folder: copy it into the folder and name it from there")
-    return path
 
 
 def _text(path: Path, most: int, *, strict: bool) -> str:
@@ -459,12 +442,18 @@ def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
     if first is None or not (timeless or unitless):
         return
     try:
-        signals = survey(inside(folder, first.file), label=first.file).signals
+        signals = _survey(folder, first.file).signals
     except FourpoleError:
         return  # the analysis of the test reports the fault of its file
     if timeless:
         _check_times(first.file, signals)
     _check_units(first.file, signals, unitless)
+
+
+def _survey(folder: Path, file: str) -> FileInfo:
+    """The description of a recording of a campaign."""
+    with at_hand(folder, file) as path:
+        return survey(path, label=file)
 
 
 def _check_times(file: str, signals: Sequence[SignalInfo]) -> None:

@@ -179,6 +179,13 @@ class Code(Enum):
         "{file} does not fit into memory: ",
         "cut it with window [s]",
     )
+    READER = (
+        "reader",
+        "whether the recording could be read at all, within the limits of time and memory",
+        "a recording ended the process that read it",
+        "{file} {why}; ",
+        "the file may be damaged: copy or export it again, or cut it with window [s]",
+    )
     FAULT = (
         "fault",
         "a fault of the program",

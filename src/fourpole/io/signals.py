@@ -170,6 +170,9 @@ class Format:
         different rates advance together in time; a channel that has ended gives empty signals. All chunks of a channel
         together equal the result of `read`; the memory needed depends on `rows`, not on the file. None if the format
         cannot be read in parts.
+    by_library : bool
+        Whether a library reads the file, which a damaged file may crash or occupy: such a file is read in a worker
+        process.
     """
 
     name: str
@@ -179,3 +182,4 @@ class Format:
     read: Callable[[Request], Sequence[Signal]]
     extra: str = ""
     blocks: Callable[[Request, int], Iterator[Sequence[Signal]]] | None = None
+    by_library: bool = False

@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fourpole import units
-from fourpole.campaign.folder import Campaign, Test, inside
+from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.place import inside
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.look import rate_of
 from fourpole.io.recordings import survey
+from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import sha256_of
 from fourpole.io.stream import stream, times_of
@@ -151,14 +153,14 @@ class _Inspection:
             self._say(test, "tests.csv", "rejected", test.problem)
             return
         try:
-            path = inside(self.campaign.folder, test.file)
-            if path.is_file():
+            path = None if is_elsewhere(test.file) else inside(self.campaign.folder, test.file)
+            if path is not None and path.is_file():
                 self.paths[test.name] = path
             if test.kind == "static":
                 return
             for row in check_part(job):
                 self._say(test, row.heading, row.verdict, row.remark)
-            if test.window is not None:
+            if test.window is not None and path is not None:
                 self._window(test, path)
         except FourpoleError as error:
             about = {FileError: "file", TableError: "channels"}.get(type(error), "recording")

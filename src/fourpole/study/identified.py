@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign import defaults
-from fourpole.campaign.folder import Campaign, Test, inside
+from fourpole.campaign.folder import Campaign, Test
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import worst_verdict
@@ -27,8 +27,7 @@ from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
 from fourpole.fitting.rows import Key, pair_columns, tyre_columns
-from fourpole.study.load import recorded_at
-from fourpole.study.outcome import Point, point_keys
+from fourpole.study.outcome import BEGAN, Point, point_keys
 from fourpole.study.rig_estimate import RigEstimate, RunOrder, mass_gain
 from fourpole.study.rig_solution import relative_uncertainties, rig_estimate, with_recordings
 from fourpole.study.sharing import at_mean_temperature, families, temperature_note, temperatures_apart
@@ -297,7 +296,7 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
     stated = campaign.stated.all_rigs.get(rig_name)
     added = np.array([test.value("added_mass") or 0.0 for test in tests])
     added_std = [test.value("u(added_mass)") for test in tests]
-    order, time = _run(campaign, tests)
+    order, time = _run(tests)
     family = families(campaign, tests)
     return Setup(
         rig_name=rig_name,
@@ -317,13 +316,12 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
     )
 
 
-def _run(campaign: Campaign, tests: Sequence[Test]) -> tuple[RunOrder, FloatArray]:
+def _run(tests: Sequence[Test]) -> tuple[RunOrder, FloatArray]:
     """When the tests ran: as tests.csv states it, as their recordings state it, or in the order of tests.csv."""
     time = np.array([test.values.get("time", np.nan) for test in tests])
     if np.all(np.isfinite(time)):
         return RunOrder.TIME, time
-    began = {test.file: recorded_at(inside(campaign.folder, test.file)) for test in tests}
-    recorded = np.array([began[test.file] for test in tests], dtype=float)
+    recorded = np.array([test.values.get(BEGAN, np.nan) for test in tests])
     if np.all(np.isfinite(recorded)):
         return RunOrder.RECORDINGS, recorded
     return RunOrder.ROWS, np.arange(len(tests), dtype=float)

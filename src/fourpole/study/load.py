@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.campaign.channels import ChannelFile, ChannelsFile, ReferenceFile
-from fourpole.campaign.folder import Test, inside
+from fourpole.campaign.folder import Test
+from fourpole.campaign.place import inside
 from fourpole.core.arrays import FloatArray
 from fourpole.core.demodulation.demodulate import first_guess
 from fourpole.core.loadcurve import LoadCurve

@@ -10,11 +10,16 @@ from typing import TYPE_CHECKING
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check
 from fourpole.core.demodulation.corrections import Correction, response_std
+from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
 
 if TYPE_CHECKING:
     from fourpole.fitting.rows import Key
+
+
+#: Name of the time at which a recording began among the values of its test [s], from 1970 on.
+BEGAN = "began"
 
 
 @dataclass(frozen=True)
@@ -48,11 +53,43 @@ class Point:
 
 
 @dataclass(frozen=True)
+class Demodulated:
+    """What one recording gives by itself, before the rig and other statements are looked at.
+
+    Attributes
+    ----------
+    found : Demodulation or None
+        Amplitudes and figures of quality; None where the recording was rejected.
+    checks : tuple of Check
+        The reason for a rejection, or the checks made while the recording was loaded.
+    mean_force : float [N]
+        Mean of F1; 0 where no force is recorded.
+    sha256 : str
+        Hash of the file; empty where it was not read.
+    began : float or None [s]
+        Time at which the recording began, from 1970 on; None where its file does not state it.
+    lasting : bool
+        Whether the same content gives the same result again, so that it can be kept.
+    """
+
+    found: Demodulation | None = None
+    checks: tuple[Check, ...] = ()
+    mean_force: float = 0.0
+    sha256: str = ""
+    began: float | None = None
+    lasting: bool = True
+
+
+@dataclass(frozen=True)
 class Reduced:
-    """The result of one recording: at least one point, and the hash of the file; empty where it was not read."""
+    """The result of one recording: at least one point, the hash of the file (empty where it was not read), its start.
+
+    `began` is the time at which the recording began [s], from 1970 on; None where its file does not state it.
+    """
 
     points: tuple[Point, ...]
     sha256: str = ""
+    began: float | None = None
 
 
 def point_keys(tests: Iterable[str]) -> list[Key]:

@@ -1,19 +1,21 @@
-"""The reduction of recordings: one job per recording gives phasors, checks and preview, or takes them from a cache."""
+"""The reduction of recordings: one job per recording gives phasors, checks and preview.
+
+The heavy part, `demodulated`, needs the recording, and runs wherever `fourpole.study.workers` sends it; its result is
+kept in the cache. The checks that depend on the rig and on other statements are made from it in `reduced_of`.
+"""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from fourpole.campaign.channels import ChannelsFile
-from fourpole.campaign.folder import Campaign, Test, inside
+from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.place import at_hand, inside
 from fourpole.campaign.schema import RigFile
 from fourpole.core import recordingchecks as checks
 from fourpole.core.checks import Check, cut_words, reported
@@ -28,11 +30,9 @@ from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.errors import ConstantError, FourpoleError, RecordingError, TableError, TooShortError
 from fourpole.io.source import sha256_of
-from fourpole.study.cache import cache_name, recall, remember
-from fourpole.study.load import MOST_BYTES, load_recording
-from fourpole.study.outcome import Point, Reduced
+from fourpole.study.load import MOST_BYTES, load_recording, recorded_at
+from fourpole.study.outcome import Demodulated, Point, Reduced
 
-_WORKERS = min(os.cpu_count() or 1, 8)
 #: Errors that have a code of their own; any other error of a recording has `Code.RECORDING`.
 _CODES: dict[type[FourpoleError], Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}
 #: Channels that each route needs.
@@ -42,6 +42,10 @@ ROUTE_NEEDS = {
     "relative": CHANNELS,
     "transmissibility": ("motion_in", "motion_out"),
 }
+
+#: The parts of [channels] that the demodulation depends on, and those of a channel that it does not depend on.
+_OF_DEMODULATION = {"time", "sample_rate", "reference", *CHANNELS}
+_NOT_OF_DEMODULATION = {role: {"std_gain", "std_phase", "std_delay", "exact"} for role in CHANNELS}
 
 #: The first part of a recording passes without demodulation if three values are below these limits: the residual over
 #: the amplitude of each channel, the relative error of the stated frequency, and the force over the preload. The limits
@@ -71,8 +75,6 @@ class Job:
         Roles of the channels that the route needs.
     responses : dict of str to str
         Hash of each table of a calibrated response, by its name in the campaign.
-    cache : Path or None
-        Folder of the cache; None for no cache.
     """
 
     folder: Path
@@ -81,67 +83,62 @@ class Job:
     rig: RigFile | None
     needed: tuple[str, ...]
     responses: dict[str, str] = field(default_factory=dict)
-    cache: Path | None = None
 
     def run(self) -> Reduced:
-        """Reduce the recording, or read the result from the cache; an error becomes a check that rejects the test."""
-        if self.test.problem:
-            return Reduced((Point(None, (reported(Code.STATEMENT, "rejected", why=self.test.problem),)),))
-        try:
-            path = inside(self.folder, self.test.file)
-            sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=self.test.file)
-            place = self.cache / cache_name(self._settings(), sha256) if self.cache is not None else None
-            points = recall(place) if place is not None else None
-            if points is None:
-                points = (reduced_point(self, path),)
-                if place is not None:
-                    remember(place, points)
-            return Reduced(points, sha256)
-        except FourpoleError as error:
-            why = reported(_CODES.get(type(error), Code.RECORDING), "rejected", why=error)
-        except MemoryError:
-            why = reported(Code.MEMORY, "rejected", file=self.test.file)
-        except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
-            why = reported(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
-        return Reduced((Point(None, (why,)),))
+        """Reduce the recording in this thread; an error becomes a check that rejects the test."""
+        return reduced_of(self, demodulated(self))
 
-    def _settings(self) -> list[object]:
-        """All inputs of the result but the recording."""
-        rig = self.rig and repr(self.rig)
-        stated = self.test.kind, self.test.values, self.test.window, *(["fixed"] if self.test.fixed else [])
-        return [self.needed, *stated, self.channels.model_dump(), self.responses, rig]
+    @property
+    def settings(self) -> list[object]:
+        """What the demodulation depends on of tests.csv and the route; the rig is no part of it."""
+        return [self.needed, self.test.file, self.test.value("frequency"), self.test.window]
+
+    @property
+    def processing(self) -> list[object]:
+        """What the demodulation depends on of campaign.toml; no uncertainty is part of it."""
+        channels = self.channels.model_dump(include=_OF_DEMODULATION, exclude=_NOT_OF_DEMODULATION)
+        return [channels, self.responses]
 
 
-def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str, cache: Path | None = None) -> list[Job]:
+def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Job]:
     """The job of each test, for a route."""
     channels, rigs, responses = campaign.stated.channels, campaign.stated.all_rigs, response_hashes(campaign)
     needed = ROUTE_NEEDS[route]
-    return [Job(campaign.folder, test, channels, rigs.get(test.rig), needed, responses, cache) for test in tests]
+    folder = campaign.folder.absolute()  # a worker of a cluster has another working folder
+    return [Job(folder, test, channels, rigs.get(test.rig), needed, responses) for test in tests]
 
 
-def reduce_tests(
-    jobs: Sequence[Job], *, executor: Executor | None = None, progress: Callable[[int, int], None] | None = None
-) -> list[Reduced]:
-    """Results of the jobs in the order of the jobs; without an executor they run in threads."""
-    if executor is None:
-        with ThreadPoolExecutor(max_workers=_WORKERS) as threads:
-            return reduce_tests(jobs, executor=threads, progress=progress)
-    results: dict[int, Reduced] = {}
-    running: dict[Future[Reduced], int] = {}
-    waiting = iter(enumerate(jobs))
+def demodulated(job: Job) -> Demodulated:
+    """The heavy part of a job: all that the recording gives, whatever the rig; an error is a check that rejects it."""
+    sha256 = ""
     try:
-        while len(results) < len(jobs):
-            # Submitting few jobs at a time bounds the memory.
-            for index, job in islice(waiting, 4 * _WORKERS - len(running)):
-                running[executor.submit(job.run)] = index
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                results[running.pop(future)] = future.result()
-                if progress is not None:
-                    progress(len(results), len(jobs))
-    finally:
-        for future in running:
-            future.cancel()
-    return [results[index] for index in range(len(jobs))]
+        if job.test.problem:
+            return Demodulated(checks=(reported(Code.STATEMENT, "rejected", why=job.test.problem),))
+        with at_hand(job.folder, job.test.file) as path:
+            sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=job.test.file)
+            return replace(demodulated_part(job, path), sha256=sha256, began=recorded_at(path))
+    except FourpoleError as error:
+        why = reported(_CODES.get(type(error), Code.RECORDING), "rejected", why=error)
+        lasting = isinstance(error, RecordingError)
+    except MemoryError:
+        why, lasting = reported(Code.MEMORY, "rejected", file=job.test.file), False
+    except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
+        why, lasting = reported(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}"), False
+    return Demodulated(checks=(why,), sha256=sha256, lasting=lasting)
+
+
+def reduced_of(job: Job, done: Demodulated) -> Reduced:
+    """The result of a job, with the checks that depend on the statement of the campaign."""
+    return Reduced((point_of(job, done),), done.sha256, done.began)
+
+
+def point_of(job: Job, done: Demodulated) -> Point:
+    """The point of a demodulated recording, with all its checks."""
+    found = done.found
+    if found is None:
+        return Point(None, done.checks)
+    every = (*done.checks, *_checks_of(job, found, done.mean_force))
+    return Point(found.phasors, every, found.corrections, found.channels, found.preview)
 
 
 def check_part(job: Job) -> tuple[Check, ...]:
@@ -150,7 +147,12 @@ def check_part(job: Job) -> tuple[Check, ...]:
     The part has at most 2 s or 20 cycles, whichever is longer. If no frequency is stated, the cycles are those of the
     frequency that the recording shows. An error that would reject the test is raised.
     """
-    path, near = inside(job.folder, job.test.file), job.test.value("frequency")
+    with at_hand(job.folder, job.test.file) as path:
+        return _checks_of_part(job, path)
+
+
+def _checks_of_part(job: Job, path: Path) -> tuple[Check, ...]:
+    near = job.test.value("frequency")
     length = max(0.5, 10.0 / near) if near else _PART
     recording, rows = _loaded(job, path, length)
     if job.test.window is None and all(np.ptp(one.samples) == 0.0 for one in recording.channels.values()):
@@ -213,6 +215,11 @@ def _is_sine(track: Track, frequency: float) -> bool:
 
 
 def reduced_point(job: Job, path: Path, part: float | None = None) -> Point:
+    """Amplitudes of all stated channels with all checks; see `demodulated_part`."""
+    return point_of(job, demodulated_part(job, path, part))
+
+
+def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodulated:
     """Amplitudes of all stated channels; a damaged channel that the route does not need is left out with a warning.
 
     With `part` [s], only the first part of this length is used.
@@ -235,8 +242,7 @@ def reduced_point(job: Job, path: Path, part: float | None = None) -> Point:
         rows.append(_left_out(present[0], str(error)))
     force = recording.channels.get("force_in")
     mean = float(np.nanmean(force.samples)) if force is not None and np.isfinite(force.samples).any() else 0.0
-    every = (*rows, *wandering, *_checks_of(job, found, mean))
-    return Point(found.phasors, every, found.corrections, found.channels, found.preview)
+    return Demodulated(found, (*rows, *wandering), mean)
 
 
 def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fourpole.campaign import defaults
-from fourpole.campaign.folder import Campaign, Test, condition_of, inside
+from fourpole.campaign.folder import Campaign, Test, condition_of
+from fourpole.campaign.place import at_hand
 from fourpole.core.checks import Check, reported, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.condition import Condition, Sameness
@@ -168,9 +169,9 @@ def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticT
     try:
         if test.problem:
             raise LoadCurveError(test.problem)
-        path = inside(campaign.folder, test.file)
-        sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=test.file)
-        curve = load_curve(path, test, campaign.stated.channels)
+        with at_hand(campaign.folder, test.file) as path:
+            sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=test.file)
+            curve = load_curve(path, test, campaign.stated.channels)
         whole = _whole(campaign, test, curve)
     except FourpoleError as error:
         why = reported(Code.LOAD_CURVE, "rejected", why=error)

@@ -6,7 +6,7 @@ import json
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,21 +23,24 @@ from fourpole.errors import CampaignError
 from fourpole.fitting.likelihood import likelihood_of, likelihood_record
 from fourpole.fitting.rows import axes_record
 from fourpole.fitting.stated import rig_file
+from fourpole.io.child import SECONDS
 from fourpole.io.source import sha256_of
 from fourpole.io.staging import staged
 from fourpole.io.write import remove_leftovers, write_table, write_text
 from fourpole.models.families import by_amplitude
+from fourpole.study.cache import Cache
 from fourpole.study.cells import dynamic_cells, dynamic_checks
 from fourpole.study.compare import compare_tests
 from fourpole.study.identified import NO_RIG, identify_tests, possible_route
 from fourpole.study.load import MOST_BYTES
-from fourpole.study.outcome import Reduced
-from fourpole.study.reduce import jobs_of, reduce_tests, response_hashes
+from fourpole.study.outcome import BEGAN, Reduced
+from fourpole.study.reduce import jobs_of, response_hashes
 from fourpole.study.results import Results
 from fourpole.study.rig_estimate import RigEstimate
 from fourpole.study.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
 from fourpole.study.table_rows import Analysed
 from fourpole.study.tables import TABLE_FILES, TABLES, Tables
+from fourpole.study.workers import Settings, reduce_tests
 from fourpole.version import VERSION
 
 if TYPE_CHECKING:
@@ -259,7 +262,10 @@ def analyse(
     route: str = "joint",
     monte_carlo: int = DRAWS,
     cache: str | Path | None = None,
+    verify: bool = False,
+    workers: int | None = None,
     executor: Executor | None = None,
+    time_limit: float = SECONDS,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
     """Analyse a campaign: static curves, demodulation, identification, tables.
@@ -274,9 +280,17 @@ def analyse(
         Number of draws for the intervals of K2 and C where value ± 1.96 u is none; 0 for no intervals.
     cache : path, optional
         Folder of the phasors of each recording; an interrupted analysis continues from it.
+    verify : bool
+        Whether every recording is hashed; otherwise a recording with the size, time of change and inode that the cache
+        noted is not opened.
+    workers : int, optional
+        Number of worker processes that demodulate the recordings, or 1 for this thread; by default as many as pay.
+        They are started afresh, and do not import the calling script: it needs no ``if __name__ == "__main__"``.
     executor : concurrent.futures.Executor, optional
-        Executor that runs the reduction of each recording as a job, in threads, in processes or on other machines; by
-        default threads.
+        Executor that runs batches of recordings in place of these processes, in threads, in processes or on other
+        machines, as that of `dask.distributed.Client.get_executor`.
+    time_limit : float [s]
+        Time after which a recording is given up; a large file has 1 s per MB more. It holds in worker processes.
     progress : callable, optional
         Called with the number of reduced recordings and the number of all recordings.
 
@@ -312,7 +326,12 @@ def analyse(
     if kept is not None:
         remove_leftovers(kept, abandoned=0.0)
     statics = evaluate_statics(campaign)
-    reduced = reduce_tests(jobs_of(campaign, dynamic, route, kept), executor=executor, progress=progress)
+    reduced = reduce_tests(
+        jobs_of(campaign, dynamic, route),
+        cache=Cache(kept, verify=verify) if kept is not None else None,
+        settings=Settings(workers, executor, time_limit),
+        progress=progress,
+    )
     analysed, remarks = _analysed(campaign, statics, reduced, route, monte_carlo)
     return Study(
         campaign=campaign,
@@ -333,7 +352,7 @@ def _analysed(
 ) -> tuple[Analysed, list[str]]:
     """The outcome of an analysis from the static tests and the reduced recordings, and notes on the rigs."""
     dynamic = campaign.of_kind("dynamic")
-    tests = [test for test, item in zip(dynamic, reduced, strict=True) for _ in item.points]
+    tests = [_begun(test, item) for test, item in zip(dynamic, reduced, strict=True) for _ in item.points]
     points = [point for item in reduced for point in item.points]
     rows, rule = [row for item in statics for row in item.rows], campaign.stated.sameness
     per_kelvin = campaign.stated.conditions.per_kelvin
@@ -352,6 +371,11 @@ def _analysed(
         *notes,
         *compared.notes,
     ]
+
+
+def _begun(test: Test, item: Reduced) -> Test:
+    """The test with the time at which its recording began, where its file states that."""
+    return test if item.began is None else replace(test, values={**test.values, BEGAN: item.began})
 
 
 def _in_order(checks: Sequence[Check]) -> tuple[Check, ...]:

@@ -447,4 +447,4 @@ def _recognises(head: bytes) -> bool:
     return head[:4] == _MAGIC
 
 
-FORMAT = track_format("Parquet", (".parquet", ".pq"), _recognises, _KIND, _Content)
+FORMAT = track_format("Parquet", (".parquet", ".pq"), _recognises, _KIND, _Content, by_library=True)

@@ -170,6 +170,7 @@ def track_format(
     *,
     library: str = "",
     extra: str = "",
+    by_library: bool = False,
 ) -> Format:
     """A format whose channels can be read in any part; `kind` and `library` are those of its `Guard`."""
 
@@ -202,4 +203,4 @@ def track_format(
         guard = Guard(name_of(request.path, request.label), kind, library)
         return guarded(chunks(request, rows, guard), guard)
 
-    return Format(name, endings, recognises, survey, read, extra, blocks)
+    return Format(name, endings, recognises, survey, read, extra, blocks, by_library or bool(library))

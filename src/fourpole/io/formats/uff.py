@@ -284,4 +284,4 @@ def _signal(found: _Content, at: int, name: str) -> Signal:
     return Signal(called, unit, samples, time=floats(read["x"][: one.count], called, name))
 
 
-FORMAT = Format("UFF 58", (".uff", ".unv", ".ufb", ".bunv"), _recognises, _survey, _read, "formats")
+FORMAT = Format("UFF 58", (".uff", ".unv", ".ufb", ".bunv"), _recognises, _survey, _read, "formats", by_library=True)

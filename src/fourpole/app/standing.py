@@ -1,0 +1,181 @@
+"""Results that stand: an analysis whose inputs, settings, programs and results are as noted is not repeated.
+
+Nothing heavy is imported here: a second run of an unchanged campaign costs little more than the start of Python.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from contextlib import suppress
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import fourpole
+from fourpole.app.console import out, print_json, say
+from fourpole.io.identity import Identity, identity_of
+
+#: The note in the folder of the cache.
+_NOTE = Path("cache", "standing.json")
+#: Programs on which the results depend; one that is not installed counts, too.
+_PROGRAMS = ("numpy", "scipy", "polars", "pint", "matplotlib", "asammdf", "h5py", "npTDMS", "pyuff", "s3fs")
+#: The files that state a campaign.
+STATEMENT = ("campaign.toml", "tests.csv")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command said: notes on standard error, lines on standard output, its document, and its exit code."""
+
+    notes: list[str] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+    document: dict[str, Any] = field(default_factory=dict)
+    code: int = 0
+
+
+def results_of(campaign: Path, folder: Path | None) -> Path:
+    """The folder of the results."""
+    return folder if folder is not None else campaign / "results"
+
+
+def settings_of(route: str, monte_carlo: int, *, tables_only: bool) -> dict[str, Any]:
+    """The settings on which the results depend."""
+    return {"route": route, "monte_carlo": monte_carlo, "tables_only": tables_only}
+
+
+def show(outcome: Outcome, *, as_json: bool, stands: bool = False) -> int:
+    """Print what an analysis said; returns its exit code."""
+    if as_json:
+        print_json(outcome.document)
+        return outcome.code
+    for note in outcome.notes:
+        say(note)
+    if stands:
+        say("nothing has changed since the last analysis: its results stand")
+    for line in outcome.lines:
+        out(line)
+    return outcome.code
+
+
+def standing(campaign: Path, results: Path, settings: dict[str, Any], *, verify: bool = False) -> Outcome | None:
+    """What the analysis said whose results stand; None where it must be done.
+
+    Parameters
+    ----------
+    campaign, results : Path
+        The folders.
+    settings : dict
+        Settings on which the results depend.
+    verify : bool
+        Whether the content of every input is hashed; otherwise that of those whose size, time or inode differ.
+    """
+    try:
+        note = json.loads((results / _NOTE).read_text(encoding="utf-8"))
+        same = note["settings"] == settings and note["programs"] == _programs()
+        if not same or not all(_is_as(results / name, noted) for name, noted in note["outputs"].items()):
+            return None
+        inputs = note["inputs"].items()
+        if not all(_holds(campaign, name, noted, sha256, verify) for name, (noted, sha256) in inputs):
+            return None
+        return Outcome(**note["outcome"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def identities(campaign: Path, files: list[str]) -> dict[str, Identity | None]:
+    """Identities of some files of a campaign, before they are read; None for one that is not there."""
+    return {name: _identity(campaign, name) for name in files}
+
+
+def note_standing(
+    results: Path,
+    settings: dict[str, Any],
+    inputs: dict[str, Identity | None],
+    sha256: dict[str, str],
+    outcome: Outcome,
+) -> None:
+    """Note all on which the results depend, so that they stand the next time."""
+    from fourpole.errors import FileError
+    from fourpole.io.write import write_text
+
+    outputs = {}
+    for path in sorted(results.rglob("*")):
+        name = path.relative_to(results)
+        if name.parts[0] != "cache" and not any(part.startswith(".") for part in name.parts) and path.is_file():
+            outputs[name.as_posix()] = list(identity_of(path).parts)
+    note = {
+        "settings": settings,
+        "programs": _programs(),
+        "inputs": {name: [one and list(one.parts), sha256.get(name, "")] for name, one in inputs.items()},
+        "outputs": outputs,
+        "outcome": vars(outcome),
+    }
+    with suppress(FileError):
+        write_text(results / _NOTE, json.dumps(note))
+
+
+def forget(results: Path) -> None:
+    """Remove the note, before anything is written."""
+    with suppress(OSError):
+        (results / _NOTE).unlink()
+
+
+def _place(campaign: Path, name: str) -> Path:
+    """Path of a file of a campaign, without the group in `file#group`."""
+    if "://" in name:
+        from fourpole.campaign.place import inside  # few campaigns have URLs, and this loads much
+
+        return inside(campaign, name)
+    path = campaign / name
+    return campaign / name.rpartition("#")[0] if "#" in name and not path.exists() else path
+
+
+def _identity(campaign: Path, name: str) -> Identity | None:
+    """Identity of a file of a campaign; None if it cannot be looked up."""
+    with suppress(OSError, ValueError):
+        if "://" in name and not name.lower().startswith("file:"):
+            from fourpole.io.remote import remote_identity
+
+            return remote_identity(name)
+        return identity_of(_place(campaign, name))
+    return None
+
+
+def _is_as(path: Path, noted: list[Any]) -> bool:
+    """Whether a result has the noted size, time and inode."""
+    try:
+        return list(identity_of(path).parts[:3]) == noted[:3]
+    except OSError:
+        return False
+
+
+def _holds(campaign: Path, name: str, noted: list[Any] | None, sha256: str, verify: bool) -> bool:
+    """Whether an input is as noted, by size, time and inode, or else by its content."""
+    found = _identity(campaign, name)
+    if found is None or noted is None:
+        return found is None and noted is None
+    if list(found.parts) == noted and found.settled and not (verify and sha256):
+        return True
+    if not sha256 or found.size != noted[0] or found.inode == 0:  # what is elsewhere is not fetched for this
+        return False
+    with _place(campaign, name).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest() == sha256
+
+
+def _programs() -> dict[str, str]:
+    """Versions of the programs, and a mark of Fourpole's own files, which a developer changes without a version."""
+    found = {}
+    for name in _PROGRAMS:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    mark = hashlib.sha256()
+    for place, folders, files in os.walk(Path(fourpole.__file__).parent):
+        folders.sort()
+        for name in sorted(files):
+            if name.endswith((".py", ".json", ".html", ".css", ".js", ".toml")):
+                seen = Path(place, name).stat()
+                mark.update(f"{name} {seen.st_size} {seen.st_mtime_ns}\n".encode())
+    return {**found, "fourpole": mark.hexdigest()}

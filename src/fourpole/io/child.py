@@ -1,0 +1,173 @@
+"""A long-lived worker process and its parent's side: files are read where they can do no harm.
+
+Each thread of this process has at most one worker, which is started when it is first needed and ends with the thread's
+owner. It is started afresh, never forked (the threads of libraries would stand still in a fork), and it does not import
+the main program, so a script needs no ``if __name__ == "__main__"``.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import weakref
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from typing import Any, BinaryIO, cast
+
+from fourpole import errors
+from fourpole.io.packed import pack, unpack
+from fourpole.io.worker import TOO_MUCH, receive, send
+
+#: Memory that a file may need beyond the interpreter and the file itself, mapped [byte]: the samples of a request may
+#: take 2 GB (`stream`), and half as much again is for what a library holds beside them.
+SPARE = 3_000_000_000
+#: Time that a file may need [s], and the additional time per byte [s/byte].
+SECONDS, _PER_BYTE = 60.0, 1e-6
+#: Threads of linear algebra and tables in a worker: one, because there are several workers.
+_ONE_THREAD = (
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "POLARS_MAX_THREADS",
+)
+_LOCAL = threading.local()
+_ALL: weakref.WeakSet[Child] = weakref.WeakSet()
+
+
+@atexit.register
+def _end() -> None:
+    for one in list(_ALL):
+        one.close()
+
+
+class Died(Exception):  # noqa: N818 - it is a report
+    """A worker ended before it answered; the text says why."""
+
+
+class Child:
+    """One worker process, which ends with this process at the latest."""
+
+    def __init__(self) -> None:
+        _ALL.add(self)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._closed = False
+
+    def call(self, function: Callable[..., Any], *args: Any, size: int = 0, seconds: float = SECONDS) -> bytes:
+        """Run a function of Fourpole in the worker.
+
+        Parameters
+        ----------
+        function : callable
+            A function at the top of a module, which lists the classes of its arguments in `OF_WORK`.
+        size : int [byte]
+            Size of the file that it reads.
+        seconds : float [s]
+            Time limit of a small file.
+
+        Returns
+        -------
+        bytes
+            The result as `packed.pack` made it, or as the function returned it if it returned bytes.
+
+        Raises
+        ------
+        Died
+            If the worker ended before it answered.
+        FourpoleError, MemoryError, RuntimeError
+            What the function raised; RuntimeError stands for an error that is not one of Fourpole.
+        """
+        limit = seconds + _PER_BYTE * size
+        message = pack((function.__module__, function.__name__, pack(args), limit, SPARE + size))
+        process = self._running()
+        began = time.monotonic()
+        answer = None
+        try:
+            with suppress(OSError, ValueError):
+                send(cast("BinaryIO", process.stdin), message)
+                answer = receive(cast("BinaryIO", process.stdout))
+        except BaseException:  # Ctrl-C: the answer would be taken for that of the next call
+            self.close(for_good=False)
+            raise
+        if answer is None:
+            self.close(for_good=False)
+            raise Died(_why(process.returncode, time.monotonic() - began, limit))
+        if answer[:1] == b"R":
+            return answer[1:]
+        raise _error(*unpack(answer[1:]))
+
+    def _running(self) -> subprocess.Popen[bytes]:
+        if self._process is not None and self._process.poll() is not None:
+            self.close(for_good=False)
+        if self._process is None:
+            if self._closed:
+                raise Died("it was stopped")
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "fourpole.io.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env=_environment(),
+            )
+        return self._process
+
+    def close(self, *, for_good: bool = True) -> None:
+        """End the process at once; any thread may do this. After `for_good` no other one is started."""
+        self._closed = self._closed or for_good
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.wait()
+            for pipe in (process.stdin, process.stdout):
+                with suppress(OSError, ValueError):
+                    cast("BinaryIO", pipe).close()
+
+
+def child() -> Child:
+    """The worker of this thread."""
+    found = getattr(_LOCAL, "child", None)
+    if found is None:
+        found = _LOCAL.child = Child()
+    return cast("Child", found)
+
+
+def _environment() -> dict[str, str]:
+    """Environment of a worker: the same modules as here, and one thread."""
+    paths = os.pathsep.join(path for path in sys.path if path)
+    return {**os.environ, **dict.fromkeys(_ONE_THREAD, "1"), "PYTHONPATH": paths, "MALLOC_ARENA_MAX": "2"}
+
+
+def _why(code: int | None, took: float, limit: float) -> str:
+    """The reason of a death, from the exit code of the process."""
+    if code == 1 and took >= limit:  # the code of `faulthandler`, and of nothing that a library does
+        return f"was not read within {limit:.0f} s"
+    if code == TOO_MUCH or code == -getattr(signal, "SIGKILL", 9):
+        return "needed more memory than there is"
+    return "crashed the library that reads it"
+
+
+def _error(kind: str, text: str) -> Exception:
+    """The error that the worker reported."""
+    if kind == "MemoryError":
+        return MemoryError(text)
+    found = getattr(errors, kind, None)
+    return found(text) if isinstance(found, type) and issubclass(found, errors.FourpoleError) else RuntimeError(text)
+
+
+def guarded(function: Callable[..., Any], *args: Any, size: int = 0, classes: Iterable[type] = ()) -> Any:
+    """The result of a function that reads one file, run in the worker of this thread, and once more if it dies.
+
+    FileError if it dies twice.
+    """
+    for again in (False, True):
+        try:
+            return unpack(child().call(function, *args, size=size), classes)
+        except Died as death:
+            if again:
+                raise errors.FileError(f"the file {death}; it may be damaged: copy or export it again") from None
+    raise AssertionError

@@ -1,0 +1,137 @@
+"""Recordings that are named by URL: which are allowed, what identifies them, and a copy on this machine to read.
+
+The libraries that read recordings need files of this machine, so a copy is made where the recording is read, and is
+removed after it. Credentials and the address of the server come from the environment, as s3fs takes them.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+from fourpole.errors import FileError
+from fourpole.io.identity import Identity
+from fourpole.units import shown
+
+#: Schemes that need the extra `remote`, beside file://, which does not.
+SCHEMES = ("s3",)
+_URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
+_BLOCK = 1 << 22
+#: Seconds that a server may take to answer, and how often it is asked.
+_PATIENCE = {"connect_timeout": 10, "read_timeout": 30, "retries": {"max_attempts": 3}}
+
+
+def scheme_of(file: str) -> str:
+    """The scheme of a URL in lower case; empty for a path."""
+    found = _URL.match(file)
+    return found[1].lower() if found else ""
+
+
+def is_elsewhere(file: str) -> bool:
+    """Whether a file is named by a URL that is not of this machine."""
+    return scheme_of(file) not in ("", "file")
+
+
+def local_path(file: str) -> str:
+    """The path of a file:// URL, with its group, as in file:///data/D1.mf4#run; FileError if it is of another machine.
+
+    Examples
+    --------
+    >>> local_path("file:///data/warm%20tests/D1.mf4#run")
+    '/data/warm tests/D1.mf4#run'
+    """
+    url, mark, group = file.partition("#")
+    parts = urlsplit(url)
+    path = unquote(parts.path)
+    if parts.netloc not in ("", "localhost"):
+        raise FileError(f"file {shown(file, 200)} names another machine: write file:///, and the whole path after it")
+    _check_steps(file, path)
+    if re.match(r"/[A-Za-z]:", path):  # a drive of Windows
+        path = path[1:]
+    return path + mark + group
+
+
+def address_of(file: str) -> str:
+    """The URL of a recording without its group; FileError for a scheme that is not allowed or a step upwards."""
+    scheme = scheme_of(file)
+    if scheme not in SCHEMES:
+        raise FileError(
+            f"file {shown(file, 200)}: {scheme}:// is not read; name a file of the folder, file:// or s3://"
+        )
+    _check_steps(file, unquote(file))
+    url = file.rpartition("#")[0] if "#" in file else file
+    bucket, _, key = url.partition("://")[2].partition("/")
+    if not bucket or not key or key.endswith("/"):
+        raise FileError(f"file {shown(file, 200)} names no object: write s3://BUCKET/FOLDER/FILE")
+    return url
+
+
+def _check_steps(file: str, path: str) -> None:
+    if ".." in re.split(r"[/\\]", path) or not path.isprintable():
+        raise FileError(f"file {shown(file, 200)} has a step upwards, '..': name the place itself")
+
+
+def remote_identity(file: str) -> Identity:
+    """Size and version of a recording elsewhere, as its server states them; FileError if it cannot be looked up."""
+    found = _asked(file, lambda system, url: system.info(url))
+    version = next((str(found[key]) for key in ("ETag", "etag", "LastModified", "mtime") if found.get(key)), "")
+    return Identity(int(found.get("size") or 0), version, 0, settled=bool(version))
+
+
+@contextmanager
+def fetched(file: str, *, max_bytes: int) -> Iterator[Path]:
+    """A copy of a recording on this machine, of the same name, for the time of the context.
+
+    FileError if it is missing or too large, if there is no room for it, or if the extra `remote` is not installed.
+    """
+    name, size = shown(file, 200)[1:-1], remote_identity(file).size
+    if size > max_bytes:
+        raise FileError(f"{name}: has {size / 1e9:.4g} GB, more than the {max_bytes / 1e9:.4g} GB allowed; split it")
+    with tempfile.TemporaryDirectory(prefix="fourpole-") as folder:
+        if size > shutil.disk_usage(folder).free:
+            raise FileError(f"{name}: has {size / 1e9:.4g} GB, more than is free in {folder}; free some space")
+        path = Path(folder, Path(address_of(file)).name)
+        _asked(file, lambda system, url: _copy(system, url, path, size))
+        yield path
+
+
+def _copy(system: Any, url: str, path: Path, size: int) -> None:
+    """Copy an object of this size [byte] in blocks."""
+    with system.open(url, "rb", block_size=_BLOCK, cache_type="none") as source, path.open("xb") as target:
+        while block := source.read(_BLOCK):
+            target.write(block)
+            if target.tell() > size:
+                break
+    if path.stat().st_size != size:
+        raise OSError("it changed while it was read")
+
+
+def _asked(file: str, ask: Any) -> Any:
+    """The answer of a server; FileError if it gives none."""
+    url, name = address_of(file), shown(file, 200)[1:-1]
+    try:
+        import fsspec
+        import s3fs  # noqa: F401 - fsspec finds it by its name
+    except ImportError:
+        raise FileError(
+            f"{name}: a URL is read by the libraries fsspec and s3fs, which are not installed; pip install "
+            "'fourpole[remote]'"
+        ) from None
+    try:
+        system = fsspec.filesystem(scheme_of(file), use_listings_cache=False, config_kwargs=_PATIENCE)
+        return ask(system, url)
+    except FileNotFoundError:
+        raise FileError(f"{name}: there is no such object; check its name and the bucket") from None
+    except PermissionError:
+        raise FileError(
+            f"{name}: access is denied; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
+        ) from None
+    except Exception as error:  # noqa: BLE001 - whatever the library raises for a server that fails
+        why = shown(" ".join(str(error).split()) or type(error).__name__, 150)[1:-1]
+        raise FileError(f"{name}: cannot be fetched: {why}; check the server, and run it again") from None

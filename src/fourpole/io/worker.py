@@ -1,0 +1,182 @@
+"""The worker process: takes one piece of work after the other from its standard input and answers on standard output.
+
+It is started by `fourpole.io.child`, which also says what a worker may need. Whatever a file does to the libraries that
+read it happens here: a crash ends this process alone, memory and time are limited.
+
+- Work is the name of a function of Fourpole with its arguments. Both they and the answer are made by `packed`, so that
+  neither side makes any object but those that the function's module lists in `OF_WORK`.
+- Time is limited by the watch of `faulthandler`, a thread of C that ends the process even if a library holds Python.
+- Memory is limited by the system on Linux (RLIMIT_AS); elsewhere a thread looks at the memory in use.
+- When the parent ends, standard input ends, and so does the worker.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from fourpole.errors import FourpoleError
+from fourpole.io.packed import pack, unpack
+
+#: Exit code of a worker that used more memory than it may; that of `faulthandler` is 1.
+TOO_MUCH = 77
+#: A worker without work ends after this time [s].
+_IDLE = 300.0
+#: Interval at which the memory is looked at where the system has no limit [s].
+_LOOK = 0.1
+#: Length of a message's own length [byte].
+_LENGTH = 8
+
+
+def send(pipe: BinaryIO, message: bytes) -> None:
+    """Write a message, its length first."""
+    pipe.write(len(message).to_bytes(_LENGTH, "little") + message)
+    pipe.flush()
+
+
+def receive(pipe: BinaryIO) -> bytes | None:
+    """The next message; None at the end of the pipe."""
+    head = pipe.read(_LENGTH)
+    if len(head) < _LENGTH:
+        return None
+    length = int.from_bytes(head, "little")
+    message = pipe.read(length)
+    return message if len(message) == length else None
+
+
+def main() -> None:
+    """Answer until the parent ends."""
+    answers = _private_output()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
+    _first_to_go()
+    work: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(os.fdopen(os.dup(0), "rb"), work), daemon=True).start()
+    nowhere = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123 - open as long as the process
+    memory = _Memory()
+    while True:
+        faulthandler.dump_traceback_later(_IDLE, exit=True, file=nowhere)
+        message = work.get()
+        faulthandler.cancel_dump_traceback_later()
+        module, name, content, seconds, spare = unpack(message)
+        home = import_module(module)
+        function, args = getattr(home, name), unpack(content, home.OF_WORK)
+        faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)
+        memory.allow(spare)
+        answer = _answered(function, args)
+        memory.allow(None)
+        faulthandler.cancel_dump_traceback_later()
+        send(answers, answer)
+
+
+def _answered(function: Callable[..., Any], args: tuple[Any, ...]) -> bytes:
+    """The answer to a piece of work: its result, or the error that it raised."""
+    try:
+        result = function(*args)
+        return b"R" + (result if isinstance(result, bytes) else pack(result))
+    except FourpoleError as error:
+        return b"E" + pack((type(error).__name__, str(error)))
+    except MemoryError:
+        return b"E" + pack(("MemoryError", ""))
+    except Exception as error:  # noqa: BLE001 - the parent says that this is a fault of ours
+        return b"E" + pack(("Exception", f"{type(error).__name__}: {error}"))
+
+
+def _private_output() -> BinaryIO:
+    """Standard output for answers alone: what a library prints goes nowhere."""
+    answers = os.fdopen(os.dup(1), "wb")
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    if not os.environ.get("FOURPOLE_DEBUG"):
+        os.dup2(nowhere, 2)
+    return answers
+
+
+def _listen(pipe: BinaryIO, work: queue.SimpleQueue[bytes]) -> None:
+    """Pass the messages on; at the end of the pipe the process ends, even in the middle of its work."""
+    while (message := receive(pipe)) is not None:
+        work.put(message)
+    os._exit(0)
+
+
+def _first_to_go() -> None:
+    """Ask Linux to end this process before any other if the machine has no more memory."""
+    with suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
+
+
+class _Memory:
+    """The limit of the memory of this process, above what it needs without any file."""
+
+    def __init__(self) -> None:
+        self._most: int | None = None
+        self._own = 0
+        if not sys.platform.startswith("linux"):
+            threading.Thread(target=self._watch, daemon=True).start()
+
+    def allow(self, spare: int | None) -> None:
+        """Allow this much memory [byte] beyond that of the interpreter and its libraries; None for any."""
+        if sys.platform.startswith("linux"):
+            import resource
+
+            self._own = self._own or _address_space()
+            hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+            most = hard if spare is None else self._own + spare
+            with suppress(ValueError, OSError):
+                resource.setrlimit(
+                    resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard)
+                )
+        else:
+            self._own = self._own or memory_in_use()
+            self._most = None if spare is None else self._own + spare
+
+    def _watch(self) -> None:
+        while True:
+            time.sleep(_LOOK)
+            most = self._most
+            if most is not None and memory_in_use() > most:
+                os._exit(TOO_MUCH)
+
+
+def _address_space() -> int:
+    """Address space of this process on Linux [byte]."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def memory_in_use() -> int:
+    """Resident memory of this process [byte]: on Windows that in use, on others the most so far."""
+    if sys.platform == "win32":
+        import ctypes
+
+        class Counters(ctypes.Structure):
+            _fields_ = [
+                ("size", ctypes.c_uint32),
+                ("faults", ctypes.c_uint32),
+                *((name, ctypes.c_size_t) for name in ("peak", "in_use", "a", "b", "c", "d", "pages", "peak_pages")),
+            ]
+
+        counters = Counters(size=ctypes.sizeof(Counters))
+        kernel = ctypes.windll.kernel32
+        kernel.GetCurrentProcess.restype = ctypes.c_void_p
+        kernel.K32GetProcessMemoryInfo(
+            ctypes.c_void_p(kernel.GetCurrentProcess()), ctypes.byref(counters), counters.size
+        )
+        return int(counters.in_use)
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+if __name__ == "__main__":
+    main()

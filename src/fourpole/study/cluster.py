@@ -1,0 +1,78 @@
+"""Recordings demodulated on a Dask cluster that runs already: its executor; needs the extra `cluster`."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from typing import Any
+
+from fourpole.errors import CampaignError
+from fourpole.units import shown
+
+#: Time within which a scheduler must answer [s].
+_ANSWER = 10.0
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """The executor of a Dask cluster; its workers read the recordings, so they need the campaign folder too.
+
+    Parameters
+    ----------
+    address : str
+        Address of the scheduler, such as tcp://10.0.0.5:8786.
+
+    Raises
+    ------
+    CampaignError
+        If Dask is not installed, no scheduler answers, it has no worker, or its workers lack Fourpole.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise CampaignError(
+            "a cluster needs the libraries dask and distributed, which are not installed; pip install "
+            "'fourpole[cluster]'"
+        ) from None
+    name = shown(address, 100)[1:-1]
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are raised here
+    try:
+        client = Client(address, timeout=_ANSWER, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise CampaignError(
+            f"{name}: no Dask scheduler answers there ({type(error).__name__}): check the address, which dask "
+            "scheduler prints at its start, as tcp://10.0.0.5:8786"
+        ) from None
+    with client:
+        executor: Any = client.get_executor(pure=False)
+        executor.count = _threads(client, name)
+        yield executor
+
+
+def _threads(client: Any, name: str) -> int:
+    """Number of threads of all workers of a cluster, each of which can run the reduction."""
+    threads = sum(client.nthreads().values())
+    if not threads:
+        raise CampaignError(f"{name}: the scheduler has no worker: start some, as dask worker {name} --nthreads 1")
+    own = version_here()
+    try:
+        others = client.run(version_here)
+    except Exception as error:  # noqa: BLE001 - whatever the worker raised
+        raise CampaignError(
+            f"{name}: a worker cannot load Fourpole ({type(error).__name__}: {error}): install the same version there"
+        ) from None
+    for worker, found in others.items():
+        if found != own:
+            raise CampaignError(
+                f"{name}: the worker {worker} has Fourpole {found}, and this is {own}: install the same"
+            )
+    return int(threads)
+
+
+def version_here() -> str:
+    """The version of Fourpole where this runs."""
+    from importlib.metadata import version
+
+    return version("fourpole")

@@ -1,0 +1,351 @@
+"""Where recordings are demodulated: in this thread, in worker processes of this machine, or on a cluster.
+
+One interface serves all: `concurrent.futures.Executor`. The tasks are batches of jobs, `run_batch`. Whatever thread or
+process runs a batch, a file that could harm its reader is read by a worker process of its own (`fourpole.io.child`),
+with limits of memory and time. A recording whose worker dies is run once more, by itself, when all others are done.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
+from fourpole.campaign.folder import Test
+from fourpole.campaign.place import at_hand, identity_at, inside
+from fourpole.campaign.schema import RigFile, Stated
+from fourpole.core.checks import reported
+from fourpole.core.codes import Code
+from fourpole.errors import CampaignError, FourpoleError
+from fourpole.io.child import SECONDS, Child, Died, child
+from fourpole.io.identity import Identity
+from fourpole.io.recordings import format_of
+from fourpole.io.remote import is_elsewhere
+from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.io.source import sha256_of
+from fourpole.study.cache import Cache, packed, unpacked
+from fourpole.study.outcome import Demodulated, Reduced
+from fourpole.study.reduce import Job, demodulated, reduced_of
+
+#: Largest number of worker processes that is chosen by itself.
+_MOST = 8
+#: Time of one recording [s], and its additional time per byte [s/byte]: 25 ms for 1.3 MB of CSV.
+_SECONDS, _PER_BYTE = 5e-3, 1.5e-8
+#: Worker processes are started for more work than this [s]: each takes 0.6 s to start.
+_PAYS = 3.0
+#: Work of one task for an executor that takes its time for each [s].
+_TASK = 0.3
+#: Number of tasks in flight per worker, so that none waits, and the memory is bounded.
+_AHEAD = 3
+#: Number of files about which servers are asked at a time.
+_ASKED = 16
+#: Interval at which Ctrl-C is looked for where a wait cannot be interrupted [s].
+_LOOK = 0.5
+
+Answer: TypeAlias = "bytes | str"
+"""The packed result of a job, or the reason why its worker died."""
+
+
+#: The classes of which a job is made.
+OF_WORK = (Job, Test, *CHANNEL_CLASSES, RigFile, Stated)
+
+
+def run_batch(jobs: Sequence[Job], seconds: float, guarded: bool) -> list[Answer]:
+    """Demodulate recordings one after the other: the task of any executor.
+
+    Parameters
+    ----------
+    jobs : sequence of Job
+        The jobs.
+    seconds : float [s]
+        Time limit of a recording; a large file has more.
+    guarded : bool
+        Whether all are run in the worker process of this thread; otherwise only those whose file a library reads.
+    """
+    return [_ran(job, seconds) if guarded or _by_library(job) else demodulate_packed(job) for job in jobs]
+
+
+def demodulate_packed(job: Job) -> bytes:
+    """The packed result of a job, for `fourpole.study.cache.unpacked`."""
+    return packed(demodulated(job))
+
+
+def _ran(job: Job, seconds: float) -> Answer:
+    """The answer of this thread's worker process."""
+    identity = _identity(job)
+    try:
+        return child().call(demodulate_packed, job, size=identity.size if identity else 0, seconds=seconds)
+    except Died as death:
+        return str(death)
+    except MemoryError:
+        why = reported(Code.MEMORY, "rejected", file=job.test.file)
+    except RuntimeError as error:
+        why = reported(Code.FAULT, "rejected", why=error)
+    return packed(Demodulated(checks=(why,), lasting=False))
+
+
+def _by_library(job: Job) -> bool:
+    """Whether a file is of a format that a library reads, which a damaged file may crash."""
+    if is_elsewhere(job.test.file):
+        return True
+    try:
+        path = inside(job.folder, job.test.file)
+        return format_of(path, max_bytes=MAX_FILE_BYTES, label=job.test.file).by_library
+    except FourpoleError:
+        return False  # the job says why
+
+
+def _identity(job: Job) -> Identity | None:
+    """Identity of the file of a job; None if it cannot be looked up."""
+    with suppress(FourpoleError, OSError, ValueError):
+        return identity_at(job.folder, job.test.file) if job.test.file else None
+    return None
+
+
+def _identities(jobs: Sequence[Job]) -> list[Identity | None]:
+    """Identities of the files of some jobs; servers are asked about several files at a time."""
+    if not any(is_elsewhere(job.test.file) for job in jobs):
+        return [_identity(job) for job in jobs]
+    with ThreadPoolExecutor(_ASKED) as asking:
+        return list(asking.map(_identity, jobs))
+
+
+def processors() -> int:
+    """Number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class Workers(ThreadPoolExecutor):
+    """An executor with worker processes: each of its threads has one, and waits for it.
+
+    Parameters
+    ----------
+    count : int
+        Number of worker processes.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self._children: list[Child] = []
+        super().__init__(count, thread_name_prefix="fourpole", initializer=lambda: self._children.append(child()))
+
+    def stop(self) -> None:
+        """End all workers at once, in the middle of their work."""
+        self.shutdown(wait=False, cancel_futures=True)
+        for one in self._children:
+            one.close()
+
+    def __exit__(self, *error: object) -> None:
+        if error[0] is not None:
+            self.stop()
+        self.shutdown(wait=True)
+        for one in self._children:
+            one.close()
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the recordings of a campaign are run.
+
+    Attributes
+    ----------
+    workers : int or None
+        Number of worker processes; 1 for this thread; None for as many as pay.
+    executor : Executor or None
+        An executor to use in place of worker processes.
+    seconds : float [s]
+        Time limit of a recording; a large file has more.
+    """
+
+    workers: int | None = None
+    executor: Executor | None = None
+    seconds: float = SECONDS
+
+
+def reduce_tests(
+    jobs: Sequence[Job],
+    *,
+    cache: Cache | None = None,
+    settings: Settings | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Reduced]:
+    """Results of the jobs in the order of the jobs, from the cache where it has them."""
+    run = _Run(jobs, cache, settings or Settings(), progress)
+    left = run.recalled()
+    try:
+        with run.executor(left) as executor:
+            dead = run.here(left) if executor is None else run.by(executor, left)
+            for index in dead:
+                run.once_more(index)
+    finally:
+        if cache is not None:
+            cache.close()
+    return [run.results[index] for index in range(len(jobs))]
+
+
+class _Run:
+    """The jobs of one analysis, with their results so far."""
+
+    def __init__(
+        self,
+        jobs: Sequence[Job],
+        cache: Cache | None,
+        settings: Settings,
+        progress: Callable[[int, int], None] | None,
+    ) -> None:
+        self.results: dict[int, Reduced] = {}
+        self._jobs, self._cache, self._settings, self._progress = jobs, cache, settings, progress
+        self._identities: list[Identity | None] = _identities(jobs)
+        shared: dict[int, list[object]] = {}
+        for job in jobs:
+            if id(job.channels) not in shared:
+                shared[id(job.channels)] = job.processing
+        self._stated = [[*job.settings, shared[id(job.channels)]] for job in jobs]
+
+    def recalled(self) -> list[int]:
+        """Take all results that the cache has; returns the indices of the other jobs."""
+        return [index for index in range(len(self._jobs)) if not self._recalled(index)]
+
+    def _recalled(self, index: int) -> bool:
+        job = self._jobs[index]
+        if job.test.problem:
+            self._have(index, demodulated(job))
+            return True
+        identity = self._identities[index]
+        if self._cache is None or identity is None:
+            return False
+        sha256 = self._cache.hash_noted(job.test.file, identity)
+        if not sha256 and self._cache.is_noted(job.test.file):
+            sha256 = _hash(job)
+            self._cache.note(job.test.file, identity, sha256)
+        done = self._cache.recall(self._cache.name(self._stated[index], sha256)) if sha256 else None
+        if done is not None:
+            self._have(index, done)
+        return done is not None
+
+    @contextmanager
+    def executor(self, left: Sequence[int]) -> Iterator[Executor | None]:
+        """The executor for some jobs; None for this thread."""
+        given = self._settings.executor
+        count = self._settings.workers
+        if count is None:
+            count = min(processors(), _MOST, len(left)) if sum(map(self._cost, left)) > _PAYS else 1
+        if given is None and count > 1 and left:
+            with Workers(count) as workers:
+                yield workers
+        else:
+            with nullcontext(given) as executor:
+                yield executor
+
+    def _cost(self, index: int) -> float:
+        """Estimate of the time of a job [s]."""
+        identity = self._identities[index]
+        return _SECONDS + _PER_BYTE * (identity.size if identity is not None else 0)
+
+    def here(self, left: Sequence[int]) -> list[int]:
+        """Run jobs in this thread; returns the indices of those whose worker died."""
+        return [i for i in left if not self._take(i, run_batch([self._jobs[i]], self._settings.seconds, False)[0])]
+
+    def by(self, executor: Executor, left: Sequence[int]) -> list[int]:
+        """Run jobs by an executor, a few tasks in flight; returns the indices of those whose worker died."""
+        own, count = isinstance(executor, Workers), getattr(executor, "count", _MOST)
+        elsewhere = not isinstance(executor, ThreadPoolExecutor | ProcessPoolExecutor)
+        dead: list[int] = []
+        running: dict[Future[list[Answer]], list[int]] = {}
+        batches = self._batches(left, 0.0 if own else _TASK)
+        waiting = next(batches, None)
+        try:
+            while running or waiting:
+                while waiting and len(running) < _AHEAD * count:
+                    task = [self._jobs[index] for index in waiting]
+                    running[executor.submit(run_batch, task, self._settings.seconds, own or elsewhere)] = waiting
+                    waiting = next(batches, None)
+                for future in wait(running, timeout=_LOOK, return_when=FIRST_COMPLETED).done:
+                    indices = running.pop(future)
+                    answers = _answers(future, len(indices))
+                    dead += [i for i, answer in zip(indices, answers, strict=True) if not self._take(i, answer)]
+        finally:
+            for future in running:
+                future.cancel()
+        return dead
+
+    def _batches(self, left: Sequence[int], seconds: float) -> Iterator[list[int]]:
+        """Jobs in batches of about this time [s]."""
+        batch: list[int] = []
+        for index in left:
+            batch.append(index)
+            if sum(map(self._cost, batch)) >= seconds:
+                yield batch
+                batch = []
+        if batch:
+            yield batch
+
+    def once_more(self, index: int) -> None:
+        """Run a job again by itself, in a worker of its own; if it dies again, its test is rejected."""
+        job = self._jobs[index]
+        (answer,) = run_batch([job], self._settings.seconds, True)
+        if not self._take(index, answer):
+            assert isinstance(answer, str)
+            why = reported(Code.READER, "rejected", file=job.test.file, why=answer)
+            self._have(index, Demodulated(checks=(why,), lasting=False))
+
+    def _take(self, index: int, answer: Answer) -> bool:
+        """Take the answer to a job and keep it in the cache; False if its worker died."""
+        if isinstance(answer, str):
+            return False
+        done = unpacked(answer)
+        if self._cache is not None and done.sha256:
+            job = self._jobs[index]
+            self._cache.note(job.test.file, self._identities[index], done.sha256)
+            if done.lasting:
+                self._cache.keep(self._cache.name(self._stated[index], done.sha256), answer)
+        self._have(index, done)
+        return True
+
+    def _have(self, index: int, done: Demodulated) -> None:
+        self.results[index] = reduced_of(self._jobs[index], done)
+        if self._progress is not None:
+            self._progress(len(self.results), len(self._jobs))
+
+
+def _answers(future: Future[list[Answer]], count: int) -> list[Answer]:
+    """The answers of a task; the same reason for all its jobs if the executor lost it.
+
+    CampaignError if the executor cannot run tasks at all.
+    """
+    try:
+        return future.result()
+    except CancelledError:
+        raise CampaignError(
+            "the executor stopped, or its scheduler cannot be reached any more; what is done is kept in the cache: run "
+            "the command again"
+        ) from None
+    except Exception as error:
+        if isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker":
+            return ["ended the process that read it"] * count
+        raise CampaignError(
+            f"the executor cannot run the reduction ({type(error).__name__}: {error}): check that the same version of "
+            "fourpole is installed where it runs, and that the campaign folder can be read there"
+        ) from error
+
+
+def _hash(job: Job) -> str:
+    """Hash of the file of a job; empty if it cannot be read."""
+    with suppress(FourpoleError, OSError), at_hand(job.folder, job.test.file) as path:
+        return sha256_of(path, max_bytes=MAX_FILE_BYTES)
+    return ""

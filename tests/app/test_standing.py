@@ -1,0 +1,120 @@
+"""Results that stand: nothing is repeated where nothing has changed, and everything is where anything has."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from fourpole.app import standing
+from fourpole.app.cli import app
+
+pytestmark = pytest.mark.thorough
+
+STANDS = "its results stand"
+
+
+def run(folder, *more):
+    done = CliRunner().invoke(app, ["analyse", str(folder.path), "--tables-only", "--route", "mobility", *more])
+    assert done.exit_code == 0, done.output
+    return done
+
+
+@pytest.fixture
+def analysed(noisy):
+    """A campaign whose recordings changed long ago, analysed once."""
+    for path in noisy.path.rglob("*.*"):
+        os.utime(path, ns=(10**18, 10**18))
+    return noisy, run(noisy)
+
+
+def test_a_second_run_says_the_same_and_does_nothing(analysed, monkeypatch):
+    noisy, first = analysed
+    before = {path: path.stat().st_mtime_ns for path in (noisy.path / "results").rglob("*")}
+    monkeypatch.setitem(sys.modules, "fourpole.app.analysis", None)  # importing it would fail
+    second = run(noisy)
+    assert second.stdout == first.stdout
+    assert STANDS in second.stderr
+    assert {path: path.stat().st_mtime_ns for path in (noisy.path / "results").rglob("*")} == before
+    assert run(noisy, "--json").stdout.startswith("{")
+
+
+CHANGES = {
+    "a recording": lambda folder: folder.cells("D3", slice(0, 1), 3, "0.0001"),
+    "the statement": lambda folder: folder.edit("tests.csv", "1.7,1000,14", "1.7,1100,14"),
+    "a rig": lambda folder: folder.edit("campaign.toml", 'title = "', 'title = "new '),
+    "a result": lambda folder: (
+        (folder.path / "results" / "rig.csv").unlink(missing_ok=True)
+        or (folder.path / "results" / "dynamic.csv").unlink()
+    ),
+    "a recording that is gone": lambda folder: folder.recording("S1").unlink(),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_whatever_changes_is_analysed_again(analysed, what):
+    noisy, _ = analysed
+    CHANGES[what](noisy)
+    done = CliRunner().invoke(app, ["analyse", str(noisy.path), "--tables-only", "--route", "mobility"])
+    assert STANDS not in done.stderr
+    assert (noisy.path / "results" / "dynamic.csv").is_file()
+
+
+def test_other_settings_are_analysed_again(analysed):
+    assert STANDS not in run(analysed[0], "--monte-carlo", "0").stderr
+
+
+def test_other_programs_are_analysed_again(analysed, monkeypatch):
+    monkeypatch.setattr(standing, "version", lambda name: "0.0")
+    assert STANDS not in run(analysed[0]).stderr
+
+
+def test_a_file_that_is_copied_back_stands_by_its_content(analysed):
+    noisy, _ = analysed
+    content = noisy.recording("D3").read_bytes()
+    noisy.recording("D3").unlink()
+    noisy.recording("D3").write_bytes(content)
+    assert STANDS in run(noisy).stderr
+
+
+def test_only_verify_sees_a_change_behind_the_same_size_time_and_inode(analysed):
+    noisy, _ = analysed
+    path = noisy.recording("D3")
+    seen = path.stat()
+    content = bytearray(path.read_bytes())
+    content[-3] = ord("7") if content[-3] != ord("7") else ord("3")
+    with path.open("r+b") as file:
+        file.write(content)
+    os.utime(path, ns=(seen.st_atime_ns, seen.st_mtime_ns))
+    assert STANDS in run(noisy).stderr
+    assert STANDS not in run(noisy, "--verify").stderr
+    assert STANDS in run(noisy, "--verify").stderr
+
+
+def test_a_second_run_loads_neither_numpy_nor_polars(analysed):
+    noisy, _ = analysed
+    code = "import sys; from fourpole.app.cli import app; app(standalone_mode=False); print(*sys.modules)"
+    words = ["analyse", str(noisy.path), "--tables-only", "--route", "mobility"]
+    paths = os.pathsep.join(path for path in sys.path if path)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": paths},
+    )
+    assert STANDS in done.stderr, done.stderr
+    loaded = {name.partition(".")[0] for name in done.stdout.splitlines()[-1].split()}
+    assert "typer" in loaded
+    assert not {"numpy", "polars", "scipy", "pint"} & loaded
+
+
+def test_a_damaged_note_is_no_note(analysed):
+    noisy, _ = analysed
+    for content in ("", "{", "[]", '{"settings": 1}'):
+        Path(noisy.path, "results", "cache", "standing.json").write_text(content)
+        assert STANDS not in run(noisy).stderr

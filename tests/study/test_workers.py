@@ -1,0 +1,219 @@
+"""Worker processes: a file that hangs, crashes or floods its reader rejects its own test, wherever it is read.
+
+The library that misbehaves is a module h5py of the test's own, found before the real one: worker processes have the
+same paths as this one.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from fourpole.errors import CampaignError
+from fourpole.io import child as children
+from fourpole.study import workers
+from fourpole.study.workers import Workers
+
+pytestmark = pytest.mark.thorough
+
+HURTING = r"""
+import ctypes, os, time
+class File:
+    def __init__(self, file, *args, **settings):
+        file.seek(8)
+        what = file.read(5).strip(b"\0")
+        if what == b"hang":
+            while True:
+                pass
+        if what == b"sleep":
+            ctypes.PyDLL(None).usleep(3_600_000_000)  # holds Python all the time
+        if what == b"bomb":
+            held = [bytearray(1 << 28) for _ in range(100)]
+        if what == b"abort":
+            os.abort()
+        if what == b"crash":
+            ctypes.string_at(0)
+        raise OSError("is no file")
+"""
+
+
+@pytest.fixture
+def hurting(noisy, tmp_path, monkeypatch):
+    """A campaign whose test D2 has a recording for a library that does what the file says."""
+    library = tmp_path / "library"
+    library.mkdir()
+    (library / "h5py.py").write_text(HURTING)
+    monkeypatch.syspath_prepend(str(library))
+    children.child().close(for_good=False)
+    noisy.edit("tests.csv", "recordings/D2.csv", "recordings/D2.h5")
+
+    def make(what):
+        (noisy.path / "recordings" / "D2.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + what.encode() + bytes(100))
+        return noisy
+
+    yield make
+    children.child().close(for_good=False)
+
+
+SAYS = {
+    "hang": "recordings/D2.h5 was not read within 1 s",
+    "sleep": "recordings/D2.h5 was not read within 1 s",
+    "abort": "recordings/D2.h5 crashed the library that reads it",
+    "crash": "recordings/D2.h5 crashed the library that reads it",
+    "bomb": "needs more memory than there is",
+}
+
+
+@pytest.mark.parametrize("what", SAYS)
+def test_a_file_that_hurts_its_reader_is_one_rejected_row(hurting, what):
+    began = time.monotonic()
+    study = hurting(what).analyse(time_limit=10.0 if what == "bomb" else 1.0, route="mobility")
+    assert study.dynamic["verdict"].to_list() == ["ok", "rejected", "ok", "ok"]
+    assert SAYS[what] in study.dynamic["remarks"][1]
+    assert "export it again" in study.dynamic["remarks"][1]
+    assert time.monotonic() - began < 15
+
+
+def test_the_same_rows_come_from_processes_and_from_threads(hurting):
+    folder = hurting("crash")
+    found = [
+        folder.analyse(route="mobility", workers=2),
+        folder.analyse(route="mobility", executor=ThreadPoolExecutor(2)),
+        folder.analyse(route="mobility", workers=1),
+    ]
+    assert found[0].dynamic.equals(found[1].dynamic)
+    assert found[0].dynamic.equals(found[2].dynamic)
+    assert found[0].previews.equals(found[2].previews)
+    assert found[0].sha256 == found[2].sha256
+
+
+def test_a_worker_that_is_killed_once_costs_nothing(noisy, monkeypatch):
+    """The recording in its hands is run again."""
+    with Workers(2) as pool:
+        killed = []
+
+        def kill(done, total):
+            if not killed:
+                process = next(one._process for one in pool._children if one._process is not None)
+                killed.append(process.pid)
+                os.kill(process.pid, signal.SIGKILL)
+
+        found = noisy.analyse(route="mobility", executor=pool, progress=kill)
+    assert killed
+    assert found.dynamic.equals(noisy.analyse(route="mobility").dynamic)
+
+
+def test_an_executor_that_stops_is_one_error(noisy):
+    class Lost(ThreadPoolExecutor):
+        def submit(self, *args, **more):
+            future = super().submit(time.sleep, 0)
+            future.result()
+            lost = type(future)()
+            lost.cancel()
+            lost.set_running_or_notify_cancel()
+            return lost
+
+    with pytest.raises(CampaignError, match="run the command again"), Lost(1) as pool:
+        noisy.analyse(executor=pool)
+
+
+def test_few_files_need_no_process_and_many_are_shared(noisy, monkeypatch):
+    monkeypatch.setattr(workers, "_MOST", 8)
+    monkeypatch.setattr(workers, "processors", lambda: 2)
+    made = []
+    true = Workers.__init__
+    monkeypatch.setattr(Workers, "__init__", lambda self, count: (made.append(count), true(self, count))[1])
+    noisy.analyse(route="mobility")
+    assert made == []
+    monkeypatch.setattr(workers, "_PAYS", 0.01)
+    noisy.analyse(route="mobility")
+    assert made == [2]
+
+
+def test_a_plain_script_needs_no_main(noisy, tmp_path):
+    """The workers do not import the script, so its last line is reached once."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        textwrap.dedent(f"""
+        import fourpole as fp
+        study = fp.analyse({str(noisy.path)!r}, workers=2)
+        print("counts", study.counts)
+        """)
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True, timeout=100)
+    assert done.stdout.count("counts") == 1
+    assert done.stderr == ""
+
+
+def test_ctrl_c_stops_at_once_and_the_next_run_goes_on(hurting, tmp_path):
+    """The reader of D2 hangs; Ctrl-C reaches the whole group of processes, as in a terminal."""
+    folder = hurting("hang")
+    place = os.pathsep.join(path for path in sys.path if path)
+    command = [sys.executable, "-m", "fourpole", "analyse", str(folder.path), "--route", "mobility", "--workers", "2"]
+    running = subprocess.Popen(
+        [*command, "--tables-only"],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": place},
+    )
+    kept = folder.path / "results" / "cache"
+    wait_for(lambda: len(list(kept.glob("*.fpp"))) == 3)
+    os.killpg(running.pid, signal.SIGINT)
+    _, said = running.communicate(timeout=10)
+    assert running.returncode == 130
+    assert "what is done is kept" in said
+    assert not list(folder.path.glob("results/*.csv"))
+    wait_for(lambda: not alive(running.pid))
+    before = {path: path.stat().st_mtime_ns for path in kept.glob("*.fpp")}
+    assert folder.analyse(route="mobility", cache=kept, time_limit=0.5).counts["rejected"] == 1
+    assert {path: path.stat().st_mtime_ns for path in kept.glob("*.fpp")} == before
+
+
+def wait_for(what, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def alive(group):
+    """Whether a group of processes has a member."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_workers_end_with_their_parent_however_it_ends(hurting, tmp_path):
+    folder = hurting("hang")
+    place = os.pathsep.join(path for path in sys.path if path)
+    code = f"import fourpole as fp; fp.analyse({str(folder.path)!r}, route='mobility', workers=2)"
+    running = subprocess.Popen(
+        [sys.executable, "-c", code], start_new_session=True, env={**os.environ, "PYTHONPATH": place}
+    )
+    wait_for(lambda: len(members(running.pid)) == 3)
+    running.kill()
+    running.wait()
+    wait_for(lambda: not alive(running.pid))
+
+
+def members(group):
+    """Processes of a group, on Linux."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            if int(place.read_text().rpartition(")")[2].split()[2]) == group:
+                found.append(place)
+        except OSError:
+            pass
+    return found
