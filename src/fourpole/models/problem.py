@@ -34,7 +34,7 @@ class FitProblem(ByValue):
     data : StiffnessData
         Data (B, N).
     whiten : float array
-        Whitener of the data.
+        Whitener of the data, one matrix for each condition, or one for all.
     free : (F,) int array
         Places of the free parameters.
     spread : (P, F) float array
@@ -49,6 +49,8 @@ class FitProblem(ByValue):
         Bounds of the free parameters.
     has_k1 : bool
         Whether K1 is one more residual of each condition. The residual of a condition without K1 is zero.
+    pinned : (B, F) bool array, optional
+        Free parameters that keep their start value in one of the conditions, as in a profile.
     """
 
     model: Model
@@ -62,20 +64,27 @@ class FitProblem(ByValue):
     low: FloatArray
     high: FloatArray
     has_k1: bool
+    pinned: BoolArray | None = None
 
     def begun(self, begin: FloatArray) -> FitProblem:
         """The same problem with other start values (B, P)."""
         return replace(self, fixed=self._tied(begin), scale=_scale(self.model, begin, self.free))
 
     def part(self, rows: np.ndarray) -> FitProblem:
-        """The same problem for some of the conditions."""
-        names = ("stiffness", "covariance", "k1", "k1_std", *self.data.ramp)
+        """The same problem for some of the conditions, each once or several times.
+
+        The data keep the covariance of all conditions: nothing but the whitener, which is one matrix if all conditions
+        have the same, is used after the problem is made.
+        """
+        names = ("stiffness", "k1", "k1_std", *self.data.ramp)
         data = replace(self.data, **{name: getattr(self.data, name)[rows] for name in names})
         if data.omega.ndim > 1:
             data = replace(data, omega=data.omega[rows])
         if data.amplitude is not None and data.amplitude.ndim > 1:
             data = replace(data, amplitude=data.amplitude[rows])
-        return replace(self, data=data, whiten=self.whiten[rows], fixed=self.fixed[rows], scale=self.scale[rows])
+        whiten = self.whiten if len(self.whiten) == 1 else self.whiten[rows]
+        pinned = None if self.pinned is None else self.pinned[rows]
+        return replace(self, data=data, whiten=whiten, fixed=self.fixed[rows], scale=self.scale[rows], pinned=pinned)
 
     def values_of(self, place: FloatArray) -> FloatArray:
         """All parameters (B, P), from the search variables (B, F)."""
