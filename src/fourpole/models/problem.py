@@ -130,14 +130,17 @@ class FitProblem(ByValue):
     def jacobian(self, place: FloatArray) -> FloatArray:
         """Derivatives (B, M, F) of the whitened model by the search variables."""
         values = self.values_of(place)
-        by = self.model.on(self.data).derivative(values, self.data.omega)
-        by = by @ self.spread if self._follows.size else by[..., self.free]
+        model = self.model.on(self.data)
+        tied = self._follows.size > 0
+        omega = self.data.omega
+        by = model.derivative(values, omega) @ self.spread if tied else model.derivative_by(values, omega, self.free)
         unit = self.unit_of(values)
         rows = self.data.whitened(self.whiten, by * unit[:, None, :])
         if not self.has_k1:
             return rows
-        at_rest = static_derivative(self.model, values, self.data) @ self.spread * unit / self._k1_std()[:, None]
-        return np.concatenate([rows, at_rest[:, None, :]], axis=1)
+        slopes = static_derivative(self.model, values, self.data, None if tied else self.free)
+        at_rest = slopes @ self.spread if tied else slopes
+        return np.concatenate([rows, (at_rest * unit / self._k1_std()[:, None])[:, None, :]], axis=1)
 
     def _k1_std(self) -> FloatArray:
         """Standard uncertainty of K1 (B,) [N/m]; infinite where K1 is not known."""

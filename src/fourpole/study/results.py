@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +71,11 @@ class Results(Tables):
         values = {"tables": held, "record": record or {}, "models": models, "maps": maps, "faults": faults}
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    @cached_property
+    def derived(self) -> dict[Any, Any]:
+        """What readers of the tables have made of them, by keys of theirs; kept as long as the results."""
+        return {}
 
     @property
     def rigs(self) -> tuple[RigEstimate, ...]:
