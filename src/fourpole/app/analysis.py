@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from filecmp import cmpfiles
 from math import radians
 from pathlib import Path
@@ -13,23 +14,47 @@ import polars as pl
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress, say
 from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError
+from fourpole.fitting.effort import seconds_of_fits
 from fourpole.io.staging import recover, staged
 from fourpole.io.write import write_table
 
 if TYPE_CHECKING:
     from fourpole.study import Study
+    from fourpole.study.results import Results
 
+
+#: Models are fitted without being asked for if that takes no longer than this [s].
+_FEW_SECONDS = 5.0
 _MOST_LISTED = 12
 #: Tests with the same remark that are named.
 _MOST_NAMED = 6
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """What an analysis writes besides its tables.
+
+    Attributes
+    ----------
+    tables_only : bool
+        Nothing.
+    models : bool, optional
+        Whether a model is chosen for each tyre; by default if that takes a few seconds.
+    png : bool
+        Whether each figure is written as PNG, too.
+    """
+
+    tables_only: bool = False
+    models: bool | None = None
+    png: bool = False
+
+
 def run_analysis(
-    campaign: Path, folder: Path | None, route: str, monte_carlo: int, *, tables_only: bool, as_json: bool
+    campaign: Path, folder: Path | None, route: str, monte_carlo: int, wanted: Wanted, *, as_json: bool
 ) -> int:
     """Analyse a campaign and write its results; the exit code is `SOME_REJECTED` if tests were rejected."""
     study, results = _analysed(campaign, folder, route, monte_carlo)
-    page = _written(study, results, tables_only=tables_only)
+    page = _written(study, results, wanted)
     if as_json:
         print_json({**_summary(study, results), "report": str(page) if page else None})
     else:
@@ -49,7 +74,7 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
     with progress("recording") as advance:
         simulate_campaign(folder, seed=seed, progress=advance, **_demo_settings())
     study, results = _analysed(folder, None)
-    page = _written(study, results)
+    page = _written(study, results, Wanted(models=True))
     if as_json:
         print_json({**_summary(study, results), "report": str(page), "found": headline(findings(study.results))})
     else:
@@ -89,10 +114,10 @@ def _analysed(
     return study, results
 
 
-def _written(study: Study, results: Path, *, tables_only: bool = False) -> Path | None:
+def _written(study: Study, results: Path, wanted: Wanted) -> Path | None:
     """Write tables, model, figures and report, all together or none; returns the report, or None without one.
 
-    With `tables_only`, figures and report of other tables are deleted.
+    With tables only, figures and report of other tables are deleted.
     """
     from fourpole.findings import findings, findings_table
     from fourpole.study.tables import TABLE_FILES
@@ -101,21 +126,42 @@ def _written(study: Study, results: Path, *, tables_only: bool = False) -> Path 
     with staged(results, obsolete) as new:
         study.write(new)
         write_table(new / "findings.csv", findings_table(findings(study.results)))
-        if not tables_only:
-            return results / _drawn(study, new, obsolete).name
+        if not wanted.tables_only:
+            obsolete += _files_of_report()
+            return results / _drawn(study, new, results, obsolete, wanted).name
         drawn = (results / "report.html").exists() or (results / "figures").exists()
         if drawn and not _same(new, results):
             obsolete += _files_of_report()
     return None
 
 
-def _drawn(study: Study, new: Path, obsolete: list[str]) -> Path:
+def _drawn(study: Study, new: Path, results: Path, obsolete: list[str], wanted: Wanted) -> Path:
     """Fit models, draw figures and write the report. Their rooms are imported here because that takes a second."""
-    from fourpole.app.models import fitted
     from fourpole.app.report import make_report
 
-    obsolete += ["model.json", *_files_of_report()]
-    return make_report(fitted(study.results, new), new)
+    return make_report(_modelled(study.results, new, results, obsolete, wanted.models), new, png=wanted.png)
+
+
+def _modelled(tables: Results, new: Path, results: Path, obsolete: list[str], wanted: bool | None) -> Results:
+    """The results with the models that are wanted: fitted now, or those that the folder has of the same tables.
+
+    If `wanted` is None, models are fitted if the folder has none of these tables and the fits take a few seconds. A
+    model file of other tables goes.
+    """
+    from fourpole.study.results import with_models
+
+    kept = with_models(tables, results, new)
+    if wanted or (wanted is None and kept.models is None and seconds_of_fits(tables.dynamic.height) <= _FEW_SECONDS):
+        from fourpole.app.models import fitted
+
+        obsolete.append("model.json")
+        return fitted(kept, new)
+    if kept.models is None:
+        obsolete.append("model.json")
+        if tables.dynamic.height:
+            about = f"{seconds_of_fits(tables.dynamic.height):.0f} s"
+            say(f"note: no models (about {about}): fourpole fit {results}, then fourpole report {results}")
+    return kept
 
 
 def _files_of_report() -> tuple[str, ...]:

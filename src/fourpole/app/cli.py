@@ -34,6 +34,10 @@ _ROUTES = (
 )
 _DRAWS = "Monte Carlo trials for intervals of K2 and C that are not normal; 0: none."
 Theme = Annotated[str, typer.Option(help="Colours of the figures: light, dark or print.")]
+PngFlag = Annotated[bool, typer.Option("--png", help="Write each figure as PNG, too.")]
+_MODELS = (
+    "Choose a model for each tyre, as fit does; by default if that takes a few seconds, or keep those of the folder."
+)
 StaticStiffness = Annotated[float, amount("--k1", "stiffness", 'Static stiffness, as "180 kN/m".', "positive")]
 
 #: Functions of the commands by name, in the order of the help.
@@ -129,6 +133,8 @@ def analyse(
     tables_only: Annotated[
         bool, typer.Option("--tables-only", help="No figures and no report; those of other tables are deleted.")
     ] = False,
+    models: Annotated[bool | None, typer.Option("--models/--no-models", help=_MODELS)] = None,
+    png: PngFlag = False,
     as_json: JsonFlag = False,
 ) -> int:
     """Analyse a campaign folder: recordings in; tables of K1, R, I, K*, K2, C and TR, figures and a report out.
@@ -136,11 +142,13 @@ def analyse(
     Reduced recordings are kept in the folder of the results, so a run that was stopped continues where it was. Of
     several campaigns, each has its own results, and one that cannot be read does not stop the others.
     """
-    from fourpole.app.analysis import run_analysis
+    from fourpole.app.analysis import Wanted, run_analysis
     from fourpole.app.campaigns import run_each
 
+    wanted = Wanted(tables_only=tables_only, models=models, png=png)
+
     def run(campaign: Path) -> int:
-        return run_analysis(campaign, folder, route, monte_carlo, tables_only=tables_only, as_json=as_json)
+        return run_analysis(campaign, folder, route, monte_carlo, wanted, as_json=as_json)
 
     return run_each(campaigns, folder, run, as_json=as_json)
 
@@ -296,14 +304,17 @@ def plan(
 
 
 @_command
-def report(folder: ResultsFolder, theme: Theme = "light") -> None:
-    """Make the figures and report.html again from the result tables, without reading the recordings."""
+def report(folder: ResultsFolder, theme: Theme = "light", png: PngFlag = False) -> None:
+    """Make the figures and report.html again from the result tables, without reading the recordings.
+
+    The report has the models and maps that fit and map have made of these tables since.
+    """
     from fourpole.study.results import read_results
 
     results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
     from fourpole.app.report import run_report
 
-    run_report(results, folder, theme)
+    run_report(results, folder, theme, png=png)
 
 
 @_command
