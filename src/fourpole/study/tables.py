@@ -192,7 +192,8 @@ LIKELIHOOD = TableSpec(
     made.likelihood_table_rows, endings=(".parquet",), read=False,
 )  # fmt: skip
 PREVIEWS = TableSpec(
-    "previews", "a test: a few cycles of signal, fit and residual, or the static loop and its mean",
+    "previews",
+    "a test: a few cycles of signal, fit and residual (not-a-number after the last), or the static loop and its mean",
     PREVIEW_COLUMNS, preview_table, endings=(".parquet",), always=True,
 )  # fmt: skip
 
