@@ -58,7 +58,7 @@ def test_a_stop_before_the_first_model_is_a_stop(monkeypatch):
 
 
 def test_a_stop_in_the_profiles_leaves_the_fit(monkeypatch):
-    monkeypatch.setattr(intervals, "profile_intervals", stop)
+    monkeypatch.setattr(intervals, "profiles_together", stop)
     (found,) = modelling.fit_tyres(rubber(), "zener")
     assert "Profile likelihood was stopped by Ctrl-C" in found.choice.text
     ends, values = found.intervals[0], found.chosen.fit.values

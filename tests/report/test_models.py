@@ -272,10 +272,11 @@ def test_a_name_of_a_tyre_reaches_the_command_as_it_is(name):
 # ---- on the page
 
 
-def test_without_models_the_section_is_absent():
-    text = render_report(results_of(pressures=(170e3,), frequencies=(10.0,)), findings=(), figures={})
-    assert 'id="models"' not in text
-    assert 'href="#models"' not in text
+def test_without_models_the_section_says_the_command_that_makes_them():
+    results = results_of(pressures=(170e3,), frequencies=(10.0,))
+    assert "<code>fourpole fit RESULTS</code>" in render_report(results, findings=(), figures={})
+    bare = replace(results, tables={**results.tables, "dynamic": results.dynamic.clear()})
+    assert 'id="models"' not in render_report(bare, findings=(), figures={})
 
 
 def test_models_maps_and_faults_stand_on_the_page(fitted):

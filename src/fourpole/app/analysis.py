@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
-from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress
-from fourpole.app.options import RunOptions
+from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress, say
+from fourpole.app.options import RunOptions, Wanted
 from fourpole.app.standing import (
     STATEMENT,
     Outcome,
@@ -28,6 +28,7 @@ from fourpole.campaign import Campaign, read_campaign
 from fourpole.core.codes import Code
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError
+from fourpole.fitting.effort import seconds_of_fits
 from fourpole.io.child import SECONDS
 from fourpole.io.staging import recover, staged
 from fourpole.io.write import write_table
@@ -35,7 +36,11 @@ from fourpole.quantities import CODE
 
 if TYPE_CHECKING:
     from fourpole.study import Study
+    from fourpole.study.results import Results
 
+
+#: Models are fitted without being asked for if that takes no longer than this [s].
+_FEW_SECONDS = 5.0
 _MOST_LISTED = 12
 #: Checks that another run may pass with the same files, so that their results do not stand.
 _PASSING = {code.text for code in (Code.READER, Code.MEMORY, Code.FAULT)}
@@ -49,18 +54,18 @@ def run_analysis(
     route: str,
     monte_carlo: int,
     options: RunOptions,
+    wanted: Wanted,
     *,
-    tables_only: bool,
     as_json: bool,
 ) -> int:
     """Analyse a campaign and write its results; the exit code is `SOME_REJECTED` if tests were rejected."""
-    results, settings = results_of(campaign, folder), settings_of(route, monte_carlo, tables_only=tables_only)
+    results, settings = results_of(campaign, folder), settings_of(route, monte_carlo, wanted)
     forget(results)
     inputs = identities(campaign, list(STATEMENT))
     stated = read_campaign(campaign)
     inputs |= identities(campaign, _files_of(stated))
     study = _analysed(stated, results, route, monte_carlo, options)
-    page = _written(study, results, tables_only=tables_only)
+    page = _written(study, results, wanted)
     lines = [f"results: {results}", *([f"report: {page}"] if page is not None else [])]
     outcome = Outcome(
         notes=_notes(study),
@@ -91,7 +96,7 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
         simulate_campaign(folder, seed=seed, progress=advance, **_demo_settings())
     results = results_of(folder, None)
     study = _analysed(read_campaign(folder), results)
-    page = _written(study, results)
+    page = _written(study, results, Wanted(models=True))
     if as_json:
         print_json({**_summary(study, results), "report": str(page), "found": headline(findings(study.results))})
     else:
@@ -153,10 +158,10 @@ def _executor(options: RunOptions) -> AbstractContextManager[Executor | None]:
     return cluster(options.scheduler)
 
 
-def _written(study: Study, results: Path, *, tables_only: bool = False) -> Path | None:
+def _written(study: Study, results: Path, wanted: Wanted) -> Path | None:
     """Write tables, model, figures and report, all together or none; returns the report, or None without one.
 
-    With `tables_only`, figures and report of other tables are deleted.
+    With tables only, figures and report of other tables are deleted.
     """
     from fourpole.findings import findings, findings_table
     from fourpole.study.tables import TABLE_FILES
@@ -165,21 +170,42 @@ def _written(study: Study, results: Path, *, tables_only: bool = False) -> Path 
     with staged(results, obsolete) as new:
         study.write(new)
         write_table(new / "findings.csv", findings_table(findings(study.results)))
-        if not tables_only:
-            return results / _drawn(study, new, obsolete).name
+        if not wanted.tables_only:
+            obsolete += _files_of_report()
+            return results / _drawn(study, new, results, obsolete, wanted).name
         drawn = (results / "report.html").exists() or (results / "figures").exists()
         if drawn and not _same(new, results):
             obsolete += _files_of_report()
     return None
 
 
-def _drawn(study: Study, new: Path, obsolete: list[str]) -> Path:
+def _drawn(study: Study, new: Path, results: Path, obsolete: list[str], wanted: Wanted) -> Path:
     """Fit models, draw figures and write the report. Their rooms are imported here because that takes a second."""
-    from fourpole.app.models import fitted
     from fourpole.app.report import make_report
 
-    obsolete += ["model.json", *_files_of_report()]
-    return make_report(fitted(study.results, new), new)
+    return make_report(_modelled(study.results, new, results, obsolete, wanted.models), new, png=wanted.png)
+
+
+def _modelled(tables: Results, new: Path, results: Path, obsolete: list[str], wanted: bool | None) -> Results:
+    """The results with the models that are wanted: fitted now, or those that the folder has of the same tables.
+
+    If `wanted` is None, models are fitted if the folder has none of these tables and the fits take a few seconds. A
+    model file of other tables goes.
+    """
+    from fourpole.study.results import with_models
+
+    kept = with_models(tables, results, new)
+    if wanted or (wanted is None and kept.models is None and seconds_of_fits(tables.dynamic.height) <= _FEW_SECONDS):
+        from fourpole.app.models import fitted
+
+        obsolete.append("model.json")
+        return fitted(kept, new)
+    if kept.models is None:
+        obsolete.append("model.json")
+        if tables.dynamic.height:
+            about = f"{seconds_of_fits(tables.dynamic.height):.0f} s"
+            say(f"note: no models (about {about}): fourpole fit {results}, then fourpole report {results}")
+    return kept
 
 
 def _files_of_report() -> tuple[str, ...]:

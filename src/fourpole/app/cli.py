@@ -21,6 +21,7 @@ from fourpole.app.options import (
     RigOptions,
     RunOptions,
     ShapeOptions,
+    Wanted,
     amount,
 )
 from fourpole.export.kinds import ABOUT
@@ -35,6 +36,7 @@ _ROUTES = (
 )
 _DRAWS = "Monte Carlo trials for intervals of K2 and C that are not normal; 0: none."
 Theme = Annotated[str, typer.Option(help="Colours of the figures: light, dark or print.")]
+PngFlag = Annotated[bool, typer.Option("--png", help="Write each figure as PNG, too.")]
 StaticStiffness = Annotated[float, amount("--k1", "stiffness", 'Static stiffness, as "180 kN/m".', "positive")]
 
 #: Functions of the commands by name, in the order of the help.
@@ -127,10 +129,8 @@ def analyse(
     ] = None,
     route: Annotated[str, typer.Option(help=_ROUTES)] = "joint",
     monte_carlo: Annotated[int, typer.Option(metavar="N", min=0, max=10_000_000, help=_DRAWS)] = 10_000,
-    tables_only: Annotated[
-        bool, typer.Option("--tables-only", help="No figures and no report; those of other tables are deleted.")
-    ] = False,
     *,
+    wanted: Wanted,
     options: RunOptions,
     as_json: JsonFlag = False,
 ) -> int:
@@ -142,7 +142,7 @@ def analyse(
     from fourpole.app.campaigns import run_each
     from fourpole.app.standing import results_of, settings_of, show, standing
 
-    settings = settings_of(route, monte_carlo, tables_only=tables_only)
+    settings = settings_of(route, monte_carlo, wanted)
 
     def run(campaign: Path) -> int:
         former = standing(campaign, results_of(campaign, folder), settings, verify=options.verify)
@@ -150,7 +150,7 @@ def analyse(
             return show(former, as_json=as_json, stands=True)
         from fourpole.app.analysis import run_analysis
 
-        return run_analysis(campaign, folder, route, monte_carlo, options, tables_only=tables_only, as_json=as_json)
+        return run_analysis(campaign, folder, route, monte_carlo, options, wanted, as_json=as_json)
 
     return run_each(campaigns, folder, run, as_json=as_json)
 
@@ -306,14 +306,17 @@ def plan(
 
 
 @_command
-def report(folder: ResultsFolder, theme: Theme = "light") -> None:
-    """Make the figures and report.html again from the result tables, without reading the recordings."""
+def report(folder: ResultsFolder, theme: Theme = "light", png: PngFlag = False) -> None:
+    """Make the figures and report.html again from the result tables, without reading the recordings.
+
+    The report has the models and maps that fit and map have made of these tables since.
+    """
     from fourpole.study.results import read_results
 
     results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
     from fourpole.app.report import run_report
 
-    run_report(results, folder, theme)
+    run_report(results, folder, theme, png=png)
 
 
 @_command

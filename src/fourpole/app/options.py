@@ -126,6 +126,20 @@ class RunOptions:
 
 
 @dataclass(frozen=True)
+class Wanted:
+    """What an analysis writes besides its tables."""
+
+    tables_only: bool = _given(
+        "No figures and no report; those of other tables are deleted.", "--tables-only", default=False
+    )
+    models: bool | None = _given(
+        "Choose a model for each tyre, as fit does; by default if that takes a few seconds, or keep those of the folder.",
+        "--models/--no-models",
+    )
+    png: bool = _given("Write each figure as PNG, too.", "--png", default=False)
+
+
+@dataclass(frozen=True)
 class InfoOptions:
     """The channels of a file to show, and how."""
 

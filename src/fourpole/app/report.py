@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from pathlib import Path
 
 from fourpole.app.console import out, progress, warn
@@ -14,14 +15,24 @@ from fourpole.report.page import ReportFigure, write_report
 from fourpole.report.words.sentence import sentences
 from fourpole.study.results import Results
 
-#: Files that `make_report` writes where all figures have data.
+#: Files that `make_report` writes where all figures have data, with PNG.
 OF_REPORT = (*(f"figures/{name}" for name in figure_files()), "report.html")
 
 
-def make_report(results: Results, folder: Path, style: Style | None = None) -> Path:
-    """Draw all figures into `folder/figures` and write `folder/report.html`."""
+def make_report(
+    results: Results,
+    folder: Path,
+    style: Style | None = None,
+    *,
+    png: bool = False,
+    executor: Executor | None = None,
+) -> Path:
+    """Draw all figures into `folder/figures`, each with `png` in that format, too, and write `folder/report.html`."""
+    formats = ("svg", "png") if png else ("svg",)
     with progress("drawing") as advance:
-        files = save_figures(results, folder / "figures", style=style, progress=advance)
+        files = save_figures(
+            results, folder / "figures", style=style, formats=formats, progress=advance, executor=executor
+        )
     figures = {
         key: ReportFigure(key, FIGURES[key].title, FIGURES[key].caption, path.read_text(encoding="utf-8"))
         for key, path in files.items()
@@ -31,12 +42,12 @@ def make_report(results: Results, folder: Path, style: Style | None = None) -> P
     return page
 
 
-def run_report(results: Results, folder: Path, theme: str) -> None:
+def run_report(results: Results, folder: Path, theme: str, *, png: bool = False) -> None:
     """Make figures and report from the tables of a results folder, and print the path of the report."""
     for fault in results.faults:
         warn(fault)
     with staged(folder, OF_REPORT) as new:
-        page = make_report(results, new, Style(theme))
+        page = make_report(results, new, Style(theme), png=png)
     out(f"report: {folder / page.name}")
 
 

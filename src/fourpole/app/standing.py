@@ -16,6 +16,7 @@ from typing import Any
 
 import fourpole
 from fourpole.app.console import out, print_json, say
+from fourpole.app.options import Wanted
 from fourpole.io.identity import Identity, identity_of
 
 #: The note in the folder of the cache.
@@ -41,9 +42,9 @@ def results_of(campaign: Path, folder: Path | None) -> Path:
     return folder if folder is not None else campaign / "results"
 
 
-def settings_of(route: str, monte_carlo: int, *, tables_only: bool) -> dict[str, Any]:
+def settings_of(route: str, monte_carlo: int, wanted: Wanted) -> dict[str, Any]:
     """The settings on which the results depend."""
-    return {"route": route, "monte_carlo": monte_carlo, "tables_only": tables_only}
+    return {"route": route, "monte_carlo": monte_carlo, **vars(wanted)}
 
 
 def show(outcome: Outcome, *, as_json: bool, stands: bool = False) -> int:

@@ -208,7 +208,7 @@ def _solved(matrix: ComplexArray, logs: ComplexArray, good: BoolArray, data: Sam
         weights = good / (1.0 + (noise / one) ** 2)
         found = _weighted(matrix, logs, weights, data, one)
         # A shared error whose prior is narrow takes up less than one degree of freedom.
-        taken = np.einsum("i,ij,jk,ik->", weights, matrix, found.inverse, matrix.conj()).real
+        taken = np.sum(weights[:, None] * (matrix @ found.inverse) * matrix.conj()).real
         dof = float(np.sum(good) - taken)
         if dof < _FEWEST:
             return None

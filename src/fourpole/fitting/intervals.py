@@ -12,10 +12,12 @@ from fourpole.models.choice import STOPPED
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit
 from fourpole.models.links import link_all, unlink_all
-from fourpole.models.profile import profile_intervals
+from fourpole.models.profile import profiles_together
 
 #: Largest product of the cube of the free parameters and the frequencies for intervals by profile likelihood.
 _MOST_WORK = 600_000
+#: Largest product of conditions, the square of the free parameters and the frequencies of profiles in one batch.
+_TOGETHER = 20_000
 _INSTEAD = "their intervals are from the covariance"
 
 
@@ -34,22 +36,26 @@ def intervals(
 
     Intervals of fits that share parameters, and those after a stop, are from the covariance.
     """
-    ends: list[FloatArray] = []
-    why: list[str] = []
-    for one, row in zip(fits, data, strict=True):
-        free = len(one.model.parameters) - len(fixed)
-        long = not one.model.linear and free**3 * row.count > _MOST_WORK
-        if long and not (shared or stopped or why):
-            why = [f"{free} free parameters are too many for profile likelihood: {_INSTEAD}"]
+    model, why = fits[0].model, []
+    free = len(model.parameters) - len(fixed)
+    ends = [normal_ends(one) for one in fits]
+    long = [not model.linear and free**3 * row.count > _MOST_WORK for row in data]
+    if any(long) and not (shared or stopped):
+        why = [f"{free} free parameters are too many for profile likelihood: {_INSTEAD}"]
+    wanted = [] if shared else [at for at, one in enumerate(long) if not one]
+    together = max(_TOGETHER // (free**2 * max(row.count for row in data)), 1)
+    for first in range(0, 0 if stopped else len(wanted), together):
+        places = wanted[first : first + together]
         try:
-            if shared or long or stopped:
-                ends.append(normal_ends(one))
-            else:
-                here = row.at(one.model.on(row).stiffness(one.values, row.omega))
-                ends.append(profile_intervals(one, here, fixed=fixed))
+            rows = [data[at].at(model.on(data[at]).stiffness(fits[at].values, data[at].omega)) for at in places]
+            found = profiles_together([fits[at] for at in places], rows, fixed=fixed)
         except KeyboardInterrupt:
             stopped = True
-            ends.append(normal_ends(one))
+            break
+        for at, one in zip(places, found, strict=True):
+            ends[at] = one
+            step()
+    for _ in range(len(fits) - len(wanted)):
         step()
     if stopped:
         why.append(f"Profile likelihood was {STOPPED}: intervals that it lacks are from the covariance")

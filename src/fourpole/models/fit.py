@@ -18,6 +18,8 @@ from fourpole.models.interface import Model
 from fourpole.models.nonnegative import fit_nonnegative
 from fourpole.models.problem import FitProblem, problem_of
 
+#: Most numbers of K* times parameters in one search from several starts, or along several profiles.
+_TOGETHER = 100_000
 #: Maximum number of steps; start, factors after a good and a bad step, and maximum of the damping.
 _STEPS = 200
 _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 1e-3, 0.2, 5.0, 1e12
@@ -170,13 +172,16 @@ def best_fit(
         return fit_nonnegative(model, data, begins[0], fixed)
     lead = data.stiffness.shape[:-1]
     problem = problem_of(model, data, begins[0], fixed, tied or {})
-    fits = []
-    for begin in begins:
-        whole = np.array(problem.fixed)
-        free = np.broadcast_to(model.checked(begin), (*lead, begin.shape[-1])).reshape(whole.shape)[:, problem.free]
-        whole[:, problem.free] = free
-        one = problem.begun(whole)
-        fits.append(_fit_of(one, whole.shape[:1], *_search(one, one.place_of(one.fixed))))
+    count, size = problem.fixed.shape
+    fits: list[Fit] = []
+    together = max(_TOGETHER // (count * data.count * size), 1)
+    for first in range(0, len(begins), together):
+        some = [np.broadcast_to(model.checked(one), (*lead, size)) for one in begins[first : first + together]]
+        whole = np.tile(problem.fixed, (len(some), 1))
+        whole[:, problem.free] = np.reshape(some, whole.shape)[:, problem.free]
+        one = problem.part(np.tile(np.arange(count), len(some))).begun(whole)
+        found = _fit_of(one, (len(some), count), *_search(one, one.place_of(one.fixed)))
+        fits += [found.part(at) for at in range(len(some))]
     chi2 = np.where([each.converged for each in fits], [each.chi2 for each in fits], np.inf)
     chi2 = np.where(np.all(np.isinf(chi2), axis=0), [each.chi2 for each in fits], chi2)
     best = np.argmin(chi2, axis=0)
@@ -189,6 +194,32 @@ def best_fit(
         **{name: part.reshape((*lead, *part.shape[1:])) for name, part in chosen.items()},
         agreed=np.mean(same, axis=0).reshape(lead),
     )
+
+
+def least_chi2(
+    problem: FitProblem, rows: np.ndarray, begins: FloatArray, pinned: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Values (R, P) with the least chi-square (R,) [1], and it, from several starts along profiles.
+
+    Parameters
+    ----------
+    problem : FitProblem
+        A problem of B conditions.
+    rows : (R,) int array
+        The condition of each start.
+    begins : (R, P) float array
+        Starts.
+    pinned : (R, F) bool array
+        Free parameters of the problem that keep their start value.
+    """
+    values, chi2 = np.empty(begins.shape), np.empty(len(rows))
+    together = max(_TOGETHER // (problem.data.count * begins.shape[1]), 1)
+    for first in range(0, len(rows), together):
+        some = slice(first, first + together)
+        one = replace(problem.part(rows[some]).begun(begins[some]), pinned=pinned[some])
+        place, _, _ = _search(one, one.place_of(one.fixed))
+        values[some], chi2[some] = one.values_of(place), np.sum(one.residuals(place) ** 2, axis=1)
+    return values, chi2
 
 
 def _fit_of(problem: FitProblem, lead: tuple[int, ...], place: FloatArray, steps: int, converged: BoolArray) -> Fit:
@@ -262,6 +293,8 @@ def _step(
     right = (np.swapaxes(slopes, 1, 2) @ residuals[..., None])[..., 0]
     low, high = problem.ends
     outward = ((place <= low) & (right < 0)) | ((place >= high) & (right > 0))
+    if problem.pinned is not None:
+        outward |= problem.pinned
     at = np.arange(place.shape[1])
     size = np.maximum(normal[:, at, at], 1e-300)
     normal = np.where(outward[:, :, None] | outward[:, None, :], 0.0, normal)

@@ -164,6 +164,14 @@ class Model(ABC):
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """Derivatives (..., N, P) of K* by each parameter, in its unit."""
 
+    def derivative_by(self, values: ArrayLike, omega: ArrayLike, places: np.ndarray) -> ComplexArray:
+        """Derivatives (..., N, F) of K* by some of the parameters; a model may have a shorter way to these."""
+        return np.asarray(self.derivative(values, omega)[..., places])
+
+    def static_derivative_by(self, values: ArrayLike, places: np.ndarray) -> FloatArray:
+        """Derivatives (..., F) of `static_stiffness` by some of the parameters."""
+        return np.asarray(self.static_derivative(values)[..., places])
+
     def static_stiffness(self, values: ArrayLike) -> FloatArray:
         """K* at zero frequency (...,) [N/m]: the first parameter, or 0 if the model flows at rest."""
         first = self.checked(values)[..., 0]

@@ -34,7 +34,7 @@ class FitProblem(ByValue):
     data : StiffnessData
         Data (B, N).
     whiten : float array
-        Whitener of the data.
+        Whitener of the data, one matrix for each condition, or one for all.
     free : (F,) int array
         Places of the free parameters.
     spread : (P, F) float array
@@ -49,6 +49,8 @@ class FitProblem(ByValue):
         Bounds of the free parameters.
     has_k1 : bool
         Whether K1 is one more residual of each condition. The residual of a condition without K1 is zero.
+    pinned : (B, F) bool array, optional
+        Free parameters that keep their start value in one of the conditions, as in a profile.
     """
 
     model: Model
@@ -62,20 +64,27 @@ class FitProblem(ByValue):
     low: FloatArray
     high: FloatArray
     has_k1: bool
+    pinned: BoolArray | None = None
 
     def begun(self, begin: FloatArray) -> FitProblem:
         """The same problem with other start values (B, P)."""
         return replace(self, fixed=self._tied(begin), scale=_scale(self.model, begin, self.free))
 
     def part(self, rows: np.ndarray) -> FitProblem:
-        """The same problem for some of the conditions."""
-        names = ("stiffness", "covariance", "k1", "k1_std", *self.data.ramp)
+        """The same problem for some of the conditions, each once or several times.
+
+        The data keep the covariance of all conditions: nothing but the whitener, which is one matrix if all conditions
+        have the same, is used after the problem is made.
+        """
+        names = ("stiffness", "k1", "k1_std", *self.data.ramp)
         data = replace(self.data, **{name: getattr(self.data, name)[rows] for name in names})
         if data.omega.ndim > 1:
             data = replace(data, omega=data.omega[rows])
         if data.amplitude is not None and data.amplitude.ndim > 1:
             data = replace(data, amplitude=data.amplitude[rows])
-        return replace(self, data=data, whiten=self.whiten[rows], fixed=self.fixed[rows], scale=self.scale[rows])
+        whiten = self.whiten if len(self.whiten) == 1 else self.whiten[rows]
+        pinned = None if self.pinned is None else self.pinned[rows]
+        return replace(self, data=data, whiten=whiten, fixed=self.fixed[rows], scale=self.scale[rows], pinned=pinned)
 
     def values_of(self, place: FloatArray) -> FloatArray:
         """All parameters (B, P), from the search variables (B, F)."""
@@ -121,14 +130,17 @@ class FitProblem(ByValue):
     def jacobian(self, place: FloatArray) -> FloatArray:
         """Derivatives (B, M, F) of the whitened model by the search variables."""
         values = self.values_of(place)
-        by = self.model.on(self.data).derivative(values, self.data.omega)
-        by = by @ self.spread if self._follows.size else by[..., self.free]
+        model = self.model.on(self.data)
+        tied = self._follows.size > 0
+        omega = self.data.omega
+        by = model.derivative(values, omega) @ self.spread if tied else model.derivative_by(values, omega, self.free)
         unit = self.unit_of(values)
         rows = self.data.whitened(self.whiten, by * unit[:, None, :])
         if not self.has_k1:
             return rows
-        at_rest = static_derivative(self.model, values, self.data) @ self.spread * unit / self._k1_std()[:, None]
-        return np.concatenate([rows, at_rest[:, None, :]], axis=1)
+        slopes = static_derivative(self.model, values, self.data, None if tied else self.free)
+        at_rest = slopes @ self.spread if tied else slopes
+        return np.concatenate([rows, (at_rest * unit / self._k1_std()[:, None])[:, None, :]], axis=1)
 
     def _k1_std(self) -> FloatArray:
         """Standard uncertainty of K1 (B,) [N/m]; infinite where K1 is not known."""

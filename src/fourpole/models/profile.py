@@ -6,23 +6,22 @@ of probability :math:`P(\chi^2_1 < q)` ends where the profile is :math:`q` above
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core import stats
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.confidence import COVERAGE
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData
-from fourpole.models.fit import Fit, fit
-from fourpole.models.interface import Model, Parameter
+from fourpole.models.data import StiffnessData, stacked
+from fourpole.models.fit import Fit, least_chi2
+from fourpole.models.interface import Parameter
 from fourpole.models.nonnegative import nonnegative_intervals
-from fourpole.models.ramp import static_stiffness, takes_k1
+from fourpole.models.problem import problem_of
 from fourpole.models.starts import starts_of
 
 #: Distances from the best value, in standard uncertainties, at which the profile is evaluated: first near, then far.
@@ -77,6 +76,7 @@ def profile_intervals(
 
     Examples
     --------
+    >>> from fourpole.models.fit import fit
     >>> from fourpole.models.springs import Spring
     >>> data = StiffnessData.of([60.0, 90.0], [180e3 + 0j, 180e3 + 0j], 1e3)
     >>> profile_intervals(fit(Spring(), data, [180e3]), data).round(-1)
@@ -84,161 +84,221 @@ def profile_intervals(
     """
     if found.lead:
         raise ModelError("profile intervals are for one condition at a time: choose one")
+    return profiles_together([found], [data], level, fixed=fixed, tied=tied)[0]
+
+
+def profiles_together(
+    fits: Sequence[Fit],
+    data: Sequence[StiffnessData],
+    level: float = COVERAGE,
+    *,
+    fixed: Mapping[str, float] | Sequence[str] = (),
+    tied: Mapping[str, tuple[str, float]] | None = None,
+) -> list[FloatArray]:
+    """Profile-likelihood intervals (P, 2) of the fits of one model to several conditions, in their order.
+
+    The values of `profile_intervals` for each, but the profiles of all conditions, parameters and sides are searched
+    side by side.
+    """
     tied = tied or {}
     rise = float(np.sqrt(stats.chi2.ppf(level, 1)))
-    if found.model.linear and not tied:
-        return nonnegative_intervals(found, data, rise, [*fixed])
-    ends = np.stack([found.values, found.values], axis=1)
-    symbols = found.model.symbols
-    profile = _Profile(found, data, fixed, tied)
-    for at, symbol in enumerate(symbols):
-        if symbol not in fixed and symbol not in tied:
-            ends[at] = [profile.end(at, side, rise) for side in (-1.0, 1.0)]
+    if fits[0].model.linear and not tied:
+        return [nonnegative_intervals(one, row, rise, [*fixed]) for one, row in zip(fits, data, strict=True)]
+    ends = [np.stack([one.values, one.values], axis=1) for one in fits]
+    plain = [replace(one, relative=None, reference=None, recorded=None) for one in data]
+    for places, group in stacked(plain):
+        for (which, at, side), end in _ends_of(_Profiles([fits[one] for one in places], group, fixed, tied), rise):
+            ends[places[which]][at, side] = end
+    symbols = fits[0].model.symbols
     for symbol, (partner, factor) in tied.items():
-        ends[symbols.index(symbol)] = factor * ends[symbols.index(partner)]
+        for one in ends:
+            one[symbols.index(symbol)] = factor * one[symbols.index(partner)]
     return ends
+
+
+def _ends_of(profiles: _Profiles, rise: float) -> Iterator[tuple[tuple[int, int, int], float]]:
+    """The ends of all intervals, each with the places of its condition, parameter and side."""
+    searches = {
+        (which, at, side): _Profile(one, at, 2 * side - 1).end(rise)
+        for which, one in enumerate(profiles.fits)
+        for at in profiles.at_free
+        for side in (0, 1)
+    }
+    heights: dict[tuple[int, int, int], FloatArray | None] = dict.fromkeys(searches)
+    while heights:
+        wanted = {}
+        for key, found in heights.items():
+            try:
+                wanted[key] = searches[key].send(found)
+            except StopIteration as done:
+                yield key, done.value
+        looks = [_Look(key[0], key[1], values) for key, values in wanted.items()]
+        heights = dict(zip(wanted, profiles.heights(looks), strict=True)) if looks else {}
+
+
+@dataclass(frozen=True, eq=False)
+class _Look(ByValue):
+    """Values (T,) of one parameter of one condition at which the profile is evaluated."""
+
+    which: int
+    at: int
+    values: FloatArray
 
 
 @dataclass(frozen=True)
 class _Profile:
-    """A fit with its data, from which the profile of each parameter is computed.
+    """The profile of one parameter of a fit to one side of its best value.
 
     A place is a value of a parameter, or its logarithm if `Parameter.log` is set. A height is the square root of the
     rise of the profile above its minimum.
     """
 
     found: Fit
-    data: StiffnessData
-    fixed: Mapping[str, float] | Sequence[str]
-    tied: Mapping[str, tuple[str, float]]
+    at: int
+    side: int
 
-    def end(self, at: int, side: float, rise: float) -> float:
-        """The value of a parameter on one side at which the height of the profile is `rise`."""
-        parameter = self.found.model.parameters[at]
-        places: FloatArray = np.array([self._place(at, self.found.values[at])])
+    @property
+    def parameter(self) -> Parameter:
+        """The parameter."""
+        return self.found.model.parameters[self.at]
+
+    def end(self, rise: float) -> Generator[FloatArray, FloatArray | None, float]:
+        """The value at which the height of the profile is `rise`; yields values, and is sent the heights at them."""
+        places: FloatArray = np.array([self._place(self.found.values[self.at])])
         heights: FloatArray = np.zeros(1)
         for distances in (_NEAR, _FAR):
-            values = self._values(at, side, distances)
+            values = self._values(distances)
             if not values.size:
                 continue
-            places, heights = self._extended(at, values, places, heights)
+            found = yield values
+            places, heights = self._extended(values, found, places, heights)
             if heights[-1] >= rise:
                 break
         else:
-            return parameter.low if side < 0 else parameter.high
+            return self.parameter.low if self.side < 0 else self.parameter.high
         to = int(np.flatnonzero(heights >= rise)[0])
         if heights[to] - heights[to - 1] > _COARSE:
-            between = np.linspace(places[to - 1], places[to], _BETWEEN + 2)[1:]
-            places, heights = self._extended(at, self._value(at, between), places[:to], heights[:to])
+            between = self._value(np.linspace(places[to - 1], places[to], _BETWEEN + 2)[1:])
+            found = yield between
+            places, heights = self._extended(between, found, places[:to], heights[:to])
             to = int(np.flatnonzero(heights >= rise)[0]) if heights[-1] >= rise else heights.size - 1
         share = (rise - heights[to - 1]) / max(heights[to] - heights[to - 1], 1e-300)
-        return float(self._value(at, places[to - 1] + min(share, 1.0) * (places[to] - places[to - 1])))
+        return float(self._value(places[to - 1] + min(share, 1.0) * (places[to] - places[to - 1])))
 
     def _extended(
-        self, at: int, values: FloatArray, places: FloatArray, heights: FloatArray
+        self, values: FloatArray, found: FloatArray | None, places: FloatArray, heights: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Places and heights with those of further values; no height exceeds one beyond it, as in a local minimum."""
-        found = np.sqrt(np.maximum(self._chi2(at, values) - self.found.chi2, 0.0))
+        assert found is not None
         every = np.append(heights, found)
-        return np.append(places, self._place(at, values)), np.minimum.accumulate(every[::-1])[::-1]
+        return np.append(places, self._place(values)), np.minimum.accumulate(every[::-1])[::-1]
 
-    def _value(self, at: int, place: ArrayLike) -> FloatArray:
-        """Values of a parameter, from its places."""
+    def _value(self, place: ArrayLike) -> FloatArray:
+        """Values of the parameter, from its places."""
         array = np.asarray(place, dtype=float)
-        return np.exp(array) if self.found.model.parameters[at].log else array
+        return np.exp(array) if self.parameter.log else array
 
-    def _place(self, at: int, values: ArrayLike) -> FloatArray:
-        """Places of a parameter, from its values."""
+    def _place(self, values: ArrayLike) -> FloatArray:
+        """Places of the parameter, from its values."""
         array = np.asarray(values, dtype=float)
-        return np.log(np.maximum(array, 1e-300)) if self.found.model.parameters[at].log else array
+        return np.log(np.maximum(array, 1e-300)) if self.parameter.log else array
 
-    def _values(self, at: int, side: float, distances: FloatArray) -> FloatArray:
+    def _values(self, distances: FloatArray) -> FloatArray:
         """Values within the bounds at which the profile is evaluated, the nearest first."""
-        parameter, best = self.found.model.parameters[at], float(self.found.values[at])
-        std = float(self.found.std[at])
-        values = _at_distances(parameter, best, std, side, distances)
-        bound = parameter.low if side < 0 else parameter.high
+        parameter, best = self.parameter, float(self.found.values[self.at])
+        std = float(self.found.std[self.at])
+        values = _at_distances(parameter, best, std, self.side, distances)
+        bound = parameter.low if self.side < 0 else parameter.high
         if not parameter.log and np.isfinite(bound) and abs(bound - best) < distances[-1] * std:
             values = best + (bound - best) * _SHARES
         inside = values[(values > parameter.low) & (values < parameter.high)]
         if inside.size < values.size and np.isfinite(bound) and best != bound and not parameter.log:
             inside = np.append(inside, bound)
         order = np.unique(inside)
-        return order if side > 0 else order[::-1]
+        return order if self.side > 0 else order[::-1]
 
-    def _chi2(self, at: int, values: FloatArray) -> FloatArray:
-        """Least chi-square for each value (T,) of one parameter, over all other parameters."""
-        model, best, symbols = self.found.model, self.found.values, self.found.model.symbols
-        starts = self._gaussian_starts(at, values)
-        follows = {name: factor for name, (partner, factor) in self.tied.items() if partner == symbols[at]}
-        starts[:, at] = values
-        for name, factor in follows.items():
-            starts[:, symbols.index(name)] = factor * values
-        for name in self.fixed:
-            starts[:, symbols.index(name)] = best[symbols.index(name)]
-        held = [*self.fixed, symbols[at], *follows]
-        tied = {name: tie for name, tie in self.tied.items() if name not in follows}
-        if len(held) + len(tied) == len(symbols):  # no parameter is free
-            return _misfit(model, _repeated(self.data, (values.size,)), starts)
-        places = [symbols.index(name) for name in held]
 
-        def fitted(begins: Sequence[FloatArray]) -> Fit:
-            """Fits (S, T) from several starts; one batch costs hardly more than one start."""
-            begun = np.array([np.broadcast_to(begin, starts.shape) for begin in begins])
-            begun[..., places] = starts[:, places]
-            return fit(model, _repeated(self.data, begun.shape[:-1]), begun, fixed=held, tied=tied)
+class _Profiles:
+    """Fits of one model to conditions (C, N), whose profiles are searched in one batch."""
 
-        if len(symbols) - len(held) - len(tied) < _FROM_SEVERAL:
-            return np.asarray(fitted([starts]).chi2[0])
-        first = fitted([starts, *self._fresh_starts])
-        lowest = first.values[np.argmin(first.chi2, axis=0), np.arange(values.size)]
-        neighbours = np.concatenate([best[None], lowest[:-1]])
-        return np.asarray(np.min([*first.chi2, *fitted([neighbours]).chi2], axis=0))
+    def __init__(
+        self,
+        fits: Sequence[Fit],
+        data: StiffnessData,
+        fixed: Mapping[str, float] | Sequence[str],
+        tied: Mapping[str, tuple[str, float]],
+    ) -> None:
+        self.fits, self.data, self.tied = fits, data, tied
+        self.model = fits[0].model
+        self.best = np.stack([one.values for one in fits])
+        self.problem = problem_of(self.model, data, self.best, [*fixed], tied)
+        self.at_free = self.problem.free.tolist()
 
-    def _gaussian_starts(self, at: int, values: FloatArray) -> FloatArray:
+    def heights(self, looks: Sequence[_Look]) -> list[FloatArray]:
+        """Heights (T,) of the profile at the values of each look."""
+        sizes = [one.values.size for one in looks]
+        rows = np.repeat([one.which for one in looks], sizes)
+        least = np.array([float(one.chi2) for one in self.fits])[rows]
+        found = np.sqrt(np.maximum(self._chi2(looks, rows, sizes) - least, 0.0))
+        return np.split(found, np.cumsum(sizes)[:-1])
+
+    def _chi2(self, looks: Sequence[_Look], rows: np.ndarray, sizes: Sequence[int]) -> FloatArray:
+        """Least chi-square (R,) for each value of the looks, over all other parameters."""
+        starts = np.concatenate([self._gaussian_starts(one) for one in looks])
+        at = np.repeat([one.at for one in looks], sizes)
+        pinned = self.problem.free == at[:, None]
+        held = ~np.isin(np.arange(starts.shape[1]), self.problem.free)
+
+        def least(some: np.ndarray, begins: FloatArray) -> tuple[FloatArray, FloatArray]:
+            """Values and chi-square of some of the rows, from these starts with the parameters of the looks."""
+            begins = np.where(held, self.best[rows[some]], begins)
+            begins[np.arange(some.size), at[some]] = starts[some, at[some]]
+            return least_chi2(self.problem, rows[some], begins, pinned[some])
+
+        every = np.arange(rows.size)
+        lowest, chi2 = least(every, starts)
+        if len(self.at_free) - 1 < _FROM_SEVERAL:
+            return chi2
+        some = np.flatnonzero(self._uncertain[rows])
+        for start in range(_FRESH if some.size else 0):
+            values, tried = least(some, self._fresh_starts[start][rows[some]])
+            better = tried < chi2[some]
+            chi2[some[better]], lowest[some[better]] = tried[better], values[better]
+        neighbours = np.concatenate([lowest[:1], lowest[:-1]])
+        first = np.cumsum([0, *sizes[:-1]])
+        neighbours[first] = self.best[rows[first]]
+        return np.minimum(chi2, least(every, neighbours)[1])
+
+    def _gaussian_starts(self, look: _Look) -> FloatArray:
         """Starts (T, P): conditional means of a normal distribution of the parameters, given values of one of them."""
-        best, covariance = self.found.values, self.found.covariance
-        low, high = self.found.model.bounds
+        found, at = self.fits[look.which], look.at
+        best, covariance = found.values, found.covariance
+        low, high = self.model.bounds
         slope = covariance[:, at] / covariance[at, at] if covariance[at, at] > 0 else np.zeros(best.size)
-        means = best + np.outer(values - best[at], slope)
+        means = best + np.outer(look.values - best[at], slope)
         starts = np.clip(means, np.maximum(low, 0.2 * best), np.minimum(high, 5 * best))
-        return np.where((slope == 0) | (best <= 0), best, starts)
+        starts = np.where((slope == 0) | (best <= 0), best, starts)
+        starts[:, at] = look.values
+        return starts
 
     @cached_property
     def _fresh_starts(self) -> FloatArray:
-        """Starts (S, P) that do not depend on the best values; none unless these are uncertain."""
-        if not self._is_uncertain:
-            return np.zeros((0, self.found.values.size))
-        return starts_of(self.found.model, self.data, _FRESH)
+        """Starts (S, C, P) that do not depend on the best values."""
+        return starts_of(self.model, self.data, _FRESH)
 
-    @property
-    def _is_uncertain(self) -> bool:
-        """Whether a parameter is on a bound, or a logarithmic one has a large relative uncertainty."""
-        logs = np.array([one.log for one in self.found.model.parameters])
-        relative = np.divide(self.found.std, self.found.values, out=np.zeros(logs.size), where=self.found.values != 0)
-        return bool(np.any(self.found.on_bound) or np.any(relative[logs] > _UNCERTAIN))
+    @cached_property
+    def _uncertain(self) -> BoolArray:
+        """Whether a parameter is on a bound, or a logarithmic one has a large relative uncertainty, by condition."""
+        logs = np.array([one.log for one in self.model.parameters])
+        std = np.stack([one.std for one in self.fits])
+        relative = np.divide(std, self.best, out=np.zeros(std.shape), where=self.best != 0)
+        on_bound = np.stack([one.on_bound for one in self.fits]).any(axis=1)
+        return np.asarray(on_bound | np.any(relative[:, logs] > _UNCERTAIN, axis=1))
 
 
-def _at_distances(parameter: Parameter, best: float, std: float, side: float, distances: FloatArray) -> FloatArray:
+def _at_distances(parameter: Parameter, best: float, std: float, side: int, distances: FloatArray) -> FloatArray:
     """Values at distances in standard uncertainties to one side; those of a logarithmic parameter are in ln."""
     if parameter.log and best > 0:
         step = min(std / best, 1.0) if std > 0 else 1.0
         return np.asarray(best * np.exp(side * np.minimum(distances * step, _FARTHEST)))
     return best + side * distances * (std if std > 0 else 0.1 * (abs(best) or parameter.default or 1.0))
-
-
-def _misfit(model: Model, data: StiffnessData, values: FloatArray) -> FloatArray:
-    """Chi-square (B,) of given parameters (B, P) on conditions (B,)."""
-    off = data.stiffness - model.on(data).stiffness(values, data.omega)
-    chi2 = np.sum(data.whitened(data.whitener(), off[..., None])[..., 0] ** 2, axis=-1)
-    if not takes_k1(model, data):
-        return np.asarray(chi2)
-    k1 = (data.k1 - static_stiffness(model, values, data)) / data.k1_std
-    return np.asarray(chi2 + np.nan_to_num(k1) ** 2)
-
-
-def _repeated(data: StiffnessData, shape: tuple[int, ...]) -> StiffnessData:
-    """The data of one condition as those of an array of equal conditions."""
-    parts: list[Any] = [data.stiffness, data.covariance, data.k1, data.k1_std]
-    many = [np.broadcast_to(one, (*shape, *one.shape)) for one in parts]
-    return replace(StiffnessData(data.omega, *many), amplitude=data.amplitude, **data.ramp)

@@ -179,11 +179,14 @@ def static_stiffness(model: Model, values: FloatArray, data: StiffnessData) -> F
     return np.asarray(np.sum((data.static_weights * model.stiffness(values, data.static_omega)).real, axis=-1))
 
 
-def static_derivative(model: Model, values: FloatArray, data: StiffnessData) -> FloatArray:
-    """Derivatives (..., P) of `static_stiffness` by each parameter."""
+def static_derivative(
+    model: Model, values: FloatArray, data: StiffnessData, places: np.ndarray | None = None
+) -> FloatArray:
+    """Derivatives (..., P) of `static_stiffness` by each parameter, or (..., F) by those at some places."""
     if not _ramped(model, data):
-        return model.static_derivative(values)
+        return model.static_derivative(values) if places is None else model.static_derivative_by(values, places)
     assert data.static_omega is not None
     assert data.static_weights is not None
     slopes = model.derivative(values, data.static_omega)
+    slopes = slopes if places is None else slopes[..., places]
     return np.asarray(np.sum((data.static_weights[..., None] * slopes).real, axis=-2))

@@ -15,7 +15,6 @@ from fourpole.models.interface import Model, Parameter, StateSpace, columns, pos
 from fourpole.models.shell import (
     Cylinder,
     elasticity,
-    flexibility,
     harmonics,
     load,
     modes,
@@ -28,6 +27,10 @@ from fourpole.models.shell import (
 #: Number of times that uu, uv, uw, vv, vw and ww occur in a symmetric 3 x 3 matrix; their rows and columns.
 _TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 _ROW, _COLUMN = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
+#: Places of k, mu and tau, the parameters that a fit leaves free.
+_OF_RUBBER = np.array([5, 6, 7])
+#: Places of the other parameters, of the wall and the load.
+_OF_WALL = np.array([0, 1, 2, 3, 4, 8, 9])
 #: Modes with less than this fraction of the static deflection are not part of the state space.
 _NOT_EXCITED = 1e-16
 #: Angular frequency [rad/s] used as zero; the relative change of K* by inertia is below 1e-16 there.
@@ -205,12 +208,42 @@ class Shell(Model):
         receptance = moved_by + rest[..., None] / loss
         return np.asarray(-whole / receptance[..., None] ** 2)
 
+    def derivative_by(self, values: ArrayLike, omega: ArrayLike, places: np.ndarray) -> ComplexArray:
+        """Derivatives by some of the parameters; by k, mu and tau without those of the wall's stiffness."""
+        if not np.all(np.isin(places, _OF_RUBBER)):
+            return super().derivative_by(values, omega, places)
+        sets, w = self.checked(values), positive(omega)
+        springs, shape, patch, rest = self._parts(sets)
+        mass, loss = sets[..., 6, None], 1 + 1j * w * sets[..., 7, None]
+        yields = loss[..., None, :, None] * springs[..., None, :] - (mass * w**2)[..., None, :, None]
+        answer = (shape[..., 2, None, :] / yields) @ np.swapaxes(shape, -1, -2)  # (..., pairs, N, 3)
+        weight = patch.weight[..., None]
+        moved = np.sum(weight * answer[..., 2], axis=-2)
+        by_mass = w**2 * np.sum(weight * np.sum(answer**2, axis=-1), axis=-2)
+        by_tau = -1j * w / loss * (moved + mass * by_mass) - 1j * w * rest[..., None] / loss**2
+        softer = self._softer(sets, ~self._moves)[..., None]
+        by_k = -loss * np.sum(weight * answer[..., 2] ** 2, axis=-2) - softer / loss
+        whole = np.stack([by_k, by_mass, by_tau], axis=-1)[..., places - _OF_RUBBER[0]]
+        return np.asarray(-whole / (moved + rest[..., None] / loss)[..., None] ** 2)
+
+    def static_derivative_by(self, values: ArrayLike, places: np.ndarray) -> FloatArray:
+        """Derivatives of the static stiffness by some of the parameters; it does not depend on mu and tau."""
+        if not np.all(np.isin(places, _OF_RUBBER)):
+            return super().static_derivative_by(values, places)
+        sets = self.checked(values)
+        by_k = self.static_stiffness(sets) ** 2 * self._softer(sets, np.ones(self._n.shape, dtype=bool))
+        return np.where(places == _OF_RUBBER[0], by_k[..., None], 0.0)
+
+    def _softer(self, sets: FloatArray, chosen: np.ndarray) -> FloatArray:
+        """Negative derivative (...,) [m^4/N^2] of the static flexibility of the chosen harmonics by k."""
+        elastic, patch = self._wall(sets, chosen)
+        return np.asarray(np.sum(patch.weight * radial_answer(elastic)[2] ** 2, axis=-1))
+
     def static_stiffness(self, values: ArrayLike) -> FloatArray:
         """K* at zero frequency."""
         sets = self.checked(values)
-        return np.asarray(
-            1.0 / flexibility(self.cylinder(sets), sets[..., 8], sets[..., 9], around=self.around, across=self.across)
-        )
+        elastic, patch = self._wall(sets, np.ones(self._n.shape, dtype=bool))
+        return np.asarray(1.0 / np.sum(patch.weight * radial_answer(elastic)[2], axis=-1))
 
     def static_derivative(self, values: ArrayLike) -> FloatArray:
         """Derivatives (..., P) of the static stiffness, the limit of `derivative` at zero frequency."""
@@ -252,18 +285,24 @@ class Shell(Model):
 
     def _parts(self, sets: FloatArray) -> tuple[FloatArray, FloatArray, _Patch, FloatArray]:
         """Stiffness and shape of the modes with inertia, their patch, and the flexibility of the others [m/N]."""
-        cylinder, moves = self.cylinder(sets), self._moves
-        stiffness = elasticity(cylinder, self._n, self._m)
-        springs, shape = modes(stiffness[..., moves])
-        patch = self._patch(cylinder, sets, moves)
-        others = self._patch(cylinder, sets, ~moves)
-        rest = np.sum(others.weight * radial_answer(stiffness[..., ~moves])[2], axis=-1)
+        moves = self._moves
+        elastic, patch = self._wall(sets, moves)
+        springs, shape = modes(elastic)
+        elastic, others = self._wall(sets, ~moves)
+        rest = np.sum(others.weight * radial_answer(elastic)[2], axis=-1)
         return springs, shape, patch, np.asarray(rest)
 
-    def _patch(self, cylinder: Cylinder, sets: FloatArray, chosen: np.ndarray) -> _Patch:
-        """The patch in the chosen harmonics."""
+    def _wall(self, sets: FloatArray, chosen: np.ndarray) -> tuple[FloatArray, _Patch]:
+        """Stiffness per area (6, ..., pairs) in the chosen harmonics, and the patch; equal walls are computed once."""
         n, m = self._n[chosen], self._m[chosen]
-        return _Patch(n, m, *load(cylinder, n, m, sets[..., 8], sets[..., 9]))
+        flat = sets.reshape(-1, sets.shape[-1])
+        _, first, back = np.unique(flat[:, _OF_WALL], axis=0, return_index=True, return_inverse=True)
+        radius, width, membrane, bending, pressure, _, mass, _, length, share = flat[first].T
+        wall = Cylinder(radius, width, membrane, bending, pressure, 0.0, mass, self.poisson, self.axial, self.edges)
+        back = back.reshape(sets.shape[:-1])
+        elastic = elasticity(wall, n, m)[:, back]
+        elastic[5] += sets[..., 5, None]
+        return elastic, _Patch(n, m, *(part[back] for part in load(wall, n, m, length, share)))
 
     def _by_stiffness(self, sets: FloatArray, n: FloatArray, m: FloatArray) -> FloatArray:
         """Derivatives (..., pairs, 6, 6) of the stiffness per area by R, B, S, D, p and k, times `_TWICE`."""
@@ -290,9 +329,8 @@ class Shell(Model):
 
     def _rest_slopes(self, sets: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Derivatives of H_rest: by R, B, S, D, p, k of the shell, and by R, B, l, beta of the load."""
-        cylinder, others = self.cylinder(sets), ~self._moves
-        patch = self._patch(cylinder, sets, others)
-        answer = radial_answer(elasticity(cylinder, patch.n, patch.m))
+        elastic, patch = self._wall(sets, ~self._moves)
+        answer = radial_answer(elastic)
         squares = np.moveaxis(patch.weight * answer[_ROW] * answer[_COLUMN], 0, -1)[..., None, :, :]
         shell = -_contracted(squares, self._by_stiffness(sets, patch.n, patch.m))[..., 0, :]
         return shell, (answer[2][..., None, :] @ patch.slopes(sets))[..., 0, :]

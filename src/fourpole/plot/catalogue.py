@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, as_completed
+from dataclasses import replace
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 
+import polars as pl
 from matplotlib.figure import Figure
 
 from fourpole.errors import CampaignError
@@ -31,6 +34,8 @@ _MODULES = (
     "amplitude",
     "operating",
 )
+#: Number of tasks into which the figures are divided for workers; each task has its own copy of the tables.
+_GROUPS = 6
 #: All figures by their keys, in the order of a report.
 FIGURES: dict[str, FigureSpec] = {
     spec.key: spec for name in _MODULES for spec in import_module(f"fourpole.plot.{name}").FIGURES
@@ -129,10 +134,11 @@ def save_figures(
     *,
     keys: Sequence[str] | None = None,
     style: Style | None = None,
-    formats: Sequence[str] = ("svg", "png"),
+    formats: Sequence[str] = ("svg",),
     progress: Callable[[int, int], None] | None = None,
+    executor: Executor | None = None,
 ) -> dict[str, Path]:
-    """Draw figures and write each as KEY.svg and KEY.png, each file in one step.
+    """Draw figures and write each as KEY.svg, or in other formats, each file in one step.
 
     If the results hold nothing that a figure shows, its files are removed from the folder.
 
@@ -150,6 +156,8 @@ def save_figures(
         Formats in which each figure is written.
     progress : callable (done, total), optional
         This function is called after each figure.
+    executor : concurrent.futures.Executor, optional
+        Workers in which the figures are drawn, in groups; by default they are drawn in this thread.
 
     Returns
     -------
@@ -170,20 +178,56 @@ def save_figures(
     if unknown or not formats:
         raise CampaignError(f"no format {(unknown or [''])[0]!r} of a figure: choose of {', '.join(FORMATS)}")
     folder = make_folder(folder)
-    written: dict[str, Path] = {}
-    for done, key in enumerate(wanted, start=1):
-        figure = draw(results, key, style)
+    written: set[str] = set()
+    for done, (key, drawings) in enumerate(_drawings(results, wanted, style, formats, executor), start=1):
         for form in formats:
             path = folder / f"{key}.{form}"
-            if figure is None:
-                path.unlink(missing_ok=True)
+            if form in drawings:
+                write_bytes(path, drawings[form])
+                written.add(key)
             else:
-                write_bytes(path, render(figure, key, form, style))
-        if figure is not None:
-            written[key] = folder / f"{key}.{formats[0]}"
+                path.unlink(missing_ok=True)
         if progress is not None:
             progress(done, len(wanted))
-    return written
+    return {key: folder / f"{key}.{formats[0]}" for key in wanted if key in written}
+
+
+def _drawings(
+    results: Results,
+    keys: Sequence[str],
+    style: Style | None,
+    formats: Sequence[str],
+    executor: Executor | None,
+) -> Iterator[tuple[str, dict[str, bytes]]]:
+    """Each figure's key and files by format, in any order; no files where the results hold nothing that it shows."""
+    if executor is None:
+        yield from ((key, _drawing(results, key, style, formats)) for key in keys)
+        return
+    # The previews are the largest table, and figures show those of static tests only.
+    previews = results.previews
+    if previews.height:
+        previews = previews.filter(pl.col("test").is_in(results.static["test"].implode()))
+    light = replace(results, tables={**results.tables, "previews": previews})
+    tasks = [executor.submit(_group, light, keys[at::_GROUPS], style, formats) for at in range(_GROUPS)]
+    try:
+        for task in as_completed(tasks):
+            yield from task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+
+
+def _group(
+    results: Results, keys: Sequence[str], style: Style | None, formats: Sequence[str]
+) -> list[tuple[str, dict[str, bytes]]]:
+    """Some figures, as one task of a worker."""
+    return [(key, _drawing(results, key, style, formats)) for key in keys]
+
+
+def _drawing(results: Results, key: str, style: Style | None, formats: Sequence[str]) -> dict[str, bytes]:
+    """The content of the files of one figure by format; empty if the results hold nothing that it shows."""
+    figure = draw(results, key, style)
+    return {} if figure is None else {form: render(figure, key, form, style) for form in formats}
 
 
 def figure_files(keys: Sequence[str] | None = None, formats: Sequence[str] = ("svg", "png")) -> list[str]:

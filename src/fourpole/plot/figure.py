@@ -19,6 +19,8 @@ from fourpole.study.results import Results
 FORMATS = ("svg", "png", "pdf")
 _DPI = 150
 _DIGITS = re.compile(rb"(\d\.\d\d)\d+")
+#: A line with text, or as many lines without as follow each other.
+_OF_TEXT = re.compile(rb"([^\n]*(?:<text|title>)[^\n]*\n?)|(?:(?![^\n]*(?:<text|title>))[^\n]*\n)+|[^\n]+")
 _GROUP_NAME = re.compile(rb'<g id="[^"]*"')
 
 
@@ -63,8 +65,9 @@ def _lean(svg: bytes) -> bytes:
 
     Two figures in one HTML page would otherwise have groups with the same id.
     """
-    lines = svg.split(b"\n")
-    for at, line in enumerate(lines):
-        if b"<text" not in line and b"title>" not in line:
-            lines[at] = _GROUP_NAME.sub(b"<g", _DIGITS.sub(rb"\1", line))
-    return b"\n".join(lines)
+    return _OF_TEXT.sub(_lean_part, svg)
+
+
+def _lean_part(part: re.Match[bytes]) -> bytes:
+    """A line with text as it is, other lines with short numbers and without ids of groups."""
+    return part[0] if part[1] else _GROUP_NAME.sub(b"<g", _DIGITS.sub(rb"\1", part[0]))

@@ -129,6 +129,15 @@ def read_sheet(results: Results, *, texts_only: bool = False) -> Sheet:
     A specimen tested at several temperatures, or at several values of a further axis, becomes several specimens;
     with `texts_only`, only axes whose values are texts part a specimen.
     """
+    key = ("sheet", texts_only)
+    if key not in results.derived:
+        results.derived[key] = _sheet_of(results, texts_only=texts_only)
+    sheet: Sheet = results.derived[key]
+    return sheet
+
+
+def _sheet_of(results: Results, *, texts_only: bool) -> Sheet:
+    """The tests in groups, as `read_sheet` has them."""
     results = results.apart(texts_only=texts_only)
     dynamic, static = results.dynamic, results.static
     names = tuple(dict.fromkeys([*texts(static, "tyre"), *texts(dynamic, "tyre")]))

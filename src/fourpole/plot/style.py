@@ -150,6 +150,7 @@ class Style:
             "axes.labelcolor": look.ink,
             "axes.labelsize": 8.0,
             "axes.titlesize": 8.5,
+            "axes.titley": 1.0,  # no search for the height of a title: no panel has ticks above it
             "axes.linewidth": 0.7,
             "axes.grid": True,
             "axes.axisbelow": True,

@@ -47,14 +47,36 @@ class Card:
 
 def make_cards(results: Results) -> tuple[list[Card], list[str], list[str]]:
     """All cards, static tests first; then the key of the card of each row of the static and of the dynamic table."""
-    rows = results.previews.rows(named=True) if "test" in results.previews.columns else []
-    previews = {key_of(row): row for row in rows}
+    previews = _Previews(results.previews)
     static, static_keys = _static_cards(results.static, previews)
     dynamic = _dynamic_cards(results, previews)
     return static + dynamic, static_keys, [card.key for card in dynamic]
 
 
-def _static_cards(frame: pl.DataFrame, previews: Mapping[Key, Mapping[str, Any]]) -> tuple[list[Card], list[str]]:
+class _Previews:
+    """The previews by key; a row becomes arrays when it is asked for, because the table may be large."""
+
+    def __init__(self, table: pl.DataFrame) -> None:
+        self._table = table
+        keys = table.select(name for name in KEY if name in table.columns)
+        self._at = {key_of(row): at for at, row in enumerate(keys.rows(named=True))} if "test" in keys.columns else {}
+
+    def of(self, key: Key) -> dict[str, NDArray[np.float64]]:
+        """The arrays of one test by column, without the room after their last sample; empty if there are none."""
+        at = self._at.get(key)
+        if at is None:
+            return {}
+        row = self._table.row(at, named=True)
+        found = {name: np.asarray(one, dtype=np.float64) for name, one in row.items() if isinstance(one, list)}
+        for time, *ends in ((q.TIME.head, "", " fit"), (q.RESIDUAL_TIME.head, " residual")):
+            count = int(np.isfinite(found[time]).sum()) if time in found else 0
+            for name in (time, *(f"{symbol}{end}" for symbol, _ in _SIGNALS for end in ends)):
+                if name in found:
+                    found[name] = found[name][:count]
+        return {name: one for name, one in found.items() if np.isfinite(one).any()}
+
+
+def _static_cards(frame: pl.DataFrame, previews: _Previews) -> tuple[list[Card], list[str]]:
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in frame.rows(named=True):
         groups.setdefault(row["test"], []).append(row)
@@ -66,14 +88,14 @@ def _static_cards(frame: pl.DataFrame, previews: Mapping[Key, Mapping[str, Any]]
             tyre=str(rows[0]["tyre"] or ""),
             condition=", ".join(part for part in ("static", condition(rows[0], dynamic=False)) if part),
             verdict=worst([row["verdict"] for row in rows]),
-            body=_static_body(rows, previews.get((str(test), 1), {})),
+            body=_static_body(rows, previews.of((str(test), 1))),
         )
         for test, rows in groups.items()
     ]
     return cards, [keys[test] for test in frame["test"].to_list()]
 
 
-def _static_body(rows: Sequence[Mapping[str, Any]], preview: Mapping[str, Any]) -> dict[str, Any]:
+def _static_body(rows: Sequence[Mapping[str, Any]], preview: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
     facts = []
     for row in rows:
         preload = known(row[q.PRELOAD.head])
@@ -106,7 +128,7 @@ def _tangents(
             yield [_short(x[at] + share * (x[at + 1] - x[at])), _short(preload), _short(k1)]
 
 
-def _dynamic_cards(results: Results, previews: Mapping[Key, Mapping[str, Any]]) -> list[Card]:
+def _dynamic_cards(results: Results, previews: _Previews) -> list[Card]:
     quantities = {
         symbol: str(section(results.record, "stated", "channels", role).get("quantity", ""))
         for symbol, role in _SIGNALS
@@ -122,7 +144,7 @@ def _dynamic_cards(results: Results, previews: Mapping[Key, Mapping[str, Any]]) 
             verdict=worst([row["verdict"]]),
             body=_dynamic_body(
                 row,
-                previews.get(key_of(row), {}),
+                previews.of(key_of(row)),
                 quantities,
                 more,
                 blocked=section(rigs, str(row["rig"] or "")).get("output") == "blocked",
@@ -134,7 +156,7 @@ def _dynamic_cards(results: Results, previews: Mapping[Key, Mapping[str, Any]]) 
 
 def _dynamic_body(
     row: Mapping[str, Any],
-    preview: Mapping[str, Any],
+    preview: Mapping[str, NDArray[np.float64]],
     quantities: Mapping[str, str],
     more: Sequence[str],
     *,
@@ -156,7 +178,7 @@ def _dynamic_body(
     return body
 
 
-def _signal(symbol: str, preview: Mapping[str, Any], quantity: str) -> dict[str, Any]:
+def _signal(symbol: str, preview: Mapping[str, NDArray[np.float64]], quantity: str) -> dict[str, Any]:
     signal, fit, residual = (_floats(preview.get(f"{symbol}{what}")) for what in ("", " fit", " residual"))
     if signal.size < 2 or fit.size != signal.size:
         return {}
@@ -170,7 +192,7 @@ def _signal(symbol: str, preview: Mapping[str, Any], quantity: str) -> dict[str,
     }
 
 
-def _loop(row: Mapping[str, Any], preview: Mapping[str, Any], *, blocked: bool) -> dict[str, Any]:
+def _loop(row: Mapping[str, Any], preview: Mapping[str, NDArray[np.float64]], *, blocked: bool) -> dict[str, Any]:
     """The hysteresis loop: amplitudes of deflection and F1, the phase lead of F1, the deflection's phase at t = 0.
 
     The deflection is that across the tyre if V2 is known, otherwise that of the contact. The phase at t = 0 follows
@@ -201,8 +223,8 @@ def _remarks(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return list(dict.fromkeys(str(row["remarks"]) for row in rows if row["remarks"]))
 
 
-def _floats(values: object) -> NDArray[np.float64]:
-    return np.asarray(values if isinstance(values, list) else [], dtype=np.float64)
+def _floats(values: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    return np.empty(0) if values is None else values
 
 
 def _short(value: float) -> float:

@@ -123,6 +123,7 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
         rigs_found=[_rig_as_found(found, where) for found in rigs_in_words(results)],
         limits=limits(results),
         models=models_section(results),
+        lacks_models=results.models is None and results.dynamic.height > 0,
         faults=list(results.faults),
         assumptions=texts(record.get("assumptions")),
         figures=_numbered(list(figures.values())),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +71,11 @@ class Results(Tables):
         values = {"tables": held, "record": record or {}, "models": models, "maps": maps, "faults": faults}
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    @cached_property
+    def derived(self) -> dict[Any, Any]:
+        """What readers of the tables have made of them, by keys of theirs; kept as long as the results."""
+        return {}
 
     @property
     def rigs(self) -> tuple[RigEstimate, ...]:
@@ -146,14 +152,17 @@ def read_results(folder: str | Path) -> Results:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
     except ValueError as error:
         raise CampaignError(f"{folder}: cannot be read ({error}): run fourpole analyse again") from None
-    return _with_models(Results(record=record, tables=tables), folder)
+    return with_models(Results(record=record, tables=tables), folder)
 
 
-def _with_models(results: Results, folder: Path) -> Results:
-    """The results with the model files that were made from these results."""
+def with_models(results: Results, folder: Path, tables: Path | None = None) -> Results:
+    """The results with those model files of a folder that were made from these results.
+
+    `tables` is the folder with their dynamic.csv, if that is another.
+    """
     from fourpole.fitting.modelfile import read_model_file
 
-    sha256 = sha256_of(folder / f"{DYNAMIC.name}.csv", max_bytes=_MOST_BYTES)
+    sha256 = sha256_of((tables or folder) / f"{DYNAMIC.name}.csv", max_bytes=_MOST_BYTES)
     files: dict[str, Any] = {}
     faults = []
     for name, field_name in (("model", "models"), ("map", "maps")):

@@ -13,9 +13,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.core.checks import Check
-from fourpole.core.demodulation.preview import Preview
 from fourpole.core.identify import OUTPUTS
-from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.fitting.likelihood import likelihood_of, likelihood_rows
 from fourpole.fitting.rows import KEY
@@ -26,11 +24,6 @@ from fourpole.study.rig_solution import residual_rows
 from fourpole.study.static import StaticTest
 
 Row = dict[str, Any]
-#: Columns of previews.parquet: the loop of a static test and its mean, and the signals of a dynamic test.
-LOOP = tuple(one.head for one in (q.DEFLECTION, q.LOAD, q.MEAN_DEFLECTION, q.MEAN_LOAD))
-_SIGNAL, _FIT, _RESIDUAL = "", " fit", " residual"
-_SHOWN = (_SIGNAL, _FIT, _RESIDUAL)
-SIGNALS = (q.TIME.head, q.RESIDUAL_TIME.head, *(f"{name}{what}" for name in SYMBOLS.values() for what in _SHOWN))
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,24 +282,3 @@ def likelihood_table_rows(analysed: Analysed) -> list[Row]:
             found = zip(group.joint.order.tolist(), likelihood_rows(likelihood_of(group.joint)), strict=True)
             rows += [{**keys[at], q.RIG.head: group.setup.rig_name, **row} for at, row in found]
     return rows
-
-
-def preview_rows(analysed: Analysed) -> list[Row]:
-    """Rows of previews.parquet."""
-    rows = [_static_preview(one.test, one.curve) for one in analysed.statics if one.curve is not None]
-    points = zip(analysed.keys, analysed.points, strict=True)
-    rows += [{**key, **_dynamic_preview(one, one.preview)} for key, one in points if one.preview is not None]
-    return rows
-
-
-def _static_preview(test: Test, curve: LoadCurve) -> dict[str, Any]:
-    (x, f), (mean_x, mean_f) = curve.loop(), curve.mean_curve()
-    return {q.TEST.head: test.name, q.POINT.head: 1, **dict(zip(LOOP, (x, f, mean_x, mean_f), strict=True))}
-
-
-def _dynamic_preview(found: Point, seen: Preview) -> dict[str, Any]:
-    """Signals less their mean, in the SI unit of the quantity that each channel recorded."""
-    row: dict[str, Any] = {q.TIME.head: seen.time, q.RESIDUAL_TIME.head: seen.blocks}
-    for role, *parts in zip(found.channels, seen.signals, seen.fit, seen.residual, strict=True):
-        row |= zip((f"{SYMBOLS[role]}{what}" for what in _SHOWN), parts, strict=True)
-    return row

@@ -21,6 +21,7 @@ from fourpole.fitting.likelihood import LIKELIHOOD_COLUMNS
 from fourpole.fitting.rows import KEY
 from fourpole.quantities import DERIVED, QUANTITIES, Quantity
 from fourpole.study import table_rows as made
+from fourpole.study.previews import PREVIEW_COLUMNS, preview_table
 from fourpole.study.table_rows import Analysed, Row
 
 _TYPES = {"number": pl.Float64, "text": pl.String, "count": pl.Int64, "lists": pl.List(pl.Float64)}
@@ -191,9 +192,9 @@ LIKELIHOOD = TableSpec(
     made.likelihood_table_rows, endings=(".parquet",), read=False,
 )  # fmt: skip
 PREVIEWS = TableSpec(
-    "previews", "a test: a few cycles of signal, fit and residual, or the static loop and its mean",
-    {q.TEST.head: pl.String, **dict.fromkeys((*made.LOOP, *made.SIGNALS), pl.List(pl.Float32))},
-    made.preview_rows, endings=(".parquet",), always=True,
+    "previews",
+    "a test: a few cycles of signal, fit and residual (not-a-number after the last), or the static loop and its mean",
+    PREVIEW_COLUMNS, preview_table, endings=(".parquet",), always=True,
 )  # fmt: skip
 
 #: All result tables, by name.

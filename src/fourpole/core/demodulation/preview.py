@@ -11,8 +11,9 @@ from fourpole.core.arrays import ByValue, FloatArray, IntArray
 from fourpole.core.demodulation.sinefit import SineFit
 
 _CYCLES = 3.0
-_POINTS = 96
-_BLOCKS = 60
+#: Most samples of an excerpt, and most blocks of the residual.
+POINTS = 96
+BLOCKS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +46,8 @@ def preview(fits: Sequence[SineFit], order: Sequence[int]) -> Preview:
     step = float(first.track.time[1] - first.track.time[0])
     half = min(count // 2, max(8, round(0.5 * _CYCLES * 2 * np.pi / first.omega / step)))
     window = np.arange(count // 2 - half, count // 2 + half)
-    shown = first.track.time[window[:: max(1, int(np.ceil(window.size / _POINTS)))]]
-    blocks = min(_BLOCKS, *(fit.track.time.size for fit in fits))
+    shown = first.track.time[window[:: max(1, int(np.ceil(window.size / POINTS)))]]
+    blocks = min(BLOCKS, *(fit.track.time.size for fit in fits))
     signals = np.concatenate([_at(fit, fit.track.signals, shown) for fit in fits])
     left = np.concatenate([_at(fit, fit.residual, shown) for fit in fits])
     return Preview(
