@@ -133,7 +133,7 @@ class Wanted:
         "No figures and no report; those of other tables are deleted.", "--tables-only", default=False
     )
     models: bool | None = _given(
-        "Choose a model for each tyre, as fit does; by default if that takes a few seconds, or keep those of the folder.",
+        "Choose a model for each tyre, as fit does; by default if that takes seconds, or keep those of the folder.",
         "--models/--no-models",
     )
     png: bool = _given("Write each figure as PNG, too.", "--png", default=False)
