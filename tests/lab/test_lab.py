@@ -6,65 +6,18 @@ import json
 import os
 import shutil
 from datetime import date
-from math import radians
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
+from tests.lab.conftest import campaign
 
 from fourpole import analyse
 from fourpole.errors import CampaignError
 from fourpole.lab import SCHEMA, TABLES, difference, gather, scan
-from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 ORIGIN = ["schema", "campaign", "laboratory", "title", "date", "fourpole", "sha256"]
-
-
-def campaign(folder, seed, **settings):
-    """A campaign with results: one condition, four frequencies."""
-    simulate_campaign(
-        folder,
-        seed=seed,
-        tyres=[RADIAL_PLY],
-        pressures=[170e3],
-        preloads=[1000.0],
-        frequencies=[11.0, 14.0, 18.0, 23.0],
-        sensors=(5e-3, radians(0.2)),
-        rig_std={"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
-        **settings,
-    )
-    analyse(folder, monte_carlo=0).write(folder / "results")
-    return folder
-
-
-#: Errors of sensors and rig, each within 1.3 of its standard uncertainties.
-ERRORS = {
-    "undeclared": {
-        "gain F1": 4e-3,
-        "gain V1": -6e-3,
-        "gain V2": 2e-3,
-        "phase F1": 2e-3,
-        "phase V1": 3e-3,
-        "phase V2": -4e-3,
-    },
-    "rig_error": {"moving_mass": 0.008, "preload_stiffness": -0.009, "preload_damping": 0.2},
-}
-
-
-@pytest.fixture(scope="session")
-def made(tmp_path_factory):
-    """Two campaigns that share their sensors and rig, in a tree of folders."""
-    folder = tmp_path_factory.mktemp("lab")
-    for name, seed in (("2024/spring", 11), ("2025", 12)):
-        campaign(folder / name, seed, **ERRORS)
-    return folder
-
-
-@pytest.fixture
-def place(made, tmp_path):
-    """A copy to change; times of change are kept."""
-    return shutil.copytree(made, tmp_path / "lab-folder")
 
 
 def listed(folder):
@@ -73,13 +26,13 @@ def listed(folder):
 
 def test_each_row_says_where_it_is_from_and_has_the_values_of_the_results(place):
     found = gather(place)
-    assert (found.campaigns, found.read, found.tests, found.problems) == (("2024/spring", "2025"), 2, 8, ())
+    assert (found.campaigns, found.read, found.tests, found.problems) == (("2024", "south/2025"), 2, 8, ())
     rows = scan(found.folder).collect()
     assert rows.columns[:7] == ORIGIN
     assert rows.unique(["campaign", "test", "point"]).height == rows.height == 8
     assert rows["schema"].unique().to_list() == [SCHEMA]
-    own = rows.filter(pl.col("campaign") == "2025")
-    results = pl.read_parquet(place / "2025" / "results" / "dynamic.parquet")
+    own = rows.filter(pl.col("campaign") == "south/2025")
+    results = pl.read_parquet(place / "south" / "2025" / "results" / "dynamic.parquet")
     for head in set(results.columns) - {"point"}:
         assert own[head].equals(results[head].cast(own[head].dtype)), head
     assert all(scan(found.folder, table).collect().height for table in TABLES)
@@ -87,27 +40,28 @@ def test_each_row_says_where_it_is_from_and_has_the_values_of_the_results(place)
 
 def test_all_files_of_a_table_have_the_same_columns(place):
     """So that a reader needs no option for missing columns; further columns of tests.csv are one JSON object."""
-    tests = place / "2025" / "tests.csv"
+    tests, stated = (place / "south" / "2025" / name for name in ("tests.csv", "campaign.toml"))
+    stated.write_text(stated.read_text().replace("date = 2025-05-31\n", ""))
     head, *lines = tests.read_text().splitlines()
     tests.write_text(
         "\n".join([f"{head},camber [deg],time", *(f"{line},2,2025-03-0{4 - at % 4}" for at, line in enumerate(lines))])
     )
-    analyse(place / "2025", monte_carlo=0).write(place / "2025" / "results")
+    analyse(place / "south" / "2025", monte_carlo=0).write(place / "south" / "2025" / "results")
     gather(place)
     schemas = {json.dumps(str(pl.read_parquet_schema(path))) for path in (place / "lab" / "tests").glob("*.parquet")}
     assert len(schemas) == 1
-    rows = scan(place / "lab").filter(pl.col("campaign") == "2025").collect()
+    rows = scan(place / "lab").filter(pl.col("campaign") == "south/2025").collect()
     assert {json.loads(text)["camber [deg]"] for text in rows["further"]} == {"2"}
     assert rows["date"].unique().to_list() == [date(2025, 3, 1)]
 
 
 def test_laboratory_and_date_are_those_of_campaign_toml(place):
-    path = place / "2025" / "campaign.toml"
-    path.write_text('laboratory = "North hall"\ndate = 2025-06-30\n' + path.read_text())
-    analyse(place / "2025", monte_carlo=0).write(place / "2025" / "results")
+    path = place / "south" / "2025" / "campaign.toml"
+    path.write_text('laboratory = "North hall"\n' + path.read_text())
+    analyse(place / "south" / "2025", monte_carlo=0).write(place / "south" / "2025" / "results")
     gather(place)
-    rows = scan(place / "lab", "static").filter(pl.col("campaign") == "2025").collect()
-    assert rows.select("laboratory", "date").unique().rows() == [("North hall", date(2025, 6, 30))]
+    rows = scan(place / "lab", "static").filter(pl.col("campaign") == "south/2025").collect()
+    assert rows.select("laboratory", "date").unique().rows() == [("North hall", date(2025, 5, 31))]
 
 
 def test_unchanged_results_are_not_read_again(place):
@@ -124,36 +78,34 @@ def test_changed_new_and_removed_results_are_followed(place):
     gather(place)
     shutil.rmtree(place / "2024")
     campaign(place / "2026", 13)
-    (place / "2025" / "results" / "study.json").touch()
+    (place / "south" / "2025" / "results" / "study.json").touch()
     found = gather(place)
-    assert (found.campaigns, found.read, found.unchanged, found.removed) == (("2025", "2026"), 2, 0, 1)
+    assert (found.campaigns, found.read, found.unchanged, found.removed) == (("2026", "south/2025"), 2, 0, 1)
     names = scan(place / "lab").select("campaign").unique().collect()["campaign"].sort().to_list()
-    assert names == ["2025", "2026"]
+    assert names == ["2026", "south/2025"]
     assert len(list((place / "lab" / "tests").iterdir())) == 2
 
 
 def test_results_that_cannot_be_read_are_named_and_the_others_stay(place):
-    (place / "2024" / "spring" / "results" / "study.json").write_text("{")
+    (place / "2024" / "results" / "study.json").write_text("{")
     found = gather(place)
-    assert (found.campaigns, found.left_out) == (("2025",), 1)
-    assert found.problems == (
-        "2024/spring: not taken: study.json is not one that fourpole wrote: run fourpole analyse again",
-    )
+    assert (found.campaigns, found.left_out) == (("south/2025",), 1)
+    assert found.problems == ("2024: not taken: study.json is not one that fourpole wrote: run fourpole analyse again",)
 
 
 def test_results_of_an_earlier_version_lack_columns_that_stay_empty(place):
-    results = place / "2025" / "results"
+    results = place / "south" / "2025" / "results"
     table = pl.read_csv(results / "dynamic.csv").drop("deflection amplitude [m]")
     table.write_csv(results / "dynamic.csv")
     found = gather(place)
     assert found.problems == (
-        "2025: tests is without deflection amplitude [m]: run fourpole analyse again to have them",
+        "south/2025: tests is without deflection amplitude [m]: run fourpole analyse again to have them",
     )
-    rows = scan(place / "lab").filter(pl.col("campaign") == "2025").collect()
+    rows = scan(place / "lab").filter(pl.col("campaign") == "south/2025").collect()
     assert rows["deflection amplitude [m]"].null_count() == rows.height == 4
     table.drop("Re K* [N/m]").write_csv(results / "dynamic.csv")
     assert (
-        "2025: not taken: dynamic.csv: has no column 'Re K* [N/m]': run fourpole analyse again"
+        "south/2025: not taken: dynamic.csv: has no column 'Re K* [N/m]': run fourpole analyse again"
         in gather(place).problems
     )
 
@@ -178,7 +130,7 @@ def test_a_data_set_of_another_version_is_written_anew_or_refused(place):
 def test_a_stopped_run_leaves_the_former_data_set(place, monkeypatch, where):
     gather(place)
     before = {name: (place / "lab" / name).read_bytes() for name in listed(place / "lab")}
-    (place / "2025" / "results" / "study.json").touch()
+    (place / "south" / "2025" / "results" / "study.json").touch()
 
     def stopped(*_, **__):
         raise KeyboardInterrupt
@@ -192,7 +144,7 @@ def test_a_stopped_run_leaves_the_former_data_set(place, monkeypatch, where):
 def test_links_are_not_followed_and_the_data_set_may_stand_elsewhere(place, tmp_path):
     campaigns = tmp_path / "only"
     campaigns.mkdir()
-    shutil.copytree(place / "2025", campaigns / "2025")
+    shutil.copytree(place / "south" / "2025", campaigns / "2025")
     (campaigns / "linked").symlink_to(place / "2024", target_is_directory=True)
     found = gather(campaigns, tmp_path / "set")
     assert (found.folder, found.campaigns) == (tmp_path / "set", ("2025",))
@@ -214,12 +166,12 @@ def test_the_same_sensors_cancel_in_a_difference_and_other_sensors_do_not(place)
     """The true values are equal. Sensors contribute 30 times more to u than noise does."""
     campaign(place / "other", 14)  # its sensors and rig have errors of their own
     gather(place)
-    same = difference(place / "lab", "2024/spring", "2025")
+    same = difference(place / "lab", "2024", "south/2025")
     assert same.height == 4 * 5
     ratio = same["ratio same sensors"].to_numpy()
     assert np.sqrt(np.mean(ratio**2)) < 1.6  # 20 ratios, of which some 8 are independent: chi2(8)/8 < 2.5 at 99 %
     assert np.median(same["u same sensors"] / same["u independent"]) < 0.1
-    other = difference(place / "lab", "2025", "other")
+    other = difference(place / "lab", "south/2025", "other")
     assert np.sqrt(np.mean(other["ratio independent"].to_numpy() ** 2)) < 2.0
     assert np.max(np.abs(other["ratio same sensors"].to_numpy())) > 5  # the sensors differ, and that shows
 
@@ -227,8 +179,8 @@ def test_the_same_sensors_cancel_in_a_difference_and_other_sensors_do_not(place)
 def test_values_are_compared_at_one_frequency(made, place):
     """The cam turns a little faster or slower than stated; K* changes by more than its noise then."""
     gather(place)
-    found = difference(place / "lab", "2024/spring", "2025").filter(pl.col("quantity") == "Re K*")
-    one, two = (scan(place / "lab").filter(pl.col("campaign") == name).collect() for name in ("2024/spring", "2025"))
+    found = difference(place / "lab", "2024", "south/2025").filter(pl.col("quantity") == "Re K*")
+    one, two = (scan(place / "lab").filter(pl.col("campaign") == name).collect() for name in ("2024", "south/2025"))
     assert found["frequency [Hz]"].to_list() == one["frequency [Hz]"].to_list()
     slope = np.gradient(two["Re K* [N/m]"].to_numpy(), np.log(two["frequency [Hz]"].to_numpy()))
     moved = slope * np.log(two["frequency [Hz]"].to_numpy() / one["frequency [Hz]"].to_numpy())
@@ -239,4 +191,4 @@ def test_values_are_compared_at_one_frequency(made, place):
 def test_a_difference_names_a_campaign_that_is_not_there(place):
     gather(place)
     with pytest.raises(CampaignError, match="has no campaign 'spring'"):
-        difference(Path(place / "lab"), "2025", "spring")
+        difference(Path(place / "lab"), "south/2025", "spring")

@@ -1,0 +1,59 @@
+"""Campaigns with results, made on the virtual rig."""
+
+from __future__ import annotations
+
+import shutil
+from math import radians
+
+import pytest
+
+from fourpole import analyse
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
+
+#: Errors of sensors and rig, each within 1.3 of its standard uncertainties.
+ERRORS = {
+    "undeclared": {
+        "gain F1": 4e-3,
+        "gain V1": -6e-3,
+        "gain V2": 2e-3,
+        "phase F1": 2e-3,
+        "phase V1": 3e-3,
+        "phase V2": -4e-3,
+    },
+    "rig_error": {"moving_mass": 0.008, "preload_stiffness": -0.009, "preload_damping": 0.2},
+}
+
+
+def campaign(folder, seed, *, date="", **settings):
+    """A campaign with results: one condition, four frequencies."""
+    simulate_campaign(
+        folder,
+        seed=seed,
+        tyres=[RADIAL_PLY],
+        pressures=[170e3],
+        preloads=[1000.0],
+        frequencies=[11.0, 14.0, 18.0, 23.0],
+        sensors=(5e-3, radians(0.2)),
+        rig_std={"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
+        **settings,
+    )
+    if date:
+        stated = folder / "campaign.toml"
+        stated.write_text(f"date = {date}\n" + stated.read_text())
+    analyse(folder, monte_carlo=0).write(folder / "results")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory):
+    """Two campaigns that share their sensors and rig, in a tree of folders."""
+    folder = tmp_path_factory.mktemp("lab")
+    campaign(folder / "2024", 11, date="2024-05-31", **ERRORS)
+    campaign(folder / "south" / "2025", 12, date="2025-05-31", **ERRORS)
+    return folder
+
+
+@pytest.fixture
+def place(made, tmp_path):
+    """A copy to change; times of change are kept."""
+    return shutil.copytree(made, tmp_path / "lab-folder")
