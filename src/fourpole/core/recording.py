@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -120,6 +121,8 @@ class Recording:
     channels: Mapping[str, Channel]
     label: str = "recording"
     reference: Reference | None = None
+    #: What functions have made of the recording and may ask for again.
+    made: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if "motion_in" not in self.channels:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,6 +27,21 @@ _SAME_NOMINAL = 1e-3
 _MOST_ANGLES = 1 << 17
 
 
+class Grids:
+    """The uniform grid of the last stamps asked for: channels that share their stamps ask for the same one."""
+
+    def __init__(self) -> None:
+        self._stamps: FloatArray | None = None
+        self._found = (float("nan"), "")
+
+    def of(self, stamps: FloatArray) -> tuple[float, str]:
+        """The interval of some stamps [s], and a remark; see `uniform_time`."""
+        last = self._stamps
+        if last is None or last.__array_interface__ != stamps.__array_interface__:
+            self._stamps, self._found = stamps, uniform_time(stamps)
+        return self._found
+
+
 @dataclass(frozen=True)
 class Timing:
     """The stated times of a test.
@@ -39,11 +54,14 @@ class Timing:
         Approximate frequency of the excitation.
     label : str
         Name of the file in messages.
+    grids : Grids
+        Grids of stamps, found once for all channels.
     """
 
     window: tuple[float, float] | None
     near: float | None
     label: str
+    grids: Grids = field(default_factory=Grids, compare=False)
 
     def longest(self, count: int, rate: float) -> int:
         """Largest number of samples that the window can hold, for a channel with `count` samples."""
@@ -213,7 +231,7 @@ class TimeBase:
         return slice(low, high)
 
     def _join(self, stamps: FloatArray) -> None:
-        step, remark = uniform_time(stamps)
+        step, remark = self._timing.grids.of(stamps)
         self.remark = self.remark or remark
         if self.kept:
             gap = float(stamps[0]) - self._last

@@ -177,7 +177,7 @@ def test_a_phase_is_followed_in_twelve_stretches_at_least(monkeypatch, stretches
     time = np.arange(20) * HOP
     amplitude = np.where(np.arange(20) < stretches, 1.0 + 0j, np.nan)
     made = Envelope(time, {"motion_in": amplitude}, 2 * np.pi * FREQUENCY, HOP)
-    monkeypatch.setattr(wander, "tracks_of", lambda *given: [None])
+    monkeypatch.setattr(wander, "_motion", lambda recording: None)
     monkeypatch.setattr(wander, "envelope", lambda *given: made)
     monkeypatch.setattr(wander, "_turned", lambda amplitude: True)
     channels = {"motion_in": SimpleNamespace(quantity="velocity")}

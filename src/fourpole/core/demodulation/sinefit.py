@@ -20,6 +20,8 @@ from fourpole.core.demodulation.terms import Rows, Terms, rows_of
 from fourpole.core.demodulation.tracks import Track
 
 _ITERATIONS = 12
+#: Frequencies are told apart if this share of the slope by each is not along those before it.
+_ALIKE = 1e-3
 #: Round-off of an energy, relative.
 _ROUND_OFF = 1e-14
 #: A step is taken to first order if its second order is at most this share of an amplitude's standard uncertainty.
@@ -257,12 +259,21 @@ def _newton_step(
         right[own] += np.einsum("c,cij,jc->i", weighed, every, fit.right[fit.size :])
     if not free:
         normal[0, 0] = 1.0
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = normal * np.outer(scale, scale)
-    inverse = scaled if count == 1 else np.linalg.pinv(scaled, rcond=1e-10, hermitian=True)
-    covariance = inverse * np.outer(scale, scale)
+    covariance = _inverse(normal)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return covariance @ right, std if free else std * (np.arange(count) > 0)
+
+
+def _inverse(normal: FloatArray) -> FloatArray:
+    """Inverse of a positive matrix; directions that it does not know stay out."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    scaled = normal * np.outer(scale, scale)
+    factor, wrong = lapack.dpotrf(scaled, lower=1)
+    if wrong or np.min(np.diag(factor)) < _ALIKE:
+        inverse = np.linalg.pinv(scaled, rcond=1e-10, hermitian=True)
+    else:
+        inverse = lapack.dpotrs(factor, np.eye(len(scaled)), lower=1)[0]
+    return np.asarray(inverse * np.outer(scale, scale))
 
 
 def _turned(fit: SineFit, informing: BoolArray, *, free: bool) -> FloatArray:

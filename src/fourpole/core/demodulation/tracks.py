@@ -96,6 +96,14 @@ class Track(ByValue):
 
 def tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:
     """Tracks of the channels `names` over their common time, V1 first; RecordingError for a channel without signal."""
+    asked = ("tracks", *names)
+    if asked not in recording.made:
+        recording.made[asked] = _tracks_of(recording, names)
+    found: list[Track] = recording.made[asked]
+    return found
+
+
+def _tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:
     first, last = recording.span
     common = recording if _alike(recording) else recording.between(first, last)
     bases = dict.fromkeys(common.base(name) for name in ("motion_in", *names))

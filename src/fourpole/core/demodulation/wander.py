@@ -91,9 +91,8 @@ def _along_v1(recording: Recording, found: Demodulation, share: float) -> tuple[
     are compared: the phase of V1 as it is, and with the lines removed first.
     """
     tries = []
-    motion = _motion(recording)
     for lines in dict.fromkeys((False, found.lines.size > 0)):
-        reference = _own_reference(recording, motion, found, lines=lines)
+        reference = _own_reference(recording, found, lines=lines)
         if reference is None or (departure := _departure(reference)) < STEADY:
             continue
         with suppress(RecordingError):
@@ -123,12 +122,13 @@ def _motion(recording: Recording) -> Track:
     return replace(first, names=("motion_in",), signals=first.signals[at : at + 1])
 
 
-def _own_reference(recording: Recording, motion: Track, found: Demodulation, *, lines: bool) -> Reference | None:
+def _own_reference(recording: Recording, found: Demodulation, *, lines: bool) -> Reference | None:
     """The phase of V1 as a reference, about the recording's own reference if it has one.
 
     If `lines`, the interfering lines found are removed from V1 first. None if V1 shows no wandering drive.
     """
     omega, middle = float(found.phasors.omega), 0.5 * sum(recording.span)
+    motion = _motion(recording)
     if lines:
         fit = fit_sines(motion, omega, 1, 2 * np.pi * np.unique(found.lines))
         foreign = fit.coefficients.copy()
