@@ -25,18 +25,18 @@ from typing import TypeAlias
 
 from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
 from fourpole.campaign.folder import Test
-from fourpole.campaign.place import at_hand, identity_at, inside
+from fourpole.campaign.place import at_hand, identity_at
 from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core.checks import reported
 from fourpole.core.codes import Code
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.child import SECONDS, Child, Died, child
 from fourpole.io.identity import Identity
-from fourpole.io.recordings import format_of
 from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import sha256_of
 from fourpole.study.cache import Cache, packed, unpacked
+from fourpole.study.guard import by_library
 from fourpole.study.outcome import Demodulated, Reduced
 from fourpole.study.reduce import Job, demodulated, reduced_of
 
@@ -75,7 +75,10 @@ def run_batch(jobs: Sequence[Job], seconds: float, guarded: bool) -> list[Answer
     guarded : bool
         Whether all are run in the worker process of this thread; otherwise only those whose file a library reads.
     """
-    return [_ran(job, seconds) if guarded or _by_library(job) else demodulate_packed(job) for job in jobs]
+    return [
+        _ran(job, seconds) if guarded or by_library(job.folder, job.test.file) else demodulate_packed(job)
+        for job in jobs
+    ]
 
 
 def demodulate_packed(job: Job) -> bytes:
@@ -95,17 +98,6 @@ def _ran(job: Job, seconds: float) -> Answer:
     except RuntimeError as error:
         why = reported(Code.FAULT, "rejected", why=error)
     return packed(Demodulated(checks=(why,), lasting=False))
-
-
-def _by_library(job: Job) -> bool:
-    """Whether a file is of a format that a library reads, which a damaged file may crash."""
-    if is_elsewhere(job.test.file):
-        return True
-    try:
-        path = inside(job.folder, job.test.file)
-        return format_of(path, max_bytes=MAX_FILE_BYTES, label=job.test.file).by_library
-    except FourpoleError:
-        return False  # the job says why
 
 
 def _identity(job: Job) -> Identity | None:
