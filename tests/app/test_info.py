@@ -81,7 +81,7 @@ def test_for_programs_it_is_one_document(run, table, logged):
 
 
 def test_quick_reads_no_samples(run, table, monkeypatch):
-    monkeypatch.setattr("fourpole.app.info.look", None)
+    monkeypatch.setattr("fourpole.app.info.look_at", None)
     ran = run("info", table, "--quick")
     assert ran.exit_code == 0
     assert ran.stdout.splitlines()[-5:] == [

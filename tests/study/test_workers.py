@@ -16,7 +16,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from fourpole.app.cli import app
 from fourpole.errors import CampaignError
 from fourpole.io import child as children
 from fourpole.study import workers
@@ -217,3 +219,19 @@ def members(group):
         except OSError:
             pass
     return found
+
+
+@pytest.mark.parametrize("what", ["crash", "hang"])
+def test_info_init_and_check_survive_a_file_that_hurts_its_reader(hurting, what, monkeypatch):
+    monkeypatch.setattr(children, "SECONDS", 1.0)
+    monkeypatch.setattr(children.Child.call, "__kwdefaults__", {**children.Child.call.__kwdefaults__, "seconds": 1.0})
+    folder = hurting(what)
+    ran = CliRunner().invoke(app, ["info", str(folder.path / "recordings" / "D2.h5")])
+    assert ran.exit_code == 2
+    assert "D2.h5 crashed the library" in ran.stderr or "D2.h5 was not read within 1 s" in ran.stderr
+    ran = CliRunner().invoke(app, ["check", str(folder.path)])
+    assert ran.exit_code == 3
+    assert "reader" in ran.stdout
+    ran = CliRunner().invoke(app, ["init", str(folder.path / "recordings"), "--json"])
+    assert ran.exit_code == 0
+    assert "D2.h5" in ran.output

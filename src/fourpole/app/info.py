@@ -15,9 +15,10 @@ from rich.cells import cell_len
 from fourpole.app.console import out, print_json, progress, table_width
 from fourpole.app.options import InfoOptions
 from fourpole.app.outline import draws_dots, line, picture
-from fourpole.io.look import ChannelSummary, look
+from fourpole.io.child import read_apart
+from fourpole.io.look import ChannelSummary, look_at
 from fourpole.io.recordings import chosen_of, survey
-from fourpole.io.signals import SignalInfo
+from fourpole.io.signals import FileInfo, SignalInfo
 
 #: Number of channels whose samples are read if no channel and no group is named.
 _MOST = 64
@@ -80,13 +81,13 @@ def _time_faults(found: ChannelSummary) -> Iterator[str]:
 
 def run_info(file: Path, options: InfoOptions, *, as_json: bool) -> None:
     """Print format, channels, units and times of a file, and a summary of the samples of each channel."""
-    found = survey(file)
+    found: FileInfo = read_apart(survey, file, classes=(FileInfo, SignalInfo))
     shown = chosen_of(found, options.group, [options.channel] if options.channel else [], file.name)
     some = shown if options.channel or options.group else shown[:_MOST]
     seen: dict[int, ChannelSummary | str] = {}
     if not options.quick:
         with progress("reading") as advance:
-            seen = look(file, found, some, label=file.name, progress=advance)
+            seen = read_apart(look_at, file, found, some, classes=(ChannelSummary,), progress=advance)
     rows = []
     for at in shown:
         one = seen.get(at)

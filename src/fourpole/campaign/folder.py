@@ -20,6 +20,7 @@ from fourpole.campaign.place import at_hand
 from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
+from fourpole.io.child import read_apart
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode, read_bytes
@@ -453,7 +454,13 @@ def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
 def _survey(folder: Path, file: str) -> FileInfo:
     """The description of a recording of a campaign."""
     with at_hand(folder, file) as path:
-        return survey(path, label=file)
+        found: FileInfo = read_apart(survey_named, path, file, classes=(FileInfo, SignalInfo))
+        return found
+
+
+def survey_named(path: Path, label: str) -> FileInfo:
+    """The description of a file with a name for messages, as a worker process runs it."""
+    return survey(path, label=label)
 
 
 def _check_times(file: str, signals: Sequence[SignalInfo]) -> None:

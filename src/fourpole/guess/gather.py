@@ -16,6 +16,7 @@ from fourpole.errors import CampaignError, FourpoleError, UnitError
 from fourpole.guess.channels import Column, column_of
 from fourpole.guess.names import Token, read_header, read_name, without_ending
 from fourpole.guess.signals import SignalShape, samples_of, signal_shape
+from fourpole.io.child import read_apart
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode, read_bytes
@@ -82,6 +83,10 @@ class FolderRecording:
     def frequency(self) -> float:
         """Frequency of the excitation by the samples [Hz]; not-a-number if it is not known."""
         return float("nan") if self.shape is None else self.shape.frequency
+
+
+#: The classes of which a recording of a folder is made.
+_OF_RECORDING = (FolderRecording, Column, Token, SignalShape)
 
 
 @dataclass
@@ -154,8 +159,7 @@ def _read_one(path: Path, name: str, found: FolderContents, notes: dict[str, tup
     """Add the recordings of a file to `found`, or its tokens to `notes`."""
     is_note = _NOTES.search(path.name) is not None
     try:
-        info = survey(path, max_bytes=_MOST_BYTES, label=name)
-        made = list(_recordings(path, name, info)) if _is_table(info) else []
+        made: list[FolderRecording] = read_apart(recordings_of, path, name, classes=_OF_RECORDING)
     except FourpoleError:
         if not is_note:
             raise
@@ -169,6 +173,12 @@ def _read_one(path: Path, name: str, found: FolderContents, notes: dict[str, tup
         notes[name] = tuple(read_header(_lines(path, name)))
         return
     found.left_out.append((name, "has no two channels of numbers"))
+
+
+def recordings_of(path: Path, name: str) -> list[FolderRecording]:
+    """The recordings of a file, as a worker process runs it; none if it is no table."""
+    info = survey(path, max_bytes=_MOST_BYTES, label=name)
+    return list(_recordings(path, name, info)) if _is_table(info) else []
 
 
 def _is_table(info: FileInfo) -> bool:

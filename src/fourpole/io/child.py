@@ -17,10 +17,13 @@ import time
 import weakref
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 from fourpole import errors
 from fourpole.io.packed import pack, unpack
+from fourpole.io.recordings import format_of
+from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.worker import TOO_MUCH, receive, send
 
 #: Memory that a file may need beyond the interpreter and the file itself, mapped [byte]: the samples of a request may
@@ -59,7 +62,14 @@ class Child:
         self._process: subprocess.Popen[bytes] | None = None
         self._closed = False
 
-    def call(self, function: Callable[..., Any], *args: Any, size: int = 0, seconds: float = SECONDS) -> bytes:
+    def call(
+        self,
+        function: Callable[..., Any],
+        *args: Any,
+        size: int = 0,
+        seconds: float = SECONDS,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> bytes:
         """Run a function of Fourpole in the worker.
 
         Parameters
@@ -70,6 +80,8 @@ class Child:
             Size of the file that it reads.
         seconds : float [s]
             Time limit of a small file.
+        progress : callable, optional
+            The argument of this name that the function has.
 
         Returns
         -------
@@ -84,14 +96,16 @@ class Child:
             What the function raised; RuntimeError stands for an error that is not one of Fourpole.
         """
         limit = seconds + _PER_BYTE * size
-        message = pack((function.__module__, function.__name__, pack(args), limit, SPARE + size))
+        message = pack((function.__module__, function.__name__, pack(args), progress is not None, limit, SPARE + size))
         process = self._running()
         began = time.monotonic()
         answer = None
         try:
             with suppress(OSError, ValueError):
                 send(cast("BinaryIO", process.stdin), message)
-                answer = receive(cast("BinaryIO", process.stdout))
+                while (answer := receive(cast("BinaryIO", process.stdout))) and answer[:1] == b"P":
+                    if progress is not None:
+                        progress(*unpack(answer[1:]))
         except BaseException:  # Ctrl-C: the answer would be taken for that of the next call
             self.close(for_good=False)
             raise
@@ -159,15 +173,38 @@ def _error(kind: str, text: str) -> Exception:
     return found(text) if isinstance(found, type) and issubclass(found, errors.FourpoleError) else RuntimeError(text)
 
 
-def guarded(function: Callable[..., Any], *args: Any, size: int = 0, classes: Iterable[type] = ()) -> Any:
-    """The result of a function that reads one file, run in the worker of this thread, and once more if it dies.
+def read_apart(
+    function: Callable[..., Any],
+    path: Path,
+    *args: Any,
+    classes: Iterable[type] = (),
+    progress: Callable[[int, int], None] | None = None,
+) -> Any:
+    """The result of a function that reads a file, run in the worker of this thread if a library reads such a file.
 
-    FileError if it dies twice.
+    Parameters
+    ----------
+    function : callable
+        A function at the top of a module; its first argument is the path.
+    path : Path
+        The file.
+    classes : iterable of type
+        The classes of which the result is made.
+    progress : callable, optional
+        The argument of this name that the function has.
+
+    Raises
+    ------
+    FileError
+        If the worker dies twice, or the file cannot be opened.
     """
-    for again in (False, True):
+    told = {} if progress is None else {"progress": progress}
+    if not format_of(path, max_bytes=MAX_FILE_BYTES).by_library:
+        return function(path, *args, **told)
+    why = ""
+    for _ in range(2):
         try:
-            return unpack(child().call(function, *args, size=size), classes)
+            return unpack(child().call(function, path, *args, size=path.stat().st_size, progress=progress), classes)
         except Died as death:
-            if again:
-                raise errors.FileError(f"the file {death}; it may be damaged: copy or export it again") from None
-    raise AssertionError
+            why = str(death)
+    raise errors.FileError(f"{path.name} {why}; it may be damaged: copy or export it again")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fourpole.core.arrays import ByValue
 from fourpole.core.demodulation.spectrum import hann
 from fourpole.errors import FourpoleError
-from fourpole.io.signals import FileInfo, Signal
+from fourpole.io.signals import FileInfo, Signal, SignalInfo
 from fourpole.io.stream import by_halves, surveyed_stream
 
 FloatArray = NDArray[np.float64]
@@ -286,3 +286,14 @@ def _line(samples: FloatArray, rate: float) -> float | None:
     ratio = math.sqrt(power[peak + side] / power[peak])
     # The ratio of the two highest lines of a sinusoid under a Hann window gives its frequency (Grandke 1983).
     return float((peak + side * (2 * ratio - 1) / (ratio + 1)) * rate / samples.size)
+
+
+#: The classes of the description of a file.
+OF_WORK = (FileInfo, SignalInfo)
+
+
+def look_at(
+    path: Path, found: FileInfo, chosen: Sequence[int], *, progress: Callable[[int, int], None]
+) -> dict[int, ChannelSummary | str]:
+    """The summary of some channels of a file, as a worker process runs it; see `look`."""
+    return look(path, found, chosen, label=path.name, progress=progress)

@@ -107,6 +107,8 @@ def _object(value: Any, arrays: list[Any]) -> dict[str, Any]:
     """An object for JSON: its kind and its content."""
     if isinstance(value, Path):
         return {"p": str(value)}
+    if isinstance(value, complex):
+        return {"z": [value.real, value.imag]}
     if isinstance(value, bytes):
         return {"b": _placed(np.frombuffer(value, dtype=np.uint8), arrays)}
     if isinstance(value, Enum):
@@ -155,4 +157,5 @@ _SIMPLE: dict[str, Callable[[Any, list[Any]], Any]] = {
     "a": lambda held, arrays: arrays[held],
     "b": lambda held, arrays: arrays[held].tobytes(),
     "p": lambda held, _: Path(held),
+    "z": lambda held, _: complex(*held),
 }

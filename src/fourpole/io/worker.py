@@ -21,6 +21,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -67,9 +68,11 @@ def main() -> None:
         faulthandler.dump_traceback_later(_IDLE, exit=True, file=nowhere)
         message = work.get()
         faulthandler.cancel_dump_traceback_later()
-        module, name, content, seconds, spare = unpack(message)
+        module, name, content, tells, seconds, spare = unpack(message)
         home = import_module(module)
-        function, args = getattr(home, name), unpack(content, home.OF_WORK)
+        function, args = getattr(home, name), unpack(content, getattr(home, "OF_WORK", ()))
+        if tells:
+            function = partial(function, progress=partial(_tell, answers))
         faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)
         memory.allow(spare)
         answer = _answered(function, args)
@@ -89,6 +92,11 @@ def _answered(function: Callable[..., Any], args: tuple[Any, ...]) -> bytes:
         return b"E" + pack(("MemoryError", ""))
     except Exception as error:  # noqa: BLE001 - the parent says that this is a fault of ours
         return b"E" + pack(("Exception", f"{type(error).__name__}: {error}"))
+
+
+def _tell(answers: BinaryIO, done: int, total: int) -> None:
+    """Tell the parent how much of a piece of work is done."""
+    send(answers, b"P" + pack((done, total)))
 
 
 def _private_output() -> BinaryIO:

@@ -116,14 +116,20 @@ class Cache:
 
     def recall(self, name: str) -> Demodulated | None:
         """What is kept under a name; None if it is missing or damaged."""
+        content = self.bytes_of(name)
+        with suppress(ValueError, KeyError, TypeError, IndexError):
+            return None if content is None else unpacked(content)
+        return None
+
+    def bytes_of(self, name: str) -> bytes | None:
+        """The bytes that are kept under a name; None if it is missing."""
         if name not in self._here:
             return None
-        try:
-            done = unpacked((self._folder / name).read_bytes())
-        except (OSError, ValueError, KeyError, TypeError, IndexError):
-            return None
-        self._used[name] = self._run
-        return done
+        with suppress(OSError):
+            content = (self._folder / name).read_bytes()
+            self._used[name] = self._run
+            return content
+        return None
 
     def keep(self, name: str, content: bytes) -> None:
         """Keep the bytes of a recording; a full disk changes no result."""

@@ -19,8 +19,9 @@ from fourpole.io.source import sha256_of
 from fourpole.io.stream import stream, times_of
 from fourpole.study.identified import NO_RIG, possible_route
 from fourpole.study.load import group_of, source_of
-from fourpole.study.reduce import ROUTE_NEEDS, Job, check_part, jobs_of
+from fourpole.study.reduce import ROUTE_NEEDS, Job, jobs_of
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
+from fourpole.study.workers import check_part_of
 
 #: Largest file [bytes] whose content is compared with that of other files of its size.
 _MOST_HASHED = 500_000_000
@@ -158,7 +159,7 @@ class _Inspection:
                 self.paths[test.name] = path
             if test.kind == "static":
                 return
-            for row in check_part(job):
+            for row in check_part_of(job):
                 self._say(test, row.heading, row.verdict, row.remark)
             if test.window is not None and path is not None:
                 self._window(test, path)

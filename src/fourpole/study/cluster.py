@@ -6,6 +6,7 @@ import logging
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any
 
 from fourpole.errors import CampaignError
@@ -30,7 +31,7 @@ def cluster(address: str) -> Iterator[Executor]:
         If Dask is not installed, no scheduler answers, it has no worker, or its workers lack Fourpole.
     """
     try:
-        from distributed import Client
+        distributed: Any = import_module("distributed")
     except ImportError:
         raise CampaignError(
             "a cluster needs the libraries dask and distributed, which are not installed; pip install "
@@ -39,7 +40,7 @@ def cluster(address: str) -> Iterator[Executor]:
     name = shown(address, 100)[1:-1]
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are raised here
     try:
-        client = Client(address, timeout=_ANSWER, set_as_default=False)
+        client = distributed.Client(address, timeout=_ANSWER, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise CampaignError(
             f"{name}: no Dask scheduler answers there ({type(error).__name__}): check the address, which dask "

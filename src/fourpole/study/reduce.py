@@ -13,10 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
+from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
 from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.place import at_hand, inside
-from fourpole.campaign.schema import RigFile
+from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core import recordingchecks as checks
 from fourpole.core.checks import Check, cut_words, reported
 from fourpole.core.codes import Code
@@ -98,6 +99,10 @@ class Job:
         """What the demodulation depends on of campaign.toml; no uncertainty is part of it."""
         channels = self.channels.model_dump(include=_OF_DEMODULATION, exclude=_NOT_OF_DEMODULATION)
         return [channels, self.responses]
+
+
+#: The classes of which a job is made, for the worker process.
+OF_WORK = (Job, Test, *CHANNEL_CLASSES, RigFile, Stated)
 
 
 def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Job]:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign, Test, condition_of
-from fourpole.campaign.place import at_hand
 from fourpole.core.checks import Check, reported, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.condition import Condition, Sameness
 from fourpole.core.loadcurve import ZERO_OFF, LoadCurve
 from fourpole.core.sources import Kind, Source
 from fourpole.errors import FourpoleError, LoadCurveError
-from fourpole.io.source import sha256_of
-from fourpole.study.load import MOST_BYTES, load_curve
+from fourpole.io.child import SECONDS
+from fourpole.study.cache import Cache
+from fourpole.study.curvefile import CurveOfFile, read_curve
 
 _RULE = Sameness()
 #: Checks of a static test that the remarks of the dynamic tests repeat.
@@ -84,15 +85,19 @@ class StaticTest:
     sha256: str = ""
 
 
-def evaluate_statics(campaign: Campaign) -> list[StaticTest]:
-    """Evaluate each static test at its own preload and at the preloads of the dynamic tests that use its K1."""
+def evaluate_statics(campaign: Campaign, cache: Cache | None = None, seconds: float = SECONDS) -> list[StaticTest]:
+    """Evaluate each static test at its own preload and at the preloads of the dynamic tests that use its K1.
+
+    The cache keeps the curves; a file that a library reads has a time limit [s].
+    """
     statics, rule = campaign.of_kind("static"), campaign.stated.sameness
     loads = {test.name: {load} if (load := test.value("preload")) is not None else set() for test in statics}
     for test in campaign.of_kind("dynamic"):
         if (load := test.value("preload")) is not None:
             for name in _choice(test, statics, rule).names:
                 loads[name].add(load)
-    return [_evaluated(campaign, test, sorted(loads[test.name])) for test in statics]
+    read = partial(read_curve, campaign, cache=cache, seconds=seconds)
+    return [_evaluated(campaign, test, sorted(loads[test.name]), read) for test in statics]
 
 
 @dataclass(frozen=True)
@@ -163,15 +168,18 @@ def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
     return _Choice(names, warning=warning)
 
 
-def _evaluated(campaign: Campaign, test: Test, preloads: list[float]) -> StaticTest:
+def _evaluated(
+    campaign: Campaign, test: Test, preloads: list[float], read: Callable[[Test], CurveOfFile]
+) -> StaticTest:
     nowhere = float("nan")
     sha256 = ""
     try:
         if test.problem:
             raise LoadCurveError(test.problem)
-        with at_hand(campaign.folder, test.file) as path:
-            sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=test.file)
-            curve = load_curve(path, test, campaign.stated.channels)
+        found = read(test)
+        curve, sha256 = found.curve, found.sha256
+        if curve is None:
+            raise LoadCurveError(found.reason)
         whole = _whole(campaign, test, curve)
     except FourpoleError as error:
         why = reported(Code.LOAD_CURVE, "rejected", why=error)

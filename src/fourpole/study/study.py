@@ -325,10 +325,11 @@ def analyse(
     kept = make_folder(cache) if cache is not None else None
     if kept is not None:
         remove_leftovers(kept, abandoned=0.0)
-    statics = evaluate_statics(campaign)
+    cached = Cache(kept, verify=verify) if kept is not None else None
+    statics = evaluate_statics(campaign, cached, time_limit)
     reduced = reduce_tests(
         jobs_of(campaign, dynamic, route),
-        cache=Cache(kept, verify=verify) if kept is not None else None,
+        cache=cached,
         settings=Settings(workers, executor, time_limit),
         progress=progress,
     )

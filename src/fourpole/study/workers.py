@@ -23,22 +23,21 @@ from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
-from fourpole.campaign.folder import Test
-from fourpole.campaign.place import at_hand, identity_at, inside
-from fourpole.campaign.schema import RigFile, Stated
-from fourpole.core.checks import reported
+from fourpole.campaign.place import at_hand, identity_at
+from fourpole.core.checks import Check, reported
 from fourpole.core.codes import Code
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.child import SECONDS, Child, Died, child
 from fourpole.io.identity import Identity
-from fourpole.io.recordings import format_of
+from fourpole.io.packed import unpack
 from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import sha256_of
 from fourpole.study.cache import Cache, packed, unpacked
+from fourpole.study.guard import by_library
 from fourpole.study.outcome import Demodulated, Reduced
-from fourpole.study.reduce import Job, demodulated, reduced_of
+from fourpole.study.reduce import OF_WORK as OF_JOB
+from fourpole.study.reduce import Job, check_part, demodulated, reduced_of
 
 #: Largest number of worker processes that is chosen by itself.
 _MOST = 8
@@ -59,8 +58,8 @@ Answer: TypeAlias = "bytes | str"
 """The packed result of a job, or the reason why its worker died."""
 
 
-#: The classes of which a job is made.
-OF_WORK = (Job, Test, *CHANNEL_CLASSES, RigFile, Stated)
+#: The classes of which a job is made, for the worker process.
+OF_WORK = OF_JOB
 
 
 def run_batch(jobs: Sequence[Job], seconds: float, guarded: bool) -> list[Answer]:
@@ -75,7 +74,24 @@ def run_batch(jobs: Sequence[Job], seconds: float, guarded: bool) -> list[Answer
     guarded : bool
         Whether all are run in the worker process of this thread; otherwise only those whose file a library reads.
     """
-    return [_ran(job, seconds) if guarded or _by_library(job) else demodulate_packed(job) for job in jobs]
+    return [
+        _ran(job, seconds) if guarded or by_library(job.folder, job.test.file) else demodulate_packed(job)
+        for job in jobs
+    ]
+
+
+def check_part_of(job: Job) -> tuple[Check, ...]:
+    """The checks of the first part of a recording, read in a worker process if a library reads it; see `check_part`."""
+    if not by_library(job.folder, job.test.file):
+        return check_part(job)
+    why = ""
+    for _ in range(2):
+        try:
+            found: tuple[Check, ...] = unpack(child().call(check_part, job, size=_size(job)), (Check, Code))
+            return found
+        except Died as death:
+            why = str(death)
+    return (reported(Code.READER, "rejected", file=job.test.file, why=why),)
 
 
 def demodulate_packed(job: Job) -> bytes:
@@ -85,9 +101,8 @@ def demodulate_packed(job: Job) -> bytes:
 
 def _ran(job: Job, seconds: float) -> Answer:
     """The answer of this thread's worker process."""
-    identity = _identity(job)
     try:
-        return child().call(demodulate_packed, job, size=identity.size if identity else 0, seconds=seconds)
+        return child().call(demodulate_packed, job, size=_size(job), seconds=seconds)
     except Died as death:
         return str(death)
     except MemoryError:
@@ -97,15 +112,10 @@ def _ran(job: Job, seconds: float) -> Answer:
     return packed(Demodulated(checks=(why,), lasting=False))
 
 
-def _by_library(job: Job) -> bool:
-    """Whether a file is of a format that a library reads, which a damaged file may crash."""
-    if is_elsewhere(job.test.file):
-        return True
-    try:
-        path = inside(job.folder, job.test.file)
-        return format_of(path, max_bytes=MAX_FILE_BYTES, label=job.test.file).by_library
-    except FourpoleError:
-        return False  # the job says why
+def _size(job: Job) -> int:
+    """Size of the file of a job [byte]; 0 if it cannot be looked up."""
+    identity = _identity(job)
+    return 0 if identity is None else identity.size
 
 
 def _identity(job: Job) -> Identity | None:
