@@ -1,10 +1,19 @@
 """What an analysis makes when it is asked for: models where they take long, and figures as PNG."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from fourpole.plot import FIGURES
 
 
 def without_figures(monkeypatch):
     monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})
+
+
+def some_figures(monkeypatch):
+    monkeypatch.setattr("fourpole.plot.catalogue.FIGURES", {key: FIGURES[key] for key in ("fig02", "fig08")})
 
 
 def test_models_are_not_part_of_an_analysis_that_they_would_make_long(run, campaign, monkeypatch):
@@ -46,10 +55,31 @@ def test_models_that_are_asked_for_are_fitted_anew(run, campaign, monkeypatch):
     assert chosen == {"model": "auto"}
 
 
-def test_png_is_written_on_demand_and_goes_with_its_tables(run, campaign):
+def test_png_is_written_on_demand_and_goes_with_its_tables(run, campaign, monkeypatch):
+    some_figures(monkeypatch)
     figures = campaign / "results" / "figures"
     run("analyse", campaign, "--no-models", "--png")
-    assert {path.stem for path in figures.glob("*.png")} == {path.stem for path in figures.glob("*.svg")} >= {"fig05"}
+    assert {path.stem for path in figures.glob("*.png")} == {"fig02", "fig08"}
+    assert {path.stem for path in figures.glob("*.svg")} == {"fig02", "fig08"}
     run("report", campaign / "results")
     assert not list(figures.glob("*.png"))
     assert list(figures.glob("*.svg"))
+
+
+@pytest.mark.parametrize("rows", [0, 10_000])
+def test_workers_draw_the_figures_of_a_large_campaign(run, campaign, monkeypatch, rows):
+    """With one thread in place of the processes, which is asked only if there are as many rows."""
+    made = []
+
+    def workers(count, **_):
+        made.append(count)
+        return ThreadPoolExecutor(1)
+
+    monkeypatch.setattr("fourpole.app.report.ProcessPoolExecutor", workers)
+    monkeypatch.setattr("fourpole.app.report.processors", lambda: 16)
+    monkeypatch.setattr("fourpole.app.report._MANY", rows)
+    some_figures(monkeypatch)
+    run("analyse", campaign, "--no-models")
+    figures = campaign / "results" / "figures"
+    assert {path.name for path in figures.iterdir()} == {"fig02.svg", "fig08.svg"}
+    assert made == ([] if rows else [4])

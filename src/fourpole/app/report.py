@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
 from pathlib import Path
 
 from fourpole.app.console import out, progress, warn
@@ -14,7 +17,10 @@ from fourpole.plot.catalogue import figure_files
 from fourpole.report.page import ReportFigure, write_report
 from fourpole.report.words.sentence import sentences
 from fourpole.study.results import Results
+from fourpole.study.workers import processors
 
+#: With so many rows of dynamic.csv worker processes draw, each of which takes a second to start; their largest number.
+_MANY, _MOST_DRAWERS = 5000, 4
 #: Files that `make_report` writes where all figures have data, with PNG.
 OF_REPORT = (*(f"figures/{name}" for name in figure_files()), "report.html")
 
@@ -29,7 +35,7 @@ def make_report(
 ) -> Path:
     """Draw all figures into `folder/figures`, each with `png` in that format, too, and write `folder/report.html`."""
     formats = ("svg", "png") if png else ("svg",)
-    with progress("drawing") as advance:
+    with progress("drawing") as advance, _drawers(results, executor) as executor:
         files = save_figures(
             results, folder / "figures", style=style, formats=formats, progress=advance, executor=executor
         )
@@ -40,6 +46,21 @@ def make_report(
     page = folder / "report.html"
     write_report(results, page, findings=sentences(findings(results)), figures=figures)
     return page
+
+
+@contextmanager
+def _drawers(results: Results, executor: Executor | None) -> Iterator[Executor | None]:
+    """The workers that draw: those given, processes of this machine for a large campaign, else none."""
+    count = min(processors(), _MOST_DRAWERS)
+    if executor is not None or count < 2 or results.dynamic.height < _MANY:
+        yield executor
+        return
+    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def run_report(results: Results, folder: Path, theme: str, *, png: bool = False) -> None:

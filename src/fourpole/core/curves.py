@@ -14,6 +14,7 @@ import numpy as np
 from fourpole.core import stats
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
+from fourpole.core.nested import Nested, NestedFit, nested_fit
 
 #: Frequencies of a condition that its own slope needs, its own bend, and the bend's own slope.
 _POWERS = (3, 5, 8)
@@ -92,56 +93,54 @@ class Curves(ByValue):
         place = np.log(data.frequency[test])
         if reached.size < _POWERS[0] or not reached.min() - _REACH <= place <= reached.max() + _REACH:
             return float("inf")
-        row = self._design.row(data, test, family)
-        off = complex(np.log(data.stiffness[test]) - row @ self._solution.coefficients)
-        return self._solution.distance(off, row, data.noise[test]) if abs(off) > _LEAST else 0.0
+        at = np.array([test])
+        row = self._design.rows(data, at, np.array([family]))
+        off = np.log(data.stiffness[at]) - self._solution.fit.predicted(row)
+        if abs(off[0]) <= _LEAST:
+            return 0.0
+        return float(self._solution.distances(off, self._solution.fit.levers(row), data.noise[at])[0])
 
 
 class _Design:
-    """Columns of the linear model: powers of each condition, a bend of each specimen, shared errors."""
+    """Rows of the linear model: powers of each condition, a bend of each specimen, shared errors."""
 
     def __init__(self, data: Samples, used: BoolArray) -> None:
         self._middle = float(np.mean(np.log(data.frequency[used])))
-        self._columns: list[tuple[str, int, int]] = []
-        top: dict[int, int] = {}
-        for family in np.unique(data.family[used]).tolist():
-            rows = used & (data.family == family)
-            powers = 1 + sum(_distinct(data.frequency[rows]) >= fewest for fewest in _POWERS)
-            self._columns += [("family", family, power) for power in range(powers)]
-            specimen = int(data.specimen[rows][0])
-            top[specimen] = max(top.get(specimen, 0), powers)
-        self._columns += [("specimen", specimen, power) for specimen, power in top.items()]
-        self.size = len(self._columns)
+        self._families = np.unique(data.family[used])
+        rows = [used & (data.family == family) for family in self._families]
+        frequencies = [_distinct(data.frequency[one]) for one in rows]
+        self._powers = np.array([1 + sum(count >= fewest for fewest in _POWERS) for count in frequencies])
+        specimens, self._specimen = np.unique([data.specimen[one][0] for one in rows], return_inverse=True)
+        self._top = np.zeros(specimens.size, dtype=int)
+        np.maximum.at(self._top, self._specimen, self._powers)
+        self.size = int(self._powers.sum()) + specimens.size + data.prior.size
 
-    def row(self, data: Samples, test: int, family: int) -> ComplexArray:
-        """The columns of one test, as if it were of a condition."""
-        place = np.log(data.frequency[test]) - self._middle
-        specimen = int(data.specimen[np.flatnonzero(data.family == family)[0]])
-        own = {"family": family, "specimen": specimen}
-        values = [place**power if own[kind] == number else 0.0 for kind, number, power in self._columns]
-        return np.concatenate([np.array(values, dtype=complex), data.shared[test]])
-
-    def matrix(self, data: Samples) -> ComplexArray:
-        """The columns of all tests; zeros for tests of other conditions."""
-        return np.stack([self.row(data, i, int(data.family[i])) for i in range(data.frequency.size)])
+    def rows(self, data: Samples, tests: np.ndarray, family: np.ndarray) -> Nested:
+        """The rows of some tests, as if they were of these conditions."""
+        at = np.searchsorted(self._families, family)
+        place = (np.log(data.frequency[tests]) - self._middle)[:, None]
+        power = np.arange(int(self._powers.max()))
+        own = np.where(power < self._powers[at][:, None], place**power, 0.0)
+        bend = place[:, 0] ** self._top[self._specimen[at]]
+        return Nested(own, bend, data.shared[tests], at, self._specimen)
 
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """Least-squares solution: coefficients, their covariance in units of the scatter, the scatter and its dof."""
+    """Least-squares solution with the scatter of the real and the imaginary part, and its degrees of freedom."""
 
-    coefficients: ComplexArray
-    inverse: ComplexArray
+    fit: NestedFit
     scale: FloatArray
     dof: float
 
-    def distance(self, off: complex, row: ComplexArray, noise: float, *, inside: float = 0.0) -> float:
-        """Half the squared departure over its variance [1]; `inside` is the weight that the test had in the fit."""
-        lever = float(np.real(row @ self.inverse @ row.conj()))
+    def distances(
+        self, off: ComplexArray, lever: FloatArray, noise: FloatArray, inside: FloatArray | float = 0.0
+    ) -> FloatArray:
+        """Half the squared departures over their variance [1]; `inside` is the weight of each test in the fit."""
         own = noise**2 / float(np.mean(self.scale**2))
-        spread = 1.0 + own + (lever if inside == 0.0 else lever / max(1.0 - inside * lever, 1e-9))
-        parts = np.array([off.real, off.imag]) / self.scale
-        return float(0.5 * parts @ parts / spread)
+        spread = 1.0 + own + lever / np.maximum(1.0 - inside * lever, 1e-9)
+        parts = np.stack([off.real, off.imag]) / self.scale[:, None]
+        return np.asarray(0.5 * np.sum(parts**2, axis=0) / spread)
 
 
 def curves_of(data: Samples) -> Curves | None:
@@ -154,22 +153,39 @@ def curves_of(data: Samples) -> Curves | None:
     if not used.any():
         return None
     design = _Design(data, used)
-    if np.sum(used) < design.size + _FEWEST:
+    if np.sum(used) < design.size - data.prior.size + _FEWEST:
         return None
-    matrix, logs = design.matrix(data), np.log(np.where(used, data.stiffness, 1.0))
-    good, found = _first_good(matrix, logs, used, data), None
+    tests = np.flatnonzero(used)
+    model = _Model(
+        design.rows(data, tests, data.family[tests]), np.log(data.stiffness[tests]), data.noise[tests], data.prior
+    )
+    good, found = _first_good(model, design.size), None
     for _ in range(_PASSES):
-        solution = _solved(matrix, logs, good, data)
+        solution = _solved(model, good)
         if solution is None:
             return None
-        off, statistic, judged = _departures(matrix, logs, good, used, data, solution)
-        limit = float(stats.f.isf(SEARCH_CHANCE / max(int(np.sum(judged)), 1), 2, solution.dof))
-        strange = judged & (statistic > limit) & (np.abs(off) > _LEAST)
-        found = Curves(data, judged, off, statistic, limit, strange, design, solution)
-        if np.array_equal(good, used & ~strange):
+        found = _judged(data, tests, design, solution, model.departures(good, solution))
+        still = ~found.strange[tests]
+        if np.array_equal(good, still):
             break
-        good = used & ~strange
+        good = still
     return found
+
+
+def _judged(
+    data: Samples,
+    tests: np.ndarray,
+    design: _Design,
+    solution: _Solution,
+    departures: tuple[ComplexArray, FloatArray, BoolArray],
+) -> Curves:
+    """The verdicts on all tests, from the departures of those that were used."""
+    count = data.frequency.size
+    off, statistic, judged = np.zeros(count, dtype=complex), np.zeros(count), np.zeros(count, dtype=bool)
+    off[tests], statistic[tests], judged[tests] = departures
+    limit = float(stats.f.isf(SEARCH_CHANCE / max(int(np.sum(judged)), 1), 2, solution.dof))
+    strange = judged & (statistic > limit) & (np.abs(off) > _LEAST)
+    return Curves(data, judged, off, statistic, limit, strange, design, solution)
 
 
 def _distinct(frequencies: FloatArray) -> int:
@@ -177,67 +193,57 @@ def _distinct(frequencies: FloatArray) -> int:
     return 1 + int(np.sum(np.diff(np.log(np.sort(frequencies))) > 0.02)) if frequencies.size else 0
 
 
-def _weighted(matrix: ComplexArray, logs: ComplexArray, weights: FloatArray, data: Samples, scale: float) -> _Solution:
-    """Weighted least squares with the priors of the shared errors; scale and dof are filled in later."""
-    normal = matrix.conj().T @ (weights[:, None] * matrix)
-    own = matrix.shape[1] - data.prior.size
-    normal[np.arange(own, matrix.shape[1]), np.arange(own, matrix.shape[1])] += (scale / data.prior) ** 2
-    inverse = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
-    return _Solution(inverse @ (matrix.conj().T @ (weights * logs)), inverse, np.ones(2), 1.0)
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """The used tests: rows of the design, ln K*, its noise, and the standard uncertainties of the shared errors."""
+
+    rows: Nested
+    logs: ComplexArray
+    noise: FloatArray
+    prior: FloatArray
+
+    def fit(self, weights: FloatArray, scale: float) -> NestedFit:
+        """Weighted least squares with the priors of the shared errors."""
+        return nested_fit(self.rows, self.logs, weights, (scale / self.prior) ** 2)
+
+    def departures(self, good: BoolArray, solution: _Solution) -> tuple[ComplexArray, FloatArray, BoolArray]:
+        """Departure of each test from the curve of the others, its statistic, and whether the others give a curve."""
+        rest = self.logs - solution.fit.predicted(self.rows)
+        lever = solution.fit.levers(self.rows)
+        weight = np.where(good, 1.0 / (1.0 + self.noise**2 / float(np.mean(solution.scale**2))), 0.0)
+        left = 1.0 - weight * lever
+        judged = left >= _LEAST_LEFT
+        off = np.where(judged, rest / np.where(judged, left, 1.0), 0.0)
+        return off, np.where(judged, solution.distances(off, lever, self.noise, weight), 0.0), judged
 
 
-def _first_good(matrix: ComplexArray, logs: ComplexArray, used: BoolArray, data: Samples) -> BoolArray:
+def _first_good(model: _Model, unknowns: int) -> BoolArray:
     """The tests near the curves with the least sum of absolute residuals, on which single tests have little weight."""
-    weights = used.astype(float)
-    size = np.ones(used.size)
+    count = model.logs.size
+    weights, size = np.ones(count), np.ones(count)
     for _ in range(_PASSES):
-        size = np.abs(logs - matrix @ _weighted(matrix, logs, weights, data, _LEAST).coefficients)
-        floor = max(0.1 * float(np.median(size[used])), 1e-12)
-        weights = used / np.maximum(size, floor)
-        weights *= np.sum(used) / np.sum(weights)
-    usual = float(np.median(size[used])) * np.sqrt(np.sum(used) / max(np.sum(used) - matrix.shape[1], 1)) / _MEDIAN
-    return np.asarray(used & (size < np.maximum(_GOOD * np.hypot(usual, data.noise), _LEAST)))
+        size = np.abs(model.logs - model.fit(weights, _LEAST).predicted(model.rows))
+        weights = 1.0 / np.maximum(size, max(0.1 * float(np.median(size)), 1e-12))
+        weights *= count / np.sum(weights)
+    usual = float(np.median(size)) * np.sqrt(count / max(count - unknowns, 1)) / _MEDIAN
+    return np.asarray(size < np.maximum(_GOOD * np.hypot(usual, model.noise), _LEAST))
 
 
-def _solved(matrix: ComplexArray, logs: ComplexArray, good: BoolArray, data: Samples) -> _Solution | None:
+def _solved(model: _Model, good: BoolArray) -> _Solution | None:
     """Fit of the good tests, with the scatter of the real and of the imaginary part; None if there are too few."""
-    noise = np.where(np.isfinite(data.noise), data.noise, 0.0)
     scale = np.full(2, _LEAST)
     for _ in range(_PASSES):
         one = float(np.sqrt(np.mean(scale**2)))
-        weights = good / (1.0 + (noise / one) ** 2)
-        found = _weighted(matrix, logs, weights, data, one)
+        weights = good / (1.0 + (model.noise / one) ** 2)
+        found = model.fit(weights, one)
         # A shared error whose prior is narrow takes up less than one degree of freedom.
-        taken = np.sum(weights[:, None] * (matrix @ found.inverse) * matrix.conj()).real
-        dof = float(np.sum(good) - taken)
+        dof = float(np.sum(good) - np.sum(weights * found.levers(model.rows)))
         if dof < _FEWEST:
             return None
-        rest = logs - matrix @ found.coefficients
+        rest = model.logs - found.predicted(model.rows)
         new = np.sqrt(np.array([np.sum(weights * part**2) for part in (rest.real, rest.imag)]) / dof)
         settled = np.allclose(new, scale, rtol=1e-3)
         scale = np.maximum(new, 1e-9)
         if settled:
             break
-    return _Solution(found.coefficients, found.inverse, scale, dof)
-
-
-def _departures(
-    matrix: ComplexArray,
-    logs: ComplexArray,
-    good: BoolArray,
-    used: BoolArray,
-    data: Samples,
-    solution: _Solution,
-) -> tuple[ComplexArray, FloatArray, BoolArray]:
-    """Departure of each test from the curve of the others, its statistic, and whether the others give a curve."""
-    rest = logs - matrix @ solution.coefficients
-    off, statistic, judged = np.zeros(used.size, dtype=complex), np.zeros(used.size), np.zeros(used.size, dtype=bool)
-    mean = float(np.mean(solution.scale**2))
-    for i in np.flatnonzero(used):
-        weight = 1.0 / (1.0 + data.noise[i] ** 2 / mean) if good[i] else 0.0
-        left = 1.0 - weight * float(np.real(matrix[i] @ solution.inverse @ matrix[i].conj()))
-        if left < _LEAST_LEFT:
-            continue
-        judged[i], off[i] = True, rest[i] / left
-        statistic[i] = solution.distance(off[i], matrix[i], data.noise[i], inside=weight)
-    return off, statistic, judged
+    return _Solution(found, scale, dof)

@@ -89,7 +89,7 @@ def _relative_check(found: Identified, joint: Joint) -> list[Check]:
         return []
     limit = float(stats.chi2.isf(SEARCH_CHANCE / max(left.rig.size, 1), left.rig_dof[at]))
     with np.errstate(divide="ignore", invalid="ignore"):
-        other = relative_stiffness(joint, found.group.phasors)[at]
+        other = relative_stiffness(joint, found.group.phasors, at)
     percent = 100 * float(other.real / found.result.stiffness[at].real - 1)
     return [judged(Code.RELATIVE, float(left.rig[at]), limit, percent=percent)]
 

@@ -161,6 +161,8 @@ def test_derivatives_by_the_drift_of_a_specimen(at_truth):
     turned = observed.drifted(shared, np.append(z[:-2], [1.0, 1.0]))
     expected = np.exp((0.03 + 0.02j) * observed.place)
     assert turned == pytest.approx(np.where(observed.specimen == 1, expected, 1.0), rel=1e-12)
+    others = np.flatnonzero(observed.specimen == 0)  # as of a chunk of a large campaign
+    assert np.abs(observed.part(others).drifted(shared, np.append(z[:-2], [1.0, 1.0])) - 1).max() == 0
     here = linearise(observed, shared, z, stiffness)
     for at in (-2, -1):
         step = STEP * np.eye(z.size)[at]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,6 +67,17 @@ class Joint(ByValue):
     def converged(self) -> bool:
         """Whether the search for the most probable values converged."""
         return self.solution.converged
+
+    @cached_property
+    def gains(self) -> ComplexArray:
+        """Complex gains (N, 3) of F1, V1, V2 as found."""
+        return self.problem.observed.gains(self.problem.shared, self.solution.z)[np.argsort(self.order)]
+
+    @cached_property
+    def input_mass(self) -> float:
+        """Mass between force cell and contact as found [kg], with the unstated part of it."""
+        shared, z = self.problem.shared, self.solution.z
+        return shared.rig_at(z).input_mass + shared.extra_at(z).get("input", 0.0)
 
     @property
     def found(self) -> FloatArray:

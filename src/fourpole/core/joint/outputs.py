@@ -235,7 +235,7 @@ def identification(
         )
         passive = np.array([not reason for reason in reasons], dtype=bool) & ~rigid
         mobility, mobility_covariance = _corrected_mobility(joint, phasors)
-        gains = _gains(joint)
+        gains = joint.gains
         std = np.sqrt(np.diagonal(found.covariance_of(slice(2, 6), k1_std), 0, 1, 2))
     return Identification(
         frequency=phasors.frequency,
@@ -268,24 +268,17 @@ def _root(covariance: FloatArray) -> FloatArray:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _gains(joint: Joint) -> ComplexArray:
-    """Complex gains (N, 3) of F1, V1, V2 as found, in the order of the given tests."""
-    return joint.problem.observed.gains(joint.problem.shared, joint.solution.z)[np.argsort(joint.order)]
-
-
-def relative_stiffness(joint: Joint, phasors: Phasors) -> ComplexArray:
-    """K* of each test by the relative route, from the amplitudes corrected for the gains found (N,) [N/m]."""
-    force, contact, wheel = (phasors.amplitudes / _gains(joint)).T
-    omega = np.asarray(phasors.omega)
-    shared = joint.problem.shared
-    input_mass = shared.rig_at(joint.solution.z).input_mass + shared.extra_at(joint.solution.z).get("input", 0.0)
-    return relative_route(force - 1j * omega * input_mass * contact, contact, wheel, omega)
+def relative_stiffness(joint: Joint, phasors: Phasors, at: int) -> complex:
+    """K* of one test by the relative route, from the amplitudes corrected for the gains found [N/m]."""
+    force, contact, wheel = phasors.amplitudes[at] / joint.gains[at]
+    omega = float(np.asarray(phasors.omega)[at])
+    return complex(relative_route(force - 1j * omega * joint.input_mass * contact, contact, wheel, omega))
 
 
 def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, FloatArray]:
     """V1/F1 corrected for the gains found, and its covariance from the noise and the uncertainty of the gains."""
     shared = joint.problem.shared
-    gains = _gains(joint)
+    gains = joint.gains
     mobility = phasors.mobility * gains[:, 0] / gains[:, 1]
     by = np.zeros((*mobility.shape, 4), dtype=complex)
     by[:, 0], by[:, 1] = -mobility / phasors.force_in, -1j * mobility / phasors.force_in

@@ -116,10 +116,10 @@ class Shared(ByValue):
         return float(sum(value for value, one in values if one.source.kind is Kind.AMPLITUDE))
 
     def drift_at(self, z: FloatArray, count: int) -> ComplexArray:
-        """Drift of log K* of each specimen over the run at z, (count,) [1] + j [rad]."""
+        """Drift of log K* of the first `count` specimens over the run at z, (count,) [1] + j [rad]."""
         drift = np.zeros(count, dtype=complex)
         for value, parameter in zip(z * self.std, self.parameters, strict=True):
-            if parameter.source.kind in DRIFTS:
+            if parameter.source.kind in DRIFTS and parameter.index < count:  # a chunk need not have all specimens
                 drift[parameter.index] += DRIFTS[parameter.source.kind] * value
         return drift
 
