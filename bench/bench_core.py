@@ -31,12 +31,12 @@ FREQUENCIES = 100_000
 #: Work and peer -> how many times faster at least.
 PROMISED = {
     ("demodulate, 10 harmonics", "scipy curve_fit, per channel"): 8.0,
-    ("cascade, product of parts", "scikit-rf **"): 10.0,
-    ("cascade, from values", "scikit-rf Network, **, .a"): 20.0,
-    ("de-embed m and K3", "scikit-rf .inv, **, .a"): 50.0,
-    ("identify 1000 tests", "scipy least_squares, loop"): 50.0,
+    ("cascade, product of parts", "scikit-rf **"): 1.0,
+    ("cascade, from values", "scikit-rf Network, **, .a"): 1.5,
+    ("de-embed m and K3", "scikit-rf .inv, **, .a"): 20.0,
+    ("identify 1000 tests", "scipy least_squares, loop"): 25.0,
     ("read 1 000 000 rows x 4", "polars read_csv"): 0.3,
-    ("read 1 000 000 rows x 4", "numpy loadtxt"): 5.0,
+    ("read 1 000 000 rows x 4", "numpy loadtxt"): 1.0,
 }
 
 NOTES = {

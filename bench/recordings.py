@@ -79,7 +79,7 @@ def write_recording(path: Path, signals: NDArray[np.float64]) -> None:
 
 
 def make_campaign(folder: Path, count: int, ending: str, *, seed: int = 1982, samples: int = SAMPLES) -> Made:
-    """A campaign of `count` dynamic tests of 4 x `samples` values: 40 frequencies at each preload, all files differ."""
+    """A campaign of `count` dynamic tests of 4 x `samples` values: 40 frequencies at each preload."""
     rng = np.random.default_rng(seed)
     (folder / "recordings").mkdir(parents=True)
     frequency = 8.0137 + 16.0 * (np.arange(count) % FREQUENCIES) / FREQUENCIES
