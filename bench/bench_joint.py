@@ -42,11 +42,12 @@ LABORATORY = Laboratory(
 )
 
 NOTES = f"""Tests of many tyres, 10 frequencies each, with 0 and 10 kg added; sensors known to 3 % and 1 degree, m and
-K3 to 2 %, noise 1e-4; 10 shared values. 'solve': solve_joint, from amplitudes to the most probable values, the rig
-judged; 'outputs': K*, K2, C, TR of each test with all covariances. Each size in a process of its own; times are
-medians. Memory is the most that the process ever had, with Python and its libraries ('before': those and the
-amplitudes). Checked: the search came to rest; K* within 6 of its uncertainties everywhere; ten times the tests take at
-most {LINEAR[10_000]:g} or {LINEAR[100_000]:g} times the time; memory below {MOST_MEMORY[10_000] / 1e9:g} GB at 10 000 tests."""
+K3 to 2 %, noise 1e-4; 10 shared values. 'solve': solve_joint, from amplitudes to the most probable values,
+the rig judged; 'outputs': K*, K2, C, TR of each test with all covariances. Each size in a process of its
+own; times are medians. Memory is the most that the process ever had, with Python and its libraries
+('before': those and the amplitudes). Checked: the search came to rest; K* within 6 of its uncertainties
+everywhere; ten times the tests take at most {LINEAR[10_000]:g} times (100 000: {LINEAR[100_000]:g}) the
+time; memory below {MOST_MEMORY[10_000] / 1e9:g} GB at 10 000 tests."""
 
 
 @dataclass(frozen=True)
