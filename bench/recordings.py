@@ -88,9 +88,8 @@ def make_campaign(folder: Path, count: int, ending: str, *, seed: int = 1982, sa
     for at, f in enumerate(frequency.tolist()):
         files.append(folder / "recordings" / f"D{at}.{ending}")
         write_recording(files[-1], signals_of(amplitudes[at], f, rng, samples))
-        rows.append(
-            f"D{at},recordings/D{at}.{ending},dynamic,bush,{1000 * 1.02 ** (at // FREQUENCIES):.1f},{f:.5f},{K1:.0f},900"
-        )
+        preload = 1000 * 1.02 ** (at // FREQUENCIES)
+        rows.append(f"D{at},recordings/D{at}.{ending},dynamic,bush,{preload:.1f},{f:.5f},{K1:.0f},900")
     (folder / "tests.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     text = _CAMPAIGN.format(mass=MASS, preload=PRELOAD, damping=DAMPING)
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
