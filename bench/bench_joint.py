@@ -16,6 +16,7 @@ from itertools import pairwise
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
+from promises import at_most, report
 
 from fourpole import Rig
 from fourpole.core.channelerrors import ChannelUncertainty
@@ -25,10 +26,11 @@ from fourpole.virtual.phasor_rig import RIG_VALUES, Conditions, Laboratory, simu
 
 SEED = 1982
 #: Tests -> rounds.
-SIZES = {1_000: 5, 10_000: 3, 100_000: 3}
-#: A campaign ten times as large may take so many times as long before it is no longer linear.
-LINEAR = 13.0
-MOST_MEMORY = 1e9  # bytes
+SIZES = {1_000: 5, 10_000: 3, 100_000: 1}
+#: Tests -> most times as long as a tenth of them takes.
+LINEAR = {10_000: 11.0, 100_000: 13.0}
+#: Tests -> most memory that the process ever has [bytes].
+MOST_MEMORY = {10_000: 0.5e9, 100_000: 1e9}
 
 LABORATORY = Laboratory(
     moving_mass=(15.0, 0.3),
@@ -40,11 +42,12 @@ LABORATORY = Laboratory(
 )
 
 NOTES = f"""Tests of many tyres, 10 frequencies each, with 0 and 10 kg added; sensors known to 3 % and 1 degree, m and
-K3 to 2 %, noise 1e-4; 10 shared values. 'solve': solve_joint, from amplitudes to the most probable values, the rig
-judged; 'outputs': K*, K2, C, TR of each test with all covariances. Each size in a process of its own; times are
-medians. Memory is the most that the process ever had, with Python and its libraries ('before': those and the
-amplitudes). Checked: the search came to rest; K* within 6 of its uncertainties everywhere; ten times the tests take at
-most {LINEAR:g} times the time; memory below {MOST_MEMORY / 1e9:g} GB."""
+K3 to 2 %, noise 1e-4; 10 shared values. 'solve': solve_joint, from amplitudes to the most probable values,
+the rig judged; 'outputs': K*, K2, C, TR of each test with all covariances. Each size in a process of its
+own; times are medians. Memory is the most that the process ever had, with Python and its libraries
+('before': those and the amplitudes). Checked: the search came to rest; K* within 6 of its uncertainties
+everywhere; ten times the tests take at most {LINEAR[10_000]:g} times (100 000: {LINEAR[100_000]:g}) the
+time; memory below {MOST_MEMORY[10_000] / 1e9:g} GB at 10 000 tests."""
 
 
 @dataclass(frozen=True)
@@ -122,15 +125,20 @@ def main() -> None:
 
 def check(rows: list[Row]) -> None:
     """SystemExit where a figure is not as promised."""
-    for less, more in pairwise(rows):
-        grown = (more.solve + more.outputs) / (less.solve + less.outputs)
-        if grown > LINEAR * more.tests / less.tests / 10:
-            raise SystemExit(f"{more.tests} tests take {grown:.1f} times as long as {less.tests}")
     for row in rows:
-        if row.most > MOST_MEMORY:
-            raise SystemExit(f"{row.tests} tests take {row.most / 1e9:.2f} GB")
         if not row.error < 6:
             raise SystemExit(f"{row.tests} tests: K* is {row.error:.1f} of its uncertainties off")
+    lines = []
+    for less, more in pairwise(rows):
+        took = [one.solve + one.outputs for one in (less, more)]
+        detail = f"{took[1]:.2f} s against {took[0]:.2f} s"
+        work = f"joint route of {more.tests} tests, with all covariances"
+        lines.append(at_most(work, f"of {less.tests}", took[1] / took[0], LINEAR[more.tests], detail))
+    for row in rows:
+        if (limit := MOST_MEMORY.get(row.tests)) is not None:
+            work = f"joint route of {row.tests} tests"
+            lines.append(at_most(work, "memory of the process", row.most / 1e6, limit / 1e6, unit="MB"))
+    report(lines)
 
 
 if __name__ == "__main__":

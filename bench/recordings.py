@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 __all__ = ["Made", "make_campaign", "write_recording"]
 
-RATE, SAMPLES = 2000.0, 20_000
+RATE, SAMPLES, FREQUENCIES = 2000.0, 20_000, 40
 K1, K2, C = 180e3, 120e3, 700.0
 MASS, PRELOAD, DAMPING = 15.0, 12440.0, 15.0
 #: Amplitudes relative to the fundamental.
@@ -79,16 +79,17 @@ def write_recording(path: Path, signals: NDArray[np.float64]) -> None:
 
 
 def make_campaign(folder: Path, count: int, ending: str, *, seed: int = 1982, samples: int = SAMPLES) -> Made:
-    """A campaign of `count` dynamic tests of 4 x `samples` values, each recording another one."""
+    """A campaign of `count` dynamic tests of 4 x `samples` values: 40 frequencies at each preload."""
     rng = np.random.default_rng(seed)
     (folder / "recordings").mkdir(parents=True)
-    frequency = 8.0 + 16.0 * np.arange(count) / count + 0.0137
+    frequency = 8.0137 + 16.0 * (np.arange(count) % FREQUENCIES) / FREQUENCIES
     amplitudes = amplitudes_at(frequency)
     rows, files = ["test,file,kind,specimen,preload [N],frequency [Hz],K1 [N/m],u(K1) [N/m]"], []
     for at, f in enumerate(frequency.tolist()):
         files.append(folder / "recordings" / f"D{at}.{ending}")
         write_recording(files[-1], signals_of(amplitudes[at], f, rng, samples))
-        rows.append(f"D{at},recordings/D{at}.{ending},dynamic,bush,1000,{f:.5f},{K1:.0f},900")
+        preload = 1000 * 1.02 ** (at // FREQUENCIES)
+        rows.append(f"D{at},recordings/D{at}.{ending},dynamic,bush,{preload:.1f},{f:.5f},{K1:.0f},900")
     (folder / "tests.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     text = _CAMPAIGN.format(mass=MASS, preload=PRELOAD, damping=DAMPING)
     (folder / "campaign.toml").write_text(text, encoding="utf-8")

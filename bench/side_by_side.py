@@ -11,8 +11,9 @@ from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
+from promises import Kept, at_least
 
-__all__ = ["Row", "agree", "compare", "show"]
+__all__ = ["Row", "agree", "compare", "kept", "show"]
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,16 @@ def agree(found: float, limit: float) -> str:
     if not found <= limit:
         raise SystemExit(f"results differ by {found:.2g}, more than {limit:.2g}: their times say nothing")
     return f"{found:.1e} <= {limit:.0e}"
+
+
+def kept(rows: list[Row], promised: Mapping[tuple[str, str], float]) -> list[Kept]:
+    """The promise of each row that has one: how many times faster than the peer, median of all rounds."""
+    lines = []
+    for row in rows:
+        if (limit := promised.get((row.work, row.peer))) is not None:
+            detail = f"{row.ours * 1e3:.2f} ms against {row.theirs * 1e3:.2f} ms; results differ by {row.agreement}"
+            lines.append(at_least(row.work, row.peer, float(np.median(row.ratios)), limit, detail))
+    return lines
 
 
 def show(rows: list[Row], notes: Mapping[str, str], packages: list[str]) -> None:

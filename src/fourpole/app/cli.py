@@ -122,7 +122,7 @@ def init(
 @_command
 def analyse(
     campaigns: Annotated[
-        list[Path], typer.Argument(metavar="CAMPAIGN...", help="Folders with campaign.toml and tests.csv.")
+        list[Path], typer.Argument(metavar="CAMPAIGN", help="Folders with campaign.toml and tests.csv.")
     ],
     folder: Annotated[
         Path | None, typer.Option("--out", help="Folder for the results; by default CAMPAIGN/results.")
