@@ -8,7 +8,9 @@ import subprocess
 import sys
 
 import pytest
+from typer.testing import CliRunner
 
+from fourpole.app.cli import app
 from fourpole.errors import CampaignError
 from fourpole.study.cluster import cluster
 
@@ -63,6 +65,18 @@ def test_the_tables_are_those_of_this_machine_though_a_worker_dies_half_way(nois
     assert found.dynamic.equals(here.dynamic)
     assert found.previews.equals(here.previews)
     assert found.sha256 == here.sha256
+
+
+def test_the_command_takes_the_address_of_a_scheduler(noisy, dask):
+    words = ["analyse", str(noisy.path), "--tables-only", "--route", "mobility"]
+    ran = CliRunner().invoke(app, [*words, "--scheduler", dask[0]])
+    assert ran.exit_code == 0, ran.output
+    there = (noisy.path / "results" / "dynamic.csv").read_bytes()
+    assert CliRunner().invoke(app, [*words, "--out", str(noisy.path / "here")]).exit_code == 0
+    assert (noisy.path / "here" / "dynamic.csv").read_bytes() == there
+    ran = CliRunner().invoke(app, [*words, "--scheduler", dask[0], "--workers", "2", "--monte-carlo", "0"])
+    assert ran.exit_code == 2
+    assert "contradict each other" in ran.stderr
 
 
 def test_a_scheduler_that_does_not_answer_is_one_error(monkeypatch):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+import socket
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
+from urllib.parse import urlsplit
 
 from fourpole.errors import CampaignError
 from fourpole.units import shown
@@ -40,8 +42,9 @@ def cluster(address: str) -> Iterator[Executor]:
     name = shown(address, 100)[1:-1]
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are raised here
     try:
+        _reach(address)  # a client that cannot connect does not always end its own threads
         client = distributed.Client(address, timeout=_ANSWER, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
+    except Exception as error:  # noqa: BLE001 - whatever Dask raises where no scheduler is
         raise CampaignError(
             f"{name}: no Dask scheduler answers there ({type(error).__name__}): check the address, which dask "
             "scheduler prints at its start, as tcp://10.0.0.5:8786"
@@ -50,6 +53,14 @@ def cluster(address: str) -> Iterator[Executor]:
         executor: Any = client.get_executor(pure=False)
         executor.count = _threads(client, name)
         yield executor
+
+
+def _reach(address: str) -> None:
+    """OSError or ValueError if nothing listens at an address."""
+    parts = urlsplit(address)
+    if parts.scheme not in ("tcp", "tls") or not parts.hostname or not parts.port:
+        raise ValueError("no address of a scheduler")
+    socket.create_connection((parts.hostname, parts.port), timeout=_ANSWER).close()
 
 
 def _threads(client: Any, name: str) -> int:
