@@ -19,7 +19,7 @@ from promises import FOURPOLE, Used, at_least, has_option, report, run
 from recordings import Made, make_campaign
 
 #: Recordings and their samples: at least 60 s of work for one worker. Rounds.
-COUNT, SAMPLES, ROUNDS, WORK = 600, 120_000, 2, 60.0
+COUNT, SAMPLES, ROUNDS, WORK = 600, 120_000, 1, 60.0
 TWO = 1.5
 
 

@@ -14,8 +14,9 @@ from statistics import median
 from promises import FOURPOLE, Used, at_most, report, run
 from recordings import Made, make_campaign
 
-#: Numbers of tests; samples of each recording; rounds.
-FEW, MANY, SAMPLES, ROUNDS = 1_000, 10_000, 2_000, 3
+#: Numbers of tests, samples of each recording, and rounds of the few and of the many.
+FEW, MANY, SAMPLES = 1_000, 10_000, 2_000
+ROUNDS = {FEW: 3, MANY: 1}
 #: Most times the CPU time of the few, and most memory of one process [MB].
 LINEAR, MEMORY = 11.0, 500.0
 
@@ -26,7 +27,7 @@ def tables(made: Made) -> list[Used]:
     command = [*FOURPOLE, "analyse", str(made.folder), "--tables-only"]
     run(command, codes=(0, 3))
     used = []
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS[len(made.files)]):
         for path in results.iterdir():  # all but the reduced recordings
             if path.is_file():
                 path.unlink()

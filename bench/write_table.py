@@ -49,7 +49,8 @@ def versions() -> Iterator[str]:
 
 def row(line: Kept) -> str:
     found = f"{line.found:.3g}" if line.kept else f"**{line.found:.3g}**"
-    return f"| {line.work} | {line.against} | {found} | {line.promise} | {line.detail} |"
+    against = line.against.replace("*", "\\*")
+    return f"| {line.work} | {against} | {found} | {line.promise} | {line.detail} |"
 
 
 def table() -> Iterator[str]:

@@ -1,6 +1,7 @@
 """Options of the commands: how a quantity is read, and the groups of options that several commands have.
 
-A group is a dataclass with one field per option. `command` puts the fields of each group on the command line.
+A group is a dataclass with one field per option. `command` puts the fields of each group on the command line. Groups
+have no `__repr__` and `__eq__`, which every command would wait for.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ def _amount(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
     return _given(text, first, *others, parser=_reader(kind, first, sign), metavar="QUANTITY")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class RigOptions:
     """The rig above the tyre [kg], [N/m], [N s/m]; None where an option is not given."""
 
@@ -102,14 +103,14 @@ class RigOptions:
         """The rig; None if no option is given."""
         from fourpole.core.rig import Rig
 
-        if self == RigOptions():
+        if all(value is None for value in asdict(self).values()):
             return None
         if self.mass is None or self.preload_stiffness is None:
             raise RigError("the rig needs both --mass and --preload-stiffness")
         return Rig(self.mass, self.preload_stiffness, self.preload_damping or 0.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class RunOptions:
     """Where the recordings are reduced, and which of them are read again."""
 
@@ -125,7 +126,7 @@ class RunOptions:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class Wanted:
     """What an analysis writes besides its tables."""
 
@@ -139,7 +140,7 @@ class Wanted:
     png: bool = _given("Write each figure as PNG, too.", "--png", default=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class InfoOptions:
     """The channels of a file to show, and how."""
 
@@ -149,7 +150,7 @@ class InfoOptions:
     no_plot: bool = _given("Numbers only, without outlines.", "--no-plot", default=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class Selection:
     """The tests of a results folder or table to use, as text."""
 
@@ -158,7 +159,7 @@ class Selection:
     over: list[str] | None = _given('Further column whose values are separate conditions, as "camber [deg]".')
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class DataOptions(Selection):
     """The tests to use, with an uncertainty of K* and a static stiffness in place of the table's, as text."""
 
@@ -167,7 +168,7 @@ class DataOptions(Selection):
     std_k1: str | None = _given('Relative uncertainty of --k1; by default "2 %".', "--std-k1")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class FitOptions(DataOptions):
     """The tests to fit, the fixed and shared parameters, and the files to write."""
 
@@ -179,7 +180,7 @@ class FitOptions(DataOptions):
     figure: Path | None = _given("Figure to write: .svg, .png or .pdf.")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class ShiftOptions:
     """The isotherms to shift, how they are shifted, and what to write."""
 
@@ -202,7 +203,7 @@ class ShiftOptions:
     figure: Path | None = _given("Figure to write: .svg, .png or .pdf.")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class PlanOptions:
     """A guessed tyre in SI, how its tests are run, and the advice and run sheet to make."""
 
@@ -235,7 +236,7 @@ def _bare(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
     return _amount(names, kind, f"Without a campaign: {text}.", sign)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class BareRig:
     """The options of a plan without a campaign, which states the same itself, in SI; None where not given."""
 
@@ -249,7 +250,7 @@ class BareRig:
     std_phase: float | None = _bare("--std-phase", "angle", 'of each phase; by default "0.5 deg"', "not negative")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class ShapeOptions:
     """The shape of a specimen, for moduli in place of stiffnesses, as text."""
 
