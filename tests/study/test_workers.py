@@ -77,11 +77,11 @@ SAYS = {
 @pytest.mark.parametrize("what", SAYS)
 def test_a_file_that_hurts_its_reader_is_one_rejected_row(hurting, what):
     began = time.monotonic()
-    study = hurting(what).analyse(time_limit=10.0 if what == "bomb" else 1.0, route="mobility")
+    study = hurting(what).analyse(time_limit=60.0 if what == "bomb" else 1.0, route="mobility")
     assert study.dynamic["verdict"].to_list() == ["ok", "rejected", "ok", "ok"]
     assert SAYS[what] in study.dynamic["remarks"][1]
     assert "export it again" in study.dynamic["remarks"][1]
-    assert time.monotonic() - began < 15
+    assert time.monotonic() - began < 120  # `hang` and `sleep` would go on for ever
 
 
 def test_the_same_rows_come_from_processes_and_from_threads(hurting):

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.core.demodulation.sums import sums_without_samples
 from fourpole.core.demodulation.tracks import Course, Track
 
@@ -19,7 +19,7 @@ _POLYNOMIALS = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-1 / 3, 0.
 
 
 @dataclass(frozen=True, eq=False)
-class Terms:
+class Terms(ByValue):
     """What is fitted; each sine is a row of cosines and a row of minus sines.
 
     Attributes
@@ -76,8 +76,8 @@ def rows_of(track: Track, terms: Terms) -> Rows:
     return _Uniform(track, terms) if track.course is None else _Table(track, terms)
 
 
-@dataclass(frozen=True)
-class _Layout:
+@dataclass(frozen=True, eq=False)
+class _Layout(ByValue):
     """Places of the rows among atoms s^p e^{jwu}, each a pair of real rows.
 
     Attributes
