@@ -32,8 +32,8 @@ from fourpole.findings.resonances import Crossing, Crossings, Peak, Prediction, 
 from fourpole.findings.trends import Extremum, Trend
 from fourpole.findings.verdicts import Doubt, Tally
 from fourpole.quantities import CYCLE_LOSS, K1, K2, NONLINEARITY, TR, C
-from fourpole.report.words.sentence import Sentence, headline, sentences
 from fourpole.report.words.claims import STATEMENTS, claims_summary
+from fourpole.report.words.sentence import Sentence, headline, sentences
 from fourpole.study.results import Results
 from fourpole.study.tables import DYNAMIC, STATIC
 
