@@ -206,7 +206,7 @@ def _drawings(
     # The previews are the largest table, and figures show those of static tests only.
     previews = results.previews
     if previews.height:
-        previews = previews.filter(pl.col("test").is_in(results.static["test"].implode()))
+        previews = previews.filter(pl.col("test").is_in(results.static["test"].to_list()))
     light = replace(results, tables={**results.tables, "previews": previews})
     tasks = [executor.submit(_group, light, keys[at::_GROUPS], style, formats) for at in range(_GROUPS)]
     try:
