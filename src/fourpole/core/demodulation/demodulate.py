@@ -148,6 +148,10 @@ def demodulate(
     A harmonic of the excitation within 2.5 bins (1/T) of a multiple of 50 Hz, 60 Hz or `mains`, or of a line found,
     does not inform the frequency, so hum at that harmonic does not bias the frequency. The harmonic includes such hum.
 
+    Samples are gone through once for each set of frequencies that is tried, as sums over blocks; gaps and interfering
+    lines are held exactly. Along a reference, and along the phase of a wandering drive, sines have no such sums: a
+    table of them is made, which takes about three times as long (`fourpole.core.demodulation.terms.rows_of`).
+
     References
     ----------
     IEEE Std 1057-2017 (sine fitting); S. M. Kay, "Fundamentals of Statistical Signal Processing", vol. I, 1993, ch. 7.
