@@ -40,8 +40,9 @@ def dask(tmp_path_factory):
     workers = [started("distributed.cli.dask_worker", *words) for _ in range(2)]
     from distributed import Client
 
-    with Client(address, timeout=60) as client:
-        client.wait_for_workers(2, timeout=120)
+    client = Client(address, timeout=60, set_as_default=False)
+    client.wait_for_workers(2, timeout=120)
+    client.close()
     yield address, workers
     for one in (*workers, scheduler):
         one.kill()

@@ -49,10 +49,12 @@ def cluster(address: str) -> Iterator[Executor]:
             f"{name}: no Dask scheduler answers there ({type(error).__name__}): check the address, which dask "
             "scheduler prints at its start, as tcp://10.0.0.5:8786"
         ) from None
-    with client:
+    try:
         executor: Any = client.get_executor(pure=False)
         executor.count = _threads(client, name)
         yield executor
+    finally:
+        client.close()
 
 
 def _reach(address: str) -> None:
