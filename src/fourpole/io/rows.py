@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import polars as pl
 
 #: Bytes that are read at a time; a longer line is refused.
-_PART = 1 << 25
+_PART = 1 << 23
 #: Largest number of rows, and of cells, that are read row by row at a time.
 _CHUNK, _CELLS = 20_000, 2_000_000
 _LINE_END = re.compile(rb"\r\n|\r|\n")
