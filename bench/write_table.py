@@ -17,7 +17,7 @@ SCRIPTS = {
     "bench_core": "Parts, beside packages that do the same",
     "bench_campaign": "Whole campaigns, as users run them",
     "bench_demo": "The demonstration, beside the version before",
-    "bench_many": "Many tests",
+    "bench_tables": "Many tests",
     "bench_joint": "The joint route",
     "bench_models": "Models",
     "bench_cluster": "A cluster",
