@@ -204,7 +204,9 @@ def read_apart(
     why = ""
     for _ in range(2):
         try:
-            return unpack(child().call(function, path, *args, size=path.stat().st_size, progress=progress), classes)
+            size = path.stat().st_size
+            # The worker may be in another folder than this process is now.
+            return unpack(child().call(function, path.absolute(), *args, size=size, progress=progress), classes)
         except Died as death:
             why = str(death)
     raise errors.FileError(f"{path.name} {why}; it may be damaged: copy or export it again")
