@@ -37,8 +37,9 @@ def test_a_wave_is_the_sum_of_its_terms(samples):
     sines = Blocks(np.zeros((2, samples)), RATE).sines(3.3, 2, np.array([41.0]))
     amplitudes = rng.standard_normal((2, 3, 3)) + 1j * rng.standard_normal((2, 3, 3))
     turning = np.exp(1j * np.outer([3.3, 6.6, 41.0], time))
-    expected = np.einsum("cpf,pn,fn->cn", amplitudes, place ** np.arange(3)[:, None], turning).real
-    np.testing.assert_allclose(sines.wave(amplitudes), expected, rtol=0, atol=1e-11)
+    drift, powers = rng.standard_normal((2, 4)), place ** np.arange(4)[:, None]
+    expected = np.einsum("cpf,pn,fn->cn", amplitudes, powers[:3], turning).real + drift @ powers
+    np.testing.assert_allclose(sines.wave(amplitudes, drift), expected, rtol=0, atol=1e-11)
     np.testing.assert_allclose(sines.carrier(), turning[0], rtol=0, atol=1e-12)
 
 

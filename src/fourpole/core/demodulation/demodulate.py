@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, response_std, without_crosstalk
@@ -19,6 +18,7 @@ from fourpole.core.demodulation.spectrum import (
     find_lines,
     noise_beside,
     off_multiples,
+    sharpened,
     strongest_lines,
 )
 from fourpole.core.demodulation.spoilt import without_spoilt
@@ -172,7 +172,8 @@ def demodulate(
     if frequency is not None:
         return _fitted(recording, tracks, frequency, mains, harmonics, free=False)
     guess = start if start is not None else _strongest(recording, tracks[0], near)
-    return _fitted(recording, tracks, guess, mains, harmonics, free=True)
+    motion = tracks[0].signals[tracks[0].names.index("motion_in")]
+    return _fitted(recording, tracks, sharpened(motion, tracks[0].rate, guess), mains, harmonics, free=True)
 
 
 def _fitted(
@@ -430,4 +431,4 @@ def _real_covariance(gamma: ComplexArray) -> FloatArray:
 def _peak_of(amplitudes: ComplexArray) -> float:
     """Largest absolute value of a periodic signal, from the complex amplitudes of its harmonics."""
     spectrum = np.concatenate([[0.0], 0.5 * _OF_A_CYCLE * amplitudes])
-    return float(np.max(np.abs(fft.irfft(spectrum, _OF_A_CYCLE))))
+    return float(np.max(np.abs(np.fft.irfft(spectrum, _OF_A_CYCLE))))

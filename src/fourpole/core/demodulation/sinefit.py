@@ -25,9 +25,13 @@ _ALIKE = 1e-3
 #: Round-off of an energy, relative.
 _ROUND_OFF = 1e-14
 #: A step is taken to first order if its second order is at most this share of an amplitude's standard uncertainty.
-_SECOND = 1e-4
-#: A Gauss-Newton step leaves at most this multiple of the residual over the slope to the next step.
+_SECOND = 3e-4
+#: Share of a standard uncertainty that the last step may leave.
+_LEFT = 1e-3
+#: A step leaves at most this multiple of the residual over the slope to the next step, times the leakage of its sine.
 _LEFT_OVER = 3.0
+#: Largest share of curvature in a step of the fundamental.
+_MOST_BENT = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +44,19 @@ class SineFit(ByValue):
         The channels fitted, in units of each channel.
     terms : Terms
         What is fitted: the frequencies.
-    inner : (P + 2 S, P + 2 S) float
-        Inner products of the P rows of the terms, and of the rows of the S sines times time.
+    inner : (P + 2 S + 2, P + 2 S + 2) float
+        Inner products of the P rows of the terms, of the rows of the S sines times time, and of the fundamental times
+        its square.
     factor : (P, P) float
         Cholesky factor of the inner products of the rows.
     coefficients : (P, channels) float
         Amplitudes of the rows, in units of each channel.
-    right : (P + 2 S, channels) float
+    right : (P + 2 S + 2, channels) float
         Inner products of the rows with the residual; 0 but for round-off for the first P.
     variance : (channels,) float
         Mean square of the residual over its degrees of freedom, not below its round-off.
+    shift : (1 + L,) float [rad/s]
+        Small step of the fundamental and the lines that was taken to first order.
     """
 
     track: Track
@@ -59,6 +66,7 @@ class SineFit(ByValue):
     coefficients: FloatArray
     right: FloatArray
     variance: FloatArray
+    shift: FloatArray
 
     @property
     def omega(self) -> float:
@@ -108,8 +116,21 @@ class SineFit(ByValue):
     @cached_property
     def apart(self) -> FloatArray:
         """Inner products (2 S, 2 S) of the sines times time, without their parts along the rows."""
-        shared = self.inner[: self.size, self.size :]
-        return np.asarray(self.inner[self.size :, self.size :] - shared.T @ self.solve(shared))
+        own = slice(self.size, -2)
+        shared = self.inner[: self.size, own]
+        return np.asarray(self.inner[own, own] - shared.T @ self.solve(shared))
+
+    @property
+    def bend(self) -> FloatArray:
+        """Inner product (channels,) of the residual with the second derivative of the model by the fundamental."""
+        return -np.asarray(np.einsum("ic,ic->c", self.coefficients[:2], self.right[-2:]))
+
+    @property
+    def bend_std(self) -> FloatArray:
+        """The same (channels,) by all other harmonics: standard deviation if the residual is white."""
+        pairs = self.coefficients[2 : 2 * self.harmonics] * np.repeat(np.arange(2, self.harmonics + 1) ** 2, 2)[:, None]
+        squares = np.einsum("ic,ic->c", pairs, pairs) * self.variance * self.track.known
+        return np.asarray(np.sqrt(squares / 10) * (0.5 * self.track.time.size / self.rate) ** 2)
 
     @cached_property
     def residual(self) -> FloatArray:
@@ -153,14 +174,18 @@ class SineFit(ByValue):
             The step along the sines times time, in units of each channel.
         """
         size, steps = self.size, np.concatenate([omega * np.arange(1, self.harmonics + 1), lines])
-        left = self.right[size:]
+        left = self.right[size:-2]
         turned = np.zeros_like(self.coefficients)
         turned[0 : 2 * steps.size : 2] = steps[:, None] * left[1::2]
         turned[1 : 2 * steps.size : 2] = -steps[:, None] * left[0::2]
-        change = self.solve(turned - self.inner[:size, size:] @ along.T)
-        right = self.right - self.inner[:, size:] @ along.T - self.inner[:, :size] @ change
+        beside = self.inner[:, size:-2] @ along.T
+        change = self.solve(turned - beside[:size])
+        right = self.right - beside - self.inner[:, :size] @ change
+        bent = self.right[-2:]
+        right[size : size + 2] += omega * np.stack([bent[1], -bent[0]])
         terms = replace(self.terms, omega=self.omega + omega, lines=self.lines + lines)
-        return replace(self, terms=terms, coefficients=self.coefficients + change, right=right)
+        shift = self.shift + np.r_[omega, lines]
+        return replace(self, terms=terms, coefficients=self.coefficients + change, right=right, shift=shift)
 
 
 def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, unsteady: tuple[int, ...] = ()) -> SineFit:
@@ -176,7 +201,7 @@ def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, uns
     left = track.energy - np.einsum("ij,ij->j", coefficients, right[:size])
     # The energy left is a difference: its round-off is that of the whole energy.
     variance = np.maximum(left, _ROUND_OFF * track.energy + 1e-300) / max(track.known - size, 1)
-    return SineFit(track, terms, inner, factor, coefficients, right - inner[:, :size] @ coefficients, variance)
+    return SineFit(track, terms, inner, factor, coefficients, right - inner[:, :size] @ coefficients, variance, np.zeros(1 + lines.size))
 
 
 def refine(
@@ -209,14 +234,15 @@ def refine(
     for _ in range(_ITERATIONS):
         used = [1.0 / fit.variance for fit in fits] if weights is None else weights
         turned = [_turned(fit, spoken, free=free) for fit, spoken in zip(fits, informing, strict=True)]
-        step, std = _newton_step(fits, turned, used, free=free)
-        if np.all(np.abs(step) < np.maximum(1e-12 * resolution, 1e-3 * std)):
+        step, std, bent = _newton_step(fits, turned, used, free=free)
+        if np.all(np.abs(step) < np.maximum(1e-12 * resolution, _LEFT * std)):
             break
         step = np.clip(step, -0.3 * resolution, 0.3 * resolution)
         lines = np.split(step[1:], np.cumsum([fit.lines.size for fit in fits])[:-1])
         parts = list(zip(fits, turned, lines, strict=True))
-        last = np.all(_LEFT_OVER * np.abs(step) * _spread(fits, used) < 1e-3)
-        if last and all(_is_small(fit, step[0], moved) for fit, _, moved in parts):
+        spread = _LEFT_OVER * _spread(fits, used)
+        left = abs(step[0] + fits[0].shift[0]) * (bent + spread * resolution / fits[0].omega)
+        if left < _LEFT and all(_is_small(fit, np.r_[step[0], moved], spread) for fit, _, moved in parts):
             fits = [fit.moved(step[0], moved, np.r_[step[0], moved] @ along) for fit, along, moved in parts]
             break
         fits = [fit.at(fit.omega + step[0], fit.lines + moved) for fit, _, moved in parts]
@@ -236,32 +262,55 @@ def _spread(fits: Sequence[SineFit], weights: Sequence[FloatArray]) -> float:
     return float(np.sqrt(sum(each)))
 
 
-def _is_small(fit: SineFit, step: float, lines: FloatArray) -> bool:
-    """Whether the second order of a step of the frequencies [rad/s] is far below the uncertainty of all amplitudes."""
-    steps = np.concatenate([step * np.arange(1, fit.harmonics + 1), lines])
-    turn = steps * 0.5 * fit.track.time.size / fit.rate
-    second = 0.5 * turn**2 @ np.hypot(fit.coefficients[0 : 2 * turn.size : 2], fit.coefficients[1 : 2 * turn.size : 2])
+def _is_small(fit: SineFit, step: FloatArray, spread: float) -> bool:
+    """Whether what a step (1 + L,) of the frequencies [rad/s] neglects is far below the uncertainty of the harmonics.
+
+    An error of an interfering line reaches a harmonic by its leakage, 1 / (π bins between them). If the residual is
+    white, `spread` over the root of the samples, times the step, is what that step leaves of the line, over its standard
+    uncertainty.
+    """
+    count, half = fit.harmonics, 0.5 * fit.track.time.size / fit.rate
+    sines = fit.coefficients[: 2 * (count + fit.lines.size)]
+    sizes, (step, lines) = np.hypot(sines[0::2], sines[1::2]), np.split(step + fit.shift, [1])
+    multiples = np.arange(1, count + 1)
+    second = ((half * step * multiples) ** 2 * (1 / 6 + np.pi / (half * fit.omega))) @ sizes[:count]
+    if lines.size:
+        apart = np.abs(fit.lines[:, None] - fit.omega * multiples).min(axis=1)
+        leakage = 1.0 / np.maximum(half * apart, 1.0)
+        second = second + (0.5 * (half * lines) ** 2 * leakage) @ sizes[count:]
+        if np.any(np.abs(lines) * (spread / np.sqrt(fit.track.known)) * leakage > _LEFT):
+            return False
     return bool(np.all(second < _SECOND * np.sqrt(2.0 * fit.variance / fit.track.known)))
 
 
 def _newton_step(
     fits: Sequence[SineFit], turned: Sequence[FloatArray], weights: Sequence[FloatArray], *, free: bool
-) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Newton step of the fundamental and the lines of each fit, with its standard uncertainty [rad/s]."""
+) -> tuple[FloatArray, FloatArray, float]:
+    """Step of the fundamental and the lines of each fit, with its standard uncertainty [rad/s].
+
+    The step heeds the curvature of the fundamental. Times the step, the third value is what it leaves by neglecting
+    the other harmonics' curvature, over its standard uncertainty.
+    """
     count = 1 + sum(fit.lines.size for fit in fits)
-    normal, right = np.zeros((count, count)), np.zeros(count)
+    normal, right, bend, others = np.zeros((count, count)), np.zeros(count), 0.0, 0.0
     at = 1
     for fit, every, weighed in zip(fits, turned, weights, strict=True):
         own = np.r_[0, at : at + fit.lines.size]
         at += fit.lines.size
         # The slopes are projected onto the complement of the rows; the residual already lies in it.
         normal[np.ix_(own, own)] += np.einsum("c,cij->ij", weighed, every @ fit.apart @ np.swapaxes(every, 1, 2))
-        right[own] += np.einsum("c,cij,jc->i", weighed, every, fit.right[fit.size :])
+        right[own] += np.einsum("c,cij,jc->i", weighed, every, fit.right[fit.size : -2])
+        bend += float(weighed @ fit.bend)
+        others += float(weighed @ fit.bend_std)
     if not free:
         normal[0, 0] = 1.0
     covariance = _inverse(normal)
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return covariance @ right, std if free else std * (np.arange(count) > 0)
+    std, step = np.sqrt(np.maximum(np.diag(covariance), 0.0)), covariance @ right
+    if not free:
+        return step, std * (np.arange(count) > 0), 0.0
+    share = float(np.clip(bend * covariance[0, 0], -_MOST_BENT, _MOST_BENT))
+    step += covariance[:, 0] / covariance[0, 0] * (step[0] * share / (1.0 - share))
+    return step, std, (share**2 + _LEFT_OVER * others * float(covariance[0, 0])) / std[0]
 
 
 def _inverse(normal: FloatArray) -> FloatArray:

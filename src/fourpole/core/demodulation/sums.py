@@ -7,13 +7,16 @@ of all blocks, at any frequency. Sums without samples have a closed form. Both a
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import comb
 
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 
+#: Powers of the time, and the numbers of ways of which the power of a sum is made.
+_ORDERS = np.arange(4)
+_BINOMIALS = np.array([[comb(p, q) for q in range(4)] for p in range(4)], dtype=float)
 #: Below this many turns of 1/2π over the record, the closed form loses digits, and the sum is made term by term.
 _FEWEST_TURNS = 0.5
 
@@ -48,19 +51,21 @@ class Blocks:
         self.middle = (np.arange(blocks) * size + 0.5 * (size - self.count)) / rate
 
     @cached_property
-    def places(self) -> FloatArray:
-        """Powers 0 to 3 (4, M) of s in the middle of each block."""
-        return np.asarray((self.middle / self.half) ** np.arange(4)[:, None])
+    def shifts(self) -> FloatArray:
+        """Shares (4, M, 4) of the powers of the time from a block's middle in those of s: s^p = (s_b + sigma)^p."""
+        places = (self.middle / self.half)[:, None] ** np.maximum(_ORDERS[:, None, None] - _ORDERS, 0)
+        return np.asarray(places * _BINOMIALS[:, None])
+
+    @cached_property
+    def powers(self) -> FloatArray:
+        """Powers 0 to 3 (B, 4) of s from the middle of a block."""
+        return np.asarray((self.inside / self.half)[:, None] ** _ORDERS)
 
     @cached_property
     def moments(self) -> FloatArray:
         """Sums (C, 4) of the samples times 1, s, s² and s³."""
-        return self.still.sums(3)[:, :, 0].real
-
-    @cached_property
-    def still(self) -> Sines:
-        """The frequency zero."""
-        return self.sines(0.0, 1, np.empty(0))
+        parts = (self.samples @ self.powers).reshape(self.channels, -1)
+        return np.asarray(parts @ self.shifts.reshape(_ORDERS.size, -1).T)
 
     def sines(self, omega: float, harmonics: int, others: FloatArray) -> Sines:
         """The multiples of omega, and other frequencies (L,) [rad/s]."""
@@ -90,14 +95,9 @@ class Sines:
     def sums(self, order: int) -> ComplexArray:
         """Sums (C, order + 1, F) of the samples times s^p e^{-jωu}, for p from 0 and each frequency."""
         parts = self._parts(order)
-        channels, blocks, _, count = parts.shape
-        flat = self._blocks.places[: order + 1] @ parts.reshape(channels, blocks, -1).view(float)
-        apart = flat.view(complex).reshape(channels, order + 1, order + 1, count)
-        made = np.zeros((channels, order + 1, count), dtype=complex)
-        for p in range(order + 1):
-            for q in range(p + 1):
-                made[:, p] += comb(p, q) * apart[:, p - q, q]
-        return made
+        flat = parts.reshape(parts.shape[0], -1, parts.shape[3]).view(float)
+        shifts = self._blocks.shifts[: order + 1, :, : order + 1].reshape(order + 1, -1)
+        return np.asarray((shifts @ flat).view(complex))
 
     def _parts(self, order: int) -> ComplexArray:
         """Sums (C, M, order + 1, F) over each block of the samples times powers of s from its middle, and e^{-jωu}."""
@@ -122,26 +122,24 @@ class Sines:
         turn = -1j * blocks.half * offset * steps
         return np.asarray(along[0] + turn * (along[1] + turn / 2 * (along[2] + turn / 3 * along[3])))
 
-    def wave(self, amplitudes: ComplexArray) -> FloatArray:
-        """The signals (C, N) Re sum s^p X e^{jωu} of amplitudes X (C, order + 1, F)."""
-        blocks, order = self._blocks, amplitudes.shape[1] - 1
-        # Amplitudes of each block: s = s_b + sigma, and the powers of a sum are binomial.
-        each = np.zeros((amplitudes.shape[0], blocks.middle.size, order + 1, amplitudes.shape[2]), dtype=complex)
-        for q in range(order + 1):
-            for p in range(q, order + 1):
-                each[:, :, q] += (comb(p, q) * blocks.places[p - q])[:, None] * amplitudes[:, None, p]
-        each *= self._middle.conj()[:, None]
-        made = each.reshape(-1, (order + 1) * amplitudes.shape[2]).view(float) @ self._within(order).T
-        return made.reshape(amplitudes.shape[0], -1)[:, : blocks.count]
+    def wave(self, amplitudes: ComplexArray, drift: FloatArray) -> FloatArray:
+        """The signals (C, N) Re sum s^p X e^{jωu} of amplitudes X (C, order + 1, F), and the sum of drift (C, 4) s^p."""
+        blocks, (channels, orders, count) = self._blocks, amplitudes.shape
+        # Each block has amplitudes and a polynomial about its own middle.
+        shifts = blocks.shifts[:orders, :, :orders]
+        each = np.tensordot(amplitudes, shifts, (1, 0)).transpose(0, 2, 3, 1) * self._middle.conj()[:, None]
+        parts = np.empty((channels, blocks.middle.size, 2 * orders * count + drift.shape[1]))
+        parts[:, :, : 2 * orders * count] = each.reshape(channels, blocks.middle.size, -1).view(float)
+        parts[:, :, 2 * orders * count :] = np.tensordot(drift, blocks.shifts, 1)
+        table = np.concatenate([self._within(orders - 1), blocks.powers], axis=1)
+        made = parts.reshape(-1, parts.shape[2]) @ table.T
+        return made.reshape(channels, -1)[:, : blocks.count]
 
     def _within(self, order: int) -> FloatArray:
         """Cosines and minus sines (B, 2 (order + 1) F) in a block, times the powers of s from the block's middle."""
-        place = (self._blocks.inside / self._blocks.half)[:, None]
-        table = np.empty((place.size, order + 1, self._inside.shape[1]), dtype=complex)
-        table[:, 0] = self._inside
-        for p in range(1, order + 1):
-            np.multiply(table[:, p - 1], place, out=table[:, p])
-        return table.reshape(place.size, -1).view(float)
+        if order == 0:
+            return self._inside.view(float)
+        return (self._inside[:, None] * self._blocks.powers[:, : order + 1, None]).reshape(len(self._inside), -1).view(float)
 
     def carrier(self) -> ComplexArray:
         """The first of the sinusoids as a rotation e^{jωu} (N,)."""
@@ -150,14 +148,14 @@ class Sines:
 
 
 def sums_without_samples(omega: FloatArray, count: int, rate: float, order: int) -> ComplexArray:
-    r"""Sums (order + 1, ...) of s^p e^{jωu} over uniform samples, for p from 0 to `order`, at omega (...) [rad/s].
+    r"""Sums (order + 1, F) of s^p e^{jωu} over uniform samples, for p from 0 to `order`, at omega (F,) [rad/s].
 
     With :math:`x = \omega/2f_s` the sum for p = 0 is :math:`g = \sin Nx/\sin x`, and that for p follows from
     the p-th derivative of g, by differentiating :math:`g \sin x = \sin Nx`.
 
     Parameters
     ----------
-    omega : float array [rad/s]
+    omega : (F,) float array [rad/s]
         Frequencies; the sum at 0 is that of the powers alone.
     count : int
         Number of samples N >= 2.
@@ -176,20 +174,30 @@ def sums_without_samples(omega: FloatArray, count: int, rate: float, order: int)
     x = omega / (2 * rate)
     slow = np.abs(np.sin(x)) * count < _FEWEST_TURNS
     base = np.where(slow, 1.0, x)
-    sine, cosine = np.sin(base), np.cos(base) / np.sin(base)
-    # The derivatives of sin x over sin x, and those of sin Nx over N^p sin x.
-    own = [np.ones_like(base), cosine, -np.ones_like(base), -cosine]
-    whole = [np.sin(count * base) / sine, np.cos(count * base) / sine]
-    made: list[FloatArray] = []
+    sine, step = np.sin(base), 1.0 / (count - 1.0)
+    cotangent = np.cos(base) / sine * step
+    # The derivatives of sin Nx over N^p sin x. Those of sin x over sin x are 1, cot x, -1, -cot x, in turn.
+    whole = np.sin(count * base) / sine, np.cos(count * base) / sine
+    made = np.empty((order + 1, omega.size))
     for p in range(order + 1):
-        right = ((count / (count - 1)) ** p * (-1) ** (p // 2)) * whole[p % 2]
-        for i in range(p):
-            right -= (comb(p, i) * (count - 1.0) ** (i - p)) * own[(p - i) % 4] * made[i]
-        made.append(right)
-    result = np.stack([(-1j) ** p * row for p, row in enumerate(made)])
+        even, odd = _of_lower(p, step)
+        np.multiply(whole[p % 2], (count * step) ** p * (-1) ** (p // 2), out=made[p])
+        if p > 0:
+            made[p] -= cotangent * (odd @ made[:p])
+        if p > 1:
+            made[p] -= even @ made[:p]
+    result = ((-1j) ** np.arange(order + 1))[:, None] * made
     if slow.any():
         result[:, slow] = _term_by_term(omega[slow], count, rate, order)
     return result
+
+
+@lru_cache(maxsize=64)
+def _of_lower(order: int, step: float) -> tuple[FloatArray, FloatArray]:
+    """Shares (order,) of the lower derivatives in that of an order: those with 1, and those with cot x by a step."""
+    shares = np.array([comb(order, i) * step ** (order - i) * (-1) ** ((order - i) // 2) for i in range(order)])
+    odd = (order - np.arange(order)) % 2 == 1
+    return np.where(odd, 0.0, shares), np.where(odd, shares / step, 0.0)
 
 
 def _term_by_term(omega: FloatArray, count: int, rate: float, order: int) -> ComplexArray:

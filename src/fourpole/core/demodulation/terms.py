@@ -46,8 +46,8 @@ class Terms(ByValue):
 class Rows(Protocol):
     """The rows of some terms on a track: sines, parabolas of unsteady harmonics, what follows a speed, then the drift.
 
-    Inner products have these P rows first, then the 2 S rows of the sines times the time from the middle [s]: a change
-    of frequency acts along those.
+    Inner products have these P rows first, then the 2 S rows of the sines times the time u from the middle [s]: a change
+    of frequency acts along those. The last two are those of the fundamental times u²: its model bends along them.
     """
 
     @property
@@ -55,10 +55,10 @@ class Rows(Protocol):
         """Number P of rows."""
 
     def products(self) -> FloatArray:
-        """Inner products (P + 2 S, P + 2 S) of the rows."""
+        """Inner products (P + 2 S + 2, P + 2 S + 2) of the rows."""
 
     def with_signals(self) -> FloatArray:
-        """Inner products (P + 2 S, C) of the rows with the channels."""
+        """Inner products (P + 2 S + 2, C) of the rows with the channels."""
 
     def model(self, coefficients: FloatArray) -> FloatArray:
         """The sum (C, N) of the rows times coefficients (P, C)."""
@@ -84,13 +84,13 @@ class _Layout(ByValue):
     ----------
     harmonics, lines : int
         Numbers of the sines.
-    order : int
-        Highest power of s in a product with a sine.
     size : int
         Number P of rows.
+    seconds : (P + 2 S + 2,) int
+        Power of each row's time in seconds; 0 where its time is s.
     frequency, power : (Q,) int
         Frequency of each atom, among the sines and zero; power of s.
-    rows : (P + 2 S, 2 Q) float
+    rows : (P + 2 S + 2, 2 Q) float
         The rows as linear combinations of cosines and minus sines of the atoms.
     powers, above, below : (Q, Q) int
         For each pair of atoms the power of their product; the places of the sum and of the difference of their
@@ -101,8 +101,8 @@ class _Layout(ByValue):
 
     harmonics: int
     lines: int
-    order: int
     size: int
+    seconds: IntArray
     frequency: IntArray
     power: IntArray
     rows: FloatArray
@@ -133,7 +133,7 @@ def _layout(harmonics: int, lines: int, unsteady: tuple[int, ...]) -> _Layout:
     drift = len(atoms)
     atoms += [(sines, p) for p in range(DRIFT)]
     moving = len(atoms)
-    atoms += [(i, 1) for i in range(sines)]
+    atoms += [(i, 1) for i in range(sines)] + [(0, 2)]
     rows = np.eye(2 * len(atoms))
     for k, h in enumerate(unsteady):
         parabola = 2 * (sines + 2 * k + 1)
@@ -142,10 +142,10 @@ def _layout(harmonics: int, lines: int, unsteady: tuple[int, ...]) -> _Layout:
     kept = np.r_[: 2 * drift, 2 * drift : 2 * moving : 2, 2 * moving : 2 * len(atoms)]
     frequency, power = np.array(atoms).T
     above, below, mirrored = (one[frequency[:, None], frequency] for one in _places(harmonics, lines))
-    order = 5 if unsteady else 4
-    size = len(kept) - 2 * sines
+    size = len(kept) - 2 * sines - 2
+    seconds = np.repeat([0, 1, 2], [size, 2 * sines, 2])
     powers = power[:, None] + power
-    return _Layout(harmonics, lines, order, size, frequency, power, rows[kept], powers, above, below, mirrored)
+    return _Layout(harmonics, lines, size, seconds, frequency, power, rows[kept], powers, above, below, mirrored)
 
 
 def _places(harmonics: int, lines: int) -> tuple[IntArray, IntArray, BoolArray]:
@@ -190,7 +190,7 @@ class _Uniform:
 
     def products(self) -> FloatArray:
         layout, track, terms = self._layout, self._track, self._terms
-        sums = _all_powers(layout.different(terms), track.time.size, track.exact_rate, layout.order)
+        sums = _all_powers(layout.different(terms), track.time.size, track.exact_rate)
         above, below = sums[layout.powers, layout.above], sums[layout.powers, layout.below]
         below = np.where(layout.mirrored, below.conj(), below)
         made = np.empty((above.shape[0], 2, above.shape[0], 2))
@@ -201,30 +201,25 @@ class _Uniform:
         if track.known < track.time.size:
             gone = self._rows_at(~track.present)
             whole -= gone @ gone.T
-        whole[self.size :] *= self._blocks.half
-        whole[:, self.size :] *= self._blocks.half
-        return whole
+        units = self._blocks.half**layout.seconds
+        return whole * units[:, None] * units
 
     def with_signals(self) -> FloatArray:
         layout = self._layout
-        order = 2 if self._terms.unsteady else 1
         sums = np.zeros((self._blocks.channels, DRIFT, layout.sines + 1), dtype=complex)
-        sums[:, : order + 1, :-1] = self._waves.sums(order)
+        sums[:, :3, :-1] = self._waves.sums(2)
         sums[:, :, -1] = self._blocks.moments
         flat = np.ascontiguousarray(sums[:, layout.power, layout.frequency]).view(float)
-        made = layout.rows @ flat.T
-        made[self.size :] *= self._blocks.half
-        return made
+        return (layout.rows @ flat.T) * (self._blocks.half**layout.seconds)[:, None]
 
     def model(self, coefficients: FloatArray) -> FloatArray:
         layout = self._layout
         flat = np.ascontiguousarray(coefficients.T @ layout.rows[: self.size]).view(complex)
         order = 2 if self._terms.unsteady else 0
         each = np.zeros((flat.shape[0], DRIFT, layout.sines + 1), dtype=complex)
-        fitted = layout.frequency.size - layout.sines
+        fitted = layout.frequency.size - layout.sines - 1
         each[:, layout.power[:fitted], layout.frequency[:fitted]] = flat[:, :fitted]
-        made = self._waves.wave(each[:, : order + 1, :-1])
-        made += self._blocks.still.wave(each[:, :, -1:])
+        made = self._waves.wave(each[:, : order + 1, :-1], each[:, :, -1].real)
         return made if self._track.known == self._track.time.size else made * self._track.present
 
     def carrier(self) -> ComplexArray:
@@ -238,11 +233,11 @@ class _Uniform:
         return self._layout.rows @ np.stack([atoms.real, atoms.imag], axis=1).reshape(2 * omega.size, -1)
 
 
-def _all_powers(omega: FloatArray, count: int, rate: float, order: int) -> ComplexArray:
-    """Sums of s^p e^{jωu} for p to 6; at a frequency above zero only to `order`, as no term needs more."""
+def _all_powers(omega: FloatArray, count: int, rate: float) -> ComplexArray:
+    """Sums of s^p e^{jωu} for p to 6; at a frequency above zero only to 5, as no term needs more."""
     sums = np.zeros((2 * DRIFT - 1, *omega.shape), dtype=complex)
     moving = omega != 0.0
-    sums[: order + 1, moving] = sums_without_samples(omega[moving], count, rate, order)
+    sums[:-1, moving] = sums_without_samples(omega[moving], count, rate, 2 * DRIFT - 3)
     sums[:, ~moving] = _sums_of_powers(count)[:, None]
     return sums
 
@@ -297,9 +292,9 @@ class _Table:
 
     @cached_property
     def _whole(self) -> FloatArray:
-        """The rows, then the sines times time."""
-        sines = 2 * self._terms.sines.size
-        return np.concatenate([self._rows, self._rows[:sines] * self._track.time])
+        """The rows, then the sines times time and the fundamental times its square."""
+        sines, time = 2 * self._terms.sines.size, self._track.time
+        return np.concatenate([self._rows, self._rows[:sines] * time, self._rows[:2] * time**2])
 
     def products(self) -> FloatArray:
         return self._whole @ self._whole.T
