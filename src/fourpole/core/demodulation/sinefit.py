@@ -135,7 +135,8 @@ class SineFit(ByValue):
     @cached_property
     def residual(self) -> FloatArray:
         """Signals minus fit (channels, N); 0 for missing samples."""
-        return self.track.signals - self.rows.model(self.coefficients)
+        model = self.rows.model(self.coefficients)
+        return np.subtract(self.track.signals, model, out=model)
 
     @cached_property
     def carrier(self) -> ComplexArray:
@@ -295,11 +296,13 @@ def _newton_step(
     normal, right, bend, others = np.zeros((count, count)), np.zeros(count), 0.0, 0.0
     at = 1
     for fit, every, weighed in zip(fits, turned, weights, strict=True):
-        own = np.r_[0, at : at + fit.lines.size]
+        own = [0, *range(at, at + fit.lines.size)]
         at += fit.lines.size
         # The slopes are projected onto the complement of the rows; the residual already lies in it.
-        normal[np.ix_(own, own)] += np.einsum("c,cij->ij", weighed, every @ fit.apart @ np.swapaxes(every, 1, 2))
-        right[own] += np.einsum("c,cij,jc->i", weighed, every, fit.right[fit.size : -2])
+        slopes, left = every.swapaxes(0, 1).reshape(len(own), -1), weighed * fit.right[fit.size : -2]
+        projected = (weighed[:, None, None] * (every @ fit.apart)).swapaxes(0, 1).reshape(len(own), -1)
+        normal[np.ix_(own, own)] += slopes @ projected.T
+        right[own] += slopes @ left.T.reshape(-1)
         bend += float(weighed @ fit.bend)
         others += float(weighed @ fit.bend_std)
     if not free:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, IntArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.core.demodulation.sinefit import SineFit
 from fourpole.core.demodulation.sums import Blocks
 
@@ -93,11 +93,10 @@ def strongest_lines(samples: FloatArray, rate: float, *, order: int) -> list[Lin
     count, fine = samples.size, 4 if samples.size < _MANY else 1
     windowed = samples * hann(count)
     coarse = 1 if count >= _FEW else fine
-    spectrum = np.fft.rfft(windowed, coarse * count)
-    power = np.asarray(spectrum.real**2 + spectrum.imag**2)
+    power = _power(np.fft.rfft(windowed, coarse * count))
     lowest = int(np.ceil(_FEWEST_CYCLES * coarse))  # lower bins show drift, not lines
     power[:lowest] = 0.0
-    stands_out = power > LINE_LIMIT * _floor(power[None], coarse * _BLOCK)[0]
+    stands_out = _excess(power[None], coarse * _BLOCK, np.zeros((1, 1))) > LINE_LIMIT
     if stands_out.any():  # otherwise differentiated noise could exceed a line
         power[~stands_out] = 0.0
     step = rate / (coarse * count)
@@ -186,46 +185,56 @@ def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArr
     Lines with an amplitude below `least` (channels,) are ignored.
     """
     count = residual.shape[1]
-    spectrum = np.fft.rfft(residual * hann(count), axis=1)
-    power = np.asarray(spectrum.real**2 + spectrum.imag**2)
+    power = _power(np.fft.rfft(residual * hann(count), axis=1))
     smallest = (0.25 * count * least[:, None]) ** 2  # the window has the mean 0.5
-    if not _may_stand_out(power, smallest):
-        return np.empty(0)
-    floor = np.maximum(_floor(power), smallest / LINE_LIMIT)
-    excess = np.max(power / np.maximum(floor, 1e-300), axis=0)
+    excess = _excess(power, _BLOCK, smallest)
     middle = excess[1:-1]
     peaks = np.flatnonzero((middle > LINE_LIMIT) & (middle >= excess[:-2]) & (middle > excess[2:])) + 1
     peaks = peaks[np.argsort(-excess[peaks])]
     return np.array([index + _vertex(excess[index - 1 : index + 2]) for index in peaks.tolist()]) * rate / count
 
 
-def _may_stand_out(power: FloatArray, smallest: FloatArray) -> bool:
-    """Whether a bin may exceed `LINE_LIMIT` times the local floor; False is certain.
+def _power(spectrum: ComplexArray) -> FloatArray:
+    """Squared moduli."""
+    squares = np.square(spectrum.view(float))
+    return np.asarray(squares[..., 0::2] + squares[..., 1::2])
+
+
+def _excess(power: FloatArray, block: int, smallest: FloatArray) -> FloatArray:
+    """Power (channels, bins) over the local noise level, the largest of the channels; 0 far from any bin that stands out.
+
+    The noise level is the mean of exponential noise, from the median of each block of bins. Power below `smallest`
+    (channels, 1) never stands out.
+    """
+    channels, bins = power.shape
+    size = min(block, bins)
+    count = bins // size
+    blocks = power[:, : count * size].reshape(channels, count, size)
+    excess = np.zeros(bins)
+    shown = _may_stand_out(power, blocks, smallest)
+    if not shown.any():
+        return excess
+    shown[:-1] |= shown[1:]
+    shown[1:] |= shown[:-1]
+    level = np.maximum(median(blocks[:, shown]) / np.log(2.0), np.maximum(smallest / LINE_LIMIT, 1e-300))
+    excess[: count * size].reshape(count, size)[shown] = np.max(blocks[:, shown] / level[:, :, None], axis=0)
+    if shown[-1]:
+        excess[count * size :] = np.max(power[:, count * size :] / level[:, -1:], axis=0)
+    return excess
+
+
+def _may_stand_out(power: FloatArray, blocks: FloatArray, smallest: FloatArray) -> BoolArray:
+    """Flags (blocks,) of those in which a bin may exceed `LINE_LIMIT` times the local level; False is certain.
 
     The median of a block is at least its largest bin times log(2) over the limit, unless half of its bins are smaller.
+    The bins after the last block count as its own.
     """
-    blocks = _in_blocks(power, _BLOCK)
     largest = blocks.max(axis=2)
     rest = power[:, blocks.shape[1] * blocks.shape[2] :]
     if rest.size:
         largest[:, -1] = np.maximum(largest[:, -1], rest.max(axis=1))
     below = np.count_nonzero(blocks < (largest * (np.log(2.0) / LINE_LIMIT))[:, :, None], axis=2)
-    return bool(np.any((largest > smallest) & (below >= blocks.shape[2] // 2)))
-
-
-def _in_blocks(power: FloatArray, block: int) -> FloatArray:
-    """The bins in whole blocks (channels, blocks, bins of a block)."""
-    bins = power.shape[1]
-    size = min(block, bins)
-    return power[:, : bins // size * size].reshape(power.shape[0], -1, size)
-
-
-def _floor(power: FloatArray, block: int = _BLOCK) -> FloatArray:
-    """Local noise level of a power spectrum: the mean of exponential noise, from the median of each block of bins."""
-    blocks = _in_blocks(power, block)
-    size = blocks.shape[2]
-    level = median(blocks) / np.log(2.0)
-    return level[:, np.minimum(np.arange(power.shape[1]) // size, level.shape[1] - 1)]
+    return np.asarray(np.any((largest > smallest) & (below >= blocks.shape[2] // 2), axis=0))
 
 
 def median(values: FloatArray) -> FloatArray:

@@ -25,6 +25,8 @@ _SHIFT = 3.0
 _STD_FALL = 2.0
 #: The speed is followed only if the residual of V1 falls to this share of the residual at one frequency, or less.
 _RESIDUAL_FALL = 0.9
+#: Share of the energy to be removed that the amplitudes of stretches must show.
+_SEEN = 0.25
 #: The speed is followed only if no channel has a residual above this multiple of that at one frequency.
 _RESIDUAL_RISE = 1.02
 #: A drive wanders if its relative amplitude varies by less than this share of the variation of its phase [rad].
@@ -90,6 +92,8 @@ def _along_v1(recording: Recording, found: Demodulation, share: float) -> tuple[
     The lines found beside a wandering drive are its sidebands; beside a steady drive they are interference. Both cases
     are compared: the phase of V1 as it is, and with the lines removed first.
     """
+    if not _may_wander(recording, found, share):
+        return None
     tries = []
     for lines in dict.fromkeys((False, found.lines.size > 0)):
         reference = _own_reference(recording, found, lines=lines)
@@ -100,6 +104,19 @@ def _along_v1(recording: Recording, found: Demodulation, share: float) -> tuple[
             if _is_better(followed, found, share):
                 tries.append((followed, departure))
     return min(tries, key=lambda pair: float(pair[0].noise_ratio[CHANNELS.index("motion_in")]), default=None)
+
+
+def _may_wander(recording: Recording, found: Demodulation, share: float) -> bool:
+    """Whether the amplitude of V1 varies enough for its residual to fall to a share when the variation is followed."""
+    if recording.reference is not None:
+        return True
+    motion = _motion(recording)
+    amplitude = envelope([motion], float(found.phasors.omega)).amplitudes["motion_in"]
+    there = amplitude[np.isfinite(amplitude)]
+    if there.size < _FEWEST_STRETCHES:
+        return False
+    residual = found.noise_ratio[CHANNELS.index("motion_in")] * np.abs(np.mean(there))
+    return bool(np.var(there) > _SEEN * (1.0 - share**2) * residual**2)
 
 
 def _departure(reference: Reference) -> float:
