@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fourpole.core.demodulation import wander as wander_room
 from fourpole.core.demodulation.demodulate import demodulate, first_guess
 from fourpole.core.demodulation.steady import steady_part
 from fourpole.core.demodulation.wander import follow_wander
@@ -117,6 +118,21 @@ def test_along_the_phase_of_v1_it_is_nearly_as_good():
     )
     assert abs(right) < 0.1 * abs(wrong)
     assert abs(right) < 3e-4
+
+
+@pytest.mark.parametrize("period", [7.3, 9.1])
+def test_the_look_at_one_envelope_drops_no_drive_that_would_be_followed(monkeypatch, period):
+    followed = []
+    for depth in np.geomspace(3e-4, 2e-2, 8):  # with this noise, from no drive that is followed to one that clearly is
+        recording, _ = wandering(depth, period, noise=0.05)
+        found = demodulate(recording)
+        looked = follow_wander(recording, found)
+        with monkeypatch.context() as patch:
+            patch.setattr(wander_room, "_may_wander", lambda *given: True)
+            followed.append(follow_wander(recording, found) is not None)
+        assert (looked is not None) == followed[-1]
+    assert not followed[0]
+    assert followed[-1]
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3, 0.05])

@@ -125,6 +125,7 @@ def follows(monkeypatch):
     def following(*, left=(0.5, 0.5, 0.5), departure=1e-2, shift=1.0, before=1e-4, after=1e-4):
         better = SimpleNamespace(noise_ratio=0.01 * np.array(left), phasors=phasors(std=after))
         found = SimpleNamespace(lines=np.zeros(0), noise_ratio=np.full(3, 0.01), phasors=phasors(shift, before))
+        monkeypatch.setattr(wander, "_may_wander", lambda *given: True)
         monkeypatch.setattr(wander, "_own_reference", lambda *given, **how: "reference")
         monkeypatch.setattr(wander, "_departure", lambda reference: departure)
         monkeypatch.setattr(wander, "replace", lambda recording, **changes: recording)

@@ -202,7 +202,16 @@ def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, uns
     left = track.energy - np.einsum("ij,ij->j", coefficients, right[:size])
     # The energy left is a difference: its round-off is that of the whole energy.
     variance = np.maximum(left, _ROUND_OFF * track.energy + 1e-300) / max(track.known - size, 1)
-    return SineFit(track, terms, inner, factor, coefficients, right - inner[:, :size] @ coefficients, variance, np.zeros(1 + lines.size))
+    return SineFit(
+        track,
+        terms,
+        inner,
+        factor,
+        coefficients,
+        right - inner[:, :size] @ coefficients,
+        variance,
+        np.zeros(1 + lines.size),
+    )
 
 
 def refine(
@@ -267,8 +276,7 @@ def _is_small(fit: SineFit, step: FloatArray, spread: float) -> bool:
     """Whether what a step (1 + L,) of the frequencies [rad/s] neglects is far below the uncertainty of the harmonics.
 
     An error of an interfering line reaches a harmonic by its leakage, 1 / (π bins between them). If the residual is
-    white, `spread` over the root of the samples, times the step, is what that step leaves of the line, over its standard
-    uncertainty.
+    white, the step times `spread` over the root of the samples is what it leaves of the line, over its uncertainty.
     """
     count, half = fit.harmonics, 0.5 * fit.track.time.size / fit.rate
     sines = fit.coefficients[: 2 * (count + fit.lines.size)]

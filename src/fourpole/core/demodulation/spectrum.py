@@ -196,12 +196,11 @@ def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArr
 
 def _power(spectrum: ComplexArray) -> FloatArray:
     """Squared moduli."""
-    squares = np.square(spectrum.view(float))
-    return np.asarray(squares[..., 0::2] + squares[..., 1::2])
+    return np.asarray(spectrum.real**2 + spectrum.imag**2)
 
 
 def _excess(power: FloatArray, block: int, smallest: FloatArray) -> FloatArray:
-    """Power (channels, bins) over the local noise level, the largest of the channels; 0 far from any bin that stands out.
+    """Power (channels, bins) over the local noise, the largest of the channels; 0 far from bins that may stand out.
 
     The noise level is the mean of exponential noise, from the median of each block of bins. Power below `smallest`
     (channels, 1) never stands out.

@@ -123,7 +123,7 @@ class Sines:
         return np.asarray(along[0] + turn * (along[1] + turn / 2 * (along[2] + turn / 3 * along[3])))
 
     def wave(self, amplitudes: ComplexArray, drift: FloatArray) -> FloatArray:
-        """The signals (C, N) Re sum s^p X e^{jωu} of amplitudes X (C, order + 1, F), and the sum of drift (C, 4) s^p."""
+        """The signals (C, N) Re sum s^p X e^{jωu} of amplitudes X (C, order + 1, F), and of drift (C, 4) s^p."""
         blocks, (channels, orders, count) = self._blocks, amplitudes.shape
         # Each block has amplitudes and a polynomial about its own middle.
         shifts = blocks.shifts[:orders, :, :orders]
@@ -139,7 +139,11 @@ class Sines:
         """Cosines and minus sines (B, 2 (order + 1) F) in a block, times the powers of s from the block's middle."""
         if order == 0:
             return self._inside.view(float)
-        return (self._inside[:, None] * self._blocks.powers[:, : order + 1, None]).reshape(len(self._inside), -1).view(float)
+        return (
+            (self._inside[:, None] * self._blocks.powers[:, : order + 1, None])
+            .reshape(len(self._inside), -1)
+            .view(float)
+        )
 
     def carrier(self) -> ComplexArray:
         """The first of the sinusoids as a rotation e^{jωu} (N,)."""

@@ -46,8 +46,8 @@ class Terms(ByValue):
 class Rows(Protocol):
     """The rows of some terms on a track: sines, parabolas of unsteady harmonics, what follows a speed, then the drift.
 
-    Inner products have these P rows first, then the 2 S rows of the sines times the time u from the middle [s]: a change
-    of frequency acts along those. The last two are those of the fundamental times u²: its model bends along them.
+    Inner products have these P rows first, then the 2 S rows of the sines times the time u from the middle [s], along
+    which a change of frequency acts. The last two are those of the fundamental times u²: its model bends along them.
     """
 
     @property
