@@ -14,6 +14,7 @@ import numpy as np
 from fourpole.core.arrays import same_value
 from fourpole.core.recording import uniform_time
 from fourpole.errors import FileError, RecordingError, TableError
+from fourpole.io.child import read_apart
 from fourpole.io.formats.guard import tidy
 from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, Signal
@@ -128,7 +129,20 @@ def convert(
     (('3 samples at 1000 Hz (F1)',),
      ('names and units are kept in a comment only, channels are called by number: 1 = F1 [N]',))
     """
-    source, target, choice = Path(path), Path(out), choice or Choice()
+    source, target, choice = Path(path), Path(out).absolute(), choice or Choice()
+    _writer(target, choice.kind)
+    converted: Converted = read_apart(_convert, source, target, choice, classes=(Converted,), progress=progress)
+    return converted
+
+
+#: The classes of what a worker process is told of a conversion.
+OF_WORK = (Choice,)
+
+
+def _convert(
+    source: Path, target: Path, choice: Choice, *, progress: Callable[[int, int], None] | None = None
+) -> Converted:
+    """The conversion, as a worker process runs it."""
     writer = _writer(target, choice.kind)
     found = survey(source)
     if target.exists() and target.samefile(source):
