@@ -204,7 +204,6 @@ def read_apart(
     *args: Any,
     classes: Iterable[type] = (),
     label: str | None = None,
-    seconds: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Any:
     """The result of a function that reads a file, run in the worker of this thread if a library reads such a file.
@@ -219,8 +218,6 @@ def read_apart(
         The classes of which the result is made.
     label : str, optional
         The file's name in messages; by default the last part of the path.
-    seconds : float, optional [s]
-        Time limit of a small file.
     progress : callable, optional
         The argument of this name that the function has.
 
@@ -235,7 +232,7 @@ def read_apart(
     try:
         size = path.stat().st_size
         # The worker may be in another folder than this process is now.
-        answer = answer_of(function, path.absolute(), *args, size=size, seconds=seconds, progress=progress)
+        answer = answer_of(function, path.absolute(), *args, size=size, progress=progress)
     except Died as death:
         raise errors.FileError(f"{name_of(path, label)} {death}; it may be damaged: copy or export it again") from None
     return unpack(bytearray(answer), classes)  # arrays on a bytearray can be written
