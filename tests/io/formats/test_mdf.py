@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import time
 import warnings
 import zlib
 from collections.abc import Callable, Iterator
@@ -192,12 +191,11 @@ def lies(path: Path) -> Iterator[bytes]:
 
 def test_what_is_cut_short_or_lies_is_refused(tmp_path: Path, outcome: Outcome) -> None:
     other = tmp_path / "b.mf4"
-    began = time.monotonic()
     for content in lies(example(tmp_path / "a.mf4")):
         other.write_bytes(content)
         _, samples = outcome(other, "V1")
         assert samples
-    assert time.monotonic() - began < 20  # no circle is walked until the time limit
+        assert "was not read within" not in samples  # no circle is walked until the time limit
 
 
 @pytest.mark.parametrize("declared", [60_000_000, 2**36])

@@ -216,4 +216,4 @@ def _in_seconds(time: _Channel, values: Part, name: str) -> Part:
     return remembered(lambda first, last: scale * values(first, last))
 
 
-FORMAT = track_format("MATLAB", (".mat",), _recognises, _KIND, _Content, library="h5py", extra="formats")
+FORMAT = track_format("MATLAB", (".mat",), _recognises, _KIND, _Content, extra="formats", by_library=True)

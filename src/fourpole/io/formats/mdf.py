@@ -108,7 +108,16 @@ class _Content:
         often = Counter(titles)
         self.groups = [title if title and often[title] == 1 else str(number) for number, title in enumerate(titles)]
         for group in self.mdf.groups if self.is_4 else ():
+            self._check_size(group)
             group.data_blocks = [part for block in group.data_blocks for part in _parted(block)]
+
+    def _check_size(self, group: Any) -> None:
+        """TableError if a group of version 4 declares more samples than its blocks hold."""
+        cells = group.channel_group
+        declared, there = cells.cycles_nr * cells.samples_byte_nr, sum(one.original_size for one in group.data_blocks)
+        if declared > there and not cells.flags & _VARIABLE:
+            what = f"a data group declares {declared} bytes of samples and has {there}"
+            raise TableError(f"{self.name}: {what}; it is cut short or damaged: copy or export it again")
 
     def _title(self, group: Any) -> str:
         stated = getattr(group.channel_group, "acq_name", "") if self.is_4 else group.channel_group.comment
@@ -310,5 +319,5 @@ def _formula(conversion: Any, kind: int) -> bool:
 
 
 FORMAT = track_format(
-    "ASAM MDF", (".mf4", ".mdf", ".dat"), _recognises, _KIND, _Content, library=_LIBRARY, extra="formats"
+    "ASAM MDF", (".mf4", ".mdf", ".dat"), _recognises, _KIND, _Content, extra="formats", by_library=True
 )
