@@ -20,6 +20,7 @@ import os
 import struct
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -166,12 +167,16 @@ class _Content:
         self._notes: dict[str, str] = self.caught(pl.read_parquet_metadata, opened.path)
         units = _units(self._notes)
         self.columns = [self._column(one, kind, units) for one, kind in self.caught(self._scan.collect_schema).items()]
-        self.rows = int(self.caught(self._scan.select(pl.len()).collect).item())
         times = [one for one in self.columns if one.kind in ("moments", "durations")]
         times = times or [one for one in self.columns if one.kind == "numbers" and is_time(one.name)]
         self.time = times[0] if len(times) == 1 else None
         self._firsts: dict[str, int] = {}
         self._whole: dict[str, Any] = {}
+
+    @cached_property
+    def rows(self) -> int:
+        """Number of rows that the file declares, or that it has if it has been read whole."""
+        return int(self.caught(self._scan.select(self._pl.len()).collect).item())
 
     def _column(self, name: str, kind: Any, units: dict[str, str]) -> _Column:
         pl = self._pl
@@ -215,15 +220,19 @@ class _Content:
         return cells
 
     def _take_whole(self, columns: Iterable[_Column]) -> None:
-        """Read columns together, which takes less time than one after the other."""
+        """Read columns together, which takes less time than one after the other, or than asking for the rows first."""
         pl = self._pl
         kinds = [pl.col(one.name).cast(pl.Float64 if one.kind == "numbers" else pl.Int64) for one in columns]
         table = self.caught(self._scan.select(kinds).collect)
-        self._agree(table.height)
+        self.rows = table.height
         self._whole = table.to_dict()
 
-    def _agree(self, there: int) -> None:
+    def _check_rows(self) -> None:
         """TableError if the groups of rows have another number of rows than the file declares."""
+        pl = self._pl
+        numbered = self._scan.with_row_index("fourpole").select(pl.col("fourpole").max())
+        last = self.caught(numbered.collect, engine="streaming").item()
+        there = 0 if last is None else int(last) + 1
         if there != self.rows:
             raise TableError(
                 f"{self._name}: is damaged: declares {self.rows} rows and has {there}; copy or export it again"
@@ -272,19 +281,12 @@ class _Content:
             if one.kind == "other":
                 raise TableError(f"{self._name}: column {shown(one.name)} holds no numbers; name another column")
         if whole:
-            afford(24 * self.rows * max(len(chosen), 1), self._max_bytes, self._name)
             self._take_whole(dict.fromkeys([*chosen, *([self.time] if self.time else [])]))
+            afford(24 * self.rows * len(chosen), self._max_bytes, self._name)
         else:
-            self._agree(self._counted())
+            self._check_rows()
         time = self.seconds()
         return [self.track(one, time) for one in chosen]
-
-    def _counted(self) -> int:
-        """Number of rows in all groups of rows."""
-        pl = self._pl
-        numbered = self._scan.with_row_index("fourpole").select(pl.col("fourpole").max())
-        last = self.caught(numbered.collect).item()
-        return 0 if last is None else int(last) + 1
 
 
 def _recognises(head: bytes) -> bool:
