@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import inspect
 import json
 import re
 from collections.abc import Callable
@@ -90,8 +89,6 @@ def test_timestamps_are_seconds_from_the_first(tmp_path: Path, unit: str) -> Non
 def test_units_and_rate_in_metadata(tmp_path: Path) -> None:
     assert room._units({"pandas": json.dumps({"attributes": {"unit": {"F1": "N"}}})}) == {"F1": "N"}
     assert room._rate({"fs": "2e3"}) == 2000.0
-    if "metadata" not in inspect.signature(pl.DataFrame.write_parquet).parameters:
-        pytest.skip("this polars writes no metadata")
     frame = pl.DataFrame({"F1": FORCE, "V1": FORCE, "X [mm]": FORCE})
     path = written(tmp_path / "a.parquet", frame, units=json.dumps({"F1": "N", "V1": "m/s"}), rate="2000")
     assert [one.unit for one in read(path, "F1", "V1", "X")] == ["N", "m/s", "mm"]

@@ -402,9 +402,8 @@ def test_in_pieces_it_is_the_same_file(tmp_path, kind, monkeypatch):
     monkeypatch.setattr(streaming, "_LEAST_ROWS", 700)
     seen = []
     # In this process, where the size of a piece is changed.
-    converting._convert(
-        source, tmp_path / f"pieces{ending}", Choice(window=(0.3, 2.5)), progress=lambda *now: seen.append(now)
-    )
+    out = tmp_path / f"pieces{ending}"
+    converting._convert(source, out, out, Choice(window=(0.3, 2.5)), progress=lambda *now: seen.append(now))
     assert len(seen) == 8
     assert seen[-1] == (15000, 15000)
     whole, pieces = read(tmp_path / f"whole{ending}"), read(tmp_path / f"pieces{ending}")
