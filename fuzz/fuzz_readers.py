@@ -1,5 +1,7 @@
 """Mutated recordings through the readers: each must be read or refused with one clear error, soon and in bounds.
 
+These are the readers of Fourpole's own; a file that a library reads is read in a worker process.
+
     python fuzz/fuzz_readers.py [--minutes 2] [--reader tydex] [--state FILE]
 
 It goes on where it was stopped: the state file holds the number of the next mutation, and every mutation
@@ -9,7 +11,6 @@ follows from its number alone. What breaks a reader is kept beside the state fil
 from __future__ import annotations
 
 import argparse
-import io
 import json
 import math
 import random
@@ -27,10 +28,9 @@ from pathlib import Path
 from types import FrameType
 
 import numpy as np
-import polars as pl
 
 from fourpole.errors import FourpoleError
-from fourpole.io.formats import famos, lvm, parquet, text, tydex, wav
+from fourpole.io.formats import famos, lvm, text, tydex, wav
 from fourpole.io.signals import FileInfo, Format, Request, Signal
 
 MAX_BYTES = 20_000_000
@@ -150,13 +150,6 @@ FAMOS = b"|CF,2,1,1;" + b"".join(b"|%s,1,%d,%s;" % (key.encode(), len(said), sai
 WAV = b"RIFF\x34\0\0\0WAVEfmt \x10\0\0\0\1\0\1\0\xe8\3\0\0\xd0\7\0\0\2\0\x10\0data\x10\0\0\0" + bytes(range(16))
 
 
-def _parquet(compression: str) -> bytes:
-    held = io.BytesIO()
-    frame = pl.DataFrame({"Zeit": np.arange(40) / 10, "F1": np.arange(40.0), "n": np.arange(40, dtype="i2")})
-    frame.write_parquet(held, compression=compression, row_group_size=10)  # type: ignore[arg-type]
-    return held.getvalue()
-
-
 READERS: dict[str, tuple[Format, list[bytes]]] = {
     "tydex": (
         tydex.FORMAT,
@@ -169,7 +162,6 @@ READERS: dict[str, tuple[Format, list[bytes]]] = {
     "text": (text.FORMAT, TEXTS),
     "famos": (famos.FORMAT, [FAMOS]),
     "wav": (wav.FORMAT, [WAV]),
-    "parquet": (parquet.FORMAT, [_parquet(one) for one in ("zstd", "snappy", "gzip", "lz4", "uncompressed")]),
 }
 
 

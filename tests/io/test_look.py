@@ -33,6 +33,11 @@ def test_parts_have_the_summary_of_the_whole(seed: int) -> None:
         np.testing.assert_allclose(found[name], whole[name], rtol=1e-12)
 
 
+def test_values_whose_square_is_too_large_have_an_infinite_std() -> None:
+    found = summary([np.array([1e200, -1e200]), np.array([3e200, 1e200])])
+    assert (found["least"], found["greatest"], found["std"]) == (-1e200, 3e200, np.inf)
+
+
 def timed(time: np.ndarray) -> Signal:
     return Signal("F1", "N", np.zeros(time.size), time=time)
 

@@ -19,9 +19,10 @@ import pytest
 from typer.testing import CliRunner
 
 from fourpole.app.cli import app
-from fourpole.errors import CampaignError
+from fourpole.errors import CampaignError, FileError
 from fourpole.io import child as children
 from fourpole.study import workers
+from fourpole.study.recording import read_recording
 from fourpole.study.workers import Workers
 
 pytestmark = pytest.mark.thorough
@@ -222,14 +223,32 @@ def members(group):
     return found
 
 
+@pytest.mark.parametrize(("death", "asked"), [(children.Died, 2), (children.Late, 1)])
+def test_a_worker_that_dies_is_asked_again_unless_it_was_late(death, asked, monkeypatch):
+    calls = []
+
+    def call(*args, **more):
+        calls.append(args)
+        raise death("ended")
+
+    monkeypatch.setattr(children.Child, "call", call)
+    with pytest.raises(death, match="ended"):
+        children.answer_of(len, "a file")
+    assert len(calls) == asked
+
+
 @pytest.mark.parametrize("what", ["crash", "hang"])
-def test_info_init_and_check_survive_a_file_that_hurts_its_reader(hurting, what, monkeypatch):
+def test_all_routes_to_a_file_survive_a_file_that_hurts_its_reader(hurting, what, monkeypatch):
     monkeypatch.setattr(children, "SECONDS", 1.0)
-    monkeypatch.setattr(children.Child.call, "__kwdefaults__", {**children.Child.call.__kwdefaults__, "seconds": 1.0})
     folder = hurting(what)
-    ran = CliRunner().invoke(app, ["info", str(folder.path / "recordings" / "D2.h5")])
-    assert ran.exit_code == 2
-    assert "D2.h5 crashed the library" in ran.stderr or "D2.h5 was not read within 1 s" in ran.stderr
+    file, out = folder.path / "recordings" / "D2.h5", folder.path / "D2.csv"
+    for command in (["info", str(file)], ["convert", str(file), str(out)]):
+        ran = CliRunner().invoke(app, command)
+        assert ran.exit_code == 2
+        assert "D2.h5 crashed the library" in ran.stderr or "D2.h5 was not read within 1 s" in ran.stderr
+    assert not [one for one in folder.path.iterdir() if "D2.csv" in one.name]
+    with pytest.raises(FileError, match=r"D2\.h5 (crashed the library|was not read within 1 s)"):
+        read_recording(file, {"motion_in": "V1 [m/s]"})
     ran = CliRunner().invoke(app, ["check", str(folder.path)])
     assert ran.exit_code == 3
     assert "reader" in ran.stdout

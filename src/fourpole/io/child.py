@@ -24,6 +24,7 @@ from fourpole import errors
 from fourpole.io.packed import pack, unpack
 from fourpole.io.recordings import format_of
 from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.io.source import name_of
 from fourpole.io.worker import TOO_MUCH, receive, send
 
 #: Memory that a file may need beyond the interpreter and the file itself, mapped [byte]: the samples of a request may
@@ -52,6 +53,10 @@ def _end() -> None:
 
 class Died(Exception):  # noqa: N818 - it is a report
     """A worker ended before it answered; the text says why."""
+
+
+class Late(Died):
+    """A worker took longer than it may: the same work would take another worker as long."""
 
 
 class Child:
@@ -111,7 +116,7 @@ class Child:
             raise
         if answer is None:
             self.close(for_good=False)
-            raise Died(_why(process.returncode, time.monotonic() - began, limit))
+            raise _death(process.returncode, time.monotonic() - began, limit)
         if answer[:1] == b"R":
             return answer[1:]
         raise _error(*unpack(answer[1:]))
@@ -156,13 +161,13 @@ def _environment() -> dict[str, str]:
     return {**os.environ, **dict.fromkeys(_ONE_THREAD, "1"), "PYTHONPATH": paths, "MALLOC_ARENA_MAX": "2"}
 
 
-def _why(code: int | None, took: float, limit: float) -> str:
-    """The reason of a death, from the exit code of the process."""
+def _death(code: int | None, took: float, limit: float) -> Died:
+    """The death with its reason, from the exit code of the process."""
     if code == 1 and took >= limit:  # the code of `faulthandler`, and of nothing that a library does
-        return f"was not read within {limit:.0f} s"
+        return Late(f"was not read within {limit:.0f} s")
     if code == TOO_MUCH or code == -getattr(signal, "SIGKILL", 9):
-        return "needed more memory than there is"
-    return "crashed the library that reads it"
+        return Died("needed more memory than there is")
+    return Died("crashed the library that reads it")
 
 
 def _error(kind: str, text: str) -> Exception:
@@ -173,11 +178,32 @@ def _error(kind: str, text: str) -> Exception:
     return found(text) if isinstance(found, type) and issubclass(found, errors.FourpoleError) else RuntimeError(text)
 
 
+def answer_of(
+    function: Callable[..., Any],
+    *args: Any,
+    size: int = 0,
+    seconds: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> bytes:
+    """The answer of this thread's worker, see `Child.call`; after a death another worker is asked once.
+
+    Died if there is no answer.
+    """
+    limit = SECONDS if seconds is None else seconds
+    try:
+        return child().call(function, *args, size=size, seconds=limit, progress=progress)
+    except Late:
+        raise
+    except Died:
+        return child().call(function, *args, size=size, seconds=limit, progress=progress)
+
+
 def read_apart(
     function: Callable[..., Any],
     path: Path,
     *args: Any,
     classes: Iterable[type] = (),
+    label: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Any:
     """The result of a function that reads a file, run in the worker of this thread if a library reads such a file.
@@ -190,23 +216,23 @@ def read_apart(
         The file.
     classes : iterable of type
         The classes of which the result is made.
+    label : str, optional
+        The file's name in messages; by default the last part of the path.
     progress : callable, optional
         The argument of this name that the function has.
 
     Raises
     ------
     FileError
-        If the worker dies twice, or the file cannot be opened.
+        If no worker answers, or the file cannot be opened.
     """
     told = {} if progress is None else {"progress": progress}
-    if not format_of(path, max_bytes=MAX_FILE_BYTES).by_library:
+    if not format_of(path, max_bytes=MAX_FILE_BYTES, label=label).by_library:
         return function(path, *args, **told)
-    why = ""
-    for _ in range(2):
-        try:
-            size = path.stat().st_size
-            # The worker may be in another folder than this process is now.
-            return unpack(child().call(function, path.absolute(), *args, size=size, progress=progress), classes)
-        except Died as death:
-            why = str(death)
-    raise errors.FileError(f"{path.name} {why}; it may be damaged: copy or export it again")
+    try:
+        size = path.stat().st_size
+        # The worker may be in another folder than this process is now.
+        answer = answer_of(function, path.absolute(), *args, size=size, progress=progress)
+    except Died as death:
+        raise errors.FileError(f"{name_of(path, label)} {death}; it may be damaged: copy or export it again") from None
+    return unpack(bytearray(answer), classes)  # arrays on a bytearray can be written

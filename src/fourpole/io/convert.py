@@ -14,11 +14,12 @@ import numpy as np
 from fourpole.core.arrays import same_value
 from fourpole.core.recording import uniform_time
 from fourpole.errors import FileError, RecordingError, TableError
+from fourpole.io.child import read_apart
 from fourpole.io.formats.guard import tidy
 from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, Signal
 from fourpole.io.stream import Chunk, Stream, by_halves, surveyed_stream, times_of
-from fourpole.io.write import beside
+from fourpole.io.write import beside, why
 from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel
 from fourpole.units import shown
 
@@ -128,7 +129,21 @@ def convert(
     (('3 samples at 1000 Hz (F1)',),
      ('names and units are kept in a comment only, channels are called by number: 1 = F1 [N]',))
     """
-    source, target, choice = Path(path), Path(out), choice or Choice()
+    source, target, choice = Path(path), Path(out).absolute(), choice or Choice()
+    _writer(target, choice.kind)
+    with beside(target) as new:  # here, where it is deleted even if the worker ends
+        made: Converted = read_apart(_convert, source, target, new, choice, classes=(Converted,), progress=progress)
+        return made
+
+
+#: The classes of what a worker process is told of a conversion.
+OF_WORK = (Choice,)
+
+
+def _convert(
+    source: Path, target: Path, new: Path, choice: Choice, *, progress: Callable[[int, int], None] | None = None
+) -> Converted:
+    """The conversion, as a worker process runs it: the file `new` is written, which then replaces `target`."""
     writer = _writer(target, choice.kind)
     found = survey(source)
     if target.exists() and target.samefile(source):
@@ -145,7 +160,7 @@ def convert(
     _check_groups(target, writer, plan.groups)
     if (writer.one_table or writer.kind in ("mat", "uff")) and plan.groups[0].name and len(plan.groups) == 1:
         remarks.lost.append(f"the name of the group, {plan.groups[0].name}, is not kept")
-    _write(target, writer, plan, chain([first], run.chunks), remarks, progress)
+    _write(new, writer, plan, chain([first], run.chunks), remarks, progress)
     return Converted(writer.name, tuple(group.words for group in plan.counted()), tuple(dict.fromkeys(remarks.lost)))
 
 
@@ -161,7 +176,7 @@ def _check_groups(target: Path, writer: Writer, groups: Sequence[Group]) -> None
 
 
 def _write(
-    target: Path,
+    new: Path,
     writer: Writer,
     plan: _Plan,
     chunks: Iterable[Chunk],
@@ -169,14 +184,19 @@ def _write(
     progress: Callable[[int, int], None] | None,
 ) -> None:
     done = 0
-    with beside(target) as path, writer.open(path, plan.groups, remarks) as sink:
-        for chunk in chunks:
-            for at, block in plan.blocks(chunk):
-                sink.add(at, block)
-            done += sum(signal.samples.size for signal in chunk)
-            if progress is not None:
-                progress(done, plan.total)
-        plan.check_not_empty()
+    try:
+        with writer.open(new, plan.groups, remarks) as sink:
+            for chunk in chunks:
+                for at, block in plan.blocks(chunk):
+                    sink.add(at, block)
+                done += sum(signal.samples.size for signal in chunk)
+                if progress is not None:
+                    progress(done, plan.total)
+            plan.check_not_empty()
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"{new.name}: cannot be written: {why(error)}") from error
 
 
 def _writer(target: Path, kind: str) -> Writer:

@@ -212,13 +212,14 @@ class _Tally:
         gaps = np.diff(np.flatnonzero(there), prepend=-1 - self.gap, append=there.size) - 1
         self.gap, self.longest_gap = int(gaps[-1]), max(self.longest_gap, int(gaps.max()))
 
+    @np.errstate(over="ignore", invalid="ignore")
     def _moments(self, samples: FloatArray) -> None:
         """Combine mean, sum of squares about the mean, and range with those of the samples before."""
         if not samples.size:
             return
         mean = float(samples.mean())
         shift, together = mean - self.mean, self.known + samples.size
-        self.square += float(np.sum((samples - mean) ** 2)) + shift**2 * self.known * samples.size / together
+        self.square += float(np.sum((samples - mean) ** 2)) + shift * shift * self.known * samples.size / together
         self.mean += shift * samples.size / together
         self.known = together
         self.least = min(self.least, float(samples.min()))

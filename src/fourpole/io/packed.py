@@ -54,12 +54,12 @@ def pack(value: Any) -> bytes:
     return _MARK + zlib.crc32(body).to_bytes(4, "little") + body
 
 
-def unpack(content: bytes, classes: Iterable[type] = ()) -> Any:
-    """The value of some bytes; arrays share the memory of the bytes and cannot be written.
+def unpack(content: bytes | bytearray, classes: Iterable[type] = ()) -> Any:
+    """The value of some bytes; arrays share their memory, and can be written if it is that of a bytearray.
 
     Parameters
     ----------
-    content : bytes
+    content : bytes or bytearray
         What `pack` returned.
     classes : iterable of type
         The dataclasses and enums that may be made.

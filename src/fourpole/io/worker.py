@@ -19,6 +19,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -58,6 +59,7 @@ def receive(pipe: BinaryIO) -> bytes | None:
 def main() -> None:
     """Answer until the parent ends."""
     answers = _private_output()
+    warnings.simplefilter("ignore")
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     _first_to_go()
     work: queue.SimpleQueue[bytes] = queue.SimpleQueue()

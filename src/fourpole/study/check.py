@@ -11,12 +11,13 @@ from fourpole import units
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.place import inside
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
+from fourpole.io.child import read_apart
 from fourpole.io.look import rate_of
 from fourpole.io.recordings import survey
 from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import sha256_of
-from fourpole.io.stream import stream, times_of
+from fourpole.io.stream import StreamSource, stream, times_of
 from fourpole.study.identified import NO_RIG, possible_route
 from fourpole.study.load import group_of, source_of
 from fourpole.study.reduce import ROUTE_NEEDS, Job, jobs_of
@@ -139,6 +140,19 @@ def _route(campaign: Campaign, route: str) -> tuple[str, list[str]]:
     return used, notes
 
 
+#: The classes of what a worker process is told of a file.
+OF_WORK = (StreamSource,)
+
+
+def end_of(path: Path, source: StreamSource) -> tuple[float, float] | None:
+    """Last time and time step of a recording [s], from its first samples and its number of samples; None if unknown."""
+    (first,) = next(stream(source).chunks)
+    info = survey(path, max_bytes=MAX_FILE_BYTES, label=source.label)
+    count = max(one.count for one in info.signals if source.group in ("", one.group))
+    time, rate = times_of(first), rate_of(first)
+    return None if time is None or rate is None else (float(time[0]) + (count - 1) / rate, 1 / rate)
+
+
 @dataclass
 class _Inspection:
     """The problems of a campaign, found test by test."""
@@ -193,14 +207,11 @@ class _Inspection:
         assert channels.motion_in is not None
         assert test.window is not None
         source = source_of(path, test, channels, [channels.motion_in])
-        (first,) = next(stream(replace(source, rows=_ROWS)).chunks)
-        info = survey(path, max_bytes=MAX_FILE_BYTES, label=test.file)
-        count = max(one.count for one in info.signals if source.group in ("", one.group))
-        time, rate = times_of(first), rate_of(first)
-        if time is None or rate is None:
+        found = read_apart(end_of, path, replace(source, rows=_ROWS), label=test.file)
+        if found is None:
             return
-        (low, high), stop = test.window, float(time[0]) + (count - 1) / rate
-        if high > stop + 1 / rate:
+        (low, high), (stop, step) = test.window, found
+        if high > stop + step:
             message = f"window {low:g}..{high:g} s goes beyond the recording, which ends at {stop:g} s; shorten it"
             self._say(test, "window", "warning", message)
 

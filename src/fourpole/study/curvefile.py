@@ -12,7 +12,7 @@ from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.place import at_hand, identity_at
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import FileError, FourpoleError
-from fourpole.io.child import SECONDS, Died, child
+from fourpole.io.child import SECONDS, Died, answer_of
 from fourpole.io.identity import Identity
 from fourpole.io.packed import pack, unpack
 from fourpole.io.source import sha256_of
@@ -118,10 +118,7 @@ def _read(job: CurveJob, identity: Identity | None, seconds: float) -> bytes:
     if not by_library(job.folder, job.test.file):
         return curve_of(job)
     size = identity.size if identity is not None else 0
-    why = ""
-    for _ in range(2):
-        try:
-            return child().call(curve_of, job, size=size, seconds=seconds)
-        except Died as death:
-            why = str(death)
-    raise FileError(f"{job.test.file} {why}; the file may be damaged: copy or export it again")
+    try:
+        return answer_of(curve_of, job, size=size, seconds=seconds)
+    except Died as death:
+        raise FileError(f"{job.test.file} {death}; the file may be damaged: copy or export it again") from None

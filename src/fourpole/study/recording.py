@@ -7,11 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from fourpole import units
+from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
+from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.schema import validated
+from fourpole.core.chain import Calibrated, Delay, Geophone, HighPass, LowPass
 from fourpole.core.phasor import CHANNELS
-from fourpole.core.recording import Recording
+from fourpole.core.recording import Channel, CrossTalk, Recording
+from fourpole.core.reference import Reference
 from fourpole.errors import CampaignError, FileError
+from fourpole.io.child import read_apart
 from fourpole.study.load import load_recording
 
 
@@ -69,7 +74,20 @@ def read_recording(file: str | Path, channels: Mapping[str, str | Mapping[str, A
         raise CampaignError('read_recording: motion_in is missing: name its column, as in {"motion_in": "V1 [m/s]"}')
     path = _path(folder, str(file))
     roles = [role for role in CHANNELS if stated.named(role) is not None]
-    return load_recording(folder, path, test, stated, roles)[0]
+    recording: Recording = read_apart(
+        recording_of, path, folder.absolute(), test, stated, roles, classes=_CLASSES, label=test.file
+    )
+    return recording
+
+
+#: The classes of what a worker process is told of a recording, and of which the recording is made.
+OF_WORK = (Test, *CHANNEL_CLASSES)
+_CLASSES = (Recording, Channel, CrossTalk, Reference, Delay, HighPass, LowPass, Geophone, Calibrated)
+
+
+def recording_of(path: Path, folder: Path, test: Test, channels: ChannelsFile, roles: list[str]) -> Recording:
+    """The recording of a file, as a worker process reads it."""
+    return load_recording(folder, path, test, channels, roles)[0]
 
 
 def _column(role: str, text: str | Mapping[str, Any]) -> Any:

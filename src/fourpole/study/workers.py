@@ -27,7 +27,7 @@ from fourpole.campaign.place import at_hand, identity_at
 from fourpole.core.checks import Check, reported
 from fourpole.core.codes import Code
 from fourpole.errors import CampaignError, FourpoleError
-from fourpole.io.child import SECONDS, Child, Died, child
+from fourpole.io.child import SECONDS, Child, Died, answer_of, child
 from fourpole.io.identity import Identity
 from fourpole.io.packed import unpack
 from fourpole.io.remote import is_elsewhere
@@ -84,14 +84,11 @@ def check_part_of(job: Job) -> tuple[Check, ...]:
     """The checks of the first part of a recording, read in a worker process if a library reads it; see `check_part`."""
     if not by_library(job.folder, job.test.file):
         return check_part(job)
-    why = ""
-    for _ in range(2):
-        try:
-            found: tuple[Check, ...] = unpack(child().call(check_part, job, size=_size(job)), (Check, Code))
-            return found
-        except Died as death:
-            why = str(death)
-    return (reported(Code.READER, "rejected", file=job.test.file, why=why),)
+    try:
+        found: tuple[Check, ...] = unpack(answer_of(check_part, job, size=_size(job)), (Check, Code))
+    except Died as death:
+        return (reported(Code.READER, "rejected", file=job.test.file, why=str(death)),)
+    return found
 
 
 def demodulate_packed(job: Job) -> bytes:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import importlib
-import logging
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,13 @@ import pytest
 from scipy.io import savemat, wavfile
 
 from fourpole.errors import FileError, TableError
+from fourpole.io import child as children
+from fourpole.io.child import read_apart
+from fourpole.io.convert import Choice, convert
 from fourpole.io.formats import famos, hdf5, matlab, mdf, parquet, tdms, uff, wav
-from fourpole.io.signals import Format, Request
+from fourpole.io.look import ChannelSummary, look_at
+from fourpole.io.recordings import survey
+from fourpole.io.signals import FileInfo, Format, Request, SignalInfo
 
 pytestmark = pytest.mark.thorough
 
@@ -33,6 +37,7 @@ FORMATS: dict[str, Format] = {
 }
 LIBRARIES = {"tdms": "nptdms", "uff": "pyuff", "h5": "h5py", "mf4": "asammdf"}
 NAMES = {"wav": "1"}
+GROUPS = {"mf4": "0", "tdms": "g", "h5": "g"}
 
 
 def write_wav(path: Path) -> None:
@@ -106,47 +111,68 @@ def kind(request: pytest.FixtureRequest) -> str:
     return found
 
 
-def use(kind: str, path: Path) -> bool:
-    """Whether a file can be read; if not, our error says so."""
-    format_, name = FORMATS[kind], NAMES.get(kind, "F1")
-    said = []
-    for step in (
-        lambda: format_.survey(path, path.name, LIMIT),
-        lambda: format_.read(Request(path, (name,), "", path.name, LIMIT)),
-        lambda: format_.blocks and list(format_.blocks(Request(path, (name,), "", path.name, LIMIT), 64)),
-    ):
+def errors_of(steps: Sequence[Callable[[], object]], path: Path) -> list[Exception]:
+    """Our errors, each with a message that names the file."""
+    said: list[Exception] = []
+    for step in steps:
         try:
             step()
         except (TableError, FileError) as error:
             said.append(error)
-    for error in said:
-        message = str(error)
-        assert message.startswith(f"{path.name}: ")
+    for message in map(str, said):
+        assert path.name in message
         assert message.isprintable()
         assert len(message) < 1200
-        assert error.__suppress_context__ or error.__context__ is None
+    return said
+
+
+def use(kind: str, path: Path) -> bool:
+    """Whether a file can be read by the reader of this format; if not, our error says so."""
+    format_, name = FORMATS[kind], NAMES.get(kind, "F1")
+    steps = (
+        lambda: format_.survey(path, path.name, LIMIT),
+        lambda: format_.read(Request(path, (name,), "", path.name, LIMIT)),
+        lambda: format_.blocks and list(format_.blocks(Request(path, (name,), "", path.name, LIMIT), 64)),
+    )
+    said = errors_of(steps, path)
+    assert all(error.__suppress_context__ or error.__context__ is None for error in said)
     return not said
 
 
+def use_as_commands_do(kind: str, path: Path) -> bool:
+    """Whether `info` and `convert` can read a file; if not, our error says so."""
+    name, group = NAMES.get(kind, "F1"), GROUPS.get(kind, "")
+
+    def info() -> None:
+        found = read_apart(survey, path, classes=(FileInfo, SignalInfo))
+        read_apart(
+            look_at, path, found, list(range(len(found.signals))), classes=(ChannelSummary,), progress=lambda *_: None
+        )
+
+    out = path.with_name("out.csv")
+    return not errors_of((info, lambda: convert(path, out, Choice(group, (name,), force=True))), path)
+
+
 def test_a_cut_or_flipped_file_gives_samples_or_our_error(
-    kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(children, "SECONDS", 10.0)
     path, other = tmp_path / f"a.{kind}", tmp_path / f"b.{kind}"
     WRITERS[kind](path)
     capfd.readouterr()
-    assert use(kind, path)
+    assert use_as_commands_do(kind, path)
     whole = path.read_bytes()
     rng = np.random.default_rng(7)
     for length in rng.integers(1, len(whole), 4):
         other.write_bytes(whole[:length])
-        use(kind, other)
+        use_as_commands_do(kind, other)
     for _ in range(8):
         made = bytearray(whole)
         head = len(made) if rng.random() < 0.5 else min(len(made), 400)
         for at in rng.integers(0, head, rng.integers(1, 6)):
             made[at] = rng.choice([0, 1, 0x7F, 0x80, 0xFF, int(rng.integers(256))])
         other.write_bytes(made)
-        use(kind, other)
+        use_as_commands_do(kind, other)
     assert capfd.readouterr() == ("", "")
 
 
@@ -182,15 +208,3 @@ def test_a_library_that_is_missing_is_named(kind: str, tmp_path: Path, monkeypat
         FileError, match=rf"^a: .* {library}, which is not installed; pip install 'fourpole\[formats\]'"
     ):
         FORMATS[kind].survey(tmp_path / f"a.{kind}", "a", LIMIT)
-
-
-def test_loggers_speak_again_afterwards(kind: str, tmp_path: Path) -> None:
-    (tmp_path / f"a.{kind}").write_bytes(b"something else")
-    before = {
-        name: one.disabled for name, one in logging.root.manager.loggerDict.items() if isinstance(one, logging.Logger)
-    }
-    use(kind, tmp_path / f"a.{kind}")
-    after = {
-        name: one.disabled for name, one in logging.root.manager.loggerDict.items() if isinstance(one, logging.Logger)
-    }
-    assert {name: after[name] for name in before} == before

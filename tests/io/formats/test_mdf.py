@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,8 @@ from fourpole.io.signals import Request
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     asammdf = pytest.importorskip("asammdf")
+
+Outcome = Callable[[Path, str], list[str]]
 
 LIMIT = 10**9
 N = 3000
@@ -156,7 +158,7 @@ def test_texts_are_no_samples(tmp_path: Path) -> None:
 def test_memory_is_asked_for_before_it_is_used(tmp_path: Path) -> None:
     path = example(tmp_path / "a.mf4", compression=1)
     with pytest.raises(FileError, match=r"needs .* more than"):
-        FORMAT.read(asked(path, "V1", most=100_000))
+        FORMAT.read(asked(path, "V1", most=50_000))
 
 
 def patched(whole: bytes, *changes: tuple[int, bytes]) -> bytes:
@@ -187,27 +189,27 @@ def lies(path: Path) -> Iterator[bytes]:
     yield patched(whole, (0, b"UnFinMF "), (60, b"\x01\0"))
 
 
-def test_what_is_cut_short_or_lies_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_is_cut_short_or_lies_is_refused(tmp_path: Path, outcome: Outcome) -> None:
     other = tmp_path / "b.mf4"
     for content in lies(example(tmp_path / "a.mf4")):
         other.write_bytes(content)
-        for use in (lambda: FORMAT.survey(other, "b.mf4", LIMIT), lambda: FORMAT.read(asked(other, "V1"))):
-            with pytest.raises((TableError, FileError), match=r"^b\.mf4: "):
-                use()
-    assert capfd.readouterr() == ("", "")
+        _, samples = outcome(other, "V1")
+        assert samples
+        assert "was not read within" not in samples  # no circle is walked until the time limit
 
 
-def test_a_block_that_unpacks_to_more_than_it_declares(tmp_path: Path) -> None:
+@pytest.mark.parametrize("declared", [60_000_000, 2**36])
+def test_a_block_that_unpacks_to_another_size_than_it_declares(tmp_path: Path, outcome: Outcome, declared: int) -> None:
     whole = example(tmp_path / "a.mf4", compression=1).read_bytes()
     at = whole.index(b"##DZ")
     bomb = zlib.compress(bytes(60_000_000), 9)
-    made = patched(whole, (at + 8, struct.pack("<Q", 48 + len(bomb))), (at + 40, struct.pack("<Q", len(bomb))))
+    lengths = struct.pack("<QQ", declared, len(bomb))
+    made = patched(whole, (at + 8, struct.pack("<Q", 48 + len(bomb))), (at + 32, lengths))
     (tmp_path / "b.mf4").write_bytes(made[: at + 48] + bomb + made[at + 48 :])
-    with pytest.raises((TableError, FileError), match=r"^b\.mf4: "):
-        FORMAT.read(asked(tmp_path / "b.mf4", "V1", most=20_000_000))
+    assert outcome(tmp_path / "b.mf4", "V1")[1]
 
 
-def test_version_3_is_walked_too(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_version_3_is_guarded_too(tmp_path: Path, outcome: Outcome) -> None:
     whole = example(tmp_path / "a.mdf", "3.30").read_bytes()
     (group,) = struct.unpack("<I", whole[68:72])
     (cells,) = struct.unpack("<I", whole[group + 8 : group + 12])
@@ -223,6 +225,10 @@ def test_version_3_is_walked_too(tmp_path: Path, capfd: pytest.CaptureFixture[st
         patched(whole, (group + 20, struct.pack("<H", 60_000))),
     ):
         other.write_bytes(content)
-        with pytest.raises((TableError, FileError), match=r"^b\.mdf: "):
-            FORMAT.read(asked(other, "V1"))
-    assert capfd.readouterr() == ("", "")
+        assert outcome(other, "V1")[1]
+
+
+def test_many_links_to_one_text_are_no_circle(tmp_path: Path) -> None:
+    signals = [signal(f"c{at}", np.zeros(1), np.zeros(1), "N", comment="the same") for at in range(200)]
+    path = written(tmp_path / "a.mf4", "4.10", {"g": signals})
+    assert len(FORMAT.survey(path, "a.mf4", LIMIT).signals) == 201

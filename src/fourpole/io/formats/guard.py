@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import gc
 import importlib
-import io
-import logging
 import re
-import threading
-import traceback
-import warnings
-import zlib
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import ExitStack, redirect_stderr, redirect_stdout
+from contextlib import ExitStack
 from types import TracebackType
-from typing import Any, BinaryIO, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,19 +23,10 @@ Item = TypeVar("Item")
 _TIME = re.compile(
     r"t|time|times|timestamps?|zeit|temps|tiempo|time_s|et|(?:elapsed|running|run)[ _]?time", re.IGNORECASE
 )
-#: Output, warnings and loggers belong to the process: two threads that silence them in turn could leave them silent.
-_ONE_AT_A_TIME = threading.RLock()
-
-
-class _Void(io.TextIOBase):
-    """A text stream that discards what a library prints."""
-
-    def write(self, text: str) -> int:
-        return len(text)
 
 
 class Guard:
-    """A context in which a library prints nothing, and any exception becomes a TableError that says what to do.
+    """A context in which any exception becomes a TableError that says what to do, and numpy does not warn.
 
     Parameters
     ----------
@@ -50,59 +34,32 @@ class Guard:
         The file's name in messages.
     kind : str
         The kind of file that is expected, such as "an NI TDMS file".
-    library : str
-        The library whose loggers are silenced.
     """
 
-    def __init__(self, name: str, kind: str, library: str = "") -> None:
-        self._name, self._kind, self._library = name, kind, library
-        self._loaded = False
-        self._stack = ExitStack()
+    def __init__(self, name: str, kind: str) -> None:
+        self._name, self._kind = name, kind
+        self._quiet = ExitStack()
 
     def __enter__(self) -> Self:
-        with ExitStack() as stack:
-            stack.enter_context(_ONE_AT_A_TIME)
-            stack.enter_context(warnings.catch_warnings())
-            warnings.simplefilter("ignore")
-            stack.enter_context(np.errstate(all="ignore"))
-            stack.enter_context(redirect_stdout(_Void()))
-            stack.enter_context(redirect_stderr(_Void()))
-            self._stack = stack.pop_all()
-        if self._loaded:
-            self._silence()
+        self._quiet.enter_context(np.errstate(all="ignore"))
         return self
 
     def load(self, module: str) -> Any:
         """The module of a library that the base installation lacks; FileError if it is not installed."""
-        loaded = need(module, self._name, self._kind)
-        self._loaded = True
-        self._silence()
-        return loaded
-
-    def _silence(self) -> None:
-        """Disable the library's loggers until the context ends."""
-        for name, logger in list(logging.root.manager.loggerDict.items()):
-            ours = name == self._library or name.startswith(f"{self._library}.")
-            if self._library and ours and isinstance(logger, logging.Logger) and not logger.disabled:
-                logger.disabled = True
-                self._stack.callback(setattr, logger, "disabled", False)
+        return need(module, self._name, self._kind)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with self._stack:
-            if error is None or isinstance(error, FourpoleError) or not isinstance(error, Exception):
-                return
-            detail = _detail(error)
-            traceback.clear_frames(trace)
-            if self._library:
-                gc.collect()  # objects that the library left unfinished are destroyed while it cannot print
+        self._quiet.close()
+        if error is None or isinstance(error, FourpoleError) or not isinstance(error, Exception):
+            return
         if isinstance(error, MemoryError):
             raise FileError(
                 f"{self._name}: needs more memory than there is, or declares more than it holds; read fewer of its "
                 "channels, or export it again"
             ) from None
-        what = f"cannot be read as {self._kind}{detail}"
+        what = f"cannot be read as {self._kind}{_detail(error)}"
         raise TableError(f"{self._name}: {what}; it may be cut short or damaged: copy or export it again") from None
 
 
@@ -176,20 +133,6 @@ def afford(needed: int, max_bytes: int, name: str, what: str = "the request") ->
     if needed > max_bytes:
         much = f"{needed / 1e6:.4g} MB of memory, more than the {max_bytes / 1e6:.4g} MB allowed"
         raise FileError(f"{name}: {what} needs {much}; read fewer channels, split the file or raise the limit")
-
-
-def inflates_to(file: BinaryIO, packed: int, most: int) -> bool:
-    """Whether the next `packed` bytes, deflated, unpack to at most `most` bytes; they are unpacked in small parts."""
-    stream, total = zlib.decompressobj(), 0
-    while (packed or stream.unconsumed_tail) and not stream.eof:
-        part = stream.unconsumed_tail
-        if not part:
-            part = file.read(min(packed, 1 << 16))
-            packed -= len(part)
-        total += len(stream.decompress(part, 1 << 20))
-        if total > most:
-            return False
-    return True
 
 
 def floats(samples: Any, channel: str, name: str) -> NDArray[np.float64]:

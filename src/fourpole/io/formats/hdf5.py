@@ -20,7 +20,6 @@ and so are filters that are not part of HDF5 itself.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -30,7 +29,7 @@ from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.formats.attributes import RATES, STEPS, UNITS
-from fourpole.io.formats.guard import afford, find, inflates_to, is_time, of_name, tidy, time_scale
+from fourpole.io.formats.guard import afford, find, is_time, of_name, tidy, time_scale
 from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_format
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
@@ -45,10 +44,7 @@ _NOTES = ("note", "comment", "description", "title", "long_name")
 _MOST_OBJECTS = 100_000
 _DEEPEST = 32
 _MOST_HOPS = 8
-_DEFLATE, _LZF = 1, 32000
-_FILTERS = frozenset({1, 2, 3, 4, 5, 6, _LZF})
-#: Largest ratio of unpacked to packed size: no known filter reaches it.
-_MOST_INFLATED = 1100
+_FILTERS = frozenset({1, 2, 3, 4, 5, 6, 32000})
 _LONGEST_TEXT = 4096
 
 
@@ -206,43 +202,16 @@ def reader(leaf: Leaf, max_bytes: int, name: str, *, row: int | None = None, axi
 
 
 def _check(leaf: Leaf, max_bytes: int, name: str) -> None:
-    """TableError if a dataset must not be read, or declares more samples than it holds."""
+    """TableError if a dataset must not be read, or holds none of its samples; FileError if a chunk is too large."""
     dataset = leaf.dataset
     if leaf.barred:
         raise TableError(f"{name}: channel {shown(leaf.path)} {leaf.barred}")
-    if dataset.chunks is not None:
-        _check_chunks(dataset, leaf, max_bytes, name)
-    elif dataset.id.get_storage_size() == 0 and dataset.size:
-        raise TableError(f"{name}: channel {shown(leaf.path)} declares {dataset.size} samples and holds none")
-
-
-def _check_chunks(dataset: Any, leaf: Leaf, max_bytes: int, name: str) -> None:
-    """FileError or TableError if chunks unpack to more memory than allowed, or samples were never written."""
     what = f"channel {shown(leaf.path)}"
-    declared = int(np.prod(dataset.chunks, dtype=object)) * dataset.dtype.itemsize
-    plan = dataset.id.get_create_plist()
-    squeezed = [plan.get_filter(at)[0] for at in range(plan.get_nfilters())]
-    packers = [one for one in squeezed if one in (_DEFLATE, 4, _LZF)]
-    largest, large = 0, []
-
-    def measure(one: Any) -> None:
-        nonlocal largest
-        largest = max(largest, one.size)
-        if one.size * _MOST_INFLATED > max_bytes and not one.filter_mask:
-            large.append(one.chunk_offset)
-
-    dataset.id.chunk_iter(measure)
-    if dataset.size and not largest:
+    if dataset.size and dataset.id.get_storage_size() == 0:
         raise TableError(f"{name}: {what} declares {dataset.size} samples and holds none")
-    afford(2 * declared, max_bytes, name, f"a part of {what}")
-    if not packers or largest * _MOST_INFLATED ** len(packers) <= max_bytes:
-        return
-    if packers != [_DEFLATE]:
-        afford(largest * _MOST_INFLATED ** len(packers), max_bytes, name, f"a part of {what}, unpacked,")
-    for offset in large:
-        _, packed = dataset.id.read_direct_chunk(offset)
-        if not inflates_to(io.BytesIO(packed), len(packed), declared + (4 if 3 in squeezed else 0)):
-            raise TableError(f"{name}: {what} unpacks to more than it declares; it is damaged: export it again")
+    if dataset.chunks is not None:
+        declared = int(np.prod(dataset.chunks, dtype=object)) * dataset.dtype.itemsize
+        afford(2 * declared, max_bytes, name, f"a part of {what}")
 
 
 def _is_row(leaf: Leaf) -> bool:
@@ -352,5 +321,5 @@ class _Content:
 
 
 FORMAT = track_format(
-    "HDF5", (".h5", ".hdf5", ".hdf", ".he5"), _recognises, _KIND, _Content, library=_LIBRARY, extra="formats"
+    "HDF5", (".h5", ".hdf5", ".hdf", ".he5"), _recognises, _KIND, _Content, extra="formats", by_library=True
 )

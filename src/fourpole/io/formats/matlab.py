@@ -16,7 +16,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -24,11 +23,12 @@ from fourpole.errors import TableError
 from fourpole.io.formats import hdf5
 from fourpole.io.formats.guard import afford, find, floats, is_time, of_name, seconds, tidy, time_scale
 from fourpole.io.formats.matlab_73 import variables_73
-from fourpole.io.formats.matlab_elements import KIND, MOST_TEXTS, Node, Walk
+from fourpole.io.formats.matlab_nodes import MOST_TEXTS, Node, variables_5
 from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_format
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
+_KIND = "a MATLAB file"
 _V5, _V73 = b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"
 _RATES = re.compile(r"(?:fs|f_s|rate|sample_?rate|sampling_?rate|sampling_?frequency|samp_?freq)", re.IGNORECASE)
 _STEPS = re.compile(r"(?:dt|ts|delta_?t|increment|sample_?time|sampling_?time)", re.IGNORECASE)
@@ -140,7 +140,7 @@ class _Content:
     """The channels of an open file."""
 
     def __init__(self, opened: OpenFile) -> None:
-        self._file, self._name, self._max_bytes = opened.file, opened.name, opened.max_bytes
+        self._name, self._max_bytes = opened.name, opened.max_bytes
         self._is_73 = opened.file.read(len(_V73)) == _V73
         opened.file.seek(0)
         if self._is_73:
@@ -148,7 +148,9 @@ class _Content:
             root = opened.closing.enter_context(h5py.File(opened.file, "r"))
             self._variables = variables_73(h5py, root, opened.name)
         else:
-            self._variables = Walk(opened.file, opened.name, opened.max_bytes).variables()
+            from scipy.io import loadmat
+
+            self._variables = variables_5(loadmat(opened.file, struct_as_record=True))
         self._channels = list(_within(self._variables, (), None))
         leaves = ((one.name, one.leaf) for one in self._variables if one.leaf is not None)
         self._closed = {name: leaf for name, leaf in leaves if leaf.dataset is None}
@@ -166,14 +168,12 @@ class _Content:
         return FileInfo(f"MATLAB {'7.3' if self._is_73 else '5'}", tuple(signals), tuple(notes))
 
     def _ends(self, time: _Channel) -> tuple[float, float] | None:
-        """First and last time [s]; None if they are not known without reading all times."""
-        scale, ends = seconds(time.unit), time.node.ends if time.column is None else None
+        """First and last time [s]; None if they are not finite, or their unit is none of time."""
+        scale, part = seconds(time.unit), self._reader(time)
         if scale is None or not time.count:
             return None
-        if self._is_73:
-            part = self._reader_73(time)
-            ends = float(part(0, 1)[0]), float(part(time.count - 1, time.count)[0])
-        return (ends[0] * scale, ends[1] * scale) if ends is not None and np.isfinite(ends).all() else None
+        ends = float(part(0, 1)[0]), float(part(time.count - 1, time.count)[0])
+        return (ends[0] * scale, ends[1] * scale) if np.isfinite(ends).all() else None
 
     def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
         names = tuple(re.sub(r"\((:|\d+),(:|\d+)\)$", r"[\1,\2]", one) for one in request.names)
@@ -184,7 +184,8 @@ class _Content:
         chosen = [self._channels[at] for at in places]
         if whole or not self._is_73:
             afford(16 * sum(one.count for one in chosen), self._max_bytes, self._name)
-        readers = self._readers(chosen)
+        needed = {one.place: one for channel in chosen for one in (channel, channel.time) if one is not None}
+        readers = {place: self._reader(one) for place, one in needed.items()}
         times: dict[tuple[tuple[str, ...], int | None], Part] = {}
         tracks = []
         for one in chosen:
@@ -196,26 +197,18 @@ class _Content:
             tracks.append(Track(one.name, one.unit, one.count, readers[one.place], one.rate, 0.0, time))
         return tracks
 
-    def _readers(self, chosen: Sequence[_Channel]) -> dict[tuple[tuple[str, ...], int | None], Part]:
-        """The functions that read a part of the chosen channels and of their times, by place."""
-        needed = {one.place: one for channel in chosen for one in (channel, channel.time) if one is not None}
-        if self._is_73:
-            return {place: self._reader_73(one) for place, one in needed.items()}
-        tops = {one.path[0] for one in needed.values()}
-        held = sum(one.size for one in self._variables if one.name in tops)
-        afford(held + 16 * sum(one.count for one in chosen), self._max_bytes, self._name)
-        self._file.seek(0)
-        from scipy.io import loadmat
-
-        content = loadmat(self._file, variable_names=sorted(tops), struct_as_record=True) if tops else {}
-        return {place: _reader(content, one, self._name) for place, one in needed.items()}
-
-    def _reader_73(self, one: _Channel) -> Part:
-        leaf = one.node.leaf
-        if leaf is None:
-            raise TableError(f"{self._name}: channel {shown(one.name)} holds no numbers; name another channel")
-        long = one.node.dims[0] >= one.node.dims[1]  # in MATLAB; in the file the matrix is transposed
-        return hdf5.reader(leaf, self._max_bytes, self._name, row=one.column, axis=0 if long else 1)
+    def _reader(self, one: _Channel) -> Part:
+        """The function that reads a part of a channel."""
+        node, name = one.node, one.name
+        long = node.dims[0] >= node.dims[1]
+        if node.samples is None:
+            if node.leaf is None:
+                raise TableError(f"{self._name}: channel {shown(name)} holds no numbers; name another channel")
+            # In the file of version 7.3 a matrix is transposed.
+            return hdf5.reader(node.leaf, self._max_bytes, self._name, row=one.column, axis=0 if long else 1)
+        table = node.samples
+        values = table.ravel() if one.column is None else table[:, one.column] if long else table[one.column]
+        return lambda first, last: floats(values[first:last], name, self._name)
 
 
 def _in_seconds(time: _Channel, values: Part, name: str) -> Part:
@@ -223,16 +216,4 @@ def _in_seconds(time: _Channel, values: Part, name: str) -> Part:
     return remembered(lambda first, last: scale * values(first, last))
 
 
-def _reader(content: dict[str, Any], one: _Channel, name: str) -> Part:
-    """The function that reads a part of a channel from what the library has loaded."""
-    values = content[one.path[0]]
-    for part in one.path[1:]:
-        values = values[part][0, 0]
-    if one.column is None:
-        values = values.ravel()
-    else:
-        values = values[:, one.column] if one.node.dims[0] >= one.node.dims[1] else values[one.column]
-    return lambda first, last: floats(values[first:last], one.name, name)
-
-
-FORMAT = track_format("MATLAB", (".mat",), _recognises, KIND, _Content, library="h5py", extra="formats")
+FORMAT = track_format("MATLAB", (".mat",), _recognises, _KIND, _Content, extra="formats", by_library=True)

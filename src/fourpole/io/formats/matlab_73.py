@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fourpole.io.formats import hdf5
-from fourpole.io.formats.matlab_elements import LONGEST_TEXT, MOST_TEXTS, Node
+from fourpole.io.formats.matlab_nodes import LONGEST_TEXT, MOST_TEXTS, Node
 
 _INTEGERS = tuple(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))
 _CLASSES = (None, "double", "single", "logical", *_INTEGERS)
@@ -51,7 +51,6 @@ def _node_73(h5py: Any, root: Any, leaf: hdf5.Leaf, name: str, *, in_cell: bool 
         node.below = _cells_73(h5py, root, dataset, name)
     elif not leaf.barred and kind in _CLASSES:
         node.kind = "numbers"
-        node.size = 16 * int(np.prod(node.dims, dtype=object))
         if dataset.size == 1:
             node.value = float(hdf5.samples(leaf, 1 << 20, name).ravel()[0])
     return node

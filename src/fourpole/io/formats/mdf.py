@@ -8,25 +8,31 @@ the sample, gives a rate. Channels that are scaled by a formula in text are not 
 from __future__ import annotations
 
 import copy
+import io
+import math
+import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.formats.guard import afford, find, floats, of_name, seconds, tidy
-from fourpole.io.formats.mdf_blocks import KIND, VIRTUAL_MASTER, check_blocks, recognises
 from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_format
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
+_KIND = "an ASAM MDF file"
 _LIBRARY = "asammdf"
+_CLOSED, _OPEN = b"MDF     ", b"UnFinMF "
 #: Samples of a time that are checked for equal steps, and largest relative difference between two steps.
 _CHECKED = 1_000_000
 _EVEN = 1e-3
+#: Largest number of reads of the file before its channels are known.
+_MOST_READS = 5_000_000
 #: Largest part of a block of samples that is held at a time [byte].
 _PART = 1 << 23
 
@@ -35,6 +41,41 @@ _NUMBERS_3 = (*range(4), *range(9, 17))
 _FORMULA_4, _FORMULA_3 = 3, 10
 _LINEAR_4 = 1
 _TIME = 1
+#: Type of a master whose time is a formula of the number of the sample; types of channels without samples.
+_VIRTUAL_MASTER, _VIRTUAL = 3, (3, 6)
+#: Flags of a group whose records have a variable length, and of a channel with a mark for invalid samples.
+_VARIABLE, _MARKED = 1, 2
+
+
+def _recognises(head: bytes) -> bool:
+    return head[:8] in (_CLOSED, _OPEN)
+
+
+def _check_closed(file: BinaryIO, name: str) -> None:
+    """TableError if the program that wrote a file did not close it."""
+    head = file.read(64)
+    version = int.from_bytes(head[28:30], "little")
+    if head[:8] == _OPEN or (410 <= version < 500 and any(head[60:64])):
+        raise TableError(
+            f"{name}: was not closed by what wrote it (unfinished MDF); open and save it there, or export it"
+        )
+
+
+class _Walked(io.BufferedReader):
+    """The open file; it ends the library's walk over blocks that lead in a circle.
+
+    A link takes at least four bytes of the file, and what it leads to about two reads.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(io.FileIO(number, closefd=False))
+        self.left: float = min(1000 + os.fstat(number).st_size // 2, _MOST_READS)
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        self.left -= 1
+        if self.left < 0:
+            raise ValueError("its blocks lead in a circle")
+        return super().read(size)
 
 
 @dataclass(frozen=True)
@@ -56,16 +97,27 @@ class _Content:
     def __init__(self, opened: OpenFile) -> None:
         self.name, self.max_bytes = opened.name, opened.max_bytes
         self.times: dict[int, Part] = {}
-        check_blocks(opened.file, opened.name, opened.max_bytes)
+        _check_closed(opened.file, opened.name)
+        file = _Walked(opened.file.fileno())
         # The library gets the open file, and reads no bus database that a path or an attachment names.
-        self.mdf = opened.guard.load(_LIBRARY).MDF(opened.file, process_bus_logging=False)
+        self.mdf = opened.guard.load(_LIBRARY).MDF(file, process_bus_logging=False)
         opened.closing.callback(self.mdf.close)
+        file.left = math.inf
         self.is_4 = str(self.mdf.version) >= "4"
         titles = [self._title(group) for group in self.mdf.groups]
         often = Counter(titles)
         self.groups = [title if title and often[title] == 1 else str(number) for number, title in enumerate(titles)]
         for group in self.mdf.groups if self.is_4 else ():
+            self._check_size(group)
             group.data_blocks = [part for block in group.data_blocks for part in _parted(block)]
+
+    def _check_size(self, group: Any) -> None:
+        """TableError if a group of version 4 declares more samples than its blocks hold."""
+        cells = group.channel_group
+        declared, there = cells.cycles_nr * cells.samples_byte_nr, sum(one.original_size for one in group.data_blocks)
+        if declared > there and not cells.flags & _VARIABLE:
+            what = f"a data group declares {declared} bytes of samples and has {there}"
+            raise TableError(f"{self.name}: {what}; it is cut short or damaged: copy or export it again")
 
     def _title(self, group: Any) -> str:
         stated = getattr(group.channel_group, "acq_name", "") if self.is_4 else group.channel_group.comment
@@ -114,9 +166,22 @@ class _Content:
             return "is a structure or an array; name one of its parts"
         if self.is_4 and channel.channel_type in (1, 4):
             return "holds no numbers"
+        if not self._inside(group.channel_group, channel):
+            return "lies outside its record: the file is damaged; copy or export it again"
         if _formula(channel.conversion, _FORMULA_4 if self.is_4 else _FORMULA_3):
             return "is scaled by a formula, which is not computed; save it with its physical values"
         return ""
+
+    def _inside(self, cells: Any, channel: Any) -> bool:
+        """Whether a channel lies inside the records of its group: the library does not check this."""
+        if not self.is_4:
+            start = channel.start_offset + 8 * getattr(channel, "additional_byte_offset", 0)
+            return bool(start + channel.bit_count <= 8 * cells.samples_byte_nr)
+        if cells.flags & _VARIABLE or channel.channel_type in _VIRTUAL:
+            return True
+        end = channel.byte_offset + (channel.bit_offset + channel.bit_count + 7) // 8
+        marks = 8 * cells.invalidation_bytes_nr if channel.flags & _MARKED else 0
+        return bool(end <= cells.samples_byte_nr and (not marks or channel.pos_invalidation_bit < marks))
 
     def unit(self, at: tuple[int, int]) -> str | None:
         channel = self.mdf.groups[at[0]].channels[at[1]]
@@ -144,7 +209,7 @@ class _Content:
             if master.bit_count or not master.sampling_rate > 0:
                 return None
             return 1.0 / float(master.sampling_rate), 0.0
-        if master.channel_type != VIRTUAL_MASTER or way is None or way.conversion_type != _LINEAR_4 or not way.a > 0:
+        if master.channel_type != _VIRTUAL_MASTER or way is None or way.conversion_type != _LINEAR_4 or not way.a > 0:
             return None
         return 1.0 / float(way.a), float(way.b)
 
@@ -155,6 +220,8 @@ class _Content:
             return None
         master = found[1]
         called = f"the time of the group {shown(self.groups[group])}"
+        if not self._inside(self.mdf.groups[found[0]].channel_group, master):
+            raise TableError(f"{self.name}: {called} lies outside its record: the file is damaged; export it again")
         if _formula(master.conversion, _FORMULA_4 if self.is_4 else _FORMULA_3):
             raise TableError(f"{self.name}: {called} is scaled by a formula, which is not computed; export it again")
         scale = seconds(self.unit((found[0], self.mdf.masters_db[found[0]])))
@@ -252,5 +319,5 @@ def _formula(conversion: Any, kind: int) -> bool:
 
 
 FORMAT = track_format(
-    "ASAM MDF", (".mf4", ".mdf", ".dat"), recognises, KIND, _Content, library=_LIBRARY, extra="formats"
+    "ASAM MDF", (".mf4", ".mdf", ".dat"), _recognises, _KIND, _Content, extra="formats", by_library=True
 )

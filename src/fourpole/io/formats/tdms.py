@@ -268,5 +268,5 @@ def _reader(opened: OpenFile, tdms: Any, channel: Any) -> Part:
 
 
 FORMAT = track_format(
-    "NI TDMS", (".tdms", ".tdms_index"), _recognises, _KIND, _Content, library=_LIBRARY, extra="formats"
+    "NI TDMS", (".tdms", ".tdms_index"), _recognises, _KIND, _Content, extra="formats", by_library=True
 )

@@ -168,11 +168,10 @@ def track_format(
     kind: str,
     content: Callable[[OpenFile], Content],
     *,
-    library: str = "",
     extra: str = "",
     by_library: bool = False,
 ) -> Format:
-    """A format whose channels can be read in any part; `kind` and `library` are those of its `Guard`."""
+    """A format whose channels can be read in any part; `kind` is that of its `Guard`."""
 
     @contextmanager
     def opened(path: Path, label: str, guard: Guard, max_bytes: int, max_file_bytes: int) -> Iterator[Content]:
@@ -185,12 +184,12 @@ def track_format(
             yield content(OpenFile(path, file, name, max_bytes, guard, closing))
 
     def survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-        guard = Guard(name_of(path, label), kind, library)
+        guard = Guard(name_of(path, label), kind)
         with guard, opened(path, label, guard, max_bytes, max(max_bytes, MAX_FILE_BYTES)) as found:
             return found.info()
 
     def read(request: Request) -> list[Signal]:
-        guard = Guard(name_of(request.path, request.label), kind, library)
+        guard = Guard(name_of(request.path, request.label), kind)
         limits = request.max_bytes, request.max_file_bytes
         with guard, opened(request.path, request.label, guard, *limits) as found:
             return [one.whole() for one in found.tracks(request, whole=True)]
@@ -200,7 +199,7 @@ def track_format(
             yield from in_step(found.tracks(request, whole=False), rows)
 
     def blocks(request: Request, rows: int) -> Iterator[list[Signal]]:
-        guard = Guard(name_of(request.path, request.label), kind, library)
+        guard = Guard(name_of(request.path, request.label), kind)
         return guarded(chunks(request, rows, guard), guard)
 
-    return Format(name, endings, recognises, survey, read, extra, blocks, by_library or bool(library))
+    return Format(name, endings, recognises, survey, read, extra, blocks, by_library)

@@ -241,7 +241,7 @@ class _Content:
 @contextlib.contextmanager
 def _opened(path: Path, label: str, max_bytes: int) -> Iterator[_Content]:
     name = name_of(path, label)
-    with Guard(name, _KIND, _LIBRARY) as guard, open_regular(path, max_bytes=max_bytes, label=label) as file:
+    with Guard(name, _KIND) as guard, open_regular(path, max_bytes=max_bytes, label=label) as file:
         if not _recognises(file.read(4096)):
             raise TableError(f"{name}: is not {_KIND}: it does not begin with -1 and a number; check what wrote it")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
