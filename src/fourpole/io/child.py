@@ -41,6 +41,12 @@ _ONE_THREAD = (
     "VECLIB_MAXIMUM_THREADS",
     "POLARS_MAX_THREADS",
 )
+#: The allocator of glibc keeps some memory [byte] for the next recording, instead of asking the system for each array.
+_ALLOCATOR = {
+    "MALLOC_ARENA_MAX": "2",
+    "MALLOC_MMAP_THRESHOLD_": str(1 << 24),
+    "MALLOC_TRIM_THRESHOLD_": str(1 << 26),
+}
 _LOCAL = threading.local()
 _ALL: weakref.WeakSet[Child] = weakref.WeakSet()
 
@@ -158,7 +164,7 @@ def child() -> Child:
 def _environment() -> dict[str, str]:
     """Environment of a worker: the same modules as here, and one thread."""
     paths = os.pathsep.join(path for path in sys.path if path)
-    return {**os.environ, **dict.fromkeys(_ONE_THREAD, "1"), "PYTHONPATH": paths, "MALLOC_ARENA_MAX": "2"}
+    return {**os.environ, **dict.fromkeys(_ONE_THREAD, "1"), **_ALLOCATOR, "PYTHONPATH": paths}
 
 
 def _death(code: int | None, took: float, limit: float) -> Died:

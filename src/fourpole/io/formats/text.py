@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -31,6 +30,8 @@ _CATMAN_RATE = re.compile(r"[0-9.,]+ m?s \((?P<value>[0-9]+(?:[.,][0-9]+)?)\s?(?
 #: Lowest and highest rate that is accepted [Hz].
 _LOWEST, _HIGHEST = 1e-6, 1e12
 _MOST_NOTES = 20
+#: Control characters that no text has.
+_CONTROLS = bytes([*range(9), *range(14, 26)])
 #: Memory of a number [byte].
 _NUMBER_SIZE = 8
 
@@ -39,7 +40,7 @@ def _recognises(head: bytes) -> bool:
     """Whether the first bytes are text of any kind: other formats are tried before this one."""
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return True
-    return bool(head.strip()) and not any(byte < 9 or 13 < byte < 26 for byte in head.removeprefix(codecs.BOM_UTF8))
+    return bool(head.strip()) and len(head.translate(None, _CONTROLS)) == len(head)
 
 
 def _rate(lines: Sequence[str]) -> float | None:
