@@ -59,4 +59,4 @@ def test_an_unknown_kind_and_no_results_are_one_line_each(run, results, tmp_path
     )
     ran = run("export", tmp_path, "--to", "mat")
     assert (ran.exit_code, ran.stdout) == (2, "")
-    assert "name a folder that fourpole analyse wrote" in ran.stderr
+    assert "holds neither results nor a campaign" in ran.stderr

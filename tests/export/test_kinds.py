@@ -75,7 +75,7 @@ def test_an_unknown_kind_names_the_known_ones(results, kind, said):
 
 @pytest.mark.parametrize("kind", KINDS_OF_RESULTS)
 def test_a_folder_without_results_is_said_to_be_none(kind, tmp_path):
-    with pytest.raises(CampaignError, match="name a folder that fourpole analyse wrote"):
+    with pytest.raises(CampaignError, match="holds neither results nor a campaign"):
         export_results(tmp_path, kind)
     with pytest.raises(CampaignError, match="there is no such folder of results"):
         export_results(tmp_path / "none", kind)

@@ -28,7 +28,9 @@ from fourpole.export.kinds import ABOUT
 from fourpole.version import VERSION
 
 CampaignFolder = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv.")]
-ResultsFolder = Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote.")]
+ResultsFolder = Annotated[
+    Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote, or the campaign's folder.")
+]
 Recording = Annotated[Path, typer.Argument(metavar="FILE", help="A recording in any format.")]
 _ROUTES = (
     "How K* is found: joint (all tests of a rig together), mobility (F1, V1 and the rig), relative (F1, V1, V2), "
@@ -311,8 +313,10 @@ def report(folder: ResultsFolder, theme: Theme = "light", png: PngFlag = False) 
 
     The report has the models and maps that fit and map have made of these tables since.
     """
+    from fourpole.io.folders import results_in
     from fourpole.study.results import read_results
 
+    folder = results_in(folder)
     results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
     from fourpole.app.report import run_report
 
@@ -380,11 +384,13 @@ def plot(
     ylim: Annotated[str | None, typer.Option(help='Limits of the ordinate in its unit, as "0:3".')] = None,
 ) -> None:
     """Draw one figure from the result tables."""
+    from fourpole.io.folders import results_in
     from fourpole.study.results import read_results
 
     limits = [
         None if text is None else rising(text, name, "10:24") for name, text in (("--xlim", xlim), ("--ylim", ylim))
     ]
+    folder = results_in(folder)
     results = read_results(folder)
     from fourpole.app.report import run_plot
     from fourpole.plot import Style

@@ -23,7 +23,7 @@ from fourpole.app.options import (
 from fourpole.models.families import NAMES
 
 Results = Annotated[
-    Path, typer.Argument(metavar="RESULTS", help="Results folder, a dynamic.csv, or a table that identify wrote.")
+    Path, typer.Argument(metavar="RESULTS", help="Results folder, campaign's folder, or a table that identify wrote.")
 ]
 
 
@@ -44,8 +44,9 @@ def fit(
     If the data cannot separate two models, the text under the table says so.
     """
     from fourpole.app.models import run_fit
+    from fourpole.io.folders import results_in
 
-    run_fit(results, model, options, as_json=as_json)
+    run_fit(results_in(results), model, options, as_json=as_json)
 
 
 def causality(
@@ -60,8 +61,9 @@ def causality(
     a narrow band.
     """
     from fourpole.app.models import run_causality
+    from fourpole.io.folders import results_in
 
-    run_causality(results, data, as_json=as_json)
+    run_causality(results_in(results), data, as_json=as_json)
 
 
 def map_(
@@ -81,12 +83,15 @@ def map_(
     The degree of each surface is chosen by the leave-one-out error over conditions. Evaluate it with fourpole query.
     """
     from fourpole.app.models import run_map
+    from fourpole.io.folders import results_in
 
-    run_map(results, model, DataOptions(**asdict(data)), file, as_json=as_json)
+    run_map(results_in(results), model, DataOptions(**asdict(data)), file, as_json=as_json)
 
 
 def query(
-    model: Annotated[Path, typer.Argument(metavar="MODEL", help="Model file that map or fit wrote.")],
+    model: Annotated[
+        Path, typer.Argument(metavar="MODEL", help="Model file that map or fit wrote, or the campaign's folder.")
+    ],
     frequency: Annotated[str, typer.Option(help='Frequencies, as "13.7 Hz" or "10:24:0.5 Hz".')],
     pressure: Annotated[float | None, amount("--pressure", "pressure", 'As "1.85 bar".')] = None,
     preload: Annotated[float | None, amount("--preload", "force", 'As "1400 N".')] = None,
@@ -111,11 +116,12 @@ def query(
     from fourpole import quantities as q
     from fourpole.app.models import axis_values, run_query
     from fourpole.fitting.query import Query
+    from fourpole.io.folders import model_in
 
     stated = {q.PRESSURE.head: pressure, q.PRELOAD.head: preload, q.TEMPERATURE.head: temperature}
     stated[q.DEFLECTION_AMPLITUDE.head] = amplitude
     state = {column: value for column, value in stated.items() if value is not None} | axis_values(at or [])
-    run_query(model, Query(frequencies(frequency), state, tyre, above.rig, beyond), file, as_json=as_json)
+    run_query(model_in(model), Query(frequencies(frequency), state, tyre, above.rig, beyond), file, as_json=as_json)
 
 
 def shift(
@@ -138,7 +144,9 @@ def shift(
 
 
 def verify(
-    model: Annotated[Path, typer.Argument(metavar="MODEL", help="Model file that map or fit wrote.")],
+    model: Annotated[
+        Path, typer.Argument(metavar="MODEL", help="Model file that map or fit wrote, or the campaign's folder.")
+    ],
     copy: Annotated[
         Path | None,
         typer.Option("--seal", metavar="NEW", help="For a file from before seals: write a sealed copy and verify it."),
@@ -151,8 +159,9 @@ def verify(
     changed since, that is a warning.
     """
     from fourpole.app.verify import run_verify
+    from fourpole.io.folders import model_in
 
-    return run_verify(model, copy, as_json=as_json)
+    return run_verify(model_in(model), copy, as_json=as_json)
 
 
 #: Command functions by the name of the command, in the order of the help.

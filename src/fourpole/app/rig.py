@@ -10,6 +10,7 @@ from rich.text import Text
 
 from fourpole.app.console import out, print_json, print_table, without_controls
 from fourpole.errors import CampaignError
+from fourpole.io.folders import results_in
 from fourpole.report.words.limits import limit_rows, limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
 from fourpole.report.words.shared_values import GROUPS, ShownValue
@@ -22,6 +23,7 @@ _STYLES = {RigFinding.FOUND: "green", RigFinding.CONTRADICTED: "bold red", RigFi
 
 def run_rig(folder: Path, *, as_json: bool) -> None:
     """Print each value of rig and sensors as stated and as found, the fit, and the limits of K2 and C."""
+    folder = results_in(folder)
     results = read_results(folder)
     found = rigs_in_words(results)
     if not found:

@@ -21,6 +21,7 @@ from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
 from fourpole.io.child import read_apart
+from fourpole.io.folders import why_no_campaign
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode, read_bytes
@@ -129,6 +130,8 @@ def read_campaign(folder: str | Path) -> Campaign:
     folder = Path(folder)
     if not folder.is_dir():
         raise CampaignError(f"{units.shown(folder, 200)[1:-1]}: there is no such folder")
+    if not (folder / "campaign.toml").exists():
+        raise CampaignError(why_no_campaign(folder))
     stated = parse_campaign(_text(folder / "campaign.toml", _MOST_TOML, strict=True))
     rows = list(_rows(_text(folder / "tests.csv", _MOST_TESTS, strict=False)))
     if not rows:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fourpole.errors import CampaignError
+from fourpole.io.folders import results_in
 
 if TYPE_CHECKING:
     from fourpole.models.shape import Shape
@@ -108,7 +109,7 @@ def export_results(
     ----------
     folder : path
         The source of the kind: a results folder that `fourpole analyse` wrote, or a model file. For a kind that takes
-        a model, a results folder stands for its model.json.
+        a model, a results folder stands for its model.json; the folder of a campaign stands for its results.
     kind : str
         A key of `KINDS`.
     file : path, optional
@@ -148,6 +149,8 @@ def export_results(
         hint = f"did you mean {near[0]}? It" if near else "it"
         raise CampaignError(f"no kind of file {shown(kind)}: {hint} is one of {', '.join(KINDS)}")
     chosen, place = KINDS[kind], Path(folder)
+    if chosen.takes is not Takes.CAMPAIGN and not (place / "model.json").is_file():
+        place = results_in(place)
     if chosen.takes is Takes.MODEL and (place / "model.json").is_file():
         place = place / "model.json"
     if shape is not None and not chosen.shaped:

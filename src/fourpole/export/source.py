@@ -18,6 +18,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
 from fourpole.errors import CampaignError, FileError
+from fourpole.io.folders import results_in
 from fourpole.plot.sheet import Sheet, read_sheet, texts
 from fourpole.plot.style import counted, distinct
 from fourpole.study.results import Results, read_results, section
@@ -178,6 +179,7 @@ def some(names: Sequence[str]) -> str:
 
 def read_source(folder: str | Path) -> ExportTables:
     """Read a results folder; CampaignError if it has no results."""
+    folder = results_in(folder)
     results = read_results(folder)
     phasors = Path(folder) / "phasors.parquet"
     try:

@@ -37,6 +37,7 @@ from fourpole.fitting.measuredtable import (
     with_deflection,
 )
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
+from fourpole.io.folders import results_in
 from fourpole.io.source import read_bytes
 from fourpole.io.staging import recover
 from fourpole.models.data import StiffnessData
@@ -205,7 +206,8 @@ def read_measured(
     Parameters
     ----------
     path : path
-        A results folder, or a table with frequency [Hz], Re K* [N/m], Im K* [N/m].
+        A results folder, the folder of a campaign with results, or a table with frequency [Hz], Re K* [N/m] and
+        Im K* [N/m].
     over : sequence of str
         Columns of further axes, with their unit.
     std : float, optional [1]
@@ -230,7 +232,7 @@ def read_measured(
     FileError, TableError
         If the table cannot be read.
     """
-    path = Path(path)
+    path = results_in(path)
     table = path / "dynamic.csv" if path.is_dir() else path
     recover(table.parent)
     content = read_bytes(table, max_bytes=MOST_BYTES)

@@ -14,6 +14,7 @@ import polars as pl
 from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
+from fourpole.io.folders import results_in
 from fourpole.io.source import read_bytes, sha256_of
 from fourpole.io.staging import recover
 from fourpole.quantities import TYRE
@@ -120,7 +121,7 @@ def read_results(folder: str | Path) -> Results:
     Parameters
     ----------
     folder : path
-        A results folder.
+        A results folder, or the folder of a campaign with its results in `results`.
 
     Returns
     -------
@@ -142,6 +143,7 @@ def read_results(folder: str | Path) -> Results:
     folder = Path(folder)
     if not folder.is_dir():
         raise CampaignError(f"{folder}: there is no such folder of results")
+    folder = results_in(folder)
     recover(folder)
     tables = {spec.name: read_table(folder, spec) for spec in TABLES.values() if spec.read}
     try:

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.core.arrays import ByValue
 from fourpole.io.formats import hdf5
 
 LONGEST_TEXT = 1000
 MOST_TEXTS = 4096
 
 
-@dataclass
-class Node:
+@dataclass(eq=False)
+class Node(ByValue):
     """A variable, a field of a struct or a cell."""
 
     name: str

@@ -1,0 +1,71 @@
+"""Which folder is meant: that of a campaign, or that of its results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fourpole.errors import CampaignError
+
+#: A file that every campaign has, and one that all results have.
+_CAMPAIGN, _RESULTS = "campaign.toml", "dynamic.csv"
+
+
+def results_in(path: str | Path) -> Path:
+    """The folder of results that a path means: `results` in the folder of a campaign, otherwise the path itself.
+
+    Parameters
+    ----------
+    path : path
+        A results folder, the folder of a campaign, or a file.
+
+    Raises
+    ------
+    CampaignError
+        If it is the folder of a campaign that has no results, or a folder with neither.
+
+    Examples
+    --------
+    >>> results_in("tyres/results").name
+    'results'
+    """
+    path = Path(path)
+    if not path.is_dir() or (path / _RESULTS).exists():
+        return path
+    own = path / "results"
+    if (own / _RESULTS).exists():
+        return own
+    if (path / _CAMPAIGN).is_file():
+        raise CampaignError(f"{path}: a campaign without results: run fourpole analyse {path} first")
+    if (path.parent / _CAMPAIGN).is_file():  # results that were stopped on their way, or moved
+        raise CampaignError(f"{path}: holds no results: run fourpole analyse {path.parent} first")
+    raise CampaignError(
+        f"{path}: holds neither results nor a campaign; fourpole init {path} makes a campaign of the recordings in it"
+    )
+
+
+def model_in(path: str | Path) -> Path:
+    """The model file that a path means: model.json, or else map.json, of results or a campaign; or the path itself.
+
+    Raises
+    ------
+    CampaignError
+        If the folder has no results or no model.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return path
+    folder = results_in(path)
+    for name in ("model.json", "map.json"):
+        if (folder / name).is_file():
+            return folder / name
+    raise CampaignError(f"{path}: has no model yet: run fourpole fit {path}, or fourpole map {path}, first")
+
+
+def why_no_campaign(folder: Path) -> str:
+    """Why a folder without campaign.toml is no campaign, and what to do."""
+    if (folder / _RESULTS).exists() and (folder.parent / _CAMPAIGN).is_file():
+        return f"{folder}: holds results, not a campaign: name the campaign's folder, {folder.parent}"
+    inner = sorted(one.parent for one in folder.glob(f"*/{_CAMPAIGN}"))
+    if inner:
+        return f"{folder}: has no {_CAMPAIGN}, but {inner[0]} has: name that folder"
+    return f"{folder}: no campaign yet, for it has no {_CAMPAIGN}; fourpole init {folder} makes one of its recordings"
