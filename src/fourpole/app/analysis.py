@@ -24,6 +24,7 @@ from fourpole.app.standing import (
     settings_of,
     show,
 )
+from fourpole.app.summary import summary_lines
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.core.codes import Code
 from fourpole.core.phasor import CHANNELS
@@ -68,8 +69,8 @@ def run_analysis(
     page = _written(study, results, wanted)
     lines = [f"results: {results}", *([f"report: {page}"] if page is not None else [])]
     outcome = Outcome(
-        notes=_notes(study),
-        lines=[f"{counted_tests(study.counts)} (route: {study.route})", *lines],
+        notes=[*(f"warning: {doubt}" for doubt in stated.doubts), *_notes(study)],
+        lines=[*summary_lines(study.results), f"{counted_tests(study.counts)} (route: {study.route})", *lines],
         document={**_summary(study, results), "report": str(page) if page else None},
         code=SOME_REJECTED if study.counts["rejected"] else OK,
     )

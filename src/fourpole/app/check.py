@@ -5,12 +5,24 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from fourpole.app.console import OK, SOME_REJECTED, counted_tests, first_of, out, print_json, print_table, progress, say
+from fourpole.app.console import (
+    OK,
+    SOME_REJECTED,
+    counted_tests,
+    first_of,
+    out,
+    print_json,
+    print_table,
+    progress,
+    say,
+    warn,
+)
 from fourpole.campaign import read_campaign
 from fourpole.study.check import CampaignProblem, Checked, check_campaign
 
 _MOST_NAMED = 4
 _MOST_LISTED = 60
+_MOST_OWN = 12
 
 
 def run_check(campaign: Path, route: str, *, as_json: bool) -> int:
@@ -31,13 +43,21 @@ def _document(checked: Checked) -> dict[str, object]:
         "route": checked.route,
         "verdicts": checked.counts,
         "problems": [asdict(problem) for problem in checked.problems],
+        "doubts": list(checked.campaign.doubts),
         "notes": list(checked.notes),
     }
 
 
 def _list(checked: Checked) -> None:
     """Print one row for each kind of problem, with the tests that have it."""
-    for note in checked.notes:
+    for doubt in checked.campaign.doubts:
+        warn(doubt)
+    own = checked.campaign.extra_columns
+    notes = [
+        *checked.notes,
+        *([f"columns of your own, for the results alone: {first_of(own, _MOST_OWN)}"] if own else []),
+    ]
+    for note in notes:
         say(f"note: {note}")
     groups: dict[tuple[str, str, str], list[CampaignProblem]] = {}
     for problem in sorted(checked.problems, key=lambda one: one.verdict != "rejected"):

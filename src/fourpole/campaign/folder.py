@@ -16,6 +16,7 @@ from pathlib import Path
 
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean
+from fourpole.campaign.doubts import doubtful_columns, doubtful_uncertainties
 from fourpole.campaign.place import at_hand
 from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.core.condition import Condition, Sameness
@@ -90,12 +91,15 @@ class Campaign:
         The rows of tests.csv, in its order.
     extra_columns : tuple of str
         Columns of tests.csv that pass through to the results.
+    doubts : tuple of str
+        What is allowed as it is stated, but probably a slip: columns and uncertainties.
     """
 
     folder: Path
     stated: CampaignFile
     tests: tuple[Test, ...]
     extra_columns: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
     def of_kind(self, kind: str) -> list[Test]:
         """Tests of a kind; the dynamic ones include rows of an unknown kind, so that results list every row."""
@@ -150,7 +154,15 @@ def read_campaign(folder: str | Path) -> Campaign:
                 f"campaign.toml: [conditions] axes: {units.shown(axis.name)} is no further column of tests.csv"
                 + (did_you_mean(axis.name, extra) if extra else "; it has none")
             )
-    return Campaign(folder, stated, tuple(tests), extra)
+    return Campaign(folder, stated, tuple(tests), extra, (*_doubts(columns, stated), *doubtful_uncertainties(stated)))
+
+
+def _doubts(columns: list[_Column], stated: CampaignFile) -> Iterator[str]:
+    """The columns of the user's own, but for axes of the conditions, that were probably meant as known ones."""
+    axes = {axis.name for axis in stated.conditions.axes}
+    own = tuple(column.label for column in columns if column.role == "extra" and column.label not in axes)
+    kinds = {name: kind for name, (kind, _) in _QUANTITIES.items()}
+    return doubtful_columns(own, kinds, tuple(column.name for column in columns))
 
 
 def _text(path: Path, most: int, *, strict: bool) -> str:

@@ -159,7 +159,7 @@ class Facts:
         for row in self.used(quantity):
             if row["tyre"] == tyre and (found := known(row, quantity)):
                 groups.setdefault(self.key(row, quantity.over), []).append((*found, row["test"]))
-        return {key: _averaged(groups[key]) for key in sorted(groups)}
+        return {key: averaged(groups[key]) for key in sorted(groups)}
 
     @cached_property
     def curves(self) -> dict[tuple[str, Setup], dict[Key, Curve]]:
@@ -241,7 +241,7 @@ def _setup(row: Mapping[str, Any]) -> Setup:
     return Setup(row.get("rig") or "", mass if mass > 0.0 else 0.0)
 
 
-def _averaged(repeats: Sequence[tuple[float, float, str]]) -> Measured:
+def averaged(repeats: Sequence[tuple[float, float, str]]) -> Measured:
     """Mean of repeats; its uncertainty is that of their scatter or the mean stated one, whichever is larger."""
     values = np.array([value for value, _, _ in repeats])
     stated = float(np.mean([std for _, std, _ in repeats]))

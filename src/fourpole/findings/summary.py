@@ -1,0 +1,172 @@
+"""The results in a table that fits on a page: each condition at one frequency, or each specimen over its conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import atan2, cos, hypot, inf, isfinite, pi, sin
+from typing import Any
+
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.findings.facts import Facts, Measured, averaged
+from fourpole.findings.finding import UNSTATED, Key
+from fourpole.quantities import Quantity
+from fourpole.study.results import Results
+
+MODULUS = Quantity("modulus", "|K*|", "|K*|", "N/m", "modulus of the dynamic stiffness", "kN/m", 1e3)
+LOSS_ANGLE = Quantity("loss_angle", "δ", "loss angle", "rad", "argument of the dynamic stiffness", "°", pi / 180)
+#: The quantities of the table, in its order.
+SUMMARISED = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
+#: The frequency that people compare first [Hz].
+USUAL_FREQUENCY = 15.0
+#: Conditions that a table shows one by one; of more, each specimen has one row.
+MOST_CONDITIONS = 12
+
+
+@dataclass(frozen=True)
+class SummaryRow:
+    """One condition of a specimen, or all its conditions.
+
+    Attributes
+    ----------
+    specimen : str
+    pressure, preload : (float, float) or None
+        Lowest and highest [Pa], [N]; None where none is stated.
+    frequency : (float, float)
+        Lowest and highest [Hz].
+    tests : tuple of str
+        The tests behind the row.
+    values : mapping of str to (Measured, Measured)
+        The lowest and the highest value of each quantity by its key, in SI; the same twice for one condition.
+    intervals : mapping of str to (float, float)
+        95 % interval of K2 or C by its key, in SI, where the value with twice its uncertainty is none; infinite without
+        an upper limit.
+    """
+
+    specimen: str
+    pressure: tuple[float, float] | None
+    preload: tuple[float, float] | None
+    frequency: tuple[float, float]
+    tests: tuple[str, ...]
+    values: Mapping[str, tuple[Measured, Measured]]
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+def summary(
+    results: Results, *, frequency: float = USUAL_FREQUENCY, most: int = MOST_CONDITIONS
+) -> tuple[SummaryRow, ...]:
+    """A row for each condition at the tested frequency nearest to a wanted one, of those that all conditions share.
+
+    Where they share none, each has its own nearest one. Tests of one condition and frequency are averaged; the
+    uncertainty of a mean is the mean one, or that of the scatter if it is larger. Of more conditions than `most`, each
+    specimen has one row with its lowest and its highest values.
+
+    Parameters
+    ----------
+    results : Results
+        Tables of an analysed campaign.
+    frequency : float [Hz]
+        The wanted frequency.
+    most : int
+        Conditions that have a row each.
+
+    Returns
+    -------
+    tuple of SummaryRow
+        Sorted by specimen, pressure and preload; empty without a dynamic test in use.
+    """
+    facts = Facts.of(results)
+    at: dict[tuple[str, Key], dict[float, list[dict[str, Any]]]] = {}
+    for row in facts.used_dynamic:
+        pressure, load, place = facts.key(row, ("pressure", "load", "frequency"))
+        if place != UNSTATED:
+            at.setdefault((row["tyre"], (pressure, load)), {}).setdefault(place, []).append(row)
+    if not at:
+        return ()
+    shared = set.intersection(*(set(each) for each in at.values()))
+    rows = []
+    for (specimen, condition), tested in sorted(at.items()):
+        chosen = min(shared or tested, key=lambda one: (abs(one - frequency), one))
+        made = _row(specimen, condition, chosen, tested[chosen])
+        rows.append(replace(made, intervals=_intervals(results, made.tests)))
+    if len(rows) <= most:
+        return tuple(rows)
+    names = dict.fromkeys(row.specimen for row in rows)
+    return tuple(_joined([row for row in rows if row.specimen == name]) for name in names)
+
+
+def _row(specimen: str, condition: Key, frequency: float, tests: Sequence[Mapping[str, Any]]) -> SummaryRow:
+    pressure, preload = (None if value == UNSTATED else (value, value) for value in condition)
+    values = {}
+    for quantity in SUMMARISED:
+        found = [(*pair, str(row["test"])) for row in tests if (pair := _value(quantity, row)) is not None]
+        if found:
+            values[quantity.key] = (averaged(found),) * 2
+    names = tuple(str(row["test"]) for row in tests)
+    return SummaryRow(specimen, pressure, preload, (frequency, frequency), names, values)
+
+
+def _intervals(results: Results, tests: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """The widest of the skewed intervals that some tests have, by quantity."""
+    table = results.quantiles
+    if table.is_empty():
+        return {}
+    found: dict[str, tuple[float, float]] = {}
+    for row in table.filter(pl.col(q.TEST.head).is_in(tests)).rows(named=True):
+        key = {q.K2.symbol: q.K2.key, q.C.symbol: q.C.key}.get(row[q.QUANTITY.head])
+        low, high = row[q.LOWER.head], row[q.UPPER.head]
+        if key is not None and low is not None:
+            before = found.get(key, (inf, -inf))
+            found[key] = (min(before[0], low), max(before[1], inf if high is None else high))
+    return found
+
+
+def _value(quantity: Quantity, row: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Value and standard uncertainty of a row; None where it has no value."""
+    if quantity in (MODULUS, LOSS_ANGLE):
+        return _polar(quantity, row)
+    value, std = (row.get(head) for head in quantity.heads)
+    if value is None or not isfinite(value):
+        return None
+    return float(value), float(std) if std is not None and isfinite(std) else 0.0
+
+
+def _polar(quantity: Quantity, row: Mapping[str, Any]) -> tuple[float, float] | None:
+    """|K*| or the loss angle with its standard uncertainty, from real and imaginary part to first order."""
+    storage, loss = _value(q.STORAGE, row), _value(q.LOSS, row)
+    if storage is None or loss is None:
+        return None
+    (re, u_re), (im, u_im), corr = storage, loss, row.get(q.CORR_K.head) or 0.0
+    size, angle = hypot(re, im), atan2(im, re)
+    along, across = (cos(angle), sin(angle)), (-sin(angle), cos(angle))
+    first, second = along if quantity is MODULUS else across
+    variance = (first * u_re) ** 2 + (second * u_im) ** 2 + 2 * corr * first * second * u_re * u_im
+    std = max(variance, 0.0) ** 0.5
+    return (size, std) if quantity is MODULUS else (angle, std / size)
+
+
+def _joined(rows: Sequence[SummaryRow]) -> SummaryRow:
+    """One row of several conditions of a specimen."""
+    values = {}
+    for quantity in SUMMARISED:
+        found = [row.values[quantity.key][0] for row in rows if quantity.key in row.values]
+        if found:
+            values[quantity.key] = (min(found, key=_size), max(found, key=_size))
+    ranges = [
+        (min(one[0] for one in stated), max(one[1] for one in stated)) if stated else None
+        for stated in ([one for one in each if one is not None] for each in zip(*map(_axes, rows), strict=True))
+    ]
+    pressure, preload, frequency = ranges
+    assert frequency is not None
+    tests = tuple(test for row in rows for test in row.tests)
+    return SummaryRow(rows[0].specimen, pressure, preload, frequency, tests, values)
+
+
+def _axes(row: SummaryRow) -> tuple[tuple[float, float] | None, ...]:
+    return row.pressure, row.preload, row.frequency
+
+
+def _size(measured: Measured) -> float:
+    return measured.value
