@@ -88,3 +88,18 @@ def test_what_users_hold_compares():
     rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
     assert identify(phasors, rig) == identify(phasors, rig)  # K2 and C are not-a-number here
     assert identify(phasors, rig) != identify(phasors, rig, k1=180e3)
+
+
+def test_a_repr_shows_small_values_and_the_shape_of_large_ones():
+    one = Phasors.from_polar(np.linspace(10.0, 20.0, 500), 1.0, 2e-3, 1.5)
+    assert "frequency=<float64 500>" in repr(one)
+    assert "amplitudes=<complex128 500×3>" in repr(one)
+    assert len(repr(one)) < 1000
+    assert "frequency=[10. 12.]" in repr(Phasors.from_polar([10.0, 12.0], 1.0, 2e-3, 1.5))
+
+
+def test_what_a_long_text_or_many_fields_hold_is_cut():
+    time = np.arange(3000) / 1000.0
+    recording = Recording.from_arrays(time, force_in=time, motion_in=time, label="x" * 5000)
+    assert "channels={force_in, motion_in}" in repr(recording)
+    assert len(repr(recording)) < 300

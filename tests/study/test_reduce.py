@@ -38,7 +38,7 @@ def test_threads_and_spawned_processes_give_the_same(noisy):
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
         processes = reduce_tests(made, settings=Settings(executor=pool))
     assert [pickle.dumps(one) for one in threads] == [pickle.dumps(one) for one in reduce_tests(made)]
-    assert [repr(one) for one in threads] == [repr(one) for one in processes]
+    assert threads == processes
     for one, other in zip(threads, processes, strict=True):
         assert one.points[0].phasors.covariance.tolist() == other.points[0].phasors.covariance.tolist()
 

@@ -19,6 +19,7 @@ from fourpole.campaign.channels import did_you_mean
 from fourpole.campaign.doubts import doubtful_columns, doubtful_uncertainties
 from fourpole.campaign.place import at_hand
 from fourpole.campaign.schema import CampaignFile, parse_campaign
+from fourpole.core.arrays import short_repr
 from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
 from fourpole.io.child import read_apart
@@ -77,7 +78,7 @@ class Test:
         return self.values.get(name)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Campaign:
     """A campaign as stated.
 
@@ -100,6 +101,8 @@ class Campaign:
     tests: tuple[Test, ...]
     extra_columns: tuple[str, ...]
     doubts: tuple[str, ...] = ()
+
+    __repr__ = short_repr
 
     def of_kind(self, kind: str) -> list[Test]:
         """Tests of a kind; the dynamic ones include rows of an unknown kind, so that results list every row."""

@@ -15,10 +15,49 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 IntArray: TypeAlias = NDArray[np.integer[Any]]
 
 
+#: Largest size of an array and of a list whose values a short repr shows; longest text of a field, and of all [chars].
+_FEW, _LONGEST, _MOST = 4, 80, 900
+
+
+def short_repr(one: Any) -> str:
+    """A dataclass with its small values, and with the shape or the number of the large ones: below 1,000 characters.
+
+    Examples
+    --------
+    >>> from fourpole import Phasors
+    >>> Phasors.from_polar([10.0, 12.0], 1.0, 2e-3, 1.5)  # doctest: +ELLIPSIS
+    Phasors(frequency=[10. 12.], amplitudes=<complex128 2×3>, covariance=<float64 2×6×6>, ...)
+    """
+    parts = [f"{field.name}={_brief(getattr(one, field.name))}" for field in fields(one) if field.repr]
+    text = ", ".join(parts)
+    return f"{type(one).__name__}({text if len(text) <= _MOST else f'{text[:_MOST]}...'})"
+
+
+def _brief(value: Any) -> str:
+    """A value in a few words."""
+    if isinstance(value, np.ndarray):
+        if value.size <= _FEW and value.dtype != object:
+            return np.array2string(value, precision=6).replace("\n", "")
+        return f"<{value.dtype} {'×'.join(map(str, value.shape))}>"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, str | int | complex) or value is None:
+        text = repr(value)
+        return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+    if isinstance(value, Mapping):
+        names = ", ".join(map(str, value))
+        return f"{{{names}}}" if len(names) <= _LONGEST else f"<{len(value)} entries>"
+    if isinstance(value, tuple | list | set | frozenset):
+        text = f"({', '.join(map(_brief, value))})" if len(value) <= _FEW else ""
+        return text if 0 < len(text) <= _LONGEST else f"<{len(value)} items>"
+    text = repr(value) if not hasattr(value, "shape") else ""
+    return text if 0 < len(text) <= _LONGEST else f"<{type(value).__name__}>"
+
+
 class ByValue:
     """Base of dataclasses with arrays or tables, declared with ``eq=False``: equal if all fields have equal values.
 
-    Not-a-number equals itself. Instances have no hash.
+    Not-a-number equals itself. Instances have no hash. Their repr is short; see `short_repr`.
 
     Examples
     --------
@@ -29,6 +68,12 @@ class ByValue:
     """
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Give a subclass a short repr before its decorator gives it one that prints every value."""
+        super().__init_subclass__(**options)
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = short_repr  # type: ignore[method-assign]
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):

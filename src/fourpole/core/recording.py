@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.arrays import ByValue, FloatArray, short_repr
 from fourpole.core.chain import Link
 from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
@@ -88,7 +88,7 @@ class Channel(ByValue):
             raise ValueError(f"no quantity {self.quantity!r}: choose one of {', '.join(DERIVATIVES)}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """Channels, each sampled uniformly.
 
@@ -123,6 +123,8 @@ class Recording:
     reference: Reference | None = None
     #: What functions have made of the recording and may ask for again.
     made: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if "motion_in" not in self.channels:

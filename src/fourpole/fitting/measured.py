@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, short_repr
 from fourpole.core.condition import AXES, TEMPERATURE_SENSITIVITY, Axis, Sameness, temperature_std
 from fourpole.core.joint.around import Likelihood
 from fourpole.errors import FileError, ModelError
@@ -130,7 +130,7 @@ class Measured(ByValue):
         return ", ".join(parts)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MeasuredSet:
     """All conditions of a table.
 
@@ -154,6 +154,8 @@ class MeasuredSet:
     source: str = ""
     sha256: str = ""
     rule: Sameness = _RULE
+
+    __repr__ = short_repr
 
     @property
     def tyres(self) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.arrays import short_repr
 from fourpole.core.joint.misfit import Candidate
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.fitting.rows import keys_of
@@ -154,7 +155,7 @@ class Outlier:
     point: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RigEstimate:
     """The rig and the channels as the joint route found them; what an analysis did not record has its default.
 
@@ -228,6 +229,8 @@ class RigEstimate:
     massed: bool = False
     unshared_masses: bool = False
     mass_gain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    __repr__ = short_repr
 
     @property
     def chi2_per_dof(self) -> float | None:

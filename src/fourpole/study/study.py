@@ -41,6 +41,7 @@ from fourpole.study.static import StaticRow, StaticStiffness, StaticTest, evalua
 from fourpole.study.table_rows import Analysed
 from fourpole.study.tables import TABLE_FILES, TABLES, Tables
 from fourpole.study.workers import Settings, reduce_tests
+from fourpole.units import shown
 from fourpole.version import VERSION
 
 if TYPE_CHECKING:
@@ -97,6 +98,12 @@ class Study(Tables):
     likelihoods: Mapping[str, Likelihood] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     sha256: dict[str, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{count} {verdict}" for verdict, count in self.counts.items() if count)
+        tables = ", ".join(f"{name} ({table.height})" for name, table in self.tables.items() if table.height)
+        title = shown(self.campaign.stated.title or self.campaign.folder.name, 60)
+        return f"<Study {title}: {counts or 'no tests'}, {self.route} route; tables with their rows: {tables}>"
 
     @property
     def counts(self) -> dict[str, int]:
