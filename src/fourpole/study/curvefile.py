@@ -1,4 +1,4 @@
-"""The curve of a static test: from the cache, or from its file, read where it can do no harm."""
+"""The curve of a static test: from the cache, or from its file, in a worker process if a library reads it."""
 
 from __future__ import annotations
 

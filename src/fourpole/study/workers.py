@@ -1,8 +1,8 @@
 """Where recordings are demodulated: in this thread, in worker processes of this machine, or on a cluster.
 
 One interface serves all: `concurrent.futures.Executor`. The tasks are batches of jobs, `run_batch`. Whatever thread or
-process runs a batch, a file that could harm its reader is read by a worker process of its own (`fourpole.io.child`),
-with limits of memory and time. A recording whose worker dies is run once more, by itself, when all others are done.
+process runs a batch, a file that a library reads is read by a worker process of its own (`fourpole.io.child`), with
+limits of memory and time. A recording whose worker dies is run once more, by itself, when all others are done.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from fourpole.core.demodulation.terms import Rows, Terms, rows_of
 from fourpole.core.demodulation.tracks import Track
 
 _ITERATIONS = 12
-#: Frequencies are told apart if this share of the slope by each is not along those before it.
+#: A frequency is identifiable if at least this share of the slope by it is independent of those before it.
 _ALIKE = 1e-3
 #: Round-off of an energy, relative.
 _ROUND_OFF = 1e-14
