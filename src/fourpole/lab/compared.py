@@ -67,7 +67,7 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
     tests = scan(folder).filter(pl.col("campaign").is_in([first, second])).collect()
     for name in (first, second):
         if name not in tests["campaign"]:
-            raise CampaignError(f"{folder}: has no campaign {name!r}")
+            raise CampaignError(f"{folder}: has no campaign {name!r}: choose one of {', '.join(_campaigns(folder))}")
     budget = scan(folder, "budget").filter(pl.col("campaign").is_in([first, second])).collect()
     pairs = _pairs(*(_usable(tests.filter(pl.col("campaign") == name)) for name in (first, second)))
     one, two = (_long(pairs, budget, name, end) for name, end in ((first, ""), (second, "_right")))
@@ -80,6 +80,12 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
         pl.when(common).then((u1 - u2) ** 2).otherwise(u1**2 + u2**2).sum().alias("u same sensors"),
     )
     return _shown(pairs, found, _brought(pairs, _usable(tests.filter(pl.col("campaign") == second))))
+
+
+def _campaigns(folder: str | Path) -> list[str]:
+    """Names of the campaigns of a data set, in alphabetical order."""
+    names: list[str] = scan(folder).select("campaign").unique().collect()["campaign"].sort().to_list()
+    return names
 
 
 def _usable(tests: pl.DataFrame) -> pl.DataFrame:

@@ -80,7 +80,7 @@ def _threads(client: Any, name: str) -> int:
     for worker, found in others.items():
         if found != VERSION:
             raise CampaignError(
-                f"{name}: the worker {worker} has Fourpole {found}, and this is {VERSION}: install the same"
+                f"{name}: the worker {worker} has Fourpole {found}, and this is {VERSION}: install {VERSION} there"
             )
     return int(threads)
 
