@@ -7,13 +7,12 @@ import shutil
 import sys
 import tempfile
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from statistics import median
 
 import numpy as np
 import polars as pl
-from promises import FOURPOLE, Kept, Used, at_least, at_most, has_option, in_turn, ratio, report, run
+from promises import FOURPOLE, Kept, Used, at_least, at_most, in_turn, ratio, report, run
 from recordings import Made, make_campaign
 
 #: Tests of the large and of the small campaign, and rounds.
@@ -31,26 +30,13 @@ def analyse(made: Made, workers: int, *, fresh: bool = True) -> Used:
     """Tables only; without what an earlier analysis left, if `fresh`."""
     if fresh:
         shutil.rmtree(made.folder / "results", ignore_errors=True)
-    return run([*FOURPOLE, "analyse", str(made.folder), "--tables-only", *_workers(workers)], codes=(0, 3))
-
-
-@cache
-def _workers(count: int) -> list[str]:
-    return ["--workers", str(count)] if has_option("analyse", "--workers") else []
-
-
-def rejected(made: Made) -> int:
-    """Number of rejected tests."""
-    table = pl.read_csv(made.folder / "results" / "dynamic.csv", infer_schema_length=None)
-    return int((table["verdict"] == "rejected").sum())
+    return run([*FOURPOLE, "analyse", str(made.folder), "--tables-only", "--workers", str(workers)], codes=(0, 3))
 
 
 def check(made: Made) -> str:
     """All tests are used, with amplitudes that are those of the signals; SystemExit if not."""
-    results = made.folder / "results"
-    if rejected(made):
-        raise SystemExit(f"{made.folder}: tests are rejected")
-    found = pl.read_parquet(results / "phasors.parquet")
+    made.check_used()
+    found = pl.read_parquet(made.folder / "results" / "phasors.parquet")
     off = []
     for at, name in enumerate(("F1 [N]", "V1 [m/s]", "V2 [m/s]")):
         measured = found[f"Re {name}"].to_numpy() + 1j * found[f"Im {name}"].to_numpy()
@@ -101,7 +87,7 @@ def again(made: Made, alone: Made) -> list[Kept]:
         for campaign, place in zip((made, alone), used, strict=True):
             _refine(campaign, turn)
             place.append(analyse(campaign, 2, fresh=False))
-    opened = rejected(made)  # nobody can read the recordings any more
+    opened = made.rejected()  # nobody can read the recordings any more
     same = f"{opened} recordings were opened" if opened else f"no recording opened; {check(made)}"
     line = _each(names[1], *used, REFINED, count, same)
     return [*lines, replace(line, kept=line.kept and not opened)]

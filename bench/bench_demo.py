@@ -18,7 +18,7 @@ from statistics import median
 
 import numpy as np
 import polars as pl
-from promises import FOURPOLE, Kept, at_least, has_option, own_cpu, report, run
+from promises import FOURPOLE, Kept, at_least, own_cpu, report, run
 from scipy.optimize import curve_fit
 
 from fourpole.app.analysis import _demo_settings
@@ -51,10 +51,10 @@ def fixed_work(folder: Path) -> float:
     return own_cpu() - start
 
 
-def analysis(folder: Path, *options: str) -> float:
+def analysis(folder: Path, option: str) -> float:
     """CPU time of the analysis with figures and report, and nothing left of a former one [s]."""
     shutil.rmtree(folder / "results", ignore_errors=True)
-    return run([*FOURPOLE, "analyse", str(folder), *options]).cpu
+    return run([*FOURPOLE, "analyse", str(folder), option]).cpu
 
 
 def check(folder: Path) -> str:
@@ -74,10 +74,9 @@ def main() -> None:
         folder = Path(place, "demo")
         simulate_campaign(folder, seed=SEED, **_demo_settings())
         for option, former in FORMER.items():
-            options = [option] if has_option("analyse", option) else []
-            analysis(folder, *options)
+            analysis(folder, option)
             same = check(folder)
-            rounds = [(analysis(folder, *options), fixed_work(folder)) for _ in range(ROUNDS)]
+            rounds = [(analysis(folder, option), fixed_work(folder)) for _ in range(ROUNDS)]
             found = median(ours / fixed for ours, fixed in rounds)
             took = median(ours for ours, _ in rounds)
             detail = f"{found:.2f} times a fixed work, {former:.1f} before; {took:.1f} s of CPU time; {same}"

@@ -6,6 +6,7 @@ Each bench_*.py ends with `report`. It prints a line per promise, keeps it for t
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import resource
 import subprocess
@@ -15,16 +16,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
+from typing import TypeVar
 
 __all__ = [
     "FOURPOLE",
     "Kept",
     "Used",
+    "alone",
     "at_least",
     "at_most",
-    "has_option",
     "in_turn",
     "own_cpu",
+    "own_memory",
     "ratio",
     "read_kept",
     "report",
@@ -35,6 +38,7 @@ __all__ = [
 KEPT = Path(__file__).parent / "kept"
 #: The command as users run it, on the library of this Python.
 FOURPOLE = [sys.executable, "-m", "fourpole"]
+_Found = TypeVar("_Found")
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,6 @@ class Used:
     wall: float
     cpu: float
     memory: float
-    said: str = ""
 
 
 def at_least(work: str, against: str, found: float, limit: float, detail: str = "") -> Kept:
@@ -78,7 +81,7 @@ def run(command: Sequence[str], *, codes: Sequence[int] = (0,), **environment: s
     if done.returncode not in codes:
         raise SystemExit(f"{' '.join(command)}: exit code {done.returncode}: {done.stderr[-2000:]}")
     cpu, memory = done.stderr.rstrip().rpartition("\n")[2].split()
-    return Used(wall, float(cpu), float(memory), done.stdout)
+    return Used(wall, float(cpu), float(memory))
 
 
 #: Runs a command and tells what it used; a process of its own, as the system adds up all children that ended.
@@ -103,15 +106,22 @@ def ratio(ours: Sequence[Used], theirs: Sequence[Used], what: str = "wall") -> f
     return median(getattr(a, what) / getattr(b, what) for a, b in zip(ours, theirs, strict=True))
 
 
-def has_option(command: str, option: str) -> bool:
-    """Whether a command of this Fourpole has an option."""
-    return option in run([*FOURPOLE, command, "--help"]).said
+def alone(measure: Callable[[int], _Found], count: int) -> _Found:
+    """What `measure` finds for a size, in a process of its own: the system tells only the most memory it ever had."""
+    with multiprocessing.get_context("spawn").Pool(1) as process:
+        return process.apply(measure, (count,))
 
 
 def own_cpu() -> float:
     """CPU time of this process [s]."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime
+
+
+def own_memory() -> int:
+    """Most memory that this process ever had [byte]."""
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else 1024 * most
 
 
 def report(lines: Sequence[Kept]) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-__all__ = ["Made", "make_campaign", "write_recording"]
+__all__ = ["Made", "amplitudes_at", "make_campaign", "write_recording"]
 
 RATE, SAMPLES, FREQUENCIES = 2000.0, 20_000, 40
 K1, K2, C = 180e3, 120e3, 700.0
@@ -45,6 +45,16 @@ class Made:
     files: list[Path]
     frequency: NDArray[np.float64]
     amplitudes: NDArray[np.complex128]
+
+    def rejected(self) -> int:
+        """Number of tests that the last analysis rejected."""
+        table = pl.read_csv(self.folder / "results" / "dynamic.csv", infer_schema_length=None)
+        return int((table["verdict"] == "rejected").sum())
+
+    def check_used(self) -> None:
+        """SystemExit if the last analysis rejected a test."""
+        if rejected := self.rejected():
+            raise SystemExit(f"{self.folder}: {rejected} tests are rejected")
 
 
 def amplitudes_at(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.processes import environment
 from typer.testing import CliRunner
 
 from fourpole.app import standing
@@ -99,13 +100,12 @@ def test_a_second_run_loads_neither_numpy_nor_polars(analysed):
     noisy, _ = analysed
     code = "import sys; from fourpole.app.cli import app; app(standalone_mode=False); print(*sys.modules)"
     words = ["analyse", str(noisy.path), "--tables-only", "--route", "mobility"]
-    paths = os.pathsep.join(path for path in sys.path if path)
     done = subprocess.run(
         [sys.executable, "-c", code, *words],
         check=True,
         capture_output=True,
         text=True,
-        env={**os.environ, "PYTHONPATH": paths},
+        env=environment(),
     )
     assert STANDS in done.stderr, done.stderr
     loaded = {name.partition(".")[0] for name in done.stdout.splitlines()[-1].split()}

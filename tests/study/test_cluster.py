@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
 
 import pytest
+from tests.processes import environment
 from typer.testing import CliRunner
 
 from fourpole.app.cli import app
@@ -18,11 +18,8 @@ pytestmark = pytest.mark.thorough
 
 
 def started(module, *words):
-    paths = os.pathsep.join(path for path in sys.path if path)
-    one_thread = {"OPENBLAS_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1", "PYTHONPATH": paths}
-    return subprocess.Popen(
-        [sys.executable, "-m", module, *words], stderr=subprocess.PIPE, text=True, env={**os.environ, **one_thread}
-    )
+    one_thread = environment(OPENBLAS_NUM_THREADS="1", POLARS_MAX_THREADS="1")
+    return subprocess.Popen([sys.executable, "-m", module, *words], stderr=subprocess.PIPE, text=True, env=one_thread)
 
 
 @pytest.fixture(scope="module")

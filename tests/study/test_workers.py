@@ -16,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from tests.processes import environment
 from typer.testing import CliRunner
 
 from fourpole.app.cli import app
@@ -160,14 +161,13 @@ def test_a_plain_script_needs_no_main(noisy, tmp_path):
 def test_a_run_that_is_stopped_in_mid_batch_is_gone_on_with(hurting, number, code):
     """The reader of D2 hangs; the signal reaches the whole group of processes, as in a terminal."""
     folder = hurting("hang")
-    place = os.pathsep.join(path for path in sys.path if path)
     command = [sys.executable, "-m", "fourpole", "analyse", str(folder.path), "--route", "mobility", "--workers", "2"]
     running = subprocess.Popen(
         [*command, "--tables-only"],
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        env={**os.environ, "PYTHONPATH": place},
+        env=environment(),
     )
     kept = folder.path / "results" / "cache"
     wait_for(lambda: len(list(kept.glob("*.fpp"))) == 4)  # one static curve, three recordings
@@ -200,11 +200,8 @@ def alive(group):
 
 def test_workers_end_with_their_parent_however_it_ends(hurting, tmp_path):
     folder = hurting("hang")
-    place = os.pathsep.join(path for path in sys.path if path)
     code = f"import fourpole as fp; fp.analyse({str(folder.path)!r}, route='mobility', workers=2)"
-    running = subprocess.Popen(
-        [sys.executable, "-c", code], start_new_session=True, env={**os.environ, "PYTHONPATH": place}
-    )
+    running = subprocess.Popen([sys.executable, "-c", code], start_new_session=True, env=environment())
     wait_for(lambda: len(members(running.pid)) == 3)
     running.kill()
     running.wait()

@@ -138,8 +138,8 @@ def analyse(
 ) -> int:
     """Analyse a campaign folder: recordings in; tables of K1, R, I, K*, K2, C and TR, figures and a report out.
 
-    Reduced recordings are kept in the folder of the results, so a run that was stopped continues where it was. Of
-    several campaigns, each has its own results, and one that cannot be read does not stop the others.
+    Reduced recordings are kept in the folder of the results, so a run that was stopped continues where it was. Each
+    of several campaigns has its own results, and one that cannot be read does not stop the others.
     """
     from fourpole.app.campaigns import run_each
     from fourpole.app.standing import results_of, settings_of, show, standing

@@ -25,17 +25,10 @@ _MANY, _MOST_DRAWERS = 5000, 4
 OF_REPORT = (*(f"figures/{name}" for name in figure_files()), "report.html")
 
 
-def make_report(
-    results: Results,
-    folder: Path,
-    style: Style | None = None,
-    *,
-    png: bool = False,
-    executor: Executor | None = None,
-) -> Path:
+def make_report(results: Results, folder: Path, style: Style | None = None, *, png: bool = False) -> Path:
     """Draw all figures into `folder/figures`, each with `png` in that format, too, and write `folder/report.html`."""
     formats = ("svg", "png") if png else ("svg",)
-    with progress("drawing") as advance, _drawers(results, executor) as executor:
+    with progress("drawing") as advance, _drawers(results) as executor:
         files = save_figures(
             results, folder / "figures", style=style, formats=formats, progress=advance, executor=executor
         )
@@ -49,11 +42,11 @@ def make_report(
 
 
 @contextmanager
-def _drawers(results: Results, executor: Executor | None) -> Iterator[Executor | None]:
-    """The workers that draw: those given, processes of this machine for a large campaign, else none."""
+def _drawers(results: Results) -> Iterator[Executor | None]:
+    """The processes of this machine that draw the figures of a large campaign; None for this thread."""
     count = min(processors(), _MOST_DRAWERS)
-    if executor is not None or count < 2 or results.dynamic.height < _MANY:
-        yield executor
+    if count < 2 or results.dynamic.height < _MANY:
+        yield None
         return
     with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
         try:

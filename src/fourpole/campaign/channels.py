@@ -20,6 +20,9 @@ _ROLES = ("force_in", "motion_in", "motion_out")
 #: Keys that only a channel of dynamic tests has, because they belong to an amplitude at a frequency.
 _DYNAMIC_ONLY = ("std_delay", "high_pass", "low_pass", "geophone", "response", "crosstalk")
 
+#: Keys of a channel that state how uncertain its values are, and change no value.
+_UNCERTAINTIES = {"std_gain", "std_phase", "std_delay", "exact"}
+
 
 def known_keys(raw: dict[str, Any], known: tuple[str, ...]) -> None:
     """ValueError for an unknown key of a table; the message names the most similar known key."""
@@ -345,6 +348,12 @@ class ChannelsFile(File):
     def rate(self) -> float | None:
         """Sample rate stated in place of a column of the time [Hz]; None if none is stated."""
         return self.sample_rate or (self.time.sample_rate if self.time else None)
+
+    def without_uncertainties(self, *parts: str) -> dict[str, Any]:
+        """Some parts of [channels], without the keys that state how uncertain a channel is."""
+        return self.model_dump(
+            include=set(parts), exclude={part: _UNCERTAINTIES for part in parts if part in CHANNEL_KINDS}
+        )
 
 
 #: The classes of which [channels] is made.

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fourpole import units
-from fourpole.errors import FileError
+from fourpole.errors import FileError, FourpoleError
 from fourpole.io.identity import Identity, identity_of
 from fourpole.io.remote import fetched, is_elsewhere, local_path, remote_identity, scheme_of
 from fourpole.io.signals import MAX_FILE_BYTES
@@ -51,3 +51,10 @@ def at_hand(folder: Path, file: str) -> Iterator[Path]:
 def identity_at(folder: Path, file: str) -> Identity:
     """Identity of a file of a campaign without opening it; FileError or OSError if it cannot be looked up."""
     return remote_identity(file) if is_elsewhere(file) else identity_of(inside(folder, file))
+
+
+def identity_or_none(folder: Path, file: str) -> Identity | None:
+    """Identity of a file of a campaign without opening it; None if it cannot be looked up."""
+    with suppress(FourpoleError, OSError, ValueError):
+        return identity_at(folder, file)
+    return None

@@ -1,4 +1,4 @@
-"""A long-lived worker process and its parent's side: files are read where they can do no harm.
+"""The parent's side of a long-lived worker process: a file that crashes or floods its library ends the worker alone.
 
 Each thread of this process has at most one worker, which is started when it is first needed and ends with the thread's
 owner. It is started afresh, never forked (the threads of libraries would stand still in a fork), and it does not import

@@ -9,10 +9,10 @@ from __future__ import annotations
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import unquote, urlsplit
 
 from fourpole.errors import FileError
@@ -22,9 +22,12 @@ from fourpole.units import shown
 #: Schemes that need the extra `remote`, beside file://, which does not.
 SCHEMES = ("s3",)
 _URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
+#: Size of the parts in which a recording is copied [byte].
 _BLOCK = 1 << 22
 #: Seconds that a server may take to answer, and how often it is asked.
 _PATIENCE = {"connect_timeout": 10, "read_timeout": 30, "retries": {"max_attempts": 3}}
+
+_Answer = TypeVar("_Answer")
 
 
 def scheme_of(file: str) -> str:
@@ -112,8 +115,8 @@ def _copy(system: Any, url: str, path: Path, size: int) -> None:
         raise OSError("it changed while it was read")
 
 
-def _asked(file: str, ask: Any) -> Any:
-    """The answer of a server; FileError if it gives none."""
+def _asked(file: str, ask: Callable[[Any, str], _Answer]) -> _Answer:
+    """What `ask` gets of a server, by its file system and the URL of the file; FileError if it gets no answer."""
     url, name = address_of(file), shown(file, 200)[1:-1]
     try:
         import fsspec

@@ -35,8 +35,8 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
     .. math:: u^2 = \sum_s (u_{1s}^2 + u_{2s}^2 - 2 r_s u_{1s} u_{2s})
 
     over the sources s of the budgets. If the campaigns are independent, r = 0. If both used the same sensors, with one
-    calibration, on the same rig, r = 1 for the errors of channels, rig and weighed masses. The truth is one of the two,
-    or lies between; the tables do not say which, so both are given.
+    calibration, on the same rig, r = 1 for the errors of channels, rig and weighed masses, and for the gains of load
+    and deflection in K1. The truth is one of the two, or lies between; the tables do not say which, so both are given.
 
     Parameters
     ----------
@@ -49,8 +49,8 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
     -------
     polars.DataFrame
         A row for each quantity of each test of `first` that has a partner: the same specimen, route and added mass,
-        pressure within 2 %, preload and frequency within 1 %, temperature within 5 K where both state it. Of several
-        partners the one nearest in frequency; its values are brought to the frequency of the first by the slope over
+        pressure within 2 %, preload and frequency within 1 %, temperature within 5 K where both state it. The
+        partner nearest in frequency is taken; its values are brought to the frequency of the first by the slope over
         the neighbouring frequencies of the second campaign. `ratio` is the difference over its uncertainty: beyond 2 or
         -2, errors do not explain it (about 5 % of all ratios are, where nothing differs).
 
@@ -67,7 +67,7 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
     tests = scan(folder).filter(pl.col("campaign").is_in([first, second])).collect()
     for name in (first, second):
         if name not in tests["campaign"]:
-            raise CampaignError(f"{folder}: has no campaign {name!r}")
+            raise CampaignError(f"{folder}: has no campaign {name!r}: choose one of {', '.join(_campaigns(folder))}")
     budget = scan(folder, "budget").filter(pl.col("campaign").is_in([first, second])).collect()
     pairs = _pairs(*(_usable(tests.filter(pl.col("campaign") == name)) for name in (first, second)))
     one, two = (_long(pairs, budget, name, end) for name, end in ((first, ""), (second, "_right")))
@@ -80,6 +80,12 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
         pl.when(common).then((u1 - u2) ** 2).otherwise(u1**2 + u2**2).sum().alias("u same sensors"),
     )
     return _shown(pairs, found, _brought(pairs, _usable(tests.filter(pl.col("campaign") == second))))
+
+
+def _campaigns(folder: str | Path) -> list[str]:
+    """Names of the campaigns of a data set, in alphabetical order."""
+    names: list[str] = scan(folder).select("campaign").unique().collect()["campaign"].sort().to_list()
+    return names
 
 
 def _usable(tests: pl.DataFrame) -> pl.DataFrame:

@@ -86,12 +86,8 @@ def gather(
         If a file cannot be written.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise CampaignError(f"{folder}: there is no such folder")
     out = folder / "lab" if out is None else Path(out)
-    found = list(_results_below(folder, out))
-    if not found:
-        raise CampaignError(f"{folder}: no results below it: run fourpole analyse on its campaigns first")
+    found = _found(folder, out)
     make_folder(out)
     recover(out)
     former, names = _former(out), _names(folder, found)
@@ -126,6 +122,16 @@ def gather(
         problems=tuple(problems),
         left_out=len(found) - len(index),
     )
+
+
+def _found(folder: Path, out: Path) -> list[Path]:
+    """Folders with results below a folder, without the data set; CampaignError if there are none."""
+    if not folder.is_dir():
+        raise CampaignError(f"{folder}: there is no such folder; check its name")
+    found = list(_results_below(folder, out))
+    if not found:
+        raise CampaignError(f"{folder}: no results below it: run fourpole analyse on its campaigns first")
+    return found
 
 
 def _results_below(folder: Path, out: Path) -> Iterator[Path]:
@@ -286,12 +292,12 @@ def _rows(frame: pl.DataFrame, table: LabTable, origin: dict[str, Any]) -> tuple
 def _further(frame: pl.DataFrame, own: dict[str, Any]) -> list[str | None]:
     """The other columns of each row as a JSON object; None where all of them are blank."""
     heads = [head for head in frame.columns if head not in own]
-    return (
-        [
-            json.dumps(stated, ensure_ascii=False, sort_keys=True) if stated else None
-            for row in frame.select(heads).iter_rows(named=True)
-            for stated in [{head: str(value) for head, value in row.items() if value is not None and value != ""}]
-        ]
-        if heads
-        else [None] * frame.height
-    )
+    if not heads:
+        return [None] * frame.height
+    return [_as_json(row) for row in frame.select(heads).iter_rows(named=True)]
+
+
+def _as_json(row: dict[str, Any]) -> str | None:
+    """The cells of a row that are not blank as a JSON object of texts; None if all are blank."""
+    stated = {head: str(value) for head, value in row.items() if value is not None and value != ""}
+    return json.dumps(stated, ensure_ascii=False, sort_keys=True) if stated else None

@@ -73,8 +73,8 @@ class FitProblem(ByValue):
     def part(self, rows: np.ndarray) -> FitProblem:
         """The same problem for some of the conditions, each once or several times.
 
-        The data keep the covariance of all conditions: nothing but the whitener, which is one matrix if all conditions
-        have the same, is used after the problem is made.
+        The whitener is that of these conditions, or the one that all have. The data keep the covariance of all
+        conditions, which is used for the whitener alone.
         """
         names = ("stiffness", "k1", "k1_std", *self.data.ramp)
         data = replace(self.data, **{name: getattr(self.data, name)[rows] for name in names})

@@ -187,10 +187,8 @@ class Shell(Model):
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """Derivatives by R, B, S, D, p, k, mu, tau, l and beta."""
         sets, w = self.checked(values), positive(omega)
-        springs, shape, patch, rest = self._parts(sets)
         mass, loss = sets[..., 6, None], 1 + 1j * w * sets[..., 7, None]
-        yields = loss[..., None, :, None] * springs[..., None, :] - (mass * w**2)[..., None, :, None]
-        answer = (shape[..., 2, None, :] / yields) @ np.swapaxes(shape, -1, -2)  # (..., pairs, N, 3)
+        answer, patch, rest = self._answers(sets, w, loss)
         weight = patch.weight[..., None]
         by_stiffness = self._by_stiffness(sets, self._n[self._moves], self._m[self._moves])
         squares = np.swapaxes(weight[..., None] * answer[..., _ROW] * answer[..., _COLUMN], -2, -3)
@@ -213,10 +211,8 @@ class Shell(Model):
         if not np.all(np.isin(places, _OF_RUBBER)):
             return super().derivative_by(values, omega, places)
         sets, w = self.checked(values), positive(omega)
-        springs, shape, patch, rest = self._parts(sets)
         mass, loss = sets[..., 6, None], 1 + 1j * w * sets[..., 7, None]
-        yields = loss[..., None, :, None] * springs[..., None, :] - (mass * w**2)[..., None, :, None]
-        answer = (shape[..., 2, None, :] / yields) @ np.swapaxes(shape, -1, -2)  # (..., pairs, N, 3)
+        answer, patch, rest = self._answers(sets, w, loss)
         weight = patch.weight[..., None]
         moved = np.sum(weight * answer[..., 2], axis=-2)
         by_mass = w**2 * np.sum(weight * np.sum(answer**2, axis=-1), axis=-2)
@@ -326,6 +322,17 @@ class Shell(Model):
             ]
         )
         return np.moveaxis(whole * _TWICE.reshape(-1, *[1] * (whole.ndim - 2)), (1, 0), (-2, -1))
+
+    def _answers(self, sets: FloatArray, w: FloatArray, loss: ComplexArray) -> tuple[ComplexArray, _Patch, FloatArray]:
+        """Deflections (..., pairs, N, 3) under a unit load of the modes with inertia, their patch, and H of the others.
+
+        `w` is the angular frequency (N,) [rad/s], `loss` the complex factor (..., N) of the stiffness of the wall.
+        """
+        springs, shape, patch, rest = self._parts(sets)
+        inertia = (sets[..., 6, None] * w**2)[..., None, :, None]
+        yields = loss[..., None, :, None] * springs[..., None, :] - inertia
+        answers = (shape[..., 2, None, :] / yields) @ np.swapaxes(shape, -1, -2)
+        return np.asarray(answers), patch, rest
 
     def _rest_slopes(self, sets: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Derivatives of H_rest: by R, B, S, D, p, k of the shell, and by R, B, l, beta of the load."""

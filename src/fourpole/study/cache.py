@@ -155,15 +155,12 @@ class Cache:
         file, parts, sha256 = line
         self._index[str(file)] = Identity(*parts), str(sha256)
 
-    def close(self, files: Sequence[str] | None = None) -> None:
-        """Write the index anew, for these recordings alone if they are given, and delete what is not used any more."""
+    def close(self) -> None:
+        """Write the index anew, and delete the files that are too old or too many."""
         if self._journal is not None:
             with suppress(OSError):
                 self._journal.close()
             self._journal = None
-        if files is not None:
-            wanted = set(files)
-            self._index = {file: noted for file, noted in self._index.items() if file in wanted}
         self._prune()
         lines = [json.dumps({"run": self._run, "used": self._used})]
         lines += [json.dumps([file, list(one.parts), sha256]) for file, (one, sha256) in self._index.items()]

@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 
 from fourpole.errors import CampaignError
 from fourpole.units import shown
+from fourpole.version import VERSION
 
 #: Time within which a scheduler must answer [s].
 _ANSWER = 10.0
@@ -70,7 +71,6 @@ def _threads(client: Any, name: str) -> int:
     threads = sum(client.nthreads().values())
     if not threads:
         raise CampaignError(f"{name}: the scheduler has no worker: start some, as dask worker {name} --nthreads 1")
-    own = version_here()
     try:
         others = client.run(version_here)
     except Exception as error:  # noqa: BLE001 - whatever the worker raised
@@ -78,15 +78,13 @@ def _threads(client: Any, name: str) -> int:
             f"{name}: a worker cannot load Fourpole ({type(error).__name__}: {error}): install the same version there"
         ) from None
     for worker, found in others.items():
-        if found != own:
+        if found != VERSION:
             raise CampaignError(
-                f"{name}: the worker {worker} has Fourpole {found}, and this is {own}: install the same"
+                f"{name}: the worker {worker} has Fourpole {found}, and this is {VERSION}: install {VERSION} there"
             )
     return int(threads)
 
 
 def version_here() -> str:
     """The version of Fourpole where this runs."""
-    from importlib.metadata import version
-
-    return version("fourpole")
+    return VERSION

@@ -1,4 +1,4 @@
-"""The curve of a static test: from the cache, or from its file, read where it can do no harm."""
+"""The curve of a static test: from the cache, or from its file, in a worker process if a library reads it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
 from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign, Test
-from fourpole.campaign.place import at_hand, identity_at
+from fourpole.campaign.place import at_hand, identity_or_none
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import FileError, FourpoleError
 from fourpole.io.child import SECONDS, Died, answer_of
@@ -22,8 +22,8 @@ from fourpole.study.load import MOST_BYTES, load_curve
 
 #: A curve of more bytes is not kept.
 _MOST_KEPT = 16_000_000
-_OF_CURVE = {"time", "sample_rate", "load", "deflection"}
-_NOT_OF_CURVE = {role: {"std_gain", "std_phase", "std_delay", "exact"} for role in ("load", "deflection")}
+#: The parts of [channels] that a curve depends on.
+_OF_CURVE = ("time", "sample_rate", "load", "deflection")
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,7 @@ class CurveJob:
     @property
     def settings(self) -> list[object]:
         """What the curve depends on beside the content of the file."""
-        channels = self.channels.model_dump(include=_OF_CURVE, exclude=_NOT_OF_CURVE)
-        return ["static", self.test.file, self.test.window, channels]
+        return ["static", self.test.file, self.test.window, self.channels.without_uncertainties(*_OF_CURVE)]
 
 
 @dataclass(frozen=True)
@@ -87,9 +86,7 @@ def read_curve(campaign: Campaign, test: Test, cache: Cache | None = None, secon
         If there is no such file, or its worker process dies twice.
     """
     job = CurveJob(campaign.folder.absolute(), test, campaign.stated.channels)
-    identity = None
-    with suppress(FourpoleError, OSError, ValueError):
-        identity = identity_at(job.folder, test.file)
+    identity = identity_or_none(job.folder, test.file)
     if cache is not None and (noted := cache.hash_noted(test.file, identity)):
         kept = cache.bytes_of(cache.name(job.settings, noted))
         with suppress(ValueError, KeyError, TypeError, IndexError):

@@ -82,9 +82,16 @@ class Demodulated:
 
 @dataclass(frozen=True)
 class Reduced:
-    """The result of one recording: at least one point, the hash of the file (empty where it was not read), its start.
+    """The result of one recording.
 
-    `began` is the time at which the recording began [s], from 1970 on; None where its file does not state it.
+    Attributes
+    ----------
+    points : tuple of Point
+        At least one point.
+    sha256 : str
+        Hash of the file; empty where it was not read.
+    began : float or None [s]
+        Time at which the recording began, from 1970 on; None where its file does not state it.
     """
 
     points: tuple[Point, ...]

@@ -44,9 +44,8 @@ ROUTE_NEEDS = {
     "transmissibility": ("motion_in", "motion_out"),
 }
 
-#: The parts of [channels] that the demodulation depends on, and those of a channel that it does not depend on.
-_OF_DEMODULATION = {"time", "sample_rate", "reference", *CHANNELS}
-_NOT_OF_DEMODULATION = {role: {"std_gain", "std_phase", "std_delay", "exact"} for role in CHANNELS}
+#: The parts of [channels] that the demodulation depends on.
+_OF_DEMODULATION = ("time", "sample_rate", "reference", *CHANNELS)
 
 #: The first part of a recording passes without demodulation if three values are below these limits: the residual over
 #: the amplitude of each channel, the relative error of the stated frequency, and the force over the preload. The limits
@@ -97,8 +96,7 @@ class Job:
     @property
     def processing(self) -> list[object]:
         """What the demodulation depends on of campaign.toml; no uncertainty is part of it."""
-        channels = self.channels.model_dump(include=_OF_DEMODULATION, exclude=_NOT_OF_DEMODULATION)
-        return [channels, self.responses]
+        return [self.channels.without_uncertainties(*_OF_DEMODULATION), self.responses]
 
 
 #: The classes of which a job is made, for the worker process.

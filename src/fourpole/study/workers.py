@@ -1,8 +1,8 @@
 """Where recordings are demodulated: in this thread, in worker processes of this machine, or on a cluster.
 
 One interface serves all: `concurrent.futures.Executor`. The tasks are batches of jobs, `run_batch`. Whatever thread or
-process runs a batch, a file that could harm its reader is read by a worker process of its own (`fourpole.io.child`),
-with limits of memory and time. A recording whose worker dies is run once more, by itself, when all others are done.
+process runs a batch, a file that a library reads is read by a worker process of its own (`fourpole.io.child`), with
+limits of memory and time. A recording whose worker dies is run once more, by itself, when all others are done.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from fourpole.campaign.place import at_hand, identity_at
+from fourpole.campaign.place import at_hand, identity_or_none
 from fourpole.core.checks import Check, reported
 from fourpole.core.codes import Code
 from fourpole.errors import CampaignError, FourpoleError
@@ -54,10 +54,8 @@ _ASKED = 16
 #: Interval at which Ctrl-C is looked for where a wait cannot be interrupted [s].
 _LOOK = 0.5
 
+#: The packed result of a job, or the reason why its worker died.
 Answer: TypeAlias = "bytes | str"
-"""The packed result of a job, or the reason why its worker died."""
-
-
 #: The classes of which a job is made, for the worker process.
 OF_WORK = OF_JOB
 
@@ -117,9 +115,7 @@ def _size(job: Job) -> int:
 
 def _identity(job: Job) -> Identity | None:
     """Identity of the file of a job; None if it cannot be looked up."""
-    with suppress(FourpoleError, OSError, ValueError):
-        return identity_at(job.folder, job.test.file) if job.test.file else None
-    return None
+    return identity_or_none(job.folder, job.test.file) if job.test.file else None
 
 
 def _identities(jobs: Sequence[Job]) -> list[Identity | None]:

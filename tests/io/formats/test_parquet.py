@@ -157,7 +157,7 @@ def test_another_number_of_rows_than_declared_is_refused(tmp_path: Path, declare
         np.testing.assert_array_equal(samples, FORCE)
 
 
-def test_memory_is_asked_for_before_it_is_used(tmp_path: Path) -> None:
+def test_samples_that_need_more_memory_than_allowed_are_refused(tmp_path: Path) -> None:
     path = written(tmp_path / "a.parquet", pl.DataFrame({"F1": np.zeros(500_000)}))
     with pytest.raises(FileError, match=r"needs .* more than"):
         read(path, "F1", most=3_000_000)

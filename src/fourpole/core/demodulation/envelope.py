@@ -64,7 +64,8 @@ def envelope(tracks: Sequence[Track], omega: float, turn: Turn | None = None) ->
 def _windowed(track: Track, omega: float, turn: Turn | None, centres: FloatArray, length: float) -> ComplexArray:
     """Windowed means (channels, n) of the channels against the phase omega·t + turn, around each of the centres [s]."""
     half = max(2, int(0.5 * length * track.rate))
-    window = np.hanning(2 * half + 1)[1 : track.time.size + 1][: 2 * half - 1]
+    whole = np.hanning(2 * half + 1)
+    window = whole[1 : track.time.size + 1][: 2 * half - 1]
     at = np.round((centres - track.time[0]) * track.rate).astype(int) - (half - 1)
     at = np.clip(at, 0, max(0, track.time.size - window.size))
     # The turn inside a stretch is the same in all stretches; each has the phase of its first sample besides.
@@ -78,7 +79,7 @@ def _windowed(track: Track, omega: float, turn: Turn | None, centres: FloatArray
     total = np.full(at.size, window.sum())
     if track.known < track.time.size:
         total = sliding_window_view(track.present, window.size)[at] @ window
-    enough = total > _ENOUGH * np.hanning(2 * half + 1).sum()
+    enough = total > _ENOUGH * whole.sum()
     return np.where(enough, 2.0 * first * np.stack(rows) / np.where(enough, total, 1.0), complex(np.nan, np.nan))
 
 

@@ -2,8 +2,9 @@ r"""Least-squares fit of a periodic signal, its harmonics, interfering lines and
 
 All channels share one fundamental frequency. The channels of one fit also share their times and the frequency of each
 interfering line. Gauss-Newton steps on the residual, from which the linear amplitudes are eliminated (variable
-projection), find the frequencies; the noise of each channel gives its weight. The number of cycles need not be whole:
-sines, mean and drift are fitted together, so there is no leakage. If a reference gives the phase, the sines follow it.
+projection), find the frequencies; the step of the fundamental includes its curvature. The noise of each channel gives
+its weight. The number of cycles need not be whole: sines, mean and drift are fitted together, so there is no leakage.
+If a reference gives the phase, the sines follow it.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import lapack
@@ -20,7 +22,7 @@ from fourpole.core.demodulation.terms import Rows, Terms, rows_of
 from fourpole.core.demodulation.tracks import Track
 
 _ITERATIONS = 12
-#: Frequencies are told apart if this share of the slope by each is not along those before it.
+#: A frequency is identifiable if at least this share of the slope by it is independent of those before it.
 _ALIKE = 1e-3
 #: Round-off of an energy, relative.
 _ROUND_OFF = 1e-14
@@ -32,6 +34,8 @@ _LEFT = 1e-3
 _LEFT_OVER = 3.0
 #: Largest share of curvature in a step of the fundamental.
 _MOST_BENT = 0.3
+#: Longest step of a frequency, in bins of 1/T.
+_LONGEST = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,32 +242,71 @@ def refine(
     -------
     list of SineFit, float [rad/s]
         The fits, and the standard uncertainty of the fundamental.
+
+    Notes
+    -----
+    The search ends if all steps are below 1e-3 of the standard uncertainty of their frequency, or with a step that can
+    be taken to first order, without new sums over the samples: what it neglects is below 1e-3 of the uncertainty, too.
     """
     fits = list(fits)
-    resolution = 2 * np.pi / max(fit.track.time[-1] - fit.track.time[0] for fit in fits)
+    bin_width = 2 * np.pi / max(fit.track.time[-1] - fit.track.time[0] for fit in fits)
     for _ in range(_ITERATIONS):
         used = [1.0 / fit.variance for fit in fits] if weights is None else weights
-        turned = [_turned(fit, spoken, free=free) for fit, spoken in zip(fits, informing, strict=True)]
-        step, std, bent = _newton_step(fits, turned, used, free=free)
-        if np.all(np.abs(step) < np.maximum(1e-12 * resolution, _LEFT * std)):
+        slopes = [_slopes(fit, may, free=free) for fit, may in zip(fits, informing, strict=True)]
+        step = _newton_step(fits, slopes, used, free=free)
+        if np.all(np.abs(step.size) < np.maximum(1e-12 * bin_width, _LEFT * step.std)):
             break
-        step = np.clip(step, -0.3 * resolution, 0.3 * resolution)
-        lines = np.split(step[1:], np.cumsum([fit.lines.size for fit in fits])[:-1])
-        parts = list(zip(fits, turned, lines, strict=True))
-        spread = _LEFT_OVER * _spread(fits, used)
-        left = abs(step[0] + fits[0].shift[0]) * (bent + spread * resolution / fits[0].omega)
-        if left < _LEFT and all(_is_small(fit, np.r_[step[0], moved], spread) for fit, _, moved in parts):
-            fits = [fit.moved(step[0], moved, np.r_[step[0], moved] @ along) for fit, along, moved in parts]
+        steps = _for_each(fits, np.clip(step.size, -_LONGEST * bin_width, _LONGEST * bin_width))
+        if _is_last(fits, steps, used, step.neglected, bin_width):
+            moves = zip(fits, steps, slopes, strict=True)
+            fits = [fit.moved(one[0], one[1:], one @ slope) for fit, one, slope in moves]
             break
-        fits = [fit.at(fit.omega + step[0], fit.lines + moved) for fit, _, moved in parts]
-    return fits, float(std[0])
+        fits = [fit.at(fit.omega + one[0], fit.lines + one[1:]) for fit, one in zip(fits, steps, strict=True)]
+    return fits, float(step.std[0])
+
+
+class _Step(NamedTuple):
+    """A step of the frequencies: of the fundamental, then of the lines of each fit.
+
+    Attributes
+    ----------
+    size, std : (1 + all lines,) float [rad/s]
+        The step, and the standard uncertainty of each frequency; 0 for a fundamental that is not free.
+    neglected : float [s/rad]
+        What a step of the fundamental leaves, because it neglects curvature, over the standard uncertainty and over
+        the step.
+    """
+
+    size: FloatArray
+    std: FloatArray
+    neglected: float
+
+
+def _for_each(fits: Sequence[SineFit], step: FloatArray) -> list[FloatArray]:
+    """The step (1 + L,) of each fit: of the fundamental and of its own lines [rad/s]."""
+    lines = np.split(step[1:], np.cumsum([fit.lines.size for fit in fits])[:-1])
+    return [np.r_[step[0], own] for own in lines]
+
+
+def _is_last(
+    fits: Sequence[SineFit],
+    steps: Sequence[FloatArray],
+    weights: Sequence[FloatArray],
+    neglected: float,
+    bin_width: float,
+) -> bool:
+    """Whether no other step is needed after these, taken to first order; `neglected` is that of `_Step`."""
+    spread = _LEFT_OVER * _spread(fits, weights)
+    whole = abs(steps[0][0] + fits[0].shift[0])
+    left = whole * (neglected + spread * bin_width / fits[0].omega)
+    return left < _LEFT and all(_is_small(fit, step, spread) for fit, step in zip(fits, steps, strict=True))
 
 
 def _spread(fits: Sequence[SineFit], weights: Sequence[FloatArray]) -> float:
     """Root of the weighted energy of the residual times the mean square of time [s].
 
-    Times the standard uncertainty of a frequency, this is the residual over the slope of the model: the share of a step
-    that Gauss-Newton may leave to the next, because it neglects the curvature of the model.
+    Its product with the standard uncertainty of a frequency is the residual over the slope of the model: the share of a
+    step that Gauss-Newton may leave to the next, because it neglects the curvature of the model.
     """
     each = [
         float(fit.variance @ weight) * fit.track.known * (fit.track.time[-1] - fit.track.time[0]) ** 2 / 12
@@ -278,50 +321,52 @@ def _is_small(fit: SineFit, step: FloatArray, spread: float) -> bool:
     An error of an interfering line reaches a harmonic by its leakage, 1 / (π bins between them). If the residual is
     white, the step times `spread` over the root of the samples is what it leaves of the line, over its uncertainty.
     """
-    count, half = fit.harmonics, 0.5 * fit.track.time.size / fit.rate
-    sines = fit.coefficients[: 2 * (count + fit.lines.size)]
-    sizes, (step, lines) = np.hypot(sines[0::2], sines[1::2]), np.split(step + fit.shift, [1])
-    multiples = np.arange(1, count + 1)
-    second = ((half * step * multiples) ** 2 * (1 / 6 + np.pi / (half * fit.omega))) @ sizes[:count]
-    if lines.size:
-        apart = np.abs(fit.lines[:, None] - fit.omega * multiples).min(axis=1)
-        leakage = 1.0 / np.maximum(half * apart, 1.0)
-        second = second + (0.5 * (half * lines) ** 2 * leakage) @ sizes[count:]
-        if np.any(np.abs(lines) * (spread / np.sqrt(fit.track.known)) * leakage > _LEFT):
+    half, numbers = 0.5 * fit.track.time.size / fit.rate, np.arange(1, fit.harmonics + 1)
+    pairs = fit.coefficients[: 2 * fit.terms.sines.size]
+    harmonics, lines = np.split(np.hypot(pairs[0::2], pairs[1::2]), [fit.harmonics])
+    turn, turns = np.split(step + fit.shift, [1])
+    # First order leaves half the square of a turn: in the mean 1/6 of that at the ends; leakage is 1 over the cycles.
+    second = ((half * turn * numbers) ** 2 * (1 / 6 + np.pi / (half * fit.omega))) @ harmonics
+    if turns.size:
+        gap = np.abs(fit.lines[:, None] - fit.omega * numbers).min(axis=1)
+        leakage = 1.0 / np.maximum(half * gap, 1.0)
+        second = second + (0.5 * (half * turns) ** 2 * leakage) @ lines
+        if np.any(np.abs(turns) * (spread / np.sqrt(fit.track.known)) * leakage > _LEFT):
             return False
     return bool(np.all(second < _SECOND * np.sqrt(2.0 * fit.variance / fit.track.known)))
 
 
 def _newton_step(
-    fits: Sequence[SineFit], turned: Sequence[FloatArray], weights: Sequence[FloatArray], *, free: bool
-) -> tuple[FloatArray, FloatArray, float]:
-    """Step of the fundamental and the lines of each fit, with its standard uncertainty [rad/s].
+    fits: Sequence[SineFit], slopes: Sequence[FloatArray], weights: Sequence[FloatArray], *, free: bool
+) -> _Step:
+    """Step of the fundamental and the lines of each fit, with the curvature by the fundamental.
 
-    The step heeds the curvature of the fundamental. Times the step, the third value is what it leaves by neglecting
-    the other harmonics' curvature, over its standard uncertainty.
+    The curvature by the other harmonics is left out; `neglected` has what the step leaves by that.
     """
     count = 1 + sum(fit.lines.size for fit in fits)
     normal, right, bend, others = np.zeros((count, count)), np.zeros(count), 0.0, 0.0
     at = 1
-    for fit, every, weighed in zip(fits, turned, weights, strict=True):
+    for fit, each, weight in zip(fits, slopes, weights, strict=True):
         own = [0, *range(at, at + fit.lines.size)]
         at += fit.lines.size
         # The slopes are projected onto the complement of the rows; the residual already lies in it.
-        slopes, left = every.swapaxes(0, 1).reshape(len(own), -1), weighed * fit.right[fit.size : -2]
-        projected = (weighed[:, None, None] * (every @ fit.apart)).swapaxes(0, 1).reshape(len(own), -1)
-        normal[np.ix_(own, own)] += slopes @ projected.T
-        right[own] += slopes @ left.T.reshape(-1)
-        bend += float(weighed @ fit.bend)
-        others += float(weighed @ fit.bend_std)
+        along, left = each.swapaxes(0, 1).reshape(len(own), -1), weight * fit.right[fit.size : -2]
+        projected = (weight[:, None, None] * (each @ fit.apart)).swapaxes(0, 1).reshape(len(own), -1)
+        normal[np.ix_(own, own)] += along @ projected.T
+        right[own] += along @ left.T.reshape(-1)
+        bend += float(weight @ fit.bend)
+        others += float(weight @ fit.bend_std)
     if not free:
         normal[0, 0] = 1.0
     covariance = _inverse(normal)
-    std, step = np.sqrt(np.maximum(np.diag(covariance), 0.0)), covariance @ right
+    std, size = np.sqrt(np.maximum(np.diag(covariance), 0.0)), covariance @ right
     if not free:
-        return step, std * (np.arange(count) > 0), 0.0
-    share = float(np.clip(bend * covariance[0, 0], -_MOST_BENT, _MOST_BENT))
-    step += covariance[:, 0] / covariance[0, 0] * (step[0] * share / (1.0 - share))
-    return step, std, (share**2 + _LEFT_OVER * others * float(covariance[0, 0])) / std[0]
+        return _Step(size, std * (np.arange(count) > 0), 0.0)
+    variance = covariance[0, 0]
+    bent = float(np.clip(bend * variance, -_MOST_BENT, _MOST_BENT))
+    # With the curvature, the step of the fundamental is 1 / (1 - bent) times as long, and the lines follow it.
+    size += covariance[:, 0] / variance * (size[0] * bent / (1.0 - bent))
+    return _Step(size, std, (bent**2 + _LEFT_OVER * others * float(variance)) / std[0])
 
 
 def _inverse(normal: FloatArray) -> FloatArray:
@@ -336,7 +381,7 @@ def _inverse(normal: FloatArray) -> FloatArray:
     return np.asarray(inverse * np.outer(scale, scale))
 
 
-def _turned(fit: SineFit, informing: BoolArray, *, free: bool) -> FloatArray:
+def _slopes(fit: SineFit, informing: BoolArray, *, free: bool) -> FloatArray:
     """Derivatives (channels, 1 + lines, 2 S) by the fundamental and by each line, along the sines times time."""
     sines = fit.harmonics + fit.lines.size
     multiple = np.eye(1 + fit.lines.size, sines, k=fit.harmonics - 1)

@@ -87,8 +87,8 @@ def strongest_lines(samples: FloatArray, rate: float, *, order: int) -> list[Lin
 
     Notes
     -----
-    The bins are four times finer than 1/T, in a record of more than 262 144 samples as fine as 1/T. Of a long record
-    the coarse bins are made first, and the fine ones about their maxima.
+    The bins are four times finer than 1/T, in a record of 262 144 samples or more as fine as 1/T. From 4096 samples on,
+    bins as fine as 1/T are made first, and finer ones about their maxima only.
     """
     count, fine = samples.size, 4 if samples.size < _MANY else 1
     windowed = samples * hann(count)

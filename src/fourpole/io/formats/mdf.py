@@ -92,7 +92,7 @@ class _Channel:
 
 
 class _Content:
-    """The channels of an open file whose blocks have been checked."""
+    """The channels of an open file."""
 
     def __init__(self, opened: OpenFile) -> None:
         self.name, self.max_bytes = opened.name, opened.max_bytes
