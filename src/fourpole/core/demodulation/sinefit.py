@@ -168,22 +168,16 @@ class SineFit(ByValue):
         kept = self.unsteady if unsteady is None else unsteady
         return fit_sines(self.track, omega, self.harmonics, lines, kept)
 
-    def moved(self, omega: float, lines: FloatArray, along: FloatArray) -> SineFit:
-        """The fit after a step of the frequencies that is small enough for first order.
+    def moved(self, omega: float, lines: FloatArray) -> SineFit:
+        """The fit after steps of the fundamental and of the lines (L,) [rad/s] that are small enough for first order.
 
-        Parameters
-        ----------
-        omega, lines : float, (L,) float [rad/s]
-            Steps of the fundamental and of the lines.
-        along : (channels, 2 S) float
-            The step along the sines times time, in units of each channel.
+        All harmonics turn, also those that do not inform the frequency.
         """
         size, steps = self.size, np.concatenate([omega * np.arange(1, self.harmonics + 1), lines])
-        left = self.right[size:-2]
         turned = np.zeros_like(self.coefficients)
-        turned[0 : 2 * steps.size : 2] = steps[:, None] * left[1::2]
-        turned[1 : 2 * steps.size : 2] = -steps[:, None] * left[0::2]
-        beside = self.inner[:, size:-2] @ along.T
+        turned[: 2 * steps.size] = _quarter_on(self.right[size:-2], steps)
+        along = -_quarter_on(self.coefficients[: 2 * steps.size], steps)
+        beside = self.inner[:, size:-2] @ along
         change = self.solve(turned - beside[:size])
         right = self.right - beside - self.inner[:, :size] @ change
         bent = self.right[-2:]
@@ -191,6 +185,13 @@ class SineFit(ByValue):
         terms = replace(self.terms, omega=self.omega + omega, lines=self.lines + lines)
         shift = self.shift + np.r_[omega, lines]
         return replace(self, terms=terms, coefficients=self.coefficients + change, right=right, shift=shift)
+
+
+def _quarter_on(pairs: FloatArray, steps: FloatArray) -> FloatArray:
+    """Values (2 S, channels) of cosines and minus sines: those of their derivatives by the phase, times steps (S,)."""
+    turned = np.empty_like(pairs)
+    turned[0::2], turned[1::2] = steps[:, None] * pairs[1::2], -steps[:, None] * pairs[0::2]
+    return turned
 
 
 def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, unsteady: tuple[int, ...] = ()) -> SineFit:
@@ -258,8 +259,7 @@ def refine(
             break
         steps = _for_each(fits, np.clip(step.size, -_LONGEST * bin_width, _LONGEST * bin_width))
         if _is_last(fits, steps, used, step.neglected, bin_width):
-            moves = zip(fits, steps, slopes, strict=True)
-            fits = [fit.moved(one[0], one[1:], one @ slope) for fit, one, slope in moves]
+            fits = [fit.moved(one[0], one[1:]) for fit, one in zip(fits, steps, strict=True)]
             break
         fits = [fit.at(fit.omega + one[0], fit.lines + one[1:]) for fit, one in zip(fits, steps, strict=True)]
     return fits, float(step.std[0])
