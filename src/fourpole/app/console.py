@@ -7,6 +7,7 @@ import os
 import re
 import signal
 import sys
+import textwrap
 import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,13 +19,16 @@ import typer
 from fourpole.errors import FourpoleError, UnitError
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, JustifyMethod
     from rich.text import Text
 
 Sign: TypeAlias = Literal["any", "not negative", "positive"]
 
 #: Width of a table in characters where standard output is no terminal.
 _WIDE = 150
+#: Characters between two columns; longest word that is not folded; width at which text reads well; longest cell of a
+#: table that is turned.
+_BETWEEN, _LONG_WORD, _READABLE, _SHORT = 3, 24, 18, 16
 #: Control characters, which could steer a terminal; line ends and tabs are not among them.
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
@@ -63,18 +67,109 @@ def _tables() -> Console:
 
 
 def print_table(heads: Iterable[str], rows: Iterable[Sequence[str | Text]], *, right: Collection[str] = ()) -> None:
-    """Print a table; columns whose head is in `right` are aligned at the right and are not folded."""
+    """Print a table; columns whose head is in `right` are aligned at the right and are not folded.
+
+    Where the table does not fit without cutting a number or a word, its columns become lines.
+    """
+    from rich.text import Text
+
+    heads, console = list(heads), _tables()
+    lines = [[cell if isinstance(cell, Text) else Text(without_controls(cell)) for cell in row] for row in rows]
+    widths = _widths(heads, lines, right, console.width)
+    if widths:
+        _print_columns(console, heads, lines, widths, right)
+    elif max((cell.cell_len for row in lines for cell in row[1:]), default=0) <= _SHORT:
+        _print_turned(console, heads, lines)
+    else:
+        _print_blocks(console, heads, lines)
+
+
+def _widths(heads: Sequence[str], lines: Sequence[Sequence[Text]], right: Collection[str], most: int) -> list[int]:
+    """Least width of each column, with heads whole or else folded between words; empty if the table does not fit."""
+    full = [row for row in lines if len(row) > 1]  # a single cell is the name of a group
+    least = [
+        max((_least_width(row[at], whole=head in right) for row in full if at < len(row)), default=0)
+        for at, head in enumerate(heads)
+    ]
+    folded = [max(map(len, head.split()), default=0) for head in heads]
+    for of_heads in ([len(head) for head in heads], folded):
+        widths = [max(pair) for pair in zip(least, of_heads, strict=True)]
+        if sum(widths) + _BETWEEN * (len(heads) - 1) <= most:
+            return widths
+    return []
+
+
+def _print_columns(
+    console: Console,
+    heads: Sequence[str],
+    lines: Sequence[Sequence[Text]],
+    widths: Sequence[int],
+    right: Collection[str],
+) -> None:
+    """Print a table that fits."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for head in heads:
+    for head, width in zip(heads, widths, strict=True):
         number = head in right
-        table.add_column(Text(head), justify="right" if number else "left", no_wrap=number, overflow="fold")
-    for row in rows:
-        table.add_row(*(cell if isinstance(cell, Text) else Text(without_controls(cell)) for cell in row))
-    _tables().print(table)
+        shown = Text("\n".join(textwrap.wrap(head, width)) if number else head)
+        justify: JustifyMethod = "right" if number else "left"
+        table.add_column(shown, justify=justify, min_width=width, no_wrap=number, overflow="fold")
+    for row in lines:
+        table.add_row(*row)
+    console.print(table)
+
+
+def _print_turned(console: Console, heads: Sequence[str], lines: Sequence[Sequence[Text]]) -> None:
+    """Print a table of short cells with its columns as lines, as many rows beside each other as the terminal holds."""
+    from rich.table import Table
+    from rich.text import Text
+
+    first = max(map(len, heads))
+    place = 0
+    while place < len(lines):
+        grid = Table.grid(padding=(0, 2))
+        grid.add_column(no_wrap=True)
+        used, start = first, place
+        while place < len(lines):
+            width = max(cell.cell_len for cell in lines[place])
+            if used + 2 + width > console.width and place > start:
+                break
+            grid.add_column(justify="right", no_wrap=True, min_width=width)
+            used, place = used + 2 + width, place + 1
+        for at, head in enumerate(heads):
+            grid.add_row(Text(head), *(row[at] if at < len(row) else Text() for row in lines[start:place]))
+        if start:
+            console.print()
+        console.print(grid)
+
+
+def _print_blocks(console: Console, heads: Sequence[str], lines: Sequence[Sequence[Text]]) -> None:
+    """Print each row as a block: its first cell, and below it each other cell after its head."""
+    from rich.padding import Padding
+    from rich.table import Table
+    from rich.text import Text
+
+    widest = max(map(len, heads[1:]), default=0)
+    for row in lines:
+        console.print(row[0])
+        grid = Table.grid(padding=(0, 2))
+        grid.add_column(no_wrap=True, min_width=widest)
+        grid.add_column(overflow="fold")
+        for head, cell in zip(heads[1:], row[1:], strict=False):
+            if cell.plain:
+                grid.add_row(Text(head), cell)
+        if grid.row_count:
+            console.print(Padding(grid, (0, 0, 0, 2)))
+
+
+def _least_width(cell: Text, *, whole: bool) -> int:
+    """Width below which a cell loses a part of a number or of a word, or is hard to read; a path may be folded."""
+    if whole:
+        return cell.cell_len
+    return max(min(max(map(len, cell.plain.split()), default=0), _LONG_WORD), min(cell.cell_len, _READABLE))
 
 
 def first_of(names: Sequence[str], most: int) -> str:
@@ -95,8 +190,21 @@ def without_controls(text: str) -> str:
 
 
 def out(text: str = "") -> None:
-    """Print a result on standard output."""
-    typer.echo(without_controls(text))
+    """Print a result on standard output; on a terminal, long lines are folded between words."""
+    text = without_controls(text)
+    if sys.stdout.isatty():
+        text = "\n".join(_folded(line, table_width()) for line in text.split("\n"))
+    typer.echo(text)
+
+
+def _folded(line: str, width: int) -> str:
+    """A line folded between words, the parts indented as it is; a longer word, such as a path, stays whole."""
+    if len(line) <= width:
+        return line
+    indent = line[: len(line) - len(line.lstrip(" -"))]
+    return textwrap.fill(
+        line, width, subsequent_indent=" " * len(indent), break_long_words=False, break_on_hyphens=False
+    )
 
 
 def say(text: str) -> None:
