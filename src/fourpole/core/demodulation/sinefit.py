@@ -242,6 +242,7 @@ def refine(
     """
     fits = list(fits)
     resolution = 2 * np.pi / max(fit.track.time[-1] - fit.track.time[0] for fit in fits)
+    before: FloatArray = np.zeros(1 + sum(fit.lines.size for fit in fits))
     for _ in range(_ITERATIONS):
         used = [1.0 / fit.variance for fit in fits] if weights is None else weights
         turned = [_turned(fit, spoken, free=free) for fit, spoken in zip(fits, informing, strict=True)]
@@ -253,6 +254,7 @@ def refine(
         parts = list(zip(fits, lines, strict=True))
         spread = _LEFT_OVER * _spread(fits, used)
         left = abs(step[0] + fits[0].shift[0]) * (bent + spread * resolution / fits[0].omega)
+        left, before = max(left, _left_of_lines(step, before, std, spread)), step
         if left < _LEFT and all(_is_small(fit, np.r_[step[0], moved], spread) for fit, moved in parts):
             fits = [fit.moved(step[0], moved) for fit, moved in parts]
             break
@@ -273,6 +275,16 @@ def _spread(fits: Sequence[SineFit], weights: Sequence[FloatArray]) -> float:
     return float(np.sqrt(sum(each)))
 
 
+def _left_of_lines(step: FloatArray, before: FloatArray, std: FloatArray, spread: float) -> float:
+    """What a step (1 + L,) leaves of a line's step, at most, over its standard uncertainty.
+
+    It leaves the share that the step before it left, or the residual over the slope. The latter alone is no estimate if
+    the noise about the line is far above its mean.
+    """
+    size, last = np.abs(step[1:]), np.abs(before[1:] * std[1:])
+    return float(np.max(size * np.minimum(size / np.maximum(last, 1e-300), spread), initial=0.0))
+
+
 def _is_small(fit: SineFit, step: FloatArray, spread: float) -> bool:
     """Whether what a step (1 + L,) of the frequencies [rad/s] neglects is far below the uncertainty of the harmonics.
 
@@ -286,7 +298,7 @@ def _is_small(fit: SineFit, step: FloatArray, spread: float) -> bool:
     second = ((half * step * multiples) ** 2 * (1 / 6 + np.pi / (half * fit.omega))) @ sizes[:count]
     if lines.size:
         apart = np.abs(fit.lines[:, None] - fit.omega * multiples).min(axis=1)
-        leakage = 1.0 / np.maximum(half * apart, 1.0)
+        leakage = 1.0 / np.clip(half * apart, 1.0, 10.0)
         second = second + (0.5 * (half * lines) ** 2 * leakage) @ sizes[count:]
         if np.any(np.abs(lines) * (spread / np.sqrt(fit.track.known)) * leakage > _LEFT):
             return False
