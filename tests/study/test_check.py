@@ -185,7 +185,7 @@ def test_a_recording_too_short_for_its_frequency(folder):
     pl.read_csv(path).head(200).write_csv(path)
     test, about, message = agrees(folder)
     assert (test, about) == ("D2", "recording")
-    assert message == "holds 2.8 cycles of 13.98 Hz, at least 3 are needed: record longer"
+    assert message == "holds 2.7 cycles of 13.75 Hz, at least 3 are needed: record longer"
 
 
 def test_a_rate_too_low_for_the_frequency(folder):

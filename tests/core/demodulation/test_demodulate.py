@@ -490,3 +490,13 @@ def test_noise_that_channels_share_makes_the_frequency_look_better_known_by_no_m
         errors.append((found.frequency - 10.3) / found.frequency_std)
     _, high = root_mean_square_limits(200)
     assert high < np.sqrt(np.mean(np.square(errors))) < np.sqrt(3)
+
+
+@pytest.mark.parametrize("phase", [0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+@pytest.mark.parametrize("drift", [-4.0, 4.0])
+def test_a_drift_does_not_make_three_cycles_too_few(phase, drift):
+    """The first guess is made of V1 without its slope, which would pull it by a fifth of a bin in so few cycles."""
+    t = np.arange(121) / 400.0
+    wave, slope = np.exp(1j * (2 * np.pi * 10.0 * t + phase)), drift * (t / t[-1] - 0.5)
+    found = demodulate(Recording.from_arrays(t, force_in=60 * wave.real, motion_in=0.06 * (wave.real + slope)))
+    assert found.cycles == pytest.approx(3.025, abs=1e-6)

@@ -154,3 +154,21 @@ def test_a_small_step_turns_the_harmonics_that_do_not_inform_the_frequency():
     # a step may leave a thousandth of a standard uncertainty; 0.017 remained when they did not turn
     off = np.abs(fit.coefficients - exact.coefficients) / np.sqrt(2 * exact.variance / 290)
     assert off.max() < 1e-3
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_a_line_in_coloured_noise_settles(seed):
+    """The noise about the line is far above that of the whole residual, so that each step leaves much to the next."""
+    rng, samples = np.random.default_rng(seed), 2000
+    time, omega, line, bin_width = times(samples), 2 * np.pi * 20.0, 2 * np.pi * 6.0, 2 * np.pi * RATE / 2000
+    band = np.exp(-0.5 * ((np.fft.rfftfreq(samples, 1 / RATE) - 6.0) / 0.5) ** 2)
+    coloured = np.fft.irfft(np.fft.rfft(rng.standard_normal(samples)) * band, samples)
+    signal = np.cos(omega * time) + 0.02 * np.cos(line * time + 0.4) + coloured + 0.05 * rng.standard_normal(samples)
+    start = fit_sines(track(signal[None], everything(samples), time), omega, 2, np.array([line + 0.3 * bin_width]))
+    informing = [np.ones(2, dtype=bool)]
+    (fit,), _ = refine([start], informing=informing)
+    settled = fit
+    for _ in range(12):
+        (settled,), _ = refine([settled.at(settled.omega, settled.lines)], informing=informing)
+    # the uncertainty of the line is some hundredths of a bin
+    assert abs(fit.lines[0] - settled.lines[0]) / bin_width < 1e-3

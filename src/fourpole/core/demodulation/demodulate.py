@@ -172,15 +172,17 @@ def demodulate(
     if frequency is not None:
         return _fitted(recording, tracks, frequency, mains, harmonics, free=False)
     guess = start if start is not None else _strongest(recording, tracks[0], near)
-    motion = tracks[0].signals[tracks[0].names.index("motion_in")]
-    return _fitted(recording, tracks, sharpened(motion, tracks[0].rate, guess), mains, harmonics, free=True)
+    _check_length(recording, tracks, guess, given=False)
+    sharper = sharpened(_without_trend(tracks[0]), tracks[0].rate, guess)
+    return _fitted(recording, tracks, sharper, mains, harmonics, free=True)
 
 
 def _fitted(
     recording: Recording, tracks: list[Track], start: float, mains: float | None, harmonics: int, *, free: bool
 ) -> Demodulation:
     """Amplitudes from a first guess of the frequency [Hz]; if not `free`, at exactly that frequency."""
-    _check_length(recording, tracks, start, given=not free)
+    if not free:
+        _check_length(recording, tracks, start, given=True)
     fits, informing = [], []
     for track in tracks:
         count = max(1, min(harmonics, int(0.45 * track.rate / start)))
@@ -224,12 +226,17 @@ def _strongest(recording: Recording, track: Track, near: float | None) -> float:
     if near is not None:
         _check_resolved(recording, track, near)
     order = DERIVATIVES[recording.channels["motion_in"].quantity]
+    lines = strongest_lines(_without_trend(track), track.rate, order=order)
+    beside = [] if near is None else [line.bin for line in lines if abs(line.bin - near) <= _NEAR * near]
+    return beside[0] if beside else lines[0].frequency
+
+
+def _without_trend(track: Track) -> FloatArray:
+    """V1 (N,) minus its mean and slope."""
     motion = track.signals[track.names.index("motion_in")]
     index = np.arange(motion.size) - 0.5 * (motion.size - 1)
     slope = (index @ motion) / (motion.size * (motion.size**2 - 1.0) / 12.0)
-    lines = strongest_lines(motion - (motion.mean() + slope * index), track.rate, order=order)
-    beside = [] if near is None else [line.bin for line in lines if abs(line.bin - near) <= _NEAR * near]
-    return beside[0] if beside else lines[0].frequency
+    return np.asarray(motion - (motion.mean() + slope * index))
 
 
 def _check_length(recording: Recording, tracks: list[Track], frequency: float, *, given: bool) -> None:

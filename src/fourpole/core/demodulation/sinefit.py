@@ -251,16 +251,20 @@ def refine(
     """
     fits = list(fits)
     bin_width = 2 * np.pi / max(fit.track.time[-1] - fit.track.time[0] for fit in fits)
+    before: FloatArray = np.zeros(1 + sum(fit.lines.size for fit in fits))
     for _ in range(_ITERATIONS):
         used = [1.0 / fit.variance for fit in fits] if weights is None else weights
         slopes = [_slopes(fit, may, free=free) for fit, may in zip(fits, informing, strict=True)]
         step = _newton_step(fits, slopes, used, free=free)
         if np.all(np.abs(step.size) < np.maximum(1e-12 * bin_width, _LEFT * step.std)):
             break
-        steps = _for_each(fits, np.clip(step.size, -_LONGEST * bin_width, _LONGEST * bin_width))
-        if _is_last(fits, steps, used, step.neglected, bin_width):
+        whole = np.clip(step.size, -_LONGEST * bin_width, _LONGEST * bin_width)
+        steps = _for_each(fits, whole)
+        settled = _left_of_lines(whole, before, step.std, _LEFT_OVER * _spread(fits, used)) < _LEFT
+        if settled and _is_last(fits, steps, used, step.neglected, bin_width):
             fits = [fit.moved(one[0], one[1:]) for fit, one in zip(fits, steps, strict=True)]
             break
+        before = whole
         fits = [fit.at(fit.omega + one[0], fit.lines + one[1:]) for fit, one in zip(fits, steps, strict=True)]
     return fits, float(step.std[0])
 
@@ -315,6 +319,16 @@ def _spread(fits: Sequence[SineFit], weights: Sequence[FloatArray]) -> float:
     return float(np.sqrt(sum(each)))
 
 
+def _left_of_lines(step: FloatArray, before: FloatArray, std: FloatArray, spread: float) -> float:
+    """What a step (1 + L,) leaves of a line's step, at most, over its standard uncertainty.
+
+    It leaves the share that the step before it left, or the residual over the slope. The latter alone is no estimate if
+    the noise about the line is far above its mean.
+    """
+    size, last = np.abs(step[1:]), np.abs(before[1:] * std[1:])
+    return float(np.max(size * np.minimum(size / np.maximum(last, 1e-300), spread), initial=0.0))
+
+
 def _is_small(fit: SineFit, step: FloatArray, spread: float) -> bool:
     """Whether what a step (1 + L,) of the frequencies [rad/s] neglects is far below the uncertainty of the harmonics.
 
@@ -329,7 +343,7 @@ def _is_small(fit: SineFit, step: FloatArray, spread: float) -> bool:
     second = ((half * turn * numbers) ** 2 * (1 / 6 + np.pi / (half * fit.omega))) @ harmonics
     if turns.size:
         gap = np.abs(fit.lines[:, None] - fit.omega * numbers).min(axis=1)
-        leakage = 1.0 / np.maximum(half * gap, 1.0)
+        leakage = 1.0 / np.clip(half * gap, 1.0, 10.0)
         second = second + (0.5 * (half * turns) ** 2 * leakage) @ lines
         if np.any(np.abs(turns) * (spread / np.sqrt(fit.track.known)) * leakage > _LEFT):
             return False
