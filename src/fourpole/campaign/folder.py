@@ -16,7 +16,8 @@ from pathlib import Path
 
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean
-from fourpole.campaign.doubts import doubtful_columns, doubtful_uncertainties
+from fourpole.campaign.columns import PASSED, QUANTITIES, Column, columns_of, doubts_of
+from fourpole.campaign.doubts import doubtful_uncertainties
 from fourpole.campaign.place import at_hand
 from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.core.arrays import short_repr
@@ -33,24 +34,6 @@ _MOST_TOML, _MOST_TESTS = 4_000_000, 200_000_000
 #: Largest number of characters of a cell.
 _MOST_TEXT = 1000
 
-#: Kind of quantity and allowed sign of each column of numbers, by the name of the column.
-_QUANTITIES: dict[str, tuple[str, str]] = {
-    "pressure": ("pressure", "zero or positive"),
-    "preload": ("force", "any"),
-    "frequency": ("frequency", "positive"),
-    "K1": ("stiffness", "positive"),
-    "u(K1)": ("stiffness", "zero or positive"),
-    "added_mass": ("mass", "zero or positive"),
-    "u(added_mass)": ("mass", "zero or positive"),
-    "temperature": ("temperature", "any"),
-}
-#: Columns of texts, and all columns with a defined meaning.
-_TEXTS = ("test", "file", "kind", "tyre", "rig")
-_NAMES = (*_TEXTS, *_QUANTITIES, "window", "time")
-#: Roles of the columns that pass through to the results unchanged.
-_PASSED = ("extra", "time")
-#: Columns that tests.csv must have.
-_REQUIRED = ("test", "file", "kind", "tyre")
 _KINDS = ("static", "dynamic", "calibration")
 
 
@@ -143,29 +126,21 @@ def read_campaign(folder: str | Path) -> Campaign:
     rows = list(_rows(_text(folder / "tests.csv", _MOST_TESTS, strict=False)))
     if not rows:
         raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
-    columns = _columns(rows[0][1])
+    columns = columns_of(rows[0][1])
     tests = _held([_test(row, cells, columns, stated) for row, cells in rows[1:]], stated)
     if not tests:
         raise CampaignError("tests.csv: lists no test below its row of names")
     _check_names(tests)
     _check_channels(stated, tests)
     _check_files(folder, stated, tests)
-    extra = tuple(column.label for column in columns if column.role in _PASSED and column.label)
+    extra = tuple(column.label for column in columns if column.role in PASSED and column.label)
     for axis in stated.conditions.axes:
         if axis.name not in extra:
             raise CampaignError(
                 f"campaign.toml: [conditions] axes: {units.shown(axis.name)} is no further column of tests.csv"
                 + (did_you_mean(axis.name, extra) if extra else "; it has none")
             )
-    return Campaign(folder, stated, tuple(tests), extra, (*_doubts(columns, stated), *doubtful_uncertainties(stated)))
-
-
-def _doubts(columns: list[_Column], stated: CampaignFile) -> Iterator[str]:
-    """The columns of the user's own, but for axes of the conditions, that were probably meant as known ones."""
-    axes = {axis.name for axis in stated.conditions.axes}
-    own = tuple(column.label for column in columns if column.role == "extra" and column.label not in axes)
-    kinds = {name: kind for name, (kind, _) in _QUANTITIES.items()}
-    return doubtful_columns(own, kinds, tuple(column.name for column in columns))
+    return Campaign(folder, stated, tuple(tests), extra, (*doubts_of(columns, stated), *doubtful_uncertainties(stated)))
 
 
 def _text(path: Path, most: int, *, strict: bool) -> str:
@@ -202,78 +177,7 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
         raise CampaignError(f"tests.csv row {reader.line_num}: {error}") from None
 
 
-@dataclass(frozen=True)
-class _Column:
-    """A column of tests.csv; its `role`: "text", "quantity", "window", "time", "extra" (of the user's own)."""
-
-    label: str
-    name: str
-    role: str
-    unit: str = ""
-    kind: str = ""
-
-
-def _columns(header: list[str]) -> list[_Column]:
-    """The columns that the first row names; CampaignError if one is missing or named twice."""
-    columns = [_column(label) for label in header]
-    names = [column.name for column in columns if column.role not in _PASSED]
-    for name in names:
-        if names.count(name) > 1:
-            raise CampaignError(f"tests.csv row 1: column '{name}' stands twice: keep one of them")
-    for name in _REQUIRED:
-        if name not in names:
-            near = difflib.get_close_matches(name, header, n=1)
-            hint = f"; did you mean {units.shown(near[0])}?" if near else ""
-            raise CampaignError(f"tests.csv row 1: column '{name}' is missing{hint}")
-    labels = [column.label for column in columns if column.role in _PASSED and column.label]
-    if len(set(labels)) < len(labels):
-        raise CampaignError("tests.csv row 1: two further columns have the same name: rename one of them")
-    return columns
-
-
-def _plain(name: str) -> str:
-    """A column's name in small letters, with underscores instead of spaces."""
-    return name.strip().casefold().replace(" ", "_")
-
-
-_MEANT = {_plain(name): name for name in _NAMES}
-
-
-def _column(label: str) -> _Column:
-    """The column with this head; CampaignError if it lacks its unit, or is probably misspelt."""
-    written, unit = units.column_unit(label)
-    name = _MEANT.get(_plain(written), written)
-    if (
-        name == written
-        and (near := difflib.get_close_matches(_plain(written), _MEANT, n=1, cutoff=0.9))
-        and name not in _NAMES
-    ):
-        raise CampaignError(
-            f"tests.csv row 1: column {units.shown(label)} is not known; did you mean '{_MEANT[near[0]]}'? "
-            "(a column of your own needs a name less like it)"
-        )
-    if name in _TEXTS:
-        return _Column(label, name, "text")
-    if name == "specimen":
-        return _Column(label, "tyre", "text")
-    if name == "time":
-        return _Column(label, name, "time", unit or "s")
-    if name not in _QUANTITIES and name != "window":
-        return _Column(label, label, "extra")
-    kind = "time" if name == "window" else _QUANTITIES[name][0]
-    if unit is None:
-        example = {"temperature": "degC", "frequency": "Hz", "window": "s", "pressure": "bar"}.get(
-            name, units.si_unit(kind)
-        )
-        raise CampaignError(f"tests.csv row 1: column '{name}' has no unit: write '{name} [{example}]'")
-    try:
-        units.to_si([1.0], unit, kind)
-    except UnitError as error:
-        raise CampaignError(f"tests.csv row 1: column {units.shown(label)}: {error}") from None
-    return _Column(label, name, "window" if name == "window" else "quantity", unit, kind)
-
-
-def _test(row: int, cells: list[str], columns: list[_Column], stated: CampaignFile) -> Test:
+def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFile) -> Test:
     """The test of one row, whose `problem` lists all faults of the row; CampaignError for a test without a name."""
     where = f"tests.csv row {row}"
     test, texts, problems = _read_cells(row, cells, columns, stated)
@@ -313,7 +217,7 @@ def _held(tests: list[Test], stated: CampaignFile) -> list[Test]:
 
 
 def _read_cells(
-    row: int, cells: list[str], columns: list[_Column], stated: CampaignFile
+    row: int, cells: list[str], columns: list[Column], stated: CampaignFile
 ) -> tuple[Test, dict[str, str], list[str]]:
     """A test with the values of its cells, the texts of the row by name of column, and the faults of single cells."""
     test, texts, problems = Test("", row), {}, []
@@ -336,7 +240,7 @@ def _read_cells(
     return test, texts, problems
 
 
-def _fill(test: Test, cell: str, column: _Column, measured: set[str]) -> None:
+def _fill(test: Test, cell: str, column: Column, measured: set[str]) -> None:
     """Put the cell of a quantity or of a further column into a test; `measured` are the numeric axes of conditions."""
     if column.role == "quantity" and cell:
         test.values[column.name] = _number(cell, column)
@@ -351,10 +255,10 @@ def _fill(test: Test, cell: str, column: _Column, measured: set[str]) -> None:
             test.extra[column.label] = f"{test.values[column.label]:.15g}"
 
 
-def _number(cell: str, column: _Column) -> float:
+def _number(cell: str, column: Column) -> float:
     """SI value of a cell; UnitError if its sign is not allowed."""
     value = units.quantity(cell, column.kind, default_unit=column.unit)
-    wanted = _QUANTITIES[column.name][1]
+    wanted = QUANTITIES[column.name][1]
     if (wanted == "positive" and value <= 0) or (wanted == "zero or positive" and value < 0):
         raise UnitError(f"{units.shown(cell)} must be {wanted}")
     return value

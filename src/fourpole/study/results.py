@@ -18,7 +18,8 @@ from fourpole.io.folders import results_in
 from fourpole.io.source import read_bytes, sha256_of
 from fourpole.io.staging import recover
 from fourpole.quantities import TYRE
-from fourpole.study.rig_estimate import RigEstimate, read_rig_estimates
+from fourpole.study.rig_estimate import RigEstimate
+from fourpole.study.rig_reading import read_rig_estimates
 from fourpole.study.tables import DYNAMIC, OPTIONAL, TABLES, Tables, TableSpec
 
 if TYPE_CHECKING:
