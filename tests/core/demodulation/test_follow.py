@@ -197,3 +197,15 @@ def test_a_short_recording_is_cut_where_the_drive_rests(before, after, fading):
     # A half cycle in which the drive starts or stops counts as moving; one cycle follows for the start.
     assert start == 0.0 if not before else before + 0.4 <= start <= before + 1.1
     assert end == pytest.approx(high - low) if not after else before + 10.0 - 0.1 <= end <= before + 10.5
+
+
+def test_a_wander_that_shows_in_the_harmonics_of_an_acceleration_is_followed():
+    """The fourth, sixth and tenth harmonic turn so far that the fundamental has a small share of what wanders."""
+    rate, frequency, samples = 1000.0, 24.0, 5000
+    time = np.arange(samples) / rate
+    turn = 2 * np.pi * frequency * time + 0.11 * np.sin(2 * np.pi * 0.4 * time)
+    shape = sum(np.cos(n * turn + n) for n in (1, 4, 6, 10))
+    noise = 3e-4 * np.random.default_rng(46).standard_normal((3, samples))
+    f1, v1, v2 = shape + noise
+    recording = Recording.from_arrays(time, force_in=60 * f1, motion_in=v1, motion_out=0.8 * v2, motion="acceleration")
+    assert follow_wander(recording, demodulate(recording)) is not None

@@ -27,6 +27,8 @@ _STD_FALL = 2.0
 _RESIDUAL_FALL = 0.9
 #: Share of the energy to be removed that the amplitudes of stretches must show.
 _SEEN = 0.25
+#: Highest multiple of the excitation that is fitted.
+_MULTIPLES = 10
 #: The speed is followed only if no channel has a residual above this multiple of that at one frequency.
 _RESIDUAL_RISE = 1.02
 #: A drive wanders if its relative amplitude varies by less than this share of the variation of its phase [rad].
@@ -116,7 +118,20 @@ def _may_wander(recording: Recording, found: Demodulation, share: float) -> bool
     if there.size < _FEWEST_STRETCHES:
         return False
     residual = found.noise_ratio[CHANNELS.index("motion_in")] * np.abs(np.mean(there))
-    return bool(np.var(there) > _SEEN * (1.0 - share**2) * residual**2)
+    return bool(np.var(there) * _of_all_harmonics(recording, found) > _SEEN * (1.0 - share**2) * residual**2)
+
+
+def _of_all_harmonics(recording: Recording, found: Demodulation) -> float:
+    """Energy that a small wander moves out of all harmonics of V1, over that of the fundamental, at most [1].
+
+    Harmonic n turns n times as far. A harmonic that a wander has spread out is a part of the residual.
+    """
+    at, power = CHANNELS.index("motion_in"), 2 - DERIVATIVES[recording.channels["motion_in"].quantity]
+    kept = np.abs(found.harmonics.amplitudes[at])
+    displacement = kept / kept[0] / np.arange(1, kept.size + 1)
+    rest = max(float(found.distortion[at] ** 2 - np.sum(displacement[1:] ** 2)), 0.0)
+    turned = float(np.sum((displacement * np.arange(1.0, kept.size + 1) ** power) ** 2))
+    return turned + _MULTIPLES ** (2 * power) * rest + (_MULTIPLES * float(found.noise_ratio[at])) ** 2
 
 
 def _departure(reference: Reference) -> float:
