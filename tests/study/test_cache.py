@@ -4,6 +4,7 @@ import os
 
 import pytest
 
+from fourpole.campaign import read_campaign
 from fourpole.study import cache, curvefile, reduce
 
 pytestmark = pytest.mark.thorough
@@ -198,3 +199,26 @@ def test_a_file_cut_short_is_worked_out_again(kept, demodulated):
         path.write_bytes(path.read_bytes()[:-200])
     assert again(noisy).dynamic.equals(first.dynamic)
     assert sorted(demodulated) == ALL
+
+
+def test_a_curve_that_is_read_again_unchanged_is_not_written_again(noisy):
+    """As of a file that is too young for its time to tell whether it changed."""
+    folder = noisy.path / "kept"
+    folder.mkdir()
+    campaign = read_campaign(noisy.path)
+    (static,) = campaign.of_kind("static")
+
+    def read(*, verify):
+        kept = cache.Cache(folder, verify=verify)
+        found = curvefile.read_curve(campaign, static, kept)
+        kept.close()
+        return found
+
+    read(verify=False)
+    (entry,) = folder.glob("*.fpp")
+    os.utime(entry, ns=(10**9, 10**9))
+    read(verify=True)
+    assert entry.stat().st_mtime_ns == 10**9
+    entry.write_bytes(b"damaged")
+    assert read(verify=True).curve is not None
+    assert entry.read_bytes() != b"damaged"
