@@ -24,7 +24,6 @@ from fourpole.app.standing import (
     settings_of,
     show,
 )
-from fourpole.app.summary import summary_lines
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.core.codes import Code
 from fourpole.core.phasor import CHANNELS
@@ -67,6 +66,8 @@ def run_analysis(
     inputs |= identities(campaign, _files_of(stated))
     study = _analysed(stated, results, route, monte_carlo, options)
     page = _written(study, results, wanted)
+    from fourpole.app.summary import summary_lines  # here, so that a wrong name is said at once
+
     lines = [f"results: {results}", *([f"report: {page}"] if page is not None else [])]
     outcome = Outcome(
         notes=[*(f"warning: {doubt}" for doubt in stated.doubts), *_notes(study)],
