@@ -7,11 +7,11 @@ Tables, axes, sentences and exports take names and units from here. The head of 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from math import pi
 from typing import Any, Literal
 
-__all__ = ["DERIVED", "QUANTITIES", "RIG_VALUES", "Quantity", "meaning_of"]
+__all__ = ["DERIVED", "QUANTITIES", "RIG_VALUES", "Quantity", "ShownUnits", "meaning_of"]
 
 
 @dataclass(frozen=True)
@@ -136,6 +136,54 @@ class Quantity:
     def suffix(self) -> str:
         """Unit after a shown number; empty for a ratio."""
         return "" if self.shown == "1" else self.shown
+
+
+#: Unit shown for an SI unit and its SI value, where nothing else is wanted; other units are shown as they are.
+_USUAL = {
+    "Pa": ("bar", 1e5),
+    "N/m": ("kN/m", 1e3),
+    "m": ("mm", 1e-3),
+    "m/s": ("mm/s", 1e-3),
+    "m/(N s)": ("mm/(N s)", 1e-3),
+    "rad": ("°", pi / 180),
+    "degC": ("°C", 1.0),
+    "1": ("", 1.0),
+}
+
+
+@dataclass(frozen=True)
+class ShownUnits:
+    """The units in which people see quantities: those that a campaign wants, and otherwise the usual ones.
+
+    Attributes
+    ----------
+    wanted : mapping of str to (str, float)
+        The wanted unit and its SI value, by the SI unit of the quantity.
+
+    Examples
+    --------
+    >>> units = ShownUnits({"Pa": ("kPa", 1e3)})
+    >>> units.of(PRESSURE).label, units.of(K1).label, units.text(PRESSURE, 1.7e5)
+    ('pressure [kPa]', 'K1 [kN/m]', '170 kPa')
+    """
+
+    wanted: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+
+    def of(self, quantity: Quantity) -> Quantity:
+        """The quantity with its unit shown and the scale of that unit."""
+        if quantity.unit not in self.wanted:
+            return quantity
+        shown, scale = self.wanted[quantity.unit]
+        return replace(quantity, shown=shown, scale=scale)
+
+    def unit(self, si: str) -> tuple[str, float]:
+        """The unit shown for an SI unit, empty for a ratio, and its SI value."""
+        return self.wanted.get(si) or _USUAL.get(si) or (si, 1.0)
+
+    def text(self, quantity: Quantity, value: float, digits: int = 4) -> str:
+        """An SI value with its unit, to some significant digits."""
+        one = self.of(quantity)
+        return f"{value / one.scale:.{digits}g} {one.suffix}".rstrip().replace("-", "−")
 
 
 def _text(key: str, meaning: str = "") -> Quantity:

@@ -21,6 +21,7 @@ from fourpole.campaign.channels import (
     did_you_mean,
     known_keys,
 )
+from fourpole.campaign.report import ReportFile
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import CampaignError
@@ -217,6 +218,7 @@ class CampaignFile(File):
     tyres: dict[str, SpecimenFile] = Field(default_factory=dict)
     specimens: dict[str, SpecimenFile] = Field(default_factory=dict)
     conditions: ConditionsFile = ConditionsFile()
+    report: ReportFile = ReportFile()
 
     @model_validator(mode="after")
     def _once(self) -> CampaignFile:
@@ -246,6 +248,7 @@ class CampaignFile(File):
         return {
             **({"laboratory": self.laboratory} if self.laboratory else {}),
             **({"date": self.date.isoformat()} if self.date else {}),
+            **({"report": stated} if (stated := self.report.summary()) else {}),
             "rigs": {
                 name: {
                     "output": rig.output or "moving",
@@ -334,6 +337,7 @@ _TABLES: dict[str, Any] = {
     "time": TimeFile,
     "reference": ReferenceFile,
     "conditions": ConditionsFile,
+    "report": ReportFile,
 }
 
 

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from fourpole.campaign.shown import shown_units
 from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
 from fourpole.io.folders import results_in
 from fourpole.io.source import read_bytes, sha256_of
 from fourpole.io.staging import recover
-from fourpole.quantities import TYRE
+from fourpole.quantities import TYRE, ShownUnits
 from fourpole.study.rig_estimate import RigEstimate
 from fourpole.study.rig_reading import read_rig_estimates
 from fourpole.study.tables import DYNAMIC, OPTIONAL, TABLES, Tables, TableSpec
@@ -78,6 +79,11 @@ class Results(Tables):
     def derived(self) -> dict[Any, Any]:
         """What readers of the tables have made of them, by keys of theirs; kept as long as the results."""
         return {}
+
+    @cached_property
+    def shown(self) -> ShownUnits:
+        """The units in which the campaign wants its results shown; the tables are in SI."""
+        return shown_units(section(self.record, "stated", "report").get("units"))
 
     @property
     def rigs(self) -> tuple[RigEstimate, ...]:
