@@ -3,8 +3,11 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
+
+from fourpole.virtual import RUBBER_MOUNT
 
 
 def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):
@@ -12,7 +15,7 @@ def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):
     assert (ran.returncode, ran.stderr) == (0, "")
     lines = ran.stdout.splitlines()
     assert 4 <= len(lines) <= 12
-    assert lines[0] == "Virtual campaign in fourpole-demo (seed 1982): 220 tests, 220 ok, 0 with a warning, 0 rejected."
+    assert lines[0] == "Virtual campaign in fourpole-demo (seed 1982): 231 tests, 231 ok, 0 with a warning, 0 rejected."
     assert max(map(len, lines)) < 400
     assert all(tyre in ran.stdout for tyre in ("cross-ply", "radial-ply"))
     assert "they are not its data" in ran.stdout
@@ -30,7 +33,7 @@ def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):
 def test_every_test_is_ok(demonstration):
     folder, _ = demonstration
     static, dynamic = (pl.read_csv(folder / "results" / name) for name in ("static.csv", "dynamic.csv"))
-    assert (static.height, dynamic.height) == (20, 210)
+    assert (static.height, dynamic.height) == (21, 220)
     assert {*static["verdict"], *dynamic["verdict"]} == {"ok"}
     assert {*static["remarks"], *dynamic["remarks"]} <= {"", None}
 
@@ -46,12 +49,27 @@ def test_the_tables_agree_with_the_truth_beside_them(demonstration):
     folder, _ = demonstration
     truth = pl.read_csv(folder / "truth.csv", infer_schema_length=None)
     table = pl.read_csv(folder / "results" / "dynamic.csv").join(truth, on="test", suffix=" true")
-    assert table.height == 210
+    assert table.height == 220
     for name, most in (("K1 [N/m]", 1e-3), ("Re K* [N/m]", 1e-2), ("K2 [N/m]", 3e-2), ("C [N s/m]", 3e-2)):
         assert (table[name] / table[f"{name} true"] - 1.0).abs().max() < most, name
     for name, std in (("Re K* [N/m]", "u(Re K*) [N/m]"), ("Im K* [N/m]", "u(Im K*) [N/m]")):
         error = (table[name] - table[f"{name} true"]) / table[std]
         assert error.abs().max() < 4.0
+
+
+def test_the_mount_is_passive_its_model_fits_and_the_report_says_why_no_passive_tyre_is_like_the_others(demonstration):
+    folder, _ = demonstration
+    models = {one["tyre"]: one for one in json.loads((folder / "results" / "model.json").read_text())["models"]}
+    (mount,) = models["rubber-mount"]["conditions"]
+    assert (models["rubber-mount"]["model"], mount["verdict"]["possible"]) == (RUBBER_MOUNT.model.name, True)
+    std = np.sqrt(np.diagonal(mount["covariance"]))
+    assert np.all(np.abs(np.array(mount["values"]) - RUBBER_MOUNT.values) < 4.0 * std)
+    for tyre in ("cross-ply", "radial-ply"):
+        assert not any(one["verdict"]["possible"] for one in models[tyre]["conditions"])
+    page = (folder / "results" / "report.html").read_text()
+    assert page.count("has a C that rises with frequency") == 2
+    assert "C of rubber-mount falls with frequency" in page
+    assert page.count("(1 pressure)") == 0
 
 
 def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
@@ -70,11 +88,11 @@ def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
     ran = run("demo", tmp_path / "demo", "--seed", 7, "--json")
     said = json.loads(ran.stdout)
     assert (ran.exit_code, ran.stderr) == (0, "")
-    assert said["verdicts"] == {"ok": 8, "warning": 0, "rejected": 0}
+    assert said["verdicts"] == {"ok": 11, "warning": 0, "rejected": 0}
     assert said["rejected"] == []
     assert said["found"]
     assert all(isinstance(sentence, str) for sentence in said["found"])
-    assert pl.read_csv(tmp_path / "demo" / "results" / "dynamic.csv")["verdict"].to_list() == ["ok"] * 6
+    assert pl.read_csv(tmp_path / "demo" / "results" / "dynamic.csv")["verdict"].to_list() == ["ok"] * 8
     fresh = small(tmp_path / "fresh", seed=7, **analysis._demo_settings()).folder
     for name in ("campaign.toml", "recordings/D1.csv"):
         assert (tmp_path / "demo" / name).read_bytes() == (fresh / name).read_bytes()

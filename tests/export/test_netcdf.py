@@ -107,7 +107,7 @@ def test_the_verdict_is_a_flag(opened, changed):
 def test_the_file_says_what_it_is(opened, analysed):
     grid = opened(analysed)
     assert grid.attributes["Conventions"] == "CF-1.11"
-    assert grid.attributes["title"].startswith("Cross-ply and radial-ply")
+    assert grid.attributes["title"].startswith("Radial-ply, virtual")
     assert grid.attributes["source"] == "fourpole 0.1.0, route joint"
     assert "numpy" in grid.attributes["history"]
     assert json.loads(grid["study_json"].values.item()) == json.loads((analysed / "study.json").read_text("utf-8"))

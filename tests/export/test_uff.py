@@ -108,7 +108,7 @@ def test_lines_say_route_campaign_and_uncertainty(results):
     one = read(results)[1][0]
     largest = table(results).filter(pl.col("pressure [Pa]") == 135e3)["u(R) [m/(N s)]"].max()
     assert all(len(line) <= 80 for line in one["id"])
-    assert one["id"][3].startswith("fourpole 0.1.0, route joint; Cross-ply and radial-ply")
+    assert one["id"][3].startswith("fourpole 0.1.0, route joint; Radial-ply, virtual")
     assert one["id"][4].startswith(f"e^(+jwt); standard uncertainty up to {largest:.3g} (Re)")
     day, clock = one["id"][2].split()
     assert len(day) == 9

@@ -44,7 +44,7 @@ def test_the_digits_in_the_file_are_those_of_the_csv(results):
 def test_sheets_begin_with_what_this_is_and_the_charts(book):
     assert book.sheetnames == ["about", "charts", *TABLES, "chart data", "chart data K1"]
     said = {row[0]: row[1] for row in book["about"].iter_rows(min_row=2, values_only=True) if row[0]}
-    assert book["about"]["A1"].value.startswith("Cross-ply and radial-ply")
+    assert book["about"]["A1"].value.startswith("Radial-ply, virtual")
     assert said["results of"].startswith("fourpole 0.1.0, analysed 20")
     assert said["route to K*"] == "joint"
     assert said["tests"] == "11 ok, 0 warning, 0 rejected"

@@ -351,6 +351,15 @@ def test_claims_are_of_the_two_tyres_of_the_paper_only():
     assert not claims_of({"X": paper_pair()["X"]})
 
 
+def test_a_mount_without_inflation_takes_no_part_in_the_claims():
+    tyres, mount = Tables(paper_pair()).results(), Tables({"Z": Tyre()}, pressures=(None,)).results()
+    both = Results(pl.concat([tyres.static, mount.static]), pl.concat([tyres.dynamic, mount.dynamic]), pl.DataFrame())
+    found = [each for each in findings(both) if isinstance(each.detail, Claim)]
+    assert [(each.holds, each.detail) for each in found] == [
+        (each.holds, each.detail) for each in claims_of(paper_pair())
+    ]
+
+
 def test_a_claim_may_be_false_unsure_or_lack_its_tests():
     false = claims_of(paper_pair(k1=80e3, nonlinearity=0.01, tr=rig_curve(13.0)))
     assert {each.detail.number for each in false if each.holds is Holds.FALSE} >= {1, 2, 11, 12}

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.findings.designed import Tables, Tyre
 from tests.plot.conftest import results_of
 from tests.plot.modelled import against, edited, elastomer, judged, named, study_with_models
 from tests.report.test_page import Reader, on_page
 
 from fourpole import units
+from fourpole.findings.facts import Facts
 from fourpole.fitting.modelfile import VerdictFile
 from fourpole.fitting.query import Query, ask
 from fourpole.report.digits import number, with_std
@@ -91,31 +93,48 @@ def test_a_model_that_is_not_causal(fitted):
     assert more == "It is not causal: it describes K* at these frequencies, but cannot be stepped in time."
 
 
+def test_a_c_that_rises_with_frequency_is_why_no_passive_specimen_is_alike(fitted):
+    def said(judgement, c):
+        facts = Facts.of(Tables({"cross-ply": Tyre(c=c)}).results())
+        return sentences(judged(fitted, [judgement]).models.models[0].model_copy(update={"tyre": "cross-ply"}), facts)
+
+    def rising(p, load, f):
+        return 900.0 * (f / 10.0) ** 0.3
+
+    good, bad = (True, 0.01, []), (False, 0.0312, [10.0, 12.0])
+    assert said(bad, rising)[-1] == (
+        "No passive linear specimen without inertia has a C that rises with frequency, as here by 23 % from 10 to "
+        "22 Hz: 1/(K* − K1) is a creep compliance, and C can only fall."
+    )
+    for judgement, c in ((good, rising), (bad, 900.0), (bad, lambda p, load, f: 9000.0 / f)):
+        assert not any("creep" in sentence for sentence in said(judgement, c))
+
+
 def test_verdicts_are_summed_up(fitted):
     def verdicts(*judgements):
         return " ".join(sentences(judged(edited(fitted, discrepancy=0.0), judgements).models.models[0])[1:])
 
     good, bad = (True, 0.01, []), (False, 0.0312, [10.0, 12.0])
-    assert verdicts(good) == "A passive linear tyre can have this K*, within its uncertainty."
-    assert verdicts(good, good) == "A passive linear tyre can have K* as measured in all 2 conditions."
+    assert verdicts(good) == "A passive linear specimen can have this K*, within its uncertainty."
+    assert verdicts(good, good) == "A passive linear specimen can have K* as measured in all 2 conditions."
     assert verdicts(bad) == (
-        "No passive linear tyre can have this K*: it would take an error of K* of up to 3.1 % at each frequency. K* "
-        "cannot be at 10, 12 Hz."
+        "No passive linear specimen can have this K*: it would take an error of K* of up to 3.1 % at each frequency. "
+        "K* cannot be at 10, 12 Hz."
     )
     assert verdicts(good, bad, (False, 0.2, [14.0])) == (
-        "1 of 3 conditions is possible for a passive linear tyre; in the others it would take an error of K* of up to "
-        "20 % at each frequency. At 1 bar, 2000 N: K* cannot be at 10, 12 Hz; at 1.7 bar, 1000 N: K* at 14.0 Hz cannot "
-        "be."
+        "1 of 3 conditions is possible for a passive linear specimen; in the others it would take an error of K* of "
+        "up to 20 % at each frequency. At 1 bar, 2000 N: K* cannot be at 10, 12 Hz; at 1.7 bar, 1000 N: K* at 14.0 Hz "
+        "cannot be."
     )
     every = (False, 0.05, [10.0, 14.0, 17.0, 19.0, 24.0])
     assert verdicts(every, every) == (
-        "None of 2 conditions is possible for a passive linear tyre; it would take an error of K* of up to 5.0 % at "
-        "each frequency. There K* cannot be at any of the frequencies."
+        "None of 2 conditions is possible for a passive linear specimen; it would take an error of K* of up to 5.0 % "
+        "at each frequency. There K* cannot be at any of the frequencies."
     )
     lone = judged(fitted, [(False, 0.1, [])]).models.models[0]
     assert "No single frequency is at fault" in sentences(lone)[-1]
     unknown = [one.model_copy(update={"verdict": None}) for one in lone.conditions]
-    assert "uncertainty of K* is not known" in sentences(lone.model_copy(update={"conditions": unknown}))[-1]
+    assert "uncertainty of K* is unknown" in sentences(lone.model_copy(update={"conditions": unknown}))[-1]
 
 
 def test_many_impossible_conditions_are_not_all_named():

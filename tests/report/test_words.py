@@ -14,6 +14,7 @@ from fourpole.findings.claims import Claim, NoCommonState
 from fourpole.findings.comparisons import Comparison
 from fourpole.findings.evidence import Effect
 from fourpole.findings.facts import Measured
+from fourpole.findings.finding import UNSTATED
 from fourpole.findings.levels import CycleLoss, Departure, Level
 from fourpole.findings.readings import (
     Above,
@@ -158,6 +159,11 @@ def test_linearity():
     assert said(found, Holds.NON_LINEAR, ("A",), NONLINEARITY, ("pressure",)) == (
         "Under static load A is non-linear: its load-deflection curves depart from a straight line by 1.0 to 2.0 % of "
         "the load span (2 pressures)."
+    )
+    mount = Departure({(UNSTATED,): Measured(0.001, 0.0)})
+    assert said(mount, Holds.NEARLY_LINEAR, ("A",), NONLINEARITY, ("pressure",)) == (
+        "Under static load A is nearly linear: its load-deflection curve departs from a straight line by 0.1 % of the "
+        "load span."
     )
 
 

@@ -146,7 +146,7 @@ def test_phasors_are_the_amplitudes_with_a_proper_covariance(results):
 
 def test_study_json_holds_what_it_takes_to_repeat_the_run(results, noisy_campaign):
     study = json.loads((results / "study.json").read_text(encoding="utf-8"))
-    assert study["title"] == "Cross-ply and radial-ply, virtual (seed 1982)"
+    assert study["title"] == "Radial-ply, virtual (seed 1982)"
     assert study["settings"] == {"route": "joint", "monte_carlo": 10_000, "seed": 1982}
     assert study["verdicts"] == {"ok": 5, "warning": 0, "rejected": 0}
     (rests,) = study["assumptions"]

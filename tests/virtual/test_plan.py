@@ -2,7 +2,7 @@
 
 import pytest
 
-from fourpole.virtual import CROSS_PLY, RADIAL_PLY
+from fourpole.virtual import CROSS_PLY, RADIAL_PLY, RUBBER_MOUNT
 from fourpole.virtual.plan import element, plan_tests
 
 CONDITIONS = ([CROSS_PLY, RADIAL_PLY], [100e3, 170e3], [1000.0, 2000.0], [10.0, 24.0])
@@ -25,6 +25,15 @@ def test_added_mass_may_be_tested_at_one_condition_only():
     heavy = [test for test in tests if test.added_mass]
     assert [(test.mounted.name, test.pressure, test.preload) for test in heavy] == [("radial-ply", 170e3, 2000.0)] * 2
     assert [test.frequency for test in heavy] == [10.0, 24.0]
+
+
+def test_mounts_come_last_and_change_no_test_of_the_tyres():
+    tests, without = (plan_tests(*CONDITIONS, mounts=mounts) for mounts in ([RUBBER_MOUNT], []))
+    assert [test for test in tests if test.mounted is not RUBBER_MOUNT] == without
+    of_mount = [(test.name, test.preload, test.frequency) for test in tests if test.mounted is RUBBER_MOUNT]
+    assert [name for name, *_ in of_mount] == ["S5", "D17", "D18"]
+    assert [numbers for _, *numbers in of_mount[1:]] == [[1000.0, 10.0], [1000.0, 24.0]]
+    assert all(test.pressure != test.pressure for test in tests if test.mounted is RUBBER_MOUNT)
 
 
 def test_calibration_has_a_mass_and_no_tyre():

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from fourpole.errors import FileError
-from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
+from fourpole.virtual import CROSS_PLY, RADIAL_PLY, RUBBER_MOUNT, simulate_campaign
 
 pytestmark = pytest.mark.thorough
 
@@ -58,6 +58,22 @@ def test_campaign_file_states_the_rig_the_channels_and_the_tyres(full):
         "cross-ply": CROSS_PLY.construction,
         "radial-ply": RADIAL_PLY.construction,
     }
+
+
+def test_a_mount_is_a_specimen_without_pressure_and_leaves_the_files_of_the_tyres_as_they_are(tmp_path):
+    plain, with_mount = (
+        simulate_campaign(tmp_path / name, mounts=mounts, **SMALL).folder
+        for name, mounts in (("plain", ()), ("mount", [RUBBER_MOUNT]))
+    )
+    said = tomllib.loads((with_mount / "campaign.toml").read_text())
+    assert said["specimens"] == {"rubber-mount": {"construction": RUBBER_MOUNT.construction}}
+    assert said["title"] == "Cross-ply, radial-ply and rubber-mount, virtual (seed 1982)"
+    assert set(said["tyres"]) == {"cross-ply", "radial-ply"}
+    recorded = {name: text for name, text in contents(plain).items() if name.startswith("recordings/")}
+    assert recorded.items() <= contents(with_mount).items()
+    rows = table(with_mount, "tests.csv").filter(pl.col("tyre") == "rubber-mount")
+    assert rows["kind"].to_list() == ["static", "dynamic", "dynamic"]
+    assert rows["pressure [bar]"].null_count() == 3
 
 
 def test_list_of_tests_names_every_recording(full):

@@ -111,14 +111,15 @@ def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
 
 
 def _demo_settings() -> dict[str, Any]:
-    """Settings of the demonstration: usual uncertainties of sensors and rig, and a weighed mass at one condition."""
-    from fourpole.virtual import RADIAL_PLY
+    """Settings of the demonstration: usual uncertainties, a weighed mass at one condition, and a mount."""
+    from fourpole.virtual import RADIAL_PLY, RUBBER_MOUNT
 
     return {
         "sensors": (5e-3, radians(0.2)),
         "rig_std": {"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
         "added_masses": (0.0, 10.0),
         "added_mass_at": (RADIAL_PLY.name, 170e3, 1000.0),
+        "mounts": (RUBBER_MOUNT,),
     }
 
 

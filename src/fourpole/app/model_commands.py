@@ -55,7 +55,7 @@ def causality(
     data: DataOptions,
     as_json: JsonFlag = False,
 ) -> None:
-    """Test whether a passive linear tyre can have the measured K*, and name the frequencies where it cannot.
+    """Test whether a passive linear specimen can have the measured K*, and name the frequencies where it cannot.
 
     The best non-negative relaxation spectrum is compared with the data by their covariance, so the test also holds on
     a narrow band.

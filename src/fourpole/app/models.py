@@ -142,7 +142,7 @@ def fitted(results: Results, folder: Path) -> Results:
 
 
 def run_causality(path: Path, data: DataOptions, *, as_json: bool) -> None:
-    """Test of each condition whether a passive linear tyre can have its K*, and print the verdicts."""
+    """Test of each condition whether a passive linear specimen can have its K*, and print the verdicts."""
     measured = _read(path, data)
     if measured.known:
         _notes(measured)
@@ -169,7 +169,7 @@ def run_causality(path: Path, data: DataOptions, *, as_json: bool) -> None:
 
 
 def _show_verdict(where: str, one: Measured, verdict: Possible) -> None:
-    text = f"{where}: {'possible' if verdict.possible else 'NOT possible'} for a passive linear tyre (chi-square "
+    text = f"{where}: {'possible' if verdict.possible else 'NOT possible'} for a passive linear specimen (chi-square "
     out(f"{text}{verdict.chi2:.4g} for {verdict.dof} degrees of freedom, p-value {verdict.chance:.2g})")
     if not verdict.possible:
         out(f"  {_contradicting(verdict, one.own.count)}")

@@ -66,10 +66,15 @@ def _role(facts: Facts, tyre: str) -> int | None:
 
 
 def claims(facts: Facts) -> list[Finding]:
-    """All twelve claims, in the paper's order; none unless the campaign has a cross-ply, a radial-ply and no other."""
+    """All twelve claims, in the paper's order.
+
+    There is none unless the campaign has a cross-ply, a radial-ply and no other tyre. A specimen of another
+    construction without inflation pressure is no tyre, and takes no part.
+    """
     kinds = [[tyre for tyre in facts.tyres if _role(facts, tyre) == role] for role in (0, 1)]
     stated = [{facts.stated[tyre] for tyre in names} for names in kinds]
-    if [*map(len, stated)] != [1, 1] or sum(map(len, kinds)) < len(facts.tyres):
+    others = set(facts.tyres).difference(*kinds)
+    if [*map(len, stated)] != [1, 1] or others & facts.inflated:
         return []
     names = pair_of_the_paper(facts, *kinds)
     if names is None:

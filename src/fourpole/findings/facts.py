@@ -101,6 +101,12 @@ class Facts:
         return tuple(sorted(names, key=natural))
 
     @cached_property
+    def inflated(self) -> frozenset[str]:
+        """Names of the tyres of which a test states an inflation pressure."""
+        stated = [table.filter(pl.col(q.PRESSURE.head).is_finite())["tyre"] for table in self.tables]
+        return frozenset(name for each in stated for name in each)
+
+    @cached_property
     def constructions(self) -> dict[str, str]:
         """The construction of each tyre as the campaign states it."""
         rows = pl.concat([table.select("tyre", "construction") for table in self.tables]).unique().sort("construction")

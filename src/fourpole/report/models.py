@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
+from fourpole.findings.facts import Facts
 from fourpole.fitting.modelfile import CandidateFile, ConditionFile, MapEntry, ModelEntry
 from fourpole.report.digits import number, with_std
 from fourpole.report.words.models import chosen, map_facts, place, query_command, remarks_on_map, sentences
@@ -23,22 +24,23 @@ def models_section(results: Results) -> list[SimpleNamespace]:
     """The model and the map of each tyre, as the page shows them."""
     models = {one.tyre: one for one in (results.models.models if results.models else [])}
     maps = {one.tyre: one for one in (results.maps.maps if results.maps else [])}
+    facts = Facts.of(results)
     return [
         SimpleNamespace(
             tyre=tyre,
-            model=_model(models[tyre]) if tyre in models else None,
+            model=_model(models[tyre], facts) if tyre in models else None,
             map=_map(maps[tyre], several=len(maps) > 1) if tyre in maps else None,
         )
         for tyre in dict.fromkeys([*models, *maps])
     ]
 
 
-def _model(entry: ModelEntry) -> SimpleNamespace:
+def _model(entry: ModelEntry, facts: Facts) -> SimpleNamespace:
     """The model of one tyre; each parameter as symbol, unit shown and meaning."""
     least = min((one.bic for one in entry.candidates), default=0.0)
     return SimpleNamespace(
         name=entry.model,
-        sentences=sentences(entry),
+        sentences=sentences(entry, facts),
         candidates=[_candidate(one, entry.model, least) for one in entry.candidates],
         parameters=[(one.symbol, _unit(one.unit)[0], one.meaning) for one in entry.parameters],
         conditions=[_condition(one, entry) for one in entry.conditions],

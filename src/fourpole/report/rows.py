@@ -21,11 +21,15 @@ DYNAMIC = (
 )  # fmt: skip
 #: Columns that are shown only if a test has a value that is neither zero nor blank.
 _SELDOM = (q.ADDED_MASS, q.TEMPERATURE)
+#: A ratio below this is round-off.
+_ROUND_OFF = 1e-9
 
 
 def texts(quantity: Quantity, row: Mapping[str, Any]) -> tuple[str, str]:
     """Value and uncertainty of a row in the unit shown; the measured TR has no uncertainty in the table."""
     value = known(row.get(quantity.head))
+    if value is not None and quantity is q.NONLINEARITY and abs(value) < _ROUND_OFF:
+        value = 0.0
     std = known(row.get(quantity.u_head)) if quantity is not q.TR_MEASURED else None
     shown, about = (None if one is None else one / quantity.scale for one in (value, std))
     return with_std(shown, about, quantity.digits)

@@ -21,12 +21,13 @@ from fourpole.virtual.runs import Run, Specimen
 from fourpole.virtual.sensors import Sensor, sample
 from fourpole.virtual.simulate import SimulatedCampaign, simulate_campaign
 from fourpole.virtual.static_rig import StaticCycles, load_cycles
-from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, ModelTyre, VirtualTyre
+from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, RUBBER_MOUNT, ModelTyre, VirtualTyre
 
 __all__ = [
     "CROSS_PLY",
     "FAULTS",
     "RADIAL_PLY",
+    "RUBBER_MOUNT",
     "Bench",
     "Cam",
     "Conditions",

@@ -18,7 +18,6 @@ from fourpole.virtual.plan import Test
 from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
 from fourpole.virtual.rows import MORE_COLUMNS, TRUTH_COLUMNS
 from fourpole.virtual.truth import Statement
-from fourpole.virtual.tyres import Tyre
 
 _NOISY_CHANNELS = """\
 [channels]
@@ -88,8 +87,7 @@ def finish(
     columns = (*TRUTH_COLUMNS, *MORE_COLUMNS)[: len(rows[0])]
     truth = pl.DataFrame(rows, schema=list(columns), orient="row", infer_schema_length=None)
     _replace(folder / "truth.csv", truth.write_csv())
-    tyres = {test.tyre.name: test.tyre for test in tests if test.tyre is not None}
-    _replace(folder / "campaign.toml", _campaign_toml(tyres, statement, seed))
+    _replace(folder / "campaign.toml", _campaign_toml(tests, statement, seed))
     table = pl.DataFrame(
         {
             "test": [test.name for test in tests],
@@ -108,9 +106,13 @@ def finish(
     _replace(folder / "tests.csv", table.write_csv())
 
 
-def _campaign_toml(tyres: dict[str, Tyre], statement: Statement, seed: int) -> str:
-    """The text of campaign.toml."""
+def _campaign_toml(tests: Sequence[Test], statement: Statement, seed: int) -> str:
+    """The text of campaign.toml; a specimen without inflation stands under [specimens]."""
     clean = statement.clean
+    tested = {test.tyre.name: (test.tyre, isnan(test.pressure)) for test in tests if test.tyre is not None}
+    *others, last = tested
+    title = f"{', '.join(others)} and {last}" if others else last
+    title = f"{title[:1].upper()}{title[1:]}, virtual{', clean' if clean else ''} (seed {seed})"
     gain, phase = 100.0 * statement.std_gain, float(np.rad2deg(statement.std_phase))
     noisy = _NOISY_CHANNELS.format(
         gain=F1_GAIN,
@@ -118,15 +120,20 @@ def _campaign_toml(tyres: dict[str, Tyre], statement: Statement, seed: int) -> s
         accuracy=f'std_gain = "{_short(gain)} %", std_phase = "{_short(phase)} deg"',
     )
     parts = [
-        f'title = "Cross-ply and radial-ply, virtual{", clean" if clean else ""} (seed {seed})"\n',
+        f"title = {_quoted(title)}\n",
         "[rig]\n" + "".join(_rig_line(name, *values, clean) for name, values in statement.rig.items()),
         _CLEAN_CHANNELS if clean else noisy,
     ]
-    for name, tyre in tyres.items():
-        key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
-        construction = json.dumps(tyre.construction, ensure_ascii=False)
-        parts.append(f"[tyres.{key}]\nconstruction = {construction}\n")
+    for name, (tyre, mount) in tested.items():
+        key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
+        group = "specimens" if mount else "tyres"
+        parts.append(f"[{group}.{key}]\nconstruction = {_quoted(tyre.construction)}\n")
     return "\n".join(parts)
+
+
+def _quoted(text: str) -> str:
+    """A text as a TOML string."""
+    return json.dumps(text, ensure_ascii=False)
 
 
 def _rig_line(name: str, value: float, std: float, clean: bool) -> str:

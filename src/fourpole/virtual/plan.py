@@ -10,7 +10,7 @@ from typing import Literal
 
 from fourpole.models.interface import StateSpace
 from fourpole.virtual.bench import Zener
-from fourpole.virtual.tyres import Tyre
+from fourpole.virtual.tyres import ModelTyre, Tyre
 
 PRESSURES = (100e3, 135e3, 170e3, 205e3, 240e3)
 PRELOADS = (1000.0, 2000.0)
@@ -52,6 +52,7 @@ def plan_tests(
     added_mass_at: tuple[str, float, float] | None = None,
     calibration_masses: Sequence[float] = (),
     repeats: int = 1,
+    mounts: Sequence[ModelTyre] = (),
 ) -> list[Test]:
     """Static tests S1 ..., dynamic tests D1 ... and calibrations C1 ...; see `simulate_campaign` for the arguments.
 
@@ -70,10 +71,11 @@ def plan_tests(
         raise ValueError(f"calibration_masses = {tuple(calibration_masses)}: the mass of a block must be > 0 kg")
     if repeats < 1:
         raise ValueError(f"repeats = {repeats}: a campaign has each dynamic test at least once")
-    static = product(tyres, pressures)
+    static = [*product(tyres, pressures), *((mount, nan) for mount in mounts)]
+    conditions = [*product(tyres, pressures, preloads), *((mount, nan, preloads[0]) for mount in mounts)]
     dynamic = [
         (*condition, frequency, mass)
-        for condition, masses in _with_masses([*product(tyres, pressures, preloads)], added_masses, added_mass_at)
+        for condition, masses in _with_masses(conditions, added_masses, added_mass_at)
         for mass, frequency in product(masses, frequencies)
     ] * repeats
     blocks = product(calibration_masses, frequencies)

@@ -16,7 +16,7 @@ from fourpole.virtual.recordings import cam_frequency, record_dynamic, record_st
 from fourpole.virtual.rows import truth_rows
 from fourpole.virtual.runs import runs_of
 from fourpole.virtual.truth import STD_GAIN, STD_PHASE, draw_truth, state
-from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, Tyre
+from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, ModelTyre, Tyre
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,7 @@ def simulate_campaign(
     undeclared: Mapping[str, float] | None = None,
     repeats: int = 1,
     faults: Sequence[Fault] = (),
+    mounts: Sequence[ModelTyre] = (),
 ) -> SimulatedCampaign:
     """Simulate static and dynamic tests of virtual tyres and write them as a campaign folder, with the true values.
 
@@ -98,6 +99,9 @@ def simulate_campaign(
         How often all dynamic tests are done, one series after the other.
     faults : sequence of Fault
         What differs from the statement, applied in this order: see `fourpole.virtual.faults`.
+    mounts : sequence of ModelTyre
+        Specimens without inflation: each has a static test, and a dynamic test at the first preload and each frequency.
+        Their tests come after those of the tyres, whose files they do not change.
 
     Returns
     -------
@@ -132,6 +136,7 @@ def simulate_campaign(
         added_mass_at=added_mass_at,
         calibration_masses=calibration_masses,
         repeats=repeats,
+        mounts=mounts,
     )
     statement = state(clean=clean, sensors=sensors, rig_std=rig_std, declared=declared)
     truth = draw_truth(

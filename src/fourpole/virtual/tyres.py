@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import FloatArray
 from fourpole.models.chain import in_time
 from fourpole.models.interface import Model, StateSpace
+from fourpole.models.maxwell import GeneralisedMaxwell
 from fourpole.virtual.bench import Zener
 
 #: Centre and half width of the pressures from 1.0 to 2.4 bar that the laws cover [Pa].
@@ -302,4 +303,13 @@ RADIAL_PLY = VirtualTyre(
     c_p=0.10,
     c_q=0.0,
     c_l=0.10,
+)
+
+#: A damped rubber mount of two relaxation times, one below and one above the band of the cam. It is passive: with
+#: rising frequency its K2 rises and its C falls.
+RUBBER_MOUNT = ModelTyre(
+    name="rubber-mount",
+    model=GeneralisedMaxwell(2),
+    values=(120e3, 60e3, 120e3, 30e-3, 3e-3),
+    construction="rubber mount (virtual)",
 )

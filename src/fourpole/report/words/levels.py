@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fourpole.findings.finding import Finding, Holds
+from fourpole.findings.finding import UNSTATED, Finding, Holds
 from fourpole.findings.levels import CycleLoss, Departure, Level
 from fourpole.report.words.phrases import condition, counted, joined, opening, percents, ranged, shown
 
@@ -35,15 +35,21 @@ def linearity(finding: Finding, found: Departure) -> str:
     curves = "curve departs" if count == 1 else "curves depart"
     return (
         f"Under static load {finding.specimens[0]} is {_LINEAR[finding.holds]}: its load-deflection {curves} from a "
-        f"straight line by {percents(found.numbers)} of the load span ({counted(count, 'pressure')})."
+        f"straight line by {percents(found.numbers)} of the load span{_pressures(found)}."
     )
 
 
 def cycle_loss(findings: Sequence[Finding]) -> str:
     """The energy that a static cycle of each specimen loses, as one sentence."""
     parts = (
-        f"{ranged(found.detail.numbers, 'J')} in {found.specimens[0]} ({counted(len(found.detail.values), 'pressure')})"
+        f"{ranged(found.detail.numbers, 'J')} in {found.specimens[0]}{_pressures(found.detail)}"
         for found in findings
         if isinstance(found.detail, CycleLoss)
     )
     return f"A static cycle of loading and unloading loses {joined(parts)}."
+
+
+def _pressures(found: Level) -> str:
+    """The number of pressures in brackets; empty for a specimen without inflation."""
+    stated = [key for key in found.values if UNSTATED not in key]
+    return f" ({counted(len(found.values), 'pressure')})" if stated else ""

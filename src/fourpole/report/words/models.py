@@ -10,11 +10,15 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY, axis_of
+from fourpole.findings.facts import Facts
+from fourpole.findings.finding import Holds
+from fourpole.findings.trends import Trend, trend_of
 from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of
 from fourpole.fitting.modelparts import NamedValue
 from fourpole.models.families import by_amplitude
 from fourpole.report.digits import number, spread
 from fourpole.report.words.phrases import percent, ranged
+from fourpole.report.words.trend import span
 
 #: Up to this number non-passive conditions are listed one by one.
 _NAMED = 6
@@ -23,14 +27,18 @@ _AXES = {one.head: (one.suffix, one.scale, f"--{one.key}") for one in (q.PRESSUR
 _SPELLED = {"°C": "degC"}
 
 
-def sentences(entry: ModelEntry) -> list[str]:
-    """The choice of the model, its discrepancy, and whether a passive linear tyre can have this K*."""
+def sentences(entry: ModelEntry, facts: Facts | None = None) -> list[str]:
+    """The choice of the model, its discrepancy, and whether a passive linear specimen can have this K*.
+
+    If none can, and C rises with frequency in the `facts`, a sentence says why.
+    """
     said = [chosen(entry.choice)]
     if entry.discrepancy > 0:
         said.append(discrepancy(entry))
     if not entry.causal:
         said.append("It is not causal: it describes K* at these frequencies, but cannot be stepped in time.")
-    return [*said, *verdicts(entry)]
+    active = any(one.verdict is not None and not one.verdict.possible for one in entry.conditions)
+    return [*said, *verdicts(entry), *(creeping(facts, entry.tyre) if facts is not None and active else [])]
 
 
 def discrepancy(entry: ModelEntry) -> str:
@@ -53,27 +61,25 @@ def chosen(text: str) -> str:
 
 
 def verdicts(entry: ModelEntry) -> list[str]:
-    """Whether K* of each condition can be that of a passive linear tyre, as sentences."""
+    """Whether K* of each condition can be that of a passive linear specimen, as sentences."""
     judged = [(one, one.verdict) for one in entry.conditions if one.verdict is not None]
     bad = [one for one, verdict in judged if not verdict.possible]
     worst = percent(max((verdict.misfit for _, verdict in judged if not verdict.possible), default=0.0))
     off = f"it would take an error of K* of up to {worst} at each frequency"
     if by_amplitude(entry.model):
-        return ["K* depends on the amplitude of the deflection, so no linear tyre can have it at all amplitudes."]
+        return ["K* depends on the amplitude of the deflection, so no linear specimen can have it at all amplitudes."]
     match len(judged), len(bad):
         case 0, _:
-            return [
-                "The uncertainty of K* is not known, so a passive linear tyre can neither be excluded nor confirmed."
-            ]
+            return ["The uncertainty of K* is unknown, so a passive linear specimen is neither excluded nor confirmed."]
         case 1, 0:
-            return ["A passive linear tyre can have this K*, within its uncertainty."]
+            return ["A passive linear specimen can have this K*, within its uncertainty."]
         case count, 0:
-            return [f"A passive linear tyre can have K* as measured in all {count} conditions."]
+            return [f"A passive linear specimen can have K* as measured in all {count} conditions."]
         case 1, _:
-            return [f"No passive linear tyre can have this K*: {off}. {_where(bad[0])}."]
+            return [f"No passive linear specimen can have this K*: {off}. {_where(bad[0])}."]
     good = len(judged) - len(bad)
     opening = f"{good or 'None'} of {len(judged)} conditions {'is' if good < 2 else 'are'} possible"
-    return [f"{opening} for a passive linear tyre; {'in the others ' if good else ''}{off}.", _listed(bad)]
+    return [f"{opening} for a passive linear specimen; {'in the others ' if good else ''}{off}.", _listed(bad)]
 
 
 def _listed(bad: Sequence[ConditionFile]) -> str:
@@ -101,6 +107,17 @@ def _where(one: ConditionFile) -> str:
     if len(found) >= len(one.tests) > 0:
         return "K* cannot be at any of the frequencies"
     return f"K* cannot be at {spread(found, FREQUENCY, 'Hz')}"
+
+
+def creeping(facts: Facts, tyre: str) -> list[str]:
+    """The sentence that says why no passive specimen is like one whose C rises with frequency; none if it does not."""
+    for name in facts.tyres:
+        found = trend_of(q.C, name, facts.values(q.C, name), "frequency") if facts.stated[name] == tyre else None
+        if found is not None and found.holds is Holds.RISES and isinstance(found.detail, Trend):
+            rise = percent(found.detail.mean.value)
+            text = f"No passive linear specimen without inertia has a C that rises with frequency, as here by {rise}"
+            return [f"{text} from {span(found.detail)}: 1/(K* − K1) is a creep compliance, and C can only fall."]
+    return []
 
 
 def place(one: ConditionFile) -> str:
