@@ -240,6 +240,8 @@ LOSS_FACTOR = Quantity(
     topic="loss", more="has the larger loss", start="The loss factor",
 )  # fmt: skip
 K_STAR = Quantity("k_star", "K*", "K*", "N/m", "dynamic stiffness, complex", "kN/m", 1e3)
+MODULUS = Quantity("modulus", "|K*|", "|K*|", "N/m", "modulus of the dynamic stiffness", "kN/m", 1e3)
+LOSS_ANGLE = Quantity("loss_angle", "δ", "loss angle", "rad", "argument of the dynamic stiffness", "°", pi / 180)
 K1 = Quantity(
     "k1", "K1", "K1", "N/m", "static stiffness at the preload", "kN/m", 1e3,
     topic="static stiffness", more="is the stiffer", over=("pressure", "load"),

@@ -13,7 +13,7 @@ def without_figures(monkeypatch):
 
 
 def some_figures(monkeypatch):
-    monkeypatch.setattr("fourpole.plot.catalogue.FIGURES", {key: FIGURES[key] for key in ("fig02", "fig08")})
+    monkeypatch.setattr("fourpole.plot.catalogue.FIGURES", {key: FIGURES[key] for key in ("stiffness", "tr")})
 
 
 def test_models_are_not_part_of_an_analysis_that_they_would_make_long(run, campaign, monkeypatch):
@@ -59,8 +59,8 @@ def test_png_is_written_on_demand_and_goes_with_its_tables(run, campaign, monkey
     some_figures(monkeypatch)
     figures = campaign / "results" / "figures"
     run("analyse", campaign, "--no-models", "--png")
-    assert {path.stem for path in figures.glob("*.png")} == {"fig02", "fig08"}
-    assert {path.stem for path in figures.glob("*.svg")} == {"fig02", "fig08"}
+    assert {path.stem for path in figures.glob("*.png")} == {"stiffness", "tr"}
+    assert {path.stem for path in figures.glob("*.svg")} == {"stiffness", "tr"}
     run("report", campaign / "results")
     assert not list(figures.glob("*.png"))
     assert list(figures.glob("*.svg"))
@@ -81,5 +81,5 @@ def test_workers_draw_the_figures_of_a_large_campaign(run, campaign, monkeypatch
     some_figures(monkeypatch)
     run("analyse", campaign, "--no-models")
     figures = campaign / "results" / "figures"
-    assert {path.name for path in figures.iterdir()} == {"fig02.svg", "fig08.svg"}
+    assert {path.name for path in figures.iterdir()} == {"stiffness.svg", "tr.svg"}
     assert made == ([] if rows else [4])

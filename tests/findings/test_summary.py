@@ -4,7 +4,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from fourpole.findings.summary import LOSS_ANGLE, MODULUS, summary
+from fourpole.findings.summary import summary
+from fourpole.quantities import LOSS_ANGLE, MODULUS
 from fourpole.study.results import Results
 
 

@@ -12,9 +12,12 @@ from tests.plot.conftest import (
     empty_results,
     results_of,
 )
+from tests.plot.modelled import study_with_models
 
 from fourpole.core.tyre import mobility
-from fourpole.plot import FIGURES, Style, draw
+from fourpole.plot import FIGURES, PAPER, Style, draw, figure_data, figures_of
+from fourpole.plot.data import Role
+from fourpole.plot.layout import COLOUR_SCALE
 from fourpole.plot.motion import crossings
 from fourpole.plot.sheet import read_sheet
 from fourpole.plot.stiffness import route_stiffness
@@ -73,20 +76,15 @@ def reject(results: Results, names, **cells):
     return changed(results, lambda table: table.with_columns(change))
 
 
-def test_the_papers_figures_are_there_in_the_order_of_a_report():
-    assert list(FIGURES)[:14] == [f"fig{number:02d}" for number in range(1, 15)]
-    assert list(FIGURES)[14:] == [
-        "tr-measured-predicted",
-        "stiffness",
-        "nyquist",
-        "routes",
-        "mobility",
-        "rig-found",
-        "rig-residual",
-        "mass-gain",
-        "budget",
-        *MODELS,
-    ]
+def test_the_figures_by_question_come_first_and_the_papers_stand_apart(study):
+    assert list(FIGURES)[:6] == ["first-stiffness", "first-tr", "stiffness", "storage-loss", "arm", "tr"]
+    assert list(PAPER)[:14] == [f"fig{number:02d}" for number in range(1, 15)]
+    assert list(PAPER)[14:] == ["tr-measured-predicted", "nyquist", "routes", "mobility"]
+    usual = figures_of(study)
+    assert not {*usual} & {*PAPER}
+    assert figures_of(study, paper=True) == [*usual, *PAPER]
+    assert not {*usual} & {*MODELS}  # these results have none
+    assert {*figures_of(study_with_models())} >= {*MODELS}
     for key, spec in FIGURES.items():
         assert spec.key == key
         assert spec.title
@@ -244,9 +242,10 @@ def test_rejected_tests_are_crosses_and_are_counted(study):
     assert "3 tests rejected, 1 not shown: no value" in said(figure)
     assert "rejected test" in texts(figure)
     # K* of the third is still known.
-    figure = draw(hurt, "stiffness")
-    assert sum(len(points(ax, "_rejected")) for ax in figure.axes) == 3 * 3
-    assert "3 tests rejected." in said(figure)
+    data = figure_data(hurt, "stiffness")
+    lost = [one for panel in data.panels for one in panel.series if one.role is Role.REJECTED]
+    assert sorted(test for one in lost for test in one.tests) == ["D1", "D1", "D2", "D2", "D3", "D3"]
+    assert "3 tests rejected" in data.notes
 
 
 def test_a_rejected_value_far_off_sets_no_axis_and_is_told(study):
@@ -373,7 +372,7 @@ def test_key_and_notes_stay_off_the_panels(study, key, case):
     figure = draw(study, key)
     renderer = figure.canvas.get_renderer()
     width, _ = figure.get_size_inches() * figure.dpi
-    lowest = min(ax.get_tightbbox(renderer).y0 for ax in figure.axes)
+    lowest = min(ax.get_tightbbox(renderer).y0 for ax in figure.axes if ax.get_label() != COLOUR_SCALE)
     boxes = [legend.get_window_extent(renderer) for legend in figure.legends]
     boxes += [text.get_window_extent(renderer) for text in figure.texts]
     assert boxes

@@ -14,7 +14,7 @@ from fourpole.fitting.modelfile import ToleranceFile, map_of
 from fourpole.fitting.query import response
 from fourpole.models.families import model_named
 from fourpole.plot import Style, draw, render
-from fourpole.plot.models import _rows, whitened
+from fourpole.plot.fitted import _rows, whitened
 from fourpole.plot.sheet import read_sheet
 
 pytestmark = pytest.mark.thorough

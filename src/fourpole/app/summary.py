@@ -7,8 +7,8 @@ from math import isinf
 
 from fourpole import quantities as q
 from fourpole.findings.facts import Measured
-from fourpole.findings.summary import LOSS_ANGLE, MODULUS, SummaryRow, summary
-from fourpole.quantities import Quantity
+from fourpole.findings.summary import SummaryRow, summary
+from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.report.digits import number
 from fourpole.study.results import Results
 

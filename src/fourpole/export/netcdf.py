@@ -20,8 +20,8 @@ from fourpole.core.condition import PRELOAD, PRESSURE, Axis
 from fourpole.errors import TableError
 from fourpole.export.source import SIGNS, ExportTables, field_names, need, some, typed, unit_of
 from fourpole.io.write import beside
+from fourpole.plot.names import counted
 from fourpole.plot.sheet import Groups, floats
-from fourpole.plot.style import counted
 from fourpole.quantities import QUANTITIES, meaning_of
 
 _DIMENSIONS = ("tyre", "pressure", "preload", "frequency", "setting", "repeat")

@@ -19,8 +19,8 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
 from fourpole.errors import CampaignError, FileError
 from fourpole.io.folders import results_in
+from fourpole.plot.names import counted, distinct
 from fourpole.plot.sheet import Sheet, read_sheet, texts
-from fourpole.plot.style import counted, distinct
 from fourpole.study.results import Results, read_results, section
 from fourpole.study.results import texts as items
 from fourpole.units import column_unit, shown

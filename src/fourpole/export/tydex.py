@@ -18,8 +18,8 @@ from fourpole.errors import FileError, TableError
 from fourpole.export.source import SIGNS, Condition, ExportTables, ascii_line, unit_of
 from fourpole.io.formats.tydex_file import TydexChannel, TydexEntry, TydexFile, write_tydex
 from fourpole.io.write import beside
+from fourpole.plot.names import distinct
 from fourpole.plot.sheet import floats
-from fourpole.plot.style import distinct
 from fourpole.quantities import DERIVED
 
 #: Head of the column, name and description of each channel; its unit is that of the column.

@@ -15,8 +15,8 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import TableError
 from fourpole.export.source import Condition, ExportTables, ascii_line, need, some
 from fourpole.io.write import beside
+from fourpole.plot.names import counted
 from fourpole.plot.sheet import floats
-from fourpole.plot.style import counted
 from fourpole.quantities import Quantity
 
 _LINE = 80

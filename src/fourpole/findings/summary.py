@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import atan2, cos, hypot, inf, isfinite, pi, sin
+from math import atan2, cos, hypot, inf, isfinite, sin
 from typing import Any
 
 import polars as pl
@@ -12,11 +12,9 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.findings.facts import Facts, Measured, averaged
 from fourpole.findings.finding import UNSTATED, Key
-from fourpole.quantities import Quantity
+from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.results import Results
 
-MODULUS = Quantity("modulus", "|K*|", "|K*|", "N/m", "modulus of the dynamic stiffness", "kN/m", 1e3)
-LOSS_ANGLE = Quantity("loss_angle", "δ", "loss angle", "rad", "argument of the dynamic stiffness", "°", pi / 180)
 #: The quantities of the table, in its order.
 SUMMARISED = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
 #: The frequency that people compare first [Hz].

@@ -1,7 +1,53 @@
-"""Figures from result tables; each function draws into given matplotlib axes and returns them."""
+"""Figures from result tables: each is data, which matplotlib draws without pyplot.
 
-from fourpole.plot.catalogue import FIGURES, draw, render, save_figures, write_figure
-from fourpole.plot.figure import FORMATS, FigureSpec
-from fourpole.plot.style import THEMES, Style
+Each name is loaded when it is first used, so that figures as data need no matplotlib.
+"""
 
-__all__ = ["FIGURES", "FORMATS", "THEMES", "FigureSpec", "Style", "draw", "render", "save_figures", "write_figure"]
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fourpole.plot.catalogue import (
+        FIGURES,
+        PAPER,
+        draw,
+        figure_data,
+        figures_of,
+        render,
+        save_figures,
+        write_figure,
+    )
+    from fourpole.plot.figure import FORMATS, FigureSpec
+    from fourpole.plot.style import SIZES, THEMES, Size, Style
+
+_CATALOGUE = ("FIGURES", "PAPER", "draw", "figure_data", "figures_of", "render", "save_figures", "write_figure")
+_HOME = {
+    **dict.fromkeys(_CATALOGUE, "catalogue"),
+    **dict.fromkeys(("FORMATS", "FigureSpec"), "figure"),
+    **dict.fromkeys(("SIZES", "THEMES", "Size", "Style"), "style"),
+}
+
+__all__ = [
+    "FIGURES",
+    "FORMATS",
+    "PAPER",
+    "SIZES",
+    "THEMES",
+    "FigureSpec",
+    "Size",
+    "Style",
+    "draw",
+    "figure_data",
+    "figures_of",
+    "render",
+    "save_figures",
+    "write_figure",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(import_module(f"fourpole.plot.{_HOME[name]}"), name)
+    raise AttributeError(f"module 'fourpole.plot' has no attribute {name!r}")

@@ -15,9 +15,10 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
+from fourpole.plot.names import counted, plain_text
 from fourpole.plot.panels import tyre_heading
 from fourpole.plot.sheet import Sheet, read_sheet
-from fourpole.plot.style import Style, counted, plain_text
+from fourpole.plot.style import Style
 from fourpole.study.results import Results
 
 #: Deflection [mm] and load [kN] in the axes of this figure.

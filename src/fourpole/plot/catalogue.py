@@ -14,32 +14,51 @@ from matplotlib.figure import Figure
 
 from fourpole.errors import CampaignError
 from fourpole.io.write import write_bytes
+from fourpole.plot.data import FigureData
 from fourpole.plot.figure import FORMATS, FigureSpec, figure_bytes
+from fourpole.plot.frequency import FIRST
 from fourpole.plot.style import Style, drawing
 from fourpole.study.results import Results
 from fourpole.study.study import make_folder
 
-#: Modules with figures, in the order of a report. A new figure is a module with `FIGURES`, and its name in this list.
-_MODULES = (
-    "schemes",
-    "carpet",
-    "properties",
-    "motion",
-    "stiffness",
-    "rig",
-    "budget",
-    "models",
-    "choice",
-    "spectrum",
-    "amplitude",
-    "operating",
-)
+#: Modules with figures by question, in the order of a report. A new figure is a module with `FIGURES` in this list.
+_MODULES = ("frequency", "rig", "budget", "models", "choice", "spectrum", "amplitude", "operating")
+#: Modules with the figures of the 1982 paper, and those that go with them.
+_OF_PAPER = ("schemes", "carpet", "properties", "motion", "stiffness")
 #: Number of tasks into which the figures are divided for workers; each task has its own copy of the tables.
 _GROUPS = 6
-#: All figures by their keys, in the order of a report.
-FIGURES: dict[str, FigureSpec] = {
-    spec.key: spec for name in _MODULES for spec in import_module(f"fourpole.plot.{name}").FIGURES
-}
+#: Figures of model.json.
+_OF_MODELS = {"model", "model-choice", "spectrum", "amplitude"}
+
+
+def _specs(names: Sequence[str]) -> dict[str, FigureSpec]:
+    return {spec.key: spec for name in names for spec in import_module(f"fourpole.plot.{name}").FIGURES}
+
+
+#: The paper's figures by their keys, in its order.
+PAPER: dict[str, FigureSpec] = _specs(_OF_PAPER)
+#: All figures by their keys: those of the first page of a report, those by question, those of the paper.
+FIGURES: dict[str, FigureSpec] = {spec.key: spec for spec in FIRST} | _specs(_MODULES) | PAPER
+
+
+def figures_of(results: Results, *, paper: bool = False) -> list[str]:
+    """Keys of the figures that a report of these results shows, in its order.
+
+    Parameters
+    ----------
+    results : Results
+        The tables of an analysed campaign.
+    paper : bool
+        Whether the figures of the 1982 paper follow those by question.
+
+    Returns
+    -------
+    list of str
+        The first two are those of the first page. `save_figures` leaves out those for which the results hold nothing.
+    """
+    without = set() if results.models is not None else _OF_MODELS
+    without |= set() if results.maps is not None else {"map"}
+    return [key for key in FIGURES if key not in without and (paper or key not in PAPER)]
 
 
 def draw(results: Results, key: str, style: Style | None = None) -> Figure | None:
@@ -67,7 +86,28 @@ def draw(results: Results, key: str, style: Style | None = None) -> Figure | Non
     spec = _spec(key)
     style = style or Style()
     with drawing(style, key):
-        return spec.draw(results, style)
+        return spec.drawn(results, style)
+
+
+def figure_data(results: Results, key: str) -> FigureData | None:
+    """A figure by question as data: series with values in the units of the axes, uncertainties and tests.
+
+    Raises
+    ------
+    CampaignError
+        If there is no such figure, or it is not made of data.
+
+    Examples
+    --------
+    >>> none = pl.DataFrame()
+    >>> figure_data(Results(none, none, none), "stiffness") is None
+    True
+    """
+    spec = _spec(key)
+    if spec.data is None:
+        with_data = ", ".join(one.key for one in FIGURES.values() if one.data is not None)
+        raise CampaignError(f"the figure {key!r} is drawn, not made of data: choose one of {with_data}")
+    return spec.data(results)
 
 
 def render(figure: Figure, key: str, form: str = "svg", style: Style | None = None) -> bytes:
@@ -149,7 +189,7 @@ def save_figures(
     folder : path
         Folder of the files; it is made if it does not exist.
     keys : sequence of str, optional
-        Keys of the figures; by default all of `FIGURES`.
+        Keys of the figures; by default those of `figures_of`.
     style : Style, optional
         Theme and limits.
     formats : sequence of {"svg", "png", "pdf"}
@@ -171,7 +211,7 @@ def save_figures(
     FileError
         If a file cannot be written.
     """
-    wanted = list(FIGURES if keys is None else dict.fromkeys(keys))
+    wanted = list(dict.fromkeys(figures_of(results) if keys is None else keys))
     for key in wanted:
         _spec(key)
     unknown = [form for form in formats if form not in FORMATS]

@@ -15,10 +15,11 @@ from fourpole.core.arrays import FloatArray
 from fourpole.fitting.modelfile import CandidateFile, ModelEntry
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
-from fourpole.plot.models import heading, numbered
-from fourpole.plot.panels import few_ticks, rows_of_names, span
+from fourpole.plot.models import heading
+from fourpole.plot.names import plain_text
+from fourpole.plot.panels import few_ticks, numbered, rows_of_names, span
 from fourpole.plot.sheet import read_sheet
-from fourpole.plot.style import Style, plain_text
+from fourpole.plot.style import Style
 from fourpole.study.results import Results
 
 #: Difference of BIC within which models are equally good, and difference up to which its axis is linear.

@@ -12,6 +12,9 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from fourpole.errors import CampaignError
+from fourpole.plot.data import FigureData
+from fourpole.plot.drawn import figure_of
+from fourpole.plot.links import with_titles
 from fourpole.plot.style import Style, drawing
 from fourpole.study.results import Results
 
@@ -26,15 +29,24 @@ _GROUP_NAME = re.compile(rb'<g id="[^"]*"')
 
 @dataclass(frozen=True)
 class FigureSpec:
-    """One figure: its key, its title, its caption, and the function that draws it.
+    """One figure: its key, its title, its caption, and the function that makes its data or draws it.
 
-    `draw` takes results and a style; it returns None if the results hold nothing that the figure shows.
+    `data` makes the figure of results as data; `draw` draws a figure that has none. Either returns None if the results
+    hold nothing that the figure shows.
     """
 
     key: str
     title: str
     caption: str
-    draw: Callable[[Results, Style], Figure | None]
+    draw: Callable[[Results, Style], Figure | None] | None = None
+    data: Callable[[Results], FigureData | None] | None = None
+
+    def drawn(self, results: Results, style: Style) -> Figure | None:
+        """The figure; None if the results hold nothing that it shows."""
+        if self.draw is not None:
+            return self.draw(results, style)
+        data = self.data(results) if self.data is not None else None
+        return None if data is None else figure_of(data, style)
 
 
 def figure_bytes(figure: Figure, key: str, title: str, form: str, style: Style | None = None) -> bytes:
@@ -57,7 +69,7 @@ def figure_bytes(figure: Figure, key: str, title: str, form: str, style: Style |
         # A script that the font lacks is shown as boxes in PNG; in SVG the text itself is written.
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
         figure.savefig(content, format=form, dpi=_DPI, metadata=metadata[form])
-    return _lean(content.getvalue()) if form == "svg" else content.getvalue()
+    return _lean(with_titles(content.getvalue())) if form == "svg" else content.getvalue()
 
 
 def _lean(svg: bytes) -> bytes:

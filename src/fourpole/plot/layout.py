@@ -14,11 +14,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.plot.data import Scale
+from fourpole.plot.names import counted
 from fourpole.plot.panels import Extent
 from fourpole.plot.sheet import Groups, Sheet, spread
-from fourpole.plot.style import Marker, Style, counted, load_dashes, pressure_marker
+from fourpole.plot.style import Marker, Style, load_dashes, pressure_marker
 
 _T = TypeVar("_T")
 #: Width of a figure in a report [in].
@@ -29,6 +32,12 @@ _NOTE_LINE, _KEY_LINE = 0.135, 0.172
 MOST_NAMED = 8
 #: Width of a letter of the key [in].
 _LETTER = 0.062
+#: Number of letters of the notes in an inch of width, and of colours of a scale.
+_LETTERS, _SHADES = 116 / WIDTH, 24
+#: Height of a colour scale with its numbers, and least height of a panel [in].
+_SCALE_HEIGHT, _LEAST_HEIGHT = 0.42, 0.5
+#: Label of the axes that hold a colour scale.
+COLOUR_SCALE = "_colour scale"
 
 
 def new_figure(width: float = WIDTH, height: float = 3.0) -> Figure:
@@ -164,7 +173,7 @@ class Grid:
     def of(cls, count: int, columns: int, *, panel_height: float, style: Style) -> Grid:
         """A grid of `count` panels; `panel_height` in inches."""
         rows = -(-count // columns)
-        figure = new_figure()
+        figure = new_figure(style.size.width)
         panels = [figure.add_subplot(rows, columns, at + 1) for at in range(count)]
         return cls(figure, panels, columns, panel_height, style)
 
@@ -183,11 +192,14 @@ class Grid:
         share_x: bool = True,
         share_y: bool = True,
         headings: str = "all",
+        scale: Scale | None = None,
+        height: float | None = None,
     ) -> Figure:
         """Label the outer axes, put key and notes below, and size the figure; returns the figure.
 
         `y_labels` has one text for all rows, or one text per row. `headings` is "all" if each row of panels has
-        titles, and "top" if only the first row has.
+        titles, "top" if only the first row has, and "none" if no row has. A colour scale stands below the key.
+        `height` [in] is that of the whole figure; without it, or one of the style, it follows from the panels.
         """
         for at, ax in enumerate(self.panels):
             row, column = divmod(at, self.columns)
@@ -200,47 +212,74 @@ class Grid:
                 ax.tick_params(labelleft=False)
             else:
                 ax.set_ylabel(y_labels[row % len(y_labels)])
-        rows = self.rows
-        between = (0.36 if headings == "all" else 0.14) + (0.0 if share_x else 0.42)
-        beside = 0.16 if share_y else _LEFT
-        note_lines = _wrapped(notes.lines)
-        key_columns, key_rows = _key_shape([label for _, label in key.entries])
-        notes_height = _NOTE_LINE * len(note_lines) + (0.06 if note_lines else 0.0)
-        key_height = _KEY_LINE * key_rows + (0.1 if key_rows else 0.0)
-        bottom = 0.44 + key_height + notes_height
-        height = _TOP + rows * self.panel_height + (rows - 1) * between + bottom
-        self.figure.set_size_inches(WIDTH, height)
-        panel_width = (WIDTH - _LEFT - _RIGHT - (self.columns - 1) * beside) / self.columns
+        size, rows = self.style.size, self.rows
+        unit = size.font
+        between = unit * ((0.36 if headings == "all" else 0.14) + (0.0 if share_x else 0.42))
+        beside = 0.16 if share_y else _LEFT * unit
+        note_lines = _wrapped(notes.lines, int(_LETTERS * size.width / unit))
+        key_columns, key_rows = _key_shape([label for _, label in key.entries], size.width / unit)
+        notes_height = unit * (_NOTE_LINE * len(note_lines) + (0.06 if note_lines else 0.0))
+        key_height = unit * (_KEY_LINE * key_rows + (0.1 if key_rows else 0.0))
+        scale_height = unit * _SCALE_HEIGHT if scale is not None else 0.0
+        bottom = 0.44 * unit + key_height + scale_height + notes_height
+        top = unit * (0.1 if headings == "none" else _TOP)
+        height = size.height or height
+        if height is not None:
+            free = height - top - bottom - (rows - 1) * between
+            self.panel_height = max(free / rows, _LEAST_HEIGHT)
+        height = top + rows * self.panel_height + (rows - 1) * between + bottom
+        self.figure.set_size_inches(size.width, height)
+        panel_width = (size.width - (_LEFT + _RIGHT) * unit - (self.columns - 1) * beside) / self.columns
         self.figure.subplots_adjust(
-            left=_LEFT / WIDTH,
-            right=1 - _RIGHT / WIDTH,
-            top=1 - _TOP / height,
+            left=_LEFT * unit / size.width,
+            right=1 - _RIGHT * unit / size.width,
+            top=1 - top / height,
             bottom=bottom / height,
             wspace=beside / panel_width,
             hspace=between / self.panel_height,
         )
         if key.entries:
-            _draw_key(self.figure, key, key_columns, (notes_height + 0.01) / height)
+            _draw_key(self.figure, key, key_columns, (notes_height + scale_height + 0.01) / height)
+        if scale is not None:
+            _draw_scale(self.figure, scale, self.style, (notes_height + 0.26 * unit) / height)
         if note_lines:
-            self.figure.text(0.1 / WIDTH, 0.05 / height, "\n".join(note_lines), fontsize=7.0, va="bottom", ha="left",
-                             linespacing=1.25, color=self.style.look.muted)  # fmt: skip
+            self.figure.text(0.1 * unit / size.width, 0.05 * unit / height, "\n".join(note_lines), va="bottom",
+                             ha="left", fontsize=self.style.font(7.0), linespacing=1.25,
+                             color=self.style.look.muted)  # fmt: skip
         return self.figure
 
 
-def _wrapped(lines: Sequence[str]) -> list[str]:
-    """The notes as one sentence in lines of the figure's width."""
+def _wrapped(lines: Sequence[str], letters: int) -> list[str]:
+    """The notes as one sentence in lines of so many letters."""
     text = "; ".join(lines)
-    return textwrap.wrap(f"{text[:1].upper()}{text[1:]}.", 116) if lines else []
+    return textwrap.wrap(f"{text[:1].upper()}{text[1:]}.", letters) if lines else []
 
 
-def _key_shape(labels: Sequence[str]) -> tuple[int, int]:
-    """Number of columns and rows of the key."""
+def _key_shape(labels: Sequence[str], width: float) -> tuple[int, int]:
+    """Number of columns and rows of the key in a figure of this width [in]."""
     if not labels:
         return 1, 0
     widest = max(len(label) for label in labels) * _LETTER + 0.5
-    most = max(1, int((WIDTH - 0.2) / widest))
+    most = max(1, int((width - 0.2) / widest))
     rows = -(-len(labels) // most)
     return -(-len(labels) // rows), rows
+
+
+def _draw_scale(figure: Figure, scale: Scale, style: Style, bottom: float) -> None:
+    """Draw a colour scale from its lowest to its highest value."""
+    width, height = figure.get_size_inches()
+    ax = figure.add_axes((0.5 - 0.18, bottom, 0.36, 0.08 * style.size.font / height), label=COLOUR_SCALE)
+    edges = np.linspace(scale.low, scale.high if scale.high > scale.low else scale.low + 1, _SHADES + 1)
+    for at in range(_SHADES):
+        colour = style.frequency_colour((at + 0.5) / _SHADES)
+        ax.axvspan(edges[at], edges[at + 1], facecolor=colour, edgecolor=colour, linewidth=0.4)
+    ax.set(xlim=(edges[0], edges[-1]), yticks=[])
+    ax.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+    ax.grid(visible=False)
+    for side in ax.spines.values():
+        side.set_visible(False)
+    figure.text(0.5 - 0.18 - 0.08 / width, bottom, f"{scale.name} [{scale.unit}]", ha="right", va="baseline",
+                fontsize=style.font(7.5))  # fmt: skip
 
 
 def _draw_key(figure: Figure, key: Key, columns: int, bottom: float) -> None:

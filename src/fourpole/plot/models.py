@@ -2,83 +2,31 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from fourpole import quantities as q
-from fourpole.core.arrays import BoolArray, ByValue, FloatArray
-from fourpole.core.confidence import NORMAL_95
-from fourpole.fitting.amplitude import COLUMN, amplitudes_of, levels_of
-from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile
-from fourpole.fitting.query import response
-from fourpole.fitting.rows import keys_of
+from fourpole.core.arrays import FloatArray
+from fourpole.fitting.amplitude import COLUMN
 from fourpole.plot.figure import FigureSpec
+from fourpole.plot.fitted import DECADE, Curves, Drawn, conditions_of, curves_of
 from fourpole.plot.layout import Grid, Key, Notes
-from fourpole.plot.panels import Extent, Marks, band, curve, limit, span, tyre_heading
-from fourpole.plot.sheet import Sheet, read_sheet, texts
-from fourpole.plot.style import Dashes, Style, load_dashes, mixed, plain_text, pressure_marker
+from fourpole.plot.names import plain_text
+from fourpole.plot.panels import Extent, Marks, band, curve, limit, numbered, span, steep_limits, tyre_heading
+from fourpole.plot.sheet import Sheet, read_sheet
+from fourpole.plot.style import Dashes, Style, load_dashes, mixed, pressure_marker
 from fourpole.study.results import Results
 
 _MOST_COLUMNS = 4
 #: Largest number of conditions in a panel: over less than a decade of frequency, where bands overlap, and over more.
 _MOST_SERIES, _MOST_WIDE = 3, 5
-#: Amplitudes of the deflection within this ratio are one series.
-_LEVEL = 1.3
-#: Ratios of the ends of an axis beyond which it is logarithmic: of frequency, and of K' or K''.
-_DECADE, _STEEP = 10.0, 20.0
-#: Number of points of a model's line over more than a decade of frequency, and over less.
-_GRID_WIDE, _GRID = 121, 51
 #: Smallest share of the tyre's colour in the colour of a model's line.
 _LEAST_INK = 0.5
 #: Bound that about 95 % of residuals lie within, and smallest end of their axis, in standard uncertainties.
 _USUAL, _LEAST_SHOWN = 2.0, 3.0
-#: Numbers of an axis beyond this, or below its inverse, are powers of ten; no minor ticks over a larger ratio of ends.
-_LONG, _MANY = 3e5, 1e12
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_STATED = (q.PRESSURE.head, q.PRELOAD.head)
-
-
-@dataclass(frozen=True, eq=False)
-class Drawn(ByValue):
-    """A condition of a model: its groups in the sheet, its values on further axes, and the tests it was fitted to."""
-
-    entry: ModelEntry
-    at: int
-    tyre: int
-    pressure: int
-    load: int
-    others: tuple[tuple[str, float], ...]
-    rows: BoolArray
-    amplitude: float | None = None
-
-    @property
-    def series(self) -> tuple[int, tuple[float, ...]]:
-        """Index of the pressure and values on further axes, in which the conditions of a panel differ."""
-        return self.pressure, tuple(value for _, value in self.others)
-
-    @property
-    def band(self) -> tuple[float, float]:
-        """Lowest and highest frequency fitted [Hz]."""
-        return self.entry.conditions[self.at].band
-
-
-@dataclass(frozen=True, eq=False)
-class Curves(ByValue):
-    """One condition: points, line and half-width of the band of the model in the units of the axes; residuals."""
-
-    frequency: FloatArray
-    values: tuple[FloatArray, FloatArray]
-    stds: tuple[FloatArray, FloatArray]
-    residuals: tuple[FloatArray, FloatArray]
-    grid: FloatArray
-    line: tuple[FloatArray, FloatArray]
-    half: tuple[FloatArray, FloatArray]
 
 
 def models(results: Results, style: Style) -> Figure | None:
@@ -125,114 +73,6 @@ def models(results: Results, style: Style) -> Figure | None:
     return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=labels, headings="top")
 
 
-def conditions_of(entry: ModelEntry, sheet: Sheet, file: ModelFile) -> list[Drawn]:
-    """The conditions of a model; none if its tyre is in no table."""
-    if entry.tyre not in sheet.names:
-        return []
-    tyre = sheet.names.index(entry.tyre)
-    found = []
-    for at, one in enumerate(entry.conditions):
-        state = {each.column: each.value for each in one.state}
-        others = tuple((column, value) for column, value in state.items() if column not in _STATED)
-        pressure, load = (
-            groups.nearest(state[column]) if column in state else len(groups) - 1
-            for groups, column in zip((sheet.pressures, sheet.loads), _STATED, strict=True)
-        )
-        rows = _rows(one, state, sheet, file) & (sheet.tyre == tyre)
-        drawn = Drawn(entry, at, tyre, pressure, load, others, rows)
-        found += _by_level(drawn, sheet) if one.amplitude is not None else [drawn]
-    return found
-
-
-def _by_level(drawn: Drawn, sheet: Sheet) -> list[Drawn]:
-    """A condition of a model that depends on the amplitude of the deflection, once for each level of it."""
-    amplitude = amplitudes_of(sheet.table)
-    rows = np.flatnonzero(drawn.rows & np.isfinite(amplitude) & (np.nan_to_num(amplitude) > 0))
-    level, found = levels_of(amplitude[rows], _LEVEL), []
-    for one in np.unique(level):
-        here = np.zeros(amplitude.size, dtype=bool)
-        here[rows[level == one]] = True
-        middle = float(np.exp(np.mean(np.log(amplitude[here]))))
-        found.append(
-            replace(drawn, others=(*drawn.others, (COLUMN, float(f"{middle:.2g}"))), rows=here, amplitude=middle)
-        )
-    return found
-
-
-def _rows(one: ConditionFile, state: dict[str, float], sheet: Sheet, file: ModelFile) -> BoolArray:
-    """The rows that a condition was fitted to: by the names of tests, or, for tests without a name, by the state.
-
-    If the model file does not have the points, those of a test with several points are those in the band fitted.
-    """
-    frequency = sheet.values(q.FREQUENCY.head)
-    mask = (frequency >= one.band[0] * (1 - 1e-9)) & (frequency <= one.band[1] * (1 + 1e-9))
-    if one.tests:
-        if one.points:
-            used = {*zip(one.tests, one.points, strict=True)}
-            return np.array([key in used for key in keys_of(sheet.table)], dtype=bool)
-        names = np.array(texts(sheet.table, q.TEST.head), dtype=object)
-        points = Counter(names.tolist())
-        single = np.array([points[name] == 1 for name in names], dtype=bool)
-        return np.isin(names.astype(str), one.tests) & (single | (mask & ~sheet.rejected))
-    for column, value in state.items():
-        mask &= np.array([file.axis(column).same(own, value) for own in sheet.values(column).tolist()], dtype=bool)
-    return np.asarray(mask)
-
-
-def curves_of(one: Drawn, sheet: Sheet) -> Curves:
-    """Points, line, band and residuals of a condition."""
-    rows = np.flatnonzero(one.rows)
-    frequency = sheet.values(q.FREQUENCY.head)
-    rows = rows[np.argsort(frequency[rows], kind="stable")]
-    frequency = frequency[rows]
-    (real, real_std), (imag, imag_std) = (
-        (value[rows], std[rows]) for value, std in (sheet.shown(quantity) for quantity in (q.STORAGE, q.LOSS))
-    )
-    low, high = one.band
-    grid = np.geomspace(low, high, _GRID_WIDE) if high > _DECADE * low else np.linspace(low, high, _GRID)
-    moved = None if one.amplitude is None else np.full(grid.size, one.amplitude)
-    line, line_covariance = response(one.entry, one.at, grid, moved)
-    own = None if one.amplitude is None else amplitudes_of(sheet.table)[rows]
-    predicted, covariance = response(one.entry, one.at, frequency, own)
-    correlation = np.nan_to_num(sheet.values(q.CORR_K.head)[rows])
-    off = np.stack([real - predicted.real / q.STORAGE.scale, imag - predicted.imag / q.STORAGE.scale], axis=1)
-    residuals = whitened(off, covariance / q.STORAGE.scale**2 + _data_covariance(real_std, imag_std, correlation))
-    half = NORMAL_95 / q.STORAGE.scale * np.sqrt(np.diagonal(line_covariance, axis1=1, axis2=2))
-    return Curves(
-        frequency=frequency,
-        values=(real, imag),
-        stds=(real_std, imag_std),
-        residuals=(residuals[:, 0], residuals[:, 1]),
-        grid=grid,
-        line=(line.real / q.STORAGE.scale, line.imag / q.STORAGE.scale),
-        half=(half[:, 0], half[:, 1]),
-    )
-
-
-def _data_covariance(first: FloatArray, second: FloatArray, correlation: FloatArray) -> FloatArray:
-    """Covariance (N, 2, 2) of K' and K''; zero for uncertainties that are not stated."""
-    a, b = np.nan_to_num(first), np.nan_to_num(second)
-    cross = correlation * a * b
-    return np.stack([np.stack([a**2, cross], -1), np.stack([cross, b**2], -1)], -2)
-
-
-def whitened(off: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Pairs (N, 2) divided by the symmetric square root of their correlation: uncorrelated, in standard uncertainties.
-
-    Examples
-    --------
-    >>> whitened(np.array([[2.0, 3.0]]), np.array([[[4.0, 0.0], [0.0, 9.0]]]))
-    array([[1., 1.]])
-    """
-    std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        own = off / std
-        rho = np.clip(covariance[:, 0, 1] / (std[:, 0] * std[:, 1]), -1 + 1e-9, 1 - 1e-9)
-        both = (own[:, 0] + own[:, 1]) / np.sqrt(1 + rho)
-        between = (own[:, 0] - own[:, 1]) / np.sqrt(1 - rho)
-    return np.asarray(np.stack([both + between, both - between], axis=1) / 2)
-
-
 def _row(one: Curves, row: int) -> list[tuple[FloatArray, FloatArray]]:
     """Values and uncertainties that a row of panels shows: of the points, and of the model's line."""
     if row > 1:
@@ -252,15 +92,6 @@ def _row_limits(
     for values, spreads in shown:
         extent.add(values, spreads)
     return steep_limits(extent) if log else (extent.limits(), False)
-
-
-def steep_limits(extent: Extent) -> tuple[tuple[float, float], bool]:
-    """Limits, and whether the axis is logarithmic because the ratio of the largest to the smallest value is large."""
-    values = np.concatenate(extent.values) if extent.values else np.zeros(0)
-    if values.size and values.min() > 0 and values.max() > _STEEP * values.min():
-        room = (values.max() / values.min()) ** 0.06
-        return (float(values.min() / room), float(values.max() * room)), True
-    return extent.limits(), False
 
 
 def _draw_condition(ax: Axes, one: Curves, row: int, marks: Marks) -> None:
@@ -284,7 +115,7 @@ def _usual(ax: Axes, style: Style) -> None:
 
 def _logarithmic(found: Sequence[Drawn]) -> bool:
     """Whether the axis of frequency is logarithmic."""
-    return max(one.band[1] for one in found) > _DECADE * min(one.band[0] for one in found)
+    return max(one.band[1] for one in found) > DECADE * min(one.band[0] for one in found)
 
 
 def _finish_panel(
@@ -313,28 +144,6 @@ def steep(ax: Axes, limits: tuple[float, float], style: Style) -> None:
     ax.set_yscale("log")
     ax.set_ylim(style.ylim if style.ylim and min(style.ylim) > 0 else limits)
     numbered(ax, "y", most=5)
-
-
-def numbered(ax: Axes, which: str, most: int) -> None:
-    """Numbers on a logarithmic axis, "x" or "y": at 1, 2 and 5 over less than two decades, otherwise at 1.
-
-    They are powers of ten where plain numbers would be long.
-    """
-    axis = ax.xaxis if which == "x" else ax.yaxis
-    low, high = sorted(ax.get_xlim() if which == "x" else ax.get_ylim())
-    few = high < 100 * low
-    axis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=most + 2))
-    long = not few and (high > _LONG or low < 1 / _LONG)
-    axis.set_major_formatter(FuncFormatter(_power_of_ten if long else lambda value, _: f"{value:g}"))
-    axis.set_minor_locator(LogLocator(10.0, subs=tuple(range(2, 10)), numticks=200))
-    if high > _MANY * low:
-        axis.set_minor_locator(NullLocator())
-    axis.set_minor_formatter(NullFormatter())
-
-
-def _power_of_ten(value: float, _: int) -> str:
-    """A power of ten with a raised exponent."""
-    return f"10{str(round(np.log10(value))).translate(_RAISED)}"
 
 
 def heading(ax: Axes, sheet: Sheet, model: str, tyre: int, right: str, style: Style, columns: int) -> None:

@@ -19,10 +19,11 @@ from fourpole.fitting.modelfile import MapEntry, ModelFile, map_of
 from fourpole.models.operating import Answer, OperatingMap
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
-from fourpole.plot.models import heading, model_of, share, steep, steep_limits
-from fourpole.plot.panels import Extent, Marks, band, curve, limit, span
+from fourpole.plot.models import heading, model_of, share, steep
+from fourpole.plot.names import plain_text
+from fourpole.plot.panels import Extent, Marks, band, curve, limit, span, steep_limits
 from fourpole.plot.sheet import Sheet, read_sheet, spread
-from fourpole.plot.style import Style, load_dashes, load_marker, plain_text
+from fourpole.plot.style import Style, load_dashes, load_marker
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 

@@ -8,13 +8,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
-from fourpole.plot.style import Dashes, Marker, Style, plain_text
+from fourpole.plot.names import plain_text
+from fourpole.plot.style import Dashes, Marker, Style
 
 #: A line with more points than this has a marker at some of them only.
 _MOST_MARKERS = 60
+#: Ratio of the ends of an ordinate beyond which it is logarithmic.
+_STEEP = 20.0
+#: Numbers of an axis beyond this, or below its inverse, are powers of ten; no minor ticks over a larger ratio of ends.
+_LONG, _MANY = 3e5, 1e12
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -196,11 +202,15 @@ def condition(ax: Axes, text: str, *, style: Style, pad: float = 4.5) -> None:
     ax.set_title(text, loc="right", pad=pad, color=style.look.muted, fontsize=7.5)
 
 
-def band(ax: Axes, x: FloatArray, y: FloatArray, half: FloatArray, colour: str) -> Axes:
-    """Draw a band of half-width `half` about a line; its edge remains visible where bands overlap."""
+def band(ax: Axes, x: FloatArray, y: FloatArray, half: FloatArray, colour: str, *, faint: bool = False) -> Axes:
+    """Draw a band of half-width `half` about a line; its edge remains visible where bands overlap.
+
+    A `faint` one, of many, is paler and has no edge.
+    """
     known = np.isfinite(y) & np.isfinite(half)
-    ax.fill_between(x, y - half, y + half, where=known, facecolor=to_rgba(colour, 0.14),
-                    edgecolor=to_rgba(colour, 0.45), linewidth=0.5, label="_band", zorder=1.2)  # fmt: skip
+    ax.fill_between(x, y - half, y + half, where=known, facecolor=to_rgba(colour, 0.08 if faint else 0.14),
+                    edgecolor="none" if faint else to_rgba(colour, 0.45), linewidth=0.0 if faint else 0.5,
+                    label="_band", zorder=1.2)  # fmt: skip
     return ax
 
 
@@ -236,3 +246,34 @@ def limit(ax: Axes, x: tuple[float, float], y: tuple[float, float], *, style: St
 def few_ticks(ax: Axes, most: int) -> None:
     """Numbers at 1, 2 or 5 times a power of ten on the abscissa, at most about so many."""
     ax.xaxis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
+
+
+def steep_limits(extent: Extent) -> tuple[tuple[float, float], bool]:
+    """Limits, and whether the axis is logarithmic because the ratio of the largest to the smallest value is large."""
+    values = np.concatenate(extent.values) if extent.values else np.zeros(0)
+    if values.size and values.min() > 0 and values.max() > _STEEP * values.min():
+        room = (values.max() / values.min()) ** 0.06
+        return (float(values.min() / room), float(values.max() * room)), True
+    return extent.limits(), False
+
+
+def numbered(ax: Axes, which: str, most: int) -> None:
+    """Numbers on a logarithmic axis, "x" or "y": at 1, 2 and 5 over less than two decades, otherwise at 1.
+
+    They are powers of ten where plain numbers would be long.
+    """
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    low, high = sorted(ax.get_xlim() if which == "x" else ax.get_ylim())
+    few = high < 100 * low
+    axis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=most + 2))
+    long = not few and (high > _LONG or low < 1 / _LONG)
+    axis.set_major_formatter(FuncFormatter(_power_of_ten if long else lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(LogLocator(10.0, subs=tuple(range(2, 10)), numticks=200))
+    if high > _MANY * low:
+        axis.set_minor_locator(NullLocator())
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _power_of_ten(value: float, _: int) -> str:
+    """A power of ten with a raised exponent."""
+    return f"10{str(round(np.log10(value))).translate(_RAISED)}"

@@ -16,7 +16,7 @@ from fourpole.core.plan import PLAN_ROUTES
 from fourpole.io.write import write_bytes
 from fourpole.plot.figure import figure_bytes
 from fourpole.plot.layout import Grid, Key, Notes
-from fourpole.plot.models import numbered
+from fourpole.plot.panels import numbered
 from fourpole.plot.style import Dashes, Style, drawing, mixed
 
 _KEY = "plan"

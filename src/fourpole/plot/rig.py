@@ -17,10 +17,11 @@ from fourpole.core.sources import Kind, Role, Source
 from fourpole.fitting.rows import keys_of
 from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
+from fourpole.plot.names import counted, plain_text
 from fourpole.plot.panels import Extent, Marks, curve, limit, means, rejected_tests, rows_of_names, span
 from fourpole.plot.sheet import Sheet, floats, grouped, read_sheet, texts
 from fourpole.plot.stiffness import phasors, rigs_stated
-from fourpole.plot.style import Marker, Style, counted, plain_text
+from fourpole.plot.style import Marker, Style
 from fourpole.quantities import RIG_VALUES
 from fourpole.study.results import Results
 from fourpole.study.rig_estimate import RigEstimate, RigFinding, SharedValue

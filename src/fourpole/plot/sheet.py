@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
-from fourpole.plot.style import short_names
+from fourpole.plot.names import short_names
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 

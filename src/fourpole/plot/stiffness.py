@@ -1,4 +1,4 @@
-"""Figures of K*: K', K'' and loss factor against frequency, the Nyquist plot, the routes, and the mobility."""
+"""Figures of K*: the Nyquist plot, the routes, and the mobility."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ from fourpole.plot.panels import (
     span,
     tyre_heading,
 )
-from fourpole.plot.properties import property_figure, tyre_marks
+from fourpole.plot.properties import tyre_marks
 from fourpole.plot.sheet import IntArray, Sheet, present, read_sheet, texts
 from fourpole.plot.style import Dashes, Style, mixed
-from fourpole.quantities import DERIVED, Quantity
+from fourpole.quantities import Quantity
 from fourpole.study.results import Results, section
 
 _MOST_PRESSURES = 5
@@ -76,11 +76,6 @@ def _choose(sheet: Sheet, visible: BoolArray, notes: Notes) -> _Choice:
         notes.some(list(present(sheet.pressure, visible)), _MOST_PRESSURES, "pressures"),
         notes.some(list(present(sheet.load, visible)), _MOST_LOADS, "preloads"),
     )
-
-
-def stiffness(results: Results, style: Style) -> Figure | None:
-    """K', K'' and the loss factor against frequency, a column per tyre."""
-    return _rows(read_sheet(results), style, (q.STORAGE, q.LOSS, q.LOSS_FACTOR), what="K*")
 
 
 def mobility(results: Results, style: Style) -> Figure | None:
@@ -355,21 +350,6 @@ def _fullest(sheet: Sheet, own: BoolArray) -> tuple[int, int]:
 
 #: Figures of this module, in the order of a report.
 FIGURES = (
-    FigureSpec(
-        "stiffness",
-        "Dynamic stiffness against frequency",
-        "Storage stiffness K', loss stiffness K'' and loss factor K''/K' of each tyre, with standard uncertainties.",
-        stiffness,
-    ),
-    *(
-        FigureSpec(
-            one.key.replace("_", "-"),
-            f"{one.name[:1].upper()}{one.name[1:]} against frequency",
-            f"The {one.meaning}, at the lowest preload, with standard uncertainties.",
-            partial(property_figure, quantity=one, against=q.FREQUENCY, high=False),
-        )
-        for one in DERIVED
-    ),
     FigureSpec(
         "nyquist",
         "Nyquist plot of the dynamic stiffness",

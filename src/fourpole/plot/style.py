@@ -1,10 +1,9 @@
-"""Style of figures: themes, colours of tyres, markers of pressures and loads, and the form of texts."""
+"""Style of figures: themes, colours of tyres, markers of pressures and loads."""
 
 from __future__ import annotations
 
 import math
-import unicodedata
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -68,6 +67,30 @@ Limits: TypeAlias = tuple[float, float] | None
 
 
 @dataclass(frozen=True)
+class Size:
+    """Size of a figure: its width, its height, which by default follows from its panels, and the scale of its letters.
+
+    Raises
+    ------
+    CampaignError
+        If the size is not that of a page: 1 to 100 inches.
+    """
+
+    width: float = 7.0
+    height: float | None = None
+    font: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("width", self.width), ("height", self.height)):
+            if value is not None and not 1.0 <= value <= 100.0:
+                raise CampaignError(f"the {name} of a figure is {value:.3g} in: give 1 to 100 in (25 mm to 2.5 m)")
+
+
+#: Sizes by name: the text of a report, one column of a journal, a slide of 16:9.
+SIZES = {"report": Size(), "journal": Size(3.5), "slide": Size(10.0, 5.625, 1.5)}
+
+
+@dataclass(frozen=True)
 class Style:
     """The theme and the axis limits of a figure, as the reader chooses them.
 
@@ -78,6 +101,8 @@ class Style:
     xlim, ylim : pair of float, optional
         Limits of the axes in the units of their labels; by default they follow from the values. Figures 1 to 4 have
         no axes and ignore them.
+    size : Size
+        Width, height and letters of the figure.
 
     Raises
     ------
@@ -93,6 +118,7 @@ class Style:
     theme: str = "light"
     xlim: Limits = None
     ylim: Limits = None
+    size: Size = SIZES["report"]
 
     def __post_init__(self) -> None:
         if self.theme not in THEMES:
@@ -107,6 +133,15 @@ class Style:
     def look(self) -> _Theme:
         """Colours and widths of the theme."""
         return THEMES[self.theme]
+
+    @property
+    def width(self) -> float:
+        """Width of the figure [in]."""
+        return self.size.width
+
+    def font(self, points: float) -> float:
+        """Size of letters [pt] that have so many points in a report."""
+        return points * self.size.font
 
     def colour(self, tyre: int) -> str:
         """Colour of a tyre by its number; beyond the palette, a darker or lighter shade of a palette colour."""
@@ -140,7 +175,7 @@ class Style:
         return {
             "font.family": ["sans-serif"],
             "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica", "sans-serif"],
-            "font.size": 8.0,
+            "font.size": self.font(8.0),
             "text.parse_math": False,
             "text.color": look.ink,
             "axes.formatter.use_mathtext": False,
@@ -148,8 +183,8 @@ class Style:
             "axes.facecolor": look.paper,
             "axes.edgecolor": look.muted,
             "axes.labelcolor": look.ink,
-            "axes.labelsize": 8.0,
-            "axes.titlesize": 8.5,
+            "axes.labelsize": self.font(8.0),
+            "axes.titlesize": self.font(8.5),
             "axes.titley": 1.0,  # no search for the height of a title: no panel has ticks above it
             "axes.linewidth": 0.7,
             "axes.grid": True,
@@ -162,8 +197,8 @@ class Style:
             "ytick.color": look.muted,
             "xtick.labelcolor": look.ink,
             "ytick.labelcolor": look.ink,
-            "xtick.labelsize": 7.5,
-            "ytick.labelsize": 7.5,
+            "xtick.labelsize": self.font(7.5),
+            "ytick.labelsize": self.font(7.5),
             "xtick.major.width": 0.7,
             "ytick.major.width": 0.7,
             "xtick.major.size": 2.5,
@@ -171,7 +206,7 @@ class Style:
             "lines.linewidth": look.line,
             "lines.markersize": 4.0,
             "lines.markeredgewidth": 0.9,
-            "legend.fontsize": 7.5,
+            "legend.fontsize": self.font(7.5),
             "legend.frameon": False,
             "figure.facecolor": look.paper,
             "savefig.facecolor": look.paper,
@@ -213,61 +248,3 @@ def drawing(style: Style, salt: str = "") -> Iterator[None]:
         settings: Any = {**style.rc, "svg.hashsalt": f"fourpole {salt}"}
         mpl.rcParams.update(settings)
         yield
-
-
-def plain_text(text: str, longest: int = 24) -> str:
-    """A text as figures show it: one line, without invisible characters, shortened in the middle if it is long.
-
-    Examples
-    --------
-    >>> plain_text("a name that is much too long to be shown")
-    'a name that is…be shown'
-    """
-    plain = "".join(sign if sign.isprintable() else " " for sign in unicodedata.normalize("NFC", text[:4000]))
-    plain = " ".join(plain.split())
-    if len(plain) > longest:
-        tail = longest // 3
-        plain = f"{plain[: longest - tail - 1].rstrip()}…{plain[-tail:].lstrip()}"
-    return plain or "(no name)"
-
-
-def short_names(names: Sequence[str], longest: int = 24) -> tuple[str, ...]:
-    """Names as figures show them; equal names get a number.
-
-    Examples
-    --------
-    >>> short_names(["a", "a ", "b"])
-    ('a', 'a #2', 'b')
-    """
-    return tuple(distinct((plain_text(name, longest) for name in names), " #"))
-
-
-def distinct(names: Iterable[str], mark: str, *, taken: Collection[str] = (), fold: bool = False) -> Iterator[str]:
-    """The names made distinct: a name that occurred before or is in `taken` gets the mark and a number.
-
-    With `fold`, names that differ only in upper and lower case count as equal.
-
-    Examples
-    --------
-    >>> list(distinct(["a", "b", "a"], "_", taken=["b"]))
-    ['a', 'b_2', 'a_2']
-    """
-    used = set(taken)
-    for name in names:
-        free, number = name, 1
-        while (free.lower() if fold else free) in used:
-            number += 1
-            free = f"{name}{mark}{number}"
-        used.add(free.lower() if fold else free)
-        yield free
-
-
-def counted(number: int, noun: str) -> str:
-    """A number with its noun in singular or plural.
-
-    Examples
-    --------
-    >>> counted(1, "test"), counted(2, "test")
-    ('1 test', '2 tests')
-    """
-    return f"{number} {noun}{'' if number == 1 else 's'}"

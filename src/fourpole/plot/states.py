@@ -1,0 +1,263 @@
+"""The tested conditions as figures show them: the tests of each, its model, and values of both on the axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fourpole import quantities as q
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.condition import PRELOAD, PRESSURE, Axis
+from fourpole.core.confidence import NORMAL_95
+from fourpole.core.rig import Rig
+from fourpole.errors import ModelError
+from fourpole.fitting.amplitude import COLUMN
+from fourpole.fitting.modelfile import ModelFile
+from fourpole.fitting.query import response, rig_in
+from fourpole.fitting.rows import conditions_in, rule_in
+from fourpole.models.operating import Answer
+from fourpole.plot.fitted import DECADE, Drawn, conditions_of
+from fourpole.plot.names import plain_text
+from fourpole.plot.sheet import Sheet, read_sheet
+from fourpole.quantities import Quantity
+from fourpole.study.results import Results
+
+#: Number of points of a model's curve.
+_GRID = 181
+
+
+@dataclass(frozen=True, eq=False)
+class State(ByValue):
+    """One condition of a specimen, at one level of the deflection if its model depends on it.
+
+    Attributes
+    ----------
+    tyre, pressure, load : int
+        Numbers of the groups in the sheet.
+    place : mapping of str to float
+        Values by the columns of the axes, in SI; not-a-number where not stated. Values that are the same are equal.
+    rows : bool array
+        The tests of the condition, rejected ones included.
+    model : Drawn or None
+        The condition of the model that was fitted to these tests.
+    """
+
+    tyre: int
+    pressure: int
+    load: int
+    place: Mapping[str, float]
+    rows: BoolArray
+    model: Drawn | None = None
+
+
+def states(results: Results) -> list[State]:
+    """All conditions of the dynamic tests, by specimen, pressure and preload; made once for some results."""
+    if "states" not in results.derived:
+        results.derived["states"] = _states(results, read_sheet(results, texts_only=True))
+    found: list[State] = results.derived["states"]
+    return found
+
+
+def _states(results: Results, sheet: Sheet) -> list[State]:
+    if not sheet.tyre.size:
+        return []
+    rule = rule_in(results.record)
+    further = [axis for axis in rule.axes if not axis.text and axis not in (PRESSURE, PRELOAD)]
+    groups = rule.groups(conditions_in(sheet.table, rule))
+    firsts = {int(group): np.flatnonzero(groups == group) for group in np.unique(groups)}
+    places = {
+        axis.column: _same([sheet.values(axis.column)[rows] for rows in firsts.values()], axis) for axis in further
+    }
+    fitted = _fitted(results.models, sheet, groups)
+    made = []
+    for at, (group, rows) in enumerate(firsts.items()):
+        tyre, pressure, load = (int(each[rows[0]]) for each in (sheet.tyre, sheet.pressure, sheet.load))
+        place = {
+            PRESSURE.column: sheet.pressures.values[pressure],
+            PRELOAD.column: sheet.loads.values[load],
+            **{column: values[at] for column, values in places.items()},
+        }
+        made += _by_model(State(tyre, pressure, load, place, groups == group), fitted.get(group, []))
+    return sorted(made, key=lambda one: (one.tyre, *np.nan_to_num(list(one.place.values()), nan=np.inf)))
+
+
+def _same(values: Sequence[FloatArray], axis: Axis) -> list[float]:
+    """The value of each condition on an axis; values that are the same are replaced by their median."""
+    middles = [_middle(one) for one in values]
+    groups = axis.groups(None if np.isnan(one) else one for one in middles)
+    return [float(np.median(np.array(middles)[groups == group])) for group in groups]
+
+
+def _middle(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else np.nan
+
+
+def _fitted(file: ModelFile | None, sheet: Sheet, groups: np.ndarray) -> dict[int, list[Drawn]]:
+    """The conditions of the models by the group that most of their tests are in."""
+    found: dict[int, list[Drawn]] = {}
+    if file is None:
+        return found
+    for entry in file.models:
+        for one in conditions_of(entry, sheet, file):
+            own = groups[one.rows]
+            if own.size:
+                found.setdefault(int(np.bincount(own).argmax()), []).append(one)
+    return found
+
+
+def _by_model(state: State, fitted: Sequence[Drawn]) -> list[State]:
+    """The condition with its model; once for each amplitude where the model depends on the amplitude."""
+    if not fitted or fitted[0].amplitude is None:
+        return [replace(state, model=fitted[0] if fitted else None)]
+    parts = [
+        replace(state, place={**state.place, COLUMN: dict(one.others)[COLUMN]}, rows=one.rows & state.rows, model=one)
+        for one in fitted
+    ]
+    rest = state.rows & ~np.any([one.rows for one in parts], axis=0)
+    return [*parts, replace(state, rows=rest)] if rest.any() else parts
+
+
+def differing(found: Sequence[State]) -> list[str]:
+    """The columns of the axes in which some conditions differ, that with the most values first."""
+    counts = {column: len(values_on(found, column)) for column in dict.fromkeys(c for one in found for c in one.place)}
+    return sorted((column for column, count in counts.items() if count > 1), key=lambda column: -counts[column])
+
+
+def values_on(found: Sequence[State], column: str) -> list[float]:
+    """The distinct values of some conditions on an axis, rising; not-a-number last."""
+    values = {one.place.get(column, np.nan) for one in found}
+    known = sorted(value for value in values if not np.isnan(value))
+    return [*known, *([np.nan] if len(known) < len({str(value) for value in values}) else [])]
+
+
+def axis_shown(column: str) -> tuple[str, str, float]:
+    """Name and unit of an axis as shown, and the SI value of the unit.
+
+    Examples
+    --------
+    >>> axis_shown("pressure [Pa]"), axis_shown("camber [deg]")
+    (('pressure', 'bar', 100000.0), ('camber', 'deg', 1.0))
+    """
+    for one in (q.PRESSURE, q.TEMPERATURE, q.DEFLECTION_AMPLITUDE):
+        if one.head == column:
+            return one.name, one.shown, one.scale
+    name, _, unit = column.removesuffix("]").partition(" [")
+    return plain_text(name), plain_text(unit or "1"), 1.0
+
+
+def place_text(sheet: Sheet, column: str, value: float) -> str:
+    """A value on an axis with its unit; the name stands before it where the unit does not say what it is."""
+    for groups, axis in ((sheet.pressures, PRESSURE), (sheet.loads, PRELOAD)):
+        if axis.column == column:
+            at = groups.values.index(value) if value in groups.values else len(groups) - 1
+            label = groups.labels[at]
+            return label if label[0].isdigit() else f"{axis.name} {label}"
+    name, unit, scale = axis_shown(column)
+    if np.isnan(value):
+        return f"{name} not stated"
+    text = f"{value / scale:.3g} {unit}".removesuffix(" 1")
+    return text if column in (q.TEMPERATURE.head, COLUMN) else f"{name} {text}"
+
+
+@dataclass(frozen=True, eq=False)
+class ModelCurve(ByValue):
+    """K* of the model of a condition over its band: frequencies [Hz], K* [N/m] and the covariance of Re, Im."""
+
+    frequency: FloatArray
+    stiffness: ComplexArray
+    covariance: FloatArray
+
+
+def model_curve(results: Results, state: State) -> ModelCurve | None:
+    """The curve of a condition's model, of which the frequencies are dense; None without a model."""
+    one = state.model
+    if one is None:
+        return None
+    key = ("curve", one.entry.tyre, one.at, one.amplitude)
+    if key not in results.derived:
+        low, high = one.band
+        grid = np.geomspace(low, high, _GRID) if high > DECADE * low else np.linspace(low, high, _GRID)
+        moved = None if one.amplitude is None else np.full(grid.size, one.amplitude)
+        results.derived[key] = ModelCurve(grid, *response(one.entry, one.at, grid, moved))
+    found: ModelCurve = results.derived[key]
+    return found
+
+
+def curve_of(results: Results, state: State, quantity: Quantity) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Frequencies [Hz], values and half-widths of the 95 % band of the model's curve, in the unit of the axis.
+
+    K2 and C follow from K* of the model and K1 of the tests; TR follows from K* and the rig, whose uncertainty is in
+    the band. None where the model or what else is needed is not known.
+    """
+    found = model_curve(results, state)
+    if found is None:
+        return None
+    k, covariance = found.stiffness, found.covariance
+    if quantity in (q.K2, q.C):
+        made = _arm(results, state, found, quantity)
+    elif quantity in (q.TR_MEASURED, q.TR_PREDICTED):
+        made = _transmissibility(results, found)
+    else:
+        value, by = _part(quantity, k)
+        made = value, np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", by, covariance, by), 0.0))
+    if made is None or not np.any(np.isfinite(made[0])):
+        return None
+    return found.frequency, made[0] / quantity.scale, NORMAL_95 * made[1] / quantity.scale
+
+
+def _part(quantity: Quantity, k: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """A part of K* (N,) and its derivatives (N, 2) by Re and Im."""
+    size = np.abs(k)
+    one, zero = np.ones(k.size), np.zeros(k.size)
+    if quantity is q.MODULUS:
+        return size, np.stack([k.real, k.imag], axis=1) / size[:, None]
+    if quantity is q.LOSS_ANGLE:
+        return np.angle(k), np.stack([-k.imag, k.real], axis=1) / (size**2)[:, None]
+    if quantity is q.STORAGE:
+        return k.real, np.stack([one, zero], axis=1)
+    return k.imag, np.stack([zero, one], axis=1)
+
+
+def _answer(found: ModelCurve, k1: float, k1_std: float) -> Answer:
+    covariance = np.zeros((found.frequency.size, 3, 3))
+    covariance[:, :2, :2], covariance[:, 2, 2] = found.covariance, k1_std**2
+    level = np.full(found.frequency.size, k1)
+    return Answer.of(found.stiffness, level, covariance, 2 * np.pi * found.frequency)
+
+
+def _arm(results: Results, state: State, found: ModelCurve, quantity: Quantity) -> tuple[FloatArray, FloatArray] | None:
+    sheet = read_sheet(results, texts_only=True)
+    k1, std = (_middle(sheet.values(head)[state.rows & ~sheet.rejected]) for head in q.K1.heads)
+    if not np.isfinite(k1):
+        return None
+    answer = _answer(found, k1, float(np.nan_to_num(std)))
+    at = 0 if quantity is q.K2 else 1
+    return (answer.k2, answer.c)[at], np.sqrt(answer.arm_covariance[:, at, at])
+
+
+def _transmissibility(results: Results, found: ModelCurve) -> tuple[FloatArray, FloatArray] | None:
+    rig = model_rig(results)
+    return None if rig is None or rig.blocked else _answer(found, 0.0, 0.0).transmissibility(rig, found.frequency)
+
+
+def model_rig(results: Results) -> Rig | None:
+    """The rig with which TR of a model is computed; None for several rigs, or where none is known."""
+    try:
+        return rig_in(results.models.rig) if results.models is not None else None
+    except ModelError:
+        return None
+
+
+def values_of(sheet: Sheet, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
+    """Values and standard uncertainties of all tests in the unit of the axis, also of |K*| and the loss angle."""
+    if quantity not in (q.MODULUS, q.LOSS_ANGLE):
+        return sheet.shown(quantity)
+    (real, u_real), (imag, u_imag) = ((sheet.values(one.head), sheet.values(one.u_head)) for one in (q.STORAGE, q.LOSS))
+    cross = np.nan_to_num(sheet.values(q.CORR_K.head)) * u_real * u_imag
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value, by = _part(quantity, real + 1j * imag)
+        variance = (by[:, 0] * u_real) ** 2 + (by[:, 1] * u_imag) ** 2 + 2 * by[:, 0] * by[:, 1] * cross
+    return value / quantity.scale, np.sqrt(np.maximum(variance, 0.0)) / quantity.scale
