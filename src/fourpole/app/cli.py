@@ -39,6 +39,7 @@ _ROUTES = (
 _DRAWS = "Monte Carlo trials for intervals of K2 and C that are not normal; 0: none."
 Theme = Annotated[str, typer.Option(help="Colours of the figures: light, dark or print.")]
 PngFlag = Annotated[bool, typer.Option("--png", help="Write each figure as PNG, too.")]
+PaperFlag = Annotated[bool, typer.Option("--paper", help="With the figures of the 1982 paper, too.")]
 StaticStiffness = Annotated[float, amount("--k1", "stiffness", 'Static stiffness, as "180 kN/m".', "positive")]
 
 #: Functions of the commands by name, in the order of the help.
@@ -308,7 +309,7 @@ def plan(
 
 
 @_command
-def report(folder: ResultsFolder, theme: Theme = "light", png: PngFlag = False) -> None:
+def report(folder: ResultsFolder, theme: Theme = "light", png: PngFlag = False, paper: PaperFlag = False) -> None:
     """Make the figures and report.html again from the result tables, without reading the recordings.
 
     The report has the models and maps that fit and map have made of these tables since.
@@ -320,7 +321,7 @@ def report(folder: ResultsFolder, theme: Theme = "light", png: PngFlag = False) 
     results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
     from fourpole.app.report import run_report
 
-    run_report(results, folder, theme, png=png)
+    run_report(results, folder, theme, png=png, paper=paper)
 
 
 @_command

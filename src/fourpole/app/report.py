@@ -12,7 +12,7 @@ from fourpole.app.console import out, progress, warn
 from fourpole.errors import CampaignError
 from fourpole.findings import findings
 from fourpole.io.staging import staged
-from fourpole.plot import FIGURES, Style, draw, save_figures, write_figure
+from fourpole.plot import FIGURES, Style, draw, figures_of, save_figures, write_figure
 from fourpole.plot.catalogue import figure_files
 from fourpole.report.page import ReportFigure, write_report
 from fourpole.report.words.sentence import sentences
@@ -25,13 +25,19 @@ _MANY, _MOST_DRAWERS = 5000, 4
 OF_REPORT = (*(f"figures/{name}" for name in figure_files()), "report.html")
 
 
-def make_report(results: Results, folder: Path, style: Style | None = None, *, png: bool = False) -> Path:
-    """Draw all figures into `folder/figures`, each with `png` in that format, too, and write `folder/report.html`."""
+def make_report(
+    results: Results, folder: Path, style: Style | None = None, *, png: bool = False, paper: bool = False
+) -> Path:
+    """Draw the figures into `folder/figures`, each with `png` in that format, too, and write `folder/report.html`.
+
+    With `paper`, the figures of the 1982 paper are among them.
+    """
     formats = ("svg", "png") if png else ("svg",)
     with progress("drawing") as advance, _drawers(results) as executor:
         files = save_figures(
-            results, folder / "figures", style=style, formats=formats, progress=advance, executor=executor
-        )
+            results, folder / "figures", keys=figures_of(results, paper=paper), style=style, formats=formats,
+            progress=advance, executor=executor,
+        )  # fmt: skip
     figures = {
         key: ReportFigure(key, FIGURES[key].title, FIGURES[key].caption, path.read_text(encoding="utf-8"))
         for key, path in files.items()
@@ -56,12 +62,12 @@ def _drawers(results: Results) -> Iterator[Executor | None]:
             raise
 
 
-def run_report(results: Results, folder: Path, theme: str, *, png: bool = False) -> None:
+def run_report(results: Results, folder: Path, theme: str, *, png: bool = False, paper: bool = False) -> None:
     """Make figures and report from the tables of a results folder, and print the path of the report."""
     for fault in results.faults:
         warn(fault)
     with staged(folder, OF_REPORT) as new:
-        page = make_report(results, new, Style(theme), png=png)
+        page = make_report(results, new, Style(theme), png=png, paper=paper)
     out(f"report: {folder / page.name}")
 
 
