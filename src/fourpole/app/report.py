@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fourpole.app.console import out, progress, warn
 from fourpole.errors import CampaignError
-from fourpole.findings import findings
+from fourpole.findings import by_size, findings
 from fourpole.io.staging import staged
 from fourpole.plot import FIGURES, Style, draw, figures_of, save_figures, write_figure
 from fourpole.plot.catalogue import figure_files
@@ -43,7 +43,7 @@ def make_report(
         for key, path in files.items()
     }
     page = folder / "report.html"
-    write_report(results, page, findings=sentences(findings(results)), figures=figures)
+    write_report(results, page, findings=sentences(by_size(findings(results))), figures=figures)
     return page
 
 

@@ -24,7 +24,7 @@ _NOTE = Path("cache", "standing.json")
 #: Programs on which the results depend; one that is not installed counts, too.
 _PROGRAMS = ("numpy", "scipy", "polars", "pint", "matplotlib", "asammdf", "h5py", "npTDMS", "pyuff", "s3fs")
 #: The files that state a campaign.
-STATEMENT = ("campaign.toml", "tests.csv")
+STATEMENT = ("campaign.toml", "tests.csv", "limits.toml")
 
 
 @dataclass(frozen=True)

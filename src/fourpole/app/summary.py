@@ -34,6 +34,7 @@ def _lines(rows: Sequence[SummaryRow]) -> list[str]:
         return []
     ranges = any(low is not high for row in rows for low, high in row.values.values())
     shown = rows[:_MOST]
+    alone = ranges and len({row.specimen for row in rows}) == len(rows)
     heads = ["", *(f"{one.symbol} [{one.suffix or one.shown}]" for one in _SHOWN)]
     table = [heads, *([_condition(row), *(_cell(row, one, ranges=ranges) for one in _SHOWN)] for row in shown)]
     lines = [_title(rows, ranges=ranges)]
@@ -41,7 +42,7 @@ def _lines(rows: Sequence[SummaryRow]) -> list[str]:
         widths = [max(len(row[at]) for row in table) for at in part]
         before = None
         for named, row in zip([None, *(one.specimen for one in shown)], table, strict=True):
-            if named != before and not ranges:
+            if named != before and not alone:
                 lines.append(named or "")
             before = named
             cells = [row[0].ljust(widths[0]), *(row[at].rjust(w) for at, w in zip(part[1:], widths[1:], strict=True))]

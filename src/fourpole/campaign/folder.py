@@ -13,11 +13,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
 from pathlib import Path
+from typing import Any
 
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean
 from fourpole.campaign.columns import PASSED, QUANTITIES, Column, columns_of, doubts_of
 from fourpole.campaign.doubts import doubtful_uncertainties
+from fourpole.campaign.limits import StatedLimit, read_limits
+from fourpole.campaign.particulars import logo_of
 from fourpole.campaign.place import at_hand
 from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.core.arrays import short_repr
@@ -29,6 +32,8 @@ from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode, read_bytes
 
+#: The file with the limits that results are held against.
+LIMITS = "limits.toml"
 #: Largest size of campaign.toml and of tests.csv [byte].
 _MOST_TOML, _MOST_TESTS = 4_000_000, 200_000_000
 #: Largest number of characters of a cell.
@@ -77,6 +82,10 @@ class Campaign:
         Columns of tests.csv that pass through to the results.
     doubts : tuple of str
         What is allowed as it is stated, but probably a slip: columns and uncertainties.
+    limits : tuple of StatedLimit
+        The limits of limits.toml.
+    logo : str
+        The logo of [report] as a data: URL; empty without one.
     """
 
     folder: Path
@@ -84,8 +93,17 @@ class Campaign:
     tests: tuple[Test, ...]
     extra_columns: tuple[str, ...]
     doubts: tuple[str, ...] = ()
+    limits: tuple[StatedLimit, ...] = ()
+    logo: str = ""
 
     __repr__ = short_repr
+
+    def statement(self) -> dict[str, Any]:
+        """What campaign.toml and limits.toml state, as plain data in SI units."""
+        stated = self.stated.summary()
+        if self.logo:
+            stated["report"] = {**stated.get("report", {}), "logo": self.logo}
+        return {**stated, **({"limits": [limit.summary() for limit in self.limits]} if self.limits else {})}
 
     def of_kind(self, kind: str) -> list[Test]:
         """Tests of a kind; the dynamic ones include rows of an unknown kind, so that results list every row."""
@@ -140,7 +158,16 @@ def read_campaign(folder: str | Path) -> Campaign:
                 f"campaign.toml: [conditions] axes: {units.shown(axis.name)} is no further column of tests.csv"
                 + (did_you_mean(axis.name, extra) if extra else "; it has none")
             )
-    return Campaign(folder, stated, tuple(tests), extra, (*doubts_of(columns, stated), *doubtful_uncertainties(stated)))
+    doubts = (*doubts_of(columns, stated), *doubtful_uncertainties(stated))
+    logo = logo_of(folder, stated.report.logo)
+    return Campaign(folder, stated, tuple(tests), extra, doubts, _limits(folder, tests), logo)
+
+
+def _limits(folder: Path, tests: Sequence[Test]) -> tuple[StatedLimit, ...]:
+    """The limits of limits.toml; none without such a file."""
+    path = folder / LIMITS
+    specimens = tuple(dict.fromkeys(test.tyre for test in tests))
+    return read_limits(_text(path, _MOST_TOML, strict=True), specimens) if path.is_file() else ()
 
 
 def _text(path: Path, most: int, *, strict: bool) -> str:

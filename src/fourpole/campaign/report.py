@@ -1,4 +1,4 @@
-"""[report] of campaign.toml: how the results are shown."""
+"""[report] of campaign.toml: what a report says of the laboratory and the items, and how it shows the results."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
-from fourpole.campaign.channels import File
+from fourpole.campaign.particulars import Particulars
 from fourpole.campaign.shown import shown_units, wanted_units
-from fourpole.quantities import ShownUnits
+from fourpole.quantities import FREQUENCY, ShownUnits
 
 
-class ReportFile(File):
-    """[report]: the units in which results are shown, by the name of their kind."""
+class ReportFile(Particulars):
+    """[report]: particulars of the test, and the units in which results are shown, by the name of their kind."""
 
     units: Annotated[dict[str, str], BeforeValidator(wanted_units)] = Field(default_factory=dict)
 
@@ -22,5 +22,8 @@ class ReportFile(File):
         return shown_units(self.units)
 
     def summary(self) -> dict[str, Any]:
-        """What is stated, as plain data."""
-        return self.model_dump(mode="json", exclude_defaults=True)
+        """What is stated, as plain data; the frequency by its head with the unit."""
+        found = self.model_dump(mode="json", exclude_defaults=True)
+        if "frequency" in found:
+            found[FREQUENCY.head] = found.pop("frequency")
+        return found

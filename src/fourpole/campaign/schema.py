@@ -21,6 +21,7 @@ from fourpole.campaign.channels import (
     did_you_mean,
     known_keys,
 )
+from fourpole.campaign.particulars import Equipment
 from fourpole.campaign.report import ReportFile
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.rig import PARAMETERS, Rig
@@ -338,6 +339,7 @@ _TABLES: dict[str, Any] = {
     "reference": ReferenceFile,
     "conditions": ConditionsFile,
     "report": ReportFile,
+    "equipment": Equipment,
 }
 
 
@@ -347,7 +349,7 @@ def _fault(fault: Any, name: str) -> str:
     kind = fault["type"]
     if kind == "extra_forbidden":
         owner: Any = CampaignFile
-        for part in path[:-1]:
+        for part in (part for part in path[:-1] if not part.isdigit()):
             owner = _TABLES.get(part, ChannelFile)
         problem = f"unknown key{did_you_mean(path[-1], tuple(owner.model_fields))}"
     elif kind == "missing":

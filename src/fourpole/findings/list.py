@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import inf
+
 import numpy as np
 
 from fourpole.findings.claims import claims
-from fourpole.findings.comparisons import compare
+from fourpole.findings.comparisons import Comparison, compare
 from fourpole.findings.facts import Facts, pairs
 from fourpole.findings.finding import Finding
 from fourpole.findings.levels import cycle_losses, level_of, linearity
 from fourpole.findings.resonances import transmissibility
-from fourpole.findings.trends import trend_of
+from fourpole.findings.trends import Trend, trend_of
 from fourpole.findings.verdicts import verdicts
 from fourpole.quantities import DERIVED, K1, K2, LOSS_FACTOR, STORAGE, C, Quantity
 from fourpole.study.results import Results
+
+#: Effects below this are too small to matter unless they exceed so many standard uncertainties.
+_SMALL, _SURE = 0.01, 3.0
 
 
 def findings(results: Results) -> list[Finding]:
@@ -46,6 +52,26 @@ def findings(results: Results) -> list[Finding]:
         if quantity is not STORAGE or _lacks_arm(facts):
             found += _quantity(facts, quantity)
     return [*found, *cycle_losses(facts), *transmissibility(facts), *claims(facts)]
+
+
+def by_size(found: Sequence[Finding]) -> list[Finding]:
+    """Findings as a reader wants them: within a topic the largest effects first, without those too small to matter.
+
+    Only differences between specimens and trends have a size. One below 1 % is left out unless it exceeds three of its
+    standard uncertainties. Other findings keep their places before them.
+    """
+    kept = [one for one in found if not _is_small(one)]
+    first = {one.topic: at for at, one in reversed(list(enumerate(kept)))}
+    return sorted(kept, key=lambda one: (first[one.topic], -_size(one)))
+
+
+def _size(one: Finding) -> float:
+    """The size of a relative effect; infinite for a finding that has none."""
+    return abs(one.effect) if one.effect is not None and isinstance(one.detail, Comparison | Trend) else inf
+
+
+def _is_small(one: Finding) -> bool:
+    return _size(one) < _SMALL and _size(one) <= _SURE * (one.std or 0.0)
 
 
 def _lacks_arm(facts: Facts) -> bool:

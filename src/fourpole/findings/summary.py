@@ -13,7 +13,7 @@ from fourpole import quantities as q
 from fourpole.findings.facts import Facts, Measured, averaged
 from fourpole.findings.finding import UNSTATED, Key
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
-from fourpole.study.results import Results
+from fourpole.study.results import Results, section
 
 #: The quantities of the table, in its order.
 SUMMARISED = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
@@ -21,6 +21,10 @@ SUMMARISED = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
 USUAL_FREQUENCY = 15.0
 #: Conditions that a table shows one by one; of more, each specimen has one row.
 MOST_CONDITIONS = 12
+#: Lowest and highest value; None where there is none.
+Range = tuple[float, float] | None
+#: Rows of dynamic.csv by (specimen, (pressure, preload)), then by frequency [Hz].
+Conditions = dict[tuple[str, Key], dict[float, list[dict[str, Any]]]]
 
 
 @dataclass(frozen=True)
@@ -30,43 +34,46 @@ class SummaryRow:
     Attributes
     ----------
     specimen : str
-    pressure, preload : (float, float) or None
-        Lowest and highest [Pa], [N]; None where none is stated.
+    pressure, preload, temperature, amplitude : (float, float) or None
+        Lowest and highest [Pa], [N], [degC], and of the deflection, 0-to-peak [m]; None where none is stated or known.
     frequency : (float, float)
         Lowest and highest [Hz].
     tests : tuple of str
         The tests behind the row.
     values : mapping of str to (Measured, Measured)
         The lowest and the highest value of each quantity by its key, in SI; the same twice for one condition.
+    largest : mapping of str to float
+        The largest standard uncertainty of each quantity by its key, in SI.
     intervals : mapping of str to (float, float)
         95 % interval of K2 or C by its key, in SI, where the value with twice its uncertainty is none; infinite without
         an upper limit.
     """
 
     specimen: str
-    pressure: tuple[float, float] | None
-    preload: tuple[float, float] | None
+    pressure: Range
+    preload: Range
+    temperature: Range
+    amplitude: Range
     frequency: tuple[float, float]
     tests: tuple[str, ...]
     values: Mapping[str, tuple[Measured, Measured]]
+    largest: Mapping[str, float]
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-def summary(
-    results: Results, *, frequency: float = USUAL_FREQUENCY, most: int = MOST_CONDITIONS
-) -> tuple[SummaryRow, ...]:
+def summary(results: Results, *, frequency: float | None = None, most: int = MOST_CONDITIONS) -> tuple[SummaryRow, ...]:
     """A row for each condition at the tested frequency nearest to a wanted one, of those that all conditions share.
 
     Where they share none, each has its own nearest one. Tests of one condition and frequency are averaged; the
     uncertainty of a mean is the mean one, or that of the scatter if it is larger. Of more conditions than `most`, each
-    specimen has one row with its lowest and its highest values.
+    specimen has one row at each preload with its lowest and its highest values, or one row if that is still too much.
 
     Parameters
     ----------
     results : Results
         Tables of an analysed campaign.
-    frequency : float [Hz]
-        The wanted frequency.
+    frequency : float, optional [Hz]
+        The wanted frequency; by default that which [report] of campaign.toml states, else 15 Hz.
     most : int
         Conditions that have a row each.
 
@@ -75,38 +82,67 @@ def summary(
     tuple of SummaryRow
         Sorted by specimen, pressure and preload; empty without a dynamic test in use.
     """
-    facts = Facts.of(results)
-    at: dict[tuple[str, Key], dict[float, list[dict[str, Any]]]] = {}
-    for row in facts.used_dynamic:
-        pressure, load, place = facts.key(row, ("pressure", "load", "frequency"))
-        if place != UNSTATED:
-            at.setdefault((row["tyre"], (pressure, load)), {}).setdefault(place, []).append(row)
+    at = conditions_of(Facts.of(results))
     if not at:
         return ()
+    if frequency is None:
+        frequency = wanted_frequency(results)
     shared = set.intersection(*(set(each) for each in at.values()))
     rows = []
     for (specimen, condition), tested in sorted(at.items()):
         chosen = min(shared or tested, key=lambda one: (abs(one - frequency), one))
         made = _row(specimen, condition, chosen, tested[chosen])
-        rows.append(replace(made, intervals=_intervals(results, made.tests)))
+        rows.append(replace(made, intervals=intervals_of(results, made.tests)))
     if len(rows) <= most:
         return tuple(rows)
-    names = dict.fromkeys(row.specimen for row in rows)
-    return tuple(_joined([row for row in rows if row.specimen == name]) for name in names)
+    groups: dict[tuple[str, Range], list[SummaryRow]] = {}
+    for row in rows:
+        groups.setdefault((row.specimen, row.preload), []).append(row)
+    if len(groups) > most:
+        names = dict.fromkeys(row.specimen for row in rows)
+        return tuple(_joined([row for row in rows if row.specimen == name]) for name in names)
+    return tuple(map(_joined, groups.values()))
+
+
+def wanted_frequency(results: Results) -> float:
+    """The frequency [Hz] near which results are summarised: that of [report] in campaign.toml, else 15 Hz."""
+    stated = section(results.record, "stated", "report").get(q.FREQUENCY.head)
+    return float(stated) if isinstance(stated, int | float) and stated > 0 else USUAL_FREQUENCY
+
+
+def conditions_of(facts: Facts) -> Conditions:
+    """The dynamic tests in use by nominal condition and frequency."""
+    found: Conditions = {}
+    for row in facts.used_dynamic:
+        pressure, load, place = facts.key(row, ("pressure", "load", "frequency"))
+        if place != UNSTATED:
+            found.setdefault((row["tyre"], (pressure, load)), {}).setdefault(place, []).append(row)
+    return found
+
+
+def mean_of(quantity: Quantity, tests: Sequence[Mapping[str, Any]]) -> Measured | None:
+    """A quantity averaged over the rows of some tests; None where none of them has it."""
+    found = [(*pair, str(row["test"])) for row in tests if (pair := _value(quantity, row)) is not None]
+    return averaged(found) if found else None
 
 
 def _row(specimen: str, condition: Key, frequency: float, tests: Sequence[Mapping[str, Any]]) -> SummaryRow:
     pressure, preload = (None if value == UNSTATED else (value, value) for value in condition)
-    values = {}
-    for quantity in SUMMARISED:
-        found = [(*pair, str(row["test"])) for row in tests if (pair := _value(quantity, row)) is not None]
-        if found:
-            values[quantity.key] = (averaged(found),) * 2
+    means = {quantity.key: mean for quantity in SUMMARISED if (mean := mean_of(quantity, tests)) is not None}
+    values = {key: (mean, mean) for key, mean in means.items()}
     names = tuple(str(row["test"]) for row in tests)
-    return SummaryRow(specimen, pressure, preload, (frequency, frequency), names, values)
+    temperature, amplitude = (_middle(tests, one) for one in (q.TEMPERATURE, q.DEFLECTION_AMPLITUDE))
+    stds = {key: mean.std for key, mean in means.items()}
+    return SummaryRow(specimen, pressure, preload, temperature, amplitude, (frequency, frequency), names, values, stds)
 
 
-def _intervals(results: Results, tests: Sequence[str]) -> dict[str, tuple[float, float]]:
+def _middle(tests: Sequence[Mapping[str, Any]], quantity: Quantity) -> Range:
+    """Mean of a column over some tests, twice."""
+    stated = [value for row in tests if (value := row.get(quantity.head)) is not None and isfinite(value)]
+    return (sum(stated) / len(stated),) * 2 if stated else None
+
+
+def intervals_of(results: Results, tests: Sequence[str]) -> dict[str, tuple[float, float]]:
     """The widest of the skewed intervals that some tests have, by quantity."""
     table = results.quantiles
     if table.is_empty():
@@ -147,23 +183,24 @@ def _polar(quantity: Quantity, row: Mapping[str, Any]) -> tuple[float, float] | 
 
 def _joined(rows: Sequence[SummaryRow]) -> SummaryRow:
     """One row of several conditions of a specimen."""
-    values = {}
+    values, largest = {}, {}
     for quantity in SUMMARISED:
         found = [row.values[quantity.key][0] for row in rows if quantity.key in row.values]
         if found:
             values[quantity.key] = (min(found, key=_size), max(found, key=_size))
+            largest[quantity.key] = max(one.std for one in found)
     ranges = [
         (min(one[0] for one in stated), max(one[1] for one in stated)) if stated else None
         for stated in ([one for one in each if one is not None] for each in zip(*map(_axes, rows), strict=True))
     ]
-    pressure, preload, frequency = ranges
+    pressure, preload, temperature, amplitude, frequency = ranges
     assert frequency is not None
     tests = tuple(test for row in rows for test in row.tests)
-    return SummaryRow(rows[0].specimen, pressure, preload, frequency, tests, values)
+    return SummaryRow(rows[0].specimen, pressure, preload, temperature, amplitude, frequency, tests, values, largest)
 
 
-def _axes(row: SummaryRow) -> tuple[tuple[float, float] | None, ...]:
-    return row.pressure, row.preload, row.frequency
+def _axes(row: SummaryRow) -> tuple[Range, ...]:
+    return row.pressure, row.preload, row.temperature, row.amplitude, row.frequency
 
 
 def _size(measured: Measured) -> float:

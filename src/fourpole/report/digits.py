@@ -51,6 +51,43 @@ def with_std(value: object, std: object, digits: int = 4) -> tuple[str, str]:
     return _fixed(found, decimals), _fixed(u, decimals)
 
 
+def expanded(value: float, std: float, coverage: float = 2.0) -> tuple[str, str]:
+    """A number and its expanded uncertainty U, to the second digit of U if its first is 1 or 2, else to the first.
+
+    >>> expanded(172.3482, 0.619), expanded(1105.36, 33.0), expanded(0.30366, 0.0)
+    (('172.3', '1.2'), ('1110', '70'), ('0.3037', ''))
+    """
+    reach = coverage * std
+    decimals = _decimals(reach)
+    if decimals is None:
+        return number(value), ""
+    return _rounded(value, decimals), _rounded(reach, decimals)
+
+
+def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
+    """A number and an interval about it that is skewed, to the digits that U would have.
+
+    >>> with_interval(93.81, 93.42, 94.51), with_interval(50.0, 20.0, math.inf)
+    (('93.8', '93.4 to 94.5'), ('50', 'above 20'))
+    """
+    decimals = _decimals(0.5 * (high - low))
+    if decimals is None:
+        return number(value, 2), f"above {number(low, 2)}" if math.isinf(high) else f"{number(low)} to {number(high)}"
+    return _rounded(value, decimals), f"{_rounded(low, decimals)} to {_rounded(high, decimals)}"
+
+
+def _decimals(reach: float) -> int | None:
+    """Decimals of a number with an expanded uncertainty; None where this is zero or unknown."""
+    if not 1e-9 < reach < 1e7:
+        return None
+    leading = f"{reach:.0e}"
+    return -int(leading[2:]) + (leading[0] in "12")
+
+
+def _rounded(value: float, decimals: int) -> str:
+    return _fixed(round(value, decimals), decimals)
+
+
 def _power(value: float, digits: int) -> int:
     """Power of ten of a number once it is rounded."""
     return int(f"{value:.{digits - 1}e}".partition("e")[2])

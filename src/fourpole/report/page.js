@@ -216,7 +216,10 @@
     return list;
   };
 
-  for (const files of document.querySelectorAll(".files")) addEventListener("beforeprint", () => { files.open = true; });
+  const folded = [...document.querySelectorAll(".part, .files, .model details")]; // all of it is printed
+  let shut = [];
+  addEventListener("beforeprint", () => { shut = folded.filter((part) => !part.open); shut.forEach((part) => { part.open = true; }); });
+  addEventListener("afterprint", () => shut.forEach((part) => { part.open = false; }));
 
   // ---- cards: made when they are first opened
   let data = null;
@@ -242,8 +245,10 @@
   };
   for (const card of cards.values()) card.addEventListener("toggle", () => { if (card.open) build(card); });
   const follow = () => {
-    const card = cards.get(decodeURIComponent(location.hash.slice(1)));
-    if (!card) return;
+    const name = decodeURIComponent(location.hash.slice(1)), place = name && byId(name), card = cards.get(name);
+    const part = place && (place.closest(".part") ?? place.querySelector(":scope > .part"));
+    if (part) part.open = true;
+    if (!card) { if (part) place.scrollIntoView({ block: "start" }); return; }
     if (card.hidden) { form.reset(); filter(); }
     card.open = true;
     build(card);

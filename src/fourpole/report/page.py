@@ -19,15 +19,19 @@ from fourpole.findings.verdicts import CheckRow, checks_by_test
 from fourpole.io.write import write_text
 from fourpole.report.cards import embedded, make_cards
 from fourpole.report.digits import number
+from fourpole.report.folded import folded
+from fourpole.report.front import front_page
 from fourpole.report.models import models_section
 from fourpole.report.rows import DYNAMIC, STATIC, result_rows
-from fourpole.report.stated import channel_rows, rig_rows, tested, verdict_counts
+from fourpole.report.stated import channel_rows, rig_rows, tested
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
 from fourpole.report.words.sentence import Sentence
 from fourpole.report.words.shared_values import GROUPS
 from fourpole.study.results import Results, section, texts
 
+#: Keys of the figures on the first page.
+FRONT = ("first-stiffness", "first-tr")
 #: Up to this number the tests of a finding or a remark are listed by name.
 _NAMED = 12
 #: Characters that a page must not contain: control characters and lone surrogates.
@@ -100,10 +104,17 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
     dynamic = result_rows(results.dynamic, DYNAMIC, dynamic_keys)
     where = {card.test: card.key for card in cards}
     record = results.record
+    title = str(record.get("title") or "") or "Campaign without a title"
     script = _part("page.js")
+    front = front_page(results, findings)
+    topics, remarks = _topics(findings, where), _remarks([*dynamic.rows, *static.rows], checks_by_test(results.checks))
+    models, rigs_found = models_section(results), [_rig_as_found(found, where) for found in rigs_in_words(results)]
+    shown = {key: figure for key, figure in figures.items() if key not in FRONT}
     text = _template().render(
-        title=str(record.get("title") or "") or "Campaign without a title",
-        counts=verdict_counts(results.static, results.dynamic),
+        title=title,
+        front=front,
+        front_figures=[figures[key] for key in FRONT if key in figures],
+        folded=folded(results, topics=len(topics), findings=len(findings), remarks=len(remarks), figures=len(shown)),
         cards=cards,
         tables=[
             {"key": key, "name": name, "table": table}
@@ -116,22 +127,27 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
         tyres=tested(results),
         tyre_index={tyre: at for at, tyre in enumerate(dict.fromkeys(card.tyre for card in cards))},
         verdicts=VERDICTS,
-        topics=_topics(findings, where),
+        topics=topics,
         rigs=rig_rows(record),
         channels=channel_rows(record),
         sample_rate=section(record, "stated").get("sample_rate [Hz]"),
-        rigs_found=[_rig_as_found(found, where) for found in rigs_in_words(results)],
+        rigs_found=rigs_found,
         limits=limits(results),
-        models=models_section(results),
+        models=models,
         lacks_models=results.models is None and results.dynamic.height > 0,
         faults=list(results.faults),
         assumptions=texts(record.get("assumptions")),
-        figures=_numbered(list(figures.values())),
-        remarks=_remarks([*dynamic.rows, *static.rows], checks_by_test(results.checks)),
+        figures=_numbered(list(shown.values())),
+        remarks=remarks,
         settings={str(name): str(value) for name, value in section(record, "settings").items()},
         versions={str(name): str(value) for name, value in section(record, "versions").items()},
         hashes={str(name): str(value) for name, value in section(record, "sha256").items()},
         data=Markup(embedded({card.key: card.body for card in cards})),
+        footing=Markup(
+            _css_text(
+                " · ".join(part for part in (front.laboratory, front.number, str(record.get("title") or "")) if part)
+            )
+        ),
         style=Markup(_part("page.css")),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
@@ -143,9 +159,14 @@ def _part(name: str) -> str:
     return resources.files("fourpole.report").joinpath(name).read_text(encoding="utf-8")
 
 
+def _css_text(text: str) -> str:
+    """A text as a string of a style sheet inside a page, with every sign but letters, digits and blanks escaped."""
+    return '"' + "".join(c if (c.isalnum() and c.isascii()) or c == " " else f"\\{ord(c):x} " for c in text[:120]) + '"'
+
+
 def _template() -> Any:
     environment = Environment(
-        loader=DictLoader({"page": _part("template.html")}),
+        loader=DictLoader({"page": _part("template.html"), "front": _part("front.html")}),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 from numpy.typing import ArrayLike
 
-from fourpole.campaign.folder import Campaign, Test, read_campaign
+from fourpole.campaign.folder import LIMITS, Campaign, Test, read_campaign
 from fourpole.core.checks import Check, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.condition import Sameness
@@ -235,7 +235,7 @@ class Study(Tables):
             "title": self.campaign.stated.title,
             "settings": {"route": self.route, "monte_carlo": self.monte_carlo, "seed": _SEED},
             "conditions": {"axes": axes_record(self.campaign.stated.sameness)},
-            "stated": self.campaign.stated.summary(),
+            "stated": self.campaign.statement(),
             "versions": {
                 "python": platform.python_version(),
                 "fourpole": VERSION,
@@ -426,7 +426,8 @@ def _hashes(
     campaign: Campaign, statics: Sequence[StaticTest], dynamic: Sequence[Test], reduced: Sequence[Reduced]
 ) -> dict[str, str]:
     """Hash of each file that was read, by its name in the campaign."""
-    hashes = {name: sha256_of(campaign.folder / name, max_bytes=MOST_BYTES) for name in ("campaign.toml", "tests.csv")}
+    statements = ["campaign.toml", "tests.csv", *([LIMITS] if campaign.limits else [])]
+    hashes = {name: sha256_of(campaign.folder / name, max_bytes=MOST_BYTES) for name in statements}
     hashes |= response_hashes(campaign)
     hashes |= {item.test.file: item.sha256 for item in statics if item.sha256}
     hashes |= {test.file: item.sha256 for test, item in zip(dynamic, reduced, strict=True) if item.sha256}

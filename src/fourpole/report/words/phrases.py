@@ -46,12 +46,14 @@ def percent(share: float) -> str:
 
 
 def _small(share: float) -> str:
-    return f"{100.0 * share:.2f} %" if abs(share) >= 0.5e-4 else "0.0 %"
+    return f"{100.0 * share:.2f} %" if abs(share) >= 0.5e-4 else "less than 0.01 %" if share else "0 %"
 
 
 def percents(shares: Sequence[float]) -> str:
     """Smallest to largest share as per cent."""
     low, high = percent(min(shares)), percent(max(shares))
+    if low.startswith(("less", "0 ")) and low != high:
+        return f"up to {high}"
     return low if low == high else f"{low.removesuffix(' %')} to {high}"
 
 

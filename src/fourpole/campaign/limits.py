@@ -1,0 +1,136 @@
+"""limits.toml: what a customer wants of the results, as lower and upper limits of quantities at conditions."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from fourpole import units
+from fourpole.campaign.channels import did_you_mean, known_keys
+from fourpole.errors import CampaignError, UnitError
+
+#: Kind of the limits of each quantity, by its key, and the names that limits.toml may use for it.
+_QUANTITIES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "k1": ("stiffness", ("K1",)),
+    "modulus": ("stiffness", ("|K*|", "modulus")),
+    "loss_angle": ("angle", ("loss angle", "delta", "δ")),
+    "storage": ("stiffness", ("K'", "K′", "storage")),
+    "loss": ("stiffness", ("K''", "K″", "loss")),
+    "loss_factor": ("ratio", ("loss factor", "tan delta", "tan δ")),
+    "k2": ("stiffness", ("K2",)),
+    "c": ("damping", ("C",)),
+}
+_KEYS = {name.casefold(): key for key, (_, names) in _QUANTITIES.items() for name in (key, *names)}
+#: The parts of a condition, and their kinds.
+_CONDITION = {"pressure": "pressure", "preload": "force", "temperature": "temperature", "frequency": "frequency"}
+_FIELDS = ("quantity", "specimen", *_CONDITION, "low", "high")
+#: Number of limits of a campaign.
+_MOST = 1000
+
+
+@dataclass(frozen=True)
+class StatedLimit:
+    """One limit, in SI.
+
+    Attributes
+    ----------
+    quantity : str
+        Key of the quantity: k1, modulus, loss_angle, storage, loss, loss_factor, k2 or c.
+    low, high : float or None
+        The limits; None where there is none.
+    specimen : str
+        The specimen that it holds for; empty for all.
+    pressure, preload, temperature, frequency : float or None
+        The condition that it holds for, in Pa, N, degC and Hz; None for all.
+    """
+
+    quantity: str
+    low: float | None = None
+    high: float | None = None
+    specimen: str = ""
+    pressure: float | None = None
+    preload: float | None = None
+    temperature: float | None = None
+    frequency: float | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """The limit as plain data, without what it does not state."""
+        return {name: value for name, value in asdict(self).items() if value not in (None, "")}
+
+
+def read_limits(text: str, specimens: tuple[str, ...], name: str = "limits.toml") -> tuple[StatedLimit, ...]:
+    r"""The limits of a text.
+
+    Parameters
+    ----------
+    text : str
+        Content of limits.toml: a table ``[[limits]]`` for each limit.
+    specimens : tuple of str
+        Names of the campaign's specimens.
+    name : str
+        Name of the file in messages.
+
+    Returns
+    -------
+    tuple of StatedLimit
+        In the order of the file.
+
+    Raises
+    ------
+    CampaignError
+        If the text is no valid list of limits; the message has the number of the limit and the remedy.
+
+    Examples
+    --------
+    >>> read_limits('[[limits]]\nquantity = "K1"\npressure = "2 bar"\nhigh = "220 kN/m"', ())[0].summary()
+    {'quantity': 'k1', 'high': 220000.0, 'pressure': 200000.0}
+    """
+    try:
+        raw = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise CampaignError(f"{name}: not valid TOML: {error}") from None
+    listed = raw.pop("limits", None)
+    if raw or not isinstance(listed, list) or not all(isinstance(one, dict) for one in listed):
+        raise CampaignError(
+            f'{name}: write each limit as a table [[limits]] with quantity = "K1" and low or high, as high = "220 kN/m"'
+        )
+    if len(listed) > _MOST:
+        raise CampaignError(f"{name}: has {len(listed)} limits, at most {_MOST} are taken")
+    found = []
+    for at, one in enumerate(listed, start=1):
+        try:
+            found.append(_limit(one, specimens))
+        except ValueError as error:
+            raise CampaignError(f"{name}: limit {at}: {error}") from None
+    return tuple(found)
+
+
+def _limit(raw: dict[str, Any], specimens: tuple[str, ...]) -> StatedLimit:
+    """One limit from its table; ValueError with the reason if it is none."""
+    known_keys(raw, _FIELDS)
+    stated = raw.get("quantity")
+    key = _KEYS.get(stated.strip().casefold()) if isinstance(stated, str) else None
+    if key is None:
+        names = ", ".join(names[0] for _, names in _QUANTITIES.values())
+        raise ValueError(f"quantity: {units.shown(stated)} is no quantity with limits; they are {names}")
+    specimen = raw.get("specimen", "")
+    if not isinstance(specimen, str) or (specimen and specimen not in specimens):
+        raise ValueError(f"specimen: no {units.shown(specimen)} in tests.csv{did_you_mean(str(specimen), specimens)}")
+    kind = _QUANTITIES[key][0]
+    low, high = (_quantity(raw, name, kind) for name in ("low", "high"))
+    if low is None and high is None:
+        raise ValueError('has neither low nor high: state one of them, as high = "220 kN/m"')
+    if low is not None and high is not None and low >= high:
+        raise ValueError("low is not below high: exchange them")
+    return StatedLimit(key, low, high, specimen, **{name: _quantity(raw, name, of) for name, of in _CONDITION.items()})
+
+
+def _quantity(raw: dict[str, Any], name: str, kind: str) -> float | None:
+    """SI value of a text with its unit; None where it is not stated; ValueError that names it if it is none."""
+    if name not in raw:
+        return None
+    try:
+        return units.quantity(raw[name], kind, default_unit="1" if kind == "ratio" else None)
+    except UnitError as error:
+        raise ValueError(f"{name}: {error}") from None

@@ -1,0 +1,206 @@
+"""The first page of the report: particulars, verdict, results with U, what to trust and what limits them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+from fourpole import quantities as q
+from fourpole.findings.conformity import judged
+from fourpole.findings.facts import Facts, Measured
+from fourpole.findings.finding import Topic
+from fourpole.findings.summary import LOSS_ANGLE, MODULUS, MOST_CONDITIONS, Range, SummaryRow, summary
+from fourpole.quantities import Quantity, ShownUnits
+from fourpole.report.conformity import conformity_table, verdict_line
+from fourpole.report.digits import expanded, with_interval
+from fourpole.report.ratedload import rated_load
+from fourpole.report.words.limits import limits
+from fourpole.report.words.phrases import counted
+from fourpole.report.words.rig import rigs_in_words
+from fourpole.report.words.sentence import Sentence
+from fourpole.study.results import Results, section
+
+#: The quantities of the table, in its order.
+SHOWN = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
+#: Most items of each list, and most specimens that are described one by one.
+_MOST_SAID, _MOST_DESCRIBED = 3, 4
+_DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
+#: The quantities that name a row.
+_PLACES = (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.DEFLECTION_AMPLITUDE)
+#: What a report says of a specimen on its first page, by the key in campaign.toml.
+_OF_SPECIMEN = (("size", "size"), ("load_index", "load index"), ("serial", "serial"), ("rim", "rim"))
+#: The particulars in the order of the page, by their key in [report].
+_PARTICULARS = (
+    ("customer", "Customer"), ("received", "Received"), ("tested", "Tested"), ("issued", "Issued"),
+    ("method", "Method"), ("deviations", "Deviations"), ("sampling", "Sampling"), ("environment", "Environment"),
+    ("conditioning", "Conditioning"), ("break_in", "Break-in"), ("operator", "Operator"), ("approved", "Approved"),
+)  # fmt: skip
+
+
+def front_page(results: Results, said: Sequence[Sentence]) -> SimpleNamespace:
+    """What the first page shows; `said` has the findings in words."""
+    record = results.record
+    stated = section(record, "stated", "report")
+    every = summary(results, most=len(results.dynamic) + 1)
+    rows = every if len(every) <= MOST_CONDITIONS else summary(results)
+    table, held = summary_table(results, rows), judged(results)
+    return SimpleNamespace(
+        laboratory=str(stated.get("laboratory") or section(record, "stated").get("laboratory") or ""),
+        address=str(stated.get("address") or ""),
+        number=str(stated.get("number") or ""),
+        logo=_image(stated.get("logo")),
+        particulars=[(name, str(stated[key])) for key, name in _PARTICULARS if stated.get(key)],
+        specimens=_specimens(results),
+        verdict=verdict_line(results, held),
+        heading=_heading(table),
+        note=_note(table),
+        table=table,
+        all_conditions=summary_table(results, every) if rows is not every else None,
+        conformity=conformity_table(results, held),
+        equipment=_equipment(stated),
+        doubts=_doubts(results, said),
+        limits=[limit.text for limit in limits(results)][:_MOST_SAID],
+        scale=_scale(results),
+    )
+
+
+def _image(address: object) -> str:
+    """The address of a logo; empty if it is no image inside the record."""
+    return address if isinstance(address, str) and address.startswith("data:image/") else ""
+
+
+def _specimens(results: Results) -> list[SimpleNamespace]:
+    """Name and description of each specimen; of more than a few, none."""
+    names = list(dict.fromkeys([*results.static["tyre"].to_list(), *results.dynamic["tyre"].to_list()]))
+    stated = section(results.record, "stated", "specimens")
+    if len(names) > _MOST_DESCRIBED:
+        return [SimpleNamespace(name=f"{len(names)} specimens", about="listed under “What was tested”")]
+    return [SimpleNamespace(name=str(name or ""), about=_described(section(stated, str(name)))) for name in names]
+
+
+def _described(stated: Mapping[str, Any]) -> str:
+    parts = [str(stated["construction"])] if stated.get("construction") else []
+    return ", ".join([*parts, *(f"{words} {stated[key]}" for key, words in _OF_SPECIMEN if stated.get(key))])
+
+
+def summary_table(results: Results, rows: Sequence[SummaryRow]) -> SimpleNamespace:
+    """Rows of the table of results: the condition, and each quantity with U or its interval."""
+    facts = Facts.of(results)
+    ranges = any(low is not high for row in rows for low, high in row.values.values())
+    shown = results.shown
+    used = tuple(shown.of(one) for one in SHOWN if any(one.key in row.values for row in rows))
+    rated = {
+        name: load
+        for name, stated in section(results.record, "stated", "specimens").items()
+        if (load := rated_load(section(stated))) is not None
+    }
+    made = [_row(row, used, shown, rated.get(facts.stated.get(row.specimen, row.specimen))) for row in rows]
+    frequencies = {row.frequency for row in rows}
+    frequency = shown.of(q.FREQUENCY)
+    at = f"{_span(frequencies.pop(), frequency.scale)} {frequency.suffix}" if len(frequencies) == 1 else ""
+    return SimpleNamespace(
+        columns=used,
+        rows=made,
+        frequency=at,
+        ranges=ranges,
+        units=[shown.of(one).suffix for one in _PLACES],
+        warm=any(row.temperature for row in made),
+        rated=any(row.rated for row in made),
+        skewed=any(row.intervals for row in rows),
+    )
+
+
+def _row(row: SummaryRow, used: Iterable[Quantity], shown: ShownUnits, rated: float | None) -> SimpleNamespace:
+    pressure, preload, frequency, amplitude = (shown.of(one).scale for one in _PLACES)
+    return SimpleNamespace(
+        specimen=row.specimen,
+        pressure=_span(row.pressure, pressure),
+        preload=_span(row.preload, preload),
+        rated=_span(row.preload, rated / 100.0, 2) if rated else "",
+        temperature=_span(row.temperature, 1.0, 3),
+        frequency=_span(row.frequency, frequency),
+        amplitude=_span(row.amplitude, amplitude, 3),
+        double=_span(row.amplitude, 0.5 * amplitude, 3),
+        tests=len(row.tests),
+        cells=[_cell(row, one) for one in used],
+    )
+
+
+def _span(ends: Range, scale: float, digits: int = 4) -> str:
+    """A value, or the lowest to the highest one; empty where there is none."""
+    if ends is None:
+        return ""
+    low, high = (f"{end / scale:.{digits}g}".replace("-", "−") for end in ends)
+    return low if low == high else f"{low}–{high}"
+
+
+def _cell(row: SummaryRow, quantity: Quantity) -> SimpleNamespace:
+    """A value with U; the interval where that is skewed; or the lowest and the highest value."""
+    empty = SimpleNamespace(text="", about="")
+    if quantity.key not in row.values:
+        return empty
+    low, high = row.values[quantity.key]
+    if low is not high:
+        reach = row.largest[quantity.key]
+        (least, _), (most, about) = (_shown(replace(one, std=reach), quantity) for one in (low, high))
+        return SimpleNamespace(text=f"{least}–{most}", about=f"± {about}" if about else "")
+    if quantity.key in row.intervals:
+        ends = (one / quantity.scale for one in row.intervals[quantity.key])
+        text, about = with_interval(low.value / quantity.scale, *ends)
+        return SimpleNamespace(text=text, about=about)
+    text, about = _shown(low, quantity)
+    return SimpleNamespace(text=text, about=f"± {about}" if about else "")
+
+
+def _shown(measured: Measured, quantity: Quantity) -> tuple[str, str]:
+    return expanded(measured.value / quantity.scale, measured.std / quantity.scale)
+
+
+def _heading(table: SimpleNamespace) -> str:
+    at = f" at {table.frequency}" if table.frequency else ""
+    return f"Results{at}: lowest to highest of all conditions" if table.ranges else f"Results{at}"
+
+
+def _note(table: SimpleNamespace) -> str:
+    """How the numbers of the table are to be read."""
+    u = "± is the expanded uncertainty U, coverage factor k = 2, about 95 %"
+    parts = [f"{u}; of a range, the largest" if table.ranges else u]
+    if table.skewed:
+        parts.append("“a to b” below a value is its 95 % interval, where that is skewed")
+    parts.append("amplitudes of the deflection are 0 to peak, in brackets peak to peak")
+    return f"{'; '.join(parts)}. K* = K′ + jK″; K1 is the static stiffness at the preload; δ the loss angle."
+
+
+def _equipment(stated: Mapping[str, Any]) -> list[SimpleNamespace]:
+    """The instruments; one whose certificate had run out on the last day of the tests is marked."""
+    listed = stated.get("equipment")
+    days = _DAY.findall(str(stated.get("tested") or ""))
+    found = []
+    for one in listed if isinstance(listed, list) else ():
+        due = str(section(one).get("due") or "")
+        late = "run out when tested" if days and _DAY.fullmatch(due) and due < max(days) else ""
+        texts = {name: str(section(one).get(name) or "") for name in ("name", "serial", "certificate")}
+        found.append(SimpleNamespace(**texts, due=due, late=late))
+    return found
+
+
+def _doubts(results: Results, said: Sequence[Sentence]) -> list[Sentence]:
+    """What not to trust: rigs that do not fit, then rejected and warned tests by their commonest reasons."""
+    misfit = [Sentence(Topic.TRUST, about.misfit[0]) for about in rigs_in_words(results) if about.misfit]
+    trust = [one for one in said if one.topic == Topic.TRUST][1:]
+    found = [*misfit, *trust]
+    more = len(found) - _MOST_SAID
+    if more > 0:
+        found = [*found[:_MOST_SAID], Sentence(Topic.TRUST, f"{counted(more, 'further reason')}: see the findings.")]
+    return found
+
+
+def _scale(results: Results) -> list[str]:
+    """What the scale of K* rests on, a sentence for each rig."""
+    found = [rig.rests for rig in results.rigs if rig.rests]
+    if not found and not results.rigs and results.dynamic.height:
+        found = ["K* rests on the gains of the channels as stated: no test checks them against the rig"]
+    return [f"{one[:1].upper()}{one[1:].rstrip('.')}." for one in found][:_MOST_SAID]
