@@ -311,7 +311,7 @@ def test_models_maps_and_faults_stand_on_the_page(fitted):
     ):
         assert text in said, text
     alone = on_page(replace(fitted, models=None, maps=None, faults=("model.json: is no model file",)))
-    assert "Models model.json: is no model file" in alone
+    assert "model.json: is no model file" in alone
 
 
 def test_whatever_a_model_file_holds_stays_text(fitted):

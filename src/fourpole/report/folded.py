@@ -16,6 +16,8 @@ def folded(results: Results, *, topics: int, findings: int, remarks: int, figure
     misfits = [rig for rig in results.rigs if not rig.fits]
     models = results.models.models if results.models else ()
     chosen = [f"{one.model} for {one.tyre}" if one.tyre else one.model for one in models]
+    hashes = len(section(results.record, "sha256"))
+    files = f"; {counted(hashes, 'file')} with their SHA-256" if hashes else ""
     notes = f", with {counted(assumed, 'note')}" if assumed else ""
     return {
         "tested": f"{counted(tests, 'test')} on {counted(len(specimens), 'specimen')}, with their conditions.",
@@ -30,5 +32,5 @@ def folded(results: Results, *, topics: int, findings: int, remarks: int, figure
         "models": f"Chosen: {joined(chosen)}." if chosen else "None is fitted, or it could not be used.",
         "figures": f"{counted(figures, 'figure')}.",
         "cards": "Signals, hysteresis loop and numbers of each recording.",
-        "run": f"Settings, versions, and {counted(len(section(results.record, 'sha256')), 'file')} with their SHA-256.",
+        "run": f"Settings and versions{files}.",
     }

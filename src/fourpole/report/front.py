@@ -46,7 +46,8 @@ def front_page(results: Results, said: Sequence[Sentence]) -> SimpleNamespace:
     stated = section(record, "stated", "report")
     every = summary(results, most=len(results.dynamic) + 1)
     rows = every if len(every) <= MOST_CONDITIONS else summary(results)
-    table, held = summary_table(results, rows), judged(results)
+    shown, more = rows[:MOST_CONDITIONS], len(rows) - MOST_CONDITIONS
+    table, held = summary_table(results, shown), judged(results)
     return SimpleNamespace(
         laboratory=str(stated.get("laboratory") or section(record, "stated").get("laboratory") or ""),
         address=str(stated.get("address") or ""),
@@ -56,7 +57,7 @@ def front_page(results: Results, said: Sequence[Sentence]) -> SimpleNamespace:
         specimens=_specimens(results),
         verdict=verdict_line(results, held),
         heading=_heading(table),
-        note=_note(table),
+        note=_note(table) + (f" {more} more specimens stand on the second page." if more > 0 else ""),
         table=table,
         all_conditions=summary_table(results, every) if rows is not every else None,
         conformity=conformity_table(results, held),

@@ -1,0 +1,106 @@
+"""The first page of a report: what a customer needs, whatever the campaign holds."""
+
+import numpy as np
+import polars as pl
+import pytest
+
+from fourpole.findings.conformity import judged
+from fourpole.report.conformity import conformity_table, verdict_line
+from fourpole.report.front import front_page
+from fourpole.report.page import render_report
+from fourpole.report.ratedload import load_of_index
+from fourpole.study.results import Results
+
+STATIC = pl.DataFrame(schema={"test": pl.String, "tyre": pl.String, "construction": pl.String, "verdict": pl.String})
+
+
+def campaign(pressures=(1.7e5,), specimens=("A",), verdict="ok", preloads=(3000.0,), **record):
+    """Results with one test at each condition."""
+    rows = [
+        {
+            "test": f"D{at}", "tyre": name, "construction": "", "verdict": verdict, "remarks": "", "rig": "",
+            "pressure [Pa]": p, "preload [N]": load, "frequency [Hz]": 14.0, "Re K* [N/m]": 2e5 + p / 10,
+            "Im K* [N/m]": 5e4, "u(Re K*) [N/m]": 310.0, "u(Im K*) [N/m]": 80.0, "corr(Re,Im K*) [1]": 0.1,
+            "deflection amplitude [m]": 1e-3,
+        }
+        for at, (name, load, p) in enumerate((n, f, p) for n in specimens for f in preloads for p in pressures)
+    ]  # fmt: skip
+    return Results(STATIC, pl.DataFrame(rows), record={"stated": record})
+
+
+def test_a_row_is_named_by_all_of_its_condition():
+    results = campaign(specimens=("A",))
+    stated = {"specimens": {"A": {"load_index": "91 V", "size": "195/65 R 15", "serial": "<b>7"}}}
+    page = front_page(Results(STATIC, results.dynamic, record={"stated": stated}), [])
+    (row,) = page.table.rows
+    named = (row.specimen, row.pressure, row.preload, row.frequency, row.amplitude, row.double, row.tests)
+    assert named == ("A", "1.7", "3000", "14", "1", "2", 1)
+    assert row.rated == f"{100 * 3000 / (615 * 9.80665):.2g}"
+    storage = row.cells[[one.symbol for one in page.table.columns].index("K′")]
+    assert (storage.text, storage.about) == ("217.0", "± 0.6")
+    assert page.specimens[0].about == "size 195/65 R 15, load index 91 V, serial <b>7"
+
+
+@pytest.mark.parametrize(("index", "kilograms"), [(0, 45), (60, 250), (91, 615), (100, 800), (140, 2500), (180, 8000)])
+def test_load_indices_have_the_loads_of_the_standard(index, kilograms):
+    assert load_of_index(index) == pytest.approx(kilograms * 9.80665)
+
+
+def test_twelve_conditions_have_a_row_each_and_more_are_ranges():
+    twelve = front_page(campaign(1e5 + 1e4 * np.arange(12)), [])
+    assert (len(twelve.table.rows), twelve.all_conditions) == (12, None)
+    many = front_page(campaign(1e5 * 1.06 ** np.arange(15), preloads=(2000.0, 3000.0)), [])
+    assert [(row.preload, row.tests) for row in many.table.rows] == [("2000", 15), ("3000", 15)]
+    assert many.table.rows[0].pressure == "1–2.261"
+    assert len(many.all_conditions.rows) == 30
+    specimens = front_page(campaign(1e5 * 1.06 ** np.arange(15), [f"S{n}" for n in range(9)], preloads=(1e3, 2e3)), [])
+    assert len(specimens.table.rows) == 9
+
+
+def test_the_table_never_has_more_than_twelve_rows_and_says_what_it_leaves_out():
+    page = front_page(campaign((1e5, 2e5), [f"S{n:02}" for n in range(40)]), [])
+    assert len(page.table.rows) == 12
+    assert "28 more specimens" in page.note
+    assert len(page.all_conditions.rows) == 80
+
+
+def test_units_are_those_that_the_campaign_wants():
+    wanted = {"units": {"pressure": "kPa", "stiffness": "N/mm"}}
+    page = front_page(campaign(report=wanted), [])
+    assert (page.table.units[0], page.table.rows[0].pressure) == ("kPa", "170")
+    assert [one.suffix for one in page.table.columns][:1] == ["N/mm"]
+
+
+def test_without_limits_the_tests_are_counted():
+    line = verdict_line(campaign(verdict="warning"), ())
+    assert (line.kind, line.word) == ("warning", "1 used")
+    assert "No limits are stated." in line.text
+
+
+def test_the_worst_result_is_named_with_its_limit():
+    results = campaign(limits=[{"quantity": "storage", "high": 2e5}, {"quantity": "loss", "high": 9e4}])
+    line = verdict_line(results, judged(results))
+    assert (line.kind, line.word) == ("rejected", "FAIL")
+    said = (
+        "1 of 2 results pass, 1 fail. K′ of A, 1.7 bar, 3000 N, 14 Hz is 217.0 ± 0.6 kN/m; the limits are −∞ to 200.0"
+    )
+    assert said in line.text
+    table = conformity_table(results, judged(results))
+    assert [row.outcome for row in table.rows] == ["fail", "pass"]
+    assert "ILAC-G8" in table.rule
+
+
+def test_equipment_that_ran_out_is_marked():
+    listed = [{"name": "cell", "due": "2026-10-31"}, {"name": "meter", "due": "2027-01-01"}, {"name": "<i>x"}]
+    page = front_page(campaign(report={"tested": "2026-11-02 to 2026-11-05", "equipment": listed}), [])
+    assert [one.late for one in page.equipment] == ["run out when tested", "", ""]
+
+
+def test_a_logo_that_is_no_image_is_left_out():
+    for bad in ("http://x/y.png", "javascript:alert(1)", "data:text/html,x", 5):
+        assert front_page(campaign(report={"logo": bad}), []).logo == ""
+
+
+def test_a_campaign_without_a_dynamic_test_has_its_page():
+    empty = campaign().dynamic.clear()
+    assert "No dynamic test is in use" in render_report(Results(STATIC, empty), findings=(), figures={})
