@@ -14,8 +14,8 @@ from fourpole import quantities as q
 from fourpole.core.condition import AXES, FREQUENCY
 from fourpole.findings.facts import Facts, Measured
 from fourpole.findings.finding import UNSTATED, Key
-from fourpole.findings.summary import LOSS_ANGLE, MODULUS, conditions_of, intervals_of, mean_of
-from fourpole.quantities import Quantity
+from fourpole.findings.summary import conditions_of, intervals_of, mean_of
+from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.results import Results, section
 
 #: The quantities that limits may be stated for, by their keys.

@@ -12,8 +12,8 @@ from fourpole import quantities as q
 from fourpole.findings.conformity import judged
 from fourpole.findings.facts import Facts, Measured
 from fourpole.findings.finding import Topic
-from fourpole.findings.summary import LOSS_ANGLE, MODULUS, MOST_CONDITIONS, Range, SummaryRow, summary
-from fourpole.quantities import Quantity, ShownUnits
+from fourpole.findings.summary import MOST_CONDITIONS, Range, SummaryRow, summary
+from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
 from fourpole.report.conformity import conformity_table, verdict_line
 from fourpole.report.digits import expanded, with_interval
 from fourpole.report.ratedload import rated_load
