@@ -180,10 +180,27 @@ class ShownUnits:
         """The unit shown for an SI unit, empty for a ratio, and its SI value."""
         return self.wanted.get(si) or _USUAL.get(si) or (si, 1.0)
 
-    def text(self, quantity: Quantity, value: float, digits: int = 4) -> str:
-        """An SI value with its unit, to some significant digits."""
+    def text(self, quantity: Quantity, value: float) -> str:
+        """An SI value with its unit, to four significant digits: "1.7 bar"."""
         one = self.of(quantity)
-        return f"{value / one.scale:.{digits}g} {one.suffix}".rstrip().replace("-", "−")
+        return _with_unit(value / one.scale, one.suffix)
+
+    def setting(self, head: str, value: float) -> str:
+        """A value of a column of conditions with its unit, by the column's head: "1.7 bar", "camber 2 deg"."""
+        name, _, si = head.removesuffix("]").partition(" [")
+        unit, scale = self.unit(si)
+        text = _with_unit(value / scale, unit)
+        return text if name in _BY_UNIT else f"{name} {text}"
+
+
+#: Axes of conditions that are known by their units.
+_BY_UNIT = ("pressure", "preload", "temperature", "deflection amplitude")
+
+
+def _with_unit(value: float, unit: str) -> str:
+    """A number to four significant digits, from a thousand to ten millions to one, and its unit."""
+    text = f"{value:.0f}" if 1e3 <= abs(value) < 1e7 else f"{value:.4g}"
+    return f"{text}{'' if unit in ('', '°') else ' '}{unit}".replace("-", "−")
 
 
 def _text(key: str, meaning: str = "") -> Quantity:

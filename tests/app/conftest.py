@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -71,6 +72,34 @@ def run() -> Callable[..., Result]:
         return ran
 
     return running
+
+
+@pytest.fixture(scope="session")
+def terminal() -> Callable[..., str]:
+    """Run the command in a terminal of some columns, and give what it shows, standard error included."""
+    pty = pytest.importorskip("pty")
+
+    def showing(columns: int, *arguments: object) -> str:
+        process, screen = pty.fork()
+        if process == 0:
+            os.environ["COLUMNS"] = str(columns)
+            os.execv(sys.executable, [sys.executable, "-m", "fourpole", *map(str, arguments)])
+        shown = b""
+        while part := _read(screen):
+            shown += part
+        os.waitpid(process, 0)
+        os.close(screen)
+        text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.decode())
+        return "\n".join(line.rpartition("\r")[2] for line in text.replace("\r\n", "\n").split("\n"))
+
+    return showing
+
+
+def _read(screen: int) -> bytes:
+    try:
+        return os.read(screen, 65536)
+    except OSError:  # Linux ends so
+        return b""
 
 
 @pytest.fixture(scope="session")

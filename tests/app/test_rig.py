@@ -38,8 +38,9 @@ def test_values_fit_unseen_and_limits_are_shown(run, folder, rig_results):
     said = " ".join(ran.stdout.split())
     (found,) = rigs_in_words(rig_results)
     for text in (
-        "moving mass m kg 15.00 ± 0.10 15.020 ± 0.010 0.10 +0.20 0.31 kg found from your data",
-        "preload spring K3 kN/m 12.440 ± 0.020 12.4510 ± 0.0060",
+        "moving mass m [kg] 15.00 ± 0.20 15.020 ± 0.020 +0.20 0.31 found from your data",
+        "preload spring K3 [kN/m] 12.440 ± 0.040 12.451 ± 0.012",
+        "± is U (k = 2)",
         f"{found.fit} {found.summary} {found.gain}",
         f"What these data cannot show: - {' - '.join(found.unseen)}",
         f"What limits me: - {limits(rig_results)[0].text}",

@@ -28,15 +28,15 @@ def curve(tmp_path):
     return writing
 
 
-def test_it_prints_kilonewtons_per_metre_with_one_decimal(run, curve):
+def test_it_prints_kilonewtons_per_metre_and_the_load_as_asked(run, curve):
     ran = run("static", curve(), "--load", "1 kN")
     assert ran.exit_code == 0
     lines = ran.stdout.splitlines()
-    assert lines[0] == "curve.csv at 1000 N"
+    assert lines[0] == "curve.csv at 1 kN"
     k1, secant = tangent(1000.0) / 1e3, (100e3 + tangent(1000.0)) / 2e3
-    assert re.fullmatch(rf"tangent K1 +{k1:.1f} kN/m", lines[1])
-    assert any(re.fullmatch(rf"secant +{secant:.1f} kN/m", line) for line in lines)
-    assert any(re.fullmatch(r"hysteresis loss +2 J", line) for line in lines)
+    assert re.fullmatch(rf"tangent K1 +{k1:.1f}0* kN/m; ± is U \(k = 2\)", lines[1])
+    assert any(re.fullmatch(rf"secant +{secant:.4g} kN/m", line) for line in lines)
+    assert any(re.fullmatch(r"hysteresis loss +2\.00\d* J", line) for line in lines)
     assert any("3 complete cycles" in line for line in lines)
     assert ran.stderr.splitlines() == [
         "understood deflection: column 'deflection' [mm]",
@@ -142,4 +142,4 @@ def test_lines_that_are_no_data_are_said(run, curve):
 
 def test_soft_things_keep_their_digits(run, curve):
     ran = run("static", curve(scales=(1e3, 1e-3)), "--load", "1 N")
-    assert re.search(rf"tangent K1 +{tangent(1000.0) / 1e6:.3g} kN/m", ran.stdout)
+    assert re.search(rf"tangent K1 +{tangent(1000.0) / 1e6:.3g}\d* kN/m", ran.stdout)

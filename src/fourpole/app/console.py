@@ -28,7 +28,7 @@ Sign: TypeAlias = Literal["any", "not negative", "positive"]
 _WIDE = 150
 #: Characters between two columns; longest word that is not folded; width at which text reads well; longest cell of a
 #: table that is turned.
-_BETWEEN, _LONG_WORD, _READABLE, _SHORT = 3, 24, 18, 16
+_BETWEEN, _LONG_WORD, _READABLE, _SHORT = 3, 24, 18, 22
 #: Control characters, which could steer a terminal; line ends and tabs are not among them.
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
@@ -78,7 +78,7 @@ def print_table(heads: Iterable[str], rows: Iterable[Sequence[str | Text]], *, r
     widths = _widths(heads, lines, right, console.width)
     if widths:
         _print_columns(console, heads, lines, widths, right)
-    elif max((cell.cell_len for row in lines for cell in row[1:]), default=0) <= _SHORT:
+    elif max((_width_of(cell) for row in lines for cell in row[1:]), default=0) <= _SHORT:
         _print_turned(console, heads, lines)
     else:
         _print_blocks(console, heads, lines)
@@ -134,7 +134,7 @@ def _print_turned(console: Console, heads: Sequence[str], lines: Sequence[Sequen
         grid.add_column(no_wrap=True)
         used, start = first, place
         while place < len(lines):
-            width = max(cell.cell_len for cell in lines[place])
+            width = max(_width_of(cell) for cell in lines[place])
             if used + 2 + width > console.width and place > start:
                 break
             grid.add_column(justify="right", no_wrap=True, min_width=width)
@@ -165,10 +165,15 @@ def _print_blocks(console: Console, heads: Sequence[str], lines: Sequence[Sequen
             console.print(Padding(grid, (0, 0, 0, 2)))
 
 
+def _width_of(cell: Text) -> int:
+    """Width of the longest line of a cell."""
+    return max((line.cell_len for line in cell.split("\n", allow_blank=True)), default=0)
+
+
 def _least_width(cell: Text, *, whole: bool) -> int:
     """Width below which a cell loses a part of a number or of a word, or is hard to read; a path may be folded."""
     if whole:
-        return cell.cell_len
+        return _width_of(cell)
     return max(min(max(map(len, cell.plain.split()), default=0), _LONG_WORD), min(cell.cell_len, _READABLE))
 
 

@@ -8,15 +8,20 @@ from typing import Any
 
 from fourpole import quantities as q
 from fourpole.app.console import first_of, out, print_table, say, warn
+from fourpole.app.shown import PLUS_MINUS, cell, with_u
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
 from fourpole.models.operating import OperatingMap
+from fourpole.quantities import ShownUnits
+from fourpole.report.digits import number
 from fourpole.report.words.models import discrepancy, place, verdicts
 
 _MOST_ROWS = 40
 #: More parameters than this are listed one below the other, for the first so many conditions.
 _MOST_COLUMNS, _MOST_TABLES = 9, 4
 _MOST_NAMED = 12
+#: A relative standard uncertainty below this is that of a parameter without influence.
+_NEGLIGIBLE = 1e-9
 #: Heads of the numbers by which fits are compared.
 _COMPARED = (
     "parameters",
@@ -33,8 +38,8 @@ _COMPARED = (
 _MAPPED = ("terms", "leave-one-out error [%]", "inside 95 % [%]", "scatter [%]")
 
 
-def show_fit(entry: ModelEntry) -> None:
-    """Print the compared models, the verdict and the parameters of a tyre."""
+def show_fit(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> None:
+    """Print the compared models, the verdict and the parameters of a tyre; `shared` if conditions share some."""
     if entry.tyre:
         out(f"Tyre {entry.tyre}")
     least = min(one.bic for one in entry.candidates)
@@ -43,12 +48,12 @@ def show_fit(entry: ModelEntry) -> None:
             one.model + (" *" if one.model == entry.model else ""),
             "yes" if one.causal else "no",
             str(one.free),
-            f"{one.chi2:.4g}",
+            number(one.chi2),
             str(one.dof),
-            f"{one.chi2 / max(one.dof, 1):.3g}",
-            f"{one.aicc:.5g}",
-            f"{one.bic - least:.3g}",
-            "" if one.cross_validation is None else f"{one.cross_validation:.3g}",
+            number(one.chi2 / max(one.dof, 1), 3),
+            number(one.aicc, 5),
+            number(one.bic - least, 3),
+            "" if one.cross_validation is None else number(one.cross_validation, 3),
             str(one.on_bound or ""),
             str(one.not_converged or ""),
         )
@@ -60,35 +65,32 @@ def show_fit(entry: ModelEntry) -> None:
         out(discrepancy(entry))
     for line in verdicts(entry):
         out(line)
-    _show_parameters(entry)
+    _show_parameters(entry, units, shared=shared)
 
 
-def _show_parameters(entry: ModelEntry) -> None:
+def _show_parameters(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> None:
     fixed = [at for at in range(len(entry.parameters)) if _is_fixed(entry, at)]
-    heads = {at: f"{one.symbol} [{one.unit}]" for at, one in enumerate(entry.parameters) if at not in fixed}
+    heads = {at: _head(entry, at, units) for at in range(len(entry.parameters)) if at not in fixed}
     if len(heads) > _MOST_COLUMNS:
-        _show_down(entry, list(heads))
+        _show_down(entry, list(heads), units)
         fixed = [at for at in fixed if not entry.parameters[at].symbol.startswith("tau_")]
     else:
         shown = entry.conditions[:_MOST_ROWS]
-        rows = [(_condition(one), *(_cell(one, at) for at in heads)) for one in shown]
+        rows = [(_condition(one, units), *("\n".join(_cell(entry, one, at, units)) for at in heads)) for one in shown]
         print_table(("condition", *heads.values()), rows, right=list(heads.values()))
     if fixed:
-        named = (
-            f"{entry.parameters[at].symbol} = {entry.conditions[0].values[at]:.5g} {_unit_of(entry, at)}".rstrip()
-            for at in fixed
-        )
+        named = (f"{entry.parameters[at].symbol} = {_fixed_value(entry, at, units)}" for at in fixed)
         out(f"fixed, not fitted: {', '.join(named)}")
-    how = "from the covariance" if entry.pressures else "by profile likelihood"
-    out(f"value ± standard uncertainty, 95 % interval {how}; (bound): on a bound, or without influence")
+    how = "from the covariance" if entry.pressures or shared else "by profile likelihood"
+    out(f"{PLUS_MINUS}, below it the 95 % interval {how}; (bound): on a bound, or without influence")
     if len(entry.conditions) > _MOST_ROWS and len(heads) <= _MOST_COLUMNS:
         out(f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file")
-    alone = [_condition(one) for one in entry.conditions if not one.converged]
+    alone = [_condition(one, units) for one in entry.conditions if not one.converged]
     if alone:
         warn(f"{len(alone)} fits did not converge: {first_of(alone, _MOST_NAMED)}")
 
 
-def _show_down(entry: ModelEntry, places: Sequence[int]) -> None:
+def _show_down(entry: ModelEntry, places: Sequence[int], units: ShownUnits) -> None:
     """Print many parameters of a tyre one below the other, a table for each condition."""
     symbols = [one.symbol for one in entry.parameters]
     for one in entry.conditions[:_MOST_TABLES]:
@@ -97,10 +99,10 @@ def _show_down(entry: ModelEntry, places: Sequence[int]) -> None:
             symbol = symbols[at]
             time = symbol.replace("K_", "tau_")
             arm = f"{one.values[symbols.index(time)]:.4g}" if time != symbol and time in symbols else ""
-            value, _, ends = _cell(one, at).partition("\n")
-            rows.append((f"{symbol} [{entry.parameters[at].unit}]", arm, value, ends))
+            value, ends = _cell(entry, one, at, units)
+            rows.append((_head(entry, at, units), arm, value, ends))
         print_table(
-            (_condition(one), "relaxation time [s]", "value", "95 %"),
+            (_condition(one, units), "relaxation time [s]", "value", "95 %"),
             rows,
             right=("relaxation time [s]", "value", "95 %"),
         )
@@ -115,22 +117,35 @@ def _is_fixed(entry: ModelEntry, at: int) -> bool:
     )
 
 
-def _unit_of(entry: ModelEntry, at: int) -> str:
-    unit = entry.parameters[at].unit
-    return "" if unit == "1" else unit
+def _head(entry: ModelEntry, at: int, units: ShownUnits) -> str:
+    """Symbol of a parameter with the unit shown."""
+    one = entry.parameters[at]
+    unit, _ = units.unit(one.unit)
+    return f"{one.symbol} [{unit}]" if unit else one.symbol
 
 
-def _condition(one: ConditionFile) -> str:
-    return place(one) or f"{one.band[0]:.4g} to {one.band[1]:.4g} Hz"
+def _fixed_value(entry: ModelEntry, at: int, units: ShownUnits) -> str:
+    """A fixed value with its unit."""
+    unit, scale = units.unit(entry.parameters[at].unit)
+    return f"{number(entry.conditions[0].values[at] / scale, 5)} {unit}".rstrip()
 
 
-def _cell(one: ConditionFile, at: int) -> str:
+def _condition(one: ConditionFile, units: ShownUnits) -> str:
+    return place(one, units) or f"{one.band[0]:.4g} to {one.band[1]:.4g} Hz"
+
+
+def _cell(entry: ModelEntry, one: ConditionFile, at: int, units: ShownUnits) -> tuple[str, str]:
+    """Value with U, and the 95 % interval, in the unit shown and to the digits of U."""
+    scale = units.unit(entry.parameters[at].unit)[1]
     value, std = one.values[at], math.sqrt(max(one.covariance[at][at], 0.0))
+    std = std if std > _NEGLIGIBLE * abs(value) else 0.0
     low, high = one.intervals[at]
     if std == 0 and (_is_given(one, at) or high is None):
-        return f"{value:.5g} ({'given' if _is_given(one, at) else 'bound'})"
-    ends = f"{'open' if low is None else f'{low:.4g}'} .. {'open' if high is None else f'{high:.4g}'}"
-    return f"{value:.5g} ± {std:.2g}\n{ends}" if std else f"{value:.5g} (bound)\n{ends}"
+        return f"{number(value / scale, 5)} ({'given' if _is_given(one, at) else 'bound'})", ""
+    ends = " .. ".join(
+        "open" if end is None else with_u(end, std or None, scale).partition(" ")[0] for end in (low, high)
+    )
+    return (with_u(value, std, scale), ends) if std else (f"{number(value / scale, 5)} (bound)", ends)
 
 
 def _is_given(one: ConditionFile, at: int) -> bool:
@@ -162,16 +177,14 @@ def _map_row(name: str, one: OperatingMap | str, found: TyreMap) -> tuple[str, .
     return name + mark, "yes" if one.model.causal else "no", str(len(one.terms)), *shown
 
 
-def show_row(row: Mapping[str, Any]) -> None:
+def show_row(row: Mapping[str, Any], units: ShownUnits) -> None:
     """Print one answer of a model file in lines."""
-    for name, value in row.items():
-        if name in ("remarks", q.OUTSIDE.head) or name.startswith(("u(", "corr(")) or value in (None, ""):
+    for head, value in row.items():
+        if head in ("remarks", q.OUTSIDE.head) or head.startswith(("u(", "corr(")) or value in (None, ""):
             continue
-        quantity, _, unit = name.removesuffix("]").partition(" [")
-        std = row.get(f"u({quantity}) [{unit}]")
-        text = value if isinstance(value, str) else f"{value:.6g}"
-        sure = f" ± {std:.2g}" if isinstance(std, float) else ""
-        out(f"{quantity:<12} {text}{sure} {unit if unit != '1' else ''}".rstrip())
+        name, _, si = head.removesuffix("]").partition(" [")
+        out(f"{name:<12} {cell(row, head, units)} {units.unit(si)[0]}".rstrip())
+    out(PLUS_MINUS)
     if row[q.K1.head] is None:
         say("K1, K2 and C: none; the model states no static stiffness")
     elif row[q.K2.head] is None:

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole import units
 from fourpole.app.console import first_of, option, out, print_json, progress, say, warn
 from fourpole.app.deliver import deliver
 from fourpole.app.model_words import show_fit, show_map, show_row
-from fourpole.app.options import DataOptions, FitOptions
+from fourpole.app.options import DataOptions, FitOptions, answered_in
 from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
 from fourpole.fitting.hint import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
@@ -28,6 +29,9 @@ from fourpole.fitting.static import FACTOR_STD, join_static
 from fourpole.io.staging import staged
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
+from fourpole.quantities import ShownUnits
+from fourpole.report.digits import number
+from fourpole.study.results import units_beside
 
 if TYPE_CHECKING:
     from fourpole.study.results import Results
@@ -104,18 +108,19 @@ def run_fit(path: Path, model: str, options: FitOptions, *, as_json: bool) -> No
     if note:
         warn(note)
     made = model_file(measured, fits, settings=_settings(model, options), laws=laws, **_stated(path))
-    _show_written(made, _written(path, measured, made, options.file, options.figure), as_json=as_json)
+    files = _written(path, measured, made, options.file, options.figure)
+    _show_written(made, files, units_beside(path), as_json=as_json)
     if any(one.stopped for one in fits):
         raise KeyboardInterrupt  # the exit code says so; what was found is written
 
 
-def _show_written(made: ModelFile, files: Sequence[Path], *, as_json: bool) -> None:
+def _show_written(made: ModelFile, files: Sequence[Path], wanted: ShownUnits, *, as_json: bool) -> None:
     """Print the content of a model file and the files written."""
     if as_json:
         print_json(made.document)
         return
     for entry in made.models:
-        show_fit(entry)
+        show_fit(entry, wanted, shared="share" in made.provenance.settings)
     for place in files:
         out(f"written: {place}")
 
@@ -154,8 +159,9 @@ def run_causality(path: Path, data: DataOptions, *, as_json: bool) -> None:
         rows = [{"tyre": one.tyre, "state": one.state, **_verdict(one, verdict)} for one, verdict in found]
         print_json({"source": measured.source, "conditions": rows})
         return
+    wanted = units_beside(path)
     for one, verdict in found:
-        where = " at ".join(part for part in (one.tyre, one.label) if part) or measured.source
+        where = " at ".join(part for part in (one.tyre, one.in_words(wanted)) if part) or measured.source
         _show_verdict(where, one, verdict)
     bad = sum(not verdict.possible for _, verdict in found)
     out(f"{len(found) - bad} of {len(found)} conditions are possible")
@@ -170,7 +176,7 @@ def run_causality(path: Path, data: DataOptions, *, as_json: bool) -> None:
 
 def _show_verdict(where: str, one: Measured, verdict: Possible) -> None:
     text = f"{where}: {'possible' if verdict.possible else 'NOT possible'} for a passive linear specimen (chi-square "
-    out(f"{text}{verdict.chi2:.4g} for {verdict.dof} degrees of freedom, p-value {verdict.chance:.2g})")
+    out(f"{text}{number(verdict.chi2)} for {verdict.dof} degrees of freedom, p-value {verdict.chance:.2g})")
     if not verdict.possible:
         out(f"  {_contradicting(verdict, one.own.count)}")
         error = 100 * lacking_error(one, verdict)
@@ -188,18 +194,21 @@ def run_map(path: Path, model: str, data: DataOptions, file: Path | None, *, as_
     if not as_json:
         for one in maps:
             show_map(one)
-    _show_written(made, files, as_json=as_json)
+    _show_written(made, files, units_beside(path), as_json=as_json)
 
 
 def run_query(path: Path, query: Query, file: Path | None, *, as_json: bool) -> None:
     """Evaluate a model file; one row is printed in lines, several as a table."""
-    rows = ask(read_model_file(path), query)
+    wanted = answered_in(units_beside(path), *query.state.values())
+    rows = ask(read_model_file(path), replace(query, units=wanted))
     for remark in dict.fromkeys(row["remarks"] for row in rows if row["remarks"]):
         warn(remark)
     if len(rows) == 1 and file is None and not as_json:
-        show_row(rows[0])
+        show_row(rows[0], wanted)
     else:
-        deliver(pl.DataFrame(rows, infer_schema_length=None), file, as_json=as_json)
+        frame = pl.DataFrame(rows, infer_schema_length=None)
+        inside = [] if any(row[q.OUTSIDE.head] for row in rows) else [q.OUTSIDE.head]
+        deliver(frame, file, wanted, as_json=as_json, leave_out=(*inside, q.REMARKS.head))
 
 
 def axis_values(texts: Sequence[str]) -> dict[str, float]:
@@ -208,10 +217,10 @@ def axis_values(texts: Sequence[str]) -> dict[str, float]:
     for text in texts:
         column, _, value = text.rpartition("=")
         try:
-            state[column.strip()] = number = float(value)
+            state[column.strip()] = found = float(value)
         except ValueError:
-            number = math.nan
-        if not (column and math.isfinite(number)):
+            found = math.nan
+        if not (column and math.isfinite(found)):
             raise UnitError(f"--at: {units.shown(text)} is not a column and a number, as in 'camber [deg] = 2'")
     return state
 
@@ -229,9 +238,9 @@ def _fixed(texts: Sequence[str], model: str) -> dict[str, float]:
             raise UnitError(
                 f"--fix: {units.shown(text)} is not a parameter and its value, as in 'K1=180 kN/m'; there are {there}"
             )
-        number, _, unit = value.partition(" ")
+        digits, _, unit = value.partition(" ")
         try:
-            found[symbol] = float(number if unit == known[symbol] else value)
+            found[symbol] = float(digits if unit == known[symbol] else value)
         except ValueError:
             found[symbol] = option(value, _kind(known[symbol]), f"--fix {symbol}")
     return found

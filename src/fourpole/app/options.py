@@ -21,6 +21,7 @@ from fourpole.errors import RigError, UnitError
 if TYPE_CHECKING:
     from fourpole.core.rig import Rig
     from fourpole.models.shape import Shape
+    from fourpole.quantities import ShownUnits
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON document, in SI units, for programs.")]
 OutFile = Annotated[Path | None, typer.Option("--out", help="Write the table to this CSV file instead of printing it.")]
@@ -32,14 +33,37 @@ def amount(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
     return typer.Option(first, *others, parser=_reader(kind, first, sign), metavar="QUANTITY", help=text)
 
 
+class Amount(float):
+    """A quantity of the command line in SI, which knows its kind and the text of its unit."""
+
+    kind: str
+    unit: str
+
+
 def _reader(kind: str, name: str, sign: Sign) -> Callable[[str], float]:
     def quantity(written: str) -> float:
+        from fourpole.units import unit_in
+
         try:
-            return option(written, kind, name, sign)
+            found = Amount(option(written, kind, name, sign))
+            found.kind, found.unit = kind, unit_in(written)
         except UnitError as error:
             fail(str(error))
+        return found
 
     return quantity
+
+
+def answered_in(units: ShownUnits, *asked: float | None) -> ShownUnits:
+    """The units of an answer: those of the question, and otherwise the given ones."""
+    from fourpole.quantities import ShownUnits
+    from fourpole.units import si_unit, unit_scale
+
+    wanted = dict(units.wanted)
+    for one in reversed(asked):
+        if isinstance(one, Amount) and one.kind != "temperature":
+            wanted[si_unit(one.kind)] = one.unit, unit_scale(one.unit, one.kind)
+    return ShownUnits(wanted)
 
 
 def command(run: Callable[..., int | None]) -> Callable[..., None]:

@@ -13,12 +13,16 @@ import polars.selectors as cs
 from fourpole import quantities as q
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, say, warn
 from fourpole.app.deliver import deliver
+from fourpole.app.options import answered_in
+from fourpole.app.shown import COVERAGE, PLUS_MINUS, with_u
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recordingchecks import check_resonance
 from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict
 from fourpole.core.rig import Rig
 from fourpole.errors import LoadCurveError, RigError
 from fourpole.io.understand import ReducedTable, read_curve, read_reduced
+from fourpole.quantities import ShownUnits
+from fourpole.report.digits import number
 from fourpole.study.static import branch_check
 
 
@@ -38,7 +42,7 @@ def run_identify(path: Path, k1: float, rig: Rig | None, file: Path | None, *, n
         found = identify_stiffness(table.frequency, np.asarray(table.stiffness), k1, rig)
     faults = [_fault(table, found, row, rig) for row in range(found.frequency.size)]
     frame = _frame(found, faults)
-    deliver(frame, file, as_json=as_json)
+    deliver(frame, file, answered_in(ShownUnits(), k1), as_json=as_json)
     rejected = sum(bool(fault) for fault in faults)
     say(f"{len(faults)} rows: {len(faults) - rejected} with K2 and C, {rejected} rejected, each with its reason")
     return SOME_REJECTED if rejected else OK
@@ -130,25 +134,24 @@ def run_static(
         )
         return
     _read_as(table.understood, remarks)
-    loss = "" if np.isnan(curve.hysteresis_loss) else f"{curve.hysteresis_loss:.4g} J"
-    parts = f"fit {_kn_m(tangent.fit)}, cycles {_kn_m(tangent.cycles)}, zero {_kn_m(tangent.zero)}"
+    loss = "" if np.isnan(curve.hysteresis_loss) else f"{with_u(curve.hysteresis_loss, curve.loss_std)} J"
+    units = answered_in(ShownUnits(), load)
+    unit, scale = units.unit(q.K1.unit)
+    parts = ", ".join(
+        f"{name} {number(COVERAGE * u / scale, 2)}"
+        for name, u in (("fit", tangent.fit), ("cycles", tangent.cycles), ("zero", tangent.zero))
+    )
     rows = (
-        ("tangent K1", _kn_m(tangent.stiffness)),
-        ("uncertainty", f"{_kn_m(tangent.std)} ({parts}; the sensors' own comes on top)"),
-        ("secant", f"none: {secant.reason}" if secant.reason else _kn_m(secant.stiffness)),
+        ("tangent K1", f"{with_u(tangent.stiffness, tangent.std, scale)} {unit}; {PLUS_MINUS}"),
+        ("parts of U", f"{parts} {unit}; the sensors' own comes on top"),
+        ("secant", f"none: {secant.reason}" if secant.reason else units.text(q.SECANT, secant.stiffness)),
         ("hysteresis loss", loss or "none: one branch only"),
         ("non-linearity", f"{100 * curve.nonlinearity:.2f} % of the load span"),
         ("curve", f"order {curve.order}, {curve.cycles} complete cycles, {curve.load.size} points"),
     )
-    out(f"{path.name} at {load:g} N")
+    out(f"{path.name} at {units.text(q.PRELOAD, load)}")
     for name, text in rows:
         out(f"{name:<16} {text}")
-
-
-def _kn_m(stiffness: float) -> str:
-    """A stiffness in kN/m with one decimal, or with three digits below 10 kN/m."""
-    value = stiffness / 1000.0
-    return f"{value:.1f} kN/m" if abs(value) >= 10 else f"{value:.3g} kN/m"
 
 
 def run_predict(
@@ -156,4 +159,5 @@ def run_predict(
 ) -> None:
     """Table of K*, R, I and TR of a tyre on a rig."""
     found = predict(frequency, *arm, rig)
-    deliver(pl.DataFrame(_columns(found)), file, as_json=as_json)
+    units = answered_in(ShownUnits(), *arm)
+    deliver(pl.DataFrame(_columns(found)), file, units, as_json=as_json)

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.text import Text
 
-from fourpole.app.console import out, print_json, print_table, without_controls
+from fourpole.app.console import out, print_json, print_table, table_width, without_controls
+from fourpole.app.shown import COVERAGE, PLUS_MINUS
 from fourpole.errors import CampaignError
 from fourpole.io.folders import results_in
 from fourpole.report.words.limits import limit_rows, limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
-from fourpole.report.words.shared_values import GROUPS, ShownValue
+from fourpole.report.words.shared_values import DASH, GROUPS, ShownValue
 from fourpole.study.results import Results, read_results, section
 from fourpole.study.rig_estimate import RigFinding
 
-_HEADS = ("value of", "unit", "as stated", "as found", "u after/before", "pull", "detection limit", "finding")
+_HEADS = ("value", "as stated", "as found", "pull", "seen from")
+#: Blanks between columns.
+_GAP = 2
 _STYLES = {RigFinding.FOUND: "green", RigFinding.CONTRADICTED: "bold red", RigFinding.NOT_CALIBRATED: "yellow"}
 
 
@@ -47,7 +50,7 @@ def _show(about: RigInWords) -> None:
     if about.estimate.rig:
         out(f"Rig {about.estimate.rig}")
     if about.values:
-        print_table(_HEADS, _rows(about.values), right=_HEADS[2:-1])
+        _print_values(about.values)
     out(about.fit)
     out(about.summary)
     if about.gain:
@@ -67,27 +70,48 @@ def _listed(heading: str, lines: Sequence[str]) -> None:
         out(f"  - {line}")
 
 
-def _rows(values: Iterable[ShownValue]) -> Iterator[tuple[str | Text, ...]]:
-    """Cells of each value, below a row with the name of its group."""
-    group = None
-    for value in values:
-        if value.group != group:
-            group = value.group
-            yield (Text(GROUPS[group], style="dim"),)
-        yield (
-            value.name,
-            value.unit,
-            _pair(*value.stated_words),
-            _pair(*value.found_words),
-            value.ratio_words,
-            value.pull_words,
-            value.detection_words,
-            Text(without_controls(value.value.remark), style=_STYLES.get(value.finding, "")),
-        )
+def _print_values(values: Sequence[ShownValue]) -> None:
+    """Print the values in groups, each with its finding below it."""
+    rows = [_cells(value) for value in values]
+    widths = [max(map(len, column)) for column in zip(_HEADS, *rows, strict=True)]
+    if sum(widths) + _GAP * (len(widths) - 1) > table_width():
+        print_table((*_HEADS, "finding"), [(*row, _finding(value)) for row, value in zip(rows, values, strict=True)])
+    else:
+        out(_line(_HEADS, widths))
+        group = None
+        for value, row in zip(values, rows, strict=True):
+            if value.group != group:
+                group = value.group
+                out(f"\n{GROUPS[group]}")
+            out(_line(row, widths))
+            out(f"    {value.value.remark}")
+        out()
+    out(f"{PLUS_MINUS}; pull: found less stated, over u of it; seen from: smallest error that would show")
 
 
-def _pair(value: str, std: str) -> str:
-    return f"{value} ± {std}" if std else value
+def _cells(value: ShownValue) -> tuple[str, ...]:
+    """The numbers of a value, the unit after its name."""
+    seen = "at no size" if value.hidden else value.detection_words.partition(" ")[0].rstrip("°")
+    unit = f" [{value.unit}]" if value.unit else ""
+    return (
+        f"{value.name}{unit}",
+        value.stated_with_u(COVERAGE),
+        value.found_with_u(COVERAGE),
+        value.pull_words,
+        seen if value.detection_words != DASH else DASH,
+    )
+
+
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    first, *others = (
+        cell.rjust(width) if at else cell.ljust(width)
+        for at, (cell, width) in enumerate(zip(cells, widths, strict=True))
+    )
+    return (" " * _GAP).join([first, *others]).rstrip()
+
+
+def _finding(value: ShownValue) -> Text:
+    return Text(without_controls(value.value.remark), style=_STYLES.get(value.finding, ""))
 
 
 def _document(results: Results, found: list[RigInWords]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from math import isinf
 from fourpole import quantities as q
 from fourpole.findings.facts import Measured
 from fourpole.findings.summary import SummaryRow, summary
-from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
+from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
 from fourpole.report.digits import number
 from fourpole.study.results import Results
 
@@ -25,18 +25,19 @@ _COVERAGE = 2.0
 
 def summary_lines(results: Results) -> list[str]:
     """The lines of the table; none without a dynamic test in use."""
-    lines = _lines(summary(results))
-    return lines if len(lines) <= _MOST_LINES else _lines(summary(results, most=0))
+    lines = _lines(summary(results), results.shown)
+    return lines if len(lines) <= _MOST_LINES else _lines(summary(results, most=0), results.shown)
 
 
-def _lines(rows: Sequence[SummaryRow]) -> list[str]:
+def _lines(rows: Sequence[SummaryRow], units: ShownUnits) -> list[str]:
     if not rows:
         return []
     ranges = any(low is not high for row in rows for low, high in row.values.values())
-    shown = rows[:_MOST]
+    shown, quantities = rows[:_MOST], [units.of(one) for one in _SHOWN]
     alone = ranges and len({row.specimen for row in rows}) == len(rows)
-    heads = ["", *(f"{one.symbol} [{one.suffix or one.shown}]" for one in _SHOWN)]
-    table = [heads, *([_condition(row), *(_cell(row, one, ranges=ranges) for one in _SHOWN)] for row in shown)]
+    heads = ["", *(f"{one.symbol} [{one.suffix or one.shown}]" for one in quantities)]
+    made = ([_condition(row, units), *(_cell(row, one, ranges=ranges) for one in quantities)] for row in shown)
+    table = [heads, *made]
     lines = [_title(rows, ranges=ranges)]
     for part in _fitting(table, [at for at, cells in enumerate(zip(*table[1:], strict=True)) if at == 0 or any(cells)]):
         widths = [max(len(row[at]) for row in table) for at in part]
@@ -59,12 +60,12 @@ def _title(rows: Sequence[SummaryRow], *, ranges: bool) -> str:
     return f"At {at}, lowest to highest of all conditions:" if ranges else f"At {at}; ± is U (k = 2):"
 
 
-def _condition(row: SummaryRow) -> str:
+def _condition(row: SummaryRow, units: ShownUnits) -> str:
     """The condition in words; of several conditions the specimen and their number of tests."""
     parts = []
-    for stated, scale, unit in ((row.pressure, 1e5, "bar"), (row.preload, 1.0, "N")):
+    for stated, quantity in ((row.pressure, q.PRESSURE), (row.preload, q.PRELOAD)):
         if stated is not None and stated[0] == stated[1]:
-            parts.append(f"{stated[0] / scale:.4g} {unit}")
+            parts.append(units.text(quantity, stated[0]))
     count = len(row.tests)
     return f" {' '.join(parts) or row.specimen}{f' ({count})' if count > 1 else ''}"
 

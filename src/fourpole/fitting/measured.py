@@ -43,6 +43,7 @@ from fourpole.io.staging import recover
 from fourpole.models.data import StiffnessData
 from fourpole.models.ramp import Loop
 from fourpole.models.recorded import Recorded, bends
+from fourpole.quantities import ShownUnits
 from fourpole.units import shown
 
 _K1 = (q.K1.head, q.K1.u_head)
@@ -118,16 +119,11 @@ class Measured(ByValue):
     @property
     def label(self) -> str:
         """The condition in words: 1.7 bar, 1000 N."""
-        parts = []
-        for column, value in self.state.items():
-            name, _, unit = column.removesuffix("]").partition(" [")
-            if column == q.PRESSURE.head:
-                parts.append(f"{value / 1e5:.4g} bar")
-            elif column in _USUAL:
-                parts.append(f"{value:.5g} {'°C' if unit == 'degC' else unit}")
-            else:
-                parts.append(f"{name} {value:.5g} {unit}".rstrip())
-        return ", ".join(parts)
+        return self.in_words(ShownUnits())
+
+    def in_words(self, units: ShownUnits) -> str:
+        """The condition in words, in the units that are wanted."""
+        return ", ".join(units.setting(column, value) for column, value in self.state.items())
 
 
 @dataclass(frozen=True, repr=False)

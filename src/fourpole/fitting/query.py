@@ -36,6 +36,7 @@ from fourpole.models.omitted import LeaveOneOut
 from fourpole.models.operating import Answer, OperatingMap
 from fourpole.models.shift_law import ShiftLaw
 from fourpole.models.surface import Axes
+from fourpole.quantities import ShownUnits
 from fourpole.units import shown
 
 _TEMPERATURE = q.TEMPERATURE.head
@@ -64,6 +65,8 @@ class Query:
         Rig for TR; by default that of the tests.
     beyond : bool
         Whether to answer outside the tested conditions and frequencies.
+    units : ShownUnits
+        Units of the remarks and errors.
     """
 
     frequency: Sequence[float]
@@ -71,6 +74,7 @@ class Query:
     tyre: str | None = None
     rig: Rig | None = None
     beyond: bool = False
+    units: ShownUnits = field(default_factory=ShownUnits)
 
 
 def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
@@ -87,9 +91,9 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     state = dict(query.state) if shift is None else {**query.state, _TEMPERATURE: shift.law.reference}
     amplitude = state.pop(AMPLITUDE.column, None) if depends_on_amplitude(file, tyre) else None
     state = in_own_unit(file, tyre, state)
-    found = maps_of(file, tyre, state)
-    point, outside, remarks = place_of(file, found, state, beyond=query.beyond)
-    remarks = (*remarks, *_untested(file, tyre, found))
+    found = maps_of(file, tyre, state, query.units)
+    point, outside, remarks = place_of(file, found, state, query.units, beyond=query.beyond)
+    remarks = (*remarks, *_untested(file, tyre, found, query.units))
     levels: list[float] = []
     if depends_on_amplitude(file, tyre):
         levels = levels_of_map(file, tyre, found)
@@ -188,12 +192,12 @@ def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
     return _Shift(law.shift_law, temperature, outside, tuple(remarks), *level)
 
 
-def maps_of(file: ModelFile, tyre: str, state: Mapping[str, float]) -> OperatingMap:
+def maps_of(file: ModelFile, tyre: str, state: Mapping[str, float], units: ShownUnits) -> OperatingMap:
     """The map of a tyre, or else its model at the condition that `state` names, as a map of one point."""
     for entry in file.maps:
         if entry.tyre == tyre:
             return map_of(entry)
-    return _condition(file, next(one for one in file.models if one.tyre == tyre), state)
+    return _condition(file, next(one for one in file.models if one.tyre == tyre), state, units)
 
 
 def _tyre_of(file: ModelFile, name: str | None) -> str:
@@ -208,7 +212,7 @@ def _tyre_of(file: ModelFile, name: str | None) -> str:
     return name
 
 
-def _condition(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -> OperatingMap:
+def _condition(file: ModelFile, entry: ModelEntry, state: Mapping[str, float], units: ShownUnits) -> OperatingMap:
     """The model at the one condition that `state` names, as a map of one point."""
     states = [{one.column: one.value for one in each.state} for each in entry.conditions]
     good = [
@@ -219,7 +223,7 @@ def _condition(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -
     if not good and (made := _between(file, entry, states, state)) is not None:
         return made
     if len(good) != 1:
-        there = "; ".join(sorted({_words(own) for own in states})[:12])
+        there = "; ".join(sorted({_words(own, units) for own in states})[:12])
         what = "no condition is" if not good else f"{len(good)} conditions are"
         more = ", or a pressure between them," if entry.pressures else ""
         raise ModelError(
@@ -251,7 +255,7 @@ def _between(
     return _one_point(entry, one, values, {**own, q.PRESSURE.head: pressure})
 
 
-def _untested(file: ModelFile, tyre: str, found: OperatingMap) -> tuple[str, ...]:
+def _untested(file: ModelFile, tyre: str, found: OperatingMap, units: ShownUnits) -> tuple[str, ...]:
     """A remark if the pressure of an answer lies between the tested ones."""
     pressure = found.axes.constant.get(q.PRESSURE.head)
     entry = next((one for one in file.models if one.tyre == tyre and one.pressures), None)
@@ -259,7 +263,7 @@ def _untested(file: ModelFile, tyre: str, found: OperatingMap) -> tuple[str, ...
     if pressure is None or entry is None or pressure in tested:
         return ()
     errors = np.concatenate([one.predicted for one in entry.pressures])
-    error, where = 100 * float(np.sqrt(np.mean(errors**2))), _value(q.PRESSURE.head, pressure)
+    error, where = 100 * float(np.sqrt(np.mean(errors**2))), units.setting(q.PRESSURE.head, pressure)
     left_out = f"at tested pressures that were left out it was off by {error:.2g} %"
     return (f"no test at {where}: K* is what the {entry.model} predicts; {left_out}",)
 
@@ -292,7 +296,7 @@ def _one_point(entry: ModelEntry, one: ConditionFile, values: FloatArray, own: d
 
 
 def place_of(
-    file: ModelFile, found: OperatingMap, state: Mapping[str, float], *, beyond: bool
+    file: ModelFile, found: OperatingMap, state: Mapping[str, float], units: ShownUnits, *, beyond: bool
 ) -> tuple[FloatArray, float, tuple[str, ...]]:
     """The point (d,) of a state, its distance [half spans] from the tested conditions, and remarks on it."""
     axes = found.axes
@@ -306,23 +310,23 @@ def place_of(
             raise ModelError(f"the tests do not state {_name(column)}: the map is over {over} and frequency{how}")
         if not file.axis(column).same(value, known):
             raise ModelError(
-                f"all tests had the {_name(column)} {_value(column, known)}, not {_value(column, value)}: the map is "
-                f"over {over} and frequency"
+                f"all tests had the {_name(column)} {_value(column, known, units)}, "
+                f"not {_value(column, value, units)}: "
+                f"the map is over {over} and frequency"
             )
-    _check_stated(axes, state)
+    _check_stated(axes, state, units)
     point = np.array([state[column] for column in axes.names], dtype=float)
     outside, nearest = axes.outside(point)
     if not outside:
         return point, 0.0, ()
-    near = ", ".join(_value(column, value) for column, value in zip(axes.names, nearest.tolist(), strict=True))
-    stated = ", ".join(_value(column, value) for column, value in zip(axes.names, point.tolist(), strict=True))
+    near, stated = (_words(dict(zip(axes.names, one.tolist(), strict=True)), units) for one in (nearest, point))
     remark = f"{stated} is outside what was measured, by {outside:.3g} half spans; the nearest point inside is {near}"
     if not beyond:
         raise ModelError(f"{remark}: state that point, measure there, or state --beyond")
     return point, outside, (remark,)
 
 
-def _check_stated(axes: Axes, state: Mapping[str, float]) -> None:
+def _check_stated(axes: Axes, state: Mapping[str, float], units: ShownUnits) -> None:
     """ModelError if the state lacks an axis of the map."""
     lacking = [column for column in axes.names if column not in state]
     if lacking:
@@ -331,8 +335,8 @@ def _check_stated(axes: Axes, state: Mapping[str, float]) -> None:
         option = _OPTIONS.get(lacking[0])
         how = f"--{option}" if option else f'--at "{lacking[0]} = ..."'
         raise ModelError(
-            f"state {how}: the map is over {_name(lacking[0])} from {_value(lacking[0], low)} to "
-            f"{_value(lacking[0], high)}"
+            f"state {how}: the map is over {_name(lacking[0])} from {_value(lacking[0], low, units)} to "
+            f"{_value(lacking[0], high, units)}"
         )
 
 
@@ -359,19 +363,13 @@ def _name(column: str) -> str:
     return _OPTIONS.get(column) or shown(column)
 
 
-def _value(column: str, value: float) -> str:
-    """A value with its unit, pressure in bar."""
-    if column == q.PRESSURE.head:
-        return f"{value / 1e5:.4g} bar"
-    if column == AMPLITUDE.column:
-        return f"{1e3 * value:.4g} mm"
-    name, _, unit = column.removesuffix("]").partition(" [")
-    text = f"{value:.5g} {unit}".rstrip()
-    return text if column in _OPTIONS else f"{shown(name)} {text}"
+def _value(column: str, value: float, units: ShownUnits) -> str:
+    """A value with its unit, without the name of its axis."""
+    return units.setting(column, value).removeprefix(f"{column.partition(' [')[0]} ")
 
 
-def _words(state: Mapping[str, float]) -> str:
-    return ", ".join(_value(column, value) for column, value in state.items()) or "one condition"
+def _words(state: Mapping[str, float], units: ShownUnits) -> str:
+    return ", ".join(units.setting(column, value) for column, value in state.items()) or "one condition"
 
 
 def response(

@@ -39,8 +39,8 @@ def number(value: object, digits: int = 4) -> str:
 def with_std(value: object, std: object, digits: int = 4) -> tuple[str, str]:
     """A number and its standard uncertainty, both to the second digit of the uncertainty; blank where unknown.
 
-    >>> with_std(172.3482, 0.619), with_std(1105.36, 66.7), with_std(0.30366, None)
-    (('172.35', '0.62'), ('1105', '67'), ('0.3037', ''))
+    >>> with_std(172.3482, 0.619), with_std(1105.36, 667.0), with_std(0.30366, None)
+    (('172.35', '0.62'), ('1110', '670'), ('0.3037', ''))
     """
     found, u = known(value), known(std)
     if found is None or not u or u < 0:
@@ -48,7 +48,7 @@ def with_std(value: object, std: object, digits: int = 4) -> tuple[str, str]:
     decimals = 1 - _power(u, 2)
     if decimals > 9 or abs(found) >= 1e7:
         return number(found, digits), number(u, 2)
-    return _fixed(found, decimals), _fixed(u, decimals)
+    return _fixed(round(found, decimals), decimals), _fixed(round(u, decimals), decimals)
 
 
 def expanded(value: float, std: float, coverage: float = 2.0) -> tuple[str, str]:

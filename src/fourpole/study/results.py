@@ -110,6 +110,16 @@ class Results(Tables):
         return replace(self, tables={**self.tables, **made})
 
 
+def units_beside(path: Path) -> ShownUnits:
+    """The units that the campaign of some results wants, by their folder or a file in it; the usual ones without."""
+    folder = path if path.is_dir() else path.parent
+    try:
+        record = json.loads(read_bytes(folder / "study.json", max_bytes=_MOST_BYTES))
+    except (FileError, TableError, ValueError):
+        return ShownUnits()
+    return shown_units(section(record, "stated", "report").get("units"))
+
+
 def section(value: object, *path: str) -> dict[str, Any]:
     """The table at a path of nested tables, as of study.json; empty if there is none."""
     for name in path:

@@ -33,6 +33,7 @@ __all__ = [
     "shown",
     "si_unit",
     "to_si",
+    "unit_in",
     "unit_scale",
 ]
 _LONGEST = 100
@@ -100,6 +101,32 @@ def quantity(text: str | float, kind: str, *, default_unit: str | None = None) -
         unit = default_unit
     scale, offset = affine(unit, kind)
     return _finite(number * scale + offset, text)
+
+
+def unit_in(text: str) -> str:
+    """The unit with which a quantity is written.
+
+    Parameters
+    ----------
+    text : str
+        A quantity, as for `quantity`.
+
+    Returns
+    -------
+    str
+        Empty for a bare number.
+
+    Raises
+    ------
+    UnitError
+        If the text does not begin with a number.
+
+    Examples
+    --------
+    >>> unit_in("2.1 bar"), unit_in("180 N/mm")
+    ('bar', 'N/mm')
+    """
+    return _number_and_unit(text, None)[1]
 
 
 def unit_scale(unit: str, kind: str) -> float:

@@ -16,6 +16,7 @@ from fourpole.findings.trends import Trend, trend_of
 from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of
 from fourpole.fitting.modelparts import NamedValue
 from fourpole.models.families import by_amplitude
+from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number, spread
 from fourpole.report.words.phrases import percent, ranged
 from fourpole.report.words.trend import span
@@ -120,8 +121,8 @@ def creeping(facts: Facts, tyre: str) -> list[str]:
     return []
 
 
-def place(one: ConditionFile) -> str:
-    """The state of a condition in words.
+def place(one: ConditionFile, units: ShownUnits | None = None) -> str:
+    """The state of a condition in words, in the units that are wanted.
 
     Examples
     --------
@@ -144,12 +145,7 @@ def place(one: ConditionFile) -> str:
     ... )
     '1.7 bar, camber 2 deg'
     """
-    return ", ".join(_value_in_words(each) for each in one.state)
-
-
-def _value_in_words(each: NamedValue) -> str:
-    named = "" if each.column in _AXES else f"{each.name} "
-    return f"{named}{_bare(each)}".replace("-", "−")
+    return ", ".join((units or ShownUnits()).setting(each.column, each.value) for each in one.state)
 
 
 def _axis(column: str) -> tuple[str, float, str]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from fourpole.core.joint.misfit import Candidate
 from fourpole.core.sources import Kind, Role
 from fourpole.findings.facts import natural
+from fourpole.quantities import ShownUnits
 from fourpole.report.digits import known
 from fourpole.report.words.phrases import counted, joined, number, percent
 from fourpole.report.words.shared_values import DECLARED, ShownValue, shown_values
@@ -69,11 +70,11 @@ class RigInWords:
 
 def rigs_in_words(results: Results) -> list[RigInWords]:
     """Each rig as found, in the order of rig.csv; none where another route was used."""
-    return [_in_words(found) for found in results.rigs]
+    return [_in_words(found, results.shown) for found in results.rigs]
 
 
-def _in_words(found: RigEstimate) -> RigInWords:
-    values = shown_values(found)
+def _in_words(found: RigEstimate, units: ShownUnits) -> RigInWords:
+    values = shown_values(found, units)
     return RigInWords(
         found,
         values,

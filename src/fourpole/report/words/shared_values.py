@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf, pi
 
 from fourpole.core.sources import Kind, Role, Source
-from fourpole.quantities import RIG_VALUES
+from fourpole.quantities import RIG_VALUES, ShownUnits
 from fourpole.report.digits import number, with_std
 from fourpole.study.rig_estimate import RigEstimate, RigFinding, SharedValue
 
@@ -28,6 +28,8 @@ _UNSTATED = {
     "friction": ("dry friction that is not stated", "N", 1.0, 0.0),
     "input": ("input mass that is not stated", "kg", 1.0, 0.0),
 }
+#: SI unit of those parts that can be shown in another unit.
+_UNSTATED_SI = {"mass": "kg", "spring": "N/m", "friction": "N", "input": "kg"}
 #: An error of up to this many stated standard uncertainties counts as declared.
 DECLARED = 6.0
 #: Largest error that is plausible, by the unit shown; for a value of the rig it is the value itself.
@@ -55,9 +57,9 @@ class ShownValue:
     zero: float
 
     @classmethod
-    def of(cls, value: SharedValue) -> ShownValue:
+    def of(cls, value: SharedValue, units: ShownUnits | None = None) -> ShownValue:
         """The value with its name and unit."""
-        return cls(value, *in_words(value.source, value.unit))
+        return cls(value, *in_words(value.source, value.unit, units))
 
     @property
     def source(self) -> Source:
@@ -109,6 +111,15 @@ class ShownValue:
         """Value as found, and its standard uncertainty."""
         return self._pair(self._shown(self.value.found, self.zero), self._shown(self.value.found_std))
 
+    def stated_with_u(self, coverage: float) -> str:
+        """Value as stated with its uncertainty, expanded by a coverage factor."""
+        return _joined(*self._pair(self.stated, _times(self.stated_std, coverage)))
+
+    def found_with_u(self, coverage: float) -> str:
+        """Value as found with its uncertainty, expanded by a coverage factor."""
+        std = _times(self._shown(self.value.found_std), coverage)
+        return _joined(*self._pair(self._shown(self.value.found, self.zero), std))
+
     @property
     def ratio_words(self) -> str:
         """Ratio of the standard uncertainties after and before the tests [1], as text."""
@@ -151,9 +162,17 @@ class ShownValue:
         return self.detection_limit > max(most, DECLARED * (self.stated_std or 0.0))
 
 
-def shown_values(found: RigEstimate) -> tuple[ShownValue, ...]:
-    """The shared values of one rig, in the order of rig.csv."""
-    return tuple(ShownValue.of(value) for value in found.values)
+def _times(std: float | None, coverage: float) -> float | None:
+    return None if std is None else coverage * std
+
+
+def _joined(value: str, about: str) -> str:
+    return f"{value} ± {about}" if about else value
+
+
+def shown_values(found: RigEstimate, units: ShownUnits | None = None) -> tuple[ShownValue, ...]:
+    """The shared values of one rig in the units that are wanted, in the order of rig.csv."""
+    return tuple(ShownValue.of(value, units) for value in found.values)
 
 
 #: Name, unit shown and its SI value of errors that are 0 where there is none.
@@ -167,8 +186,8 @@ _SIMPLE = {
 }
 
 
-def in_words(source: Source, unit: str = "") -> tuple[str, str, float, float]:
-    """Name, unit shown, SI value of that unit, and the SI value shown as zero.
+def in_words(source: Source, unit: str = "", units: ShownUnits | None = None) -> tuple[str, str, float, float]:
+    """Name, unit shown, SI value of that unit, and the SI value shown as zero, in the units that are wanted.
 
     Examples
     --------
@@ -183,9 +202,10 @@ def in_words(source: Source, unit: str = "") -> tuple[str, str, float, float]:
         return name.format(of or "the specimen"), shown, scale, 0.0
     match source.kind:
         case Kind.UNSTATED:
-            return _UNSTATED[of]
+            wanted = units.wanted.get(_UNSTATED_SI.get(of, "")) if units else None
+            return (_UNSTATED[of][0], *wanted, 0.0) if wanted else _UNSTATED[of]
         case Kind.RIG_VALUE:
-            value = RIG_VALUES[of]
+            value = (units or ShownUnits()).of(RIG_VALUES[of])
             return value.name, value.suffix, value.scale, 0.0
         case Kind.GAIN:
             return f"gain of {of} over {under}" if under else f"gain of {of}", "%", 0.01, 1.0
