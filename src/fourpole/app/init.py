@@ -9,8 +9,10 @@ from pathlib import Path
 from fourpole import quantities as q
 from fourpole.app.console import out, print_json, print_table, progress
 from fourpole.campaign import read_campaign
+from fourpole.core.condition import FREQUENCY
 from fourpole.errors import CampaignError
 from fourpole.guess import GuessedCampaign, Row, guess_campaign, keep_existing
+from fourpole.report.digits import spread
 from fourpole.study.identified import possible_route
 
 _MOST_LISTED = 40
@@ -90,18 +92,16 @@ def _tests(rows: Sequence[Row]) -> None:
         )
         groups.setdefault(cells, []).append(row)
     lines = [(*cells, str(len(members)), _frequencies(members)) for cells, members in groups.items()]
-    heads = ("kind", "tyre", q.PRESSURE.label, q.PRELOAD.head, q.ADDED_MASS.head, "tests", "frequencies [Hz]")
-    print_table(heads, lines[:_MOST_LISTED])
+    heads = ("kind", "tyre", q.PRESSURE.label, q.PRELOAD.head, q.ADDED_MASS.head, "tests", "frequencies")
+    print_table(heads, lines[:_MOST_LISTED], right=heads[2:-1])
     if len(groups) > _MOST_LISTED:
         out(f"... and {len(groups) - _MOST_LISTED} more conditions; see tests.csv")
     out()
 
 
 def _frequencies(rows: Sequence[Row]) -> str:
-    """The different frequencies of some tests; of more than 12, the first six and the last three."""
-    found = sorted({row.values["frequency"] for row in rows if "frequency" in row.values})
-    listed = list(dict.fromkeys(f"{value:.3g}" for value in found))
-    return " ".join(listed if len(listed) <= 12 else [*listed[:6], "...", *listed[-3:]])
+    """The different frequencies of some tests; of more than eight, the lowest and the highest."""
+    return spread([row.values.get("frequency") for row in rows], FREQUENCY, "Hz")
 
 
 def _shown(value: float | None, scale: float) -> str:

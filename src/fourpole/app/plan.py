@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.app.console import frequencies, out, print_json, say
+from fourpole.app.console import frequencies, out, print_json, print_table, say
 from fourpole.app.options import BareRig, PlanOptions
 from fourpole.campaign import read_campaign
 from fourpole.core.plan import MASSES, PLAN_ROUTES, Advice, Outcome, advise
@@ -66,8 +66,7 @@ def _show(
     """Print notes, tables, advice and the files written; the last file is the run sheet if a seed is given."""
     for note in planned.notes:
         say(f"note: {note}")
-    for line in _tables(frame):
-        out(line)
+    _show_tables(frame)
     for item, found in zip(planned.rigs, advice, strict=False):
         for line in _advice(item, found, several=len(planned.rigs) > 1):
             out(line)
@@ -124,8 +123,8 @@ def _written(frame: pl.DataFrame, folder: Path, wanted: float | None) -> list[Pa
     return [folder / f"plan.{form}" for form in ("csv", "svg", "png")]
 
 
-def _tables(frame: pl.DataFrame) -> Iterator[str]:
-    """Lines of a table for each of K*, K2 and C: a row per frequency, a column per route and added mass."""
+def _show_tables(frame: pl.DataFrame) -> None:
+    """Print a table for each of K*, K2 and C: a row per frequency, a column per route and added mass."""
     stated = frame.filter(pl.col("plan") == AS_STATED)
     columns = _columns(frame)
     every = sorted(frame[q.FREQUENCY.head].unique().to_list())
@@ -133,19 +132,19 @@ def _tables(frame: pl.DataFrame) -> Iterator[str]:
     if len(every) > _MOST_FREQUENCIES:
         kept = [every[round(at * (len(every) - 1) / (_MOST_FREQUENCIES - 1))] for at in range(_MOST_FREQUENCIES)]
     tests = frame.select("rig", "test").n_unique()
-    yield f"Relative standard uncertainty to expect, in %: {tests} tests, median over those of one frequency"
+    out(f"Relative standard uncertainty to expect, in %: {tests} tests, median over those of one frequency")
     for quantity in (q.K_STAR, q.K2, q.C):
-        yield ""
-        yield f"{f'u({quantity.symbol}) [%]':>10}  " + "  ".join(f"{name:>11}" for name in columns)
+        out()
         median = pl.col(quantity.relative_head).median()
         found = [dict(one.group_by(q.FREQUENCY.head).agg(median).iter_rows()) for one in columns.values()]
-        for frequency in kept:
-            yield f"{frequency:>7.4g} Hz  " + "  ".join(f"{_percent(one.get(frequency)):>11}" for one in found)
+        heads = (f"u({quantity.symbol}) [%]", *columns)
+        rows = [(f"{one:.4g} Hz", *(_percent(each.get(one)) for each in found)) for one in kept]
+        print_table(heads, rows, right=heads)
     if len(kept) < len(every):
-        yield f"({len(kept)} of {len(every)} frequencies shown; plan.csv has all)"
+        out(f"({len(kept)} of {len(every)} frequencies shown; plan.csv has all)")
     high = stated[q.K2.relative_head].max()
     if isinstance(high, float) and high > NOT_LINEAR:
-        yield "(above some 30 % the true scatter has tails that no standard uncertainty describes)"
+        out("(above some 30 % the true scatter has tails that no standard uncertainty describes)")
 
 
 def _columns(frame: pl.DataFrame) -> dict[str, pl.DataFrame]:

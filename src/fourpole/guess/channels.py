@@ -166,7 +166,9 @@ def _static_role(
     ranges = [shape.ranges[column.name] for shape in shapes if column.name in shape.ranges] or [(0.0, 0.0)]
     low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
     largest = max(abs(low), abs(high))
-    unit, doubt = _unit(column, _STATIC_UNITS[kind], largest, f"for it reaches {largest:.3g}", '"4 mV/N" or "0.2 V/mm"')
+    unit, doubt = _unit(
+        column, _STATIC_UNITS[kind], largest, f"for it reaches {_plain(largest)}", '"4 mV/N" or "0.2 V/mm"'
+    )
     loop = "known by its loop alone (loading lies above unloading): check that it is the right column"
     turned = "mostly negative, so its sign is turned: load and deflection are positive in compression"
     invert = -low > 2 * abs(high)
@@ -243,7 +245,7 @@ def _size(shapes: Sequence[SignalShape], name: str) -> float:
 def _dynamic_role(role: str, column: Column, shapes: Sequence[SignalShape], *doubts: str) -> Role:
     """The role of a column, with its unit and doubts."""
     size = _size(shapes, column.name)
-    why = f"a {column.quantity} by its name, of amplitude {size:.3g}"
+    why = f"a {column.quantity} by its name, of amplitude {_plain(size)}"
     unit, doubt = _unit(column, _DYNAMIC_UNITS[column.quantity], size, why, '"98.3 mV/g" or "4 mV/N"')
     return Role(role, column.name, unit, column.quantity, doubts=tuple(filter(None, (*doubts, doubt))))
 
@@ -365,3 +367,8 @@ def force_scale(
         spans = np.array([[curve.span(load.column), curve.span(deflection.column)] for curve in curves])
         slope = scale * np.median(spans[:, 0] / spans[:, 1])
         return float(np.median(np.abs(_stiffness(roles, shapes))) / slope)
+
+
+def _plain(value: float) -> str:
+    """A number to three significant digits, without an exponent below ten millions."""
+    return f"{value:.3g}" if value < 1000 or value >= 1e7 else f"{float(f'{value:.3g}'):.0f}"

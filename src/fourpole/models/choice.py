@@ -354,7 +354,8 @@ def _text(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Seque
     """The best model and the reason for the choice, in sentences; the last one without its full stop."""
     best = candidates[0]
     many = f" in {len(best.fits)} conditions" if len(best.fits) > 1 else ""
-    first = f"{best.name}: {best.free} parameters{many}, chi-square {best.chi2:.3g} for {best.dof} degrees of freedom"
+    chi2 = f"{best.chi2:.3g}" if best.chi2 < 1000 else f"{best.chi2:.0f}"
+    first = f"{best.name}: {best.free} parameters{many}, chi-square {chi2} for {best.dof} degrees of freedom"
     if best.dof and best.chance < CHANCE:
         first += ", too large for the uncertainty of the data"
     if best.on_bound:
