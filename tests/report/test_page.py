@@ -476,7 +476,7 @@ def test_embedded_json_comes_back_and_holds_no_markup(value):
         (with_std(0.0, 0.0), ("0", "")),
         (with_std(99.96, 0.0996), ("99.96", "0.10")),
         (with_std(-0.001, 0.1), ("0.00", "0.10")),
-        (with_std(128.0, 150.0), ("128", "150")),
+        (with_std(128.0, 150.0), ("130", "150")),
         (with_std(None, 1.0), ("", "")),
         (spread([1.0, 2.0, 2.01, math.nan], PRESSURE, "bar"), "1, 2.005 bar"),
         (spread([20.0, 24.9, 60.0], axis_of("temperature [degC]"), "°C"), "22.45, 60 °C"),

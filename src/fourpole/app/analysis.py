@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
 from filecmp import cmpfiles
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from fourpole.app.alike import gathered_alike
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress, say
 from fourpole.app.options import RunOptions, Wanted
 from fourpole.app.standing import (
@@ -44,8 +44,6 @@ _FEW_SECONDS = 5.0
 _MOST_LISTED = 12
 #: Checks that another run may pass with the same files, so that their results do not stand.
 _PASSING = {code.text for code in (Code.READER, Code.MEMORY, Code.FAULT)}
-#: Tests with the same remark that are named.
-_MOST_NAMED = 6
 
 
 def run_analysis(
@@ -233,18 +231,11 @@ def _notes(study: Study) -> list[str]:
     notes = [f"note: {note}" for note in study.notes]
     for verdict in ("warning", "rejected"):
         rows = _verdicts(study).filter(pl.col("verdict") == verdict).unique(maintain_order=True)
-        same = rows.group_by("remarks", maintain_order=True).agg("test").head(_MOST_LISTED)
-        for remarks, tests in same.rows():
-            notes.append(f"{verdict}: {_some(tests)}: {remarks}")
-        if more := rows.height - same["test"].list.len().sum():
+        kinds = gathered_alike(rows.select("test", "remarks").rows())
+        notes += [f"{verdict}: {one.tests}: {one.text}" for one in kinds[:_MOST_LISTED]]
+        if more := sum(len(one.names) for one in kinds[_MOST_LISTED:]):
             notes.append(f"... and {more} more with verdict {verdict}; see the tables")
     return notes
-
-
-def _some(tests: Sequence[str]) -> str:
-    """The first names of tests with the same remark, and the number of the others."""
-    more = len(tests) - _MOST_NAMED
-    return f"{', '.join(tests[:_MOST_NAMED])}{f' and {more} more' if more > 0 else ''}"
 
 
 def _summary(study: Study, results: Path) -> dict[str, Any]:
@@ -254,5 +245,6 @@ def _summary(study: Study, results: Path) -> dict[str, Any]:
         "route": study.route,
         "verdicts": study.counts,
         "rejected": rejected.select("test", "remarks").to_dicts(),
-        "assumptions": list(study.notes),
+        "assumptions": list(study.assumptions),
+        "notes": [note for note in study.notes if note not in study.assumptions],
     }

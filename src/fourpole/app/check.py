@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from fourpole.app.alike import gathered_alike
 from fourpole.app.console import (
     OK,
     SOME_REJECTED,
@@ -59,19 +61,7 @@ def _list(checked: Checked) -> None:
     ]
     for note in notes:
         say(f"note: {note}")
-    groups: dict[tuple[str, str, str], list[CampaignProblem]] = {}
-    for problem in sorted(checked.problems, key=lambda one: one.verdict != "rejected"):
-        groups.setdefault((problem.verdict, problem.about, problem.message), []).append(problem)
-    rows = [
-        (
-            verdict,
-            first_of([one.test for one in several], _MOST_NAMED),
-            first_of([str(one.row) for one in several], _MOST_NAMED),
-            about,
-            message,
-        )
-        for (verdict, about, message), several in groups.items()
-    ]
+    rows = list(_rows(checked.problems))
     if rows:
         print_table(
             ("verdict", "tests", "rows of tests.csv", "about", "what is wrong, and what to do"), rows[:_MOST_LISTED]
@@ -81,3 +71,15 @@ def _list(checked: Checked) -> None:
         out()
     counts = counted_tests(checked.counts, "would be rejected")
     out(f"{counts} (route: {checked.route}); nothing was analysed or written")
+
+
+def _rows(problems: Sequence[CampaignProblem]) -> Iterator[tuple[str, ...]]:
+    """A row for each kind of problem, the rejected tests first."""
+    places = {one.test: str(one.row) for one in problems}
+    groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for one in sorted(problems, key=lambda each: each.verdict != "rejected"):
+        groups.setdefault((one.verdict, one.about), []).append((one.test, one.message))
+    for (verdict, about), members in groups.items():
+        for kind in gathered_alike(members):
+            rows = first_of([places[name] for name in kind.names], _MOST_NAMED)
+            yield verdict, first_of(kind.names, _MOST_NAMED), rows, about, kind.text

@@ -173,6 +173,7 @@ def _about_rows(source: ExportTables, tables: Sequence[str], notes: Sequence[str
     yield "numbers", SIGNS
     if "assumptions" in source.results.record:
         yield from _block("assumed", source.listed("assumptions") or ["nothing: the campaign states all of it"])
+    yield from _block("notes", source.listed("notes"))
     table, rejected = source.dynamic, source.sheet.rejected
     names = zip(table["test"].to_list(), source.texts("remarks"), rejected, strict=True)
     yield from _block("rejected", [f"{test}: {why}" for test, why, is_rejected in names if is_rejected])

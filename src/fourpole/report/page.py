@@ -137,6 +137,7 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
         lacks_models=results.models is None and results.dynamic.height > 0,
         faults=list(results.faults),
         assumptions=texts(record.get("assumptions")),
+        notes=texts(record.get("notes")),
         figures=_numbered(list(shown.values())),
         remarks=remarks,
         settings={str(name): str(value) for name, value in section(record, "settings").items()},

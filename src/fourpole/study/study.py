@@ -76,7 +76,9 @@ class Study(Tables):
     likelihoods : mapping of str to Likelihood
         The tests of each rig as the joint route weighed them.
     notes : tuple of str
-        Assumptions for values that the campaign does not state, and notes on the rigs.
+        Notes on the route and the rigs, and the assumptions.
+    assumptions : tuple of str
+        What is taken for values that the campaign does not state.
     sha256 : dict of str to str
         Hash of each file read.
 
@@ -97,6 +99,7 @@ class Study(Tables):
     monte_carlo: int = DRAWS
     likelihoods: Mapping[str, Likelihood] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
     sha256: dict[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -242,7 +245,8 @@ class Study(Tables):
                 **{name: version(name) for name in packages},
             },
             "verdicts": self.counts,
-            "assumptions": list(self.notes),
+            "assumptions": list(self.assumptions),
+            "notes": [note for note in self.notes if note not in self.assumptions],
             **({"joint": {rig.rig: rig.record for rig in self.rigs}} if self.rigs else {}),
             "likelihood": {rig: likelihood_record(one) for rig, one in self.likelihoods.items()},
             "sha256": self.sha256,
@@ -341,6 +345,7 @@ def analyse(
         progress=progress,
     )
     analysed, remarks = _analysed(campaign, statics, reduced, route, monte_carlo)
+    assumed = (*campaign.stated.assumptions(), *_assumed(dynamic))
     return Study(
         campaign=campaign,
         tables={name: spec.of(analysed) for name, spec in TABLES.items()},
@@ -350,7 +355,8 @@ def analyse(
         likelihoods={
             group.setup.rig_name: likelihood_of(group.joint) for group, _ in analysed.groups if group.joint is not None
         },
-        notes=(*([note] if note else []), *remarks, *campaign.stated.assumptions(), *_assumed(dynamic)),
+        notes=(*([note] if note else []), *remarks, *assumed),
+        assumptions=assumed,
         sha256=_hashes(campaign, statics, dynamic, reduced),
     )
 
