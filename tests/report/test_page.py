@@ -819,3 +819,28 @@ def test_a_thousand_tests_open_and_are_searched(visit, tmp_path):
     page.get_by_label("Find").fill("D77")
     assert page.locator("#shown").inner_text() == "11 of 1010 tests"
     assert (tmp_path / "report0.html").stat().st_size < 12e6
+
+
+@pytest.mark.parametrize("count", [1, 12, 60])
+def test_the_first_page_fits_on_one_sheet(visit, count):
+    report = dict.fromkeys(("laboratory", "address", "customer", "number", "operator", "approved"), "Laboratory North")
+    report |= dict.fromkeys(("method", "environment", "conditioning", "break_in"), "as the procedure says, " * 3)
+    rows = [dynamic_row(at, **{"pressure [Pa]": 1e5 * 1.05**at}) for at in range(1, count + 1)]
+    results = with_rig_found(made(rows, stated={"report": report}))
+    pictures = {key: ReportFigure(key, "Stiffness", "", drawing()) for key in ("first-stiffness", "first-tr")}
+    page = visit(results, drawn=pictures, viewport={"width": 703, "height": 1000}, unfold=False)  # 186 mm
+    page.emulate_media(media="print")
+    box = page.locator("#front").bounding_box()
+    assert box["height"] <= 269 * 96 / 25.4  # A4 within its margins
+    assert page.locator("#front .summary").bounding_box()["width"] <= 703
+
+
+def test_parts_are_folded_and_open_for_their_links_and_in_print(visit):
+    page = visit(varied(), unfold=False)
+    assert page.locator(".part[open]").count() == 0
+    page.get_by_role("navigation").get_by_role("link", name="The run").click()
+    assert page.locator(".part[open]").count() == 1
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert page.locator(".part:not([open])").count() == 0
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert page.locator(".part[open]").count() == 1

@@ -309,7 +309,13 @@ def plan(
 
 
 @_command
-def report(folder: ResultsFolder, theme: Theme = "light", png: PngFlag = False, paper: PaperFlag = False) -> None:
+def report(
+    folder: ResultsFolder,
+    theme: Theme = "light",
+    png: PngFlag = False,
+    paper: PaperFlag = False,
+    pdf: Annotated[bool, typer.Option("--pdf", help="Print report.pdf, by Chromium, Chrome or Edge.")] = False,
+) -> None:
     """Make the figures and report.html again from the result tables, without reading the recordings.
 
     The report has the models and maps that fit and map have made of these tables since.
@@ -321,7 +327,7 @@ def report(folder: ResultsFolder, theme: Theme = "light", png: PngFlag = False, 
     results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
     from fourpole.app.report import run_report
 
-    run_report(results, folder, theme, png=png, paper=paper)
+    run_report(results, folder, theme, png=png, paper=paper, pdf=pdf)
 
 
 @_command

@@ -15,6 +15,7 @@ from fourpole.io.staging import staged
 from fourpole.plot import FIGURES, Style, draw, figures_of, save_figures, write_figure
 from fourpole.plot.catalogue import figure_files
 from fourpole.report.page import ReportFigure, write_report
+from fourpole.report.pdf import browser, print_page
 from fourpole.report.words.sentence import sentences
 from fourpole.study.results import Results
 from fourpole.study.workers import processors
@@ -22,7 +23,7 @@ from fourpole.study.workers import processors
 #: With so many rows of dynamic.csv worker processes draw, each of which takes a second to start; their largest number.
 _MANY, _MOST_DRAWERS = 5000, 4
 #: Files that `make_report` writes where all figures have data, with PNG.
-OF_REPORT = (*(f"figures/{name}" for name in figure_files()), "report.html")
+OF_REPORT = (*(f"figures/{name}" for name in figure_files()), "report.html", "report.pdf")
 
 
 def make_report(
@@ -62,13 +63,21 @@ def _drawers(results: Results) -> Iterator[Executor | None]:
             raise
 
 
-def run_report(results: Results, folder: Path, theme: str, *, png: bool = False, paper: bool = False) -> None:
+def run_report(
+    results: Results, folder: Path, theme: str, *, png: bool = False, paper: bool = False, pdf: bool = False
+) -> None:
     """Make figures and report from the tables of a results folder, and print the path of the report."""
+    if pdf:
+        browser()  # before the work, so that a missing one is said at once
     for fault in results.faults:
         warn(fault)
     with staged(folder, OF_REPORT) as new:
         page = make_report(results, new, Style(theme), png=png, paper=paper)
+        if pdf:
+            print_page(page, new / "report.pdf")
     out(f"report: {folder / page.name}")
+    if pdf:
+        out(f"pdf: {folder / 'report.pdf'}")
 
 
 def run_plot(results: Results, folder: Path, key: str, file: Path | None, style: Style) -> None:

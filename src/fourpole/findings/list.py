@@ -11,7 +11,7 @@ from fourpole.findings.claims import claims
 from fourpole.findings.comparisons import Comparison, compare
 from fourpole.findings.facts import Facts, pairs
 from fourpole.findings.finding import Finding
-from fourpole.findings.levels import cycle_losses, level_of, linearity
+from fourpole.findings.levels import Level, cycle_losses, level_of, linearity
 from fourpole.findings.resonances import transmissibility
 from fourpole.findings.trends import Trend, trend_of
 from fourpole.findings.verdicts import verdicts
@@ -58,7 +58,7 @@ def by_size(found: Sequence[Finding]) -> list[Finding]:
     """Findings as a reader wants them: within a topic the largest effects first, without those too small to matter.
 
     Only differences between specimens and trends have a size. One below 1 % is left out unless it exceeds three of its
-    standard uncertainties. Other findings keep their places before them.
+    standard uncertainties. Levels come after them; other findings keep their places before them.
     """
     kept = [one for one in found if not _is_small(one)]
     first = {one.topic: at for at, one in reversed(list(enumerate(kept)))}
@@ -66,12 +66,14 @@ def by_size(found: Sequence[Finding]) -> list[Finding]:
 
 
 def _size(one: Finding) -> float:
-    """The size of a relative effect; infinite for a finding that has none."""
+    """The size of a relative effect, 0 for a level; infinite for a finding that has none."""
+    if isinstance(one.detail, Level):
+        return 0.0
     return abs(one.effect) if one.effect is not None and isinstance(one.detail, Comparison | Trend) else inf
 
 
 def _is_small(one: Finding) -> bool:
-    return _size(one) < _SMALL and _size(one) <= _SURE * (one.std or 0.0)
+    return not isinstance(one.detail, Level) and _size(one) < _SMALL and _size(one) <= _SURE * (one.std or 0.0)
 
 
 def _lacks_arm(facts: Facts) -> bool:

@@ -17,10 +17,11 @@ from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
 from fourpole.report.conformity import conformity_table, verdict_line
 from fourpole.report.digits import expanded, with_interval
 from fourpole.report.ratedload import rated_load
-from fourpole.report.words.limits import limits
-from fourpole.report.words.phrases import counted
+from fourpole.report.words.limits import Limit, limits
+from fourpole.report.words.phrases import counted, joined, percent
 from fourpole.report.words.rig import rigs_in_words
 from fourpole.report.words.sentence import Sentence
+from fourpole.report.words.sources import source_in_words
 from fourpole.study.results import Results, section
 
 #: The quantities of the table, in its order.
@@ -30,6 +31,8 @@ _MOST_SAID, _MOST_DESCRIBED = 3, 4
 _DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
 #: The quantities that name a row.
 _PLACES = (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.DEFLECTION_AMPLITUDE)
+#: A model that departs from the data by this share of |K*| is not to be trusted.
+_POOR = 0.01
 #: What a report says of a specimen on its first page, by the key in campaign.toml.
 _OF_SPECIMEN = (("size", "size"), ("load_index", "load index"), ("serial", "serial"), ("rim", "rim"))
 #: The particulars in the order of the page, by their key in [report].
@@ -63,7 +66,7 @@ def front_page(results: Results, said: Sequence[Sentence]) -> SimpleNamespace:
         conformity=conformity_table(results, held),
         equipment=_equipment(stated),
         doubts=_doubts(results, said),
-        limits=[limit.text for limit in limits(results)][:_MOST_SAID],
+        limits=_limits(results),
         scale=_scale(results),
     )
 
@@ -188,15 +191,43 @@ def _equipment(stated: Mapping[str, Any]) -> list[SimpleNamespace]:
     return found
 
 
+def _limits(results: Results) -> list[str]:
+    """What limits the results, and the cheapest remedy, a sentence for each source."""
+    groups: dict[tuple[str, str, str], list[Limit]] = {}
+    for one in limits(results):
+        groups.setdefault((one.rig, one.source.text, one.remedy), []).append(one)
+    said = []
+    for (rig, _, remedy), found in list(groups.items())[:_MOST_SAID]:
+        known = [f"u({one.quantity}) is {percent(one.relative)}" for one in found if one.relative]
+        source, share = source_in_words(found[0].source), min(one.share for one in found)
+        opening = f"{joined(known)}; {source} makes" if known else f"{source} makes"
+        opening += f" {percent(share)} of the variance"
+        where = f"Rig {rig}: " if rig else ""
+        said.append(f"{where}{opening[:1].upper()}{opening[1:]}. Cheapest remedy: {remedy}.")
+    return said
+
+
 def _doubts(results: Results, said: Sequence[Sentence]) -> list[Sentence]:
     """What not to trust: rigs that do not fit, then rejected and warned tests by their commonest reasons."""
     misfit = [Sentence(Topic.TRUST, about.misfit[0]) for about in rigs_in_words(results) if about.misfit]
     trust = [one for one in said if one.topic == Topic.TRUST][1:]
-    found = [*misfit, *trust]
+    found = [*misfit, *(Sentence(Topic.TRUST, text) for text in _misfits(results)), *trust]
     more = len(found) - _MOST_SAID
     if more > 0:
         found = [*found[:_MOST_SAID], Sentence(Topic.TRUST, f"{counted(more, 'further reason')}: see the findings.")]
     return found
+
+
+def _misfits(results: Results) -> list[str]:
+    """Models that do not follow the data, in a sentence for all specimens."""
+    models = results.models.models if results.models else ()
+    off = [one for one in models if one.discrepancy >= _POOR]
+    if not off:
+        return []
+    each = [f"{one.tyre or 'the specimen'} by {percent(one.discrepancy)} of |K*|" for one in off]
+    none = all(any(at.verdict is not None and not at.verdict.possible for at in one.conditions) for one in off)
+    why = "; no passive linear specimen can have such a K*" if none else ""
+    return [f"The models do not follow the data of {joined(each)}{why}. The tables do not rest on them."]
 
 
 def _scale(results: Results) -> list[str]:

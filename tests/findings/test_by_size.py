@@ -1,0 +1,27 @@
+"""The order in which a reader sees findings, and which ones are too small."""
+
+import pytest
+from tests.findings.designed import Tables, Tyre
+
+from fourpole.findings import by_size, findings
+from fourpole.findings.comparisons import Comparison
+from fourpole.findings.levels import Level
+from fourpole.findings.trends import Trend
+from fourpole.quantities import K2
+
+
+@pytest.mark.parametrize("u", [0.0001, 0.01])
+def test_the_largest_effects_come_first_and_small_ones_only_if_sure(u):
+    second = Tyre(k1=lambda p, load: 98e3 + 1e-2 * p + load, k2=80.3e3, c=lambda p, load, f: 700.0 + 1e-3 * p + 9 * f)
+    every = findings(Tables({"A": Tyre(), "B": second}, u=u).results())
+    shown = by_size(every)
+    assert {id(one) for one in shown} <= {id(one) for one in every}
+    for topic in dict.fromkeys(one.topic for one in shown):
+        sizes = [abs(one.effect) for one in shown if one.topic == topic and isinstance(one.detail, Comparison | Trend)]
+        assert sizes == sorted(sizes, reverse=True)
+    left = [one for one in every if one not in shown]
+    assert any(one.quantity is K2 and isinstance(one.detail, Comparison) for one in left) == (u == 0.01)  # 0.4 %
+    assert all(isinstance(one.detail, Comparison | Trend) for one in left)
+    assert all(abs(one.effect) < 0.01 and abs(one.effect) <= 3 * one.std for one in left)
+    kinds = [type(one.detail) for one in shown if one.topic == "damping"]
+    assert Level not in kinds[: kinds.index(Trend)]

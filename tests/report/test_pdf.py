@@ -1,0 +1,68 @@
+"""Printing the report: by a real browser, and what is said without one."""
+
+import shutil
+import sys
+
+import pytest
+
+from fourpole.errors import FileError
+from fourpole.report import pdf
+
+PAGE = "<!DOCTYPE html><title>t</title><p>K1"
+
+
+@pytest.fixture
+def page(tmp_path):
+    path = tmp_path / "report.html"
+    path.write_text(PAGE)
+    return path
+
+
+def stands_in(monkeypatch, path, script):
+    """A program in place of the browser."""
+    path.write_text(f"#!{sys.executable}\n{script}")
+    path.chmod(0o755)
+    monkeypatch.setattr(shutil, "which", lambda name: str(path))
+
+
+def test_a_page_becomes_a_pdf(page, tmp_path):
+    try:
+        pdf.browser()
+    except FileError:
+        pytest.skip("no browser is here")
+    pdf.print_page(page, tmp_path / "out.pdf")
+    content = (tmp_path / "out.pdf").read_bytes()
+    assert content.startswith(b"%PDF")
+    assert content.rstrip().endswith(b"%%EOF")
+
+
+def test_without_a_browser_the_remedy_is_said(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setattr(pdf, "_MAC", ())
+    with pytest.raises(FileError, match=r"--pdf needs: install one, or open report\.html"):
+        pdf.browser()
+
+
+@pytest.mark.parametrize(
+    ("script", "said"),
+    [
+        ("import sys; sys.exit('no display')", "did not print report.html: no display"),
+        ("import sys; sys.exit(3)", "did not print report.html, exit code 3"),
+        ("import time; time.sleep(30)", "did not print report.html within 1 s"),
+    ],
+)
+def test_a_browser_that_fails_leaves_nothing(monkeypatch, page, tmp_path, script, said):
+    stands_in(monkeypatch, tmp_path / "browser", script)
+    monkeypatch.setattr(pdf, "_SECONDS", 1 if "sleep" in script else 60)
+    with pytest.raises(FileError, match=said):
+        pdf.print_page(page, tmp_path / "out.pdf")
+    assert not (tmp_path / "out.pdf").exists()
+
+
+def test_what_is_no_pdf_is_not_taken(monkeypatch, page, tmp_path):
+    script = (
+        "import sys\nfor one in sys.argv:\n if one.startswith('--print-to-pdf='): open(one[15:], 'w').write('<html>')"
+    )
+    stands_in(monkeypatch, tmp_path / "browser", script)
+    with pytest.raises(FileError, match="did not print"):
+        pdf.print_page(page, tmp_path / "out.pdf")
