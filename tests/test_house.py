@@ -102,7 +102,7 @@ def test_importing_the_package_loads_nothing_heavy():
 
 
 FACE = """
-    analyse Channel ChannelUncertainty demodulate FourpoleError Identification identify identify_joint LoadCurve
+    analyse Channel ChannelUncertainty compare demodulate FourpoleError Identification identify identify_joint LoadCurve
     maxwell_arm models Phasors plan quantity read_campaign read_recording read_results Recording Rig simulate_campaign
     Study
 """

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from fourpole.core.rig import Rig
     from fourpole.core.routes import maxwell_arm
     from fourpole.errors import FourpoleError
+    from fourpole.findings.compared import compare
     from fourpole.planning.plan import plan
     from fourpole.study import Study, analyse
     from fourpole.study.recording import read_recording
@@ -45,6 +46,7 @@ _HOME = {
     "Rig": "core.rig",
     "Study": "study",
     "analyse": "study",
+    "compare": "findings.compared",
     "demodulate": "core.demodulation.demodulate",
     "identify": "core.identify",
     "identify_joint": "core.joint",
@@ -76,6 +78,7 @@ __all__ = [
     "Rig",
     "Study",
     "analyse",
+    "compare",
     "demodulate",
     "identify",
     "identify_joint",

@@ -366,6 +366,33 @@ def rig(folder: ResultsFolder, as_json: JsonFlag = False) -> None:
 
 
 @_command
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="A", help="Results folder, or the folder of a campaign.")],
+    second: Annotated[
+        Path | None, typer.Argument(metavar="B", help="The other one; without it, two specimens of A.")
+    ] = None,
+    specimens: Annotated[
+        tuple[str, str] | None, typer.Option(metavar="X Y", help="A specimen of A and one of B, or two of A.")
+    ] = None,
+    independent: Annotated[
+        bool,
+        typer.Option("--independent", help="Take no error as common: sensors were exchanged or calibrated."),
+    ] = False,
+    file: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Write all rows, in SI.")] = None,
+    page: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a page with a figure.")] = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Compare two runs or two specimens: B less A over its uncertainty, where common errors cancel.
+
+    K1, |K*|, loss angle, K', K'', K2 and C at each condition that both have, the largest ratio first. Example:
+    fourpole compare spring autumn --page compare.html
+    """
+    from fourpole.app.compare import run_compare
+
+    run_compare(first, second, specimens, file, page, independent=independent, as_json=as_json)
+
+
+@_command
 def lab(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that holds campaigns, at any depth.")],
     place: Annotated[Path | None, typer.Option("--out", help="Folder of the data set; by default FOLDER/lab.")] = None,

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.arrays import FloatArray
+from fourpole.core.condition import Sameness
+from fourpole.core.sources import Kind, Role, Source
 from fourpole.errors import CampaignError
-from fourpole.lab.layout import ROLE, scan
+from fourpole.findings.points import QUANTITIES, Common, Differences, Points, differences
+from fourpole.fitting.rows import conditions_in
+from fourpole.lab.layout import scan
 
 #: Roles of the errors that two campaigns share if they used the same sensors, with one calibration, on the same rig.
-_COMMON = ("channel", "rig", "mass", "ratio")
-#: The errors of K1 that come from the sensors of load and deflection.
-_COMMON_STATIC = "K1 gains"
+_COMMON = (Role.CHANNEL, Role.RIG, Role.MASS, Role.RATIO)
 #: Two tests have the same condition if these differ by less: relative, or in kelvin.
 _NEAR = {q.PRESSURE.head: 0.02, q.PRELOAD.head: 0.01, q.FREQUENCY.head: 0.01}
 _KELVIN = 5.0
 _VALUES = (q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
-#: Frequencies of the second campaign within this distance of a test, in ln f, give the slope there.
-_REACH = 0.7
-#: Frequencies that are nearer to each other than this, in ln f, count as one.
-_APART = 0.02
 _SAME = (q.TYRE.head, q.ROUTE.head, q.ADDED_MASS.head)
 _ROW = "row"
 
@@ -69,17 +66,15 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
         if name not in tests["campaign"]:
             raise CampaignError(f"{folder}: has no campaign {name!r}: choose one of {', '.join(_campaigns(folder))}")
     budget = scan(folder, "budget").filter(pl.col("campaign").is_in([first, second])).collect()
-    pairs = _pairs(*(_usable(tests.filter(pl.col("campaign") == name)) for name in (first, second)))
-    one, two = (_long(pairs, budget, name, end) for name, end in ((first, ""), (second, "_right")))
-    key = (_ROW, q.QUANTITY.head)
-    both = one.join(two, on=[*key, q.SOURCE.head], how="full", coalesce=True, suffix=" 2")
-    common = (pl.coalesce(ROLE, f"{ROLE} 2").is_in(_COMMON)) | (pl.col(q.SOURCE.head) == _COMMON_STATIC)
-    u1, u2 = pl.col("u").fill_null(0.0), pl.col("u 2").fill_null(0.0)
-    found = both.group_by(key).agg(
-        (u1**2 + u2**2).sum().alias("u independent"),
-        pl.when(common).then((u1 - u2) ** 2).otherwise(u1**2 + u2**2).sum().alias("u same sensors"),
-    )
-    return _shown(pairs, found, _brought(pairs, _usable(tests.filter(pl.col("campaign") == second))))
+    one, two = (_usable(tests.filter(pl.col("campaign") == name)) for name in (first, second))
+    points = {
+        name: Points.of(table, budget.filter(pl.col("campaign") == name), _groups(table))
+        for name, table in ((first, one), (second, two))
+    }
+    pairs = _pairs(one, two)
+    places = pairs[_ROW].to_numpy().astype(int), pairs[f"{_ROW}_right"].to_numpy().astype(int)
+    found = {way: differences(points[first], points[second], places, common) for way, common in _WAYS.items()}
+    return _shown(pairs, found)
 
 
 def _campaigns(folder: str | Path) -> list[str]:
@@ -102,89 +97,51 @@ def _pairs(one: pl.DataFrame, two: pl.DataFrame) -> pl.DataFrame:
         a, b = pl.col(head), pl.col(f"{head}_right")
         near.append(((a - b).abs() <= limit * pl.max_horizontal(a.abs(), b.abs())) | (a.is_null() & b.is_null()))
     apart = (pl.col(q.FREQUENCY.head) - pl.col(f"{q.FREQUENCY.head}_right")).abs()
-    found = one.with_row_index(_ROW).join(two, on=_SAME, nulls_equal=True).filter(*near)
+    found = one.with_row_index(_ROW).join(two.with_row_index(_ROW), on=_SAME, nulls_equal=True).filter(*near)
     return found.sort(_ROW, apart).unique(_ROW, keep="first", maintain_order=True)
 
 
-def _long(pairs: pl.DataFrame, budget: pl.DataFrame, campaign: str, end: str) -> pl.DataFrame:
-    """The budget of one side of each pair: row, quantity, source, role and u."""
-    key = [q.TEST.head, q.POINT.head]
-    side = pairs.select(_ROW, *(pl.col(f"{head}{end}").alias(head) for head in key))
-    part = budget.filter(pl.col("campaign") == campaign)
-    return side.join(part, on=key).select(_ROW, q.QUANTITY.head, q.SOURCE.head, ROLE, "u")
+def _groups(table: pl.DataFrame) -> np.ndarray:
+    """Number of the condition, route and added mass of each test."""
+    conditions = Sameness().groups(conditions_in(table, Sameness()))
+    texts = table.select(
+        pl.concat_str([pl.col(head).cast(pl.String).fill_null("") for head in _SAME[1:]], separator="\n")
+    )
+    both = np.stack([conditions.astype(str), texts.to_series().to_numpy().astype(str)], axis=1)
+    return np.asarray(np.unique(both, axis=0, return_inverse=True)[1]).ravel()
 
 
-def _brought(pairs: pl.DataFrame, two: pl.DataFrame) -> pl.DataFrame:
-    """Values of the second at the frequency of the first, with the uncertainty of that step: a row per pair."""
-    names = [one.head for one in _VALUES]
-    f1, f2 = (pairs[f"{q.FREQUENCY.head}{end}"].to_numpy() for end in ("", "_right"))
-    others, values = _numbers(two, [q.FREQUENCY.head])[:, 0], _numbers(two, names)
-    state = [q.PRESSURE.head, q.PRELOAD.head, q.TEMPERATURE.head]
-    at, of = _numbers(pairs, [f"{head}_right" for head in state]), _numbers(two, state)
-    limit = np.array([_NEAR[q.PRESSURE.head], _NEAR[q.PRELOAD.head], 0.0]) * np.abs(at) + np.array([0.0, 0.0, _KELVIN])
-    texts = [f"{head}_right" if f"{head}_right" in pairs.columns else head for head in _SAME]
-    same = list(zip(*(two[head].to_list() for head in _SAME), strict=True))
-    moved, u = np.empty((pairs.height, len(names))), np.empty((pairs.height, len(names)))
-    for row, texts_of in enumerate(zip(*(pairs[head].to_list() for head in texts), strict=True)):
-        alike = ~(np.abs(of - at[row]) > limit[row]).any(axis=1) & np.array([one == texts_of for one in same])
-        x = np.log(others[alike] / f1[row])
-        near = np.abs(x) <= _REACH
-        moved[row], u[row] = _step(x[near], values[alike][near], float(np.log(f2[row] / f1[row])))
-    value = _numbers(pairs, [f"{name}_right" for name in names])
-    unknown = ~np.isfinite(moved)  # K* of a passive linear specimen changes by less than the frequency does
-    ends = np.abs(value * np.log(f2 / f1)[:, None])
-    moved, u = np.where(unknown, 0.0, moved), np.where(unknown, ends, u)
-    return pl.DataFrame(
-        {
-            _ROW: np.tile(pairs[_ROW].to_numpy(), len(names)),
-            q.QUANTITY.head: np.repeat([name.partition(" [")[0] for name in names], pairs.height),
-            "second": (value - moved).T.ravel(),
-            "u step": u.T.ravel(),
-        },
-        schema_overrides={_ROW: pairs.schema[_ROW]},
-    ).with_columns(pl.col("second", "u step").fill_nan(None))
+def _none(_: str) -> bool:
+    return False
 
 
-def _numbers(table: pl.DataFrame, heads: list[str]) -> FloatArray:
-    """Columns as an array (rows, heads); not-a-number where a value is blank."""
-    return table.select(pl.col(heads).cast(pl.Float64).fill_null(float("nan"))).to_numpy()
+def _same_sensors(text: str) -> bool:
+    """Whether the error of a source is common to campaigns with the same sensors on the same rig."""
+    source = Source.read(text)
+    return source.role in _COMMON or source.kind is Kind.K1_GAINS
 
 
-def _step(x: FloatArray, values: FloatArray, end: float) -> tuple[Any, Any]:
-    """Change of each value from x = 0 to `end`, by a parabola or a line, and its uncertainty; nan without a slope.
-
-    The uncertainty is the difference of the two, or half of the change where three points are lacking.
-    """
-    order = np.sort(x)
-    distinct = 1 + int(np.sum(np.diff(order) > _APART)) if x.size else 0
-    if distinct < 2:
-        return np.nan, np.nan
-    line = np.polynomial.polynomial.polyfit(x, values, 1)[1] * end
-    if distinct < 3:
-        return line, np.abs(line) / 2
-    slope, bend = np.polynomial.polynomial.polyfit(x, values, 2)[1:]
-    return slope * end + bend * end**2, np.abs(slope * end + bend * end**2 - line)
+#: What two campaigns share, by the name of the case.
+_WAYS: Mapping[str, Common] = {"independent": _none, "same sensors": _same_sensors}
 
 
-def _shown(pairs: pl.DataFrame, found: pl.DataFrame, brought: pl.DataFrame) -> pl.DataFrame:
+def _shown(pairs: pl.DataFrame, found: Mapping[str, Differences]) -> pl.DataFrame:
     """A row for each pair and quantity, with values, difference, uncertainties and ratios."""
     state = [q.TYRE.head, q.PRESSURE.head, q.PRELOAD.head, q.ADDED_MASS.head, q.FREQUENCY.head]
-    rows = [
-        pairs.select(
-            _ROW,
-            *state,
-            pl.lit(one.head.partition(" [")[0]).alias(q.QUANTITY.head),
-            pl.lit(one.head.rpartition("[")[2].rstrip("]")).alias(q.UNIT.head),
-            pl.col(one.head).alias("first"),
-        )
-        for one in _VALUES
-    ]
-    key = [_ROW, q.QUANTITY.head]
-    table = pl.concat(rows).join(brought, on=key).join(found, on=key, how="left")
-    table = table.with_columns((pl.col("second") - pl.col("first")).alias("difference"))
-    ways = ("independent", "same sensors")
-    table = table.with_columns((pl.col(f"u {how}") + pl.col("u step") ** 2).sqrt().alias(f"u {how}") for how in ways)
-    table = table.with_columns((pl.col("difference") / pl.col(f"u {how}")).alias(f"ratio {how}") for how in ways)
-    columns = [*state, q.QUANTITY.head, q.UNIT.head, "first", "second", "difference"]
-    columns += [f"{what} {how}" for what in ("u", "ratio") for how in ways]
-    return table.filter(pl.col("difference").is_not_null()).sort(key).select(columns)
+    tables = []
+    for quantity in _VALUES:
+        at = QUANTITIES.index(quantity)
+        any_of = next(iter(found.values()))
+        first, second = any_of.first[:, at], any_of.second[:, at]
+        numbers = {"first": first, "second": second, "difference": second - first}
+        numbers |= {f"u {way}": each.u[:, at] for way, each in found.items()}
+        with np.errstate(divide="ignore", invalid="ignore"):
+            numbers |= {f"ratio {way}": (second - first) / each.u[:, at] for way, each in found.items()}
+        texts = [
+            pl.lit(quantity.column).alias(q.QUANTITY.head),
+            pl.lit(quantity.unit).alias(q.UNIT.head),
+        ]
+        made = pl.DataFrame(numbers).fill_nan(None)
+        tables.append(pl.concat([pairs.select(_ROW, *state, *texts), made], how="horizontal"))
+    table = pl.concat(tables).filter(pl.col("difference").is_not_null())
+    return table.sort(_ROW, q.QUANTITY.head).drop(_ROW)

@@ -1,0 +1,86 @@
+"""The command that compares two runs or two specimens."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from fourpole.app.console import out, print_json, print_table, say
+from fourpole.errors import CampaignError
+from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared, compare
+from fourpole.io.write import write_table, write_text
+from fourpole.quantities import ShownUnits
+from fourpole.report.words.compared import ShownRow, outcome, shown_rows
+from fourpole.study.results import read_results
+
+#: Rows that the terminal shows of each verdict.
+_MOST = 20
+
+
+def run_compare(
+    first: Path,
+    second: Path | None,
+    specimens: tuple[str, str] | None,
+    file: Path | None,
+    page: Path | None,
+    *,
+    independent: bool,
+    as_json: bool,
+) -> None:
+    """Print the differences, the largest first; write all rows and the page where they are wanted."""
+    if file is not None and file.suffix.lower() != ".csv":
+        raise CampaignError(f"--out {file}: the file of all rows is CSV: name it FILE.csv; --page is the HTML page")
+    compared = compare(first, second, specimens=specimens, independent=independent)
+    units = read_results(first).shown
+    if file is not None:
+        write_table(file, compared.rows)
+    if page is not None:
+        from fourpole.report.compared import render_compared  # matplotlib and jinja2 take a second to load
+
+        write_text(page, render_compared(compared, units))
+    if as_json:
+        print_json(_document(compared))
+    else:
+        _show(compared, units)
+    for what, path in (("rows", file), ("page", page)):
+        if path is not None:
+            (say if as_json else out)(f"{what}: {path}")
+
+
+def _show(compared: Compared, units: ShownUnits) -> None:
+    rows = shown_rows(compared, units)
+    out(f"{compared.names[1]} less {compared.names[0]}; ± is U (k = 2), z the difference over u")
+    for seen, heading in ((True, DIFFERS), (False, NOT_SEEN)):
+        part = [row for row in rows if row.seen is seen]
+        if part:
+            out()
+            out(f"{heading} ({len(part)} of {len(rows)}):")
+            _print(part[:_MOST], compared.names)
+            if len(part) > _MOST:
+                out(f"... and {len(part) - _MOST} more with smaller ratios: --out FILE.csv, --page FILE.html")
+    out()
+    out(outcome(compared))
+    for sentence in compared.common:
+        out(sentence)
+
+
+def _print(rows: list[ShownRow], names: tuple[str, str]) -> None:
+    cells = [(row.where, row.quantity, row.first, row.second, row.difference, row.z) for row in rows]
+    heads = ("condition", "of", _short(names[0]), _short(names[1]), "difference", "z")
+    print_table(heads, cells, right=heads[2:])
+
+
+def _short(name: str) -> str:
+    """A name of a column, as narrow as its numbers."""
+    return name if len(name) <= 8 else f"{name[:7]}…"
+
+
+def _document(compared: Compared) -> dict[str, Any]:
+    """The comparison for programs, in SI."""
+    return {
+        "first": compared.names[0],
+        "second": compared.names[1],
+        "common": list(compared.common),
+        "beyond": compared.beyond,
+        "rows": compared.rows.to_dicts(),
+    }

@@ -1,0 +1,323 @@
+"""Measured points: K*, K1, K2 and C of tests, with the errors that they share with other points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.routes import arm_slopes
+from fourpole.core.sources import Kind
+from fourpole.findings.summary import LOSS_ANGLE, MODULUS
+from fourpole.fitting.common_errors import joined
+from fourpole.fitting.rows import Key, keys_of
+from fourpole.quantities import Quantity
+
+#: The quantities of a point, in the order of `Points.values`.
+QUANTITIES = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
+#: K* of two points may differ by this share of the smaller for one error to act in the same direction on both.
+_ALIKE = 0.2
+#: Distance in ln f within which other points of a condition give the slope, and below which frequencies count as one.
+_REACH, _APART = 0.7, 0.02
+#: Least variance of a difference as a share of the variances of both values: that of round-off.
+_LEAST = 1e-9
+
+#: Whether the error of a source of budget.csv is common to two campaigns.
+Common = Callable[[str], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class Points(ByValue):
+    """N measured points, which are tests or means of tests.
+
+    Attributes
+    ----------
+    keys : tuple of tuples of (str, int)
+        Tests and their points behind each.
+    frequency : (N,) float array [Hz]
+    stiffness, k1, k2, c : (N,) arrays [N/m], [N/m], [N/m], [N s/m]
+        Not-a-number where a value is blank.
+    covariance : (N, 2, 2) float array [N²/m²]
+        Covariance of Re K* and Im K*.
+    std : (N, 3) float array [N/m], [N/m], [N s/m]
+        Standard uncertainties of K1, K2 and C.
+    group : (N,) int array
+        Points with the same number have one condition.
+    effects : mapping of str to (N,) complex array [N/m]
+        Change of K* by one standard uncertainty of each source of budget.csv, up to a common sign.
+    k1_gain : (N,) float array [N/m]
+        Part of u(K1) from the gains of load and deflection.
+    shared : (N, 2, p) float array [N/m]
+        Change of Re K* and Im K* by one standard uncertainty of each error that the points of one campaign share.
+    """
+
+    keys: tuple[tuple[Key, ...], ...]
+    frequency: FloatArray
+    stiffness: ComplexArray
+    k1: FloatArray
+    k2: FloatArray
+    c: FloatArray
+    covariance: FloatArray
+    std: FloatArray
+    group: np.ndarray
+    effects: Mapping[str, ComplexArray]
+    k1_gain: FloatArray
+    shared: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        table: pl.DataFrame,
+        budget: pl.DataFrame,
+        group: np.ndarray,
+        covariance: pl.DataFrame | None = None,
+    ) -> Points:
+        """The points of rows of dynamic.csv, each a point; `covariance` is covariance.parquet of the same campaign."""
+        keys = keys_of(table)
+        number = {one: _numbers(table, one) for one in (*_COLUMNS, *_STD, q.CORR_K.head)}
+        re, im, k1, k2, c, frequency = (number[one] for one in _COLUMNS)
+        u_re, u_im, *std = (number[one] for one in _STD)
+        cross = np.nan_to_num(number[q.CORR_K.head]) * u_re * u_im
+        found = cls(
+            keys=tuple((key,) for key in keys),
+            frequency=frequency,
+            stiffness=re + 1j * im,
+            k1=k1,
+            k2=k2,
+            c=c,
+            covariance=np.stack([u_re**2, cross, cross, u_im**2], axis=1).reshape(-1, 2, 2),
+            std=np.stack(std, axis=1),
+            group=group,
+            effects={},
+            k1_gain=np.zeros(len(keys)),
+            shared=np.zeros((len(keys), 2, 0)),
+        )
+        if covariance is not None and set(keys) <= set(keys_of(covariance)):
+            found = replace(found, shared=joined(keys, covariance)[1])
+        return found.with_budget(budget) if budget.height else found
+
+    def with_budget(self, budget: pl.DataFrame) -> Points:
+        """The points with the effect of each source, from the standard uncertainties that budget.csv has."""
+        place = {key: at for at, ((key,),) in enumerate(zip(self.keys, strict=True))}
+        at = np.array([place.get(key, -1) for key in keys_of(budget)])
+        sources, quantities = budget[q.SOURCE.head].to_numpy(), budget[q.QUANTITY.head].to_numpy()
+        u, used = _numbers(budget, q.U.head), at >= 0
+
+        def part(source: str, quantity: Quantity) -> FloatArray:
+            rows = used & (sources == source) & (quantities == quantity.column)
+            values = np.zeros(self.frequency.size)
+            values[at[rows]] = u[rows]
+            return values
+
+        names = budget.filter(pl.col(q.QUANTITY.head) == q.STORAGE.column)[q.SOURCE.head].unique(maintain_order=True)
+        effects = {
+            name: self._signed(*(part(name, one) for one in (q.STORAGE, q.LOSS, q.LOSS_FACTOR))) for name in names
+        }
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = part(Kind.K1_GAINS.text, q.C) / np.abs(self.slopes[:, -1, 2])
+        return replace(self, effects=effects, k1_gain=np.minimum(np.nan_to_num(gain), np.nan_to_num(self.std[:, 0])))
+
+    def _signed(self, u_re: FloatArray, u_im: FloatArray, u_loss: FloatArray) -> ComplexArray:
+        """The change of K* from those of Re K*, Im K* and the loss factor, which tells their relative sign."""
+        ratio = self.stiffness.imag / self.stiffness.real
+        wanted = u_loss * np.abs(self.stiffness.real)
+        same, opposite = np.abs(u_im - ratio * u_re), np.abs(u_im + ratio * u_re)
+        sign = np.where(np.abs(same - wanted) <= np.abs(opposite - wanted), 1.0, -1.0)
+        return np.asarray(u_re + 1j * sign * u_im)
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """Values (N, 8) of `QUANTITIES`."""
+        stiffness = self.stiffness
+        ratio = stiffness.imag / stiffness.real
+        columns = (
+            self.k1,
+            np.abs(stiffness),
+            np.angle(stiffness),
+            stiffness.real,
+            stiffness.imag,
+            ratio,
+            self.k2,
+            self.c,
+        )
+        return np.stack(columns, axis=1)
+
+    @cached_property
+    def stds(self) -> FloatArray:
+        """Standard uncertainties (N, 8) of `QUANTITIES`; those of K1, K2 and C as the tables have them."""
+        by_k = self.slopes[:, :, :2]
+        variance = np.einsum("nqi,nij,nqj->nq", by_k, self.covariance, by_k)
+        std = np.sqrt(np.maximum(variance, 0.0))
+        std[:, [0, 6, 7]] = self.std
+        return std
+
+    @cached_property
+    def slopes(self) -> FloatArray:
+        """Derivatives (N, 8, 3) of `QUANTITIES` by Re K*, Im K* and K1."""
+        stiffness, size = self.stiffness, np.abs(self.stiffness)
+        re, im = stiffness.real, stiffness.imag
+        slopes = np.zeros((size.size, len(QUANTITIES), 3))
+        slopes[:, 0, 2] = 1.0
+        slopes[:, 1, :2] = np.stack([re, im], axis=1) / size[:, None]
+        slopes[:, 2, :2] = np.stack([-im, re], axis=1) / size[:, None] ** 2
+        slopes[:, 3, 0], slopes[:, 4, 1] = 1.0, 1.0
+        slopes[:, 5, :2] = np.stack([-im / re, np.ones_like(re)], axis=1) / re[:, None]
+        by = np.tile(np.array([1.0, 1j, -1.0]), (size.size, 1))
+        slopes[:, 6:] = arm_slopes(stiffness, self.k1, (self.k2, self.c), 2.0 * np.pi * self.frequency, by)
+        return slopes
+
+    def part(self, rows: np.ndarray) -> Points:
+        """Some of the points."""
+        held = ("frequency", "stiffness", "k1", "k2", "c", "covariance", "std", "group", "k1_gain", "shared")
+        taken = {name: getattr(self, name)[rows] for name in held}
+        effects = {name: effect[rows] for name, effect in self.effects.items()}
+        return replace(self, keys=tuple(self.keys[at] for at in rows.tolist()), effects=effects, **taken)
+
+    def means(self, members: Sequence[Sequence[int]]) -> Points:
+        """The mean of each of some sets of points.
+
+        The uncertainty of a mean is the mean one: repeats share K* of their condition in the joint route, and their
+        common errors in every route.
+        """
+
+        def mean(values: np.ndarray) -> np.ndarray:
+            with np.errstate(invalid="ignore"):
+                return np.stack(
+                    [np.nanmean(values[list(rows)], axis=0) if len(rows) > 1 else values[rows[0]] for rows in members]
+                )
+
+        held = ("frequency", "stiffness", "k1", "k2", "c", "covariance", "std", "k1_gain", "shared")
+        effects = {name: mean(_aligned(effect, members)) for name, effect in self.effects.items()}
+        return replace(
+            self,
+            keys=tuple(tuple(key for at in rows for key in self.keys[at]) for rows in members),
+            group=self.group[[rows[0] for rows in members]],
+            effects=effects,
+            **{name: mean(getattr(self, name)) for name in held},
+        )
+
+
+_COLUMNS = (*(one.head for one in (q.STORAGE, q.LOSS, q.K1, q.K2, q.C)), q.FREQUENCY.head)
+_STD = tuple(one.u_head for one in (q.STORAGE, q.LOSS, q.K1, q.K2, q.C))
+
+
+def _numbers(table: pl.DataFrame, head: str) -> FloatArray:
+    """A column as an array; not-a-number where it is blank."""
+    return table[head].cast(pl.Float64).fill_null(float("nan")).to_numpy()
+
+
+def _aligned(effect: ComplexArray, members: Sequence[Sequence[int]]) -> ComplexArray:
+    """The effects of one source, of which those of one set of points have the sign of the first."""
+    turned = effect.copy()
+    for rows in members:
+        first = effect[rows[0]]
+        for at in rows[1:]:
+            turned[at] *= 1.0 if (np.conj(first) * effect[at]).real >= 0.0 else -1.0
+    return turned
+
+
+@dataclass(frozen=True, eq=False)
+class Differences(ByValue):
+    """M pairs of points: the second less the first, by quantity.
+
+    Attributes
+    ----------
+    first, second : (M, 8) float arrays
+        Values of `QUANTITIES`; those of the second are brought to the frequency of the first.
+    u : (M, 8) float array
+        Standard uncertainty of the difference.
+    unlike : (M,) bool array
+        Pairs whose K* differs so much that no error of two campaigns is taken to act in the same direction.
+    """
+
+    first: FloatArray
+    second: FloatArray
+    u: FloatArray
+    unlike: np.ndarray
+
+
+def differences(one: Points, two: Points, pairs: tuple[np.ndarray, np.ndarray], common: Common | None) -> Differences:
+    r"""The second points less the first, with the uncertainty of each difference.
+
+    .. math:: u^2 = u_1^2 + u_2^2 - 2\,g_1^T X g_2 + u_{step}^2
+
+    with g the derivatives of the quantity by Re K*, Im K* and K1, and X the covariance of these between both points.
+
+    Parameters
+    ----------
+    one, two : Points
+    pairs : two (M,) int arrays
+        Places of both points of each pair.
+    common : function, optional
+        Whether the error of a source is common to two campaigns. It is then taken to act in the same direction on both
+        points if their K* differs by less than 20 %. None for points of one campaign, whose covariance `shared` has.
+    """
+    first, second = one.part(pairs[0]), two.part(pairs[1])
+    unlike = np.zeros(len(pairs[0]), dtype=bool)
+    cross = np.zeros((unlike.size, 3, 3))
+    if common is None:
+        cross[:, :2, :2] = first.shared @ np.swapaxes(second.shared, 1, 2)
+        cross[:, 2, 2] = first.k1_gain * second.k1_gain
+    else:
+        apart = np.abs(second.stiffness - first.stiffness) / np.minimum(abs(first.stiffness), abs(second.stiffness))
+        unlike = apart > _ALIKE
+        cross[:, :2, :2] = np.where(unlike[:, None, None], 0.0, _cross(first, second, common))
+        if common(Kind.K1_GAINS.text):
+            cross[:, 2, 2] = first.k1_gain * second.k1_gain
+    g1, g2 = first.slopes, second.slopes
+    with np.errstate(invalid="ignore"):
+        covariance = np.einsum("nqi,nij,nqj->nq", np.nan_to_num(g1), cross, np.nan_to_num(g2))
+        alone = first.stds**2 + second.stds**2
+        variance = np.maximum(alone - 2.0 * covariance, _LEAST * alone)
+    moved, u_step = _steps(first, two, pairs[1])
+    return Differences(first.values, second.values - moved, np.sqrt(variance + u_step**2), unlike)
+
+
+def _cross(first: Points, second: Points, common: Common) -> FloatArray:
+    """Covariance (M, 2, 2) of K* of both points from the common errors, each in the same direction on both."""
+    found = np.zeros((first.frequency.size, 2, 2))
+    for name in first.effects.keys() & second.effects.keys():
+        if common(name):
+            a, b = first.effects[name], second.effects[name]
+            sign = np.where((np.conj(a) * b).real >= 0.0, 1.0, -1.0)
+            pair = (np.stack([each.real, each.imag], axis=1) for each in (a, sign * b))
+            found += np.einsum("ni,nj->nij", *pair)
+    return found
+
+
+def _steps(first: Points, two: Points, rows: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    """Change (M, 8) of each quantity of the second from the frequency of the first to its own, and its uncertainty."""
+    moved, u = np.zeros((rows.size, len(QUANTITIES))), np.zeros((rows.size, len(QUANTITIES)))
+    members = {number: np.flatnonzero(two.group == number) for number in np.unique(two.group[rows]).tolist()}
+    for at, row in enumerate(rows.tolist()):
+        step = float(np.log(two.frequency[row] / first.frequency[at]))
+        near = members[int(two.group[row])]
+        x = np.log(two.frequency[near] / first.frequency[at])
+        near, x = near[np.abs(x) <= _REACH], x[np.abs(x) <= _REACH]
+        values = two.values[near]
+        for column in range(1, len(QUANTITIES)):  # K1 has no frequency
+            known = np.isfinite(values[:, column])
+            moved[at, column], u[at, column] = _step(x[known], values[known, column], step)
+            if not np.isfinite(moved[at, column]):  # K* of a passive specimen changes by less than the frequency does
+                moved[at, column], u[at, column] = 0.0, abs(two.values[row, column] * step)
+    return moved, u
+
+
+def _step(x: FloatArray, values: FloatArray, end: float) -> tuple[float, float]:
+    """Change of a value from x = 0 to `end`, by a parabola or a line, and its uncertainty; nan without a slope.
+
+    The uncertainty is the difference of the two, or half of the change where three points are lacking.
+    """
+    distinct = 1 + int(np.sum(np.diff(np.sort(x)) > _APART)) if x.size else 0
+    if distinct < 2:
+        return np.nan, np.nan
+    line = float(np.polynomial.polynomial.polyfit(x, values, 1)[1]) * end
+    if distinct < 3:
+        return line, abs(line) / 2
+    slope, bend = np.polynomial.polynomial.polyfit(x, values, 2)[1:].tolist()
+    return slope * end + bend * end**2, abs(slope * end + bend * end**2 - line)

@@ -1,0 +1,83 @@
+"""compare.html: one file that opens offline, with two results compared."""
+
+from __future__ import annotations
+
+import base64
+import re
+from importlib import resources
+
+import polars as pl
+from jinja2 import DictLoader, Environment, StrictUndefined
+from markupsafe import Markup
+
+from fourpole import quantities as q
+from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared
+from fourpole.findings.summary import LOSS_ANGLE, MODULUS
+from fourpole.plot.compared import draw_compared
+from fourpole.plot.figure import figure_bytes
+from fourpole.quantities import ShownUnits
+from fourpole.report.words.compared import outcome, shown_rows, where
+from fourpole.version import VERSION
+
+#: The quantities of the figure, and the columns of a condition.
+_FIGURE = (MODULUS, LOSS_ANGLE)
+_STATE = ("specimen", q.PRESSURE.head, q.PRELOAD.head, q.TEMPERATURE.head)
+#: Rows of the page; the file of all rows is CSV.
+_MOST = 1000
+#: Characters that a page must not contain: control characters and lone surrogates.
+_UNFIT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+
+
+def render_compared(compared: Compared, units: ShownUnits | None = None) -> str:
+    """The page as text; whatever the results state is escaped, and the page loads and runs nothing."""
+    units = units or ShownUnits()
+    shown = _most_different(compared)
+    rows = shown_rows(compared, units, _MOST)
+    environment = Environment(
+        loader=DictLoader({"page": _part("compared.html")}),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    text = environment.get_template("page").render(
+        names=compared.names,
+        outcome=outcome(compared),
+        common=compared.common,
+        rows=rows,
+        more=compared.rows.height - len(rows),
+        differs=DIFFERS,
+        not_seen=NOT_SEEN,
+        figure=_address(shown, compared, units) if shown.height else "",
+        where=_state(shown, compared, units) if shown.height else "",
+        style=Markup(_part("page.css")),
+        version=VERSION,
+    )
+    return _UNFIT.sub("\ufffd", text)
+
+
+def _most_different(compared: Compared) -> pl.DataFrame:
+    """The rows of the condition with the largest ratio of |K*| or the loss angle, by rising frequency."""
+    names = [one.column for one in _FIGURE]
+    rows = compared.rows.filter(pl.col("quantity").is_in(names), pl.col(q.FREQUENCY.head).is_not_null())
+    if rows.is_empty():
+        return rows
+    first = rows.row(0, named=True)
+    return rows.filter(pl.col(head).eq_missing(first[head]) for head in _STATE).sort(q.FREQUENCY.head)
+
+
+def _address(shown: pl.DataFrame, compared: Compared, units: ShownUnits) -> str:
+    """The figure as a data: URL."""
+    figure = draw_compared(shown, [units.of(one) for one in _FIGURE], compared.names)
+    svg = figure_bytes(figure, "compared", "Two results compared", "svg")
+    return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
+
+
+def _state(shown: pl.DataFrame, compared: Compared, units: ShownUnits) -> str:
+    """The condition of the figure, without a frequency."""
+    row = {**shown.row(0, named=True), q.FREQUENCY.head: None}
+    return where(row, units, specimen=compared.rows["specimen"].n_unique() > 1)
+
+
+def _part(name: str) -> str:
+    return resources.files("fourpole.report").joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,238 @@
+"""Two results compared: what cancels, what is seen, what is said of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import radians
+
+import numpy as np
+import polars as pl
+import pytest
+
+import fourpole
+from fourpole import analyse
+from fourpole.errors import CampaignError
+from fourpole.findings.compared import COMPARED, DIFFERS, NOT_SEEN, compare
+from fourpole.findings.points import QUANTITIES, Points, differences
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
+
+FREQUENCIES = [11.0, 14.0, 18.0, 23.0]
+SOFT = replace(RADIAL_PLY.changed(0.97), name="soft")
+#: Errors of sensors and rig, each within 1.3 of its standard uncertainties.
+ERRORS = {
+    "undeclared": {
+        "gain F1": 4e-3,
+        "gain V1": -6e-3,
+        "gain V2": 2e-3,
+        "phase F1": 2e-3,
+        "phase V1": 3e-3,
+        "phase V2": -4e-3,
+    },
+    "rig_error": {"moving_mass": 0.008, "preload_stiffness": -0.009, "preload_damping": 0.2},
+}
+
+
+def run(folder, seed, tyres=(RADIAL_PLY,), **settings):
+    simulate_campaign(
+        folder,
+        seed=seed,
+        tyres=tyres,
+        pressures=[170e3],
+        preloads=[1000.0],
+        frequencies=FREQUENCIES,
+        sensors=(5e-3, radians(0.2)),
+        rig_std={"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
+        **settings,
+    )
+    study = analyse(folder, monte_carlo=0)
+    study.write(folder / "results")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Two runs of one tyre on one rig with the same sensors, a run with other sensors, and a campaign of two tyres."""
+    place = tmp_path_factory.mktemp("compared")
+    return {
+        "one": run(place / "one", 11, **ERRORS),
+        "two": run(place / "two", 12, **ERRORS),
+        "other": run(place / "other", 14),
+        "both": run(place / "both", 15, (RADIAL_PLY, SOFT), **ERRORS),
+        "changed": run(place / "changed", 16, (replace(SOFT, name="radial-ply"),), **ERRORS),
+    }
+
+
+def dynamic(compared):
+    return compared.rows.filter(pl.col("quantity") != "K1")
+
+
+def test_the_error_of_common_sensors_cancels_and_that_of_others_does_not(runs):
+    """The true values are equal. Sensors contribute 30 times more to u than noise does."""
+    same, alone = (compare(runs["one"], runs["two"], independent=way) for way in (False, True))
+    assert same.rows.height == alone.rows.height == 4 * 6 + 1
+    assert np.sqrt(np.mean(dynamic(same)["z [1]"].to_numpy() ** 2)) < 1.6
+    keys = ["quantity", "frequency [Hz]"]
+    both = dynamic(same).join(dynamic(alone), on=keys)
+    assert (both["u(difference)"] < 0.15 * both["u(difference)_right"]).mean() > 0.9
+    assert (both["difference"] == both["difference_right"]).all()
+    assert "sensors of F1, V1, V2, load, deflection; of the rig moving mass m" in same.common[0]
+    assert alone.common == ("All errors are taken as independent, as asked for.",)
+    other = compare(runs["one"], runs["other"])
+    assert other.rows["z [1]"].abs().max() > 5.0  # stated alike and not the same sensors: --independent is for that
+    apart = dynamic(compare(runs["one"], runs["other"], independent=True))
+    assert np.sqrt(np.mean(apart["z [1]"].to_numpy() ** 2)) < 2.0
+
+
+@pytest.mark.parametrize(("a", "b", "specimens"), [("both", None, ("radial-ply", "soft")), ("one", "changed", None)])
+def test_a_specimen_that_is_three_per_cent_softer_is_seen(runs, a, b, specimens):
+    found = compare(runs[a], runs[b] if b else None, specimens=specimens)
+    rows = found.rows.filter(pl.col("quantity").is_in(["K1", "|K*|", "Re K*", "Im K*"]))
+    assert set(rows["verdict"]) == {DIFFERS}
+    share = (rows["difference"] / rows["first"]).to_numpy()
+    tolerance = 4.0 * (rows["u(difference)"] / rows["first"]).to_numpy() + 1e-3
+    assert np.all(np.abs(share + 0.03) < tolerance)
+    angle = found.rows.filter(pl.col("quantity") == "loss angle")  # both parts of K* changed by the same factor
+    assert np.all(np.abs(angle["z [1]"].to_numpy()) < 4.0)
+    assert found.rows["z [1]"].abs().is_sorted(descending=True)
+
+
+def test_in_one_campaign_the_covariance_of_the_campaign_is_used(runs):
+    """u of a difference of K' is that of the sum of the parts which both do not share, from covariance.parquet."""
+    found = compare(runs["both"], specimens=("radial-ply", "soft")).rows.filter(pl.col("quantity") == "Re K*")
+    table = pl.read_parquet(runs["both"] / "results" / "covariance.parquet").join(
+        pl.read_csv(runs["both"] / "results" / "dynamic.csv"), on="test"
+    )
+    for row in found.rows(named=True):
+        one, two = (
+            table.row(by_predicate=pl.col("test") == row[f"tests of {at}"], named=True) for at in ("first", "second")
+        )
+        parts = np.array(one["shared Re K* [N/m]"]) - np.array(two["shared Re K* [N/m]"])
+        own = sum(each["u(Re K*) [N/m]"] ** 2 - np.sum(np.square(each["shared Re K* [N/m]"])) for each in (one, two))
+        least = np.sqrt(parts @ parts + own)
+        assert least * (1 - 1e-9) <= row["u(difference)"] < 1.5 * least
+
+
+def test_folders_studies_and_results_give_the_same(runs):
+    by_folder = compare(runs["one"] / "results", str(runs["two"]))
+    studies = [analyse(runs[name], monte_carlo=0) for name in ("one", "two")]
+    assert fourpole.compare is compare
+    by_study = compare(*studies)
+    assert (by_folder.names, by_study.names) == (("one", "two"), ("first", "second"))
+    np.testing.assert_allclose(by_study.rows["z [1]"], by_folder.rows["z [1]"], rtol=1e-6)
+    assert len(repr(by_study)) < 1000
+    whole = compare(analyse(runs["both"], monte_carlo=0), specimens=("soft", "radial-ply"))
+    assert "the covariance that the campaign found" in whole.common[0]
+    assert (whole.rows.filter(pl.col("quantity") == "K1")["difference"] > 0).all()
+
+
+def test_a_statement_that_differs_is_not_common(runs, tmp_path):
+    from shutil import copytree
+
+    changed = copytree(runs["two"], tmp_path / "changed")
+    path = changed / "results" / "study.json"
+    path.write_text(path.read_text().replace('"column": "V1"', '"column": "V1b"'))
+    found = compare(runs["one"], changed)
+    assert "sensors of F1, V2, load, deflection;" in found.common[0]
+    assert found.common[1] == "The statements of V1 differ: their errors are taken as independent."
+    wider = dynamic(found).join(dynamic(compare(runs["one"], runs["two"])), on=["quantity", "frequency [Hz]"])
+    of_modulus = wider.filter(pl.col("quantity") == "|K*|")
+    assert (of_modulus["u(difference)"] > 2.0 * of_modulus["u(difference)_right"]).all()
+    for name, hall in ((runs["one"], "North"), (changed, "South")):
+        made = copytree(name, tmp_path / hall)
+        study = made / "results" / "study.json"
+        study.write_text(study.read_text().replace('"stated": {', f'"stated": {{"laboratory": "{hall} hall",', 1))
+    halls = compare(tmp_path / "North", tmp_path / "South").common
+    assert halls == ("The laboratories differ (North hall, South hall): all errors are taken as independent.",)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "specimens", "said"),
+    [
+        ("one", None, None, "compare takes two results, or one with two specimens: --specimens X Y"),
+        ("both", None, ("radial-ply", "rigid"), "both: has no specimen 'rigid': choose one of radial-ply, soft"),
+        ("both", None, ("soft", "soft"), "--specimens names 'soft' twice"),
+        ("one", "gone", None, "there is no such folder of results"),
+    ],
+)
+def test_what_cannot_be_compared_is_said(runs, a, b, specimens, said):
+    with pytest.raises(CampaignError, match=said):
+        compare(runs[a], None if b is None else runs.get(b, runs["one"] / b), specimens=specimens)
+
+
+def test_no_condition_in_common_says_what_each_has(tmp_path, runs):
+    for name, pressure in (("low", 120e3), ("high", 220e3)):
+        simulate_campaign(
+            tmp_path / name, tyres=[RADIAL_PLY], pressures=[pressure], preloads=[1000.0], frequencies=[14.0]
+        )
+        analyse(tmp_path / name, monte_carlo=0).write(tmp_path / name / "results")
+    with pytest.raises(CampaignError, match=r"low has 1\.2 bar, 1000 N, 1\d(\.\d+)? Hz; high has 2\.2 bar"):
+        compare(tmp_path / "low", tmp_path / "high")
+
+
+def test_repeats_of_one_condition_are_one_row(tmp_path):
+    folder = run(tmp_path / "twice", 3, repeats=2, added_masses=(0.0, 10.0), **ERRORS)
+    found = compare(folder, run(tmp_path / "once", 4, **ERRORS))
+    assert dynamic(found).height == 4 * 6
+    assert all(len(tests.split("; ")) == 4 for tests in dynamic(found)["tests of first"])
+    assert set(dynamic(found)["tests of second"].str.contains(";")) == {False}
+
+
+def points(stiffness, k1, effect, u=100.0):
+    """One point of K* with one error of two parts, which budget.csv has as unsigned numbers."""
+    stiffness, count = np.atleast_1d(np.asarray(stiffness, dtype=complex)), np.size(stiffness)
+    re, im = np.broadcast_to(effect.real, count), np.broadcast_to(effect.imag, count)
+    loss = np.abs(im - stiffness.imag / stiffness.real * re) / stiffness.real
+    tests = [f"D{at}" for at in range(count)]
+    table = {"test": tests, "Re K* [N/m]": stiffness.real, "Im K* [N/m]": stiffness.imag, "K1 [N/m]": k1}
+    arm = 1.0 / (stiffness - k1)
+    omega = 2 * np.pi * 14.0
+    table |= {"K2 [N/m]": 1 / arm.real, "C [N s/m]": -1 / (omega * arm.imag), "frequency [Hz]": 14.0}
+    spread = np.hypot(u, np.abs(re)), np.hypot(u, np.abs(im))
+    table |= {
+        "u(Re K*) [N/m]": spread[0],
+        "u(Im K*) [N/m]": spread[1],
+        "corr(Re,Im K*) [1]": re * im / spread[0] / spread[1],
+    }
+    table |= {"u(K1) [N/m]": 50.0, "u(K2) [N/m]": 500.0, "u(C) [N s/m]": 5.0}
+    budget = [
+        {"test": test, "quantity": name, "source": "gain F1", "u": float(value)}
+        for at, test in enumerate(tests)
+        for name, value in (("Re K*", abs(re[at])), ("Im K*", abs(im[at])), ("loss factor", loss[at]))
+    ]
+    return Points.of(pl.DataFrame(table), pl.DataFrame(budget), np.zeros(count, dtype=int))
+
+
+@pytest.mark.parametrize("effect", [900 + 200j, 900 - 200j, -300 + 700j])
+def test_the_signs_of_an_error_are_told_by_the_loss_factor_and_it_cancels_in_all_quantities(effect):
+    one, two = points(180e3 + 50e3j, 120e3, effect), points(181e3 + 50.2e3j, 120e3, effect)
+    pair = (np.zeros(1, dtype=int),) * 2
+    found = differences(one, two, pair, lambda name: name == "gain F1")
+    for quantity in COMPARED[1:5]:
+        at = QUANTITIES.index(quantity)
+        own = 100.0 * np.linalg.norm(one.slopes[0, at, :2]) * np.sqrt(2.0)
+        assert found.u[0, at] == pytest.approx(own, rel=0.05)
+    alone = differences(one, two, pair, lambda name: False)
+    assert np.all(alone.u[0, 3:5] > 1.3 * found.u[0, 3:5])
+
+
+def test_an_error_is_not_common_where_k_star_differs_much():
+    one, two = points(180e3 + 50e3j, 120e3, 900 + 200j), points(250e3 + 90e3j, 120e3, 900 + 200j)
+    pair = (np.zeros(1, dtype=int),) * 2
+    found, alone = (differences(one, two, pair, lambda _, way=way: way) for way in (True, False))
+    assert found.unlike.tolist() == [True]
+    np.testing.assert_allclose(found.u[:, 1:6], alone.u[:, 1:6])
+
+
+@pytest.mark.statistical
+def test_the_ratios_of_runs_without_a_difference_have_the_spread_of_chance(tmp_path):
+    """12 pairs of runs with drawn errors that both share; K' and K'' of 4 frequencies are nearly independent."""
+    found = []
+    for pair in range(12):
+        rng = np.random.default_rng(pair)
+        drawn = {name: value * float(rng.uniform(-1.0, 1.0)) for name, value in ERRORS["undeclared"].items()}
+        errors = {**ERRORS, "undeclared": drawn}
+        one, two = (run(tmp_path / str(at), 2 * pair + at, **errors) for at in (0, 1))
+        rows = compare(one, two).rows.filter(pl.col("quantity").is_in(["Re K*", "Im K*"]))
+        found += rows["z [1]"].to_list()
+        assert set(rows["verdict"]) <= {DIFFERS, NOT_SEEN}
+    assert 0.7 < np.sqrt(np.mean(np.square(found))) < 1.3  # 96 ratios
