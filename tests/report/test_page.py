@@ -353,7 +353,7 @@ def test_the_rig_and_the_sensors_stand_as_stated_and_as_found():
         "gain of V1 % 0.0 ±1.0 0.0 ±1.0 1.0 – at no size not determined by your data, taken from your statement",
         *found.unseen,
         found.gain,
-        f"What limits {limits(results)[0].text}",
+        limits(results)[0].text,
     ):
         assert text in said, text
     assert "does not fit" not in said

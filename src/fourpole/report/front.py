@@ -198,10 +198,10 @@ def _limits(results: Results) -> list[str]:
         groups.setdefault((one.rig, one.source.text, one.remedy), []).append(one)
     said = []
     for (rig, _, remedy), found in list(groups.items())[:_MOST_SAID]:
-        known = [f"u({one.quantity}) is {percent(one.relative)}" for one in found if one.relative]
+        known = [f"{percent(one.relative)} in {one.quantity}" for one in found if one.relative]
         source, share = source_in_words(found[0].source), min(one.share for one in found)
-        opening = f"{joined(known)}; {source} makes" if known else f"{source} makes"
-        opening += f" {percent(share)} of the variance"
+        opening = f"{source} makes {percent(share)} of the variance"
+        opening += f" (u is {joined(known)})" if known else ""
         where = f"Rig {rig}: " if rig else ""
         said.append(f"{where}{opening[:1].upper()}{opening[1:]}. Cheapest remedy: {remedy}.")
     return said
