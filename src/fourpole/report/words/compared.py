@@ -69,9 +69,10 @@ def _shown(row: Mapping[str, Any], units: ShownUnits, *, several: bool) -> Shown
 def where(row: Mapping[str, Any], units: ShownUnits, *, specimen: bool) -> str:
     """The condition of a row: "1.7 bar, 1000 N, 10 Hz"."""
     parts = [str(row["specimen"])] if specimen else []
-    for one, digits in ((q.PRESSURE, 3), (q.PRELOAD, 5), (q.TEMPERATURE, 3), (q.FREQUENCY, 3)):
+    for one, digits in ((q.PRESSURE, 3), (q.PRELOAD, 4), (q.TEMPERATURE, 3), (q.FREQUENCY, 3)):
         if row[one.head] is not None:
-            parts.append(units.text(one, row[one.head], digits))
+            scale = units.of(one).scale
+            parts.append(units.text(one, scale * float(f"{row[one.head] / scale:.{digits}g}")))
     return ", ".join(parts) or str(row["specimen"])
 
 
