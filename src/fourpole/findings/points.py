@@ -13,10 +13,9 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.routes import arm_slopes
 from fourpole.core.sources import Kind
-from fourpole.findings.summary import LOSS_ANGLE, MODULUS
 from fourpole.fitting.common_errors import joined
 from fourpole.fitting.rows import Key, keys_of
-from fourpole.quantities import Quantity
+from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 
 #: The quantities of a point, in the order of `Points.values`.
 QUANTITIES = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 from fourpole import quantities as q
 from fourpole.plot.layout import WIDTH, new_figure
-from fourpole.plot.style import Style, drawing, plain_text
+from fourpole.plot.names import plain_text
+from fourpole.plot.style import Style, drawing
 from fourpole.quantities import Quantity
 
 _HEIGHT, _LONGEST, _COVERAGE = 4.3, 40, 2.0

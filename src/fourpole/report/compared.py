@@ -12,10 +12,9 @@ from markupsafe import Markup
 
 from fourpole import quantities as q
 from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared
-from fourpole.findings.summary import LOSS_ANGLE, MODULUS
 from fourpole.plot.compared import draw_compared
 from fourpole.plot.figure import figure_bytes
-from fourpole.quantities import ShownUnits
+from fourpole.quantities import LOSS_ANGLE, MODULUS, ShownUnits
 from fourpole.report.words.compared import outcome, shown_rows, where
 from fourpole.version import VERSION
 
