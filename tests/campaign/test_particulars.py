@@ -1,12 +1,16 @@
 """[report] of campaign.toml: the particulars of a test report, and its logo."""
 
 import base64
+import re
+from pathlib import Path
 
 import pytest
 
+from fourpole.campaign.limits import read_limits
 from fourpole.campaign.particulars import logo_of
 from fourpole.campaign.schema import parse_campaign
 from fourpole.errors import CampaignError
+from fourpole.report.ratedload import rated_load
 
 BASE = '[channels]\nforce_in = { column = "F", unit = "N" }\n'
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(20)
@@ -70,3 +74,13 @@ def test_another_file_is_no_logo(tmp_path, name, content):
         (folder / name).write_bytes(content)
     with pytest.raises(CampaignError, match=r"\[report\] logo"):
         logo_of(folder, name)
+
+
+def test_the_examples_of_the_docs_are_read():
+    page = (Path(__file__).resolve().parents[2] / "docs" / "report.md").read_text(encoding="utf-8")
+    report, limits = re.findall(r"```toml\n(.*?)```", page, re.S)
+    found = parse_campaign(f"{BASE}\n{report}").summary()
+    assert found["report"]["equipment"][0]["name"] == "Force cell"
+    assert found["report"]["frequency [Hz]"] == 15.0
+    assert rated_load(found["specimens"]["A"]) == pytest.approx(615 * 9.80665)
+    assert [one.quantity for one in read_limits(limits, ("A",))] == ["k1", "loss_angle"]

@@ -9,15 +9,18 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from fourpole.app.console import out, progress, warn
+from fourpole.campaign.folder import LIMITS
 from fourpole.errors import CampaignError
 from fourpole.findings import by_size, findings
+from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.io.source import sha256_of
 from fourpole.io.staging import staged
 from fourpole.plot import FIGURES, Style, draw, figures_of, save_figures, write_figure
 from fourpole.plot.catalogue import figure_files
 from fourpole.report.page import ReportFigure, write_report
 from fourpole.report.pdf import browser, print_page
 from fourpole.report.words.sentence import sentences
-from fourpole.study.results import Results
+from fourpole.study.results import Results, section
 from fourpole.study.workers import processors
 
 #: With so many rows of dynamic.csv worker processes draw, each of which takes a second to start; their largest number.
@@ -69,7 +72,7 @@ def run_report(
     """Make figures and report from the tables of a results folder, and print the path of the report."""
     if pdf:
         browser()  # before the work, so that a missing one is said at once
-    for fault in results.faults:
+    for fault in (*results.faults, *_changed(results, folder)):
         warn(fault)
     with staged(folder, OF_REPORT) as new:
         page = make_report(results, new, Style(theme), png=png, paper=paper)
@@ -78,6 +81,19 @@ def run_report(
     out(f"report: {folder / page.name}")
     if pdf:
         out(f"pdf: {folder / 'report.pdf'}")
+
+
+def _changed(results: Results, folder: Path) -> list[str]:
+    """Statements of the campaign around a results folder that are not those that were analysed, with the remedy."""
+    hashes, campaign = section(results.record, "sha256"), folder.resolve().parent
+    changed = []
+    for name in ("campaign.toml", "tests.csv", LIMITS):
+        path = campaign / name
+        if hashes and path.is_file() and sha256_of(path, max_bytes=MAX_FILE_BYTES) != hashes.get(name):
+            changed.append(name)
+    if not changed:
+        return []
+    return [f"{' and '.join(changed)} changed since the analysis: run fourpole analyse {folder.parent} to use that"]
 
 
 def run_plot(results: Results, folder: Path, key: str, file: Path | None, style: Style) -> None:
