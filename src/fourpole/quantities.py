@@ -180,10 +180,10 @@ class ShownUnits:
         """The unit shown for an SI unit, empty for a ratio, and its SI value."""
         return self.wanted.get(si) or _USUAL.get(si) or (si, 1.0)
 
-    def text(self, quantity: Quantity, value: float) -> str:
-        """An SI value with its unit, to four significant digits: "1.7 bar"."""
+    def text(self, quantity: Quantity, value: float, digits: int = 4) -> str:
+        """An SI value with its unit, to some significant digits: "1.7 bar"."""
         one = self.of(quantity)
-        return _with_unit(value / one.scale, one.suffix)
+        return _with_unit(value / one.scale, one.suffix, digits)
 
     def setting(self, head: str, value: float) -> str:
         """A value of a column of conditions with its unit, by the column's head: "1.7 bar", "camber 2 deg"."""
@@ -197,9 +197,10 @@ class ShownUnits:
 _BY_UNIT = ("pressure", "preload", "temperature", "deflection amplitude")
 
 
-def _with_unit(value: float, unit: str) -> str:
-    """A number to four significant digits, from a thousand to ten millions to one, and its unit."""
-    text = f"{value:.0f}" if 1e3 <= abs(value) < 1e7 else f"{value:.4g}"
+def _with_unit(value: float, unit: str, digits: int = 4) -> str:
+    """A number to some significant digits, without an exponent below ten millions, and its unit."""
+    text = f"{value:.{digits}g}"
+    text = f"{value:.0f}" if "e+" in text and abs(value) < 1e7 else text
     return f"{text}{'' if unit in ('', '°') else ' '}{unit}".replace("-", "−")
 
 

@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from fourpole.app import console
+
 #: A signal arrives while an object is deleted, where Python ignores every exception.
 DELETED = """
 import os, signal, sys, time
@@ -38,3 +40,15 @@ def test_a_signal_is_obeyed_also_while_an_object_is_deleted(number, code):
     )
     assert ran.returncode == code, ran.stderr
     assert ran.stderr.startswith("stopped; no file is half-written")
+
+
+def test_progress_in_a_log_is_a_line_every_ten_seconds(monkeypatch, capsys):
+    now = iter([0.0, 4.0, 9.9, 10.0, 15.0, 20.5, 300.0])
+    monkeypatch.setattr(console.time, "monotonic", lambda: next(now))
+    with console.progress("analysing") as advance:
+        for done in (10, 20, 25, 30, 50, 231):
+            advance(done, 231)
+    assert capsys.readouterr().err.splitlines() == [
+        "analysing: 25 of 231, about 82 s left",
+        "analysing: 50 of 231, about 74 s left",
+    ]

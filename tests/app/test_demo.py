@@ -14,7 +14,8 @@ def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):
     folder, ran = demonstration
     assert (ran.returncode, ran.stderr) == (0, "")
     lines = ran.stdout.splitlines()
-    assert 4 <= len(lines) <= 12
+    assert 20 <= len(lines) <= 35
+    assert "K1 [kN/m]" in ran.stdout
     assert lines[0] == "Virtual campaign in fourpole-demo (seed 1982): 231 tests, 231 ok, 0 with a warning, 0 rejected."
     assert max(map(len, lines)) < 400
     assert all(tyre in ran.stdout for tyre in ("cross-ply", "radial-ply"))
@@ -28,6 +29,13 @@ def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):
     }
     assert {"static.csv", "dynamic.csv"} <= {path.name for path in (folder / "results").iterdir()}
     assert str(Path("fourpole-demo") / "results") in ran.stdout
+
+
+def test_an_analysis_straight_after_it_finds_its_results_standing(demonstration, fourpole):
+    folder, _ = demonstration
+    ran = fourpole("analyse", folder)
+    assert ran.returncode == 0
+    assert "nothing has changed since the last analysis" in ran.stderr
 
 
 def test_every_test_is_ok(demonstration):

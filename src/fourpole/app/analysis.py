@@ -57,12 +57,20 @@ def run_analysis(
     as_json: bool,
 ) -> int:
     """Analyse a campaign and write its results; the exit code is `SOME_REJECTED` if tests were rejected."""
-    results, settings = results_of(campaign, folder), settings_of(route, monte_carlo, wanted)
+    settings = settings_of(route, monte_carlo, wanted)
+    _, outcome = _outcome(campaign, results_of(campaign, folder), settings, options, wanted)
+    return show(outcome, as_json=as_json)
+
+
+def _outcome(
+    campaign: Path, results: Path, settings: dict[str, Any], options: RunOptions, wanted: Wanted
+) -> tuple[Study, Outcome]:
+    """Analyse a campaign, write its results, and note that they stand for these settings."""
     forget(results)
     inputs = identities(campaign, list(STATEMENT))
     stated = read_campaign(campaign)
     inputs |= identities(campaign, _files_of(stated))
-    study = _analysed(stated, results, route, monte_carlo, options)
+    study = _analysed(stated, results, settings["route"], settings["monte_carlo"], options)
     page = _written(study, results, wanted)
     from fourpole.app.summary import summary_lines  # here, so that a wrong name is said at once
 
@@ -76,7 +84,7 @@ def run_analysis(
     read = all(one is None or name in study.sha256 for name, one in inputs.items())
     if read and not _PASSING.intersection(study.checks[CODE.head].to_list()):
         note_standing(results, settings, inputs, study.sha256, outcome)
-    return show(outcome, as_json=as_json)
+    return study, outcome
 
 
 def _files_of(campaign: Campaign) -> list[str]:
@@ -86,26 +94,30 @@ def _files_of(campaign: Campaign) -> list[str]:
     return list(dict.fromkeys([*(test.file for test in campaign.tests if test.file), *responses]))
 
 
-def run_demo(folder: Path, seed: int, *, as_json: bool) -> int:
-    """Simulate a campaign, analyse it, and print the findings; exit code `SOME_REJECTED` if tests were rejected."""
+def run_demo(folder: Path, seed: int, workers: int | None, *, as_json: bool) -> int:
+    """Simulate a campaign, analyse it, and print the findings; exit code `SOME_REJECTED` if tests were rejected.
+
+    The results stand for an analysis with default settings, which keeps the models of the folder.
+    """
     from fourpole.findings import findings
     from fourpole.report.words.sentence import headline
+    from fourpole.study import DRAWS
     from fourpole.virtual import simulate_campaign
 
     with progress("recording") as advance:
         simulate_campaign(folder, seed=seed, progress=advance, **_demo_settings())
-    results = results_of(folder, None)
-    study = _analysed(read_campaign(folder), results)
-    page = _written(study, results, Wanted(models=True))
+    settings = settings_of("joint", DRAWS, Wanted())
+    options, wanted = RunOptions(workers=workers), Wanted(models=True)
+    study, outcome = _outcome(folder, results_of(folder, None), settings, options, wanted)
+    found = headline(findings(study.results))
     if as_json:
-        print_json({**_summary(study, results), "report": str(page), "found": headline(findings(study.results))})
+        print_json({**outcome.document, "found": found})
     else:
         out(f"Virtual campaign in {folder} (seed {seed}): {counted_tests(study.counts)}.")
-        for line in headline(findings(study.results))[1:]:  # the first line repeats the number of tests
+        for line in (*found[1:], *outcome.lines):  # the first finding repeats the number of tests
             out(line)
         out("The virtual tyres are designed so that the paper's conclusions hold; they are not its data.")
-        out(f"results: {results}; report: {page}")
-    return SOME_REJECTED if study.counts["rejected"] else OK
+    return outcome.code
 
 
 def _demo_settings() -> dict[str, Any]:
@@ -121,24 +133,17 @@ def _demo_settings() -> dict[str, Any]:
     }
 
 
-def _analysed(
-    stated: Campaign,
-    results: Path,
-    route: str = "joint",
-    monte_carlo: int | None = None,
-    options: RunOptions | None = None,
-) -> Study:
-    from fourpole.study import DRAWS, analyse  # after the campaign is read, so that a wrong name is said at once
+def _analysed(stated: Campaign, results: Path, route: str, monte_carlo: int, options: RunOptions) -> Study:
+    from fourpole.study import analyse  # after the campaign is read, so that a wrong name is said at once
 
     if results.exists() and not results.is_dir():
         raise CampaignError(f"{results}: is a file: name a folder for the results with --out")
     recover(results)
-    options = options or RunOptions()
     with _executor(options) as executor, progress("analysing") as advance:
         return analyse(
             stated,
             route=route,
-            monte_carlo=DRAWS if monte_carlo is None else monte_carlo,
+            monte_carlo=monte_carlo,
             cache=results / "cache",
             verify=options.verify,
             workers=options.workers,

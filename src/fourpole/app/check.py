@@ -27,11 +27,11 @@ _MOST_LISTED = 60
 _MOST_OWN = 12
 
 
-def run_check(campaign: Path, route: str, *, as_json: bool) -> int:
+def run_check(campaign: Path, route: str, workers: int | None, *, as_json: bool) -> int:
     """Print what the analysis would reject; the exit code is the same as that of the analysis."""
     stated = read_campaign(campaign)
     with progress("checking") as advance:
-        checked = check_campaign(stated, route=route, progress=advance)
+        checked = check_campaign(stated, route=route, workers=workers, progress=advance)
     if as_json:
         print_json(_document(checked))
     else:

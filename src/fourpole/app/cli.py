@@ -42,6 +42,11 @@ PngFlag = Annotated[bool, typer.Option("--png", help="Write each figure as PNG, 
 PaperFlag = Annotated[bool, typer.Option("--paper", help="With the figures of the 1982 paper, too.")]
 StaticStiffness = Annotated[float, amount("--k1", "stiffness", 'Static stiffness, as "180 kN/m".', "positive")]
 
+Processes = Annotated[
+    int | None,
+    typer.Option("--workers", metavar="N", min=1, help="Processes that read recordings; by default as many as pay."),
+]
+
 #: Functions of the commands by name, in the order of the help.
 RUNS: dict[str, Callable[..., int | None]] = {}
 
@@ -84,12 +89,13 @@ def _root(
 def demo(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put the campaign.")] = Path("fourpole-demo"),
     seed: Annotated[int, typer.Option(help="Seed of the virtual rig's noise.")] = 1982,
+    workers: Processes = None,
     as_json: JsonFlag = False,
 ) -> int:
     """Make a campaign of the 1982 paper's kind on the virtual rig, analyse it, and print the findings."""
     from fourpole.app.analysis import run_demo
 
-    return run_demo(folder, seed, as_json=as_json)
+    return run_demo(folder, seed, workers, as_json=as_json)
 
 
 @_command
@@ -158,10 +164,22 @@ def analyse(
     return run_each(campaigns, folder, run, as_json=as_json)
 
 
+def open_(folder: ResultsFolder) -> None:
+    """Show the report of a campaign in the browser, and print its path."""
+    from fourpole.app.browse import run_open
+    from fourpole.io.folders import results_in
+
+    run_open(results_in(folder))
+
+
+RUNS["open"] = open_
+
+
 @_command
 def check(
     campaign: CampaignFolder,
     route: Annotated[str, typer.Option(help="Route of the analysis to come; see analyse.")] = "joint",
+    workers: Processes = None,
     as_json: JsonFlag = False,
 ) -> int:
     """Check a campaign without analysing it: files, channels, units, times, K1, duplicates.
@@ -170,7 +188,7 @@ def check(
     """
     from fourpole.app.check import run_check
 
-    return run_check(campaign, route, as_json=as_json)
+    return run_check(campaign, route, workers, as_json=as_json)
 
 
 @_command

@@ -8,6 +8,7 @@ import re
 import signal
 import sys
 import textwrap
+import time
 import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -33,6 +34,8 @@ _BETWEEN, _LONG_WORD, _READABLE, _SHORT = 3, 24, 18, 22
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 OK, UNREADABLE, SOME_REJECTED, STOPPED, TERMINATED, INTERNAL = 0, 2, 3, 130, 143, 70
+#: Time between two lines of progress in a log [s].
+_LINE_EVERY = 10.0
 #: Time after which a signal is repeated that came while an object was deleted [s].
 _SOON = 0.02
 _STOPPED_TEXT = "stopped; no file is half-written; what is done is kept: the same command goes on from there"
@@ -379,13 +382,42 @@ def _once_more(ignored: sys.UnraisableHookArgs) -> None:
 
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Progress bar with the time left, on a terminal; the callable takes the number done and the number of all."""
+    """Progress with the time left; the callable takes the number done and the number of all.
+
+    It is a bar on a terminal. In a log it is a line every ten seconds, and none for shorter work.
+    """
+    part = _PART.get()
+    named = f"{part}, {what}" if part else what
+    if not sys.stderr.isatty():
+        yield _Log(named)
+        return
     from rich.markup import escape
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    console = _console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        part = _PART.get()
-        task = bar.add_task(f"{escape(part)}, {what}" if part else what, total=None)
+    with Progress(*columns, console=_console(stderr=True), transient=True) as bar:
+        task = bar.add_task(escape(named), total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+class _Log:
+    """Progress in lines."""
+
+    def __init__(self, what: str) -> None:
+        self._what, self._start = what, time.monotonic()
+        self._last = self._start
+
+    def __call__(self, done: int, total: int) -> None:
+        now = time.monotonic()
+        if now - self._last < _LINE_EVERY or not 0 < done < total:
+            return
+        self._last = now
+        left = (now - self._start) / done * (total - done)
+        say(f"{self._what}: {done} of {total}, about {_duration(left)} left")
+
+
+def _duration(seconds: float) -> str:
+    """A time in seconds, minutes or hours."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

@@ -9,6 +9,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from fourpole.app.examples import EXAMPLES, groups_of
 from fourpole.app.options import command
 
 
@@ -34,8 +35,10 @@ def group_of(runs: Mapping[str, Callable[..., int | None]]) -> type[TyperGroup]:
             return super().resolve_command(ctx, args)
 
         def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
-            with formatter.section("Commands"):
-                formatter.write_dl([(name, _about(run)) for name, run in runs.items()])
+            for head, names in groups_of(list(runs)).items():
+                if names:
+                    with formatter.section(head):
+                        formatter.write_dl([(name, _about(runs[name])) for name in names])
 
     return Group
 
@@ -43,7 +46,8 @@ def group_of(runs: Mapping[str, Callable[..., int | None]]) -> type[TyperGroup]:
 def _built(name: str, run: Callable[..., int | None]) -> Any:
     """The command of a function, for the command line."""
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    alone.command(name)(command(run))
+    example = f"\b\nExample:\n  {EXAMPLES[name]}" if name in EXAMPLES else None
+    alone.command(name, epilog=example)(command(run))
     return typer.main.get_command(alone)
 
 

@@ -110,6 +110,7 @@ def run_fit(path: Path, model: str, options: FitOptions, *, as_json: bool) -> No
     made = model_file(measured, fits, settings=_settings(model, options), laws=laws, **_stated(path))
     files = _written(path, measured, made, options.file, options.figure)
     _show_written(made, files, units_beside(path), as_json=as_json)
+    _renew_report(path, options.file, as_json=as_json)
     if any(one.stopped for one in fits):
         raise KeyboardInterrupt  # the exit code says so; what was found is written
 
@@ -195,6 +196,20 @@ def run_map(path: Path, model: str, data: DataOptions, file: Path | None, *, as_
         for one in maps:
             show_map(one)
     _show_written(made, files, units_beside(path), as_json=as_json)
+    _renew_report(path, file, as_json=as_json)
+
+
+def _renew_report(path: Path, file: Path | None, *, as_json: bool) -> None:
+    """Make the report of a folder again, if it has one and the model went into the folder."""
+    if file is not None or not (path / "report.html").is_file():
+        return
+    from fourpole.app.report import OF_REPORT, make_report
+    from fourpole.study.results import read_results
+
+    with _kept("renewed report"), staged(path, OF_REPORT) as new:
+        make_report(read_results(path), new)
+        if not as_json:
+            out(f"report: {path / 'report.html'}, renewed with this")
 
 
 def run_query(path: Path, query: Query, file: Path | None, *, as_json: bool) -> None:

@@ -77,12 +77,21 @@ def _cell(row: SummaryRow, quantity: Quantity, *, ranges: bool) -> str:
     low, high = row.values[quantity.key]
     if ranges:
         first, last = (_with_expanded(one, quantity)[0] for one in (low, high))
-        return first if first == last else f"{first}..{last}"
+        return first if first == last else "..".join(_as_exact(first, last))
     if quantity.key in row.intervals:
         least, most = (one / quantity.scale for one in row.intervals[quantity.key])
         return f">{number(least, 3)}" if isinf(most) else f"{number(least, 3)}..{number(most, 3)}"
     value, expanded = _with_expanded(low, quantity)
     return f"{value}±{expanded}" if expanded else value
+
+
+def _as_exact(first: str, last: str) -> tuple[str, str]:
+    """Two numbers to the decimals of the one that has fewer."""
+    if "×" in first + last:
+        return first, last
+    decimals = min(len(one.partition(".")[2]) for one in (first, last))
+    rounded = (f"{float(one.replace('−', '-')):.{decimals}f}".replace("-", "−") for one in (first, last))
+    return next(rounded), next(rounded)
 
 
 def _with_expanded(measured: Measured, quantity: Quantity) -> tuple[str, str]:

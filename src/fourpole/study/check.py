@@ -22,12 +22,14 @@ from fourpole.study.identified import NO_RIG, possible_route
 from fourpole.study.load import group_of, source_of
 from fourpole.study.reduce import ROUTE_NEEDS, Job, jobs_of
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
-from fourpole.study.workers import check_part_of
+from fourpole.study.workers import check_part_of, threads
 
 #: Largest file [bytes] whose content is compared with that of other files of its size.
 _MOST_HASHED = 500_000_000
 #: Number of samples from which the start and the sample rate of a recording are found.
 _ROWS = 1 << 10
+#: Time of the check of one recording [s].
+_SECONDS = 0.01
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,11 @@ class Checked:
 
 
 def check_campaign(
-    campaign: Campaign, *, route: str = "joint", progress: Callable[[int, int], None] | None = None
+    campaign: Campaign,
+    *,
+    route: str = "joint",
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Checked:
     """Check a campaign before its analysis: files, channels, units, times and lengths, K1, duplicates.
 
@@ -89,6 +95,8 @@ def check_campaign(
         The campaign that `read_campaign` returns.
     route : {"joint", "mobility", "relative", "transmissibility"}
         The route of the later analysis; it decides which channels are needed.
+    workers : int, optional
+        Number of processes that read the recordings, or 1 for this one; by default as many as pay.
     progress : callable (done, total)
         Called after each test.
 
@@ -118,11 +126,13 @@ def check_campaign(
     if route not in ROUTE_NEEDS:
         raise CampaignError(f"no route {route!r}: choose one of {', '.join(ROUTE_NEEDS)}")
     used, notes = _route(campaign, route)
-    look = _Inspection(campaign)
-    for done, job in enumerate(jobs_of(campaign, campaign.tests, used), 1):
-        look.test(job)
-        if progress is not None:
-            progress(done, len(campaign.tests))
+    look, jobs = _Inspection(campaign), jobs_of(campaign, campaign.tests, used)
+    with threads(workers, len(jobs), _SECONDS) as pool:
+        look.guarded = pool is not None
+        tested = map(look.test, jobs) if pool is None else pool.map(look.test, jobs)
+        for done, _ in enumerate(tested, 1):
+            if progress is not None:
+                progress(done, len(jobs))
     look.duplicates()
     look.stiffness(look.statics())
     order = {test.name: at for at, test in enumerate(campaign.tests)}
@@ -155,9 +165,10 @@ def end_of(path: Path, source: StreamSource) -> tuple[float, float] | None:
 
 @dataclass
 class _Inspection:
-    """The problems of a campaign, found test by test."""
+    """The problems of a campaign, found test by test; `guarded` if each thread has a process that reads files."""
 
     campaign: Campaign
+    guarded: bool = False
     problems: list[CampaignProblem] = field(default_factory=list)
     paths: dict[str, Path] = field(default_factory=dict)
 
@@ -173,7 +184,7 @@ class _Inspection:
                 self.paths[test.name] = path
             if test.kind == "static":
                 return
-            for row in check_part_of(job):
+            for row in check_part_of(job, guarded=self.guarded):
                 self._say(test, row.heading, row.verdict, row.remark)
             if test.window is not None and path is not None:
                 self._window(test, path)

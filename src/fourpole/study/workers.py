@@ -78,15 +78,36 @@ def run_batch(jobs: Sequence[Job], seconds: float, guarded: bool) -> list[Answer
     ]
 
 
-def check_part_of(job: Job) -> tuple[Check, ...]:
-    """The checks of the first part of a recording, read in a worker process if a library reads it; see `check_part`."""
-    if not by_library(job.folder, job.test.file):
+def check_part_of(job: Job, *, guarded: bool = False) -> tuple[Check, ...]:
+    """The checks of the first part of a recording; see `check_part`.
+
+    It is read in the worker process of this thread if a library reads it, or if `guarded`.
+    """
+    if not guarded and not by_library(job.folder, job.test.file):
         return check_part(job)
     try:
         found: tuple[Check, ...] = unpack(answer_of(check_part, job, size=_size(job)), (Check, Code))
     except Died as death:
         return (reported(Code.READER, "rejected", file=job.test.file, why=str(death)),)
     return found
+
+
+@contextmanager
+def threads(workers: int | None, count: int, seconds: float) -> Iterator[ThreadPoolExecutor | None]:
+    """Threads with a worker process each for tasks of this number and time [s]; None if one thread is enough.
+
+    `workers` is their number; without it they are as many as pay.
+    """
+    most = min(processors(), _MOST, count) if count * seconds > _PAYS else 1
+    if (workers or most) < 2:
+        yield None
+        return
+    with ThreadPoolExecutor(workers or most) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def demodulate_packed(job: Job) -> bytes:
