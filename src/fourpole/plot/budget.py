@@ -197,5 +197,6 @@ FIGURES = (
         "What the uncertainty is made of",
         "Shares of the variance of K2, C and K* by source against frequency.",
         budget,
+        apart=True,
     ),
 )

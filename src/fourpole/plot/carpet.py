@@ -235,5 +235,6 @@ FIGURES = (
         "Figure 5: static load against deflection",
         "Lattice of mean load-deflection curves: each curve is one pressure, each cross-line one deflection.",
         load_deflection,
+        apart=True,
     ),
 )

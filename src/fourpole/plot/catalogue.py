@@ -17,6 +17,8 @@ from fourpole.io.write import write_bytes
 from fourpole.plot.data import FigureData
 from fourpole.plot.figure import FORMATS, FigureSpec, figure_bytes
 from fourpole.plot.frequency import FIRST
+from fourpole.plot.part import own_colours, part_of
+from fourpole.plot.sheet import read_sheet
 from fourpole.plot.style import Style, drawing
 from fourpole.study.results import Results
 from fourpole.study.study import make_folder
@@ -85,6 +87,10 @@ def draw(results: Results, key: str, style: Style | None = None) -> Figure | Non
     """
     spec = _spec(key)
     style = style or Style()
+    part = part_of(results)
+    if part is not None and part.selection.colours:
+        names = read_sheet(results, texts_only=not spec.apart).names
+        style = replace(style, own=own_colours(part, names))
     with drawing(style, key):
         return spec.drawn(results, style)
 

@@ -20,7 +20,6 @@ from fourpole.study.results import Results
 
 #: File formats of a figure.
 FORMATS = ("svg", "png", "pdf")
-_DPI = 150
 _DIGITS = re.compile(rb"(\d\.\d\d)\d+")
 #: A line with text, or as many lines without as follow each other.
 _OF_TEXT = re.compile(rb"([^\n]*(?:<text|title>)[^\n]*\n?)|(?:(?![^\n]*(?:<text|title>))[^\n]*\n)+|[^\n]+")
@@ -32,7 +31,7 @@ class FigureSpec:
     """One figure: its key, its title, its caption, and the function that makes its data or draws it.
 
     `data` makes the figure of results as data; `draw` draws a figure that has none. Either returns None if the results
-    hold nothing that the figure shows.
+    hold nothing that the figure shows. `apart`: whether specimens at several temperatures have a colour each.
     """
 
     key: str
@@ -40,6 +39,7 @@ class FigureSpec:
     caption: str
     draw: Callable[[Results, Style], Figure | None] | None = None
     data: Callable[[Results], FigureData | None] | None = None
+    apart: bool = False
 
     def drawn(self, results: Results, style: Style) -> Figure | None:
         """The figure; None if the results hold nothing that it shows."""
@@ -64,11 +64,11 @@ def figure_bytes(figure: Figure, key: str, title: str, form: str, style: Style |
         "png": {"Software": None, "Title": title},
         "pdf": {"CreationDate": None, "Creator": "fourpole", "Producer": None, "Title": title},
     }
-    content = io.BytesIO()
-    with drawing(style or Style(), key), warnings.catch_warnings():
+    content, style = io.BytesIO(), style or Style()
+    with drawing(style, key), warnings.catch_warnings():
         # A script that the font lacks is shown as boxes in PNG; in SVG the text itself is written.
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
-        figure.savefig(content, format=form, dpi=_DPI, metadata=metadata[form])
+        figure.savefig(content, format=form, dpi=style.dpi, metadata=metadata[form])
     return _lean(with_titles(content.getvalue())) if form == "svg" else content.getvalue()
 
 

@@ -191,11 +191,13 @@ FIGURES = (
         "The ratio TR of the motions above and below the tyre at two pressures, with the frequencies at which "
         "the tyres' curves cross.",
         transmissibility,
+        apart=True,
     ),
     FigureSpec(
         "tr-measured-predicted",
         "Transmissibility measured and predicted",
         "TR from V2 and V1 against TR from K* and the rig as stated, and their difference against frequency.",
         measured_against_predicted,
+        apart=True,
     ),
 )

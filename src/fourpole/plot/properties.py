@@ -114,6 +114,7 @@ FIGURES = tuple(
         f"The {words} of each tyre against {against.name}, each curve at {curves}; "
         f"{'the higher preloads' if high else 'the lowest preload'}, bars of one standard uncertainty.",
         partial(property_figure, quantity=quantity, against=against, high=high),
+        apart=True,
     )
     for number, ((quantity, words), (against, curves), high) in enumerate(
         product(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -14,10 +14,13 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.plot.names import short_names
+from fourpole.plot.part import Part, part_of, shown_name
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 
 IntArray = NDArray[np.int64]
+#: Fields of a sheet with an entry for each test.
+_BY_TEST = ("tyre", "pressure", "load", "frequency", "setting", "rejected")
 
 
 @dataclass(frozen=True)
@@ -131,9 +134,23 @@ def read_sheet(results: Results, *, texts_only: bool = False) -> Sheet:
     """
     key = ("sheet", texts_only)
     if key not in results.derived:
-        results.derived[key] = _sheet_of(results, texts_only=texts_only)
+        part = part_of(results)
+        results.derived[key] = (
+            _sheet_of(results, texts_only=texts_only)
+            if part is None
+            else _rows_of(read_sheet(part.whole, texts_only=texts_only), part)
+        )
     sheet: Sheet = results.derived[key]
     return sheet
+
+
+def _rows_of(sheet: Sheet, part: Part) -> Sheet:
+    """Some tests of a sheet; the numbers of specimens, pressures, preloads and frequencies stay."""
+    arrays = {name: getattr(sheet, name)[part.rows] for name in _BY_TEST}
+    names = [shown_name(part, name, label) for name, label in zip(sheet.names, sheet.labels, strict=True)]
+    return replace(
+        sheet, table=sheet.table[part.rows], static=sheet.static[part.static_rows], labels=short_names(names), **arrays
+    )
 
 
 def _sheet_of(results: Results, *, texts_only: bool) -> Sheet:

@@ -355,12 +355,14 @@ FIGURES = (
         "Nyquist plot of the dynamic stiffness",
         "Loss stiffness K'' against storage stiffness K', each curve along frequency.",
         nyquist,
+        apart=True,
     ),
     FigureSpec(
         "routes",
         "Routes side by side",
         "K' by each route at one condition, and how far K' and K'' by each route lie from the K* in use.",
         routes,
+        apart=True,
     ),
     FigureSpec(
         "mobility",
@@ -368,5 +370,6 @@ FIGURES = (
         "Real part R and imaginary part I of V1/F1, points measured, lines from K1 and the interpolated K2 and C "
         "on the rig as stated.",
         mobility,
+        apart=True,
     ),
 )

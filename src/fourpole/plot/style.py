@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import matplotlib as mpl
@@ -103,6 +103,10 @@ class Style:
         no axes and ignore them.
     size : Size
         Width, height and letters of the figure.
+    dpi : int [1/in]
+        Dots per inch of a PNG.
+    own : mapping of int to str
+        Colours of tyres in place of those of the palette, by number.
 
     Raises
     ------
@@ -119,8 +123,12 @@ class Style:
     xlim: Limits = None
     ylim: Limits = None
     size: Size = SIZES["report"]
+    dpi: int = 150
+    own: Mapping[int, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not 20 <= self.dpi <= 2400:
+            raise CampaignError(f"dpi is {self.dpi}: give 20 to 2400 dots per inch")
         if self.theme not in THEMES:
             raise CampaignError(f"no theme {self.theme!r}: choose one of {', '.join(THEMES)}")
         for name, limits in (("xlim", self.xlim), ("ylim", self.ylim)):
@@ -145,6 +153,8 @@ class Style:
 
     def colour(self, tyre: int) -> str:
         """Colour of a tyre by its number; beyond the palette, a darker or lighter shade of a palette colour."""
+        if tyre in self.own:
+            return self.own[tyre]
         palette = self.look.tyres
         turn, at = divmod(tyre, len(palette))
         if turn == 0:

@@ -1,0 +1,211 @@
+"""Some tests of the results, as a reader selects them for a figure; colours, markers and cards stay those of all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+
+import numpy as np
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.core.arrays import IntArray
+from fourpole.core.condition import AXES, PRELOAD, PRESSURE, Axis
+from fourpole.errors import CampaignError
+from fourpole.fitting.modelfile import ModelFile
+from fourpole.plot.names import counted, plain_text
+from fourpole.study.results import Results
+
+_KEY = "part"
+_TEMPERATURE = next(axis for axis in AXES if axis.column == q.TEMPERATURE.head)
+#: Shown unit of each axis that a selection names, and its SI value.
+_SHOWN = {axis.column: (one.shown, one.scale) for axis, one in
+          ((PRESSURE, q.PRESSURE), (PRELOAD, q.PRELOAD), (_TEMPERATURE, q.TEMPERATURE))}  # fmt: skip
+#: Number of tested values that an error names.
+_NAMED = 8
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The tests to show, each field a choice of which one must hold; an empty field chooses all.
+
+    Attributes
+    ----------
+    specimens, tests : tuples of str
+    pressures, preloads, temperatures : tuples of float [Pa], [N], [°C]
+        Values that are the same within the tolerances of the conditions.
+    labels : mapping of str to str
+        Text in place of the name of a specimen.
+    colours : mapping of str to str
+        Colour of a specimen, as #rrggbb.
+    """
+
+    specimens: tuple[str, ...] = ()
+    tests: tuple[str, ...] = ()
+    pressures: tuple[float, ...] = ()
+    preloads: tuple[float, ...] = ()
+    temperatures: tuple[float, ...] = ()
+    labels: Mapping[str, str] = field(default_factory=dict)
+    colours: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The rows of the whole results' dynamic.csv and static.csv that were selected, and how they are shown."""
+
+    whole: Results
+    rows: IntArray
+    static_rows: IntArray
+    selection: Selection
+
+
+def part_of(results: Results) -> Part | None:
+    """What was selected of these results; None if they are whole."""
+    found: Part | None = results.derived.get(_KEY)
+    return found
+
+
+def select(results: Results, selection: Selection) -> Results:
+    """The results with some of their tests.
+
+    Parameters
+    ----------
+    results : Results
+        Whole results.
+    selection : Selection
+
+    Returns
+    -------
+    Results
+        Their tables, and models without conditions of other tests. Numbers of specimens and ids of cards are those of
+        the whole results, so that a figure of them has the same colours, markers and links.
+
+    Raises
+    ------
+    CampaignError
+        If nothing has a stated name or value, with the nearest that there are, or no test has all that is stated.
+    """
+    dynamic, static = (results.tables[name] for name in ("dynamic", "static"))
+    specimens = list(dict.fromkeys([*_texts(static, "tyre"), *_texts(dynamic, "tyre")]))
+    for name in (*selection.specimens, *selection.labels, *selection.colours):
+        _check_name(name, specimens, "specimen")
+    rows, statics = (
+        _chosen_specimens(table, selection) & _chosen_values(table, selection) for table in (dynamic, static)
+    )
+    if selection.tests:
+        tests = [*_texts(dynamic, "test"), *_texts(static, "test")]
+        for name in selection.tests:
+            _check_name(name, list(dict.fromkeys(tests)), "test")
+        named = [np.isin(_texts(table, "test"), selection.tests) for table in (dynamic, static)]
+        rows = rows & named[0]
+        statics = statics & named[1] if named[1].any() else statics
+    if not rows.any() and not (selection.tests and statics.any()):
+        raise CampaignError("no test has all that is stated; leave out one of the options, or see fourpole check")
+    return _parted(results, Part(results, np.flatnonzero(rows), np.flatnonzero(statics), selection))
+
+
+def _parted(results: Results, part: Part) -> Results:
+    """The tables, models and rows of a part."""
+    tables = dict(results.tables)
+    tables["dynamic"], tables["static"] = results.dynamic[part.rows], results.static[part.static_rows]
+    kept = [*_texts(tables["dynamic"], "test"), *_texts(tables["static"], "test")]
+    for name, table in tables.items():
+        if name not in ("dynamic", "static") and "test" in table.columns:
+            tables[name] = table.filter(pl.col("test").is_in(kept))
+    made = replace(results, tables=tables, models=_models(results.models, set(kept)))
+    made.derived[_KEY] = part
+    return made
+
+
+def _models(file: ModelFile | None, tests: set[str]) -> ModelFile | None:
+    """The models without the conditions of other tests."""
+    if file is None:
+        return None
+    entries = []
+    for entry in file.models:
+        kept = [one for one in entry.conditions if not one.tests or tests & set(one.tests)]
+        if kept:
+            entries.append(entry.model_copy(update={"conditions": kept}))
+    return file.model_copy(update={"models": entries})
+
+
+def _texts(table: pl.DataFrame, column: str) -> list[str]:
+    return [text or "" for text in table[column].to_list()] if column in table.columns else [""] * table.height
+
+
+def _check_name(name: str, known: Sequence[str], what: str) -> None:
+    if name in known:
+        return
+    near = get_close_matches(name, known, n=1, cutoff=0.5)
+    hint = f"did you mean {plain_text(near[0])!r}?" if near else f"choose of {_listed(known)}"
+    raise CampaignError(f"no {what} {plain_text(name)!r}: {hint}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ", ".join(plain_text(name) for name in names[:_NAMED])
+    return f"{shown}, … ({len(names)} in all)" if len(names) > _NAMED else shown or "none"
+
+
+def _chosen_specimens(table: pl.DataFrame, selection: Selection) -> np.ndarray:
+    names = np.array(_texts(table, "tyre"), dtype=object)
+    return np.isin(names.astype(str), selection.specimens) if selection.specimens else np.ones(names.size, dtype=bool)
+
+
+def _chosen_values(table: pl.DataFrame, selection: Selection) -> np.ndarray:
+    """True for rows with one of the wanted values on each axis; a static test needs none of preload and temperature."""
+    mask = np.ones(table.height, dtype=bool)
+    dynamic = q.FREQUENCY.head in table.columns
+    for axis, wanted in (
+        (PRESSURE, selection.pressures),
+        (PRELOAD, selection.preloads),
+        (_TEMPERATURE, selection.temperatures),
+    ):
+        if wanted and (dynamic or axis is PRESSURE):
+            mask &= _same(table, axis, wanted, must=dynamic)
+    return mask
+
+
+def _same(table: pl.DataFrame, axis: Axis, wanted: Sequence[float], *, must: bool) -> np.ndarray:
+    """True for rows with one of these values; with `must`, each of them has to be there."""
+    known = axis.column in table.columns
+    values = table[axis.column].cast(pl.Float64, strict=False).to_list() if known else [None] * table.height
+    masks = [np.array([axis.same(own, one) for own in values], dtype=bool) for one in wanted]
+    for one, mask in zip(wanted, masks, strict=True):
+        if must and not mask.any():
+            raise CampaignError(_no_value(axis, one, sorted({own for own in values if own is not None})))
+    return np.asarray(np.any(masks, axis=0)).reshape(-1)
+
+
+def _no_value(axis: Axis, wanted: float, tested: Sequence[float]) -> str:
+    unit, scale = _SHOWN[axis.column]
+
+    def text(value: float) -> str:
+        return f"{value / scale:.4g} {unit}"
+
+    if not tested:
+        return f"no test at {text(wanted)}: the tests state no {axis.name}"
+    groups = axis.groups(tested)
+    middles = [float(np.median(np.array(tested)[groups == at])) for at in np.unique(groups)]
+    near = min(middles, key=lambda value: abs(value - wanted))
+    tests = f"{counted(len(middles), axis.name)} from {text(middles[0])} to {text(middles[-1])}"
+    return f"no test at {text(wanted)}: did you mean {text(near)}? There are tests at {tests}"
+
+
+def shown_name(part: Part, name: str, usual: str) -> str:
+    """The text of a specimen: the reader's, or else the usual one."""
+    labels = part.selection.labels
+    base = _base(name, labels)
+    return usual if base is None else f"{labels[base]}{name[len(base) :]}"
+
+
+def own_colours(part: Part, names: Sequence[str]) -> dict[int, str]:
+    """The reader's colours of specimens by number."""
+    colours = part.selection.colours
+    return {at: colours[base] for at, name in enumerate(names) if (base := _base(name, colours)) is not None}
+
+
+def _base(name: str, known: Iterable[str]) -> str | None:
+    """The specimen whose name this is, also at one of several temperatures; None if it is not known."""
+    found = [one for one in known if name == one or name.startswith((f"{one} at ", f"{one}, "))]
+    return max(found, key=len, default=None)
