@@ -28,7 +28,9 @@ pytestmark = pytest.mark.thorough
 
 SCHEMES = ("fig01", "fig02", "fig03", "fig04")
 MODELS = ("model", "model-choice", "spectrum", "amplitude", "map")
-DATA = tuple(key for key in FIGURES if key not in (*SCHEMES, *MODELS))
+#: Figures without axes, or of what these results do not have.
+OTHERS = ("rig", "signals")
+DATA = tuple(key for key in FIGURES if key not in (*SCHEMES, *MODELS, *OTHERS))
 TYRES = {"cross-ply": CROSS_PLY, "radial-ply": RADIAL_PLY}
 LOW_HIGH = {"fig06": 1000.0, "fig07": 2000.0, "fig08": 1000.0, "fig09": 2000.0, "fig10": 1000.0, "fig11": 2000.0,
             "fig12": 1000.0, "fig13": 2000.0}  # fmt: skip
@@ -277,7 +279,7 @@ def test_a_value_known_to_nothing_sets_no_axis(study):
     assert "1 value beyond the axes" in said(figure)
 
 
-@pytest.mark.parametrize("key", [*DATA, *MODELS])
+@pytest.mark.parametrize("key", [*DATA, *MODELS, *OTHERS])
 def test_nothing_to_show_is_none(key):
     assert draw(empty_results(), key) is None
 
@@ -353,7 +355,7 @@ def test_nyquist_is_imaginary_over_real(study):
 def test_one_test_is_enough(key):
     results = results_of(tyres=(RADIAL_PLY,), pressures=(170e3,), preloads=(1000.0,), frequencies=(14.0,))
     figure = draw(results, key)
-    assert (figure is None) == (key in {"fig07", "fig09", "fig11", "fig13"})
+    assert (figure is None) == (key in {"fig07", "fig09", "fig11", "fig13", "pressure-frequency"})
 
 
 def test_limits_are_the_readers(study):

@@ -18,6 +18,7 @@ from fourpole.app.options import (
     JsonFlag,
     OutFile,
     PlanOptions,
+    PlotOptions,
     RigOptions,
     RunOptions,
     ShapeOptions,
@@ -429,25 +430,25 @@ def lab(
 @_command
 def plot(
     folder: ResultsFolder,
-    figure: Annotated[str, typer.Argument(metavar="FIGURE", help="Name of the figure, as fig05 or nyquist.")],
+    figure: Annotated[
+        str | None, typer.Argument(metavar="FIGURE", help="Name of the figure, as tr; without it, they are listed.")
+    ] = None,
     file: Annotated[Path | None, typer.Option("--out", help="File to write: .svg, .png or .pdf.")] = None,
-    theme: Theme = "light",
-    xlim: Annotated[str | None, typer.Option(help='Limits of the abscissa in its unit, as "10:24".')] = None,
-    ylim: Annotated[str | None, typer.Option(help='Limits of the ordinate in its unit, as "0:3".')] = None,
+    *,
+    options: PlotOptions,
 ) -> None:
-    """Draw one figure from the result tables."""
+    """Draw one figure from the result tables: of all tests, or of a specimen, a condition or a test.
+
+    Example: fourpole plot results tr --pressure "2.1 bar" --size journal --out tr.png
+    """
     from fourpole.io.folders import results_in
     from fourpole.study.results import read_results
 
-    limits = [
-        None if text is None else rising(text, name, "10:24") for name, text in (("--xlim", xlim), ("--ylim", ylim))
-    ]
     folder = results_in(folder)
     results = read_results(folder)
-    from fourpole.app.report import run_plot
-    from fourpole.plot import Style
+    from fourpole.app.plot import run_plot
 
-    run_plot(results, folder, figure, file, Style(theme, xlim=limits[0], ylim=limits[1]))
+    run_plot(results, folder, figure, file, options)
 
 
 def main() -> None:

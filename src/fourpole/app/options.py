@@ -228,6 +228,25 @@ class ShiftOptions:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
+class PlotOptions:
+    """What a figure shows, as text, and how it looks; a repeated option names several."""
+
+    specimen: list[str] | None = _given("Only this specimen.", "--specimen", "--tyre")
+    pressure: list[str] | None = _given('Only tests at this pressure, as "2.1 bar".')
+    preload: list[str] | None = _given('Only tests at this preload, as "1000 N".')
+    temperature: list[str] | None = _given('Only tests at this temperature, as "23 degC".')
+    test: list[str] | None = _given("Only this test, as D12.")
+    size: str = _given("report, journal (one column), slide, or width x height as 89x60 mm.", default="report")
+    dpi: int | None = _given("Dots per inch of a PNG; by default 150, for a journal 300.")
+    theme: str = _given("Colours of the figure: light, dark or print.", default="light")
+    colour: list[str] | None = _given("Colour of a specimen, as radial=#0072b2.")
+    label: list[str] | None = _given('Text in place of the name of a specimen, as radial="Tyre A".')
+    xlim: str | None = _given('Limits of the abscissa in its unit, as "10:24".')
+    ylim: str | None = _given('Limits of the ordinate in its unit, as "0:3".')
+    paper: bool = _given("Without FIGURE: draw all figures of the 1982 paper.", "--paper", default=False)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
 class PlanOptions:
     """A guessed tyre in SI, how its tests are run, and the advice and run sheet to make."""
 

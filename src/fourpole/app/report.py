@@ -1,4 +1,4 @@
-"""The commands that make figures and the report from result tables."""
+"""The command that makes figures and the report from result tables."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from pathlib import Path
 
 from fourpole.app.console import out, progress, warn
 from fourpole.campaign.folder import LIMITS
-from fourpole.errors import CampaignError
 from fourpole.findings import by_size, findings
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import sha256_of
 from fourpole.io.staging import staged
-from fourpole.plot import FIGURES, Style, draw, figures_of, save_figures, write_figure
+from fourpole.plot import FIGURES, Style, figures_of, save_figures
 from fourpole.plot.catalogue import figure_files
 from fourpole.report.page import ReportFigure, write_report
 from fourpole.report.pdf import browser, print_page
@@ -94,13 +93,3 @@ def _changed(results: Results, folder: Path) -> list[str]:
     if not changed:
         return []
     return [f"{' and '.join(changed)} changed since the analysis: run fourpole analyse {folder.parent} to use that"]
-
-
-def run_plot(results: Results, folder: Path, key: str, file: Path | None, style: Style) -> None:
-    """Draw one figure into a file, by default in the folder of the other figures."""
-    figure = draw(results, key, style)
-    if figure is None:
-        raise CampaignError(f"the results in {folder} hold no data for {key}: {FIGURES[key].title}")
-    path = file if file is not None else folder / "figures" / f"{key}.svg"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    out(f"figure: {write_figure(figure, key, path, style)}")

@@ -24,7 +24,19 @@ from fourpole.study.results import Results
 from fourpole.study.study import make_folder
 
 #: Modules with figures by question, in the order of a report. A new figure is a module with `FIGURES` in this list.
-_MODULES = ("frequency", "rig", "budget", "models", "choice", "spectrum", "amplitude", "operating")
+_MODULES = (
+    "frequency",
+    "fields",
+    "loops",
+    "chain",
+    "rig",
+    "budget",
+    "models",
+    "choice",
+    "spectrum",
+    "amplitude",
+    "operating",
+)
 #: Modules with the figures of the 1982 paper, and those that go with them.
 _OF_PAPER = ("schemes", "carpet", "properties", "motion", "stiffness")
 #: Number of tasks into which the figures are divided for workers; each task has its own copy of the tables.
@@ -43,6 +55,10 @@ PAPER: dict[str, FigureSpec] = _specs(_OF_PAPER)
 FIGURES: dict[str, FigureSpec] = {spec.key: spec for spec in FIRST} | _specs(_MODULES) | PAPER
 
 
+#: Figures that are drawn where they are named, not in a report, whose cards show the same.
+ON_REQUEST = ("signals",)
+
+
 def figures_of(results: Results, *, paper: bool = False) -> list[str]:
     """Keys of the figures that a report of these results shows, in its order.
 
@@ -58,7 +74,7 @@ def figures_of(results: Results, *, paper: bool = False) -> list[str]:
     list of str
         The first two are those of the first page. `save_figures` leaves out those for which the results hold nothing.
     """
-    without = set() if results.models is not None else _OF_MODELS
+    without = {*ON_REQUEST} | (set() if results.models is not None else _OF_MODELS)
     without |= set() if results.maps is not None else {"map"}
     return [key for key in FIGURES if key not in without and (paper or key not in PAPER)]
 

@@ -90,8 +90,22 @@ class Series(ByValue):
 
 
 @dataclass(frozen=True, eq=False)
+class Field(ByValue):
+    """Values (M, N) of a quantity over the abscissa (N,) and the ordinate (M,), with its name and unit."""
+
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
 class Panel(ByValue):
-    """One pair of axes with its series; `tyre` is the number of the specimen that heads the panel, or -1."""
+    """One pair of axes with its series and, of a map, its field.
+
+    `tyre` is the number of the specimen that heads the panel, or -1.
+    """
 
     x: AxisData
     y: AxisData
@@ -99,6 +113,7 @@ class Panel(ByValue):
     title: str = ""
     right: str = ""
     tyre: int = -1
+    field: Field | None = None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from fourpole.core.arrays import FloatArray, IntArray
-from fourpole.plot.data import FigureData, Panel, Role, Series
+from fourpole.plot.data import Field, FigureData, Panel, Role, Series
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.links import link
 from fourpole.plot.names import plain_text
@@ -23,7 +23,11 @@ _MOST_LINKS = 1500
 #: Width of a letter and height of a line of the labels at the ends of curves [pt].
 _LETTER, _LINE = 3.75, 7.6
 #: A curve with more points than this is drawn through those that are needed, to within this distance [px].
-_FEW, _OFF = 20, 0.15
+_FEW, _OFF = 20, 0.03
+#: Curves whose ends are no farther apart than this share of the panel have their labels in one column.
+_COLUMN = 0.1
+#: Number of levels of a map, about.
+_LEVELS = 9
 #: A curve whose label is shorter than this [letters] takes no more room for it.
 _LEAST_ROOM = 4
 
@@ -33,7 +37,6 @@ def figure_of(data: FigureData, style: Style) -> Figure:
     grid = Grid.of(len(data.panels), data.columns, panel_height=data.panel_height, style=style)
     notes = Notes(list(data.notes))
     linked = sum(len(one.cards) for panel in data.panels for one in panel.series) <= _MOST_LINKS
-    headed = any(panel.title for panel in data.panels)
     for row in range(0, len(data.panels), data.columns):
         panels = data.panels[row : row + data.columns]
         extents = [_extent(panel) for panel in panels]
@@ -42,6 +45,8 @@ def figure_of(data: FigureData, style: Style) -> Figure:
         for at, (panel, extent) in enumerate(zip(panels, extents, strict=True)):
             ax = grid.panels[row + at]
             _limit(ax, panel, extent, style, notes, columns=data.columns)
+            if panel.field is not None:
+                _draw_field(ax, panel.field, style, _levels(panels))
             _draw(ax, panel, data, style, linked=linked)
             if panel.title:
                 colour = style.colour(panel.tyre) if panel.tyre >= 0 else style.look.muted
@@ -49,13 +54,38 @@ def figure_of(data: FigureData, style: Style) -> Figure:
     figure = grid.finish(
         key=_key(data, style), notes=notes, x_label=data.panels[0].x.label,
         y_labels=[panel.y.label for panel in data.panels[:: data.columns]] if data.shared else [""],
-        share_y=data.shared, headings="top" if headed else "none", scale=data.scale, height=data.height,
+        share_y=data.shared, headings=_headings(data), scale=data.scale, height=data.height,
     )  # fmt: skip
     for ax, panel in zip(grid.panels, data.panels, strict=True):
         if not data.shared:
             ax.set_ylabel(panel.y.label)
         _end_labels(ax, panel, style, 72 * ax.get_position().height * figure.get_size_inches()[1])
     return figure
+
+
+def _headings(data: FigureData) -> str:
+    """Which rows of panels have headings."""
+    headed = [any(panel.title for panel in data.panels[at : at + data.columns])
+              for at in range(0, len(data.panels), data.columns)]  # fmt: skip
+    return "all" if any(headed[1:]) else "top" if headed[0] else "none"
+
+
+def _draw_field(ax: Axes, field: Field, style: Style, levels: FloatArray) -> None:
+    """Draw a map as colours between lines of equal value, which carry their numbers."""
+    colours = [style.frequency_colour(part) for part in np.linspace(0.08, 0.92, levels.size - 1)]
+    ax.contourf(field.x, field.y, field.z, levels, colors=colours, zorder=0.8)
+    lines = ax.contour(field.x, field.y, field.z, levels, colors=style.look.paper, linewidths=0.6, zorder=0.9)
+    labels = ax.clabel(lines, fontsize=style.font(6.6), fmt=lambda value: f"{value:g}", colors=style.look.ink)
+    for label in labels:
+        label.set_bbox({"facecolor": style.look.paper, "alpha": 0.75, "pad": 0.8, "edgecolor": "none"})
+    ax.grid(visible=False)
+
+
+def _levels(panels: Sequence[Panel]) -> FloatArray:
+    """Round values that the maps of a row share."""
+    every = np.concatenate([panel.field.z.ravel() for panel in panels if panel.field is not None])
+    low, high = float(np.nanmin(every)), float(np.nanmax(every))
+    return np.asarray(MaxNLocator(_LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high), dtype=float)
 
 
 def _draw(ax: Axes, panel: Panel, data: FigureData, style: Style, *, linked: bool) -> None:
@@ -65,8 +95,10 @@ def _draw(ax: Axes, panel: Panel, data: FigureData, style: Style, *, linked: boo
             at = _needed(one, ax) if one.x.size > _FEW else slice(None)
             if one.spread is not None:
                 band(ax, one.x[at], one.y[at], one.spread[at], colour, faint=data.scale is not None)
-            ax.plot(one.x[at], one.y[at], color=colour, linestyle=load_dashes(one.dash), linewidth=1.2,
-                    label=f"_{one.role}", zorder=2.0)  # fmt: skip
+            (line,) = ax.plot(one.x[at], one.y[at], color=colour, linestyle=load_dashes(one.dash), linewidth=1.2,
+                              label=f"_{one.role}", zorder=2.0)  # fmt: skip
+            if one.cards:
+                line.set_url(link(one.cards[0], one.tests[0]))
             continue
         if one.spread is not None and one.role is Role.POINTS:
             bars(ax, one.x, one.y, one.spread, colour)
@@ -94,7 +126,7 @@ def _marks(ax: Axes, one: Series, colour: str, style: Style, *, linked: bool) ->
     marker = "X" if lost else pressure_marker(one.marker)
     face = style.look.paper if lost else colour if one.level == one.level else mixed(style.look.paper, colour, 0.75)
     edge = style.look.muted if lost else colour
-    if not linked:
+    if not linked or not one.cards:
         ax.plot(one.x, one.y, linestyle="none", marker=marker, markersize=3.0, color=edge, markerfacecolor=face,
                 markeredgewidth=0.6, label=f"_{one.role}", zorder=3.0)  # fmt: skip
         return
@@ -151,7 +183,11 @@ def _limit(ax: Axes, panel: Panel, extent: Extent, style: Style, notes: Notes, *
         numbered(ax, "y", most=5)
     else:
         ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
-    notes.cut(extent, limits, style, "uncertainty or band")
+    bars = Extent(positive=True)
+    for one in panel.series:
+        if one.role is Role.POINTS:
+            bars.add(one.y, one.spread)
+    notes.cut(bars, limits, style)
 
 
 def _room(panel: Panel) -> int:
@@ -166,20 +202,21 @@ def _end_labels(ax: Axes, panel: Panel, style: Style, height: float) -> None:
     `height` is that of the panel [pt].
     """
     ends = [(one, *_end(one, ax)) for one in panel.series if one.label]
-    ends = [end for end in ends if np.isfinite(end[2])]
-    if not ends:
-        return
+    ends = sorted((end for end in ends if np.isfinite(end[2])), key=lambda end: -end[1])
     gap = style.font(_LINE) / height
-    ends.sort(key=lambda end: end[2])
-    places = _apart(np.array([end[2] for end in ends]), gap)
-    right = max(end[1] for end in ends)
-    for (one, x, y), place in zip(ends, places.tolist(), strict=True):
-        at = right + 0.02
-        if abs(place - y) > 0.3 * gap or right - x > 0.01:
-            ax.plot([x + 0.004, at - 0.004], [y, place], color=style.look.muted, linewidth=0.5, label="_leader",
-                    transform=ax.transAxes, zorder=1.4)  # fmt: skip
-        ax.text(at, place, plain_text(one.label, 34), transform=ax.transAxes, fontsize=style.font(6.6), va="center",
-                ha="left", zorder=4.0)  # fmt: skip
+    while ends:
+        # Curves that end at about the same place have their labels in one column.
+        right = ends[0][1]
+        column = sorted((end for end in ends if right - end[1] < _COLUMN), key=lambda end: end[2])
+        ends = ends[len(column) :]
+        places = _apart(np.array([end[2] for end in column]), gap)
+        for (one, x, y), place in zip(column, places.tolist(), strict=True):
+            at = right + 0.02
+            if abs(place - y) > 0.3 * gap or right - x > 0.01:
+                ax.plot([x + 0.004, at - 0.004], [y, place], color=style.look.muted, linewidth=0.5, label="_leader",
+                        transform=ax.transAxes, zorder=1.4)  # fmt: skip
+            ax.text(at, place, plain_text(one.label, 34), transform=ax.transAxes, fontsize=style.font(6.6),
+                    va="center", ha="left", zorder=4.0)  # fmt: skip
 
 
 def _end(one: Series, ax: Axes) -> tuple[float, float]:

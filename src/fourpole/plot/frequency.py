@@ -74,7 +74,7 @@ def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData
                 headed = quantity is quantities[0]
                 panels.append(replace(made, title=sheet.labels[tyre], tyre=tyre) if headed else made)
     common = _common([one.state for each in chosen.values() for one in each], sheet)
-    said = [*([f"all at {common}"] if common else []), *_models_said(results, sheet, shown), *notes]
+    said = [*([f"at {common}"] if common else []), *_models_said(results, sheet, panels, shown), *notes]
     return FigureData(
         panels=tuple(panels), columns=columns, names=sheet.labels, scale=scale, dashes=dashes,
         notes=(*said, *_tests_said(sheet, known, quantities[0])), panel_height=2.1 if len(shown) <= columns else 1.6,
@@ -93,17 +93,17 @@ def first(results: Results, quantities: Sequence[Quantity]) -> FigureData | None
         notes.insert(0, f"{len(chosen)} of {len(found)} conditions shown")
     tyres = list(dict.fromkeys(one.tyre for one in chosen))
     alone = len(tyres) == len(chosen) > 1
-    columns = _reading(differing(chosen))
     curves = []
     for tyre in tyres:
         own = [one for one in chosen if one.tyre == tyre]
+        columns = _reading(differing(own))
         for at, one in enumerate(own):
-            label = sheet.labels[tyre] if alone else _words(one, sheet, columns)
+            label = _words(one, sheet, columns) or (sheet.labels[tyre] if len(tyres) > 1 else "")
             curves.append(_Curve(one, label, _shade(at, len(own))))
     log = _logarithmic(curves, sheet)
     panels = [_panel(results, quantity, curves, known & ~sheet.rejected, log=log) for quantity in quantities]
     common = _common(chosen, sheet)
-    said = [*([f"all at {common}"] if common else []), *_models_said(results, sheet, tyres), *notes]
+    said = [*([f"at {common}"] if common else []), *_models_said(results, sheet, panels, tyres), *notes]
     return FigureData(
         panels=tuple(panels), columns=len(panels), names=sheet.labels, shared=False, notes=tuple(said),
         keyed=tuple(tyres) if len(tyres) > 1 and not alone else (), height=_COMPACT,
@@ -155,10 +155,9 @@ def _panel(results: Results, quantity: Quantity, curves: Sequence[_Curve], known
 def _labelled(by_tyre: dict[int, list[State]], sheet: Sheet, notes: list[str]) -> _Chosen:
     """Few curves per panel: the colour of the specimen, and the condition at the end of each curve."""
     del notes
-    every = [one for each in by_tyre.values() for one in each]
-    columns = _reading(differing(every))
     made = {}
     for tyre, each in by_tyre.items():
+        columns = _reading(differing(each))
         loads = sorted({one.load for one in each})
         made[tyre] = [
             _Curve(one, _words(one, sheet, columns), _shade(at, len(each)), loads.index(one.load))
@@ -209,6 +208,8 @@ def _few(found: Sequence[State]) -> list[State]:
 
     On the other axes each specimen is shown at the value that most of its conditions have, of several the lowest.
     """
+    if len(found) <= MOST_LABELLED:
+        return list(found)
     tyres = sorted({one.tyre for one in found})
     tyres = [tyres[at] for at in spread(len(tyres), MOST_LABELLED)]
     each = MOST_LABELLED // len(tyres)
@@ -249,12 +250,12 @@ def _logarithmic(curves: Sequence[_Curve], sheet: Sheet) -> bool:
     return bool(frequency.size and frequency.max() > DECADE * frequency.min())
 
 
-def _models_said(results: Results, sheet: Sheet, tyres: Sequence[int]) -> list[str]:
-    """The names of the models of some specimens; a hint where there is none."""
+def _models_said(results: Results, sheet: Sheet, panels: Sequence[Panel], tyres: Sequence[int]) -> list[str]:
+    """The names of the models of some specimens; a hint where no curve is drawn."""
+    if not any(one.role is Role.MODEL for panel in panels for one in panel.series):
+        return [] if results.models is not None else ["no model of these tests: fourpole fit makes one"]
     entries = {one.tyre: one for one in (results.models.models if results.models is not None else ())}
     found = {tyre: entries[sheet.names[tyre]].model for tyre in tyres if sheet.names[tyre] in entries}
-    if not found:
-        return ["no model of these tests: fourpole fit draws curves through them"]
     if len(set(found.values())) == 1:
         return [f"curves: {next(iter(found.values()))} model"]
     return ["curves: " + ", ".join(f"{name} ({sheet.labels[tyre]})" for tyre, name in found.items())]

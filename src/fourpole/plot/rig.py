@@ -367,6 +367,7 @@ FIGURES = (
         "F1/V2 less the rig's impedance Zr, with the gains found taken out, test by test with standard uncertainties "
         "of the noise: no tyre can explain it, so it should be zero.",
         residual,
+        apart=True,
     ),
     FigureSpec(
         "mass-gain",

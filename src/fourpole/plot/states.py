@@ -172,9 +172,11 @@ class ModelCurve(ByValue):
 
 
 def model_curve(results: Results, state: State) -> ModelCurve | None:
-    """The curve of a condition's model, of which the frequencies are dense; None without a model."""
+    """The curve of a condition's model, of which the frequencies are dense; None without a model of
+    several frequencies.
+    """
     one = state.model
-    if one is None:
+    if one is None or one.band[1] <= one.band[0]:
         return None
     key = ("curve", one.entry.tyre, one.at, one.amplitude)
     if key not in results.derived:

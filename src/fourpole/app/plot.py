@@ -1,0 +1,122 @@
+"""The command that draws single figures: what is shown, in which size and colours, and where it is written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fourpole.app.console import option, out, print_table, rising
+from fourpole.errors import CampaignError
+from fourpole.units import quantity, shown
+
+if TYPE_CHECKING:
+    from fourpole.app.options import PlotOptions
+    from fourpole.plot import Size, Style
+    from fourpole.plot.part import Selection
+    from fourpole.study.results import Results
+
+_INCH = 0.0254
+#: Dots per inch of a PNG, for screens and for printing.
+_SCREEN, _PRINT = 150, 300
+_SIZE = re.compile(r"\s*([0-9.,]+)\s*([a-z]*)\s*[x×]\s*([0-9.,]+)\s*([a-z]+)\s*", re.IGNORECASE)
+
+
+def run_plot(results: Results, folder: Path, key: str | None, file: Path | None, options: PlotOptions) -> None:
+    """Draw one figure, or those of the paper, or list the figures there are."""
+    from fourpole.plot import FIGURES, PAPER, draw, figures_of, save_figures, write_figure
+    from fourpole.plot.catalogue import ON_REQUEST
+    from fourpole.plot.part import Selection, select
+
+    selection, style = _selection(options), _style(options)
+    if selection != Selection():
+        results = select(results, selection)
+    if key is None and options.paper:
+        if file is not None:
+            raise CampaignError("--out is for one figure: the figures of the paper go into RESULTS/figures")
+        made = save_figures(results, folder / "figures", keys=list(PAPER), style=style)
+        out(f"figures: {len(made)} in {folder / 'figures'}")
+    elif key is None:
+        keys = [*figures_of(results), *ON_REQUEST]
+        print_table(["figure", "shows"], [[one, FIGURES[one].title] for one in keys])
+        out("\ndraw one with fourpole plot RESULTS FIGURE; --paper has the figures of the 1982 paper")
+    else:
+        figure = draw(results, key, style)
+        if figure is None:
+            raise CampaignError(f"the results in {folder} hold no data for {key}: {FIGURES[key].title}")
+        path = file if file is not None else folder / "figures" / f"{key}.svg"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        out(f"figure: {write_figure(figure, key, path, style)}")
+
+
+def _selection(options: PlotOptions) -> Selection:
+    from fourpole.plot.part import Selection
+
+    return Selection(
+        specimens=tuple(options.specimen or ()),
+        tests=tuple(options.test or ()),
+        pressures=_quantities(options.pressure, "pressure", "--pressure"),
+        preloads=_quantities(options.preload, "force", "--preload"),
+        temperatures=_quantities(options.temperature, "temperature", "--temperature"),
+        labels=_pairs(options.label, "--label", 'radial="Tyre A"'),
+        colours={name: _colour(text) for name, text in _pairs(options.colour, "--colour", "radial=#0072b2").items()},
+    )
+
+
+def _quantities(texts: Sequence[str] | None, kind: str, name: str) -> tuple[float, ...]:
+    return tuple(option(text, kind, name) for text in texts or ())
+
+
+def _pairs(texts: Sequence[str] | None, name: str, example: str) -> dict[str, str]:
+    """What is stated of each specimen."""
+    pairs = {}
+    for text in texts or ():
+        specimen, sign, value = text.partition("=")
+        if not (specimen and sign and value):
+            raise CampaignError(f"{name}: {shown(text)} is no SPECIMEN=VALUE, as {example}")
+        pairs[specimen.strip()] = value.strip()
+    return pairs
+
+
+def _colour(text: str) -> str:
+    """A colour as #rrggbb."""
+    from matplotlib.colors import CSS4_COLORS
+
+    if re.fullmatch(r"#[0-9a-fA-F]{6}", text):
+        return text.lower()
+    if text.lower() in CSS4_COLORS:
+        return str(CSS4_COLORS[text.lower()]).lower()
+    near = get_close_matches(text.lower(), CSS4_COLORS, n=1)
+    hint = f"did you mean {near[0]}?" if near else "write it as #0072b2, or by a name such as navy"
+    raise CampaignError(f"--colour: {shown(text)} is no colour: {hint}")
+
+
+def _style(options: PlotOptions) -> Style:
+    from fourpole.plot import Style
+
+    limits = [
+        None if text is None else rising(text, name, "10:24")
+        for name, text in (("--xlim", options.xlim), ("--ylim", options.ylim))
+    ]
+    dpi = options.dpi or (_PRINT if options.size == "journal" else _SCREEN)
+    return Style(options.theme, xlim=limits[0], ylim=limits[1], size=_size(options.size), dpi=dpi)
+
+
+def _size(text: str) -> Size:
+    """A size by name, or as width x height."""
+    from fourpole.plot import SIZES, Size
+
+    if text.lower() in SIZES:
+        return SIZES[text.lower()]
+    found = _SIZE.fullmatch(text)
+    if found is None:
+        near = get_close_matches(text.lower(), SIZES, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"choose {', '.join(SIZES)}, or state it as '89x60 mm'"
+        raise CampaignError(f"--size: {shown(text)} is no size: {hint}")
+    wide, first, high, last = found.groups()
+    width, height = (
+        quantity(f"{number} {unit}", "displacement") for number, unit in ((wide, first or last), (high, last))
+    )
+    return Size(width / _INCH, height / _INCH)
