@@ -1,5 +1,6 @@
 """`fourpole report`: the statement of the report and its limits reach the page, and a PDF is printed beside it."""
 
+import json
 import shutil
 
 import pytest
@@ -20,7 +21,9 @@ def stated(campaign):
 
 
 def test_what_is_stated_stands_on_the_page(run, stated):
-    assert run("analyse", stated, "--no-models").exit_code == 0
+    done = run("analyse", stated, "--no-models")
+    assert done.exit_code == 0
+    assert "limits: FAIL: " in done.stdout
     page = (stated / "results" / "report.html").read_text(encoding="utf-8")
     assert "Wheels &lt;&amp;&gt; Co" in page
     assert "data:image/svg+xml;base64,PHN2Zy8+" in page
@@ -32,6 +35,9 @@ def test_what_is_stated_stands_on_the_page(run, stated):
     old = run("report", stated)
     assert "limits.toml changed since the analysis: run fourpole analyse" in old.stderr
     assert run("analyse", stated, "--no-models").exit_code == 0
+    held = json.loads(run("analyse", stated, "--no-models", "--json").stdout)["limits"]
+    assert {one["outcome"] for one in held} == {"pass"}
+    assert held[0]["high"] == 9e6
     assert "<b>PASS</b>" in (stated / "results" / "report.html").read_text(encoding="utf-8")
 
 

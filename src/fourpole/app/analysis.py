@@ -72,13 +72,24 @@ def _outcome(
     inputs |= identities(campaign, _files_of(stated))
     study = _analysed(stated, results, settings["route"], settings["monte_carlo"], options)
     page = _written(study, results, wanted)
-    from fourpole.app.summary import summary_lines  # here, so that a wrong name is said at once
+    from fourpole.app.summary import limit_lines, summary_lines  # here, so that a wrong name is said at once
+    from fourpole.findings.conformity import conformity_rows, judged
 
+    held = judged(study.results)
     lines = [f"results: {results}", *([f"report: {page}"] if page is not None else [])]
     outcome = Outcome(
         notes=[*(f"warning: {doubt}" for doubt in stated.doubts), *_notes(study)],
-        lines=[*summary_lines(study.results), f"{counted_tests(study.counts)} (route: {study.route})", *lines],
-        document={**_summary(study, results), "report": str(page) if page else None},
+        lines=[
+            *summary_lines(study.results),
+            *limit_lines(study.results, held),
+            f"{counted_tests(study.counts)} (route: {study.route})",
+            *lines,
+        ],
+        document={
+            **_summary(study, results),
+            **({"limits": conformity_rows(held)} if held else {}),
+            "report": str(page) if page else None,
+        },
         code=SOME_REJECTED if study.counts["rejected"] else OK,
     )
     read = all(one is None or name in study.sha256 for name, one in inputs.items())
@@ -91,7 +102,10 @@ def _files_of(campaign: Campaign) -> list[str]:
     """The files that an analysis reads, as tests.csv and campaign.toml name them."""
     channels = [campaign.stated.channels.named(role) for role in CHANNELS]
     responses = [one.response for one in channels if one is not None and one.response is not None]
-    return list(dict.fromkeys([*(test.file for test in campaign.tests if test.file), *responses]))
+    logo = campaign.stated.report.logo
+    return list(
+        dict.fromkeys([*(test.file for test in campaign.tests if test.file), *responses, *([logo] if logo else [])])
+    )
 
 
 def run_demo(folder: Path, seed: int, workers: int | None, *, as_json: bool) -> int:

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from math import isinf
 
 from fourpole import quantities as q
+from fourpole.findings.conformity import Judged
 from fourpole.findings.facts import Measured
 from fourpole.findings.summary import SummaryRow, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
+from fourpole.report.conformity import verdict_line
 from fourpole.report.digits import number
 from fourpole.study.results import Results
 
@@ -27,6 +29,14 @@ def summary_lines(results: Results) -> list[str]:
     """The lines of the table; none without a dynamic test in use."""
     lines = _lines(summary(results), results.shown)
     return lines if len(lines) <= _MOST_LINES else _lines(summary(results, most=0), results.shown)
+
+
+def limit_lines(results: Results, held: Sequence[Judged]) -> list[str]:
+    """The verdict on the limits in one line; none where no limits are stated."""
+    if not held:
+        return []
+    verdict = verdict_line(results, held)
+    return [f"limits: {verdict.word}: {verdict.text}"]
 
 
 def _lines(rows: Sequence[SummaryRow], units: ShownUnits) -> list[str]:

@@ -108,6 +108,26 @@ def outcome_of(found: Sequence[Judged]) -> Conformity:
     return max((one.outcome for one in found), key=order.index, default=Conformity.PASS)
 
 
+def conformity_rows(found: Sequence[Judged]) -> list[dict[str, Any]]:
+    """The results held against limits as rows for programs, in SI; a value that is not there is None."""
+    return [
+        {
+            "limit": one.limit,
+            "quantity": one.quantity.column,
+            "unit": one.quantity.unit,
+            "specimen": one.specimen,
+            **{_AXES[name].column: value for name, value in one.condition.items()},
+            "low": one.low,
+            "high": one.high,
+            "value": one.value.value if one.value else None,
+            "interval": list(one.interval) if one.interval and all(map(isfinite, one.interval)) else None,
+            "outcome": one.outcome.value,
+            "probability": one.probability,
+        }
+        for one in found
+    ]
+
+
 @dataclass(frozen=True)
 class _Known:
     """A result: its quantity, specimen with and without its temperature, condition, value and skewed interval."""

@@ -432,7 +432,8 @@ def _hashes(
     campaign: Campaign, statics: Sequence[StaticTest], dynamic: Sequence[Test], reduced: Sequence[Reduced]
 ) -> dict[str, str]:
     """Hash of each file that was read, by its name in the campaign."""
-    statements = ["campaign.toml", "tests.csv", *([LIMITS] if campaign.limits else [])]
+    logo = campaign.stated.report.logo
+    statements = ["campaign.toml", "tests.csv", *([LIMITS] if campaign.limits else []), *([logo] if logo else [])]
     hashes = {name: sha256_of(campaign.folder / name, max_bytes=MOST_BYTES) for name in statements}
     hashes |= response_hashes(campaign)
     hashes |= {item.test.file: item.sha256 for item in statics if item.sha256}
