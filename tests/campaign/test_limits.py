@@ -7,7 +7,7 @@ from fourpole.errors import CampaignError
 
 
 def one(text):
-    return read_limits(f"[[limits]]\n{text}", ("A", "B"))[0]
+    return read_limits(f"[[limits]]\n{text}", ("A", "B")).limits[0]
 
 
 @pytest.mark.parametrize(
@@ -52,3 +52,10 @@ def test_a_wrong_limit_is_named_with_the_remedy(text, said):
 def test_what_is_no_list_of_limits_is_said(text):
     with pytest.raises(CampaignError, match=r"limits\.toml: (write each limit as a table|not valid TOML)"):
         read_limits(text, ())
+
+
+def test_the_specification_has_a_name():
+    found = read_limits('specification = "Drawing 4711 B"\n[[limits]]\nquantity = "K1"\nlow = "1 N/m"', ())
+    assert found.specification == "Drawing 4711 B"
+    with pytest.raises(CampaignError, match="specification must be a text"):
+        read_limits("specification = 5", ())

@@ -19,7 +19,7 @@ from fourpole import units
 from fourpole.campaign.channels import did_you_mean
 from fourpole.campaign.columns import PASSED, QUANTITIES, Column, columns_of, doubts_of
 from fourpole.campaign.doubts import doubtful_uncertainties
-from fourpole.campaign.limits import StatedLimit, read_limits
+from fourpole.campaign.limits import Limits, read_limits
 from fourpole.campaign.particulars import logo_of
 from fourpole.campaign.place import at_hand
 from fourpole.campaign.schema import CampaignFile, parse_campaign
@@ -82,8 +82,8 @@ class Campaign:
         Columns of tests.csv that pass through to the results.
     doubts : tuple of str
         What is allowed as it is stated, but probably a slip: columns and uncertainties.
-    limits : tuple of StatedLimit
-        The limits of limits.toml.
+    limits : Limits
+        Content of limits.toml.
     logo : str
         The logo of [report] as a data: URL; empty without one.
     """
@@ -93,7 +93,7 @@ class Campaign:
     tests: tuple[Test, ...]
     extra_columns: tuple[str, ...]
     doubts: tuple[str, ...] = ()
-    limits: tuple[StatedLimit, ...] = ()
+    limits: Limits = field(default_factory=Limits)
     logo: str = ""
 
     __repr__ = short_repr
@@ -103,7 +103,10 @@ class Campaign:
         stated = self.stated.summary()
         if self.logo:
             stated["report"] = {**stated.get("report", {}), "logo": self.logo}
-        return {**stated, **({"limits": [limit.summary() for limit in self.limits]} if self.limits else {})}
+        if self.limits.limits:
+            stated["limits"] = [limit.summary() for limit in self.limits.limits]
+            stated["specification"] = self.limits.specification
+        return stated
 
     def of_kind(self, kind: str) -> list[Test]:
         """Tests of a kind; the dynamic ones include rows of an unknown kind, so that results list every row."""
@@ -163,11 +166,11 @@ def read_campaign(folder: str | Path) -> Campaign:
     return Campaign(folder, stated, tuple(tests), extra, doubts, _limits(folder, tests), logo)
 
 
-def _limits(folder: Path, tests: Sequence[Test]) -> tuple[StatedLimit, ...]:
+def _limits(folder: Path, tests: Sequence[Test]) -> Limits:
     """The limits of limits.toml; none without such a file."""
     path = folder / LIMITS
     specimens = tuple(dict.fromkeys(test.tyre for test in tests))
-    return read_limits(_text(path, _MOST_TOML, strict=True), specimens) if path.is_file() else ()
+    return read_limits(_text(path, _MOST_TOML, strict=True), specimens) if path.is_file() else Limits()
 
 
 def _text(path: Path, most: int, *, strict: bool) -> str:

@@ -25,8 +25,9 @@ _KEYS = {name.casefold(): key for key, (_, names) in _QUANTITIES.items() for nam
 #: The parts of a condition, and their kinds.
 _CONDITION = {"pressure": "pressure", "preload": "force", "temperature": "temperature", "frequency": "frequency"}
 _FIELDS = ("quantity", "specimen", *_CONDITION, "low", "high")
-#: Number of limits of a campaign.
+#: Number of limits of a campaign, and of characters of the name of a specification.
 _MOST = 1000
+_MOST_TEXT = 200
 
 
 @dataclass(frozen=True)
@@ -59,13 +60,21 @@ class StatedLimit:
         return {name: value for name, value in asdict(self).items() if value not in (None, "")}
 
 
-def read_limits(text: str, specimens: tuple[str, ...], name: str = "limits.toml") -> tuple[StatedLimit, ...]:
+@dataclass(frozen=True)
+class Limits:
+    """What a customer wants: limits, and the name of the specification that they are from."""
+
+    limits: tuple[StatedLimit, ...] = ()
+    specification: str = ""
+
+
+def read_limits(text: str, specimens: tuple[str, ...], name: str = "limits.toml") -> Limits:
     r"""The limits of a text.
 
     Parameters
     ----------
     text : str
-        Content of limits.toml: a table ``[[limits]]`` for each limit.
+        Content of limits.toml: ``specification``, if they have a name, and a table ``[[limits]]`` for each limit.
     specimens : tuple of str
         Names of the campaign's specimens.
     name : str
@@ -73,7 +82,7 @@ def read_limits(text: str, specimens: tuple[str, ...], name: str = "limits.toml"
 
     Returns
     -------
-    tuple of StatedLimit
+    Limits
         In the order of the file.
 
     Raises
@@ -83,14 +92,16 @@ def read_limits(text: str, specimens: tuple[str, ...], name: str = "limits.toml"
 
     Examples
     --------
-    >>> read_limits('[[limits]]\nquantity = "K1"\npressure = "2 bar"\nhigh = "220 kN/m"', ())[0].summary()
+    >>> read_limits('[[limits]]\nquantity = "K1"\npressure = "2 bar"\nhigh = "220 kN/m"', ()).limits[0].summary()
     {'quantity': 'k1', 'high': 220000.0, 'pressure': 200000.0}
     """
     try:
         raw = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise CampaignError(f"{name}: not valid TOML: {error}") from None
-    listed = raw.pop("limits", None)
+    listed, specification = raw.pop("limits", None), raw.pop("specification", "")
+    if not isinstance(specification, str) or len(specification) > _MOST_TEXT:
+        raise CampaignError(f"{name}: specification must be a text of at most {_MOST_TEXT} characters")
     if raw or not isinstance(listed, list) or not all(isinstance(one, dict) for one in listed):
         raise CampaignError(
             f'{name}: write each limit as a table [[limits]] with quantity = "K1" and low or high, as high = "220 kN/m"'
@@ -103,7 +114,7 @@ def read_limits(text: str, specimens: tuple[str, ...], name: str = "limits.toml"
             found.append(_limit(one, specimens))
         except ValueError as error:
             raise CampaignError(f"{name}: limit {at}: {error}") from None
-    return tuple(found)
+    return Limits(tuple(found), specification.strip())
 
 
 def _limit(raw: dict[str, Any], specimens: tuple[str, ...]) -> StatedLimit:

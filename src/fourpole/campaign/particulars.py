@@ -74,6 +74,9 @@ class Particulars(File):
     conditioning: Text = ""
     break_in: Text = ""
     sampling: Text = ""
+    location: Text = ""
+    external: Text = ""
+    from_customer: Text = ""
     approved: Text = ""
     logo: Text = ""
     equipment: Annotated[tuple[Equipment, ...], Field(max_length=_MOST_EQUIPMENT)] = ()

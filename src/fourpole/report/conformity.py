@@ -12,7 +12,7 @@ from fourpole.quantities import ShownUnits
 from fourpole.report.digits import expanded, number, with_interval
 from fourpole.report.stated import verdict_counts
 from fourpole.report.words.phrases import counted
-from fourpole.study.results import Results
+from fourpole.study.results import Results, section
 
 #: Rows of the table of limits.
 _MOST_JUDGED = 200
@@ -63,7 +63,9 @@ def conformity_table(results: Results, held: Sequence[Judged]) -> SimpleNamespac
     )
     order = sorted(held, key=lambda one: -list(Conformity).index(one.outcome))
     return SimpleNamespace(
-        rows=[_judged_row(one, results.shown) for one in order[:_MOST_JUDGED]], rule=rule + _left_out(len(order))
+        specification=str(section(results.record, "stated").get("specification") or ""),
+        rows=[_judged_row(one, results.shown) for one in order[:_MOST_JUDGED]],
+        rule=rule + _left_out(len(order)),
     )
 
 

@@ -34,12 +34,17 @@ _PLACES = (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.DEFLECTION_AMPLITUDE)
 #: A model that departs from the data by this share of |K*| is not to be trusted.
 _POOR = 0.01
 #: What a report says of a specimen on its first page, by the key in campaign.toml.
-_OF_SPECIMEN = (("size", "size"), ("load_index", "load index"), ("serial", "serial"), ("rim", "rim"))
+_OF_SPECIMEN = (
+    ("size", "size"), ("load_index", "load index"), ("serial", "serial"), ("rim", "rim"),
+    ("condition", "condition"),
+)  # fmt: skip
 #: The particulars in the order of the page, by their key in [report].
 _PARTICULARS = (
     ("customer", "Customer"), ("received", "Received"), ("tested", "Tested"), ("issued", "Issued"),
+    ("location", "Place"),
     ("method", "Method"), ("deviations", "Deviations"), ("sampling", "Sampling"), ("environment", "Environment"),
-    ("conditioning", "Conditioning"), ("break_in", "Break-in"), ("operator", "Operator"), ("approved", "Approved"),
+    ("conditioning", "Conditioning"), ("break_in", "Break-in"), ("external", "By others"),
+    ("from_customer", "Customer’s data"), ("operator", "Operator"), ("approved", "Approved"),
 )  # fmt: skip
 
 

@@ -433,7 +433,12 @@ def _hashes(
 ) -> dict[str, str]:
     """Hash of each file that was read, by its name in the campaign."""
     logo = campaign.stated.report.logo
-    statements = ["campaign.toml", "tests.csv", *([LIMITS] if campaign.limits else []), *([logo] if logo else [])]
+    statements = [
+        "campaign.toml",
+        "tests.csv",
+        *([LIMITS] if campaign.limits.limits else []),
+        *([logo] if logo else []),
+    ]
     hashes = {name: sha256_of(campaign.folder / name, max_bytes=MOST_BYTES) for name in statements}
     hashes |= response_hashes(campaign)
     hashes |= {item.test.file: item.sha256 for item in statics if item.sha256}
