@@ -22,24 +22,26 @@ _OPEN = 4
 
 def models_section(results: Results) -> list[SimpleNamespace]:
     """The model and the map of each tyre, as the page shows them."""
+    shared = results.models is not None and "share" in results.models.provenance.settings
     models = {one.tyre: one for one in (results.models.models if results.models else [])}
     maps = {one.tyre: one for one in (results.maps.maps if results.maps else [])}
     facts = Facts.of(results)
     return [
         SimpleNamespace(
             tyre=tyre,
-            model=_model(models[tyre], facts) if tyre in models else None,
+            model=_model(models[tyre], facts, shared=shared) if tyre in models else None,
             map=_map(maps[tyre], several=len(maps) > 1) if tyre in maps else None,
         )
         for tyre in dict.fromkeys([*models, *maps])
     ]
 
 
-def _model(entry: ModelEntry, facts: Facts) -> SimpleNamespace:
+def _model(entry: ModelEntry, facts: Facts, *, shared: bool) -> SimpleNamespace:
     """The model of one tyre; each parameter as symbol, unit shown and meaning."""
     least = min((one.bic for one in entry.candidates), default=0.0)
     return SimpleNamespace(
         name=entry.model,
+        intervals="from the covariance" if entry.pressures or shared else "by profile likelihood",
         sentences=sentences(entry, facts),
         candidates=[_candidate(one, entry.model, least) for one in entry.candidates],
         parameters=[(one.symbol, _unit(one.unit)[0], one.meaning) for one in entry.parameters],
