@@ -429,3 +429,12 @@ def test_a_doubt_has_the_code_of_its_check_or_the_remark():
     found = findings(Results(tables=results.tables, checks=checks))
     doubts = [each.detail for each in found if isinstance(each.detail, Doubt)]
     assert doubts == [Doubt(Code.CLIPPING), Doubt(None, "look")]
+
+
+def test_rejections_that_differ_in_row_and_name_only_are_one_reason():
+    remark = "tests.csv row {}: tyre '{}' is not in campaign.toml; add [tyres.{}]"
+    rejected = {f"D{n}": ("rejected", remark.format(n + 1, f"T {n}", n)) for n in range(1, 6)}
+    rejected["D6"] = ("rejected", "tests.csv row 7: no file is named")
+    found = [one for one in found_in({"A": Tyre()}, verdicts=rejected) if isinstance(one.detail, Doubt)]
+    assert [one.tests for one in found] == [("D1", "D2", "D3", "D4", "D5"), ("D6",)]
+    assert found[0].detail.remark.startswith("tests.csv row 2: tyre 'T 1'")

@@ -17,6 +17,7 @@ SITUATIONS = [
     replace(PLAIN, massed=True, joint=False),
     replace(PLAIN, fits=False, candidate="a frame of 1e+06 N/m"),
     replace(PLAIN, scatter=True),
+    replace(PLAIN, joint=False, with_v2=False, blocked=True),
 ]
 SOURCES = [
     *(Source(kind, of) for kind in Kind for of in kind.of or ("something new" if kind is Kind.OTHER else "",)),
@@ -136,3 +137,9 @@ def test_what_nobody_states_is_not_asked_to_be_stated():
     for source in SOURCES:
         if source.role not in stated and source.kind not in (Kind.K1, Kind.K1_STATED, Kind.UNSTATED):
             assert not remedy(source, PLAIN).startswith("state "), source
+
+
+def test_where_no_mass_moves_or_v2_is_not_recorded_the_remedy_is_another():
+    gain, bare = Source(Kind.GAIN, "V1"), replace(PLAIN, joint=False, with_v2=False)
+    assert remedy(gain, replace(bare, blocked=True)) == "calibrate the gain of V1"
+    assert remedy(gain, bare).startswith("measure V2 too, repeat one condition with a weighed mass")

@@ -9,6 +9,8 @@ from __future__ import annotations
 import csv
 import difflib
 import io
+import json
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
@@ -346,15 +348,21 @@ def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str
         yield "the tyre is not named: fill in the column 'tyre'"
     elif tyre not in known:
         near = difflib.get_close_matches(tyre, known, n=1, cutoff=0.5)
-        hint = f"did you mean {units.shown(near[0])}?" if near else f"add [tyres.{units.shown(tyre)[1:-1]}]"
+        hint = f"did you mean {units.shown(near[0])}?" if near else f"add [tyres.{_key(tyre)}]"
         yield f"tyre {units.shown(tyre)} is not in campaign.toml; {hint}"
     rig = texts.get("rig", "")
     if rig and rig not in stated.all_rigs:
-        yield f"rig {units.shown(rig)} is not in campaign.toml; add [rigs.{units.shown(rig)[1:-1]}]"
+        yield f"rig {units.shown(rig)} is not in campaign.toml; add [rigs.{_key(rig)}]"
     if not rig and len(stated.all_rigs) > 1 and kind != "static":
         yield "several rigs are stated: name one of them in the column 'rig'"
     if not texts.get("file"):
         yield "no recording is named: fill in the column 'file'"
+
+
+def _key(name: str) -> str:
+    """A name as a key of TOML, in quotation marks where it needs them."""
+    text = units.shown(name)[1:-1]
+    return text if re.fullmatch(r"[A-Za-z0-9_-]+", text) else json.dumps(text, ensure_ascii=False)
 
 
 def _check_names(tests: list[Test]) -> None:

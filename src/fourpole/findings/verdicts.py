@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -78,9 +79,11 @@ def verdicts(facts: Facts) -> list[Finding]:
     doubts: list[Finding] = []
     for holds in (Holds.REJECTED, Holds.WARNING):
         reasons: dict[Doubt, set[str]] = {}
+        alike: dict[str, Doubt] = {}
         for test, verdict, remarks in rows:
             for doubt in _doubts(checks.get(test, ()), verdict, remarks or "") if verdict == holds else ():
-                reasons.setdefault(doubt, set()).add(test)
+                first = doubt if doubt.code else alike.setdefault(_masked(doubt.remark), doubt)
+                reasons.setdefault(first, set()).add(test)
         order = sorted(reasons, key=lambda one: (-len(reasons[one]), one.code.text if one.code else "", one.remark))
         doubts += [Finding(Topic.TRUST, None, (), holds, one, tests=_sorted(reasons[one])) for one in order]
     return found + sorted(doubts, key=_place)
@@ -113,6 +116,11 @@ def checks_by_test(checks: pl.DataFrame) -> dict[str, list[CheckRow]]:
             one = CheckRow(row["verdict"], Code.read(row["code"]), row["remedy"] or "")
             found.setdefault(row["test"], []).append(one)
     return found
+
+
+def _masked(remark: str) -> str:
+    """A remark without its numbers and names, in which remarks of one cause differ."""
+    return re.sub(r"'[^']*'|[+-]?\d[\d.]*(e[+-]?\d+)?", "0", remark)
 
 
 def _beginning(remarks: str) -> str:

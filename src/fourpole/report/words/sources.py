@@ -23,8 +23,8 @@ class About:
 
     Attributes
     ----------
-    joint, massed, with_v2 : bool
-        Whether the joint route was used, whether an added mass was used, whether V2 was measured.
+    joint, massed, with_v2, blocked : bool
+        Whether the joint route was used, an added mass was used, V2 was measured, the far side is blocked.
     fits, scatter : bool
         Whether rig and channels as stated fit their tests; whether K* of repeated tests scatters beyond the noise.
     candidate : str
@@ -37,6 +37,7 @@ class About:
     fits: bool
     scatter: bool
     candidate: str
+    blocked: bool = False
 
 
 #: {channel} is the channel, or one against another, {name} the rig's value, unstated part, specimen or text.
@@ -148,7 +149,9 @@ def remedy(source: Source, about: About) -> str:
         if about.joint:
             return "repeat the tests with the weighed mass, or record them longer: the mass calibrates the channels"
         return "use the joint route: with the weighed mass it needs no calibrated sensor"
-    return text
+    if about.blocked:
+        return text.removeprefix(_BY_MASS)
+    return text if about.with_v2 or not text.startswith(_BY_MASS) else f"measure V2 too, {text}"
 
 
 def _rig_remedy(text: str, about: About) -> str:
