@@ -334,16 +334,26 @@ def report(
     png: PngFlag = False,
     paper: PaperFlag = False,
     pdf: Annotated[bool, typer.Option("--pdf", help="Print report.pdf, by Chromium, Chrome or Edge.")] = False,
+    standard: Annotated[
+        str, typer.Option(metavar="NAME", help="Hold the results against sae-j1085, iso-7626-2 or iso-10846-2 instead.")
+    ] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="With --standard: print one JSON document.")] = False,
 ) -> None:
     """Make the figures and report.html again from the result tables, without reading the recordings.
 
-    The report has the models and maps that fit and map have made of these tables since.
+    The report has the models and maps that fit and map have made of these tables since. With --standard, each
+    requirement of a standard is met, not met or not stated, in a table and on a page of its own.
     """
     from fourpole.io.folders import results_in
     from fourpole.study.results import read_results
 
     folder = results_in(folder)
     results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
+    if standard:
+        from fourpole.app.standard import run_standard
+
+        run_standard(results, folder, standard, as_json=as_json)
+        return
     from fourpole.app.report import run_report
 
     run_report(results, folder, theme, png=png, paper=paper, pdf=pdf)

@@ -1,0 +1,59 @@
+"""The command that holds results against a standard."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from fourpole.app.console import out, print_json, print_table
+from fourpole.io.write import write_text
+from fourpole.report.standards import standard_named
+from fourpole.report.standards.page import NOTE, render_standard
+from fourpole.report.standards.requirement import Found, Requirement, Standard, answered, counts
+from fourpole.study.results import Results
+
+_HEADS = ("requirement", "clause", "measured", "limit", "answer")
+
+
+def run_standard(results: Results, folder: Path, name: str, *, as_json: bool) -> None:
+    """Print the requirements of a standard with their answers, and write its page beside the report."""
+    standard = standard_named(name)
+    found, page = answered(standard, results), folder / f"report-{standard.key}.html"
+    write_text(page, render_standard(standard, results))
+    if as_json:
+        print_json(_document(standard, found, results, page))
+        return
+    out(standard.title)
+    print_table(_HEADS, [(one.text, one.place, item.text, one.limit, item.answer.value) for one, item in found])
+    out()
+    out(", ".join(f"{count} {answer.value}" for answer, count in counts(found).items()))
+    for line in (*standard.terms, NOTE):
+        out(line)
+    out(f"page: {page}")
+
+
+def _document(
+    standard: Standard, found: list[tuple[Requirement, Found]], results: Results, page: Path
+) -> dict[str, Any]:
+    """The answers for programs."""
+    values = standard.values(results)
+    return {
+        "standard": standard.key,
+        "title": standard.title,
+        "requirements": [
+            {
+                "key": one.key,
+                "clause": one.clause,
+                "read": one.read,
+                "requirement": one.text,
+                "limit": one.limit,
+                "source": one.source,
+                "measured": item.text,
+                "answer": item.answer.value,
+            }
+            for one, item in found
+        ],
+        "terms": list(standard.terms),
+        "values": [dict(zip(values.heads, row, strict=True)) for row in values.rows],
+        "page": str(page),
+    }

@@ -1,0 +1,191 @@
+"""What results say of a requirement: functions that several standards use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import isfinite, log10, pi
+
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.core.condition import Axis
+from fourpole.findings.summary import SummaryRow, summary
+from fourpole.quantities import MODULUS, Quantity, ShownUnits
+from fourpole.report.digits import number, with_std
+from fourpole.report.standards.requirement import Answer, Found
+from fourpole.study.results import Results, section
+
+#: Coverage factor of the uncertainty shown.
+_COVERAGE = 2.0
+_NOTHING = "no dynamic test in use"
+
+
+def used(results: Results) -> pl.DataFrame:
+    """The dynamic tests with K* that were not rejected; no row where there are none."""
+    table = results.dynamic
+    if q.STORAGE.head not in table.columns:
+        return pl.DataFrame()
+    return table.filter(pl.col(q.VERDICT.head) != "rejected", pl.col(q.STORAGE.head).is_not_null())
+
+
+def not_stated(text: str) -> Callable[[Results], Found]:
+    """The answer to what no test records and no campaign states."""
+    return lambda _: Found(text, Answer.NOT_STATED)
+
+
+def judged(text: str, met: bool) -> Found:
+    """An answer from a measured value."""
+    return Found(text, Answer.MET if met else Answer.NOT_MET)
+
+
+def at_most(quantity: Quantity, limit: float) -> Callable[[Results], Found]:
+    """Whether a column does not exceed a limit, in SI."""
+
+    def measure(results: Results) -> Found:
+        values = _values(results, quantity)
+        if not values:
+            return Found(_NOTHING, Answer.NOT_STATED)
+        return judged(f"{spread(values, quantity)}", max(values) <= limit * (1.0 + 1e-9))
+
+    return measure
+
+
+def nearest_to(
+    quantity: Quantity, wanted: float, axis: Axis, *, factor: float = 1.0, name: str = ""
+) -> Callable[[Results], Found]:
+    """Whether a test has a wanted value, `factor` times that of the column, which is the same on an axis."""
+
+    def measure(results: Results) -> Found:
+        values = [factor * value for value in _values(results, quantity)]
+        if not values:
+            return Found(f"{quantity.name} is not known", Answer.NOT_STATED)
+        near = min(values, key=lambda one: abs(one - wanted))
+        text = f"{name or quantity.name} {spread(values, quantity)}; nearest {shown(near, quantity)}"
+        return judged(text, axis.same(near, wanted))
+
+    return measure
+
+
+def stated_in_all(quantity: Quantity) -> Callable[[Results], Found]:
+    """Whether every test states a value."""
+
+    def measure(results: Results) -> Found:
+        table = used(results)
+        if table.is_empty():
+            return Found(_NOTHING, Answer.NOT_STATED)
+        values = _values(results, quantity)
+        if len(values) < table.height:
+            return Found(f"{table.height - len(values)} of {table.height} tests do not state it", Answer.NOT_STATED)
+        return judged(spread(values, quantity), met=True)
+
+    return measure
+
+
+def reported(*keys: str) -> Callable[[Results], Found]:
+    """Whether [report] of campaign.toml states something; its text stands for itself."""
+
+    def measure(results: Results) -> Found:
+        stated = section(results.record, "stated", "report")
+        texts = [str(stated[key]) for key in keys if stated.get(key)]
+        if len(texts) < len(keys):
+            lacking = ", ".join(key for key in keys if not stated.get(key))
+            return Found(f"[report] of campaign.toml does not state {lacking}", Answer.NOT_STATED)
+        return judged("; ".join(texts), met=True)
+
+    return measure
+
+
+def calibrated(results: Results) -> Found:
+    """Whether [report] lists equipment with certificates."""
+    listed = section(results.record, "stated", "report").get("equipment")
+    items = [one for one in listed if isinstance(one, dict)] if isinstance(listed, list) else []
+    named = [one for one in items if one.get("certificate")]
+    if not items:
+        return Found("[report] of campaign.toml lists no equipment", Answer.NOT_STATED)
+    text = f"{len(named)} of {len(items)} instruments listed with a certificate"
+    return judged(text, len(named) == len(items))
+
+
+def no_separation(results: Results) -> Found:
+    """Whether the dynamic force stays below the preload in every test."""
+    table = used(results)
+    if table.is_empty() or table[q.PRELOAD.head].null_count() == table.height:
+        return Found("no preload is stated", Answer.NOT_STATED)
+    row = table.with_columns((pl.col(q.F1.head) / pl.col(q.PRELOAD.head)).alias("share")).filter(
+        pl.col("share").is_finite()
+    )
+    if row.is_empty():
+        return Found("the force of no test is known", Answer.NOT_STATED)
+    largest = row.sort("share", descending=True).row(0, named=True)
+    return judged(
+        f"largest force amplitude {100 * largest['share']:.0f} % of the preload (test {largest[q.TEST.head]})",
+        largest["share"] < 1.0,
+    )
+
+
+def static_curve(results: Results) -> Found:
+    """Whether each specimen of a dynamic test has a static test."""
+    dynamic = set(used(results)[q.TYRE.head]) if not used(results).is_empty() else set()
+    static = set(results.static[q.TYRE.head]) if q.TYRE.head in results.static.columns else set()
+    if not dynamic:
+        return Found(_NOTHING, Answer.NOT_STATED)
+    lacking = sorted(dynamic - static)
+    if lacking:
+        return Found(f"no static test of {', '.join(lacking)}", Answer.NOT_STATED)
+    return judged(f"static load-deflection curve of {len(dynamic)} specimens", met=True)
+
+
+def shown(value: float, quantity: Quantity, digits: int = 3) -> str:
+    """An SI value with the usual unit."""
+    one = ShownUnits().of(quantity)
+    return f"{number(float(f'{value / one.scale:.{digits}g}'), digits)} {one.suffix}".rstrip()
+
+
+def spread(values: Sequence[float], quantity: Quantity) -> str:
+    """Lowest to highest of SI values with the usual unit."""
+    low, high = shown(min(values), quantity), shown(max(values), quantity)
+    return low if low == high else f"{low.rpartition(' ')[0] or low} to {high}"
+
+
+def _values(results: Results, quantity: Quantity) -> list[float]:
+    table = used(results)
+    if quantity.head not in table.columns:
+        return []
+    return [
+        float(value) for value in table[quantity.head].to_list() if isinstance(value, int | float) and isfinite(value)
+    ]
+
+
+def level(ratio: float) -> float:
+    """A ratio of amplitudes in decibel."""
+    return 20.0 * log10(ratio)
+
+
+def rows_of(results: Results) -> tuple[SummaryRow, ...]:
+    """Each condition at one frequency: that of [report], else the tested one nearest to 15 Hz."""
+    return tuple(row for row in summary(results, most=len(results.dynamic) + 1) if MODULUS.key in row.values)
+
+
+def place(row: SummaryRow) -> tuple[str, str, str]:
+    """Specimen, state and frequency of a row as texts."""
+    parts = [
+        ShownUnits().text(quantity, ends[0])
+        for ends, quantity in ((row.pressure, q.PRESSURE), (row.preload, q.PRELOAD), (row.temperature, q.TEMPERATURE))
+        if ends is not None
+    ]
+    return row.specimen, ", ".join(parts), number(row.frequency[0], 3)
+
+
+def with_expanded(row: SummaryRow, quantity: Quantity, scale: float | None = None) -> str:
+    """A quantity of a row with U (k = 2), over a scale in SI; blank where it has none."""
+    found = row.values.get(quantity.key)
+    if found is None:
+        return ""
+    scale = ShownUnits().of(quantity).scale if scale is None else scale
+    value, u = with_std(found[0].value / scale, _COVERAGE * found[0].std / scale)
+    return f"{value} ± {u}" if u else value
+
+
+def omega(row: SummaryRow) -> float:
+    """Angular frequency of a row [rad/s]."""
+    return 2.0 * pi * row.frequency[0]

@@ -1,0 +1,109 @@
+"""A requirement of a standard as data: its clause, its source, its limit, and how results answer it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from fourpole.study.results import Results
+
+
+class Answer(StrEnum):
+    """Whether a requirement is met."""
+
+    MET = "met"
+    NOT_MET = "not met"
+    NOT_STATED = "not stated"
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the results say of a requirement: the measured value in words, and the answer."""
+
+    text: str
+    answer: Answer
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """One requirement of a standard.
+
+    Attributes
+    ----------
+    key : str
+        Its name in JSON.
+    clause : str
+        Number of the clause; empty where it is not known.
+    text : str
+        The requirement in words of our own.
+    limit : str
+        The limit in words; empty where there is none, or it is not known.
+    source : str
+        Where clause, text and limit are from.
+    measure : callable
+        What the results say of it.
+    read : bool
+        Whether the clause was read in the standard itself.
+    """
+
+    key: str
+    clause: str
+    text: str
+    limit: str
+    source: str
+    measure: Callable[[Results], Found]
+    read: bool = False
+
+    @property
+    def place(self) -> str:
+        """The clause with a mark if it was not read: "6.1, not read", or "clause not read"."""
+        if not self.clause:
+            return "clause not read"
+        return self.clause if self.read else f"{self.clause}, not read"
+
+    @property
+    def origin(self) -> str:
+        """Where the requirement is from."""
+        return self.source if self.read else f"from secondary sources: {self.source}"
+
+
+@dataclass(frozen=True)
+class ValueTable:
+    """The standard's own quantities: heads with units, and a row of texts for each condition."""
+
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Standard:
+    """One standard.
+
+    Attributes
+    ----------
+    key : str
+        Its name in the command, as "sae-j1085".
+    title : str
+    terms : tuple of str
+        How its quantities follow from those of Fourpole, as sentences.
+    requirements : tuple of Requirement
+    values : callable
+        Its own quantities of the results.
+    """
+
+    key: str
+    title: str
+    terms: tuple[str, ...]
+    requirements: tuple[Requirement, ...]
+    values: Callable[[Results], ValueTable]
+
+
+def answered(standard: Standard, results: Results) -> list[tuple[Requirement, Found]]:
+    """Each requirement with what the results say of it."""
+    return [(one, one.measure(results)) for one in standard.requirements]
+
+
+def counts(found: Sequence[tuple[Requirement, Found]]) -> dict[Answer, int]:
+    """Number of requirements by answer."""
+    return {answer: sum(one.answer is answer for _, one in found) for answer in Answer}
