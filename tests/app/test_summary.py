@@ -1,9 +1,14 @@
 """The table with which an analysis ends: within 80 columns and 25 lines, no number cut, ranges of many conditions."""
 
+from dataclasses import replace
+
 import pytest
 
 from fourpole import analyse
 from fourpole.app.summary import summary_lines
+from fourpole.findings.facts import Measured
+from fourpole.findings.summary import SUMMARISED, SummaryRow
+from fourpole.study.results import Results
 from fourpole.virtual import simulate_campaign
 
 pytestmark = pytest.mark.thorough
@@ -26,11 +31,26 @@ def test_the_table_fits_a_terminal(lines_of, pressures):
     assert max(map(len, lines)) <= 80
     ranges = 2 * len(pressures) > 12
     about = ", lowest to highest of all conditions" if ranges else "; ± is U (k = 2)"
-    assert lines[0] == f"At 14 Hz{about}:"
-    conditions = [line for line in lines if line.startswith(" ") and "[" not in line]
-    assert len(conditions) % (2 if ranges else 2 * len(pressures)) == 0
+    alike = {1: ", 1.7 bar, 1000 N", 9: ", 1000 N"}.get(len(pressures), "")  # a specimen has one row there
+    assert lines[0] == f"At 14 Hz{alike}{about}:"
+    conditions = [line for line in lines[2:] if line.startswith("cross" if alike else " ") and "[" not in line]
+    assert conditions
+    assert len(conditions) % (1 if alike else 2 * len(pressures)) == 0
     for line in conditions:
         assert "…" not in line
         assert ("±" in line) == (not ranges)
     heads = " ".join(line for line in lines if "[" in line)
     assert [part in heads for part in ("K1 [kN/m]", "|K*| [kN/m]", "δ [°]", "K2 [kN/m]", "C [N s/m]")] == [True] * 5
+
+
+def test_many_specimens_have_a_line_each_as_far_as_they_fit(monkeypatch):
+    known = {one.key: (Measured(1.2345e5, 321.0),) * 2 for one in SUMMARISED}
+    one = SummaryRow("", (2e5, 2e5), (3e3, 3e3), None, None, (15.0, 15.0), ("D1",), known, {})
+    rows = tuple(replace(one, specimen=f"tyre {at} {'x' * 30} <{at}>") for at in range(60))
+    monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: rows)
+    lines = summary_lines(Results())
+    assert len(lines) <= 22
+    assert max(map(len, lines)) <= 80
+    assert lines[0] == "At 15 Hz, 2 bar, 3000 N; ± is U (k = 2):"
+    assert lines[-1].startswith("... and ")
+    assert sum("tyre 3 " in line for line in lines) == sum("[" in line for line in lines)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isinf
 
 from fourpole import quantities as q
 from fourpole.findings.conformity import Judged
@@ -11,24 +10,28 @@ from fourpole.findings.facts import Measured
 from fourpole.findings.summary import SummaryRow, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
 from fourpole.report.conformity import verdict_line
-from fourpole.report.digits import number
+from fourpole.report.digits import expanded, with_interval
 from fourpole.study.results import Results
 
 _SHOWN = (q.K1, MODULUS, LOSS_ANGLE, q.K2, q.C)
 #: Width of a terminal, and blanks between columns.
 _WIDTH, _GAP = 80, 2
-#: Most specimens that have a row; the tables have them all.
+#: Most rows; the tables have them all.
 _MOST = 15
 #: Lines of the table; conditions that need more are shown as ranges.
 _MOST_LINES = 22
-#: Coverage factor of the uncertainty shown.
-_COVERAGE = 2.0
+#: Characters of a specimen's name that stands in a row.
+_LONGEST = 24
 
 
 def summary_lines(results: Results) -> list[str]:
     """The lines of the table; none without a dynamic test in use."""
     lines = _lines(summary(results), results.shown)
-    return lines if len(lines) <= _MOST_LINES else _lines(summary(results, most=0), results.shown)
+    if len(lines) > _MOST_LINES:
+        rows = summary(results, most=0)
+        found = (_lines(rows, results.shown, most) for most in range(_MOST, 0, -1))
+        lines = next(lines for lines in found if len(lines) <= _MOST_LINES)
+    return lines
 
 
 def limit_lines(results: Results, held: Sequence[Judged]) -> list[str]:
@@ -39,16 +42,17 @@ def limit_lines(results: Results, held: Sequence[Judged]) -> list[str]:
     return [f"limits: {verdict.word}: {verdict.text}"]
 
 
-def _lines(rows: Sequence[SummaryRow], units: ShownUnits) -> list[str]:
+def _lines(rows: Sequence[SummaryRow], units: ShownUnits, most: int = _MOST) -> list[str]:
+    """A line for each of the first rows, below the name of its specimen if that has several rows."""
     if not rows:
         return []
     ranges = any(low is not high for row in rows for low, high in row.values.values())
-    shown, quantities = rows[:_MOST], [units.of(one) for one in _SHOWN]
-    alone = ranges and len({row.specimen for row in rows}) == len(rows)
+    shown, quantities = rows[:most], [units.of(one) for one in _SHOWN]
+    alone = len({row.specimen for row in rows}) == len(rows) > 1
     heads = ["", *(f"{one.symbol} [{one.suffix or one.shown}]" for one in quantities)]
-    made = ([_condition(row, units), *(_cell(row, one, ranges=ranges) for one in quantities)] for row in shown)
+    made = ([_label(row, units, alone=alone), *(_cell(row, one, ranges=ranges) for one in quantities)] for row in shown)
     table = [heads, *made]
-    lines = [_title(rows, ranges=ranges)]
+    lines = [_title(rows, units, ranges=ranges, alone=alone)]
     for part in _fitting(table, [at for at, cells in enumerate(zip(*table[1:], strict=True)) if at == 0 or any(cells)]):
         widths = [max(len(row[at]) for row in table) for at in part]
         before = None
@@ -58,26 +62,35 @@ def _lines(rows: Sequence[SummaryRow], units: ShownUnits) -> list[str]:
             before = named
             cells = [row[0].ljust(widths[0]), *(row[at].rjust(w) for at, w in zip(part[1:], widths[1:], strict=True))]
             lines.append((" " * _GAP).join(cells).rstrip())
-    if len(rows) > _MOST:
-        lines.append(f"... and {len(rows) - _MOST} more specimens: see the report")
+    if len(rows) > most:
+        lines.append(f"... and {len(rows) - most} more rows: see the report")
     return lines
 
 
-def _title(rows: Sequence[SummaryRow], *, ranges: bool) -> str:
-    """What the numbers are: their frequency and uncertainty."""
+def _title(rows: Sequence[SummaryRow], units: ShownUnits, *, ranges: bool, alone: bool) -> str:
+    """What the numbers are: their frequency and uncertainty, and the condition that all have if no row names it."""
     low, high = min(row.frequency[0] for row in rows), max(row.frequency[1] for row in rows)
     at = f"{low:.4g} Hz" if low == high else f"{low:.4g} to {high:.4g} Hz"
+    places = {tuple(_places(row, units)) for row in rows}
+    if alone and len(places) == 1:
+        at = ", ".join([at, *places.pop()])
     return f"At {at}, lowest to highest of all conditions:" if ranges else f"At {at}; ± is U (k = 2):"
 
 
-def _condition(row: SummaryRow, units: ShownUnits) -> str:
-    """The condition in words; of several conditions the specimen and their number of tests."""
-    parts = []
-    for stated, quantity in ((row.pressure, q.PRESSURE), (row.preload, q.PRELOAD)):
-        if stated is not None and stated[0] == stated[1]:
-            parts.append(units.text(quantity, stated[0]))
-    count = len(row.tests)
-    return f" {' '.join(parts) or row.specimen}{f' ({count})' if count > 1 else ''}"
+def _label(row: SummaryRow, units: ShownUnits, *, alone: bool) -> str:
+    """The specimen of a row that is its only one, otherwise the condition in words; and the number of tests if several.
+
+    A long name is cut in the middle.
+    """
+    name = row.specimen if len(row.specimen) <= _LONGEST else f"{row.specimen[:14]}…{row.specimen[-8:]}"
+    text = name if alone else f" {' '.join(_places(row, units)) or name}"
+    return f"{text} ({len(row.tests)})" if len(row.tests) > 1 else text
+
+
+def _places(row: SummaryRow, units: ShownUnits) -> list[str]:
+    """Pressure and preload of a row in words; one that is not stated, or a range, is left out."""
+    stated = ((row.pressure, q.PRESSURE), (row.preload, q.PRELOAD))
+    return [units.text(quantity, ends[0]) for ends, quantity in stated if ends is not None and ends[0] == ends[1]]
 
 
 def _cell(row: SummaryRow, quantity: Quantity, *, ranges: bool) -> str:
@@ -89,10 +102,10 @@ def _cell(row: SummaryRow, quantity: Quantity, *, ranges: bool) -> str:
         first, last = (_with_expanded(one, quantity)[0] for one in (low, high))
         return first if first == last else "..".join(_as_exact(first, last))
     if quantity.key in row.intervals:
-        least, most = (one / quantity.scale for one in row.intervals[quantity.key])
-        return f">{number(least, 3)}" if isinf(most) else f"{number(least, 3)}..{number(most, 3)}"
-    value, expanded = _with_expanded(low, quantity)
-    return f"{value}±{expanded}" if expanded else value
+        ends = (one / quantity.scale for one in row.intervals[quantity.key])
+        return with_interval(low.value / quantity.scale, *ends)[1].replace("above ", ">").replace(" to ", "..")
+    value, reach = _with_expanded(low, quantity)
+    return f"{value}±{reach}" if reach else value
 
 
 def _as_exact(first: str, last: str) -> tuple[str, str]:
@@ -105,13 +118,8 @@ def _as_exact(first: str, last: str) -> tuple[str, str]:
 
 
 def _with_expanded(measured: Measured, quantity: Quantity) -> tuple[str, str]:
-    """A value and U in the unit shown, to the second digit of U if its first is 1 or 2, otherwise to the first."""
-    value, expanded = measured.value / quantity.scale, _COVERAGE * measured.std / quantity.scale
-    if not 1e-9 < expanded < 1e7:
-        return number(value), ""
-    leading = f"{expanded:.0e}"
-    decimals = max(0, -int(leading[2:]) + (leading[0] in "12"))
-    return f"{value:.{decimals}f}".replace("-", "−"), f"{expanded:.{decimals}f}"
+    """A value and U in the unit shown."""
+    return expanded(measured.value / quantity.scale, measured.std / quantity.scale)
 
 
 def _fitting(table: Sequence[Sequence[str]], used: Sequence[int]) -> list[list[int]]:

@@ -147,7 +147,7 @@ def _known(results: Results) -> Iterator[_Known]:
     for specimen in facts.tyres:
         for key, value in facts.values(q.K1, specimen).items():
             yield _Known(q.K1, specimen, facts.stated.get(specimen, specimen), _place(key, specimen, warm), value, None)
-    for (specimen, key), tested in sorted(conditions_of(facts).items()):
+    for (specimen, key), tested in conditions_of(facts).items():
         for frequency, rows in sorted(tested.items()):
             skewed = intervals_of(results, [str(row["test"]) for row in rows])
             place = {**_place(key, specimen, warm), "frequency": frequency}

@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.findings.facts import Facts, Measured, averaged
+from fourpole.findings.facts import Facts, Measured, averaged, natural
 from fourpole.findings.finding import UNSTATED, Key
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.results import Results, section
@@ -89,7 +89,7 @@ def summary(results: Results, *, frequency: float | None = None, most: int = MOS
         frequency = wanted_frequency(results)
     shared = set.intersection(*(set(each) for each in at.values()))
     rows = []
-    for (specimen, condition), tested in sorted(at.items()):
+    for (specimen, condition), tested in at.items():
         chosen = min(shared or tested, key=lambda one: (abs(one - frequency), one))
         made = _row(specimen, condition, chosen, tested[chosen])
         rows.append(replace(made, intervals=intervals_of(results, made.tests)))
@@ -111,13 +111,20 @@ def wanted_frequency(results: Results) -> float:
 
 
 def conditions_of(facts: Facts) -> Conditions:
-    """The dynamic tests in use by nominal condition and frequency."""
+    """The dynamic tests in use by nominal condition and frequency, the conditions in order."""
     found: Conditions = {}
     for row in facts.used_dynamic:
         pressure, load, place = facts.key(row, ("pressure", "load", "frequency"))
         if place != UNSTATED:
             found.setdefault((row["tyre"], (pressure, load)), {}).setdefault(place, []).append(row)
-    return found
+
+    def place(one: tuple[tuple[str, Key], Mapping[float, Sequence[Mapping[str, Any]]]]) -> tuple[Any, ...]:
+        (specimen, key), tested = one
+        warm = (row.get(q.TEMPERATURE.head) for rows in tested.values() for row in rows)
+        lowest = min((value for value in warm if value is not None), default=-inf)
+        return natural(facts.stated.get(specimen, specimen)), lowest, natural(specimen), key
+
+    return dict(sorted(found.items(), key=place))
 
 
 def mean_of(quantity: Quantity, tests: Sequence[Mapping[str, Any]]) -> Measured | None:
