@@ -118,13 +118,13 @@ def conditions_of(facts: Facts) -> Conditions:
         if place != UNSTATED:
             found.setdefault((row["tyre"], (pressure, load)), {}).setdefault(place, []).append(row)
 
-    def place(at: tuple[str, Key]) -> tuple[Any, ...]:
+    def rank(at: tuple[str, Key]) -> tuple[Any, ...]:
         specimen, key = at
         warm = (row.get(q.TEMPERATURE.head) for rows in found[at].values() for row in rows)
         lowest = min((value for value in warm if value is not None), default=-inf)
         return natural(facts.stated.get(specimen, specimen)), lowest, natural(specimen), key
 
-    return {at: found[at] for at in sorted(found, key=place)}
+    return {at: found[at] for at in sorted(found, key=rank)}
 
 
 def mean_of(quantity: Quantity, tests: Sequence[Mapping[str, Any]]) -> Measured | None:
