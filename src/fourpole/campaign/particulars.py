@@ -65,6 +65,7 @@ class Particulars(File):
     operator: Text = ""
     customer: Text = ""
     number: Text = ""
+    replaces: Text = ""
     received: Text = ""
     tested: Text = ""
     issued: Text = ""
