@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from fourpole.errors import FourpoleError
     from fourpole.findings.compared import compare
     from fourpole.planning.plan import plan
+    from fourpole.plot.notebook import draw
     from fourpole.study import Study, analyse
     from fourpole.study.recording import read_recording
     from fourpole.study.results import read_results
@@ -48,6 +49,7 @@ _HOME = {
     "analyse": "study",
     "compare": "findings.compared",
     "demodulate": "core.demodulation.demodulate",
+    "draw": "plot.notebook",
     "identify": "core.identify",
     "identify_joint": "core.joint",
     "maxwell_arm": "core.routes",
@@ -80,6 +82,7 @@ __all__ = [
     "analyse",
     "compare",
     "demodulate",
+    "draw",
     "identify",
     "identify_joint",
     "maxwell_arm",

@@ -11,9 +11,12 @@ from numpy.typing import ArrayLike
 from fourpole.core import stats
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 from fourpole.core.confidence import COVERAGE
+from fourpole.core.notebook import notebook_html
 
 #: The three channels of a dynamic test, in the order of every amplitude and covariance.
 CHANNELS = ("force_in", "motion_in", "motion_out")
+#: Tests that a notebook shows.
+_MOST_SHOWN = 12
 #: Symbols of the channels in the paper.
 SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
 
@@ -127,6 +130,19 @@ class Phasors(ByRows):
     def std(self) -> FloatArray:
         """Standard uncertainty (..., 6) of Re and Im of F1, V1, V2 from the noise, in their units."""
         return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
+
+    def _repr_html_(self) -> str:
+        """Amplitudes and phases of the first tests, for a notebook."""
+        shape = np.shape(self.frequency)
+        frequency, amplitudes = np.reshape(self.frequency, -1), np.reshape(self.amplitudes, (-1, 3))
+        rows = []
+        for f, (f1, v1, v2) in zip(frequency[:_MOST_SHOWN].tolist(), amplitudes[:_MOST_SHOWN].tolist(), strict=True):
+            sizes = (f"{abs(f1):.5g}", f"{1e3 * abs(v1):.5g}", f"{1e3 * abs(v2):.5g}")
+            angles = (f"{np.degrees(np.angle(one / v1)) if v1 else np.nan:.2f}" for one in (f1, v2))
+            rows.append([f"{f:.6g}", *("" if text == "nan" else text for text in (*sizes, *angles))])
+        heads = ("f [Hz]", "|F1| [N]", "|V1| [mm/s]", "|V2| [mm/s]", "F1 ahead of V1 [°]", "V2 ahead of V1 [°]")
+        title = f"Phasors {'×'.join(map(str, shape)) or 'of one test'}, 0-to-peak"
+        return notebook_html(title, (), heads, rows, total=frequency.size)
 
     def coverage_factor(self, level: float = COVERAGE) -> FloatArray:
         """Half-width of a two-sided interval in standard uncertainties, by Student's t.

@@ -11,9 +11,12 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, FloatArray, short_repr
 from fourpole.core.chain import Link
+from fourpole.core.notebook import notebook_html, outline_svg
 from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
+from fourpole.face import public
 
+_UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 #: Number of differentiations that turn a motion into a velocity; 0 for a force.
 DERIVATIVES = {"force": 0, "displacement": 1, "velocity": 0, "acceleration": -1}
 
@@ -212,6 +215,24 @@ class Recording:
         """Length of the time that all channels and the reference cover [s]."""
         first, last = self.span
         return last - first
+
+    def _repr_html_(self) -> str:
+        """Channels with their ranges and outlines, for a notebook."""
+        rows, outlines = [], []
+        for name, one in self.channels.items():
+            rate, start = self.base(name)
+            known = one.samples[np.isfinite(one.samples)]
+            ends = (f"{known.min():.4g}", f"{known.max():.4g}") if known.size else ("", "")
+            unit = _UNITS[one.quantity]
+            times = (f"{start:.4g} to {start + one.samples.size / rate:.4g}", f"{rate:.6g}", str(one.samples.size))
+            rows.append((name, one.quantity, unit, *ends, *times))
+            outlines.append(f"<div>{notebook_html(name)}{outline_svg(one.samples)}</div>")
+        heads = ("channel", "quantity", "unit", "least", "greatest", "time [s]", "rate [Hz]", "samples")
+        return notebook_html(f"Recording {self.label}", (), heads, rows, after="".join(outlines))
+
+    def plot(self) -> Any:
+        """The channels over time, each in a panel; see `fourpole.draw`."""
+        return public("draw")(self)
 
     def between(self, first: float, last: float) -> Recording:
         """The recording cut to the time between `first` and `last` [s]."""

@@ -34,6 +34,7 @@ from fourpole.fitting.modelfile import (
 )
 from fourpole.fitting.modelparts import NamedValue
 from fourpole.fitting.near import near_model
+from fourpole.fitting.notebook import fit_html, map_html
 from fourpole.fitting.pressures import OverPressures, PressureFile, sentences, share_over_pressures
 from fourpole.fitting.static import StaticFile, factor_sentence
 from fourpole.models.causality import Possible, check_possible, near_passive
@@ -101,6 +102,10 @@ class TyreFit(ByValue):
         """The chosen model."""
         return self.chosen.fit.model
 
+    def _repr_html_(self) -> str:
+        """The choice and the parameters, for a notebook."""
+        return fit_html(self)
+
 
 @dataclass(frozen=True)
 class TyreMap:
@@ -122,6 +127,10 @@ class TyreMap:
     best: OperatingMap
     others: tuple[tuple[str, OperatingMap | str], ...]
     text: str
+
+    def _repr_html_(self) -> str:
+        """The choice and the models that were tried, for a notebook."""
+        return map_html(self)
 
 
 def fit_tyres(

@@ -8,47 +8,12 @@ from collections.abc import Iterable
 import numpy as np
 
 from fourpole.core.condition import Axis
+from fourpole.core.digits import fixed, known, number, with_std
 
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+__all__ = ["expanded", "known", "number", "spread", "with_interval", "with_std"]
+
 #: Up to this number values are listed one by one; more are given as a range.
 _LISTED = 8
-
-
-def known(value: object) -> float | None:
-    """A finite number, or None."""
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
-
-
-def number(value: object, digits: int = 4) -> str:
-    """A number to some significant digits; blank where there is none.
-
-    >>> number(9.98918), number(-0.00012345, 3), number(1.5e9), number(None)
-    ('9.989', '−0.000123', '1.500×10⁹', '')
-    """
-    found = known(value)
-    if found is None:
-        return ""
-    if found == 0:
-        return "0"
-    power = _power(found, digits)
-    if -4 <= power < 7:
-        return _fixed(found, digits - 1 - power)
-    return f"{_fixed(found / 10.0**power, digits - 1)}×10{str(power).translate(_SUPERSCRIPT)}"
-
-
-def with_std(value: object, std: object, digits: int = 4) -> tuple[str, str]:
-    """A number and its standard uncertainty, both to the second digit of the uncertainty; blank where unknown.
-
-    >>> with_std(172.3482, 0.619), with_std(1105.36, 667.0), with_std(0.30366, None)
-    (('172.35', '0.62'), ('1110', '670'), ('0.3037', ''))
-    """
-    found, u = known(value), known(std)
-    if found is None or not u or u < 0:
-        return number(found, digits), ""
-    decimals = 1 - _power(u, 2)
-    if decimals > 9 or abs(found) >= 1e7:
-        return number(found, digits), number(u, 2)
-    return _fixed(round(found, decimals), decimals), _fixed(round(u, decimals), decimals)
 
 
 def expanded(value: float, std: float, coverage: float = 2.0) -> tuple[str, str]:
@@ -85,17 +50,7 @@ def _decimals(reach: float) -> int | None:
 
 
 def _rounded(value: float, decimals: int) -> str:
-    return _fixed(round(value, decimals), decimals)
-
-
-def _power(value: float, digits: int) -> int:
-    """Power of ten of a number once it is rounded."""
-    return int(f"{value:.{digits - 1}e}".partition("e")[2])
-
-
-def _fixed(value: float, decimals: int) -> str:
-    text = f"{value:.{max(0, decimals)}f}".replace("-", "−")
-    return text.lstrip("−") if not text.strip("−0.") else text
+    return fixed(round(value, decimals), decimals)
 
 
 def spread(values: Iterable[object], axis: Axis, unit: str, *, scale: float = 1.0) -> str:

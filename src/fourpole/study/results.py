@@ -14,11 +14,13 @@ import polars as pl
 from fourpole.campaign.shown import shown_units
 from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
+from fourpole.face import public
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
 from fourpole.io.folders import results_in
 from fourpole.io.source import read_bytes, sha256_of
 from fourpole.io.staging import recover
 from fourpole.quantities import TYRE, ShownUnits
+from fourpole.study.notebook import tables_html
 from fourpole.study.rig_estimate import RigEstimate
 from fourpole.study.rig_reading import read_rig_estimates
 from fourpole.study.tables import DYNAMIC, OPTIONAL, TABLES, Tables, TableSpec
@@ -74,6 +76,15 @@ class Results(Tables):
         values = {"tables": held, "record": record or {}, "models": models, "maps": maps, "faults": faults}
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    def _repr_html_(self) -> str:
+        """The tests by verdict and the range of each quantity, for a notebook."""
+        route = str(section(self.record, "settings").get("route") or "")
+        return tables_html(str(self.record.get("title") or "Results"), self.tables, route, self.shown)
+
+    def plot(self, figure: str = "stiffness", **options: Any) -> Any:
+        """A figure of the results, as `fourpole.draw` makes it: `results.plot("K2")`."""
+        return public("draw")(self, figure, **options)
 
     @cached_property
     def derived(self) -> dict[Any, Any]:

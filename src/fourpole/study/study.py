@@ -14,12 +14,13 @@ import polars as pl
 from numpy.typing import ArrayLike
 
 from fourpole.campaign.folder import LIMITS, Campaign, Test, read_campaign
-from fourpole.core.checks import Check, worst_verdict
+from fourpole.core.checks import Check
 from fourpole.core.codes import Code
 from fourpole.core.condition import Sameness
 from fourpole.core.joint.around import Likelihood
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
+from fourpole.face import public
 from fourpole.fitting.likelihood import likelihood_of, likelihood_record
 from fourpole.fitting.rows import axes_record
 from fourpole.fitting.stated import rig_file
@@ -33,6 +34,8 @@ from fourpole.study.cells import dynamic_cells, dynamic_checks
 from fourpole.study.compare import compare_tests
 from fourpole.study.identified import NO_RIG, identify_tests, possible_route
 from fourpole.study.load import MOST_BYTES
+from fourpole.study.notebook import tables_html, verdict_counts
+from fourpole.study.onetest import TestsByName
 from fourpole.study.outcome import BEGAN, Reduced
 from fourpole.study.reduce import jobs_of, response_hashes
 from fourpole.study.results import Results
@@ -108,12 +111,24 @@ class Study(Tables):
         title = shown(self.campaign.stated.title or self.campaign.folder.name, 60)
         return f"<Study {title}: {counts or 'no tests'}, {self.route} route; tables with their rows: {tables}>"
 
+    def _repr_html_(self) -> str:
+        """The tests by verdict and the range of each quantity, for a notebook."""
+        title = self.campaign.stated.title or self.campaign.folder.name
+        return tables_html(title, self.tables, self.route, self.campaign.stated.report.shown)
+
     @property
     def counts(self) -> dict[str, int]:
         """Number of tests by verdict; a test with several rows counts by its worst verdict."""
-        rows = [table.group_by("test", maintain_order=True).agg("verdict") for table in (self.static, self.dynamic)]
-        verdicts = [worst_verdict(row) for table in rows for row in table["verdict"].to_list()]
-        return {verdict: verdicts.count(verdict) for verdict in ("ok", "warning", "rejected")}
+        return verdict_counts(self.static, self.dynamic)
+
+    @property
+    def tests(self) -> TestsByName:
+        """The tests by name: `study.tests["D12"]` has its rows, amplitudes, verdict, remarks and recording."""
+        return TestsByName(self)
+
+    def plot(self, figure: str = "stiffness", **options: Any) -> Any:
+        """A figure of the results, as `fourpole.draw` makes it: `study.plot("K2")`."""
+        return public("draw")(self.results, figure, **options)
 
     @property
     def results(self) -> Results:

@@ -1,0 +1,72 @@
+"""Result tables as HTML for a notebook: how many tests are used, and the range of each quantity by condition."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.core.checks import worst_verdict
+from fourpole.core.condition import AXES, Sameness
+from fourpole.core.digits import number
+from fourpole.core.notebook import notebook_html
+from fourpole.fitting.rows import conditions_in
+from fourpole.quantities import Quantity, ShownUnits
+
+_SHOWN = (q.K1, q.STORAGE, q.LOSS_FACTOR, q.K2, q.C, q.TR_MEASURED)
+_RULE = Sameness(AXES)
+
+
+def verdict_counts(*tables: pl.DataFrame) -> dict[str, int]:
+    """Number of tests by verdict; a test with several rows counts by its worst verdict."""
+    held = [table for table in tables if q.VERDICT.head in table.columns]
+    rows = [table.group_by(q.TEST.head, maintain_order=True).agg(q.VERDICT.head) for table in held]
+    verdicts = [worst_verdict(row) for table in rows for row in table[q.VERDICT.head].to_list()]
+    return {verdict: verdicts.count(verdict) for verdict in ("ok", "warning", "rejected")}
+
+
+def tables_html(title: str, tables: Mapping[str, pl.DataFrame], route: str, units: ShownUnits) -> str:
+    """The tests by verdict, and a row for each condition of dynamic.csv.
+
+    Parameters
+    ----------
+    title, route : str
+    tables : mapping of str to polars.DataFrame
+        Tables by the name of their file.
+    units : ShownUnits
+        The units to show.
+    """
+    dynamic = tables.get("dynamic", pl.DataFrame())
+    counts = verdict_counts(tables.get("static", pl.DataFrame()), dynamic)
+    said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    lines = [f"{sum(counts.values())} tests: {said}; {route or 'unknown'} route", "lowest to highest of each condition"]
+    shown = [units.of(one) for one in _SHOWN if one.head in dynamic.columns]
+    heads = ["condition", "tests", "f [Hz]", *(f"{one.symbol} [{one.suffix}]".replace(" []", "") for one in shown)]
+    return notebook_html(title, lines, heads, list(_rows(dynamic, shown, units)))
+
+
+def _rows(dynamic: pl.DataFrame, shown: list[Quantity], units: ShownUnits) -> Iterator[list[str]]:
+    if q.TYRE.head not in dynamic.columns:
+        return
+    used = dynamic.filter(pl.col(q.VERDICT.head) != "rejected")
+    conditions = conditions_in(used, _RULE)
+    groups = _RULE.groups(conditions).tolist()
+    for group in dict.fromkeys(groups):
+        members = [at for at, one in enumerate(groups) if one == group]
+        first, part = conditions[members[0]], used[members]
+        stated = [
+            units.setting(axis.column, value)
+            for axis, value in zip(AXES, first.values, strict=True)
+            if isinstance(value, float)
+        ]
+        tests = str(part[q.TEST.head].n_unique())
+        yield [", ".join([first.specimen, *stated]), tests, *(_range(part, one) for one in (q.FREQUENCY, *shown))]
+
+
+def _range(table: pl.DataFrame, quantity: Quantity) -> str:
+    values = table[quantity.head].drop_nulls().drop_nans()
+    if values.is_empty():
+        return ""
+    low, high = (number(float(one) / quantity.scale) for one in (values.min(), values.max()))  # type: ignore[arg-type]
+    return low if low == high else f"{low} .. {high}"
