@@ -102,9 +102,9 @@ def test_importing_the_package_loads_nothing_heavy():
 
 
 FACE = """
-    analyse Channel ChannelUncertainty compare demodulate FourpoleError Identification identify identify_joint LoadCurve
-    maxwell_arm models Phasors plan quantity read_campaign read_recording read_results Recording Rig simulate_campaign
-    Study
+    analyse Channel ChannelUncertainty compare demodulate draw FourpoleError Identification identify identify_joint
+    LoadCurve maxwell_arm models Phasors plan quantity read_campaign read_recording read_results Recording Rig
+    simulate_campaign Study
 """
 
 

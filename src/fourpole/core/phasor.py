@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fourpole import quantities as q
 from fourpole.core import stats
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 from fourpole.core.confidence import COVERAGE
@@ -140,7 +141,7 @@ class Phasors(ByRows):
             sizes = (f"{abs(f1):.5g}", f"{1e3 * abs(v1):.5g}", f"{1e3 * abs(v2):.5g}")
             angles = (f"{np.degrees(np.angle(one / v1)) if v1 else np.nan:.2f}" for one in (f1, v2))
             rows.append([f"{f:.6g}", *("" if text == "nan" else text for text in (*sizes, *angles))])
-        heads = ("f [Hz]", "|F1| [N]", "|V1| [mm/s]", "|V2| [mm/s]", "F1 ahead of V1 [°]", "V2 ahead of V1 [°]")
+        heads = (q.FREQUENCY.head, "|F1| [N]", "|V1| [mm/s]", "|V2| [mm/s]", "F1 ahead of V1 [°]", "V2 ahead of V1 [°]")
         title = f"Phasors {'×'.join(map(str, shape)) or 'of one test'}, 0-to-peak"
         return notebook_html(title, (), heads, rows, total=frequency.size)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray, short_repr
 from fourpole.core.chain import Link
 from fourpole.core.notebook import notebook_html, outline_svg
@@ -227,7 +228,7 @@ class Recording:
             times = (f"{start:.4g} to {start + one.samples.size / rate:.4g}", f"{rate:.6g}", str(one.samples.size))
             rows.append((name, one.quantity, unit, *ends, *times))
             outlines.append(f"<div>{notebook_html(name)}{outline_svg(one.samples)}</div>")
-        heads = ("channel", "quantity", "unit", "least", "greatest", "time [s]", "rate [Hz]", "samples")
+        heads = ("channel", "quantity", "unit", "least", "greatest", q.TIME.head, "rate [Hz]", "samples")
         return notebook_html(f"Recording {self.label}", (), heads, rows, after="".join(outlines))
 
     def plot(self) -> Any:

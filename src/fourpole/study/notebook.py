@@ -42,7 +42,12 @@ def tables_html(title: str, tables: Mapping[str, pl.DataFrame], route: str, unit
     said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     lines = [f"{sum(counts.values())} tests: {said}; {route or 'unknown'} route", "lowest to highest of each condition"]
     shown = [units.of(one) for one in _SHOWN if one.head in dynamic.columns]
-    heads = ["condition", "tests", "f [Hz]", *(f"{one.symbol} [{one.suffix}]".replace(" []", "") for one in shown)]
+    heads = [
+        "condition",
+        "tests",
+        q.FREQUENCY.head,
+        *(f"{one.symbol} [{one.suffix}]".replace(" []", "") for one in shown),
+    ]
     return notebook_html(title, lines, heads, list(_rows(dynamic, shown, units)))
 
 
