@@ -40,7 +40,8 @@ _OF_SPECIMEN = (
 )  # fmt: skip
 #: The particulars in the order of the page, by their key in [report].
 _PARTICULARS = (
-    ("replaces", "Replaces"), ("customer", "Customer"), ("received", "Received"), ("tested", "Tested"), ("issued", "Issued"),
+    ("replaces", "Replaces"), ("customer", "Customer"), ("received", "Received"), ("tested", "Tested"),
+    ("issued", "Issued"),
     ("location", "Place"),
     ("method", "Method"), ("deviations", "Deviations"), ("sampling", "Sampling"), ("environment", "Environment"),
     ("conditioning", "Conditioning"), ("break_in", "Break-in"), ("external", "By others"),
