@@ -10,9 +10,8 @@ from tests.plot.conftest import results_of
 from tests.plot.rig_found import MASSED, MISFIT, UNSTATED, VALUES, rig_table, with_rig_found
 from tests.plot.test_figures import lines, points, said, texts
 
-from fourpole.core.sources import Kind, Source
-from fourpole.plot import THEMES, Style, draw, render
-from fourpole.plot.budget import source_colour
+from fourpole.plot import THEMES, Style, draw, figure_data, render
+from fourpole.plot.data import Role
 from fourpole.virtual import RADIAL_PLY
 
 pytestmark = pytest.mark.thorough
@@ -175,46 +174,37 @@ def test_the_gain_of_a_mass_stands_beside_its_bars(small):
     assert draw(with_rig_found(small, gain_of_masses="no table"), "mass-gain") is None
 
 
-def test_the_budget_adds_up_source_by_source(small):
-    figure = draw(small, "budget")
-    assert [ax.get_title(loc="left") for ax in figure.axes[:2]] == ["cross-ply", "radial-ply"]
-    assert len(figure.axes) == 8
-    edges = polygons(figure.axes[0])
-    assert edges["K1 branch gap"] == pytest.approx((0.0, 50.0))
-    assert edges["sensor noise"] == pytest.approx((50.0, 80.0))
-    assert edges["gain V1"] == pytest.approx((80.0, 95.0))
-    assert edges["moving_mass"] == pytest.approx((95.0, 100.0))
-    assert [ax.get_ylabel() for ax in figure.axes[::2]] == [f"share of {name} [%]" for name in ("K2", "C", "K'", "K''")]
-    assert {"K1 branch gap", "sensor noise", "gain V1", "moving mass m"} <= set(texts(figure))
-    assert "other" not in texts(figure)
+def medians(results, quantity=0):
+    """The shares [%] of the sources of the first specimen by name, as the figure has them."""
+    panel = figure_data(results, "budget").panels[quantity]
+    points = next(one for one in panel.series if one.role is Role.POINTS)
+    return {panel.names[round(y)]: float(x) for x, y in zip(points.x, points.y, strict=True)}
+
+
+def test_the_budget_has_the_shares_of_the_table_the_largest_first(small):
+    data = figure_data(small, "budget")
+    assert [panel.title for panel in data.panels] == ["K2", "C", "K'", "K''"]
+    assert {panel.x.label for panel in data.panels} == {"share of the variance [%]"}
+    expected = {"K1 branch gap": 50.0, "sensor noise": 30.0, "gain V1": 15.0, "moving mass m": 5.0}
+    assert medians(small) == pytest.approx(expected)
+    assert list(medians(small)) == list(expected)
+    assert data.keyed == (0, 1)
 
 
 def test_small_sources_go_together_and_rejected_tests_do_not_count(small):
-    many = {f"source {at}": 0.1 for at in range(10)}
-    results = with_rig_found(small, shares=many)
+    results = with_rig_found(small, shares={"gain V1": 0.955} | {f"source {at}": 0.005 for at in range(9)})
+    assert medians(results) == pytest.approx({"gain V1": 95.5, "9 others": 4.5})
     hurt = results.dynamic.with_columns(pl.when(pl.col("tyre") == "cross-ply").then(pl.lit("rejected"))
                                         .otherwise(pl.col("verdict")).alias("verdict"))  # fmt: skip
-    figure = draw(replace(results, dynamic=hurt), "budget")
-    assert [ax.get_title(loc="left") for ax in figure.axes[:1]] == ["radial-ply"]
-    assert polygons(figure.axes[0])["other"] == pytest.approx((60.0, 100.0))
-    assert "other" in texts(figure)
+    data = figure_data(replace(results, dynamic=hurt), "budget")
+    assert {one.tyre for panel in data.panels for one in panel.series} == {1}
 
 
-def test_a_source_has_one_colour_whatever_else_there_is(small):
-    style = Style()
-    fewer = draw(with_rig_found(small, shares={"gain V1": 0.5, "K1 fit": 0.5}), "budget")
-    both = draw(small, "budget")
-    for figure in (fewer, both):
-        (part,) = [part for part in figure.axes[0].collections if part.get_label() == "_gain V1"]
-        assert to_hex(part.get_facecolor()[0]) == source_colour(Source.read("gain V1"), style)
-    assert source_colour(Source(Kind.ADDED_MASS, mass=10.0), style) == source_colour(Source(Kind.ADDED_MASS), style)
-
-
-def test_four_tyres_are_taken_together():
-    tyres = [RADIAL_PLY.__class__(**{**vars(RADIAL_PLY), "name": f"tyre {at}"}) for at in range(4)]
-    figure = draw(results_of(tyres=tyres, pressures=(170e3,), preloads=(1000.0,)), "budget")
-    assert figure.axes[0].get_title(loc="left") == "all tyres"
-    assert "all 4 tyres" in said(figure)
+def test_five_tyres_are_taken_together():
+    tyres = [RADIAL_PLY.__class__(**{**vars(RADIAL_PLY), "name": f"tyre {at}"}) for at in range(5)]
+    data = figure_data(results_of(tyres=tyres, pressures=(170e3,), preloads=(1000.0,)), "budget")
+    assert {one.tyre for panel in data.panels for one in panel.series} == {-1}
+    assert "tests of all 5 specimens together" in data.notes
 
 
 @pytest.mark.parametrize("key", KEYS)
@@ -240,8 +230,7 @@ def test_they_are_drawn_on_each_paper_and_stay_light(study, key, theme):
     assert len(svg) < 250_000
 
 
-def test_a_fine_sweep_is_taken_together_and_stays_light():
+def test_a_fine_sweep_stays_light():
     many = results_of(tyres=(RADIAL_PLY,), pressures=(100e3, 170e3), frequencies=[8.0 * 1.03**at for at in range(60)])
     for key in ("budget", "rig-residual"):
         assert len(render(draw(many, key), key)) < 250_000
-    assert "60 frequencies taken together in 24 groups" in said(draw(many, "budget"))

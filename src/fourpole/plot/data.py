@@ -104,7 +104,8 @@ class Field(ByValue):
 class Panel(ByValue):
     """One pair of axes with its series and, of a map, its field.
 
-    `tyre` is the number of the specimen that heads the panel, or -1.
+    `tyre` is the number of the specimen that heads the panel, or -1. With `names`, the ordinate is a list of names from
+    the top down, at 0, 1, 2 and so on.
     """
 
     x: AxisData
@@ -114,6 +115,7 @@ class Panel(ByValue):
     right: str = ""
     tyre: int = -1
     field: Field | None = None
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -154,6 +156,8 @@ class FigureData(ByValue):
         Height of a panel, and of the whole figure; without the latter it follows from the panels.
     shared : bool
         Whether the panels of a row share the ordinate.
+    left : float [in]
+        Room for the numbers or names on the left of a panel.
     """
 
     panels: tuple[Panel, ...]
@@ -166,6 +170,7 @@ class FigureData(ByValue):
     panel_height: float = 2.2
     height: float | None = None
     shared: bool = True
+    left: float = 0.66
 
     @property
     def has_band(self) -> bool:

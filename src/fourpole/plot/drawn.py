@@ -15,7 +15,17 @@ from fourpole.plot.data import Field, FigureData, Panel, Role, Series
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.links import link
 from fourpole.plot.names import plain_text
-from fourpole.plot.panels import Extent, band, bars, few_ticks, numbered, span, steep_limits, tyre_heading
+from fourpole.plot.panels import (
+    Extent,
+    band,
+    bars,
+    few_ticks,
+    numbered,
+    rows_of_names,
+    span,
+    steep_limits,
+    tyre_heading,
+)
 from fourpole.plot.style import Style, load_dashes, mixed, pressure_marker
 
 #: Largest number of points of a figure that lead to their cards one by one; more are drawn as lines of markers.
@@ -48,16 +58,20 @@ def figure_of(data: FigureData, style: Style) -> Figure:
             if panel.field is not None:
                 _draw_field(ax, panel.field, style, _levels(panels))
             _draw(ax, panel, data, style, linked=linked)
-            if panel.title:
-                colour = style.colour(panel.tyre) if panel.tyre >= 0 else style.look.muted
+            if panel.title and panel.tyre >= 0:
+                colour = style.colour(panel.tyre)
                 tyre_heading(ax, panel.title, colour, panel.right, style=style, columns=data.columns)
+            elif panel.title:
+                ax.set_title(plain_text(panel.title, 40), loc="left", pad=4.5)
     figure = grid.finish(
         key=_key(data, style), notes=notes, x_label=data.panels[0].x.label,
         y_labels=[panel.y.label for panel in data.panels[:: data.columns]] if data.shared else [""],
-        share_y=data.shared, headings=_headings(data), scale=data.scale, height=data.height,
+        share_y=data.shared, headings=_headings(data), scale=data.scale, height=data.height, left=data.left,
     )  # fmt: skip
     for ax, panel in zip(grid.panels, data.panels, strict=True):
-        if not data.shared:
+        if panel.names:
+            rows_of_names(ax, panel.names)
+        elif not data.shared:
             ax.set_ylabel(panel.y.label)
         _end_labels(ax, panel, style, 72 * ax.get_position().height * figure.get_size_inches()[1])
     return figure

@@ -26,7 +26,7 @@ from fourpole.plot.style import Marker, Style, load_dashes, pressure_marker
 _T = TypeVar("_T")
 #: Width of a figure in a report [in].
 WIDTH = 7.0
-_LEFT, _RIGHT, _TOP = 0.66, 0.16, 0.3
+_RIGHT, _TOP = 0.16, 0.3
 _NOTE_LINE, _KEY_LINE = 0.135, 0.172
 #: Number of pressures in the key of a figure.
 MOST_NAMED = 8
@@ -194,12 +194,14 @@ class Grid:
         headings: str = "all",
         scale: Scale | None = None,
         height: float | None = None,
+        left: float = 0.66,
     ) -> Figure:
         """Label the outer axes, put key and notes below, and size the figure; returns the figure.
 
         `y_labels` has one text for all rows, or one text per row. `headings` is "all" if each row of panels has
         titles, "top" if only the first row has, and "none" if no row has. A colour scale stands below the key.
-        `height` [in] is that of the whole figure; without it, or one of the style, it follows from the panels.
+        `height` [in] is that of the whole figure; without it, or one of the style, it follows from the panels. `left`
+        [in] is the room on the left of a panel.
         """
         for at, ax in enumerate(self.panels):
             row, column = divmod(at, self.columns)
@@ -215,7 +217,7 @@ class Grid:
         size, rows = self.style.size, self.rows
         unit = size.font
         between = unit * ((0.36 if headings == "all" else 0.14) + (0.0 if share_x else 0.42))
-        beside = 0.16 if share_y else _LEFT * unit
+        beside = 0.16 if share_y else left * unit
         note_lines = _wrapped(notes.lines, int(_LETTERS * size.width / unit))
         key_columns, key_rows = _key_shape([label for _, label in key.entries], size.width / unit)
         notes_height = unit * (_NOTE_LINE * len(note_lines) + (0.06 if note_lines else 0.0))
@@ -229,9 +231,9 @@ class Grid:
             self.panel_height = max(free / rows, _LEAST_HEIGHT)
         height = top + rows * self.panel_height + (rows - 1) * between + bottom
         self.figure.set_size_inches(size.width, height)
-        panel_width = (size.width - (_LEFT + _RIGHT) * unit - (self.columns - 1) * beside) / self.columns
+        panel_width = (size.width - (left + _RIGHT) * unit - (self.columns - 1) * beside) / self.columns
         self.figure.subplots_adjust(
-            left=_LEFT * unit / size.width,
+            left=left * unit / size.width,
             right=1 - _RIGHT * unit / size.width,
             top=1 - top / height,
             bottom=bottom / height,
