@@ -123,7 +123,7 @@ def test_results_to_model_map_and_query(run, results):
     fitted = run("fit", results, "--model", "zener")
     assert fitted.exit_code == 0, fitted.output
     assert (results / "model.json").is_file()
-    assert (results / "figures" / "model.svg").is_file()
+    assert (results / "figures" / "storage-loss.svg").is_file()
     mapped = run("map", results)
     assert mapped.exit_code == 0, mapped.output
     assert "leave-one-out error" in " ".join(mapped.stdout.split())

@@ -7,8 +7,8 @@ import polars as pl
 from tests.plot.conftest import FREQUENCIES, PRESSURES, changed, results_of
 
 from fourpole.core.condition import FREQUENCY, Axis
-from fourpole.plot.panels import Extent, means
-from fourpole.plot.sheet import grouped, read_sheet, spread
+from fourpole.plot.panels import Extent
+from fourpole.plot.sheet import grouped, means, read_sheet, spread
 
 
 def plain(value, digits):

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 _ASSUMED = 0.01
 _MOST_NAMED = 12
 #: Figures of a model file.
-_FIGURES = ("model", "model-choice", "spectrum", "amplitude")
+_FIGURES = ("storage-loss", "model-choice", "spectrum", "amplitude")
 #: Figures that not every model has, written beside the first one.
 _FURTHER = ("spectrum", "amplitude")
 

@@ -19,13 +19,15 @@ if TYPE_CHECKING:
         save_figures,
         write_figure,
     )
-    from fourpole.plot.figure import FORMATS, FigureSpec
+    from fourpole.plot.figure import FORMATS
+    from fourpole.plot.spec import FigureSpec
     from fourpole.plot.style import SIZES, THEMES, Size, Style
 
 _CATALOGUE = ("FIGURES", "PAPER", "draw", "figure_data", "figures_of", "render", "save_figures", "write_figure")
 _HOME = {
     **dict.fromkeys(_CATALOGUE, "catalogue"),
-    **dict.fromkeys(("FORMATS", "FigureSpec"), "figure"),
+    "FORMATS": "figure",
+    "FigureSpec": "spec",
     **dict.fromkeys(("SIZES", "THEMES", "Size", "Style"), "style"),
 }
 

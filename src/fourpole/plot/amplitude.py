@@ -14,13 +14,13 @@ from fourpole.core.condition import FREQUENCY
 from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.amplitude import amplitudes_of
 from fourpole.fitting.query import response
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.fitted import Drawn, conditions_of
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.models import heading, model_of
 from fourpole.plot.names import plain_text
 from fourpole.plot.panels import Marks, band, curve, numbered
 from fourpole.plot.sheet import Sheet, read_sheet, spread
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.style import Style
 from fourpole.study.results import Results
 

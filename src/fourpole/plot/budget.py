@@ -12,9 +12,9 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.sources import Source
 from fourpole.fitting.rows import KEY, keyed, keys_of
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series
-from fourpole.plot.figure import FigureSpec
-from fourpole.plot.rig import value_label
+from fourpole.plot.names import value_label
 from fourpole.plot.sheet import Sheet, read_sheet
+from fourpole.plot.spec import FigureSpec
 from fourpole.study.results import Results
 
 _QUANTITIES = {one.column: one.name for one in (q.K2, q.C, q.STORAGE, q.LOSS)}

@@ -13,11 +13,11 @@ from matplotlib.ticker import MaxNLocator
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.names import counted, plain_text
 from fourpole.plot.panels import tyre_heading
 from fourpole.plot.sheet import Sheet, read_sheet
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.style import Style
 from fourpole.study.results import Results
 

@@ -15,10 +15,11 @@ from matplotlib.figure import Figure
 from fourpole.errors import CampaignError
 from fourpole.io.write import write_bytes
 from fourpole.plot.data import FigureData
-from fourpole.plot.figure import FORMATS, FigureSpec, figure_bytes
+from fourpole.plot.figure import FORMATS, figure_bytes
 from fourpole.plot.frequency import FIRST
 from fourpole.plot.part import own_colours, part_of
 from fourpole.plot.sheet import read_sheet
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.style import Style, drawing
 from fourpole.study.results import Results
 from fourpole.study.study import make_folder
@@ -31,7 +32,6 @@ _MODULES = (
     "chain",
     "rig",
     "budget",
-    "models",
     "choice",
     "spectrum",
     "amplitude",
@@ -42,7 +42,7 @@ _OF_PAPER = ("schemes", "carpet", "properties", "motion", "stiffness")
 #: Number of tasks into which the figures are divided for workers; each task has its own copy of the tables.
 _GROUPS = 6
 #: Figures of model.json.
-_OF_MODELS = {"model", "model-choice", "spectrum", "amplitude"}
+_OF_MODELS = {"model-choice", "spectrum", "amplitude"}
 
 
 def _specs(names: Sequence[str]) -> dict[str, FigureSpec]:

@@ -8,20 +8,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from fourpole import quantities as q
 from fourpole.core.rig import PARAMETERS
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.names import plain_text
-from fourpole.plot.pen import Pen
 from fourpole.plot.sheet import Sheet, floats, read_sheet
-from fourpole.plot.style import Style
+from fourpole.plot.spec import FigureSpec
 from fourpole.quantities import RIG_VALUES
 from fourpole.study.results import Results, section
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fourpole.plot.pen import Pen
+    from fourpole.plot.style import Style
 
 _MOST_RIGS, _MOST_NAMES = 2, 3
 #: What the sensors measure, by their roles in campaign.toml.
@@ -138,6 +141,8 @@ def _added(sheet: Sheet, own: np.ndarray) -> tuple[str, ...]:
 
 def own_rig(results: Results, style: Style) -> Figure | None:
     """The chains of the rigs beside each other, from the contact at the bottom to the foundation at the top."""
+    from fourpole.plot.pen import Pen
+
     found = list(chains(results).items())
     if not found:
         return None
@@ -215,7 +220,7 @@ def _draw_fixed(pen: Pen, x: float, y: float, link: Link) -> None:
     pen.text(x + _BESIDE, y + 0.08, link.name, size=8.0)
 
 
-_DRAWN: dict[Kind, Callable[[Pen, float, float, Link], None]] = {
+_DRAWN: dict[Kind, Callable[[Any, float, float, Link], None]] = {
     Kind.SENSOR: _draw_sensor,
     Kind.MASS: _draw_mass,
     Kind.SPECIMEN: _draw_specimen,

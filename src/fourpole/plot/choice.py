@@ -13,12 +13,12 @@ from matplotlib.ticker import FuncFormatter
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.fitting.modelfile import CandidateFile, ModelEntry
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.models import heading
 from fourpole.plot.names import plain_text
 from fourpole.plot.panels import few_ticks, numbered, rows_of_names, span
 from fourpole.plot.sheet import read_sheet
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.style import Style
 from fourpole.study.results import Results
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -54,7 +55,9 @@ def figure_of(data: FigureData, style: Style) -> Figure:
             extents = [_joined(extents)] * len(panels)
         for at, (panel, extent) in enumerate(zip(panels, extents, strict=True)):
             ax = grid.panels[row + at]
-            _limit(ax, panel, extent, style, notes, columns=data.columns)
+            # The reader's limits of the ordinate are in the unit of the first panel.
+            own = style if panel.y == data.panels[0].y else replace(style, ylim=None)
+            _limit(ax, panel, extent, own, notes, columns=data.columns)
             if panel.field is not None:
                 _draw_field(ax, panel.field, style, _levels(panels))
             _draw(ax, panel, data, style, linked=linked)
@@ -109,7 +112,8 @@ def _draw(ax: Axes, panel: Panel, data: FigureData, style: Style, *, linked: boo
             at = _needed(one, ax) if one.x.size > _FEW else slice(None)
             if one.spread is not None:
                 band(ax, one.x[at], one.y[at], one.spread[at], colour, faint=data.scale is not None)
-            (line,) = ax.plot(one.x[at], one.y[at], color=colour, linestyle=load_dashes(one.dash), linewidth=1.2,
+            (line,) = ax.plot(one.x[at], one.y[at], color=colour, linestyle=load_dashes(one.dash),
+                              linewidth=0.8 if one.tyre < 0 else 1.2,
                               label=f"_{one.role}", zorder=2.0)  # fmt: skip
             if one.cards:
                 line.set_url(link(one.cards[0], one.tests[0]))

@@ -13,10 +13,9 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.plot.cardids import dynamic_cards
 from fourpole.plot.data import AxisData, Field, FigureData, Panel, Role, Series
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.fitted import DECADE
-from fourpole.plot.panels import means
-from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
+from fourpole.plot.sheet import Sheet, means, read_sheet, spread, texts
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.states import State, curve_of, place_text, states, values_of
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results

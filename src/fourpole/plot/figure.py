@@ -1,22 +1,17 @@
-"""One figure as an entry of the catalogue, and the bytes that it is written as."""
+"""The bytes that a figure is written as."""
 
 from __future__ import annotations
 
 import io
 import re
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from matplotlib.figure import Figure
 
 from fourpole.errors import CampaignError
-from fourpole.plot.data import FigureData
-from fourpole.plot.drawn import figure_of
 from fourpole.plot.links import with_titles
 from fourpole.plot.style import Style, drawing
-from fourpole.study.results import Results
 
 #: File formats of a figure.
 FORMATS = ("svg", "png", "pdf")
@@ -24,29 +19,6 @@ _DIGITS = re.compile(rb"(\d\.\d\d)\d+")
 #: A line with text, or as many lines without as follow each other.
 _OF_TEXT = re.compile(rb"([^\n]*(?:<text|title>)[^\n]*\n?)|(?:(?![^\n]*(?:<text|title>))[^\n]*\n)+|[^\n]+")
 _GROUP_NAME = re.compile(rb'<g id="[^"]*"')
-
-
-@dataclass(frozen=True)
-class FigureSpec:
-    """One figure: its key, its title, its caption, and the function that makes its data or draws it.
-
-    `data` makes the figure of results as data; `draw` draws a figure that has none. Either returns None if the results
-    hold nothing that the figure shows. `apart`: whether specimens at several temperatures have a colour each.
-    """
-
-    key: str
-    title: str
-    caption: str
-    draw: Callable[[Results, Style], Figure | None] | None = None
-    data: Callable[[Results], FigureData | None] | None = None
-    apart: bool = False
-
-    def drawn(self, results: Results, style: Style) -> Figure | None:
-        """The figure; None if the results hold nothing that it shows."""
-        if self.draw is not None:
-            return self.draw(results, style)
-        data = self.data(results) if self.data is not None else None
-        return None if data is None else figure_of(data, style)
 
 
 def figure_bytes(figure: Figure, key: str, title: str, form: str, style: Style | None = None) -> bytes:

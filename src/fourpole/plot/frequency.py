@@ -14,10 +14,11 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray
 from fourpole.plot.cardids import dynamic_cards
 from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.fitted import DECADE
 from fourpole.plot.names import counted
+from fourpole.plot.residuals import RESIDUALS, models_said, residual_panel, residual_points, residuals_said
 from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.states import State, axis_shown, curve_of, differing, place_text, states, values_of, values_on
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
@@ -26,6 +27,7 @@ from fourpole.study.results import Results
 _MOST_TYRES, _MOST_COLUMNS, _MOST_CURVES = 6, 3, 12
 #: Largest number of preloads in a panel with a colour scale.
 _MOST_DASHES = 3
+_STIFFNESS, _PARTS, _ARM = (q.MODULUS, q.LOSS_ANGLE), (q.STORAGE, q.LOSS), (q.K2, q.C)
 #: Axes that have another name than their column.
 _NAMED = {q.TR_MEASURED: q.TR}
 #: Height of a figure of the first page [in].
@@ -72,7 +74,7 @@ def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData
             for tyre in shown[at : at + columns]:
                 made = _panel(results, quantity, chosen[tyre], known, log=log)
                 headed = quantity is quantities[0]
-                panels.append(replace(made, title=sheet.labels[tyre], tyre=tyre) if headed else made)
+                panels.append(replace(made, title=_title(results, sheet, tyre), tyre=tyre) if headed else made)
     common = _common([one.state for each in chosen.values() for one in each], sheet)
     said = [*([f"at {common}"] if common else []), *_models_said(results, sheet, panels, shown), *notes]
     return FigureData(
@@ -110,6 +112,22 @@ def first(results: Results, quantities: Sequence[Quantity]) -> FigureData | None
     )  # fmt: skip
 
 
+def _title(results: Results, sheet: Sheet, tyre: int) -> str:
+    """The name of a specimen, or that of the model of a table without names."""
+    if sheet.names[tyre] or results.models is None:
+        return sheet.labels[tyre]
+    return next((one.model for one in results.models.models if not one.tyre), sheet.labels[tyre])
+
+
+def parts(results: Results) -> FigureData | None:
+    """K' and K'', and below them what the models leave, if there are any."""
+    if results.models is None or not any(one.model is not None for one in states(results)):
+        return by_frequency(results, _PARTS)
+    data = by_frequency(results, (*_PARTS, *RESIDUALS))
+    found = [one.model for one in states(results) if one.model is not None]
+    return data and replace(data, notes=(*data.notes, *residuals_said(results, found)), panel_height=1.5)
+
+
 def _common(found: Sequence[State], sheet: Sheet) -> str:
     """The stated values that all conditions share."""
     differ = set(differing(found))
@@ -137,6 +155,9 @@ def _panel(results: Results, quantity: Quantity, curves: Sequence[_Curve], known
         state, none = one.state, np.zeros(0)
         look = Series(Role.POINTS, none, none, tyre=state.tyre, shade=one.shade, marker=state.pressure, dash=one.dash,
                       level=one.level)  # fmt: skip
+        if quantity in RESIDUALS:
+            series += [residual_points(results, state.model, quantity, look)] if state.model is not None else []
+            continue
         line = curve_of(results, state, quantity)
         if line is not None:
             x, y, half = line
@@ -149,6 +170,8 @@ def _panel(results: Results, quantity: Quantity, curves: Sequence[_Curve], known
                 tests, ids = tuple(names[i] for i in at), tuple(cards[i] for i in at)
                 points = replace(look, role=role, x=frequency[at], y=values[at], spread=stds[at], label=label)
                 series.append(replace(points, tests=tests, cards=ids))
+    if quantity in RESIDUALS:
+        return residual_panel(quantity, series, log=log)
     return Panel(AxisData.of(q.FREQUENCY, log=log), AxisData.of(_NAMED.get(quantity, quantity)), tuple(series))
 
 
@@ -251,14 +274,10 @@ def _logarithmic(curves: Sequence[_Curve], sheet: Sheet) -> bool:
 
 
 def _models_said(results: Results, sheet: Sheet, panels: Sequence[Panel], tyres: Sequence[int]) -> list[str]:
-    """The names of the models of some specimens; a hint where no curve is drawn."""
+    """The models of some specimens; a hint where no curve is drawn."""
     if not any(one.role is Role.MODEL for panel in panels for one in panel.series):
         return [] if results.models is not None else ["no model of these tests: fourpole fit makes one"]
-    entries = {one.tyre: one for one in (results.models.models if results.models is not None else ())}
-    found = {tyre: entries[sheet.names[tyre]].model for tyre in tyres if sheet.names[tyre] in entries}
-    if len(set(found.values())) == 1:
-        return [f"curves: {next(iter(found.values()))} model"]
-    return ["curves: " + ", ".join(f"{name} ({sheet.labels[tyre]})" for tyre, name in found.items())]
+    return models_said(results, sheet, tyres)
 
 
 def _tests_said(sheet: Sheet, known: BoolArray, quantity: Quantity) -> list[str]:
@@ -278,7 +297,6 @@ def transmissibility(results: Results, make: Callable[..., FigureData | None]) -
     return found and replace(found, notes=(*found.notes, "predicted from K* and the rig: V2 was not measured"))
 
 
-_STIFFNESS, _PARTS, _ARM = (q.MODULUS, q.LOSS_ANGLE), (q.STORAGE, q.LOSS), (q.K2, q.C)
 _THROUGH = "the model's curve with its 95 % band through the tests with their standard uncertainties"
 #: The two figures of the first page of a report.
 FIRST = (
@@ -306,8 +324,8 @@ FIGURES = (
     FigureSpec(
         "storage-loss",
         "What stores, what loses?",
-        f"K' and K'' against frequency, {_THROUGH}.",
-        data=partial(by_frequency, quantities=_PARTS),
+        f"K' and K'' against frequency, {_THROUGH}; below, what the model leaves, with lines at ±2.",
+        data=parts,
     ),
     FigureSpec(
         "arm",

@@ -8,7 +8,7 @@ from fourpole.plot.names import plain_text
 
 #: Sign between the id of a card and the name of a test; it occurs in no name that figures show.
 _MARK = "\u2063"
-_LINK = re.compile(rf'<a xlink:href="(#[-a-z0-9]+){_MARK}([^"]*)"[^>]*>'.encode())
+_LINK = re.compile(rf"""<a xlink:href=(["'])(#[-a-z0-9]+){_MARK}(.*?)\1[^>]*>""".encode())
 
 
 def link(card: str, test: str) -> str:
@@ -24,4 +24,4 @@ def link(card: str, test: str) -> str:
 
 def with_titles(svg: bytes) -> bytes:
     """The SVG with the name of the test as the title of each link."""
-    return _LINK.sub(rb'<a xlink:href="\1"><title>\2</title>', svg)
+    return _LINK.sub(rb'<a xlink:href="\2"><title>\3</title>', svg)

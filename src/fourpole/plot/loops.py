@@ -12,9 +12,9 @@ from fourpole.core.arrays import FloatArray
 from fourpole.fitting.rows import keys_of
 from fourpole.plot.cardids import dynamic_cards
 from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Series
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.part import part_of
 from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.states import place_text, states
 from fourpole.study.results import Results, section
 

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import MOST_NAMED, Grid, Key, Notes
-from fourpole.plot.panels import Extent, curve, extent_of, limit, means, rejected_tests, span
+from fourpole.plot.panels import Extent, curve, extent_of, limit, rejected_tests, span
 from fourpole.plot.properties import tyre_marks
-from fourpole.plot.sheet import Sheet, present, read_sheet
+from fourpole.plot.sheet import Sheet, means, present, read_sheet
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.style import Style
 from fourpole.study.results import Results
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
+from fourpole.core.sources import Source
+from fourpole.quantities import RIG_VALUES
+
 
 def plain_text(text: str, longest: int = 24) -> str:
     """A text as figures show it: one line, without invisible characters, shortened in the middle if it is long.
@@ -62,3 +65,15 @@ def counted(number: int, noun: str) -> str:
     ('1 test', '2 tests')
     """
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def value_label(source: Source) -> str:
+    """A shared value, or a source of uncertainty, as figures name it.
+
+    Examples
+    --------
+    >>> value_label(Source.read("moving_mass")), value_label(Source.read("gain F1/V1"))
+    ('moving mass m', 'gain F1/V1')
+    """
+    value = RIG_VALUES.get(source.of)
+    return value.name if value else plain_text(source.text.replace("_", " "), 28)

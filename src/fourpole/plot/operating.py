@@ -17,12 +17,12 @@ from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.amplitude import amplitudes_of
 from fourpole.fitting.modelfile import MapEntry, ModelFile, map_of
 from fourpole.models.operating import Answer, OperatingMap
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.models import heading, model_of, share, steep
 from fourpole.plot.names import plain_text
 from fourpole.plot.panels import Extent, Marks, band, curve, limit, span, steep_limits
 from fourpole.plot.sheet import Sheet, read_sheet, spread
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.style import Style, load_dashes, load_marker
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results

@@ -12,6 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.plot.names import plain_text
+from fourpole.plot.sheet import means
 from fourpole.plot.style import Dashes, Marker, Style
 
 #: A line with more points than this has a marker at some of them only.
@@ -101,21 +102,6 @@ def extent_of(values: FloatArray, stds: FloatArray, used: BoolArray, visible: Bo
     else:
         extent.add(values[visible])
     return extent
-
-
-def means(x: FloatArray, y: FloatArray, keys: Iterable[int] | None = None) -> tuple[FloatArray, FloatArray]:
-    """Means of the points with equal key, in rising order of x; without keys, the points themselves."""
-    known = np.isfinite(x) & np.isfinite(y)
-    if keys is None:
-        x, y = x[known], y[known]
-    else:
-        groups = np.asarray(list(keys))[known]
-        _, place = np.unique(groups, return_inverse=True)
-        count = np.bincount(place) if place.size else np.ones(0)
-        x = np.bincount(place, x[known]) / count if place.size else x[known]
-        y = np.bincount(place, y[known]) / count if place.size else y[known]
-    order = np.argsort(x, kind="stable")
-    return x[order], y[order]
 
 
 def curve(

@@ -93,14 +93,17 @@ def select(results: Results, selection: Selection) -> Results:
     rows, statics = (
         _chosen_specimens(table, selection) & _chosen_values(table, selection) for table in (dynamic, static)
     )
+    found = bool(rows.any())
     if selection.tests:
         tests = [*_texts(dynamic, "test"), *_texts(static, "test")]
         for name in selection.tests:
             _check_name(name, list(dict.fromkeys(tests)), "test")
         named = [np.isin(_texts(table, "test"), selection.tests) for table in (dynamic, static)]
         rows = rows & named[0]
+        # K1 of dynamic tests comes from static tests, which stay if none of them is named.
+        found = bool(rows.any() or (statics & named[1]).any())
         statics = statics & named[1] if named[1].any() else statics
-    if not rows.any() and not (selection.tests and statics.any()):
+    if not found:
         raise CampaignError("no test has all that is stated; leave out one of the options, or see fourpole check")
     return _parted(results, Part(results, np.flatnonzero(rows), np.flatnonzero(statics), selection))
 

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import Marks, curve, extent_of, limit, rejected_tests, span, tyre_heading
 from fourpole.plot.sheet import Sheet, present, read_sheet
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.style import Style, load_dashes, load_marker, pressure_marker
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results

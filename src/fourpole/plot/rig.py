@@ -13,16 +13,15 @@ from matplotlib.ticker import MaxNLocator
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import FREQUENCY, Axis
-from fourpole.core.sources import Kind, Role, Source
+from fourpole.core.sources import Kind, Role
 from fourpole.fitting.rows import keys_of
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
-from fourpole.plot.names import counted, plain_text
-from fourpole.plot.panels import Extent, Marks, curve, limit, means, rejected_tests, rows_of_names, span
-from fourpole.plot.sheet import Sheet, floats, grouped, read_sheet, texts
+from fourpole.plot.names import counted, plain_text, value_label
+from fourpole.plot.panels import Extent, Marks, curve, limit, rejected_tests, rows_of_names, span
+from fourpole.plot.sheet import Sheet, floats, grouped, means, read_sheet, texts
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.stiffness import phasors, rigs_stated
 from fourpole.plot.style import Marker, Style
-from fourpole.quantities import RIG_VALUES
 from fourpole.study.results import Results
 from fourpole.study.rig_estimate import RigEstimate, RigFinding, SharedValue
 
@@ -51,18 +50,6 @@ _SHARES = (Kind.DRIFT, Kind.GAIN_DRIFT, Kind.CROSSTALK)
 _EDGE = 6.0
 _ROW = 0.17
 _MISFIT = "#D55E00"
-
-
-def value_label(source: Source) -> str:
-    """A shared value, or a source of uncertainty, as figures name it.
-
-    Examples
-    --------
-    >>> value_label(Source.read("moving_mass")), value_label(Source.read("gain F1/V1"))
-    ('moving mass m', 'gain F1/V1')
-    """
-    value = RIG_VALUES.get(source.of)
-    return value.name if value else plain_text(source.text.replace("_", " "), 28)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from fourpole.core.rig import Rig
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.pen import Pen
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.stiffness import rig_stated
 from fourpole.plot.style import Style
 from fourpole.study.results import Results, section

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -266,3 +266,18 @@ def spread(count: int, most: int) -> list[int]:
 def present(groups: IntArray, mask: BoolArray) -> Iterator[int]:
     """Numbers of the groups that occur among the tests of a mask, in rising order."""
     return (int(group) for group in np.unique(groups[mask]))
+
+
+def means(x: FloatArray, y: FloatArray, keys: Iterable[int] | None = None) -> tuple[FloatArray, FloatArray]:
+    """Means of the points with equal key, in rising order of x; without keys, the points themselves."""
+    known = np.isfinite(x) & np.isfinite(y)
+    if keys is None:
+        x, y = x[known], y[known]
+    else:
+        groups = np.asarray(list(keys))[known]
+        _, place = np.unique(groups, return_inverse=True)
+        count = np.bincount(place) if place.size else np.ones(0)
+        x = np.bincount(place, x[known]) / count if place.size else x[known]
+        y = np.bincount(place, y[known]) / count if place.size else y[known]
+    order = np.argsort(x, kind="stable")
+    return x[order], y[order]

@@ -12,13 +12,13 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 from fourpole.fitting.modelfile import model_of
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.fitted import Drawn, conditions_of, curves_of
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.models import heading, share
 from fourpole.plot.names import plain_text
 from fourpole.plot.panels import Marks, band, curve, numbered
 from fourpole.plot.sheet import Sheet, read_sheet
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.style import Style
 from fourpole.study.results import Results
 

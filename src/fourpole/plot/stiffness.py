@@ -18,7 +18,6 @@ from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.routes import mobility_route, relative_route, transmissibility_route
 from fourpole.core.tyre import zener_stiffness
 from fourpole.errors import RigError
-from fourpole.plot.figure import FigureSpec
 from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.panels import (
     Extent,
@@ -28,13 +27,13 @@ from fourpole.plot.panels import (
     curve,
     extent_of,
     limit,
-    means,
     rejected_tests,
     span,
     tyre_heading,
 )
 from fourpole.plot.properties import tyre_marks
-from fourpole.plot.sheet import IntArray, Sheet, present, read_sheet, texts
+from fourpole.plot.sheet import IntArray, Sheet, means, present, read_sheet, texts
+from fourpole.plot.spec import FigureSpec
 from fourpole.plot.style import Dashes, Style, mixed
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results, section

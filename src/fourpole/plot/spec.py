@@ -1,0 +1,40 @@
+"""One figure as an entry of the catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from fourpole.plot.data import FigureData
+from fourpole.study.results import Results
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fourpole.plot.style import Style
+
+
+@dataclass(frozen=True)
+class FigureSpec:
+    """One figure: its key, its title, its caption, and the function that makes its data or draws it.
+
+    `data` makes the figure of results as data; `draw` draws a figure that has none. Either returns None if the results
+    hold nothing that the figure shows. `apart`: whether specimens at several temperatures have a colour each.
+    """
+
+    key: str
+    title: str
+    caption: str
+    draw: Callable[[Results, Style], Figure | None] | None = None
+    data: Callable[[Results], FigureData | None] | None = None
+    apart: bool = False
+
+    def drawn(self, results: Results, style: Style) -> Figure | None:
+        """The figure; None if the results hold nothing that it shows."""
+        if self.draw is not None:
+            return self.draw(results, style)
+        from fourpole.plot.drawn import figure_of
+
+        data = self.data(results) if self.data is not None else None
+        return None if data is None else figure_of(data, style)
