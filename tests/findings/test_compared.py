@@ -152,6 +152,7 @@ def test_a_statement_that_differs_is_not_common(runs, tmp_path):
         ("both", None, ("radial-ply", "rigid"), "both: has no specimen 'rigid': choose one of radial-ply, soft"),
         ("both", None, ("soft", "soft"), "--specimens names 'soft' twice"),
         ("one", "gone", None, "there is no such folder of results"),
+        ("one", "one", None, "one and .*one are the same results"),
     ],
 )
 def test_what_cannot_be_compared_is_said(runs, a, b, specimens, said):
@@ -167,6 +168,27 @@ def test_no_condition_in_common_says_what_each_has(tmp_path, runs):
         analyse(tmp_path / name, monte_carlo=0).write(tmp_path / name / "results")
     with pytest.raises(CampaignError, match=r"low has 1\.2 bar, 1000 N, 1\d(\.\d+)? Hz; high has 2\.2 bar"):
         compare(tmp_path / "low", tmp_path / "high")
+
+
+def test_routes_that_differ_share_no_error(runs):
+    joint, mobility = (
+        analyse(runs[name], monte_carlo=0, route=route) for name, route in (("one", "joint"), ("two", "mobility"))
+    )
+    (said,) = compare(joint, mobility).common
+    assert said.startswith("K* was found by different routes (joint, mobility), where one error acts differently")
+    assert said.endswith("all errors are taken as independent.")
+
+
+def test_specimens_on_different_rigs_share_no_error(runs):
+    results = analyse(runs["both"], monte_carlo=0).results
+    rig = pl.when(pl.col("tyre") == "soft").then(pl.lit("second")).otherwise(pl.lit("first")).alias("rig")
+    apart = replace(results, tables={**results.tables, "dynamic": results.dynamic.with_columns(rig)})
+    covariance = pl.read_parquet(runs["both"] / "results" / "covariance.parquet")
+    apart = replace(apart, tables={**apart.tables, "covariance": covariance})
+    found = compare(apart, specimens=("radial-ply", "soft"))
+    assert found.common == (
+        "radial-ply and soft were tested on different rigs: all errors of K* are taken as independent.",
+    )
 
 
 def test_repeats_of_one_condition_are_one_row(tmp_path):

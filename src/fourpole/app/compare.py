@@ -11,7 +11,6 @@ from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared, compare
 from fourpole.io.write import write_table, write_text
 from fourpole.quantities import ShownUnits
 from fourpole.report.words.compared import ShownRow, outcome, shown_rows
-from fourpole.study.results import read_results
 
 #: Rows that the terminal shows of each verdict.
 _MOST = 20
@@ -31,7 +30,7 @@ def run_compare(
     if file is not None and file.suffix.lower() != ".csv":
         raise CampaignError(f"--out {file}: the file of all rows is CSV: name it FILE.csv; --page is the HTML page")
     compared = compare(first, second, specimens=specimens, independent=independent)
-    units = read_results(first).shown
+    units = compared.shown
     if file is not None:
         write_table(file, compared.rows)
     if page is not None:

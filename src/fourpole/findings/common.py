@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import polars as pl
+
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.sources import Kind, Role, Source
-from fourpole.quantities import RIG_VALUES
+from fourpole.quantities import RIG, RIG_VALUES, TYRE
 from fourpole.study.results import Results, section
 
 _STATIC_ROLES = ("load", "deflection")
@@ -24,6 +26,9 @@ def of_one_campaign(results: Results, specimens: tuple[str, str]) -> tuple[str, 
     """What two specimens of one campaign share, as sentences."""
     if not results.covariance.height:
         return ("The results have no covariance.parquet: errors that both specimens share are taken as independent.",)
+    rigs = [set(results.dynamic.filter(pl.col(TYRE.head) == name)[RIG.head]) for name in specimens]
+    if not rigs[0] & rigs[1]:
+        return (f"{' and '.join(specimens)} were tested on different rigs: all errors of K* are taken as independent.",)
     text = (
         f"{' and '.join(specimens)} were tested in one campaign: the errors of its sensors, rig and weighed masses are "
         "common to both, with the covariance that the campaign found; in K1 the gains of load and deflection are."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from fourpole.findings.points import QUANTITIES, Common, Points, differences
 from fourpole.fitting.common_errors import read_covariance
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.io.folders import results_in
-from fourpole.quantities import LOSS_FACTOR
+from fourpole.quantities import LOSS_FACTOR, ShownUnits
 from fourpole.study import Study
 from fourpole.study.results import Results, read_results
 from fourpole.units import shown
@@ -61,11 +61,14 @@ class Compared:
         (their ratio), verdict ("differs" beyond 2, else "no difference seen"), and the tests. In SI.
     common : tuple of str
         The errors that are taken as common to both, and why, as sentences.
+    shown : ShownUnits
+        The units in which the first wants its results shown.
     """
 
     names: tuple[str, str]
     rows: pl.DataFrame
     common: tuple[str, ...]
+    shown: ShownUnits = field(default_factory=ShownUnits)
 
     __repr__ = short_repr
 
@@ -125,6 +128,8 @@ def compare(
     ...
     fourpole.errors.CampaignError: compare takes two results, or one with two specimens: --specimens X Y
     """
+    if isinstance(first, str | Path) and isinstance(second, str | Path) and specimens is None:
+        _check_apart(Path(first), Path(second))
     if second is None and specimens is None:
         raise CampaignError("compare takes two results, or one with two specimens: --specimens X Y")
     of_one = second is None
@@ -137,6 +142,9 @@ def compare(
         errors = none
     elif of_one:
         said = of_one_campaign(one, specimens or ("", ""))
+    elif (routes := _routes(*sides))[0] != routes[1]:
+        text = f"K* was found by different routes ({', '.join(map(_listed, routes))}), where one error acts differently"
+        errors, said = none, (f"{text}: all errors are taken as independent.",)
     else:
         errors, said = of_two_campaigns(one.record, two.record)
     rows, unlike = _rows(*sides, errors)
@@ -148,7 +156,16 @@ def compare(
     if unlike and not independent:
         text = f"Where K* differs by more than 20 % ({unlike} pairs), no error of the dynamic tests is taken as common."
         said = (*said, text)
-    return Compared((sides[0].name, sides[1].name), table, said)
+    return Compared((sides[0].name, sides[1].name), table, said, one.shown)
+
+
+def _check_apart(first: Path, second: Path) -> None:
+    """CampaignError if both paths are the same results."""
+    places = [results_in(one) if one.is_dir() else one for one in (first, second)]
+    if places[0].resolve() == places[1].resolve():
+        raise CampaignError(
+            f"{first} and {second} are the same results: name two, or two specimens with --specimens X Y"
+        )
 
 
 def _read(source: str | Path | Results | Study) -> Results:
@@ -201,6 +218,22 @@ def _sides(
 def _both(first: str, second: str) -> str:
     """The name of what is compared."""
     return first if first == second else f"{first}, {second}"
+
+
+def _routes(*sides: _Side) -> list[set[str]]:
+    """The routes to K* of the specimens of each side."""
+    found = []
+    for side in sides:
+        table = side.results.dynamic
+        known = q.TYRE.head in table.columns
+        found.append(
+            set(table.filter(pl.col(q.TYRE.head).is_in(list(side.specimens)))[q.ROUTE.head]) if known else set()
+        )
+    return found
+
+
+def _listed(names: set[str]) -> str:
+    return " and ".join(sorted(names)) or "none"
 
 
 def _names(results: Results) -> list[str]:
@@ -424,8 +457,8 @@ def _has(side: _Side) -> str:
         return "no dynamic test"
     table = table.filter(pl.col(q.TYRE.head).is_in(list(side.specimens)))
     parts = []
-    for one in (q.PRESSURE, q.PRELOAD, q.FREQUENCY):
-        values = table[one.head].drop_nulls()
+    for one in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE, q.FREQUENCY):
+        values = table[one.head].drop_nulls() if one.head in table.columns else pl.Series(dtype=pl.Float64)
         if len(values):
             low, high = float(values.min()) / one.scale, float(values.max()) / one.scale  # type: ignore[arg-type]
             parts.append(f"{low:.4g} to {high:.4g} {one.suffix}" if high > 1.001 * low else f"{low:.4g} {one.suffix}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -14,7 +15,7 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.routes import arm_slopes
 from fourpole.core.sources import Kind
 from fourpole.fitting.common_errors import joined
-from fourpole.fitting.rows import Key, keys_of
+from fourpole.fitting.rows import KEY, Key, keyed, keys_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 
 #: The quantities of a point, in the order of `Points.values`.
@@ -102,18 +103,18 @@ class Points(ByValue):
 
     def with_budget(self, budget: pl.DataFrame) -> Points:
         """The points with the effect of each source, from the standard uncertainties that budget.csv has."""
-        place = {key: at for at, ((key,),) in enumerate(zip(self.keys, strict=True))}
-        at = np.array([place.get(key, -1) for key in keys_of(budget)])
-        sources, quantities = budget[q.SOURCE.head].to_numpy(), budget[q.QUANTITY.head].to_numpy()
-        u, used = _numbers(budget, q.U.head), at >= 0
+        places = pl.DataFrame([(*key, at) for at, (key,) in enumerate(self.keys)], schema=_PLACES, orient="row")
+        placed = keyed(budget).join(places, on=list(KEY), how="inner", maintain_order="left")
+        parts = placed.partition_by(q.SOURCE.head, q.QUANTITY.head, as_dict=True)
 
         def part(source: str, quantity: Quantity) -> FloatArray:
-            rows = used & (sources == source) & (quantities == quantity.column)
             values = np.zeros(self.frequency.size)
-            values[at[rows]] = u[rows]
+            rows = parts.get((source, quantity.column))
+            if rows is not None:
+                values[rows[_PLACE].to_numpy()] = _numbers(rows, q.U.head)
             return values
 
-        names = budget.filter(pl.col(q.QUANTITY.head) == q.STORAGE.column)[q.SOURCE.head].unique(maintain_order=True)
+        names = dict.fromkeys(source for source, quantity in parts if quantity == q.STORAGE.column)
         effects = {
             name: self._signed(*(part(name, one) for one in (q.STORAGE, q.LOSS, q.LOSS_FACTOR))) for name in names
         }
@@ -201,6 +202,8 @@ class Points(ByValue):
         )
 
 
+_PLACE = "place"
+_PLACES: dict[str, Any] = {q.TEST.head: pl.String, q.POINT.head: pl.Int64, _PLACE: pl.Int64}
 _COLUMNS = (*(one.head for one in (q.STORAGE, q.LOSS, q.K1, q.K2, q.C)), q.FREQUENCY.head)
 _STD = tuple(one.u_head for one in (q.STORAGE, q.LOSS, q.K1, q.K2, q.C))
 
