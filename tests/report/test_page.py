@@ -683,7 +683,7 @@ def test_filters_meet_tables_and_cards(visit):
     assert page.locator(".cards details:visible").count() == 1
     page.get_by_role("button", name="Show all").click()
     page.locator("#tyre").select_option("radial")
-    assert set(column(page, "tyre")) == {"radial"}
+    assert set(column(page, "specimen")) == {"radial"}
     page.locator("#tyre").select_option("all")
     page.get_by_label("Find").fill("LIFTS off")
     assert column(page, "test") == ["D4"]
