@@ -413,8 +413,8 @@ def compare(
 ) -> None:
     """Compare two runs or two specimens: B less A over its uncertainty, where common errors cancel.
 
-    K1, |K*|, loss angle, K', K'', K2 and C at each condition that both have, the largest ratio first. Example:
-    fourpole compare spring autumn --page compare.html
+    K1, |K*|, loss angle, K', K'', K2 and C at each condition that both have, the largest ratio first. --page writes a
+    page with a figure.
     """
     from fourpole.app.compare import run_compare
 

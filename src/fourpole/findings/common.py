@@ -9,7 +9,7 @@ import polars as pl
 
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.sources import Kind, Role, Source
-from fourpole.quantities import RIG, RIG_VALUES, TYRE
+from fourpole.quantities import ADDED_MASS, RIG, RIG_VALUES, TYRE
 from fourpole.study.results import Results, section
 
 _STATIC_ROLES = ("load", "deflection")
@@ -36,8 +36,9 @@ def of_one_campaign(results: Results, specimens: tuple[str, str]) -> tuple[str, 
     return (text,)
 
 
-def of_two_campaigns(one: dict[str, Any], two: dict[str, Any]) -> tuple[Callable[[str], bool], tuple[str, ...]]:
+def of_two_campaigns(first: Results, second: Results) -> tuple[Callable[[str], bool], tuple[str, ...]]:
     """Whether the error of a source is common, and the reasons as sentences: it is if both state the value alike."""
+    one, two = first.record, second.record
     halls = [str(section(record, "stated").get("laboratory") or "") for record in (one, two)]
     if all(halls) and halls[0] != halls[1]:
         return none, (f"The laboratories differ ({halls[0]}, {halls[1]}): all errors are taken as independent.",)
@@ -61,7 +62,13 @@ def of_two_campaigns(one: dict[str, Any], two: dict[str, Any]) -> tuple[Callable
             return values.get(source.of, False)
         return source.role is Role.MASS
 
-    return common, _reasons(channels, values)
+    return common, _reasons(channels, values, weighed=all(map(_weighs, (first, second))))
+
+
+def _weighs(results: Results) -> bool:
+    """Whether a test has an added mass."""
+    table = results.dynamic
+    return ADDED_MASS.head in table.columns and bool((table[ADDED_MASS.head].fill_null(0.0) > 0.0).any())
 
 
 def _alike(one: dict[str, Any], two: dict[str, Any], *path: str) -> bool | None:
@@ -77,7 +84,7 @@ def _stated_values(rigs: Sequence[dict[str, Any]], name: str) -> set[tuple[Any, 
     return {(section(rig, name).get("value"), section(rig, name).get("std")) for each in rigs for rig in each.values()}
 
 
-def _reasons(channels: dict[str, bool | None], values: dict[str, bool]) -> tuple[str, ...]:
+def _reasons(channels: dict[str, bool | None], values: dict[str, bool], *, weighed: bool) -> tuple[str, ...]:
     """What is common and what is not, as sentences."""
     words = {**SYMBOLS, "load": "load", "deflection": "deflection"}
     alike = [words[role] for role, same in channels.items() if same]
@@ -87,7 +94,7 @@ def _reasons(channels: dict[str, bool | None], values: dict[str, bool]) -> tuple
     if alike or rig:
         parts = [f"the sensors of {', '.join(alike)}"] if alike else []
         parts += [f"of the rig {', '.join(rig)}"] if rig else []
-        listed = "; ".join([*parts, "weighed masses of the same size"])
+        listed = "; ".join([*parts, *(["weighed masses of the same size"] if weighed else [])])
         said.append(
             f"Both campaigns state alike {listed}. Their errors are taken as common: they cancel as far as they act "
             "alike. If one of them was exchanged or calibrated again between the campaigns, use --independent."

@@ -146,7 +146,7 @@ def compare(
         text = f"K* was found by different routes ({', '.join(map(_listed, routes))}), where one error acts differently"
         errors, said = none, (f"{text}: all errors are taken as independent.",)
     else:
-        errors, said = of_two_campaigns(one.record, two.record)
+        errors, said = of_two_campaigns(one, two)
     rows, unlike = _rows(*sides, errors)
     if not rows:
         raise CampaignError(_nothing(*sides))

@@ -55,6 +55,8 @@ def _curves(axes: Axes, rows: pl.DataFrame, quantity: Quantity, names: tuple[str
         colour = style.colour(at)
         axes.fill_between(frequency, value - _COVERAGE * u, value + _COVERAGE * u, color=colour, alpha=0.2, linewidth=0)
         axes.plot(frequency, value, color=colour, marker=marker, markersize=4, label=plain_text(names[at], _LONGEST))
+        if frequency.size == 1:  # a band has no width there
+            axes.errorbar(frequency, value, yerr=_COVERAGE * u, color=colour, capsize=3, linewidth=1)
     axes.set_ylabel(quantity.label)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from fourpole import quantities as q
 from fourpole.findings.compared import COMPARED, COVERAGE, RATIO, Compared
 from fourpole.quantities import ShownUnits
+from fourpole.report.words.phrases import counted
 
 _OF = {one.column: one for one in COMPARED}
 
@@ -96,6 +97,7 @@ def outcome(compared: Compared) -> str:
     chance = erfc(COVERAGE / sqrt(2.0)) * count
     few = f"about {chance:.0f}" if chance >= 1.5 else "one" if chance >= 0.5 else "none"
     return (
-        f"{compared.beyond} of {count} differences are beyond U = {COVERAGE:g} u; {few} would be by chance if nothing "
-        "differed. Rows of one campaign share errors, so several ratios of one sign may have one cause."
+        f"{compared.beyond} of {counted(count, 'difference')} {'is' if compared.beyond == 1 else 'are'} beyond U = "
+        f"{COVERAGE:g} u; {few} would be by chance if nothing differed. Rows of one campaign share errors, so several "
+        "ratios of one sign may have one cause."
     )
