@@ -196,9 +196,9 @@ def _written(found: Sequence[TyreShift], options: ShiftOptions) -> list[Path]:
             write_table(new / "shifts.csv", shift_table(found))
             write_table(new / "overlaps.csv", overlap_table(found))
             for form in ("svg", "png"):
-                write_bytes(new / f"shift.{form}", shift_figure_bytes(found[0], form))
+                write_bytes(new / f"shift.{form}", shift_figure_bytes(found, form))
         written += [options.folder / name for name in (MASTER, "shifts.csv", "overlaps.csv", LAW, "shift.svg")]
     if options.figure is not None:
-        write_bytes(options.figure, shift_figure_bytes(found[0], options.figure.suffix.lstrip(".").lower()))
+        write_bytes(options.figure, shift_figure_bytes(found, options.figure.suffix.lstrip(".").lower()))
         written.append(options.figure)
     return written

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
@@ -13,6 +15,7 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.shifting import TyreShift
 from fourpole.plot.figure import figure_bytes
+from fourpole.plot.names import plain_text
 from fourpole.plot.style import Style, drawing
 
 #: Key of the figure in its files.
@@ -21,21 +24,34 @@ _SIZE = (7.6, 6.2)
 #: Number of isotherms beyond which the key names only some of them.
 _MOST_NAMED = 8
 _POINTS = 200
+#: Largest number of specimens in one figure.
+_MOST_TYRES = 6
 _MARKER = 3.4
 
 
-def shift_figure_bytes(one: TyreShift, form: str, style: Style | None = None) -> bytes:
+def shift_figure_bytes(found: Sequence[TyreShift], form: str, style: Style | None = None) -> bytes:
     """The content of a file of the figure, as svg, png or pdf; CampaignError for another format."""
     look = style or Style()
     with drawing(look, KEY):
-        figure = shift_figure(one, look)
+        figure = shift_figure(found, look)
         return figure_bytes(figure, KEY, "Master curve", form, look)
 
 
-def shift_figure(one: TyreShift, style: Style) -> Figure:
+def shift_figure(found: Sequence[TyreShift], style: Style) -> Figure:
+    """The master curve of each specimen, below each other; of many specimens those of the first ones."""
+    shown = found[:_MOST_TYRES]
+    width, height = _SIZE
+    figure = Figure(figsize=(width, height * len(shown)))
+    parts = np.atleast_1d(np.asarray(figure.subfigures(len(shown), 1), dtype=object))
+    for at, (one, part) in enumerate(zip(shown, parts.tolist(), strict=True)):
+        left_out = f" ({len(shown)} of {len(found)} specimens)" if len(shown) < len(found) and at == 0 else ""
+        _draw(part, one, style, left_out)
+    return figure
+
+
+def _draw(figure: SubFigure, one: TyreShift, style: Style, left_out: str) -> None:
     """Isotherms, master curve, loss factor and shift factors of one specimen; one colour per temperature."""
     found = one.found
-    figure = Figure(figsize=_SIZE)
     figure.subplots_adjust(left=0.09, right=0.985, top=0.92, bottom=0.14, hspace=0.36, wspace=0.24)
     panels = figure.subplots(2, 2)
     count = len(found.isotherms)
@@ -59,8 +75,7 @@ def shift_figure(one: TyreShift, style: Style) -> Figure:
     _finish(panels[1, 0], f"frequency × aT [Hz], at {reference}", q.LOSS_FACTOR.label, "loss factor")
     _key(figure, found.temperatures, colours)
     if one.tyre:
-        figure.suptitle(one.tyre)
-    return figure
+        figure.suptitle(f"{plain_text(one.tyre, 60)}{left_out}")
 
 
 def _points(ax: Axes, frequency: FloatArray, stiffness: ComplexArray, colour: str) -> None:
@@ -110,7 +125,7 @@ def _shift_factors(ax: Axes, one: TyreShift, colours: list[str], style: Style) -
     ax.legend(frameon=False)
 
 
-def _key(figure: Figure, temperatures: FloatArray, colours: list[str]) -> None:
+def _key(figure: SubFigure, temperatures: FloatArray, colours: list[str]) -> None:
     """One entry per temperature, or for some evenly chosen ones."""
     count = len(colours)
     shown = np.unique(np.linspace(0, count - 1, min(count, _MOST_NAMED)).round().astype(int))
