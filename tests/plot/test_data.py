@@ -20,7 +20,7 @@ from fourpole.fitting.query import response
 from fourpole.plot import FIGURES, Style, draw, figure_data, figures_of, render
 from fourpole.plot.chain import Kind, chains
 from fourpole.plot.data import MOST_LABELLED, Role
-from fourpole.plot.drawn import _apart
+from fourpole.plot.drawn import _apart, _within
 from fourpole.plot.part import Selection, select
 from fourpole.plot.sheet import read_sheet
 from fourpole.report.cards import make_cards
@@ -226,7 +226,29 @@ def test_the_own_rig_shows_what_is_stated_and_nothing_else(study):
     assert b"<b>" not in render(draw(replace(study, record={"stated": stated}), "rig"), "rig")
 
 
-# ---- some tests
+# ---- units, and some tests
+
+
+def test_units_are_those_that_the_campaign_wants(fitted):
+    stated = {
+        **fitted.record["stated"],
+        "report": {"units": {"pressure": "psi", "stiffness": "N/mm", "deflection": "um"}},
+    }
+    wanted = replace(fitted, record={**fitted.record, "stated": stated})
+    for key in ("stiffness", "arm", "first-stiffness"):
+        usual, own = (figure_data(one, key).panels[0] for one in (fitted, wanted))
+        assert own.y.unit == "N/mm"
+        for one, other in zip(usual.series, own.series, strict=True):
+            np.testing.assert_allclose(other.y, one.y)  # a kN/m is a N/mm
+            np.testing.assert_allclose(other.spread, one.spread)
+    assert any("14.5 psi" in one.label for one in figure_data(wanted, "stiffness").panels[0].series)
+    usual, own = (figure_data(one, "pressure-frequency").panels[0] for one in (fitted, wanted))
+    np.testing.assert_allclose(own.field.y, usual.field.y * 1e5 / 6894.757, rtol=1e-6)
+    np.testing.assert_allclose(own.series[0].y, usual.series[0].y * 1e5 / 6894.757, rtol=1e-6)
+    assert (own.y.label, own.right) == ("pressure [psi]", "|K*| [N/mm], 1000 N")
+    loop, other = (figure_data(one, "loops").panels[0].series[0] for one in (fitted, wanted))
+    np.testing.assert_allclose(other.x, 1e3 * loop.x)
+    assert "preload spring K3 = 12.44 ± 0.02 N/mm" in chains(wanted)[""][2].stated
 
 
 def test_a_selection_keeps_colours_markers_and_cards(study):
@@ -309,6 +331,7 @@ def test_places_move_apart_in_order():
     places = _apart(np.array([0.1, 0.5, 0.52, 0.53]), 0.1)
     assert np.all(np.diff(places) >= 0.1 - 1e-12)
     assert places[0] == 0.1
+    assert _within(np.array([-0.2, 0.0, 0.05, 1.3]), 0.1).tolist() == pytest.approx([0.05, 0.15, 0.25, 0.95])
     assert places[1:].mean() == pytest.approx(np.mean([0.5, 0.52, 0.53]))
 
 

@@ -17,7 +17,7 @@ from fourpole.core.rig import PARAMETERS
 from fourpole.plot.names import plain_text
 from fourpole.plot.sheet import Sheet, floats, read_sheet
 from fourpole.plot.spec import FigureSpec
-from fourpole.quantities import RIG_VALUES
+from fourpole.quantities import RIG_VALUES, Quantity, ShownUnits
 from fourpole.study.results import Results, section
 
 if TYPE_CHECKING:
@@ -66,11 +66,13 @@ def chains(results: Results) -> dict[str, tuple[Link, ...]]:
         return {}
     sheet = read_sheet(results, texts_only=True)
     channels = section(results.record, "stated", "channels")
-    return {name: _chain(name, section(rig), channels, sheet) for name, rig in stated.items()}
+    return {name: _chain(name, section(rig), channels, sheet, results.shown) for name, rig in stated.items()}
 
 
-def _chain(name: str, rig: Mapping[str, Any], channels: Mapping[str, Any], sheet: Sheet) -> tuple[Link, ...]:
-    values = {key: _value(key, rig[key]) for key in PARAMETERS if _stated(rig.get(key))}
+def _chain(
+    name: str, rig: Mapping[str, Any], channels: Mapping[str, Any], sheet: Sheet, units: ShownUnits
+) -> tuple[Link, ...]:
+    values = {key: _value(units.of(RIG_VALUES[key]), rig[key]) for key in PARAMETERS if _stated(rig.get(key))}
     blocked = rig.get("output") == "blocked"
     own = np.array([one == name for one in sheet.rigs], dtype=bool)
     links = [_sensor("motion_in", channels), _sensor("force_in", channels)]
@@ -100,9 +102,9 @@ def _stated(value: object) -> bool:
     return isinstance(found, int | float) and bool(np.isfinite(found)) and found != 0
 
 
-def _value(key: str, stated: Mapping[str, Any]) -> str:
+def _value(known: Quantity, stated: Mapping[str, Any]) -> str:
     """A value with its standard uncertainty in the shown unit."""
-    known, std = RIG_VALUES[key], stated.get("std")
+    std = stated.get("std")
     unit = f" {known.suffix}" if known.suffix else ""
     text = f"{known.name} = {stated['value'] / known.scale:.6g}"
     if not isinstance(std, int | float) or not std > 0:

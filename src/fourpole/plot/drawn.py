@@ -227,7 +227,7 @@ def _end_labels(ax: Axes, panel: Panel, style: Style, height: float) -> None:
         right = ends[0][1]
         column = sorted((end for end in ends if right - end[1] < _COLUMN), key=lambda end: end[2])
         ends = ends[len(column) :]
-        places = _apart(np.array([end[2] for end in column]), gap)
+        places = _within(_apart(np.array([end[2] for end in column]), gap), gap)
         for (one, x, y), place in zip(column, places.tolist(), strict=True):
             at = right + 0.02
             if abs(place - y) > 0.3 * gap or right - x > 0.01:
@@ -263,6 +263,13 @@ def _apart(places: FloatArray, gap: float) -> FloatArray:
             (low, few), (high, more) = blocks[-2:]
             blocks[-2:] = [((low * few + (high - gap * few) * more) / (few + more), few + more)]
     return np.concatenate([start + gap * np.arange(count) for start, count in blocks])
+
+
+def _within(places: FloatArray, gap: float) -> FloatArray:
+    """Rising places moved into the panel, 0 to 1, without bringing neighbours nearer than a gap."""
+    rank = np.arange(places.size)
+    top = 1.0 - gap * (0.5 + rank[::-1])
+    return np.asarray(np.maximum(np.minimum(places, top), gap * (0.5 + rank)))
 
 
 def _key(data: FigureData, style: Style) -> Key:

@@ -96,20 +96,22 @@ def _panel(results: Results, sheet: Sheet, found: Sequence[State], quantity: Qua
     tyre, made = found[0].tyre, _fields(results, sheet, found, quantity, known)
     assert made is not None  # specimens without a map are left out
     x, y, z = made
+    pressures, seen = results.shown.of(q.PRESSURE), results.shown.of(quantity)
+    bar = q.PRESSURE.scale / pressures.scale
     rows = np.flatnonzero(known & np.any([one.rows for one in found], axis=0))
     cards, names = dynamic_cards(results), texts(sheet.table, q.TEST.head)
-    frequency, pressure = sheet.values(q.FREQUENCY.head)[rows], sheet.values(q.PRESSURE.head)[rows] / q.PRESSURE.scale
+    frequency, pressure = sheet.values(q.FREQUENCY.head)[rows], sheet.values(q.PRESSURE.head)[rows] / pressures.scale
     tests = Series(Role.POINTS, frequency, pressure, tests=tuple(names[at] for at in rows),
                    cards=tuple(cards[at] for at in rows))  # fmt: skip
     place = {k: v for k, v in found[0].place.items() if k != q.PRESSURE.head and not np.isnan(v)}
     return Panel(
         AxisData.of(q.FREQUENCY, log=bool(x[-1] > DECADE * x[0])),
-        AxisData.of(q.PRESSURE),
+        AxisData.of(pressures),
         (tests,),
         title=sheet.labels[tyre],
-        right=", ".join([quantity.label, *(place_text(sheet, column, value) for column, value in place.items())]),
+        right=", ".join([seen.label, *(place_text(results, column, value) for column, value in place.items())]),
         tyre=tyre,
-        field=Field(x, y, z, quantity.name, quantity.shown),
+        field=Field(x, bar * y, quantity.scale / seen.scale * z, seen.name, seen.shown),
     )
 
 

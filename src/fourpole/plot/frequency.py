@@ -19,7 +19,17 @@ from fourpole.plot.names import counted
 from fourpole.plot.residuals import RESIDUALS, models_said, residual_panel, residual_points, residuals_said
 from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
 from fourpole.plot.spec import FigureSpec
-from fourpole.plot.states import State, axis_shown, curve_of, differing, place_text, states, values_of, values_on
+from fourpole.plot.states import (
+    State,
+    axis_shown,
+    curve_of,
+    differing,
+    model_rig,
+    place_text,
+    states,
+    values_of,
+    values_on,
+)
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 
@@ -65,7 +75,7 @@ def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData
         notes.append(f"{len(shown)} of {len(tyres)} specimens shown")
     by_tyre = {tyre: [one for one in found if one.tyre == tyre] for tyre in shown}
     many = max(map(len, by_tyre.values())) > MOST_LABELLED
-    chosen, scale, dashes = (_scaled if many else _labelled)(by_tyre, sheet, notes)
+    chosen, scale, dashes = (_scaled if many else _labelled)(results, by_tyre, notes)
     log = _logarithmic([one for each in chosen.values() for one in each], sheet)
     columns = next((n for n in (_MOST_COLUMNS, 2) if len(shown) % n == 0), min(len(shown), _MOST_COLUMNS))
     panels = []
@@ -75,7 +85,7 @@ def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData
                 made = _panel(results, quantity, chosen[tyre], known, log=log)
                 headed = quantity is quantities[0]
                 panels.append(replace(made, title=_title(results, sheet, tyre), tyre=tyre) if headed else made)
-    common = _common([one.state for each in chosen.values() for one in each], sheet)
+    common = _common(results, [one.state for each in chosen.values() for one in each])
     said = [*([f"at {common}"] if common else []), *_models_said(results, sheet, panels, shown), *notes]
     return FigureData(
         panels=tuple(panels), columns=columns, names=sheet.labels, scale=scale, dashes=dashes,
@@ -100,11 +110,11 @@ def first(results: Results, quantities: Sequence[Quantity]) -> FigureData | None
         own = [one for one in chosen if one.tyre == tyre]
         columns = _reading(differing(own))
         for at, one in enumerate(own):
-            label = _words(one, sheet, columns) or (sheet.labels[tyre] if len(tyres) > 1 else "")
+            label = _words(results, one, columns) or (sheet.labels[tyre] if len(tyres) > 1 else "")
             curves.append(_Curve(one, label, _shade(at, len(own))))
     log = _logarithmic(curves, sheet)
     panels = [_panel(results, quantity, curves, known & ~sheet.rejected, log=log) for quantity in quantities]
-    common = _common(chosen, sheet)
+    common = _common(results, chosen)
     said = [*([f"at {common}"] if common else []), *_models_said(results, sheet, panels, tyres), *notes]
     return FigureData(
         panels=tuple(panels), columns=len(panels), names=sheet.labels, shared=False, notes=tuple(said),
@@ -128,11 +138,11 @@ def parts(results: Results) -> FigureData | None:
     return data and replace(data, notes=(*data.notes, *residuals_said(results, found)), panel_height=1.5)
 
 
-def _common(found: Sequence[State], sheet: Sheet) -> str:
+def _common(results: Results, found: Sequence[State]) -> str:
     """The stated values that all conditions share."""
     differ = set(differing(found))
     place = {column: value for column, value in found[0].place.items() if column not in differ and not np.isnan(value)}
-    return ", ".join(place_text(sheet, column, place[column]) for column in _reading(list(place)))
+    return ", ".join(place_text(results, column, place[column]) for column in _reading(list(place)))
 
 
 def _known(sheet: Sheet, quantities: Sequence[Quantity]) -> tuple[BoolArray, list[str]]:
@@ -150,7 +160,8 @@ def _panel(results: Results, quantity: Quantity, curves: Sequence[_Curve], known
     sheet = read_sheet(results, texts_only=True)
     frequency, (values, stds) = sheet.values(q.FREQUENCY.head), values_of(sheet, quantity)
     cards, names = dynamic_cards(results), texts(sheet.table, q.TEST.head)
-    series = []
+    seen = results.shown.of(_NAMED.get(quantity, quantity))
+    unit, series = quantity.scale / seen.scale, []
     for one in curves:
         state, none = one.state, np.zeros(0)
         look = Series(Role.POINTS, none, none, tyre=state.tyre, shade=one.shade, marker=state.pressure, dash=one.dash,
@@ -161,21 +172,23 @@ def _panel(results: Results, quantity: Quantity, curves: Sequence[_Curve], known
         line = curve_of(results, state, quantity)
         if line is not None:
             x, y, half = line
-            series.append(replace(look, role=Role.MODEL, x=x, y=y, spread=half, label=one.label))
+            series.append(replace(look, role=Role.MODEL, x=x, y=unit * y, spread=unit * half, label=one.label))
         for role, mask in ((Role.POINTS, ~sheet.rejected), (Role.REJECTED, sheet.rejected)):
             at = np.flatnonzero(mask & known & state.rows & np.isfinite(values))
             at = at[np.argsort(frequency[at], kind="stable")]
             if at.size:
                 label = one.label if line is None and role is Role.POINTS else ""
                 tests, ids = tuple(names[i] for i in at), tuple(cards[i] for i in at)
-                points = replace(look, role=role, x=frequency[at], y=values[at], spread=stds[at], label=label)
-                series.append(replace(points, tests=tests, cards=ids))
+                points = replace(
+                    look, role=role, x=frequency[at], y=unit * values[at], spread=unit * stds[at], label=label
+                )
+                series.append(replace(points, label=label, tests=tests, cards=ids))
     if quantity in RESIDUALS:
         return residual_panel(quantity, series, log=log)
-    return Panel(AxisData.of(q.FREQUENCY, log=log), AxisData.of(_NAMED.get(quantity, quantity)), tuple(series))
+    return Panel(AxisData.of(q.FREQUENCY, log=log), AxisData.of(seen), tuple(series))
 
 
-def _labelled(by_tyre: dict[int, list[State]], sheet: Sheet, notes: list[str]) -> _Chosen:
+def _labelled(results: Results, by_tyre: dict[int, list[State]], notes: list[str]) -> _Chosen:
     """Few curves per panel: the colour of the specimen, and the condition at the end of each curve."""
     del notes
     made = {}
@@ -183,13 +196,13 @@ def _labelled(by_tyre: dict[int, list[State]], sheet: Sheet, notes: list[str]) -
         columns = _reading(differing(each))
         loads = sorted({one.load for one in each})
         made[tyre] = [
-            _Curve(one, _words(one, sheet, columns), _shade(at, len(each)), loads.index(one.load))
+            _Curve(one, _words(results, one, columns), _shade(at, len(each)), loads.index(one.load))
             for at, one in enumerate(each)
         ]
     return made, None, ()
 
 
-def _scaled(by_tyre: dict[int, list[State]], sheet: Sheet, notes: list[str]) -> _Chosen:
+def _scaled(results: Results, by_tyre: dict[int, list[State]], notes: list[str]) -> _Chosen:
     """Many curves per panel: a colour scale over the axis with the most values, line styles over the next axis."""
     every = [one for each in by_tyre.values() for one in each]
     colour, *others = differing(every)
@@ -204,14 +217,14 @@ def _scaled(by_tyre: dict[int, list[State]], sheet: Sheet, notes: list[str]) -> 
     _, kept = _some(kept, colour, max(_MOST_CURVES // max(len(dashes), 1), 4))
     if len(kept) < len(every):
         notes.append(f"{len(kept)} of {len(every)} conditions shown")
-    name, unit, size = axis_shown(colour)
+    name, unit, size = axis_shown(colour, results.shown)
     levels = [one.place.get(colour, np.nan) / size for one in kept]
     known = [value for value in levels if not np.isnan(value)]
     made: dict[int, list[_Curve]] = {tyre: [] for tyre in by_tyre}
     for one, level in zip(kept, levels, strict=True):
         rank = next((at for at, value in enumerate(dashes) if _equal(value, one.place.get(dash, np.nan))), 0)
         made[one.tyre].append(_Curve(one, dash=rank, level=level))
-    explained = tuple((at, place_text(sheet, dash, value)) for at, value in enumerate(dashes))
+    explained = tuple((at, place_text(results, dash, value)) for at, value in enumerate(dashes))
     return made, Scale(name, unit, min(known), max(known)), explained
 
 
@@ -250,9 +263,9 @@ def _few(found: Sequence[State]) -> list[State]:
     return chosen
 
 
-def _words(one: State, sheet: Sheet, columns: Sequence[str]) -> str:
+def _words(results: Results, one: State, columns: Sequence[str]) -> str:
     """The values of a condition on some axes."""
-    return ", ".join(place_text(sheet, column, one.place.get(column, np.nan)) for column in columns)
+    return ", ".join(place_text(results, column, one.place.get(column, np.nan)) for column in columns)
 
 
 def _reading(columns: Sequence[str]) -> list[str]:
@@ -276,7 +289,10 @@ def _logarithmic(curves: Sequence[_Curve], sheet: Sheet) -> bool:
 def _models_said(results: Results, sheet: Sheet, panels: Sequence[Panel], tyres: Sequence[int]) -> list[str]:
     """The models of some specimens; a hint where no curve is drawn."""
     if not any(one.role is Role.MODEL for panel in panels for one in panel.series):
-        return [] if results.models is not None else ["no model of these tests: fourpole fit makes one"]
+        if results.models is None:
+            return ["no model of these tests: fourpole fit makes one"]
+        lacking = panels[0].y.name == q.TR.name and model_rig(results) is None
+        return ["no curve: TR of a model needs the rig, one for all tests"] if lacking else []
     return models_said(results, sheet, tyres)
 
 

@@ -65,19 +65,20 @@ def _loop_panel(
     rows = np.flatnonzero(known & sheet.where(tyre=tyre) & (state.rows if part_of(results) is None else True))
     rows = rows[np.argsort(sheet.values(q.FREQUENCY.head)[rows], kind="stable")]
     rows = rows[spread(rows.size, MOST_LABELLED)]
+    moved, pushed = results.shown.of(q.DEFLECTION_AMPLITUDE), results.shown.of(q.F1)
     turn = np.exp(1j * np.linspace(0, 2 * np.pi, _POINTS))
     cards, names = dynamic_cards(results), texts(sheet.table, q.TEST.head)
     series = []
     for at, row in enumerate(rows.tolist()):
-        x, y = (amplitude[row] * turn for amplitude in (deflection / q.DEFLECTION_AMPLITUDE.scale, force))
+        x, y = (amplitude[row] * turn for amplitude in (deflection / moved.scale, force / pushed.scale))
         label = _label(sheet, row)
         shade = 1.0 if rows.size < 2 else 0.35 + 0.65 * at / (rows.size - 1)
         line = Series(Role.LINE, x.real, y.real, label=label, tyre=tyre, shade=shade)
         series.append(replace(line, tests=(names[row],), cards=(cards[row],)))
     place = {column: value for column, value in state.place.items() if not np.isnan(value)}
-    right = ", ".join(place_text(sheet, column, value) for column, value in place.items()) if len(own) > 1 else ""
-    x_axis = AxisData("deflection", q.DEFLECTION_AMPLITUDE.shown)
-    return Panel(x_axis, AxisData("F1", "N"), tuple(series), sheet.labels[tyre], right, tyre)
+    right = ", ".join(place_text(results, column, value) for column, value in place.items()) if len(own) > 1 else ""
+    x_axis = AxisData("deflection", moved.shown)
+    return Panel(x_axis, AxisData.of(pushed), tuple(series), sheet.labels[tyre], right, tyre)
 
 
 def _label(sheet: Sheet, row: int) -> str:

@@ -21,7 +21,7 @@ from fourpole.models.operating import Answer
 from fourpole.plot.fitted import DECADE, Drawn, conditions_of
 from fourpole.plot.names import plain_text
 from fourpole.plot.sheet import Sheet, read_sheet
-from fourpole.quantities import Quantity
+from fourpole.quantities import Quantity, ShownUnits
 from fourpole.study.results import Results
 
 #: Number of points of a model's curve.
@@ -133,33 +133,28 @@ def values_on(found: Sequence[State], column: str) -> list[float]:
     return [*known, *([np.nan] if len(known) < len({str(value) for value in values}) else [])]
 
 
-def axis_shown(column: str) -> tuple[str, str, float]:
+def axis_shown(column: str, units: ShownUnits) -> tuple[str, str, float]:
     """Name and unit of an axis as shown, and the SI value of the unit.
 
     Examples
     --------
-    >>> axis_shown("pressure [Pa]"), axis_shown("camber [deg]")
+    >>> axis_shown("pressure [Pa]", ShownUnits()), axis_shown("camber [deg]", ShownUnits())
     (('pressure', 'bar', 100000.0), ('camber', 'deg', 1.0))
     """
-    for one in (q.PRESSURE, q.TEMPERATURE, q.DEFLECTION_AMPLITUDE):
-        if one.head == column:
-            return one.name, one.shown, one.scale
-    name, _, unit = column.removesuffix("]").partition(" [")
-    return plain_text(name), plain_text(unit or "1"), 1.0
+    name, _, si = column.removesuffix("]").partition(" [")
+    unit, scale = units.unit(si)
+    return plain_text(name), plain_text(unit or "1"), scale
 
 
-def place_text(sheet: Sheet, column: str, value: float) -> str:
+def place_text(results: Results, column: str, value: float) -> str:
     """A value on an axis with its unit; the name stands before it where the unit does not say what it is."""
-    for groups, axis in ((sheet.pressures, PRESSURE), (sheet.loads, PRELOAD)):
-        if axis.column == column:
-            at = groups.values.index(value) if value in groups.values else len(groups) - 1
-            label = groups.labels[at]
-            return label if label[0].isdigit() else f"{axis.name} {label}"
-    name, unit, scale = axis_shown(column)
     if np.isnan(value):
-        return f"{name} not stated"
-    text = f"{value / scale:.3g} {unit}".removesuffix(" 1")
-    return text if column in (q.TEMPERATURE.head, COLUMN) else f"{name} {text}"
+        return f"{axis_shown(column, results.shown)[0]} not stated"
+    sheet = read_sheet(results, texts_only=True)
+    for groups, quantity in ((sheet.pressures, q.PRESSURE), (sheet.loads, q.PRELOAD)):
+        if quantity.head == column and quantity.unit not in results.shown.wanted and value in groups.values:
+            return groups.labels[groups.values.index(value)]
+    return plain_text(results.shown.setting(column, value), 40)
 
 
 @dataclass(frozen=True, eq=False)
