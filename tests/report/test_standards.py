@@ -134,6 +134,15 @@ def test_linearity_is_held_at_two_levels_10_db_apart(results, change, answer):
     assert answers(both, "iso-10846-2")["linearity"].answer is answer
 
 
+def test_a_row_of_several_levels_has_their_range_of_double_amplitudes(results):
+    once = results.dynamic.filter(pl.col("tyre") == "radial-ply")
+    small = once.with_columns(pl.col("test") + "s", pl.col("deflection amplitude [m]") * 0.5)
+    both = replace(results, tables={**results.tables, "dynamic": pl.concat([once, small])})
+    table = STANDARDS["sae-j1085"].values(both)
+    low, high = map(float, dict(zip(table.heads, table.rows[0], strict=True))["double amplitude [mm]"].split(" to "))
+    assert high == pytest.approx(2.0 * low, rel=0.01)
+
+
 def test_enough_lines_in_a_band_and_the_mass_at_the_force_cell(results):
     one = results.dynamic.filter(pl.col("tyre") == "radial-ply").head(1)
     lines = pl.concat([one.with_columns(pl.lit(f).alias("frequency [Hz]")) for f in (14.3, 14.8, 15.3, 15.9, 16.5)])

@@ -72,7 +72,7 @@ def _lines_per_band(results: Results) -> Found:
         bands = [floor(10.0 * log10(one / 1000.0) + 0.5) for one in distinct]
         for band in set(bands):
             if bands.count(band) < least:
-                least, where = bands.count(band), f"{number(1000.0 * 10 ** (band / 10.0), 3)} Hz band, {key[0]}"
+                least, where = bands.count(band), f"band about {number(1000.0 * 10 ** (band / 10.0), 2)} Hz, {key[0]}"
     return m.judged(f"{least} in the {where}", least >= _PER_BAND)
 
 
@@ -82,7 +82,7 @@ def _linear(results: Results) -> Found:
     cells: dict[tuple[object, ...], list[tuple[float, float]]] = {}
     for row in facts.used_dynamic:
         force, deflection = (row.get(one.head) for one in (q.F1, q.DEFLECTION_AMPLITUDE))
-        if force and deflection and row.get(q.V2.head) is not None:
+        if force and deflection:
             key = (row[q.TYRE.head], *facts.key(row, ("pressure", "load", "frequency")))
             cells.setdefault(key, []).append((float(deflection), float(force) / float(deflection)))
     changes = [
@@ -92,7 +92,7 @@ def _linear(results: Results) -> Found:
         if abs(m.level(b[0] / a[0])) >= _CHANGE
     ]
     if not changes:
-        return Found("no condition was tested at two levels 10 dB apart, with V2", Answer.NOT_STATED)
+        return Found("no condition was tested at two levels 10 dB apart", Answer.NOT_STATED)
     pairs = counted(len(changes), "pair")
     text = f"force over deflection changes by up to {number(max(changes), 2)} dB in {pairs}"
     return m.judged(text, max(changes) <= _LINEAR)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from math import tan
+from math import isfinite, tan
+
+import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.condition import AMPLITUDE, FREQUENCY, Axis
+from fourpole.findings.summary import SummaryRow
 from fourpole.quantities import LOSS_ANGLE, MODULUS
 from fourpole.report.digits import number
 from fourpole.report.standards import measures as m
@@ -15,6 +18,16 @@ from fourpole.study.results import Results
 _SCOPE = "the scope of J1085 MAY1999 as a document exchange shows it"
 _SUMMARY = "a summary of J1085:2017 by a test laboratory (tnlab.org)"
 _ROOM = Axis(q.TEMPERATURE.head, absolute=2.0)
+
+
+def _double_amplitude(results: Results, row: SummaryRow) -> str:
+    """Lowest to highest double amplitude of the tests of a row [mm]."""
+    table = results.dynamic.filter(pl.col(q.TEST.head).is_in(list(row.tests)))
+    values = [2e3 * value for value in table[q.DEFLECTION_AMPLITUDE.head].drop_nulls() if isfinite(value)]
+    if not values:
+        return ""
+    low, high = number(min(values), 3), number(max(values), 3)
+    return low if low == high else f"{low} to {high}"
 
 
 def _values(results: Results) -> ValueTable:
@@ -29,7 +42,7 @@ def _values(results: Results) -> ValueTable:
         rows.append(
             (
                 *m.place(row),
-                "" if row.amplitude is None else number(2e3 * row.amplitude[0], 3),
+                _double_amplitude(results, row),
                 m.with_expanded(row, MODULUS),
                 m.with_expanded(row, q.STORAGE),
                 m.with_expanded(row, q.LOSS, m.omega(row)),
