@@ -125,3 +125,18 @@ def test_page_of_faults_has_each_fault(faulty):
         if cell.fault
     ]
     assert [row for row in found if row[0].removeprefix("| ") in FAULTS] == wanted
+
+
+def test_compare_is_held_against_pairs_of_campaigns(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(ROOT / "validation"))
+    module = importlib.import_module("compared")
+    monkeypatch.setattr(module, "CASES", {"apart": module.CASES["two tyres of two campaigns, 3 % apart"]})
+    monkeypatch.setattr("sys.argv", ["compared.py", "--pairs", "1"])
+    assert module.main() == 0
+    first, *rows = capsys.readouterr().out.splitlines()
+    assert first == "apart, 1 pairs"
+    found = {name.strip(): (float(rms), float(seen)) for name, rms, seen in (
+        re.fullmatch(r"  (.{12}) rms ([\d.]+), seen ([\d.]+) %", row).groups() for row in rows
+    )}  # fmt: skip
+    assert found["|K*|"][1] == 100.0
+    assert found["|K*|"][0] < 3.0

@@ -64,3 +64,14 @@ def test_clean_campaign_is_as_stated_but_for_what_is_hidden():
     assert (truth.bench.mass, truth.bench.preload_stiffness, truth.bench.preload_damping) == (15.0, 12440.0, 30.0)
     assert truth.gain_errors == {"F1": 0.0, "V1": 0.01, "V2": 0.0, "F": 0.0, "x": 0.0}
     assert set(truth.phase_errors.values()) == {0.0}
+
+
+def test_the_gains_of_the_static_rig_may_be_given_too():
+    drawn = draw_truth(state(), np.random.default_rng(1), undeclared={"gain F": 1e-3, "gain x": -2e-3})
+    plain = draw_truth(state(), np.random.default_rng(1))
+    assert (drawn.gain_errors["F"], drawn.gain_errors["x"]) == (1e-3, -2e-3)
+    assert {name: drawn.gain_errors[name] for name in ("F1", "V1", "V2")} == {
+        name: plain.gain_errors[name] for name in ("F1", "V1", "V2")
+    }
+    with pytest.raises(ValueError, match="phase F"):
+        draw_truth(state(), np.random.default_rng(1), undeclared={"phase F": 1e-3})

@@ -94,7 +94,7 @@ def simulate_campaign(
         Further parts of the rig, stated with 2 %: tyre_mass, frame_stiffness, preload_loss_factor or input_mass.
     undeclared : mapping of str to float [SI]
         Parts of the rig that campaign.toml does not state: the same parts, or leaf_friction. Also errors of a channel
-        in place of random ones: ``gain F1`` [1], ``phase V2`` [rad] ...
+        in place of random ones: ``gain F1`` [1], ``phase V2`` [rad] ..., ``gain F`` and ``gain x`` of the static rig.
     repeats : int
         How often all dynamic tests are done, one series after the other.
     faults : sequence of Fault

@@ -15,6 +15,9 @@ STD_GAIN, STD_PHASE = 2e-4, float(np.deg2rad(0.01))
 #: Stated values of the usual rig with their standard uncertainties [kg], [N/m], [N s/m].
 _PLAIN_RIG = {"moving_mass": (15.0, 0.01), "preload_stiffness": (12440.0, 20.0), "preload_damping": (15.0, 0.5)}
 FURTHER = ("tyre_mass", "frame_stiffness", "preload_loss_factor", "input_mass")
+#: Channels of the static rig, which have a gain only.
+_STATIC = ("F", "x")
+_ERRORS = (*FAULTS, *(f"gain {channel}" for channel in _STATIC))
 #: Relative standard uncertainty of a further part that is declared.
 _FURTHER_STD = 0.02
 
@@ -105,7 +108,7 @@ def draw_truth(
     rig_error, undeclared = rig_error or {}, undeclared or {}
     _known("rig_error", rig_error, statement.rig)
     unstated = [name for name in FURTHER if name not in statement.rig]
-    _known("undeclared", undeclared, (*unstated, "leaf_friction", *FAULTS))
+    _known("undeclared", undeclared, (*unstated, "leaf_friction", *_ERRORS))
 
     def near(stated: float, std: float) -> float:
         return stated if statement.clean else stated + std * float(np.clip(rng.standard_normal(), -2.0, 2.0))
@@ -117,13 +120,14 @@ def draw_truth(
 
     rig = of_rig(tuple(_PLAIN_RIG))
     gains = {channel: near(0.0, statement.std_gain) for channel in CHANNELS}
-    gains |= {channel: near(0.0, STD_GAIN) for channel in ("F", "x")}
+    gains |= {channel: near(0.0, STD_GAIN) for channel in _STATIC}
     phases = {channel: near(0.0, statement.std_phase) for channel in CHANNELS}
     rig["mass"] = rig.pop("moving_mass")
     rig |= of_rig(FURTHER)
-    rig |= {name: value for name, value in undeclared.items() if name not in FAULTS}
-    for channel in CHANNELS:
+    rig |= {name: value for name, value in undeclared.items() if name not in _ERRORS}
+    for channel in (*CHANNELS, *_STATIC):
         gains[channel] = undeclared.get(f"gain {channel}", gains[channel])
+    for channel in CHANNELS:
         phases[channel] = undeclared.get(f"phase {channel}", phases[channel])
     bench = Bench(**rig)  # type: ignore[arg-type] # all of them are numbers
     bench.check()
