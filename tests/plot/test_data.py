@@ -192,6 +192,16 @@ def test_a_map_passes_through_the_tests(study):
             assert value == pytest.approx(np.hypot(row["Re K* [N/m]"], row["Im K* [N/m]"]) / 1e3, rel=2e-3)
 
 
+def test_the_static_curves_begin_at_zero_load_and_carry_the_preloads(study):
+    panel = figure_data(study, "static").panels[1]
+    lines = [one for one in panel.series if one.role is Role.LINE]
+    assert [one.label for one in lines] == ["1 bar", "1.35 bar", "1.7 bar", "2.05 bar", "2.4 bar"]
+    for one in panel.series:
+        pressure = {"S6": 100e3, "S7": 135e3, "S8": 170e3, "S9": 205e3, "S10": 240e3}[one.tests[0]]
+        np.testing.assert_allclose(one.y, RADIAL_PLY.load(one.x * 1e-3, pressure), atol=1.0)
+    assert [one.y.tolist() for one in panel.series if one.role is Role.POINTS] == [[1000.0, 2000.0]] * 5
+
+
 def test_the_area_of_a_loop_is_the_energy_lost(study):
     panel = figure_data(study, "loops").panels[0]
     for one in panel.series:

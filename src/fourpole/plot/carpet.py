@@ -11,71 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from fourpole import quantities as q
-from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.plot.layout import WIDTH, Grid, Key, Notes
 from fourpole.plot.names import counted, plain_text
 from fourpole.plot.panels import tyre_heading
-from fourpole.plot.sheet import Sheet, read_sheet
+from fourpole.plot.sheet import read_sheet
 from fourpole.plot.spec import FigureSpec
+from fourpole.plot.statics import LoadLine, load_lines
 from fourpole.plot.style import Style
 from fourpole.study.results import Results
-
-#: Deflection [mm] and load [kN] in the axes of this figure.
-_MM, _KN = 1e3, 1e-3
-
-
-@dataclass(frozen=True, eq=False)
-class LoadLine(ByValue):
-    """Mean load-deflection curve of one static test: deflection [mm] from the point of zero load, load [kN]."""
-
-    test: str
-    tyre: int
-    pressure: float
-    deflection: FloatArray
-    load: FloatArray
-    rejected: bool
-
-
-def load_lines(results: Results, sheet: Sheet) -> list[LoadLine]:
-    """The load-deflection curves of the static tests that have one."""
-    previews = results.previews
-    if q.MEAN_LOAD.head not in previews.columns or not sheet.static.height:
-        return []
-    curves = previews.filter(pl.col(q.MEAN_LOAD.head).list.len() > 1)
-    by_test = {row["test"]: row for row in curves.select("test", q.MEAN_DEFLECTION.head, q.MEAN_LOAD.head).to_dicts()}
-    lines = []
-    for (test,), rows in sheet.static.group_by("test", maintain_order=True):
-        if test not in by_test:
-            continue
-        x = np.array(by_test[test][q.MEAN_DEFLECTION.head], dtype=float) * _MM
-        load = np.array(by_test[test][q.MEAN_LOAD.head], dtype=float) * _KN
-        order = np.argsort(x, kind="stable")
-        x, load = x[order], load[order]
-        pressure = rows[q.PRESSURE.head][0]
-        lines.append(
-            LoadLine(
-                test=str(test),
-                tyre=sheet.names.index(rows["tyre"][0] or ""),
-                pressure=np.nan if pressure is None else float(pressure),
-                deflection=x - _zero_load(x, load),
-                load=load,
-                rejected=all(verdict == "rejected" for verdict in rows["verdict"]),
-            )
-        )
-    return lines
-
-
-def _zero_load(deflection: FloatArray, load: FloatArray) -> float:
-    """Deflection [mm] of zero load; if the curve does not reach zero, extrapolated along a tenth of the curve."""
-    below = np.flatnonzero((load[:-1] <= 0) & (load[1:] > 0))
-    if below.size:
-        at, step = int(below[-1]), 1
-    else:
-        at, step = min(int(np.argmin(np.abs(load))), load.size - 2), max(1, load.size // 10)
-    end = min(at + step, load.size - 1)
-    rise = float(load[end] - load[at])
-    return float(deflection[at] - load[at] * (deflection[end] - deflection[at]) / rise) if rise > 0 else 0.0
 
 
 def load_deflection(results: Results, style: Style) -> Figure | None:

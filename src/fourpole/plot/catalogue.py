@@ -28,6 +28,7 @@ from fourpole.study.study import make_folder
 _MODULES = (
     "frequency",
     "fields",
+    "statics",
     "loops",
     "chain",
     "rig",

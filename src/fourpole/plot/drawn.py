@@ -225,7 +225,9 @@ def _end_labels(ax: Axes, panel: Panel, style: Style, height: float) -> None:
     while ends:
         # Curves that end at about the same place have their labels in one column.
         right = ends[0][1]
-        column = sorted((end for end in ends if right - end[1] < _COLUMN), key=lambda end: end[2])
+        column = [end for end in ends if right - end[1] < _COLUMN]
+        # Of curves that end at the same height, the label of the leftmost is the highest.
+        column.sort(key=lambda end: (round(end[2], 2), -end[1]))
         ends = ends[len(column) :]
         places = _within(_apart(np.array([end[2] for end in column]), gap), gap)
         for (one, x, y), place in zip(column, places.tolist(), strict=True):
