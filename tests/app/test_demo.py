@@ -1,6 +1,7 @@
 """The demonstration, end to end: made, analysed, summed up, and the paper's twelve claims read on its tables."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ from fourpole.virtual import RUBBER_MOUNT
 
 def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):
     folder, ran = demonstration
-    assert (ran.returncode, ran.stderr) == (0, "")
+    assert ran.returncode == 0
+    progress = re.compile(r"[a-z]+: \d+ of \d+, about \d+ \w+ left")  # a slow machine has a line now and then
+    assert [line for line in ran.stderr.splitlines() if not progress.fullmatch(line)] == []
     lines = ran.stdout.splitlines()
     assert 20 <= len(lines) <= 35
     assert "K1 [kN/m]" in ran.stdout
