@@ -10,7 +10,8 @@ from fourpole.fitting.measured import measured_of, table_of
 from fourpole.fitting.modelfile import model_of
 from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.models.kraus import Kraus
-from fourpole.plot import draw, render
+from fourpole.plot import draw, figure_data, render
+from fourpole.plot.data import Role
 from fourpole.study.results import Results
 
 LEVELS, FREQUENCY = np.array([0.1e-3, 0.5e-3, 2e-3]), np.geomspace(2.0, 50.0, 6)
@@ -45,11 +46,8 @@ def test_lines_are_the_model_s_and_points_the_tests(results):
 
 
 def test_the_figure_over_frequency_has_a_line_for_each_level(results):
-    figure = draw(results, "model")
-    lines = [line for line in figure.axes[0].lines if line.get_label() == "_model"]
-    assert len(lines) == 3
-    names = {text.get_text() for legend in figure.legends for text in legend.get_texts()}
-    assert {"amplitude 0.1 mm", "amplitude 0.5 mm", "amplitude 2 mm"} <= names
+    curves = [one for one in figure_data(results, "storage-loss").panels[0].series if one.role is Role.MODEL]
+    assert [one.label for one in curves] == ["0.1 mm", "0.5 mm", "2 mm"]
 
 
 def test_the_same_results_give_the_same_bytes(results):

@@ -51,6 +51,11 @@ def twelve():
     return results_of(tyres=tyres, pressures=np.linspace(100e3, 240e3, 12), frequencies=(10.0, 15.0, 18.0, 24.0))
 
 
+@pytest.fixture(scope="module")
+def twelve_fitted(twelve):
+    return with_models(twelve, "kelvin", maps=False)
+
+
 def every(data, *roles):
     return [(panel, one) for panel in data.panels for one in panel.series if one.role in roles]
 
@@ -154,8 +159,8 @@ def test_tr_of_the_model_is_a_smooth_resonance_through_the_tests():
 
 @pytest.mark.parametrize("key", WITH_DATA)
 @pytest.mark.parametrize("modelled", [False, True])
-def test_no_panel_has_more_than_six_lines_of_one_colour_without_a_label(twelve, key, modelled):
-    results = with_models(twelve, "kelvin", maps=False) if modelled else twelve
+def test_no_panel_has_more_than_six_lines_of_one_colour_without_a_label(twelve, twelve_fitted, key, modelled):
+    results = twelve_fitted if modelled else twelve
     data = figure_data(results, key)
     if data is None:
         assert key == "signals"

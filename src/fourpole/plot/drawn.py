@@ -34,7 +34,7 @@ _MOST_LINKS = 1500
 #: Width of a letter and height of a line of the labels at the ends of curves [pt].
 _LETTER, _LINE = 3.75, 7.6
 #: A curve with more points than this is drawn through those that are needed, to within this distance [px].
-_FEW, _OFF = 20, 0.03
+_FEW, _OFF = 20, 0.015
 #: Curves whose ends are no farther apart than this share of the panel have their labels in one column.
 _COLUMN = 0.1
 #: Number of levels of a map, about.
