@@ -59,7 +59,7 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
     Notes
     -----
     With r = 1 an error is taken to act in the same direction in both campaigns, which holds for the same route, rig,
-    condition and added mass.
+    condition and added mass. Where K* differs by more than 20 %, no error of the dynamic test is taken as common.
     """
     tests = scan(folder).filter(pl.col("campaign").is_in([first, second])).collect()
     for name in (first, second):
