@@ -72,3 +72,32 @@ def test_a_phase_and_a_mass_that_nobody_knows_are_asked_about(doubts):
     assert "force_in.std_phase is 40 degrees" in said
     (said,) = doubts(mass=10)
     assert "rig.moving_mass has a standard uncertainty of 66.7 % of it" in said
+
+
+@pytest.mark.parametrize(
+    ("head", "cell", "meant"),
+    [
+        ("pressure [bar]", "210", "pressure [kPa]"),
+        ("pressure [bar]", "32", "pressure [psi]"),
+        ("pressure [kPa]", "2.1", "pressure [bar]"),
+        ("temperature [degC]", "293", "temperature [K]"),
+    ],
+)
+def test_values_that_no_test_has_ask_for_their_unit(tmp_path, doubts, head, cell, meant):
+    doubts()
+    rows = [f"test,file,kind,tyre,preload [N],{head}", f"D1,a.csv,dynamic,x,1000,{cell}"]
+    (tmp_path / "tests.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    (said,) = read_campaign(tmp_path).doubts
+    assert f"column '{head}' states {cell}" in said
+    assert f"write '{meant}'" in said
+
+
+@pytest.mark.parametrize(
+    ("head", "cell"),
+    [("pressure [bar]", "16"), ("pressure [psi]", "32"), ("pressure [kPa]", "60"), ("temperature [degC]", "-40")],
+)
+def test_usual_values_ask_nothing(tmp_path, doubts, head, cell):
+    doubts()
+    rows = [f"test,file,kind,tyre,preload [N],{head}", f"D1,a.csv,dynamic,x,1000,{cell}"]
+    (tmp_path / "tests.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    assert read_campaign(tmp_path).doubts == ()

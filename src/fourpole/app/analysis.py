@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 from fourpole.app.alike import gathered_alike
-from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress, say
+from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress, say, warn
 from fourpole.app.options import RunOptions, Wanted
 from fourpole.app.standing import (
     STATEMENT,
@@ -32,7 +32,7 @@ from fourpole.fitting.effort import seconds_of_fits
 from fourpole.io.child import SECONDS
 from fourpole.io.staging import recover, staged
 from fourpole.io.write import write_table
-from fourpole.quantities import CODE
+from fourpole.quantities import CODE, STORAGE
 
 if TYPE_CHECKING:
     from fourpole.study import Study
@@ -58,17 +58,28 @@ def run_analysis(
 ) -> int:
     """Analyse a campaign and write its results; the exit code is `SOME_REJECTED` if tests were rejected."""
     settings = settings_of(route, monte_carlo, wanted)
-    _, outcome = _outcome(campaign, results_of(campaign, folder), settings, options, wanted)
-    return show(outcome, as_json=as_json)
+    study, outcome = _outcome(campaign, results_of(campaign, folder), settings, options, wanted, silent=as_json)
+    return show(outcome, as_json=as_json, said=len(study.campaign.doubts))
 
 
 def _outcome(
-    campaign: Path, results: Path, settings: dict[str, Any], options: RunOptions, wanted: Wanted
+    campaign: Path,
+    results: Path,
+    settings: dict[str, Any],
+    options: RunOptions,
+    wanted: Wanted,
+    *,
+    silent: bool = False,
 ) -> tuple[Study, Outcome]:
-    """Analyse a campaign, write its results, and note that they stand for these settings."""
+    """Analyse a campaign, write its results, and note that they stand for these settings.
+
+    Doubts about the statement are printed before the work, unless `silent`.
+    """
     forget(results)
     inputs = identities(campaign, list(STATEMENT))
     stated = read_campaign(campaign)
+    for doubt in () if silent else stated.doubts:
+        warn(doubt)
     inputs |= identities(campaign, _files_of(stated))
     study = _analysed(stated, results, settings["route"], settings["monte_carlo"], options)
     page = _written(study, results, wanted)
@@ -216,6 +227,9 @@ def _modelled(tables: Results, new: Path, results: Path, obsolete: list[str], wa
     from fourpole.study.results import with_models
 
     kept = with_models(tables, results, new)
+    if tables.dynamic.is_empty() or tables.dynamic[STORAGE.head].null_count() == tables.dynamic.height:
+        obsolete.append("model.json")
+        return kept
     if wanted or (wanted is None and kept.models is None and seconds_of_fits(tables.dynamic.height) <= _FEW_SECONDS):
         from fourpole.app.models import fitted
 
@@ -247,15 +261,15 @@ def _verdicts(study: Study) -> pl.DataFrame:
 
 
 def _notes(study: Study) -> list[str]:
-    """Assumptions, and the remarks of the tests with a warning or rejected."""
-    notes = [f"note: {note}" for note in study.notes]
-    for verdict in ("warning", "rejected"):
+    """The remarks of the tests that are rejected or have a warning, then notes and assumptions."""
+    notes = []
+    for verdict in ("rejected", "warning"):
         rows = _verdicts(study).filter(pl.col("verdict") == verdict).unique(maintain_order=True)
         kinds = gathered_alike(rows.select("test", "remarks").rows())
         notes += [f"{verdict}: {one.tests}: {one.text}" for one in kinds[:_MOST_LISTED]]
         if more := sum(len(one.names) for one in kinds[_MOST_LISTED:]):
             notes.append(f"... and {more} more with verdict {verdict}; see the tables")
-    return notes
+    return [*notes, *(f"note: {note}" for note in study.notes)]
 
 
 def _summary(study: Study, results: Path) -> dict[str, Any]:

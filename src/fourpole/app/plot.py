@@ -28,6 +28,7 @@ def run_plot(results: Results, folder: Path, key: str | None, file: Path | None,
     """Draw one figure, or those of the paper, or list the figures there are."""
     from fourpole.plot import FIGURES, PAPER, draw, figures_of, save_figures, write_figure
     from fourpole.plot.catalogue import ON_REQUEST
+    from fourpole.plot.notebook import OF_QUANTITY
     from fourpole.plot.part import Selection, select
 
     selection, style = _selection(options), _style(options)
@@ -43,6 +44,7 @@ def run_plot(results: Results, folder: Path, key: str | None, file: Path | None,
         print_table(["figure", "shows"], [[one, FIGURES[one].title] for one in keys])
         out("\ndraw one with fourpole plot RESULTS FIGURE; --paper has the figures of the 1982 paper")
     else:
+        key = OF_QUANTITY.get(key, key)
         figure = draw(results, key, style)
         if figure is None:
             raise CampaignError(f"the results in {folder} hold no data for {key}: {FIGURES[key].title}")

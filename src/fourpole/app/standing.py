@@ -47,12 +47,12 @@ def settings_of(route: str, monte_carlo: int, wanted: Wanted) -> dict[str, Any]:
     return {"route": route, "monte_carlo": monte_carlo, **vars(wanted)}
 
 
-def show(outcome: Outcome, *, as_json: bool, stands: bool = False) -> int:
-    """Print what an analysis said; returns its exit code."""
+def show(outcome: Outcome, *, as_json: bool, stands: bool = False, said: int = 0) -> int:
+    """Print what an analysis said, but for the first notes, which are said; returns its exit code."""
     if as_json:
         print_json(outcome.document)
         return outcome.code
-    for note in outcome.notes:
+    for note in outcome.notes[said:]:
         say(note)
     if stands:
         say("nothing has changed since the last analysis: its results stand")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from math import inf
 
 import numpy as np
 
@@ -16,6 +17,13 @@ from fourpole.errors import UnitError
 _MOST_RATIO, _MOST_PHASE = 0.5, 0.5
 #: Similarity from which a name is that of a known column with a slip of the pen.
 _ALIKE = 0.6
+#: Least and greatest value, by column, outside which all values of a campaign are probably in another unit [SI].
+_PLAUSIBLE = {"pressure": (5e3, 2.5e6), "preload": (5.0, 1e6), "temperature": (0.0, 200.0)}
+#: Usual values, by which the unit that was meant is found [SI].
+_USUAL = {"pressure": (5e4, 1.5e6), "preload": (50.0, 1e5), "temperature": (-60.0, 150.0)}
+#: Kind of quantity of these columns, and the units that are tried in place of the stated one.
+_KIND_OF = {"pressure": "pressure", "preload": "force", "temperature": "temperature"}
+_MEANT = {"pressure": ("bar", "kPa", "psi"), "preload": ("kN", "N"), "temperature": ("K",)}
 #: Values of a rig that are always known roughly; a damping may not be.
 _WEIGHED = ("moving_mass", "preload_stiffness")
 
@@ -53,25 +61,67 @@ def _is_of(unit: str, kind: str) -> bool:
     return True
 
 
+def doubtful_values(head: str, name: str, unit: str, values: Sequence[float]) -> Iterator[str]:
+    """The doubt that all values of a column were meant in another unit.
+
+    Parameters
+    ----------
+    head, name, unit : str
+        Head of the column, its name, and the unit that its head has.
+    values : sequence of float
+        Its values in SI.
+    """
+    low, high = _PLAUSIBLE.get(name, (-inf, inf))
+    sizes = sorted(abs(value) for value in values if value)
+    if not sizes or (sizes[0] <= high and sizes[-1] >= low):
+        return
+    # a temperature has another zero in other units, so its numbers are those of the column only in degC
+    numbers = [one / (1.0 if name == "temperature" else units.unit_scale(unit, _KIND_OF[name])) for one in sizes]
+    least, most = _USUAL[name]
+    likely = next((one for one in _MEANT[name] if least <= _as_if(numbers[0], one, name) <= most), None)
+    hint = f"if {likely} is meant, write '{name} [{likely}]'" if likely else "check its unit"
+    span = f"{numbers[0]:.4g}" if numbers[0] == numbers[-1] else f"{numbers[0]:.4g} to {numbers[-1]:.4g}"
+    yield f"tests.csv: column {units.shown(head)} states {span} {unit}: is that so? {hint}"
+
+
+def _as_if(value: float, unit: str, name: str) -> float:
+    """SI value of a number in another unit."""
+    return float(units.to_si([value], unit, _KIND_OF[name])[0])
+
+
 def doubtful_uncertainties(stated: CampaignFile) -> Iterator[str]:
-    """Standard uncertainties so large that another number was probably meant."""
+    """Standard uncertainties so large that another number was probably meant; equal ones of channels together."""
+    gains: dict[float, list[str]] = {}
+    phases: dict[float, list[str]] = {}
     for role in CHANNEL_KINDS:
         channel = stated.channels.named(role)
-        if channel is None:
-            continue
-        where = f"campaign.toml: channels.{role}"
-        if channel.std_gain is not None and channel.std_gain > _MOST_RATIO:
-            ratio = channel.std_gain
-            likely = f' A number alone is a ratio: if {ratio:g} % is meant, write "{ratio:g} %".' if ratio >= 1 else ""
-            yield f"{where}.std_gain is {100 * ratio:g} %, as if the sensor were not calibrated: is that so?{likely}"
-        if channel.std_phase is not None and channel.std_phase > _MOST_PHASE:
-            yield (
-                f"{where}.std_phase is {np.degrees(channel.std_phase):.3g} degrees, as if the sensor were not "
-                "calibrated: is that so?"
-            )
+        if channel is not None and channel.std_gain is not None and channel.std_gain > _MOST_RATIO:
+            gains.setdefault(channel.std_gain, []).append(role)
+        if channel is not None and channel.std_phase is not None and channel.std_phase > _MOST_PHASE:
+            phases.setdefault(channel.std_phase, []).append(role)
+    for ratio, roles in gains.items():
+        likely = f' A number alone is a ratio: if {ratio:g} % is meant, write "{ratio:g} %".' if ratio >= 1 else ""
+        found = f"{_of(roles, 'std_gain')} is {100 * ratio:g} %"
+        yield f"{found}, as if {_sensors(roles)} not calibrated: is that so?{likely}"
+    for angle, roles in phases.items():
+        yield (
+            f"{_of(roles, 'std_phase')} is {np.degrees(angle):.3g} degrees, as if {_sensors(roles)} not calibrated: "
+            "is that so?"
+        )
     for name, rig in stated.all_rigs.items():
         for part in _WEIGHED:
             one = rig.values.get(part)
             if one is not None and abs(one.std) > _MOST_RATIO * abs(one.value) > 0:
                 where = f"campaign.toml: {f'rigs.{name}' if name else 'rig'}.{part}"
                 yield f"{where} has a standard uncertainty of {100 * one.std / abs(one.value):.3g} % of it: is that so?"
+
+
+def _of(roles: Sequence[str], key: str) -> str:
+    """A key of some channels in campaign.toml."""
+    if len(roles) == 1:
+        return f"campaign.toml: channels.{roles[0]}.{key}"
+    return f"campaign.toml: [channels] {key} of {', '.join(roles)}"
+
+
+def _sensors(roles: Sequence[str]) -> str:
+    return "the sensor were" if len(roles) == 1 else "the sensors were"

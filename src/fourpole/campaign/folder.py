@@ -20,7 +20,7 @@ from typing import Any
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean
 from fourpole.campaign.columns import PASSED, QUANTITIES, Column, columns_of, doubts_of
-from fourpole.campaign.doubts import doubtful_uncertainties
+from fourpole.campaign.doubts import doubtful_uncertainties, doubtful_values
 from fourpole.campaign.limits import Limits, read_limits
 from fourpole.campaign.particulars import logo_of
 from fourpole.campaign.place import at_hand
@@ -29,7 +29,7 @@ from fourpole.core.arrays import short_repr
 from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
 from fourpole.io.child import read_apart
-from fourpole.io.folders import why_no_campaign
+from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode, read_bytes
@@ -142,9 +142,11 @@ def read_campaign(folder: str | Path) -> Campaign:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise CampaignError(f"{units.shown(folder, 200)[1:-1]}: there is no such folder")
+        raise CampaignError(units.shown(why_no_folder(folder), 400)[1:-1])
     if not (folder / "campaign.toml").exists():
         raise CampaignError(why_no_campaign(folder))
+    if not (folder / "tests.csv").exists():
+        raise CampaignError(why_no_tests(folder))
     stated = parse_campaign(_text(folder / "campaign.toml", _MOST_TOML, strict=True))
     rows = list(_rows(_text(folder / "tests.csv", _MOST_TESTS, strict=False)))
     if not rows:
@@ -163,9 +165,17 @@ def read_campaign(folder: str | Path) -> Campaign:
                 f"campaign.toml: [conditions] axes: {units.shown(axis.name)} is no further column of tests.csv"
                 + (did_you_mean(axis.name, extra) if extra else "; it has none")
             )
-    doubts = (*doubts_of(columns, stated), *doubtful_uncertainties(stated))
+    doubts = (*doubts_of(columns, stated), *_doubtful(columns, tests), *doubtful_uncertainties(stated))
     logo = logo_of(folder, stated.report.logo)
     return Campaign(folder, stated, tuple(tests), extra, doubts, _limits(folder, tests), logo)
+
+
+def _doubtful(columns: Sequence[Column], tests: Sequence[Test]) -> Iterator[str]:
+    """Columns whose values were probably meant in another unit."""
+    for column in columns:
+        found = [value for one in tests if (value := one.values.get(column.name)) is not None]
+        if column.role == "quantity" and found:
+            yield from doubtful_values(column.label, column.name, column.unit or "", found)
 
 
 def _limits(folder: Path, tests: Sequence[Test]) -> Limits:
@@ -254,7 +264,8 @@ def _read_cells(
     """A test with the values of its cells, the texts of the row by name of column, and the faults of single cells."""
     test, texts, problems = Test("", row), {}, []
     if len(cells) != len(columns):
-        problems.append(f"has {len(cells)} cells, {len(columns)} columns are named: check its commas")
+        many = f"has {len(cells)} cells, {len(columns)} columns are named"
+        problems.append(f"{many}: check its commas; decimal commas need ; between the cells")
     measured = {axis.name for axis in stated.conditions.axes if not axis.text}
     for column, whole in zip(columns, cells, strict=False):
         cell = whole[:_MOST_TEXT]
@@ -352,7 +363,9 @@ def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str
         yield f"tyre {units.shown(tyre)} is not in campaign.toml; {hint}"
     rig = texts.get("rig", "")
     if rig and rig not in stated.all_rigs:
-        yield f"rig {units.shown(rig)} is not in campaign.toml; add [rigs.{_key(rig)}]"
+        near = difflib.get_close_matches(rig, tuple(stated.all_rigs), n=1, cutoff=0.5)
+        hint = f"did you mean {units.shown(near[0])}?" if near else f"add [rigs.{_key(rig)}]"
+        yield f"rig {units.shown(rig)} is not in campaign.toml; {hint}"
     if not rig and len(stated.all_rigs) > 1 and kind != "static":
         yield "several rigs are stated: name one of them in the column 'rig'"
     if not texts.get("file"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,6 +13,10 @@ from fourpole.errors import FileError, FourpoleError
 from fourpole.io.identity import Identity, identity_of
 from fourpole.io.remote import fetched, is_elsewhere, local_path, remote_identity, scheme_of
 from fourpole.io.signals import MAX_FILE_BYTES
+
+#: Files that are looked at for another spelling of a name, and the similarity from which they are one.
+_MOST_BESIDE, _ALIKE = 5000, 0.85
+_NUMBERS = re.compile(r"[0-9]+")
 
 
 def inside(folder: Path, file: str) -> Path:
@@ -45,7 +51,26 @@ def at_hand(folder: Path, file: str) -> Iterator[Path]:
         with fetched(file, max_bytes=MAX_FILE_BYTES) as path:
             yield path
     else:
-        yield inside(folder, file)
+        path = inside(folder, file)
+        if not path.exists():
+            raise FileError(f"{units.shown(file, 200)[1:-1]}: there is no such file; {_likely(folder, file)}")
+        yield path
+
+
+def _likely(folder: Path, file: str) -> str:
+    """What to do about a file that is not there: another spelling, if there is a file of it."""
+    plain = file.replace("\\", "/")
+    if plain != file:
+        there = (folder / plain).exists()
+        return f"write {units.shown(plain)}" if there else "name it from the campaign's folder, with / in place of \\"
+    with suppress(OSError):
+        name = Path(file).name
+        some = (one.name for one, _ in zip((folder / file).parent.iterdir(), range(_MOST_BESIDE), strict=False))
+        beside = [one for one in some if _NUMBERS.findall(one) == _NUMBERS.findall(name)]  # D1 is not meant by D2
+        near = difflib.get_close_matches(name, beside, n=1, cutoff=_ALIKE)
+        if near:
+            return f"did you mean {units.shown(Path(file).with_name(near[0]).as_posix())}?"
+    return "check its name"
 
 
 def identity_at(folder: Path, file: str) -> Identity:

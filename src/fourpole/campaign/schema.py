@@ -311,7 +311,8 @@ def parse_campaign(text: str, name: str = "campaign.toml") -> CampaignFile:
     try:
         raw = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise CampaignError(f"{name}: not valid TOML: {error}") from None
+        remedy = r"; in a path write / in place of \, or '...' around it" if "\\" in str(error) else ""
+        raise CampaignError(f"{name}: not valid TOML: {error}{remedy}") from None
     return validated(raw, name)
 
 

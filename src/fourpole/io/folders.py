@@ -61,6 +61,21 @@ def model_in(path: str | Path) -> Path:
     raise CampaignError(f"{path}: has no model yet: run fourpole fit {path}, or fourpole map {path}, first")
 
 
+def why_no_folder(path: Path) -> str:
+    """What is in place of a folder: nothing, or a file."""
+    if path.is_file():
+        return f"{path} is a file: name its folder, {path.parent}"
+    return f"{path}: there is no such folder"
+
+
+def why_no_tests(folder: Path) -> str:
+    """What to do about a campaign without tests.csv."""
+    return (
+        f"{folder}: has campaign.toml, but no tests.csv, which lists the tests: put it there, or fourpole init "
+        f"{folder} --force writes both anew from the recordings"
+    )
+
+
 def why_no_campaign(folder: Path) -> str:
     """Why a folder without campaign.toml is no campaign, and what to do."""
     if (folder / _RESULTS).exists() and (folder.parent / _CAMPAIGN).is_file():

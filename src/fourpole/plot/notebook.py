@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Figure that shows a quantity, by the symbols that people write.
-_OF = {
+OF_QUANTITY = {
     **dict.fromkeys(("K*", "|K*|", "loss angle", "delta"), "stiffness"),
     **dict.fromkeys(("K'", "K''", "Re K*", "Im K*"), "storage-loss"),
     **dict.fromkeys(("K2", "C"), "arm"),
@@ -94,9 +94,10 @@ def draw(what: Results | Recording, figure: str = "stiffness", *, style: Style |
     if isinstance(what, Recording):
         return _recording(what, style or Style())
     results = what if isinstance(what, Results) else what.results
-    key = _OF.get(figure, figure)
+    key = OF_QUANTITY.get(figure, figure)
     if key not in FIGURES:
-        raise CampaignError(f"no figure {figure!r}: name a quantity, {', '.join(_OF)}, or one of {', '.join(FIGURES)}")
+        quantities, figures = ", ".join(OF_QUANTITY), ", ".join(FIGURES)
+        raise CampaignError(f"no figure {figure!r}: name a quantity, {quantities}, or one of {figures}")
     found = figure_of(results, key, style)
     if found is None:
         raise CampaignError(f"the results hold no data for {figure}: {FIGURES[key].title}")

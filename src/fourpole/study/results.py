@@ -16,7 +16,7 @@ from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.face import public
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
-from fourpole.io.folders import results_in
+from fourpole.io.folders import results_in, why_no_folder
 from fourpole.io.source import read_bytes, sha256_of
 from fourpole.io.staging import recover
 from fourpole.quantities import TYRE, ShownUnits
@@ -170,7 +170,7 @@ def read_results(folder: str | Path) -> Results:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise CampaignError(f"{folder}: there is no such folder of results")
+        raise CampaignError(why_no_folder(folder) if folder.is_file() else f"{why_no_folder(folder)} of results")
     folder = results_in(folder)
     recover(folder)
     tables = {spec.name: read_table(folder, spec) for spec in TABLES.values() if spec.read}
