@@ -33,6 +33,14 @@ def test_json_has_each_requirement(run, analysed):
     assert said["values"][0]["specimen"] == "radial-ply"
 
 
+def test_the_page_of_former_tables_does_not_stay(run, analysed):
+    assert run("report", analysed, "--standard", "iso-7626-2").exit_code == 0
+    stated = analysed / "campaign.toml"
+    stated.write_text(stated.read_text().replace("value = 15.0", "value = 15.01"))
+    assert run("analyse", analysed, "--tables-only").exit_code == 0
+    assert not list((analysed / "results").glob("report*"))
+
+
 def test_an_unknown_standard_is_said_before_anything_is_written(run, analysed):
     ran = run("report", analysed, "--standard", "din 53513")
     assert (ran.exit_code, ran.stdout) == (2, "")

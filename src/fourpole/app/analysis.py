@@ -205,7 +205,7 @@ def _written(study: Study, results: Path, wanted: Wanted) -> Path | None:
         if not wanted.tables_only:
             obsolete += _files_of_report()
             return results / _drawn(study, new, results, obsolete, wanted).name
-        drawn = (results / "report.html").exists() or (results / "figures").exists()
+        drawn = any(results.glob("report*.html")) or (results / "figures").exists()
         if drawn and not _same(new, results):
             obsolete += _files_of_report()
     return None
@@ -244,9 +244,11 @@ def _modelled(tables: Results, new: Path, results: Path, obsolete: list[str], wa
 
 
 def _files_of_report() -> tuple[str, ...]:
+    """The files of the report, and the pages of standards, which are of the former tables."""
     from fourpole.app.report import OF_REPORT
+    from fourpole.report.standards import PAGES
 
-    return OF_REPORT
+    return (*OF_REPORT, *PAGES.values())
 
 
 def _same(new: Path, former: Path) -> bool:

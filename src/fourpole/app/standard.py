@@ -7,7 +7,7 @@ from typing import Any
 
 from fourpole.app.console import out, print_json, print_table
 from fourpole.io.write import write_text
-from fourpole.report.standards import standard_named
+from fourpole.report.standards import PAGES, standard_named
 from fourpole.report.standards.page import NOTE, render_standard
 from fourpole.report.standards.requirement import Found, Requirement, Standard, answered, counts
 from fourpole.study.results import Results
@@ -18,7 +18,7 @@ _HEADS = ("requirement", "clause", "measured", "limit", "answer")
 def run_standard(results: Results, folder: Path, name: str, *, as_json: bool) -> None:
     """Print the requirements of a standard with their answers, and write its page beside the report."""
     standard = standard_named(name)
-    found, page = answered(standard, results), folder / f"report-{standard.key}.html"
+    found, page = answered(standard, results), folder / PAGES[standard.key]
     write_text(page, render_standard(standard, results))
     if as_json:
         print_json(_document(standard, found, results, page))

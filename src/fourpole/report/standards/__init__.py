@@ -10,6 +10,9 @@ from fourpole.units import shown
 #: The standards by their name in the command.
 STANDARDS = {one.key: one for one in (sae_j1085.STANDARD, iso_7626_2.STANDARD, iso_10846_2.STANDARD)}
 
+#: The page of each, in the folder of the results.
+PAGES = {name: f"report-{name}.html" for name in STANDARDS}
+
 
 def standard_named(name: str) -> Standard:
     """The standard of a name; CampaignError with the list for another name."""
