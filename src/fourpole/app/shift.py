@@ -11,6 +11,7 @@ import numpy as np
 
 from fourpole.app.console import out, print_json, print_table, progress, say, warn
 from fourpole.app.options import ShiftOptions
+from fourpole.app.shown import PLUS_MINUS, with_u
 from fourpole.errors import UnitError
 from fourpole.fitting.measured import MASTER
 from fourpole.fitting.shifting import (
@@ -30,6 +31,7 @@ from fourpole.io.staging import staged
 from fourpole.io.write import write_bytes, write_table, write_text
 from fourpole.models.overlap import LEVEL, LOSS, ONE_CURVE, Overlap
 from fourpole.models.shift_law import CONSTANTS, ShiftLaw
+from fourpole.report.digits import number
 
 _DECADE = np.log(10.0)
 _MOST_ROWS = 60
@@ -123,7 +125,7 @@ def _show(one: TyreShift, constants_at: float | None) -> None:
     rows = []
     for at, t in enumerate(found.temperatures.tolist()):
         cells = [f"{t:.5g}", f"{found.log_a[at] / _DECADE:.4f}", f"{found.std[at] / _DECADE:.2g}"]
-        cells.append(f"{law.log_a(t)[0] / _DECADE:.4f}")
+        cells.append(f"{law.log_a(t)[0] / _DECADE:.4f}".replace("-0.0000", "0.0000"))
         if found.vertical:
             b = float(np.exp(found.log_b[at]))
             cells += [f"{b:.4f}", f"{b * found.vertical_std[at]:.2g}"]
@@ -142,12 +144,14 @@ def _show(one: TyreShift, constants_at: float | None) -> None:
             else f"the shift factors do not decide between {law.name} and {other}; {law.name} is taken"
         )
     ends = found.temperatures[[0, -1]]
+    out(f"{PLUS_MINUS}; u is a standard uncertainty")
     out(f"valid from {ends[0]:.4g} to {ends[1]:.4g} degC; nothing is known outside")
     if constants_at is not None and law.name == "WLF":
         moved = law.at_reference(constants_at)
         out(
-            f"WLF with the reference {constants_at:.4g} degC: C1 = {moved.values[0]:.4g} ± {moved.std[0]:.2g}, "
-            f"C2 = {moved.values[1]:.4g} ± {moved.std[1]:.2g} K"
+            f"WLF with the reference {constants_at:.4g} degC: "
+            f"C1 = {with_u(float(moved.values[0]), float(moved.std[0]))}, "
+            f"C2 = {with_u(float(moved.values[1]), float(moved.std[1]))} K"
         )
 
 
@@ -172,12 +176,13 @@ def _law_words(law: ShiftLaw) -> str:
         CONSTANTS[law.name], law.values * scale, law.std * scale, law.intervals * scale, strict=True
     ):
         shown = {"J/mol": " kJ/mol", "K": " K", "1": ""}[unit]
-        parts.append(f"{symbol} = {value:.4g} ± {std:.2g}{shown} (95 %: {ends[0]:.4g} .. {ends[1]:.4g})")
+        low, high = (with_u(float(end), float(std)).partition(" ")[0] for end in ends)
+        parts.append(f"{symbol} = {with_u(float(value), float(std))}{shown} (95 %: {low} .. {high})")
     text = f"{law.name} at {law.reference:.4g} degC: {', '.join(parts)}"
     if law.name == "WLF":
         correlation = law.covariance[0, 1] / (law.std[0] * law.std[1])
         text += f", correlation {correlation:.3f}"
-    return f"{text}; chi-square {law.chi2:.3g} for {law.dof} degrees of freedom"
+    return f"{text}; chi-square {number(law.chi2, 3)} for {law.dof} degrees of freedom"
 
 
 def _written(found: Sequence[TyreShift], options: ShiftOptions) -> list[Path]:

@@ -38,6 +38,8 @@ def results_in(path: str | Path) -> Path:
         raise CampaignError(f"{path}: a campaign without results: run fourpole analyse {path} first")
     if (path.parent / _CAMPAIGN).is_file():  # results that were stopped on their way, or moved
         raise CampaignError(f"{path}: holds no results: run fourpole analyse {path.parent} first")
+    if (path / "master.csv").is_file():
+        raise CampaignError(f"{path}: holds a master curve: name its table, {path / 'master.csv'}")
     raise CampaignError(
         f"{path}: holds neither results nor a campaign; fourpole init {path} makes a campaign of the recordings in it"
     )
