@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import re
-from importlib import resources
-
 import polars as pl
-from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup
 
 from fourpole import quantities as q
@@ -15,6 +10,7 @@ from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared
 from fourpole.plot.compared import draw_compared
 from fourpole.plot.figure import figure_bytes
 from fourpole.quantities import LOSS_ANGLE, MODULUS, ShownUnits
+from fourpole.report.html import packaged, rendered, svg_address
 from fourpole.report.words.compared import outcome, shown_rows, where
 from fourpole.version import VERSION
 
@@ -23,8 +19,6 @@ _FIGURE = (MODULUS, LOSS_ANGLE)
 _STATE = ("specimen", q.PRESSURE.head, q.PRELOAD.head, q.TEMPERATURE.head)
 #: Rows of the page; the file of all rows is CSV.
 _MOST = 1000
-#: Characters that a page must not contain: control characters and lone surrogates.
-_UNFIT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
 def render_compared(compared: Compared, units: ShownUnits | None = None) -> str:
@@ -32,14 +26,8 @@ def render_compared(compared: Compared, units: ShownUnits | None = None) -> str:
     units = units or ShownUnits()
     shown = _most_different(compared)
     rows = shown_rows(compared, units, _MOST)
-    environment = Environment(
-        loader=DictLoader({"page": _part("compared.html")}),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    text = environment.get_template("page").render(
+    return rendered(
+        {"page": packaged("compared.html")},
         names=compared.names,
         outcome=outcome(compared),
         common=compared.common,
@@ -49,10 +37,9 @@ def render_compared(compared: Compared, units: ShownUnits | None = None) -> str:
         not_seen=NOT_SEEN,
         figure=_address(shown, compared, units) if shown.height else "",
         where=_state(shown, compared, units) if shown.height else "",
-        style=Markup(_part("page.css")),
+        style=Markup(packaged("page.css")),
         version=VERSION,
     )
-    return _UNFIT.sub("\ufffd", text)
 
 
 def _most_different(compared: Compared) -> pl.DataFrame:
@@ -68,15 +55,10 @@ def _most_different(compared: Compared) -> pl.DataFrame:
 def _address(shown: pl.DataFrame, compared: Compared, units: ShownUnits) -> str:
     """The figure as a data: URL."""
     figure = draw_compared(shown, [units.of(one) for one in _FIGURE], compared.names)
-    svg = figure_bytes(figure, "compared", "Two results compared", "svg")
-    return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
+    return svg_address(figure_bytes(figure, "compared", "Two results compared", "svg"))
 
 
 def _state(shown: pl.DataFrame, compared: Compared, units: ShownUnits) -> str:
     """The condition of the figure, without a frequency."""
     row = {**shown.row(0, named=True), q.FREQUENCY.head: None}
     return where(row, units, specimen=compared.rows["specimen"].n_unique() > 1)
-
-
-def _part(name: str) -> str:
-    return resources.files("fourpole.report").joinpath(name).read_text(encoding="utf-8")

@@ -7,11 +7,9 @@ import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup
 
 from fourpole.core.checks import VERDICTS
@@ -21,6 +19,7 @@ from fourpole.report.cards import embedded, make_cards
 from fourpole.report.digits import number
 from fourpole.report.folded import folded
 from fourpole.report.front import front_page
+from fourpole.report.html import packaged, rendered, svg_address
 from fourpole.report.models import models_section
 from fourpole.report.rows import DYNAMIC, STATIC, result_rows
 from fourpole.report.stated import channel_rows, rig_rows, tested
@@ -34,8 +33,6 @@ from fourpole.study.results import Results, section, texts
 FRONT = ("first-stiffness", "first-tr")
 #: Up to this number the tests of a finding or a remark are listed by name.
 _NAMED = 12
-#: Characters that a page must not contain: control characters and lone surrogates.
-_UNFIT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
 @dataclass(frozen=True)
@@ -60,7 +57,7 @@ class ReportFigure:
     @property
     def address(self) -> str:
         """The drawing as a data: URL."""
-        return f"data:image/svg+xml;base64,{base64.b64encode(_compact(self.svg).encode()).decode()}"
+        return svg_address(_compact(self.svg).encode())
 
     @property
     def size(self) -> tuple[int, int] | None:
@@ -105,12 +102,13 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
     where = {card.test: card.key for card in cards}
     record = results.record
     title = str(record.get("title") or "") or "Campaign without a title"
-    script = _part("page.js")
+    script = packaged("page.js")
     front = front_page(results, findings)
     topics, remarks = _topics(findings, where), _remarks([*dynamic.rows, *static.rows], checks_by_test(results.checks))
     models, rigs_found = models_section(results), [_rig_as_found(found, where) for found in rigs_in_words(results)]
     shown = {key: figure for key, figure in figures.items() if key not in FRONT}
-    text = _template().render(
+    return rendered(
+        {"page": packaged("template.html"), "front": packaged("front.html")},
         title=title,
         front=front,
         front_figures=[figures[key] for key in FRONT if key in figures],
@@ -149,31 +147,15 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
                 " · ".join(part for part in (front.laboratory, front.number, str(record.get("title") or "")) if part)
             )
         ),
-        style=Markup(_part("page.css")),
+        style=Markup(packaged("page.css")),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     )
-    return _UNFIT.sub("\ufffd", text)
-
-
-def _part(name: str) -> str:
-    return resources.files("fourpole.report").joinpath(name).read_text(encoding="utf-8")
 
 
 def _css_text(text: str) -> str:
     """A text as a string of a style sheet inside a page, with every sign but letters, digits and blanks escaped."""
     return '"' + "".join(c if (c.isalnum() and c.isascii()) or c == " " else f"\\{ord(c):x} " for c in text[:120]) + '"'
-
-
-def _template() -> Any:
-    environment = Environment(
-        loader=DictLoader({"page": _part("template.html"), "front": _part("front.html")}),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("page")
 
 
 def _rig_as_found(about: RigInWords, where: Mapping[str, str]) -> dict[str, Any]:

@@ -1,0 +1,32 @@
+"""A page that is one file: its template, its style sheet and its pictures."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Mapping
+from importlib import resources
+from typing import Any
+
+from jinja2 import DictLoader, Environment, StrictUndefined
+
+#: Characters that a page must not contain: control characters and lone surrogates.
+_UNFIT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+
+
+def packaged(name: str, package: str = "fourpole.report") -> str:
+    """The text of a file of the package: a template, a style sheet or a script."""
+    return resources.files(package).joinpath(name).read_text(encoding="utf-8")
+
+
+def rendered(templates: Mapping[str, str], **shown: Any) -> str:
+    """The template named "page", filled in; texts are escaped, and characters that a page must not contain replaced."""
+    environment = Environment(
+        loader=DictLoader(templates), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return _UNFIT.sub("\ufffd", environment.get_template("page").render(**shown))
+
+
+def svg_address(svg: bytes) -> str:
+    """A drawing as a data: URL."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
