@@ -17,10 +17,11 @@ from fourpole.core.confidence import NORMAL_95
 from fourpole.core.routes import maxwell_arm
 from fourpole.errors import CampaignError
 from fourpole.fitting.query import response
-from fourpole.plot import FIGURES, Style, draw, figure_data, figures_of, render
+from fourpole.plot import FIGURES, SIZES, Style, draw, figure_data, figures_of, render
 from fourpole.plot.chain import Kind, chains
 from fourpole.plot.data import MOST_LABELLED, Role
 from fourpole.plot.drawn import _apart, _within
+from fourpole.plot.layout import COLOUR_SCALE
 from fourpole.plot.part import Selection, select
 from fourpole.plot.sheet import read_sheet
 from fourpole.report.cards import make_cards
@@ -314,12 +315,23 @@ def test_models_of_other_conditions_leave_with_their_tests(fitted):
 
 @pytest.mark.parametrize(("size", "expected"), [("journal", (3.5, None)), ("slide", (10.0, 5.625))])
 def test_a_figure_has_the_size_that_is_asked_for(fitted, size, expected):
-    from fourpole.plot import SIZES
-
     for key in ("stiffness", "tr", "first-stiffness"):
         width, height = draw(fitted, key, Style(size=SIZES[size])).get_size_inches()
         assert width == expected[0]
+        whole = [ax.get_ylabel() for ax in draw(fitted, key).axes if ax.get_ylabel()]
+        if size == "journal":  # one panel in a row, each with its label, those of a specimen below each other
+            panels = [ax for ax in draw(fitted, key, Style(size=SIZES[size])).axes if ax.get_label() != COLOUR_SCALE]
+            assert len({round(ax.get_position().x0, 6) for ax in panels}) == 1
+            labels = [ax.get_ylabel() for ax in panels]
+            assert labels == whole * (len(labels) // len(whole))
         assert expected[1] is None or height == pytest.approx(expected[1])
+
+
+def test_panels_with_other_abscissas_have_their_own_numbers(study):
+    figure = draw(study, "static", Style(size=SIZES["journal"]))
+    assert [ax.get_xlabel() for ax in figure.axes] == ["deflection [mm]"] * 2
+    assert len({ax.get_xlim() for ax in figure.axes}) == 2
+    assert all(ax.xaxis.get_tick_params()["labelbottom"] for ax in figure.axes)
 
 
 # ---- the rest

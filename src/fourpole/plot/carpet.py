@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from fourpole.plot.layout import WIDTH, Grid, Key, Notes
+from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.names import counted, plain_text
 from fourpole.plot.panels import tyre_heading
 from fourpole.plot.sheet import read_sheet
@@ -45,7 +45,7 @@ def load_deflection(results: Results, style: Style) -> Figure | None:
     widest = max(float(line.deflection.max()) + offset(line.pressure) for line in lines)
     x_limits = style.xlim or (-0.03 * widest, 1.15 * widest)
     # Width of the label of a pressure in the units of the abscissa.
-    room = 0.26 * columns / (WIDTH - 1.0) * abs(x_limits[1] - x_limits[0])
+    room = 0.26 * columns / max(style.width - 1.0, 1.0) * abs(x_limits[1] - x_limits[0])
     for ax, tyre in zip(grid.panels, tyres, strict=True):
         own = [line for line in lines if line.tyre == tyre]
         carpet(ax, own, offset=offset, colour=style.colour(tyre), room=room, style=style)

@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.fitting.modelfile import CandidateFile, ModelEntry
-from fourpole.plot.layout import WIDTH, Grid, Key, Notes
+from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.models import heading
 from fourpole.plot.names import plain_text
 from fourpole.plot.panels import few_ticks, numbered, rows_of_names, span
@@ -57,7 +57,7 @@ def choice(results: Results, style: Style) -> Figure | None:
     for ax, label in zip(grid.panels[-3:], labels, strict=True):
         ax.set_xlabel(label)
     # The names of models need a wider margin than numbers.
-    figure.subplots_adjust(left=0.98 / WIDTH)
+    figure.subplots_adjust(left=style.font(0.98) / style.width)
     return figure
 
 
@@ -73,7 +73,7 @@ def _draw_choice(panels: Sequence[Axes], entry: ModelEntry, colour: str, style: 
     for ax, values in zip(panels, columns, strict=True):
         for place, (one, value) in enumerate(zip(tried, values, strict=True)):
             if value is None:
-                ax.text(0.02, place, "n", color=style.look.muted, fontsize=7.0, va="center",
+                ax.text(0.02, place, "n", color=style.look.muted, fontsize=style.font(7.0), va="center",
                         transform=ax.get_yaxis_transform())  # fmt: skip
                 continue
             _draw_candidate(ax, value, place, one, colour if one.model == entry.model else "", style)

@@ -37,6 +37,8 @@ _LETTER, _LINE = 3.75, 7.6
 _FEW, _OFF = 20, 0.015
 #: Curves whose ends are no farther apart than this share of the panel have their labels in one column.
 _COLUMN = 0.1
+#: Least width of a panel of several in a row [in].
+_LEAST_WIDTH = 1.3
 #: Number of levels of a map, about.
 _LEVELS = 9
 #: A curve whose label is shorter than this [letters] takes no more room for it.
@@ -44,7 +46,9 @@ _LEAST_ROOM = 4
 
 
 def figure_of(data: FigureData, style: Style) -> Figure:
-    """A matplotlib figure of the data, not registered with pyplot."""
+    """A matplotlib figure of the data, not registered with pyplot; a narrow one has fewer panels in a row."""
+    beside = 0.16 if data.shared else data.left * style.size.font
+    data = _narrowed(data, max(1, int((style.width - style.font(0.8)) / (style.font(_LEAST_WIDTH) + beside))))
     grid = Grid.of(len(data.panels), data.columns, panel_height=data.panel_height, style=style)
     notes = Notes(list(data.notes))
     linked = sum(len(one.cards) for panel in data.panels for one in panel.series) <= _MOST_LINKS
@@ -69,7 +73,8 @@ def figure_of(data: FigureData, style: Style) -> Figure:
     figure = grid.finish(
         key=_key(data, style), notes=notes, x_label=data.panels[0].x.label,
         y_labels=[panel.y.label for panel in data.panels[:: data.columns]] if data.shared else [""],
-        share_y=data.shared, headings=_headings(data), scale=data.scale, height=data.height, left=data.left,
+        share_x=_same_abscissa(grid.panels, data.columns), share_y=data.shared,
+        headings=_headings(data), scale=data.scale, height=data.height, left=data.left,
     )  # fmt: skip
     for ax, panel in zip(grid.panels, data.panels, strict=True):
         if panel.names:
@@ -78,6 +83,22 @@ def figure_of(data: FigureData, style: Style) -> Figure:
             ax.set_ylabel(panel.y.label)
         _end_labels(ax, panel, style, 72 * ax.get_position().height * figure.get_size_inches()[1])
     return figure
+
+
+def _same_abscissa(panels: Sequence[Axes], columns: int) -> bool:
+    """Whether the panels below each other have the same limits, so that the lowest alone needs numbers."""
+    each = [{tuple(np.round(ax.get_xlim(), 9)) for ax in panels[at::columns]} for at in range(columns)]
+    return all(len(limits) == 1 for limits in each)
+
+
+def _narrowed(data: FigureData, columns: int) -> FigureData:
+    """The figure with at most so many panels in a row; the panels of a column stay below each other."""
+    if data.columns <= columns:
+        return data
+    rows = [data.panels[at : at + data.columns] for at in range(0, len(data.panels), data.columns)]
+    groups = range(0, data.columns, columns)
+    panels = tuple(panel for at in groups for row in rows for panel in row[at : at + columns])
+    return replace(data, panels=panels, columns=columns, height=None)
 
 
 def _headings(data: FigureData) -> str:

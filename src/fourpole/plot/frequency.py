@@ -96,13 +96,13 @@ def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData
 def first(results: Results, quantities: Sequence[Quantity]) -> FigureData | None:
     """Quantities against frequency beside each other, with at most six curves of all specimens together."""
     sheet = read_sheet(results, texts_only=True)
-    known, notes = _known(sheet, quantities)
+    known, left_out = _known(sheet, quantities)
     found = [one for one in states(results) if np.any(known & one.rows & ~sheet.rejected)]
     if not found:
         return None
-    chosen = _few(found)
+    chosen, notes = _few(found), []
     if len(chosen) < len(found):
-        notes.insert(0, f"{len(chosen)} of {len(found)} conditions shown")
+        notes.append(f"{len(chosen)} of {len(found)} conditions shown")
     tyres = list(dict.fromkeys(one.tyre for one in chosen))
     alone = len(tyres) == len(chosen) > 1
     curves = []
@@ -115,7 +115,12 @@ def first(results: Results, quantities: Sequence[Quantity]) -> FigureData | None
     log = _logarithmic(curves, sheet)
     panels = [_panel(results, quantity, curves, known & ~sheet.rejected, log=log) for quantity in quantities]
     common = _common(results, chosen)
-    said = [*([f"at {common}"] if common else []), *_models_said(results, sheet, panels, tyres), *notes]
+    # The page has the models in words; a hint stands where there is none.
+    hint = (
+        [] if any(one.role is Role.MODEL for one in panels[0].series) else _models_said(results, sheet, panels, tyres)
+    )
+    bare = ["without the tests with an added mass"] if left_out else []
+    said = [*([f"at {common}"] if common else []), *hint, *notes, *bare]
     return FigureData(
         panels=tuple(panels), columns=len(panels), names=sheet.labels, shared=False, notes=tuple(said),
         keyed=tuple(tyres) if len(tyres) > 1 and not alone else (), height=_COMPACT,

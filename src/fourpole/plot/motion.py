@@ -53,7 +53,7 @@ def mark_crossings(ax: Axes, found: list[tuple[float, float, str]], *, style: St
         ax.plot([x, x], [0.0, y], color=style.look.ink, linewidth=0.7, linestyle=(0, (2, 2)), label="_crossing")
     text = "\n".join(["the curves cross at", *(f"{x:.1f} Hz{where}" for x, _, where in found)])
     # Below the resonance TR is above 1, so no curve reaches the lower left corner.
-    ax.text(0.025, 0.03, text, transform=ax.transAxes, fontsize=7.0, va="bottom", linespacing=1.25,
+    ax.text(0.025, 0.03, text, transform=ax.transAxes, fontsize=style.font(7.0), va="bottom", linespacing=1.25,
             bbox={"facecolor": style.look.paper, "edgecolor": "none", "pad": 1.5})  # fmt: skip
     return ax
 

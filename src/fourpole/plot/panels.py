@@ -185,7 +185,7 @@ def tyre_heading(ax: Axes, name: str, colour: str, right: str = "", *, style: St
 
 def condition(ax: Axes, text: str, *, style: Style, pad: float = 4.5) -> None:
     """Write a condition above the panel on the right."""
-    ax.set_title(text, loc="right", pad=pad, color=style.look.muted, fontsize=7.5)
+    ax.set_title(text, loc="right", pad=pad, color=style.look.muted, fontsize=style.font(7.5))
 
 
 def band(ax: Axes, x: FloatArray, y: FloatArray, half: FloatArray, colour: str, *, faint: bool = False) -> Axes:

@@ -49,7 +49,7 @@ class Pen:
 
     def text(self, x: float, y: float, text: str, *, ha: str = "left", size: float = 9.0) -> None:
         """A text at half its height."""
-        self.ax.text(x, y, text, ha=ha, va="center", fontsize=size)  # type: ignore[arg-type]
+        self.ax.text(x, y, text, ha=ha, va="center", fontsize=size * self.style.width / 7.0)  # type: ignore[arg-type]
 
     def spring(self, x: float, low: float, high: float, wide: float = 0.2) -> None:
         """A coil spring along a vertical line."""

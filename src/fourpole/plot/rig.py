@@ -15,7 +15,7 @@ from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.condition import FREQUENCY, Axis
 from fourpole.core.sources import Kind, Role
 from fourpole.fitting.rows import keys_of
-from fourpole.plot.layout import WIDTH, Grid, Key, Notes
+from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.names import counted, plain_text, value_label
 from fourpole.plot.panels import Extent, Marks, curve, limit, rejected_tests, rows_of_names, span
 from fourpole.plot.sheet import Sheet, floats, grouped, means, read_sheet, texts
@@ -216,7 +216,7 @@ def found(results: Results, style: Style) -> Figure | None:
         _found_panel(ax, groups, style)
         if rig.rig:
             ax.set_title(f"rig {plain_text(rig.rig)}", loc="left", pad=4.5)
-        ax.text(1.015, 1.0, "u found /\nu stated", transform=ax.transAxes, va="bottom", fontsize=7.0,
+        ax.text(1.015, 1.0, "u found /\nu stated", transform=ax.transAxes, va="bottom", fontsize=style.font(7.0),
                 color=style.look.muted)  # fmt: skip
     key.line("as stated, ± u", style.look.grid, 5.0)
     present = {value.finding for rig in rigs for value in rig.values}
@@ -226,7 +226,7 @@ def found(results: Results, style: Style) -> Figure | None:
             key.line(label, ink, marker=marker, markerfacecolor=ink if filled else style.look.paper)
     label = "found less stated, in stated standard uncertainties [1]"
     figure = grid.finish(key=key, notes=notes, x_label=label, y_labels=[""])
-    figure.subplots_adjust(left=1.7 / WIDTH, right=1 - 0.75 / WIDTH)
+    figure.subplots_adjust(left=style.font(1.7) / style.width, right=1 - style.font(0.75) / style.width)
     return figure
 
 
@@ -262,13 +262,13 @@ def _dot(ax: Axes, at: int, shared: SharedValue, style: Style) -> float:
     numbers = (shared.stated, shared.found, shared.stated_std, shared.found_std, shared.ratio)
     stated, value, prior, std, ratio = (np.nan if x is None else x for x in numbers)
     if np.isfinite(ratio):
-        ax.text(1.015, at, f"{ratio:.2g}", transform=ax.get_yaxis_transform(), va="center", fontsize=7.0,
+        ax.text(1.015, at, f"{ratio:.2g}", transform=ax.get_yaxis_transform(), va="center", fontsize=style.font(7.0),
                 color=style.look.ink)  # fmt: skip
     if shared.finding is RigFinding.UNSTATED and np.isfinite(value):
         marker, _, colour, _ = _FINDINGS[shared.finding]
         ax.plot([0.0], [at], linestyle="none", marker=marker, markersize=5.0, color=colour, zorder=3.0,
                 markerfacecolor=style.look.paper, label="_value")  # fmt: skip
-        ax.text(0.15, at, _size(shared, value, std), va="center", fontsize=7.0, color=style.look.ink)
+        ax.text(0.15, at, _size(shared, value, std), va="center", fontsize=style.font(7.0), color=style.look.ink)
         return 1.0
     if not prior > 0:
         return 0.0
@@ -282,7 +282,14 @@ def _dot(ax: Axes, at: int, shared: SharedValue, style: Style) -> float:
     place = float(np.clip(off, -_EDGE, _EDGE))
     if beyond:
         text = f"{off:+.0f}".replace("-", "−")
-        ax.text(place - np.sign(off) * 0.25, at, text, va="center", ha="right" if off > 0 else "left", fontsize=7.0)
+        ax.text(
+            place - np.sign(off) * 0.25,
+            at,
+            text,
+            va="center",
+            ha="right" if off > 0 else "left",
+            fontsize=style.font(7.0),
+        )
         marker = ">" if off > 0 else "<"
     elif np.isfinite(wide):
         ax.plot([off - wide, off + wide], [at, at], color=colour, linewidth=1.3, label="_found", zorder=2.5)
@@ -313,18 +320,18 @@ def mass_gain(results: Results, style: Style) -> Figure | None:
     grid = Grid.of(len(shown), min(2, len(shown)), panel_height=0.25 + 0.5 * most, style=style)
     bars = ((style.look.muted, "without the weighed mass"), (_FINDINGS[RigFinding.FOUND][2] or "", "with it"))
     for ax, (rig, pairs) in zip(grid.panels, shown, strict=True):
-        _gain_panel(ax, pairs, [colour for colour, _ in bars], len(shown))
+        _gain_panel(ax, pairs, [colour for colour, _ in bars], len(shown), style)
         if rig:
             ax.set_title(f"rig {plain_text(rig)}", loc="left", pad=4.5)
     for colour, text in bars:
         key.line(text, colour, 5.0)
     label = "median standard uncertainty of the tests without the mass [%]"
     figure = grid.finish(key=key, notes=notes, x_label=label, y_labels=[""], share_x=False, share_y=False)
-    figure.subplots_adjust(left=0.95 / WIDTH)  # the names of the rows have two words
+    figure.subplots_adjust(left=style.font(0.95) / style.width)  # the names of the rows have two words
     return figure
 
 
-def _gain_panel(ax: Axes, pairs: dict[str, tuple[float, float]], colours: list[str], panels: int) -> None:
+def _gain_panel(ax: Axes, pairs: dict[str, tuple[float, float]], colours: list[str], panels: int, style: Style) -> None:
     """Draw a pair of bars per quantity, and write the values beside them."""
     most = 100 * max(max(pair) for pair in pairs.values())
     for at, pair in enumerate(pairs.values()):
@@ -334,7 +341,7 @@ def _gain_panel(ax: Axes, pairs: dict[str, tuple[float, float]], colours: list[s
             text = f"{100 * share:#.2g}".rstrip(".") + " %" if share < 0.1 else f"{100 * share:.0f} %"
             if side and share < pair[0]:
                 text += f", {float(f'{pair[0] / share:.2g}'):g} times smaller"
-            ax.text(100 * share + 0.012 * most, place, text, va="center", fontsize=7.5)
+            ax.text(100 * share + 0.012 * most, place, text, va="center", fontsize=style.font(7.5))
     rows_of_names(ax, list(pairs), 0.5)
     ax.set_xlim(0.0, (1.3 if panels < 2 else 1.6) * most)  # the text beside the longest bar needs room
 
