@@ -54,3 +54,30 @@ def test_many_specimens_have_a_line_each_as_far_as_they_fit(monkeypatch):
     assert lines[0] == "At 15 Hz, 2 bar, 3000 N; ± is U (k = 2):"
     assert lines[-1].startswith("... and ")
     assert sum("tyre 3 " in line for line in lines) == sum("[" in line for line in lines)
+
+
+def test_names_that_differ_in_the_middle_stay_apart(monkeypatch):
+    known = {one.key: (Measured(1.2345e5, 321.0),) * 2 for one in SUMMARISED}
+    one = SummaryRow("", (2e5, 2e5), (3e3, 3e3), None, None, (15.0, 15.0), ("D1",), known, {})
+    names = [f"Batch 2026-11\nserial number {at:04d} position left" for at in range(40)]
+    monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: [replace(one, specimen=n) for n in names])
+    lines = summary_lines(Results())
+    assert len(lines) <= 22
+    assert not any("\n" in line for line in lines)
+    assert lines.count("Batch 2026-11 serial number 0003 position left") == 1
+
+
+def test_static_tests_alone_end_with_k1(monkeypatch):
+    value = Measured(1.8e5, 500.0)
+    one = SummaryRow("a", (2e5,) * 2, (3e3,) * 2, None, None, None, ("S1",), {"k1": (value,) * 2}, {"k1": 500.0})
+    monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: [one])
+    text = " ".join(summary_lines(Results()))
+    assert "Static tests" in text
+    assert "180.0±1.0" in text
+
+
+def test_a_range_with_a_value_without_an_upper_limit_has_no_zero(monkeypatch):
+    ends = (Measured(7.1e4, 5e3), Measured(4.9e6, 8e10))
+    one = SummaryRow("a", (2e5, 3e5), (3e3,) * 2, None, None, (15.0, 15.0), ("D1", "D2"), {"k2": ends}, {"k2": 8e10})
+    monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: [one])
+    assert " ".join(summary_lines(Results())).split()[-1] == "71..4900"

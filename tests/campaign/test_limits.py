@@ -39,6 +39,8 @@ def test_a_condition_is_in_si():
         ('quantity = "K1"\nhigh = "2 N/m"\nspecimen = "a"', "no 'a' in tests.csv"),
         ('quantity = "K1"\nhihg = "2 N/m"', "did you mean 'high'?"),
         ('quantity = 5\nhigh = "2 N/m"', "quantity: '5' is no quantity"),
+        ('quantity = "K2"\nhigh = "2 N/m"\nfrequency = "0 Hz"', "frequency: '0 Hz' is not positive"),
+        ('quantity = "K2"\nhigh = "2 N/m"\npressure = "-2 bar"', "pressure: '-2 bar' is not positive"),
     ],
 )
 def test_a_wrong_limit_is_named_with_the_remedy(text, said):

@@ -1,10 +1,12 @@
 """The table of a page: which frequency, which rows, and their uncertainties."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
 
-from fourpole.findings.summary import summary
+from fourpole.findings.summary import mean_of_repeats, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS
 from fourpole.study.results import Results
 
@@ -61,7 +63,49 @@ def test_repeats_are_averaged_and_their_scatter_counts():
     storage, same = found.values["storage"]
     assert storage is same
     assert storage.value == pytest.approx(2.0e5)
-    assert storage.std == pytest.approx(1e4 / np.sqrt(3))
+    # Student's t of 2 degrees of freedom at 97.725 % is 4.527: value ± 2 u is a 95 % interval
+    assert storage.std == pytest.approx(np.hypot(100.0, 0.5 * 4.5266 * 1e4 / np.sqrt(3)), rel=1e-4)
+    sizes = np.hypot([2.0e5, 2.1e5, 1.9e5], 5e4)
+    assert found.scatter == pytest.approx(sizes.std(ddof=1) / sizes.mean())
+
+
+def test_static_tests_alone_have_rows_of_k1():
+    heads = ("test", "tyre", "construction", "verdict", "pressure [Pa]", "preload [N]", "K1 [N/m]", "u(K1) [N/m]")
+    static = pl.DataFrame([dict(zip(heads, ("S1", "a", "", "ok", 2e5, 3e3, 1.8e5, 1e3), strict=True))])
+    (found,) = summary(Results(static, table([row(verdict="rejected")])))
+    assert (found.specimen, found.pressure, found.frequency, found.tests) == ("a", (2e5, 2e5), None, ("S1",))
+    assert found.values["k1"][0].pair == (1.8e5, 1e3)
+
+
+@pytest.mark.parametrize("repeats", [2, 3, 6])
+def test_the_mean_of_few_scattering_repeats_is_within_two_u_of_the_truth(repeats):
+    rng = np.random.default_rng(9)
+    drawn = 2e5 + rng.normal(0.0, 500.0, (4000, 1)) + rng.normal(0.0, 4000.0, (4000, repeats))
+    means = [mean_of_repeats([(value, 500.0, "D") for value in values]) for values in drawn]
+    beyond = np.mean([one.value - 2e5 > 2.0 * one.std for one in means])
+    assert beyond < 0.0325  # 2.275 % of 4000 draws, and four standard deviations of their number
+
+
+def test_the_interval_of_repeats_is_about_their_mean_and_has_their_scatter():
+    heads = ("test", "quantity", "unit", "2.5 %", "50 %", "97.5 %", "impassive share")
+    quantiles = pl.DataFrame([dict(zip(heads, ("D0", "K2", "N/m", 0.8e5, 1e5, 1.3e5, 0.0), strict=True))])
+    made = results([row(), row()], quantiles)
+    table = made.dynamic.with_columns(pl.Series("K2 [N/m]", [1e5, 2e5]), pl.lit(1e4).alias("u(K2) [N/m]"))
+    (found,) = summary(replace(made, dynamic=table))
+    low, high = found.intervals["k2"]
+    assert found.values["k2"][0].value == pytest.approx(1.5e5)
+    assert low < 1e5
+    assert high > 2e5
+    assert high - 1.5e5 > 1.5e5 - low
+
+
+def test_a_range_keeps_the_ends_of_all_intervals():
+    heads = ("test", "quantity", "unit", "2.5 %", "50 %", "97.5 %", "impassive share")
+    quantiles = pl.DataFrame([dict(zip(heads, ("D0", "K2", "N/m", 0.8e5, 1e5, None, 0.0), strict=True))])
+    made = results([row(), row(preload=2000.0)], quantiles)
+    table = made.dynamic.with_columns(pl.Series("K2 [N/m]", [1e5, 2e5]), pl.lit(1e4).alias("u(K2) [N/m]"))
+    (found,) = summary(replace(made, dynamic=table), most=0)
+    assert found.intervals == {"k2": (pytest.approx(0.8e5), np.inf)}
 
 
 def test_more_conditions_than_wanted_are_one_row_of_ranges_each():
@@ -77,7 +121,9 @@ def test_a_skewed_interval_takes_the_place_of_twice_the_uncertainty():
     heads = ("test", "quantity", "unit", "2.5 %", "50 %", "97.5 %", "impassive share")
     values = [("D0", "K2", "N/m", 1.1e5, 1.2e5, 1.5e5, 0.0), ("D0", "C", "N s/m", 600.0, 700.0, None, 0.0)]
     quantiles = pl.DataFrame([dict(zip(heads, one, strict=True)) for one in values])
-    (found,) = summary(results([row()], quantiles))
+    made = results([row()], quantiles)
+    table = made.dynamic.with_columns(*(pl.lit(1.2e5).alias(head) for head in ("K2 [N/m]", "C [N s/m]")))
+    (found,) = summary(replace(made, dynamic=table.with_columns(pl.lit(1e4).alias("u(K2) [N/m]"))))
     assert found.intervals == {"k2": (1.1e5, 1.5e5), "c": (600.0, np.inf)}
 
 

@@ -103,4 +103,33 @@ def test_a_logo_that_is_no_image_is_left_out():
 
 def test_a_campaign_without_a_dynamic_test_has_its_page():
     empty = campaign().dynamic.clear()
-    assert "No dynamic test is in use" in render_report(Results(STATIC, empty), findings=(), figures={})
+    assert "No test is in use" in render_report(Results(STATIC, empty), findings=(), figures={})
+
+
+def test_a_pass_that_rests_on_tests_with_a_warning_says_so():
+    limits = [{"quantity": "storage", "high": 3e5}]
+    results = campaign(verdict="warning", limits=limits)
+    held = judged(results)
+    assert held[0].warned == ("D0",)
+    assert "1 result rests on tests with a warning" in verdict_line(results, held).text
+    assert conformity_table(results, held).rows[0].warned == "D0"
+    assert "rest" not in verdict_line(campaign(limits=limits), judged(campaign(limits=limits))).text
+
+
+def test_repeats_that_scatter_are_not_to_be_trusted():
+    one = campaign().dynamic
+    repeats = pl.concat([one, one.with_columns(pl.lit("D9").alias("test"), pl.col("Re K* [N/m]") * 1.1)])
+    said = " ".join(one.text for one in front_page(Results(STATIC, repeats), []).doubts)
+    assert "Repeats scatter by up to 6" in said
+    assert front_page(campaign(), []).doubts == []
+
+
+def test_a_range_with_an_open_interval_has_numbers_and_says_that_it_is_open():
+    results = campaign(1e5 * 1.06 ** np.arange(15))
+    table = results.dynamic.with_columns(
+        pl.Series("K2 [N/m]", [7e4] * 14 + [4.9e6]), pl.Series("u(K2) [N/m]", [1e3] * 14 + [8e10])
+    )
+    heads = {"test": ["D14"], "quantity": ["K2"], "2.5 %": [6e4], "97.5 %": pl.Series([None], dtype=pl.Float64)}
+    page = front_page(Results(STATIC, table, quantiles=pl.DataFrame(heads)), [])
+    cell = page.table.rows[0].cells[[one.symbol for one in page.table.columns].index("K2")]
+    assert (cell.text.split("–")[1], cell.about) == ("4900", "above 60")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from fourpole import quantities as q
 from fourpole.findings.conformity import Judged
@@ -25,7 +26,7 @@ _LONGEST = 24
 
 
 def summary_lines(results: Results) -> list[str]:
-    """The lines of the table; none without a dynamic test in use."""
+    """The lines of the table; none without a test in use."""
     lines = _lines(summary(results), results.shown)
     if len(lines) > _MOST_LINES:
         rows = summary(results, most=0)
@@ -48,7 +49,7 @@ def _lines(rows: Sequence[SummaryRow], units: ShownUnits, most: int = _MOST) -> 
         return []
     ranges = any(low is not high for row in rows for low, high in row.values.values())
     shown, quantities = rows[:most], [units.of(one) for one in _SHOWN]
-    alone = len({row.specimen for row in rows}) == len(rows) > 1
+    alone = len({_cut(row.specimen) for row in rows}) == len(rows) > 1
     heads = ["", *(f"{one.symbol} [{one.suffix or one.shown}]" for one in quantities)]
     made = ([_label(row, units, alone=alone), *(_cell(row, one, ranges=ranges) for one in quantities)] for row in shown)
     table = [heads, *made]
@@ -58,7 +59,7 @@ def _lines(rows: Sequence[SummaryRow], units: ShownUnits, most: int = _MOST) -> 
         before = None
         for named, row in zip([None, *(one.specimen for one in shown)], table, strict=True):
             if named != before and not alone:
-                lines.append(named or "")
+                lines.append(" ".join(named.split())[:_WIDTH] if named else "")
             before = named
             cells = [row[0].ljust(widths[0]), *(row[at].rjust(w) for at, w in zip(part[1:], widths[1:], strict=True))]
             lines.append((" " * _GAP).join(cells).rstrip())
@@ -69,12 +70,16 @@ def _lines(rows: Sequence[SummaryRow], units: ShownUnits, most: int = _MOST) -> 
 
 def _title(rows: Sequence[SummaryRow], units: ShownUnits, *, ranges: bool, alone: bool) -> str:
     """What the numbers are: their frequency and uncertainty, and the condition that all have if no row names it."""
-    low, high = min(row.frequency[0] for row in rows), max(row.frequency[1] for row in rows)
+    ends = [end for row in rows if row.frequency for end in row.frequency]
+    low, high = min(ends, default=0.0), max(ends, default=0.0)
     at = f"{low:.4g} Hz" if low == high else f"{low:.4g} to {high:.4g} Hz"
+    if not ends:
+        at = "static tests"
     places = {tuple(_places(row, units)) for row in rows}
     if alone and len(places) == 1:
         at = ", ".join([at, *places.pop()])
-    return f"At {at}, lowest to highest of all conditions:" if ranges else f"At {at}; ± is U (k = 2):"
+    opening = f"At {at}" if ends else at[:1].upper() + at[1:]
+    return f"{opening}, lowest to highest of all conditions:" if ranges else f"{opening}; ± is U (k = 2):"
 
 
 def _label(row: SummaryRow, units: ShownUnits, *, alone: bool) -> str:
@@ -82,9 +87,15 @@ def _label(row: SummaryRow, units: ShownUnits, *, alone: bool) -> str:
 
     A long name is cut in the middle.
     """
-    name = row.specimen if len(row.specimen) <= _LONGEST else f"{row.specimen[:14]}…{row.specimen[-8:]}"
+    name = _cut(row.specimen)
     text = name if alone else f" {' '.join(_places(row, units)) or name}"
     return f"{text} ({len(row.tests)})" if len(row.tests) > 1 else text
+
+
+def _cut(name: str) -> str:
+    """A name in one line, a long one cut in the middle."""
+    line = " ".join(name.split())
+    return line if len(line) <= _LONGEST else f"{line[:14]}…{line[-8:]}"
 
 
 def _places(row: SummaryRow, units: ShownUnits) -> list[str]:
@@ -99,8 +110,10 @@ def _cell(row: SummaryRow, quantity: Quantity, *, ranges: bool) -> str:
         return ""
     low, high = row.values[quantity.key]
     if ranges:
-        first, last = (_with_expanded(one, quantity)[0] for one in (low, high))
-        return first if first == last else "..".join(_as_exact(first, last))
+        stds = [min(one.std, 0.25 * abs(one.value)) for one in (low, high)]
+        made = (_with_expanded(replace(one, std=std), quantity)[0] for one, std in zip((low, high), stds, strict=True))
+        first, last = _as_exact(*made)
+        return first if first == last else f"{first}..{last}"
     if quantity.key in row.intervals:
         ends = (one / quantity.scale for one in row.intervals[quantity.key])
         return with_interval(low.value / quantity.scale, *ends)[1].replace("above ", ">").replace(" to ", "..")

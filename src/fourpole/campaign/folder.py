@@ -182,7 +182,9 @@ def _limits(folder: Path, tests: Sequence[Test]) -> Limits:
     """The limits of limits.toml; none without such a file."""
     path = folder / LIMITS
     specimens = tuple(dict.fromkeys(test.tyre for test in tests))
-    return read_limits(_text(path, _MOST_TOML, strict=True), specimens) if path.is_file() else Limits()
+    if not (path.exists() or path.is_symlink()):
+        return Limits()
+    return read_limits(_text(path, _MOST_TOML, strict=True), specimens)
 
 
 def _text(path: Path, most: int, *, strict: bool) -> str:

@@ -134,7 +134,11 @@ def _limit(raw: dict[str, Any], specimens: tuple[str, ...]) -> StatedLimit:
         raise ValueError('has neither low nor high: state one of them, as high = "220 kN/m"')
     if low is not None and high is not None and low >= high:
         raise ValueError("low is not below high: exchange them")
-    return StatedLimit(key, low, high, specimen, **{name: _quantity(raw, name, of) for name, of in _CONDITION.items()})
+    condition = {name: _quantity(raw, name, of) for name, of in _CONDITION.items()}
+    for name, value in condition.items():
+        if value is not None and value <= 0 and name != "temperature":
+            raise ValueError(f"{name}: {units.shown(raw[name])} is not positive, so that no result can have it")
+    return StatedLimit(key, low, high, specimen, **condition)
 
 
 def _quantity(raw: dict[str, Any], name: str, kind: str) -> float | None:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import inf, isfinite
 from typing import Any
 
+import polars as pl
 import scipy
 
 from fourpole import quantities as q
 from fourpole.core.condition import AXES, FREQUENCY
 from fourpole.findings.facts import Facts, Measured
 from fourpole.findings.finding import UNSTATED, Key
-from fourpole.findings.summary import conditions_of, intervals_of, mean_of
+from fourpole.findings.summary import conditions_of, intervals_of, k1_of, mean_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.results import Results, section
 
@@ -57,6 +58,8 @@ class Judged:
     outcome : Conformity
     probability : float or None
         Probability that the true value is within the limits; None where the interval is skewed or there is no result.
+    warned : tuple of str
+        The tests behind the result that have a warning.
     """
 
     limit: int
@@ -69,6 +72,7 @@ class Judged:
     interval: tuple[float, float] | None
     outcome: Conformity
     probability: float | None
+    warned: tuple[str, ...] = ()
 
 
 def judged(results: Results) -> tuple[Judged, ...]:
@@ -98,8 +102,23 @@ def judged(results: Results) -> tuple[Judged, ...]:
     limits = [one for one in stated if isinstance(one, dict)] if isinstance(stated, list) else []
     if not limits:
         return ()
-    known = list(_known(results))
-    return tuple(one for at, limit in enumerate(limits, start=1) for one in _held(at, limit, known))
+    known, warned = list(_known(results)), _warned(results)
+    found = (one for at, limit in enumerate(limits, start=1) for one in _held(at, limit, known))
+    return tuple(
+        replace(one, warned=tuple(test for test in dict.fromkeys(one.value.tests) if test in warned))
+        if one.value
+        else one
+        for one in found
+    )
+
+
+def _warned(results: Results) -> set[str]:
+    """The tests that have a warning."""
+    return {
+        str(test)
+        for table in (results.static, results.dynamic)
+        for test in table.filter(pl.col(q.VERDICT.head) == "warning")[q.TEST.head]
+    }
 
 
 def outcome_of(found: Sequence[Judged]) -> Conformity:
@@ -123,6 +142,7 @@ def conformity_rows(found: Sequence[Judged]) -> list[dict[str, Any]]:
             "interval": list(one.interval) if one.interval and all(map(isfinite, one.interval)) else None,
             "outcome": one.outcome.value,
             "probability": one.probability,
+            "tests with a warning": list(one.warned),
         }
         for one in found
     ]
@@ -145,11 +165,11 @@ def _known(results: Results) -> Iterator[_Known]:
     facts = Facts.of(results)
     warm = _temperatures(facts)
     for specimen in facts.tyres:
-        for key, value in facts.values(q.K1, specimen).items():
+        for key, value in k1_of(facts, specimen).items():
             yield _Known(q.K1, specimen, facts.stated.get(specimen, specimen), _place(key, specimen, warm), value, None)
     for (specimen, key), tested in conditions_of(facts).items():
         for frequency, rows in sorted(tested.items()):
-            skewed = intervals_of(results, [str(row["test"]) for row in rows])
+            skewed = intervals_of(results, rows)
             place = {**_place(key, specimen, warm), "frequency": frequency}
             for one in LIMITED.values():
                 if one is not q.K1 and (mean := mean_of(one, rows)) is not None:

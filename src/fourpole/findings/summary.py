@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import atan2, cos, hypot, inf, isfinite, sin
+from math import atan2, cos, hypot, inf, isfinite, nan, sin, sqrt
 from typing import Any
 
-import polars as pl
+import numpy as np
+import scipy
 
 from fourpole import quantities as q
-from fourpole.findings.facts import Facts, Measured, averaged, natural
+from fourpole.findings.facts import Facts, Measured, known, natural
 from fourpole.findings.finding import UNSTATED, Key
+from fourpole.fitting.rows import key_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.results import Results, section
 
@@ -19,6 +21,8 @@ from fourpole.study.results import Results, section
 SUMMARISED = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
 #: The frequency that people compare first [Hz].
 USUAL_FREQUENCY = 15.0
+#: Probability below value + 2 u of a normal distribution.
+_BELOW_TWO = 0.97725
 #: Conditions that a table shows one by one; of more, each specimen has one row.
 MOST_CONDITIONS = 12
 #: Lowest and highest value; None where there is none.
@@ -36,8 +40,8 @@ class SummaryRow:
     specimen : str
     pressure, preload, temperature, amplitude : (float, float) or None
         Lowest and highest [Pa], [N], [degC], and of the deflection, 0-to-peak [m]; None where none is stated or known.
-    frequency : (float, float)
-        Lowest and highest [Hz].
+    frequency : (float, float) or None
+        Lowest and highest [Hz]; None of static tests alone.
     tests : tuple of str
         The tests behind the row.
     values : mapping of str to (Measured, Measured)
@@ -46,7 +50,10 @@ class SummaryRow:
         The largest standard uncertainty of each quantity by its key, in SI.
     intervals : mapping of str to (float, float)
         95 % interval of K2 or C by its key, in SI, where the value with twice its uncertainty is none; infinite without
-        an upper limit.
+        an upper limit. Of several conditions, the lowest and the highest end of all of them.
+    scatter, single : float [1]
+        Relative standard deviation of |K*| of repeats, the largest one, 0 without repeats; relative standard
+        uncertainty of |K*| of one of them.
     """
 
     specimen: str
@@ -54,18 +61,25 @@ class SummaryRow:
     preload: Range
     temperature: Range
     amplitude: Range
-    frequency: tuple[float, float]
+    frequency: Range
     tests: tuple[str, ...]
     values: Mapping[str, tuple[Measured, Measured]]
     largest: Mapping[str, float]
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    scatter: float = 0.0
+    single: float = 0.0
+
+    @property
+    def at(self) -> float:
+        """The lowest frequency [Hz]; not-a-number of static tests alone."""
+        return self.frequency[0] if self.frequency else nan
 
 
 def summary(results: Results, *, frequency: float | None = None, most: int = MOST_CONDITIONS) -> tuple[SummaryRow, ...]:
     """A row for each condition at the tested frequency nearest to a wanted one, of those that all conditions share.
 
-    Where they share none, each has its own nearest one. Tests of one condition and frequency are averaged; the
-    uncertainty of a mean is the mean one, or that of the scatter if it is larger. Of more conditions than `most`, each
+    Where they share none, each has its own nearest one. Tests of one condition and frequency are averaged, with the
+    uncertainty of `mean_of_repeats`. Of more conditions than `most`, each
     specimen has one row at each preload with its lowest and its highest values, or one row if that is still too much.
 
     Parameters
@@ -80,11 +94,12 @@ def summary(results: Results, *, frequency: float | None = None, most: int = MOS
     Returns
     -------
     tuple of SummaryRow
-        Sorted by specimen, pressure and preload; empty without a dynamic test in use.
+        Sorted by specimen, pressure and preload. Without a dynamic test in use, K1 of the static ones.
     """
-    at = conditions_of(Facts.of(results))
+    facts = Facts.of(results)
+    at = conditions_of(facts)
     if not at:
-        return ()
+        return _bounded(_static_rows(facts), most)
     if frequency is None:
         frequency = wanted_frequency(results)
     shared = set.intersection(*(set(each) for each in at.values()))
@@ -92,7 +107,24 @@ def summary(results: Results, *, frequency: float | None = None, most: int = MOS
     for (specimen, condition), tested in at.items():
         chosen = min(shared or tested, key=lambda one: (abs(one - frequency), one))
         made = _row(specimen, condition, chosen, tested[chosen])
-        rows.append(replace(made, intervals=intervals_of(results, made.tests)))
+        rows.append(replace(made, intervals=intervals_of(results, tested[chosen])))
+    return _bounded(rows, most)
+
+
+def _static_rows(facts: Facts) -> list[SummaryRow]:
+    """K1 of each specimen, pressure and preload, where there is no dynamic test in use."""
+    rows = []
+    for specimen in facts.tyres:
+        for (pressure, preload), k1 in k1_of(facts, specimen).items():
+            at = [None if one == UNSTATED else (one, one) for one in (pressure, preload)]
+            tests = [row for row in facts.used_static if row["test"] in k1.tests]
+            warm, key = _middle(tests, q.TEMPERATURE), q.K1.key
+            rows.append(SummaryRow(specimen, at[0], at[1], warm, None, None, k1.tests, {key: (k1, k1)}, {key: k1.std}))
+    return rows
+
+
+def _bounded(rows: Sequence[SummaryRow], most: int) -> tuple[SummaryRow, ...]:
+    """The rows, or one for each specimen and preload, or one for each specimen, if there are more than `most`."""
     if len(rows) <= most:
         return tuple(rows)
     groups: dict[tuple[str, Range], list[SummaryRow]] = {}
@@ -130,7 +162,41 @@ def conditions_of(facts: Facts) -> Conditions:
 def mean_of(quantity: Quantity, tests: Sequence[Mapping[str, Any]]) -> Measured | None:
     """A quantity averaged over the rows of some tests; None where none of them has it."""
     found = [(*pair, str(row["test"])) for row in tests if (pair := _value(quantity, row)) is not None]
-    return averaged(found) if found else None
+    return mean_of_repeats(found) if found else None
+
+
+def mean_of_repeats(repeats: Sequence[tuple[float, float, str]]) -> Measured:
+    r"""Mean of values with their standard uncertainties and tests, such that twice its u is a 95 % interval.
+
+    .. math:: u^2 = \bar u^2 + (t/2)^2 s^2/n
+
+    with the mean u of the n repeats, which their common errors make, the standard deviation s of the values, and
+    Student's t of n - 1 degrees of freedom: few repeats do not tell how far their mean is off.
+
+    >>> mean_of_repeats([(2.0, 0.1, "D1"), (2.0, 0.1, "D2")]).pair
+    (2.0, 0.1)
+    """
+    values = np.array([value for value, _, _ in repeats])
+    stated = float(np.mean([std for _, std, _ in repeats]))
+    std = hypot(stated, 0.5 * _reach_of_scatter(values))
+    return Measured(float(values.mean()), std, tuple(test for *_, test in repeats))
+
+
+def k1_of(facts: Facts, specimen: str) -> dict[Key, Measured]:
+    """K1 of a specimen's static tests by nominal pressure and preload."""
+    groups: dict[Key, list[tuple[float, float, str]]] = {}
+    for row in facts.used_static:
+        if row["tyre"] == specimen and (found := known(row, q.K1)):
+            groups.setdefault(facts.key(row, q.K1.over), []).append((*found, str(row["test"])))
+    return {key: mean_of_repeats(groups[key]) for key in sorted(groups)}
+
+
+def _reach_of_scatter(values: np.ndarray) -> float:
+    """Half the 95 % interval of a mean by the scatter of its values alone; 0 for one value."""
+    if values.size < 2:
+        return 0.0
+    t = float(scipy.special.stdtrit(values.size - 1, _BELOW_TWO))
+    return t * float(values.std(ddof=1)) / sqrt(values.size)
 
 
 def _row(specimen: str, condition: Key, frequency: float, tests: Sequence[Mapping[str, Any]]) -> SummaryRow:
@@ -140,7 +206,20 @@ def _row(specimen: str, condition: Key, frequency: float, tests: Sequence[Mappin
     names = tuple(str(row["test"]) for row in tests)
     temperature, amplitude = (_middle(tests, one) for one in (q.TEMPERATURE, q.DEFLECTION_AMPLITUDE))
     stds = {key: mean.std for key, mean in means.items()}
-    return SummaryRow(specimen, pressure, preload, temperature, amplitude, (frequency, frequency), names, values, stds)
+    at = (frequency, frequency)
+    scatter, single = _scatter(tests)
+    return SummaryRow(
+        specimen, pressure, preload, temperature, amplitude, at, names, values, stds, scatter=scatter, single=single
+    )
+
+
+def _scatter(tests: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
+    """Relative standard deviation of |K*| of repeats, 0 for one; relative standard uncertainty of one of them."""
+    known = np.array([pair for row in tests if (pair := _value(MODULUS, row)) is not None])
+    if len(known) < 2:
+        return 0.0, 0.0
+    size, std = known.mean(axis=0)
+    return float(known[:, 0].std(ddof=1) / size), float(std / size)
 
 
 def _middle(tests: Sequence[Mapping[str, Any]], quantity: Quantity) -> Range:
@@ -149,19 +228,41 @@ def _middle(tests: Sequence[Mapping[str, Any]], quantity: Quantity) -> Range:
     return (sum(stated) / len(stated),) * 2 if stated else None
 
 
-def intervals_of(results: Results, tests: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """The widest of the skewed intervals that some tests have, by quantity."""
-    table = results.quantiles
-    if table.is_empty():
-        return {}
-    found: dict[str, tuple[float, float]] = {}
-    for row in table.filter(pl.col(q.TEST.head).is_in(tests)).rows(named=True):
-        key = {q.K2.symbol: q.K2.key, q.C.symbol: q.C.key}.get(row[q.QUANTITY.head])
-        low, high = row[q.LOWER.head], row[q.UPPER.head]
-        if key is not None and low is not None:
-            before = found.get(key, (inf, -inf))
-            found[key] = (min(before[0], low), max(before[1], inf if high is None else high))
+def intervals_of(results: Results, rows: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
+    """The 95 % intervals of K2 and C over the repeats in some rows, where that of one of them is skewed.
+
+    About the mean it reaches as far as those of the repeats do on average, and their scatter is added in squares.
+    """
+    keys = [key_of(row) for row in rows]
+    skewed = {
+        (key_of(row), row[q.QUANTITY.head]): (row[q.LOWER.head], row[q.UPPER.head])
+        for row in results.quantiles.rows(named=True)
+        if row[q.LOWER.head] is not None
+    }
+    found = {}
+    for quantity in (q.K2, q.C):
+        ends = [skewed.get((key, quantity.symbol)) for key in keys]
+        if any(ends):
+            both = [(pair, end) for row, end in zip(rows, ends, strict=True) if (pair := _value(quantity, row))]
+            found.update({quantity.key: _about_mean(both)} if both else {})
     return found
+
+
+def _about_mean(
+    repeats: Sequence[tuple[tuple[float, float], tuple[float, float | None] | None]],
+) -> tuple[float, float]:
+    """The interval about the mean of repeats, each a value with its uncertainty, and its interval if it is skewed."""
+    ((_, only), *others) = repeats
+    if only is not None and not others:
+        return only[0], inf if only[1] is None else only[1]
+    values = np.array([value for (value, _), _ in repeats])
+    mean, scatter = float(values.mean()), _reach_of_scatter(values)
+    ends = [end or (value - 2.0 * std, value + 2.0 * std) for (value, std), end in repeats]
+    below = float(np.mean([value - low for value, (low, _) in zip(values, ends, strict=True)]))
+    above = float(
+        np.mean([inf if high is None else high - value for value, (_, high) in zip(values, ends, strict=True)])
+    )
+    return mean - hypot(max(below, 0.0), scatter), mean + hypot(max(above, 0.0), scatter)
 
 
 def _value(quantity: Quantity, row: Mapping[str, Any]) -> tuple[float, float] | None:
@@ -190,20 +291,31 @@ def _polar(quantity: Quantity, row: Mapping[str, Any]) -> tuple[float, float] | 
 
 def _joined(rows: Sequence[SummaryRow]) -> SummaryRow:
     """One row of several conditions of a specimen."""
-    values, largest = {}, {}
-    for quantity in SUMMARISED:
-        found = [row.values[quantity.key][0] for row in rows if quantity.key in row.values]
+    values, largest, intervals = {}, {}, {}
+    for key in (quantity.key for quantity in SUMMARISED):
+        found = [row.values[key][0] for row in rows if key in row.values]
         if found:
-            values[quantity.key] = (min(found, key=_size), max(found, key=_size))
-            largest[quantity.key] = max(one.std for one in found)
+            values[key] = (min(found, key=_size), max(found, key=_size))
+            largest[key] = max(one.std for one in found)
+        if any(key in row.intervals for row in rows):
+            ends = [row.intervals.get(key) or _ends(row.values[key][0]) for row in rows if key in row.values]
+            intervals[key] = (min(low for low, _ in ends), max(high for _, high in ends))
     ranges = [
         (min(one[0] for one in stated), max(one[1] for one in stated)) if stated else None
         for stated in ([one for one in each if one is not None] for each in zip(*map(_axes, rows), strict=True))
     ]
     pressure, preload, temperature, amplitude, frequency = ranges
-    assert frequency is not None
     tests = tuple(test for row in rows for test in row.tests)
-    return SummaryRow(rows[0].specimen, pressure, preload, temperature, amplitude, frequency, tests, values, largest)
+    worst = max(rows, key=lambda row: row.scatter)
+    return SummaryRow(
+        rows[0].specimen, pressure, preload, temperature, amplitude, frequency, tests, values, largest, intervals,
+        worst.scatter, worst.single,
+    )  # fmt: skip
+
+
+def _ends(measured: Measured) -> tuple[float, float]:
+    """Value ± 2 u."""
+    return measured.value - 2.0 * measured.std, measured.value + 2.0 * measured.std
 
 
 def _axes(row: SummaryRow) -> tuple[Range, ...]:

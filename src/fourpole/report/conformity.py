@@ -11,11 +11,13 @@ from fourpole.findings.conformity import Conformity, Judged, outcome_of
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import expanded, number, with_interval
 from fourpole.report.stated import verdict_counts
-from fourpole.report.words.phrases import counted
+from fourpole.report.words.phrases import counted, some
 from fourpole.study.results import Results, section
 
 #: Rows of the table of limits.
 _MOST_JUDGED = 200
+#: Tests with a warning that a row names.
+_MOST_WARNED = 3
 #: The badge of each outcome.
 _KINDS = {Conformity.PASS: "ok", Conformity.UNDECIDED: "warning", Conformity.FAIL: "rejected"}
 _AXES = {"pressure": q.PRESSURE, "preload": q.PRELOAD, "temperature": q.TEMPERATURE, "frequency": q.FREQUENCY}
@@ -46,6 +48,8 @@ def verdict_line(results: Results, held: Sequence[Judged]) -> SimpleNamespace:
         measured = f"is {row.value} {row.about} {row.unit}".rstrip() if row.value else "was not measured"
         within = f"{row.low or '−∞'} to {row.high or '∞'} {row.unit}".rstrip()
         text += f". {row.quantity} of {row.condition} {measured}; the limits are {within}"
+    if resting := sum(bool(each.warned) for each in held):
+        text += f". {counted(resting, 'result')} {'rests' if resting == 1 else 'rest'} on tests with a warning"
     if counts["warning"] or counts["rejected"]:
         text += f". {counted(counts['warning'], 'test')} with a warning, {counts['rejected']} rejected"
     return SimpleNamespace(kind=_KINDS[outcome], word=outcome.value.upper(), text=f"{text}.")
@@ -94,6 +98,7 @@ def _judged_row(one: Judged, shown: ShownUnits) -> SimpleNamespace:
         about=about,
         probability="" if one.probability is None else _per_cent(one.probability),
         outcome=one.outcome.value,
+        warned=some(one.warned, _MOST_WARNED),
         kind=_KINDS[one.outcome],
     )
 

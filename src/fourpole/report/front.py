@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from math import isfinite
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,7 @@ from fourpole.findings.finding import Topic
 from fourpole.findings.summary import MOST_CONDITIONS, Range, SummaryRow, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
 from fourpole.report.conformity import conformity_table, verdict_line
-from fourpole.report.digits import expanded, with_interval
+from fourpole.report.digits import expanded, number, with_interval
 from fourpole.report.ratedload import rated_load
 from fourpole.report.words.limits import Limit, limits
 from fourpole.report.words.phrases import counted, joined, percent
@@ -71,7 +72,7 @@ def front_page(results: Results, said: Sequence[Sentence]) -> SimpleNamespace:
         all_conditions=summary_table(results, every) if rows is not every else None,
         conformity=conformity_table(results, held),
         equipment=_equipment(stated),
-        doubts=_doubts(results, said),
+        doubts=_doubts(results, every, said),
         limits=_limits(results),
         scale=_scale(results),
     )
@@ -108,9 +109,9 @@ def summary_table(results: Results, rows: Sequence[SummaryRow]) -> SimpleNamespa
         if (load := rated_load(section(stated))) is not None
     }
     made = [_row(row, used, shown, rated.get(facts.stated.get(row.specimen, row.specimen))) for row in rows]
-    frequencies = {row.frequency for row in rows}
+    frequencies = [one for one in {row.frequency for row in rows} if one is not None]
     frequency = shown.of(q.FREQUENCY)
-    at = f"{_span(frequencies.pop(), frequency.scale)} {frequency.suffix}" if len(frequencies) == 1 else ""
+    at = f"{_span(frequencies[0], frequency.scale)} {frequency.suffix}" if len(frequencies) == 1 else ""
     return SimpleNamespace(
         columns=used,
         rows=made,
@@ -155,8 +156,14 @@ def _cell(row: SummaryRow, quantity: Quantity) -> SimpleNamespace:
     low, high = row.values[quantity.key]
     if low is not high:
         reach = row.largest[quantity.key]
-        (least, _), (most, about) = (_shown(replace(one, std=reach), quantity) for one in (low, high))
-        return SimpleNamespace(text=f"{least}–{most}", about=f"± {about}" if about else "")
+        least, most = (_shown(replace(one, std=min(reach, 0.25 * abs(one.value))), quantity)[0] for one in (low, high))
+        text = least if least == most else f"{least}–{most}"
+        if quantity.key in row.intervals:
+            first, last = (one / quantity.scale for one in row.intervals[quantity.key])
+            about = f"{number(first, 2)} to {number(last, 2)}" if isfinite(last) else f"above {number(first, 2)}"
+            return SimpleNamespace(text=text, about=about)
+        _, about = _shown(replace(high, std=reach), quantity)
+        return SimpleNamespace(text=text, about=f"± {about}" if about else "")
     if quantity.key in row.intervals:
         ends = (one / quantity.scale for one in row.intervals[quantity.key])
         text, about = with_interval(low.value / quantity.scale, *ends)
@@ -180,6 +187,8 @@ def _note(table: SimpleNamespace) -> str:
     parts = [f"{u}; of a range, the largest" if table.ranges else u]
     if table.skewed:
         parts.append("“a to b” below a value is its 95 % interval, where that is skewed")
+        if table.ranges:
+            parts[-1] += "; below a range, the ends of all intervals"
     parts.append("amplitudes of the deflection are 0 to peak, in brackets peak to peak")
     return f"{'; '.join(parts)}. K* = K′ + jK″; K1 is the static stiffness at the preload; δ the loss angle."
 
@@ -213,15 +222,29 @@ def _limits(results: Results) -> list[str]:
     return said
 
 
-def _doubts(results: Results, said: Sequence[Sentence]) -> list[Sentence]:
-    """What not to trust: rigs that do not fit, then rejected and warned tests by their commonest reasons."""
+def _doubts(results: Results, rows: Sequence[SummaryRow], said: Sequence[Sentence]) -> list[Sentence]:
+    """What not to trust: rigs that do not fit, repeats that scatter, then tests by their commonest reasons."""
     misfit = [Sentence(Topic.TRUST, about.misfit[0]) for about in rigs_in_words(results) if about.misfit]
     trust = [one for one in said if one.topic == Topic.TRUST][1:]
-    found = [*misfit, *(Sentence(Topic.TRUST, text) for text in _misfits(results)), *trust]
+    found = [*misfit, *(Sentence(Topic.TRUST, text) for text in _misfits(results)), *_scattered(rows), *trust]
     more = len(found) - _MOST_SAID
     if more > 0:
         found = [*found[:_MOST_SAID], Sentence(Topic.TRUST, f"{counted(more, 'further reason')}: see the findings.")]
     return found
+
+
+def _scattered(rows: Sequence[SummaryRow]) -> list[Sentence]:
+    """Repeats of one condition whose scatter makes most of U, in a sentence."""
+    off = [row for row in rows if row.scatter >= _POOR and row.scatter > 2.0 * row.single]
+    if not off:
+        return []
+    worst = max(off, key=lambda row: row.scatter)
+    where = f"{len(off)} of the conditions above" if len(off) > 1 else f"one condition ({worst.specimen})"
+    text = (
+        f"Repeats scatter by up to {percent(worst.scatter)} in |K*| at {where}, more than their uncertainties explain: "
+        "U includes it, and it limits the results there."
+    )
+    return [Sentence(Topic.TRUST, text)]
 
 
 def _misfits(results: Results) -> list[str]:
@@ -238,7 +261,8 @@ def _misfits(results: Results) -> list[str]:
 
 def _scale(results: Results) -> list[str]:
     """What the scale of K* rests on, a sentence for each rig."""
-    found = [rig.rests for rig in results.rigs if rig.rests]
-    if not found and not results.rigs and results.dynamic.height:
+    several = len(results.rigs) > 1
+    found = [f"{f'rig {rig.rig}: ' if several else ''}{rig.rests}" for rig in results.rigs if rig.rests]
+    if not found and not results.rigs and (results.dynamic["verdict"] != "rejected").any():
         found = ["K* rests on the gains of the channels as stated: no test checks them against the rig"]
     return [f"{one[:1].upper()}{one[1:].rstrip('.')}." for one in found][:_MOST_SAID]

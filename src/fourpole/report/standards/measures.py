@@ -173,7 +173,7 @@ def place(row: SummaryRow) -> tuple[str, str, str]:
         for ends, quantity in ((row.pressure, q.PRESSURE), (row.preload, q.PRELOAD), (row.temperature, q.TEMPERATURE))
         if ends is not None
     ]
-    return row.specimen, ", ".join(parts), number(row.frequency[0], 3)
+    return row.specimen, ", ".join(parts), number(row.at, 3)
 
 
 def with_expanded(row: SummaryRow, quantity: Quantity, scale: float | None = None) -> str:
@@ -188,4 +188,4 @@ def with_expanded(row: SummaryRow, quantity: Quantity, scale: float | None = Non
 
 def omega(row: SummaryRow) -> float:
     """Angular frequency of a row [rad/s]."""
-    return 2.0 * pi * row.frequency[0]
+    return 2.0 * pi * row.at

@@ -122,7 +122,7 @@ def _was(count: int) -> str:
 
 def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     ratio = found.chi2_per_dof
-    per = f": chi-square is {number(ratio, 2)} per degree of freedom, not 1" if ratio is not None else ""
+    per = f": chi-square is {number(ratio, 2)} per degree of freedom, not 1" if ratio is not None and ratio > 1 else ""
     yield f"The rig and the sensors as stated do not fit these tests{per}."
     against = [value.name for value in values if value.finding is RigFinding.CONTRADICTED]
     if against:
