@@ -154,6 +154,15 @@ def test_results_to_model_map_and_query(run, results):
     assert again.stderr == "" or "left out" not in again.stderr
 
 
+def test_a_fit_renews_the_report_of_its_folder_and_says_so_last(run, results, tmp_path):
+    folder = shutil.copytree(results, tmp_path / "results")
+    (folder / "report.html").write_text("older")
+    ran = run("fit", folder, "--model", "zener")
+    assert ran.exit_code == 0, ran.output
+    assert ran.stdout.splitlines()[-1] == f"report: {folder / 'report.html'}, renewed with this"
+    assert "zener" in (folder / "report.html").read_text(encoding="utf-8")
+
+
 def test_one_condition_makes_a_map_over_frequency_alone(run, tmp_path):
     out = tmp_path / "map.json"
     ran = run("map", reduced(tmp_path / "k.csv"), "--model", "zener", "--out", out)
