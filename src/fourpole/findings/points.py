@@ -12,6 +12,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.polar import polar
 from fourpole.core.routes import arm_slopes
 from fourpole.core.sources import Kind
 from fourpole.fitting.common_errors import joined
@@ -137,8 +138,7 @@ class Points(ByValue):
         ratio = stiffness.imag / stiffness.real
         columns = (
             self.k1,
-            np.abs(stiffness),
-            np.angle(stiffness),
+            *polar(stiffness)[0].T,
             stiffness.real,
             stiffness.imag,
             ratio,
@@ -159,15 +159,14 @@ class Points(ByValue):
     @cached_property
     def slopes(self) -> FloatArray:
         """Derivatives (N, 8, 3) of `QUANTITIES` by Re K*, Im K* and K1."""
-        stiffness, size = self.stiffness, np.abs(self.stiffness)
+        stiffness = self.stiffness
         re, im = stiffness.real, stiffness.imag
-        slopes = np.zeros((size.size, len(QUANTITIES), 3))
+        slopes = np.zeros((re.size, len(QUANTITIES), 3))
         slopes[:, 0, 2] = 1.0
-        slopes[:, 1, :2] = np.stack([re, im], axis=1) / size[:, None]
-        slopes[:, 2, :2] = np.stack([-im, re], axis=1) / size[:, None] ** 2
+        slopes[:, 1:3, :2] = polar(stiffness)[1]
         slopes[:, 3, 0], slopes[:, 4, 1] = 1.0, 1.0
         slopes[:, 5, :2] = np.stack([-im / re, np.ones_like(re)], axis=1) / re[:, None]
-        by = np.tile(np.array([1.0, 1j, -1.0]), (size.size, 1))
+        by = np.tile(np.array([1.0, 1j, -1.0]), (re.size, 1))
         slopes[:, 6:] = arm_slopes(stiffness, self.k1, (self.k2, self.c), 2.0 * np.pi * self.frequency, by)
         return slopes
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import atan2, cos, hypot, inf, isfinite, nan, sin, sqrt
+from math import inf, isfinite, nan, sqrt
 from typing import Any
 
 import numpy as np
 import scipy
 
 from fourpole import quantities as q
+from fourpole.core.polar import polar
 from fourpole.findings.facts import Facts, Measured, known, natural
 from fourpole.findings.finding import UNSTATED, Key
 from fourpole.fitting.rows import key_of
@@ -281,12 +282,11 @@ def _polar(quantity: Quantity, row: Mapping[str, Any]) -> tuple[float, float] | 
     if storage is None or loss is None:
         return None
     (re, u_re), (im, u_im), corr = storage, loss, row.get(q.CORR_K.head) or 0.0
-    size, angle = hypot(re, im), atan2(im, re)
-    along, across = (cos(angle), sin(angle)), (-sin(angle), cos(angle))
-    first, second = along if quantity is MODULUS else across
-    variance = (first * u_re) ** 2 + (second * u_im) ** 2 + 2 * corr * first * second * u_re * u_im
-    std = max(variance, 0.0) ** 0.5
-    return (size, std) if quantity is MODULUS else (angle, std / size)
+    values, slopes = polar(complex(re, im))
+    at = 0 if quantity is MODULUS else 1
+    by_re, by_im = slopes[at].tolist()
+    variance = (by_re * u_re) ** 2 + (by_im * u_im) ** 2 + 2 * corr * by_re * by_im * u_re * u_im
+    return float(values[at]), max(variance, 0.0) ** 0.5
 
 
 def _joined(rows: Sequence[SummaryRow]) -> SummaryRow:

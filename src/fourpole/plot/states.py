@@ -11,6 +11,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.condition import PRELOAD, PRESSURE, Axis
 from fourpole.core.confidence import NORMAL_95
+from fourpole.core.polar import polar
 from fourpole.core.rig import Rig
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN
@@ -167,9 +168,7 @@ class ModelCurve(ByValue):
 
 
 def model_curve(results: Results, state: State) -> ModelCurve | None:
-    """The curve of a condition's model, of which the frequencies are dense; None without a model of
-    several frequencies.
-    """
+    """K* of a condition's model at frequencies dense enough for a curve; None without a model of several."""
     one = state.model
     if one is None or one.band[1] <= one.band[0]:
         return None
@@ -207,12 +206,11 @@ def curve_of(results: Results, state: State, quantity: Quantity) -> tuple[FloatA
 
 def _part(quantity: Quantity, k: ComplexArray) -> tuple[FloatArray, FloatArray]:
     """A part of K* (N,) and its derivatives (N, 2) by Re and Im."""
-    size = np.abs(k)
+    if quantity in (q.MODULUS, q.LOSS_ANGLE):
+        values, slopes = polar(k)
+        at = 0 if quantity is q.MODULUS else 1
+        return values[:, at], slopes[:, at]
     one, zero = np.ones(k.size), np.zeros(k.size)
-    if quantity is q.MODULUS:
-        return size, np.stack([k.real, k.imag], axis=1) / size[:, None]
-    if quantity is q.LOSS_ANGLE:
-        return np.angle(k), np.stack([-k.imag, k.real], axis=1) / (size**2)[:, None]
     if quantity is q.STORAGE:
         return k.real, np.stack([one, zero], axis=1)
     return k.imag, np.stack([zero, one], axis=1)
