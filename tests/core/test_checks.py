@@ -46,6 +46,7 @@ def test_worst_verdict():
     assert worst_verdict(["ok", "ok"]) == "ok"
     assert worst_verdict(["ok", "warning"]) == "warning"
     assert worst_verdict(iter(["warning", "rejected", "ok"])) == "rejected"
+    assert worst_verdict(["ok", "good", None]) == "rejected"
 
 
 @pytest.mark.parametrize(

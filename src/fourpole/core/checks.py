@@ -58,14 +58,14 @@ class Check:
 
 
 def worst_verdict(verdicts: Iterable[str]) -> str:
-    """The worst of several verdicts; "ok" if there is no verdict.
+    """The worst of several verdicts, of which an unknown one counts as a rejection; "ok" if there is no verdict.
 
     Examples
     --------
     >>> worst_verdict(["ok", "rejected", "warning"])
     'rejected'
     """
-    return max(verdicts, key=VERDICTS.index, default="ok")
+    return max((one if one in VERDICTS else VERDICTS[-1] for one in verdicts), key=VERDICTS.index, default="ok")
 
 
 def reported(

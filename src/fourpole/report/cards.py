@@ -14,9 +14,10 @@ import polars as pl
 from numpy.typing import NDArray
 
 from fourpole import quantities as q
+from fourpole.core.checks import worst_verdict
 from fourpole.fitting.rows import KEY, Key, key_of
 from fourpole.report.digits import known, number
-from fourpole.report.rows import DYNAMIC, STATIC, condition, words, worst
+from fourpole.report.rows import DYNAMIC, STATIC, condition, words
 from fourpole.study.results import Results, section
 from fourpole.study.tables import DYNAMIC as TABLE
 
@@ -87,7 +88,7 @@ def _static_cards(frame: pl.DataFrame, previews: _Previews) -> tuple[list[Card],
             test=str(test),
             tyre=str(rows[0]["tyre"] or ""),
             condition=", ".join(part for part in ("static", condition(rows[0], dynamic=False)) if part),
-            verdict=worst([row["verdict"] for row in rows]),
+            verdict=worst_verdict([row["verdict"] for row in rows]),
             body=_static_body(rows, previews.of((str(test), 1))),
         )
         for test, rows in groups.items()
@@ -141,7 +142,7 @@ def _dynamic_cards(results: Results, previews: _Previews) -> list[Card]:
             test=str(row["test"]),
             tyre=str(row["tyre"] or ""),
             condition=condition(row, dynamic=True),
-            verdict=worst([row["verdict"]]),
+            verdict=worst_verdict([row["verdict"]]),
             body=_dynamic_body(
                 row,
                 previews.of(key_of(row)),

@@ -10,9 +10,9 @@ from fourpole.core.checks import VERDICTS
 from fourpole.findings.conformity import Conformity, Judged, outcome_of
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import expanded, number, with_interval
-from fourpole.report.stated import verdict_counts
 from fourpole.report.words.phrases import counted, some
 from fourpole.study.results import Results, section
+from fourpole.study.tables import verdict_counts
 
 #: Rows of the table of limits.
 _MOST_JUDGED = 200
@@ -42,9 +42,9 @@ def verdict_line(results: Results, held: Sequence[Judged]) -> SimpleNamespace:
     for one, words in ((Conformity.FAIL, "fail"), (Conformity.UNDECIDED, "undecided")):
         if number_of[one]:
             text += f", {number_of[one]} {words}"
-    worst_one = next((each for each in held if each.outcome is outcome), None)
-    if worst_one is not None and outcome is not Conformity.PASS:
-        row = _judged_row(worst_one, results.shown)
+    worst = next((each for each in held if each.outcome is outcome), None)
+    if worst is not None and outcome is not Conformity.PASS:
+        row = _judged_row(worst, results.shown)
         measured = f"is {row.value} {row.about} {row.unit}".rstrip() if row.value else "was not measured"
         within = f"{row.low or '−∞'} to {row.high or '∞'} {row.unit}".rstrip()
         text += f". {row.quantity} of {row.condition} {measured}; the limits are {within}"

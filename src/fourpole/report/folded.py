@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from fourpole.report.stated import verdict_counts
 from fourpole.report.words.phrases import counted, joined
 from fourpole.study.results import Results, section, texts
+from fourpole.study.tables import verdict_counts
 
 
 def folded(results: Results, *, topics: int, findings: int, remarks: int, figures: int) -> dict[str, str]:

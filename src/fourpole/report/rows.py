@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.checks import VERDICTS, worst_verdict
+from fourpole.core.checks import worst_verdict
 from fourpole.quantities import DERIVED, Quantity
 from fourpole.report.digits import known, number, with_std
 
@@ -72,7 +72,7 @@ def _row(row: Mapping[str, Any], columns: tuple[Quantity, ...], card: str) -> Si
         construction=str(row["construction"] or ""),
         rig=str(row.get("rig") or ""),
         cells=tuple(_cell(row, column) for column in columns),
-        verdict=worst([row["verdict"]]),
+        verdict=worst_verdict([row["verdict"]]),
         remarks=str(row["remarks"] or ""),
     )
 
@@ -82,11 +82,6 @@ def _cell(row: Mapping[str, Any], column: Quantity) -> SimpleNamespace:
     value = known(row.get(column.head))
     text, std = texts(column, row)
     return SimpleNamespace(key="" if value is None else repr(value), text=text, std=std)
-
-
-def worst(verdicts: list[Any]) -> str:
-    """The worst of some verdicts; an unknown verdict counts as a rejection."""
-    return worst_verdict(verdict if verdict in VERDICTS else "rejected" for verdict in verdicts)
 
 
 def condition(row: Mapping[str, Any], *, dynamic: bool) -> str:

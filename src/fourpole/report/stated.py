@@ -10,12 +10,11 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.checks import VERDICTS
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
 from fourpole.quantities import RIG_VALUES, Quantity
 from fourpole.report.digits import known, number, spread, with_std
-from fourpole.report.rows import worst
 from fourpole.study.results import Results, section
+from fourpole.study.tables import verdict_counts
 
 _ROLES = {
     "force_in": "force F1",
@@ -25,12 +24,6 @@ _ROLES = {
     "deflection": "static deflection",
 }
 _STATIC_ROLES = {"load", "deflection"}
-
-
-def verdict_counts(*tables: pl.DataFrame) -> dict[str, int]:
-    """Tests by verdict; one with several rows counts by its worst."""
-    found = [worst(rows["verdict"].to_list()) for table in tables for _, rows in table.group_by("test")]
-    return {verdict: found.count(verdict) for verdict in VERDICTS}
 
 
 def tested(results: Results) -> list[SimpleNamespace]:

@@ -7,23 +7,15 @@ from collections.abc import Iterator, Mapping
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.checks import worst_verdict
 from fourpole.core.condition import AXES, Sameness
 from fourpole.core.digits import number
 from fourpole.core.notebook import notebook_html
 from fourpole.fitting.rows import conditions_in
 from fourpole.quantities import Quantity, ShownUnits
+from fourpole.study.tables import verdict_counts
 
 _SHOWN = (q.K1, q.STORAGE, q.LOSS_FACTOR, q.K2, q.C, q.TR_MEASURED)
 _RULE = Sameness(AXES)
-
-
-def verdict_counts(*tables: pl.DataFrame) -> dict[str, int]:
-    """Number of tests by verdict; a test with several rows counts by its worst verdict."""
-    held = [table for table in tables if q.VERDICT.head in table.columns]
-    rows = [table.group_by(q.TEST.head, maintain_order=True).agg(q.VERDICT.head) for table in held]
-    verdicts = [worst_verdict(row) for table in rows for row in table[q.VERDICT.head].to_list()]
-    return {verdict: verdicts.count(verdict) for verdict in ("ok", "warning", "rejected")}
 
 
 def tables_html(title: str, tables: Mapping[str, pl.DataFrame], route: str, units: ShownUnits) -> str:

@@ -34,7 +34,7 @@ from fourpole.study.cells import dynamic_cells, dynamic_checks
 from fourpole.study.compare import compare_tests
 from fourpole.study.identified import NO_RIG, identify_tests, possible_route
 from fourpole.study.load import MOST_BYTES
-from fourpole.study.notebook import tables_html, verdict_counts
+from fourpole.study.notebook import tables_html
 from fourpole.study.onetest import TestsByName
 from fourpole.study.outcome import BEGAN, Reduced
 from fourpole.study.reduce import jobs_of, response_hashes
@@ -42,7 +42,7 @@ from fourpole.study.results import Results
 from fourpole.study.rig_estimate import RigEstimate
 from fourpole.study.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
 from fourpole.study.table_rows import Analysed
-from fourpole.study.tables import TABLE_FILES, TABLES, Tables
+from fourpole.study.tables import TABLE_FILES, TABLES, Tables, verdict_counts
 from fourpole.study.workers import Settings, reduce_tests
 from fourpole.units import shown
 from fourpole.version import VERSION

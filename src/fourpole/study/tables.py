@@ -16,6 +16,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
+from fourpole.core.checks import VERDICTS, worst_verdict
 from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
 from fourpole.fitting.likelihood import LIKELIHOOD_COLUMNS
 from fourpole.fitting.rows import KEY
@@ -217,3 +218,11 @@ TABLES = {
 }
 #: Names of the files of all result tables.
 TABLE_FILES = tuple(f"{one.name}{ending}" for one in TABLES.values() for ending in one.endings)
+
+
+def verdict_counts(*tables: pl.DataFrame) -> dict[str, int]:
+    """Number of tests by verdict; a test with several rows counts by its worst verdict."""
+    held = [table for table in tables if q.VERDICT.head in table.columns]
+    rows = [table.group_by(q.TEST.head, maintain_order=True).agg(q.VERDICT.head) for table in held]
+    verdicts = [worst_verdict(row) for table in rows for row in table[q.VERDICT.head].to_list()]
+    return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
