@@ -97,7 +97,7 @@ def _there(links: list[Link | None]) -> list[Link]:
 
 
 def _stated(value: object) -> bool:
-    """Whether a value is there, and no zero, which stands for a part that is not."""
+    """Whether a value is stated and is not zero; a part with the value zero is absent."""
     found = value.get("value") if isinstance(value, dict) else None
     return isinstance(found, int | float) and bool(np.isfinite(found)) and found != 0
 

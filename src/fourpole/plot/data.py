@@ -17,6 +17,11 @@ from fourpole.quantities import Quantity
 MOST_LABELLED = 6
 
 
+def shade(at: int, count: int) -> float:
+    """Shade of a specimen's colour for one of its curves, 0 (palest) to 1; the last curve has the colour itself."""
+    return 1.0 if count < 2 else 0.35 + 0.65 * at / (count - 1)
+
+
 class Role(StrEnum):
     """What a series shows."""
 

@@ -13,7 +13,7 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray
 from fourpole.plot.cardids import dynamic_cards
-from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series
+from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series, shade
 from fourpole.plot.fitted import DECADE
 from fourpole.plot.names import counted
 from fourpole.plot.residuals import RESIDUALS, models_said, residual_panel, residual_points, residuals_said
@@ -75,7 +75,7 @@ def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData
         notes.append(f"{len(shown)} of {len(tyres)} specimens shown")
     by_tyre = {tyre: [one for one in found if one.tyre == tyre] for tyre in shown}
     many = max(map(len, by_tyre.values())) > MOST_LABELLED
-    chosen, scale, dashes = (_scaled if many else _labelled)(results, by_tyre, notes)
+    chosen, scale, dashes = _scaled(results, by_tyre, notes) if many else _labelled(results, by_tyre)
     log = _logarithmic([one for each in chosen.values() for one in each], sheet)
     columns = next((n for n in (_MOST_COLUMNS, 2) if len(shown) % n == 0), min(len(shown), _MOST_COLUMNS))
     panels = []
@@ -111,7 +111,7 @@ def first(results: Results, quantities: Sequence[Quantity]) -> FigureData | None
         columns = _reading(differing(own))
         for at, one in enumerate(own):
             label = _words(results, one, columns) or (sheet.labels[tyre] if len(tyres) > 1 else "")
-            curves.append(_Curve(one, label, _shade(at, len(own))))
+            curves.append(_Curve(one, label, shade(at, len(own))))
     log = _logarithmic(curves, sheet)
     panels = [_panel(results, quantity, curves, known & ~sheet.rejected, log=log) for quantity in quantities]
     common = _common(results, chosen)
@@ -193,15 +193,14 @@ def _panel(results: Results, quantity: Quantity, curves: Sequence[_Curve], known
     return Panel(AxisData.of(q.FREQUENCY, log=log), AxisData.of(seen), tuple(series))
 
 
-def _labelled(results: Results, by_tyre: dict[int, list[State]], notes: list[str]) -> _Chosen:
+def _labelled(results: Results, by_tyre: dict[int, list[State]]) -> _Chosen:
     """Few curves per panel: the colour of the specimen, and the condition at the end of each curve."""
-    del notes
     made = {}
     for tyre, each in by_tyre.items():
         columns = _reading(differing(each))
         loads = sorted({one.load for one in each})
         made[tyre] = [
-            _Curve(one, _words(results, one, columns), _shade(at, len(each)), loads.index(one.load))
+            _Curve(one, _words(results, one, columns), shade(at, len(each)), loads.index(one.load))
             for at, one in enumerate(each)
         ]
     return made, None, ()
@@ -277,10 +276,6 @@ def _reading(columns: Sequence[str]) -> list[str]:
     """Columns of axes in the order in which conditions are read: pressure, preload, others."""
     order = [q.PRESSURE.head, q.PRELOAD.head]
     return sorted(columns, key=lambda column: order.index(column) if column in order else len(order))
-
-
-def _shade(at: int, count: int) -> float:
-    return 1.0 if count < 2 else 0.35 + 0.65 * at / (count - 1)
 
 
 def _logarithmic(curves: Sequence[_Curve], sheet: Sheet) -> bool:

@@ -11,7 +11,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.fitting.rows import keys_of
 from fourpole.plot.cardids import dynamic_cards
-from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Series
+from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Series, shade
 from fourpole.plot.part import part_of
 from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
 from fourpole.plot.spec import FigureSpec
@@ -72,8 +72,7 @@ def _loop_panel(
     for at, row in enumerate(rows.tolist()):
         x, y = (amplitude[row] * turn for amplitude in (deflection / moved.scale, force / pushed.scale))
         label = _label(sheet, row)
-        shade = 1.0 if rows.size < 2 else 0.35 + 0.65 * at / (rows.size - 1)
-        line = Series(Role.LINE, x.real, y.real, label=label, tyre=tyre, shade=shade)
+        line = Series(Role.LINE, x.real, y.real, label=label, tyre=tyre, shade=shade(at, rows.size))
         series.append(replace(line, tests=(names[row],), cards=(cards[row],)))
     place = {column: value for column, value in state.place.items() if not np.isnan(value)}
     right = ", ".join(place_text(results, column, value) for column, value in place.items()) if len(own) > 1 else ""

@@ -12,7 +12,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.condition import PRESSURE
 from fourpole.plot.cardids import static_cards
-from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series
+from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series, shade
 from fourpole.plot.sheet import Sheet, read_sheet, spread
 from fourpole.plot.spec import FigureSpec
 from fourpole.quantities import ShownUnits
@@ -114,7 +114,7 @@ def _panel(results: Results, sheet: Sheet, lines: Sequence[LoadLine], *, scaled:
         known = not np.isnan(one.pressure)
         place = sheet.pressures.nearest(one.pressure) if known else 0
         look = Series(Role.LINE, x, y, tyre=-1 if one.rejected else one.tyre, dash=2 if one.rejected else 0,
-                      shade=1.0 if len(lines) < 2 else 0.35 + 0.65 * at / (len(lines) - 1), marker=place,
+                      shade=shade(at, len(lines)), marker=place,
                       level=one.pressure / pressure.scale if scaled and not one.rejected else np.nan)  # fmt: skip
         label = "" if scaled else _label(one, units, sheet.pressures.labels[place], several=several)
         series.append(replace(look, label=label, tests=(one.test,), cards=(cards[one.test],)))
