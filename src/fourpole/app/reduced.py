@@ -14,7 +14,8 @@ from fourpole import quantities as q
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, say, warn
 from fourpole.app.deliver import deliver
 from fourpole.app.options import answered_in
-from fourpole.app.shown import COVERAGE, PLUS_MINUS, with_u
+from fourpole.app.shown import PLUS_MINUS, with_u
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recordingchecks import check_resonance
 from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict
@@ -138,7 +139,7 @@ def run_static(
     units = answered_in(ShownUnits(), load)
     unit, scale = units.unit(q.K1.unit)
     parts = ", ".join(
-        f"{name} {number(COVERAGE * u / scale, 2)}"
+        f"{name} {number(COVERAGE_FACTOR * u / scale, 2)}"
         for name, u in (("fit", tangent.fit), ("cycles", tangent.cycles), ("zero", tangent.zero))
     )
     rows = (

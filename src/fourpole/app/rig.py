@@ -9,7 +9,8 @@ from typing import Any
 from rich.text import Text
 
 from fourpole.app.console import out, print_json, print_table, table_width, without_controls
-from fourpole.app.shown import COVERAGE, PLUS_MINUS
+from fourpole.app.shown import PLUS_MINUS
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.errors import CampaignError
 from fourpole.io.folders import results_in
 from fourpole.report.words.limits import limit_rows, limits
@@ -95,8 +96,8 @@ def _cells(value: ShownValue) -> tuple[str, ...]:
     unit = f" [{value.unit}]" if value.unit else ""
     return (
         f"{value.name}{unit}",
-        value.stated_with_u(COVERAGE),
-        value.found_with_u(COVERAGE),
+        value.stated_with_u(COVERAGE_FACTOR),
+        value.found_with_u(COVERAGE_FACTOR),
         value.pull_words,
         seen if value.detection_words != DASH else DASH,
     )

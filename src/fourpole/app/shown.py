@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fourpole.app.console import out, print_table
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number, with_std
 
-#: Coverage factor of each uncertainty in the terminal.
-COVERAGE = 2.0
 #: A relative standard uncertainty below this is not shown.
 _NEGLIGIBLE = 1e-8
 #: What stands after a number.
@@ -28,7 +27,7 @@ def with_u(value: float | None, std: float | None, scale: float = 1.0) -> str:
     if value is None:
         return ""
     std = std if std is not None and std > _NEGLIGIBLE * abs(value) else None
-    text, u = with_std(value / scale, None if std is None else COVERAGE * std / scale)
+    text, u = with_std(value / scale, None if std is None else COVERAGE_FACTOR * std / scale)
     return f"{text} ± {u}" if u else text
 
 

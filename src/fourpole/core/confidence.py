@@ -7,6 +7,9 @@ uncertainty without a stated probability stand beside the rule that uses them, a
 #: Probability that an interval holds the value.
 COVERAGE = 0.95
 
+#: Coverage factor k of an expanded uncertainty U = k u: about 95 % of a normal distribution, and the word of reports.
+COVERAGE_FACTOR = 2.0
+
 #: Probabilities of the quantiles that describe a distribution from Monte Carlo: ends of the interval, and the median.
 LEVELS = (0.025, 0.5, 0.975)
 #: Standard uncertainties to either side of the mean that hold 95 % of a normal distribution.

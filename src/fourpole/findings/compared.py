@@ -13,6 +13,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import short_repr
 from fourpole.core.condition import Condition, Sameness
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError
 from fourpole.findings.common import none, of_one_campaign, of_two_campaigns
@@ -25,8 +26,6 @@ from fourpole.study import Study
 from fourpole.study.results import Results, read_results
 from fourpole.units import shown
 
-#: A difference beyond this many standard uncertainties is seen: 5 % of all are beyond it where nothing differs.
-COVERAGE = 2.0
 DIFFERS, NOT_SEEN = "differs", "no difference seen"
 #: Head of the ratio of a difference to its standard uncertainty.
 RATIO = "z [1]"
@@ -132,21 +131,13 @@ def compare(
         _check_apart(Path(first), Path(second))
     if second is None and specimens is None:
         raise CampaignError("compare takes two results, or one with two specimens: --specimens X Y")
-    of_one = second is None
     one = _read(first)
     two = one if second is None else _read(second)
     sides = _sides(one, two, first, second, specimens)
-    errors: Common | None = None
-    if independent:
-        said: tuple[str, ...] = ("All errors are taken as independent, as asked for.",)
-        errors = none
-    elif of_one:
-        said = of_one_campaign(one, specimens or ("", ""))
-    elif (routes := _routes(*sides))[0] != routes[1]:
-        text = f"K* was found by different routes ({', '.join(map(_listed, routes))}), where one error acts differently"
-        errors, said = none, (f"{text}: all errors are taken as independent.",)
-    else:
-        errors, said = of_two_campaigns(one, two)
+    errors: Common | None = none
+    said: tuple[str, ...] = ("All errors are taken as independent, as asked for.",)
+    if not independent:
+        errors, said = _of_two(*sides) if second is not None else (None, of_one_campaign(one, specimens or ("", "")))
     rows, unlike = _rows(*sides, errors)
     if not rows:
         raise CampaignError(_nothing(*sides))
@@ -157,6 +148,15 @@ def compare(
         text = f"Where K* differs by more than 20 % ({unlike} pairs), no error of the dynamic tests is taken as common."
         said = (*said, text)
     return Compared((sides[0].name, sides[1].name), table, said, one.shown)
+
+
+def _of_two(one: _Side, two: _Side) -> tuple[Common, tuple[str, ...]]:
+    """Which errors two campaigns have in common, and why; by different routes to K* one error acts differently."""
+    routes = _routes(one, two)
+    if routes[0] == routes[1]:
+        return of_two_campaigns(one.results, two.results)
+    text = f"K* was found by different routes ({', '.join(map(_listed, routes))}), where one error acts differently"
+    return none, (f"{text}: all errors are taken as independent.",)
 
 
 def _check_apart(first: Path, second: Path) -> None:
@@ -294,8 +294,8 @@ def _points(side: _Side, rule: Sameness) -> tuple[Points, list[Condition]]:
         pl.col(q.TYRE.head).is_in(list(side.specimens)),
     )
     covariance = side.results.covariance
-    none = np.zeros(table.height, dtype=int)
-    points = Points.of(table, _budget(side.results), none, covariance if covariance.height else None)
+    ungrouped = np.zeros(table.height, dtype=int)
+    points = Points.of(table, _budget(side.results), ungrouped, covariance if covariance.height else None)
     return points, _renamed(conditions_in(table, rule), side)
 
 
@@ -433,7 +433,7 @@ def _row(
             "difference": second - first,
             "u(difference)": float(std),
             RATIO: z,
-            "verdict": DIFFERS if abs(z) > COVERAGE else NOT_SEEN,
+            "verdict": DIFFERS if abs(z) > COVERAGE_FACTOR else NOT_SEEN,
             "tests of first": tests[0],
             "tests of second": tests[1],
         }

@@ -13,6 +13,7 @@ import scipy
 
 from fourpole import quantities as q
 from fourpole.core.condition import AXES, FREQUENCY
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.findings.facts import Facts, Measured
 from fourpole.findings.finding import UNSTATED, Key
 from fourpole.findings.summary import conditions_of, intervals_of, k1_of, mean_of
@@ -23,8 +24,6 @@ from fourpole.study.results import Results, section
 LIMITED: dict[str, Quantity] = {
     one.key: one for one in (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
 }
-#: Coverage factor of the guard band.
-COVERAGE = 2.0
 _AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
 
 
@@ -95,8 +94,8 @@ def judged(results: Results) -> tuple[Judged, ...]:
 
     Notes
     -----
-    Decision rule: ISO 14253-1 and ILAC-G8:09/2019, 4.2.3, with guard band w = U; probability: JCGM 106:2012, 7.3, for a
-    normal distribution about the measured value.
+    Decision rule: ISO 14253-1 and ILAC-G8:09/2019, 4.2.3, with guard band w = U; probability: JCGM 106:2012, clause 7,
+    for a normal distribution about the measured value.
     """
     stated = section(results.record, "stated").get("limits")
     limits = [one for one in stated if isinstance(one, dict)] if isinstance(stated, list) else []
@@ -207,7 +206,7 @@ def _held(at: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Iterato
     if not found:
         yield Judged(at, quantity, name, wanted, low, high, None, None, Conformity.UNDECIDED, None)
     for one in found:
-        reach = COVERAGE * one.value.std
+        reach = COVERAGE_FACTOR * one.value.std
         interval = one.skewed or (one.value.value - reach, one.value.value + reach)
         least, most = -inf if low is None else low, inf if high is None else high
         probability = None if one.skewed else _probability(one.value, least, most)

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import with_std
 from fourpole.core.notebook import notebook_html
 from fourpole.quantities import ShownUnits
 
 if TYPE_CHECKING:
     from fourpole.fitting.modelling import TyreFit, TyreMap
-
-_COVERAGE = 2.0
 
 
 def fit_html(found: TyreFit) -> str:
@@ -24,7 +23,7 @@ def fit_html(found: TyreFit) -> str:
     for one, fit, covariance in zip(found.measured, found.chosen.fits, covariances, strict=True):
         std = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
         pairs = (
-            with_std(float(value) / scale, _COVERAGE * float(u) / scale)
+            with_std(float(value) / scale, COVERAGE_FACTOR * float(u) / scale)
             for value, u, (_, _, scale) in zip(fit.values, std, shown, strict=True)
         )
         rows.append([one.in_words(units) or "all", *(f"{text} ± {u}" if u else text for text, u in pairs)])

@@ -9,12 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fourpole import quantities as q
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.plot.layout import WIDTH, new_figure
 from fourpole.plot.names import plain_text
 from fourpole.plot.style import Style, drawing
 from fourpole.quantities import Quantity
 
-_HEIGHT, _LONGEST, _COVERAGE = 4.3, 40, 2.0
+_HEIGHT, _LONGEST = 4.3, 40
 
 
 def draw_compared(
@@ -52,11 +53,11 @@ def _curves(axes: Axes, rows: pl.DataFrame, quantity: Quantity, names: tuple[str
     frequency = rows[q.FREQUENCY.head].to_numpy()
     for at, (head, marker) in enumerate((("first", "o"), ("second", "s"))):
         value, u = (rows[one].to_numpy() / quantity.scale for one in (head, f"u({head})"))
-        colour = style.colour(at)
-        axes.fill_between(frequency, value - _COVERAGE * u, value + _COVERAGE * u, color=colour, alpha=0.2, linewidth=0)
+        reach, colour = COVERAGE_FACTOR * u, style.colour(at)
+        axes.fill_between(frequency, value - reach, value + reach, color=colour, alpha=0.2, linewidth=0)
         axes.plot(frequency, value, color=colour, marker=marker, markersize=4, label=plain_text(names[at], _LONGEST))
         if frequency.size == 1:  # a band has no width there
-            axes.errorbar(frequency, value, yerr=_COVERAGE * u, color=colour, capsize=3, linewidth=1)
+            axes.errorbar(frequency, value, yerr=reach, color=colour, capsize=3, linewidth=1)
     axes.set_ylabel(quantity.label)
 
 
@@ -64,6 +65,6 @@ def _difference(axes: Axes, rows: pl.DataFrame, quantity: Quantity, style: Style
     """The difference with U, about the line of no difference."""
     value, u = (rows[one].to_numpy() / quantity.scale for one in ("difference", "u(difference)"))
     axes.axhline(0.0, color=style.look.muted, linewidth=0.8)
-    frequency, colour = rows[q.FREQUENCY.head].to_numpy(), style.look.ink
-    axes.errorbar(frequency, value, yerr=_COVERAGE * u, fmt="o", color=colour, markersize=3.5, capsize=3, linewidth=1)
+    frequency, colour, reach = rows[q.FREQUENCY.head].to_numpy(), style.look.ink, COVERAGE_FACTOR * u
+    axes.errorbar(frequency, value, yerr=reach, fmt="o", color=colour, markersize=3.5, capsize=3, linewidth=1)
     axes.set_ylabel(f"difference [{quantity.shown}]")

@@ -8,25 +8,30 @@ from collections.abc import Iterable
 import numpy as np
 
 from fourpole.core.condition import Axis
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import fixed, known, number, with_std
 
-__all__ = ["expanded", "known", "number", "spread", "with_interval", "with_std"]
+__all__ = ["decimals_of", "expanded", "known", "number", "rounded", "spread", "with_interval", "with_std"]
 
 #: Up to this number values are listed one by one; more are given as a range.
 _LISTED = 8
+#: From this size on a number is shown with a power of ten.
+_LARGE = 1e7
 
 
-def expanded(value: float, std: float, coverage: float = 2.0) -> tuple[str, str]:
+def expanded(value: float, std: float) -> tuple[str, str]:
     """A number and its expanded uncertainty U, to the second digit of U if its first is 1 or 2, else to the first.
 
     >>> expanded(172.3482, 0.619), expanded(1105.36, 33.0), expanded(0.30366, 0.0)
     (('172.3', '1.2'), ('1110', '70'), ('0.3037', ''))
+    >>> expanded(1105.36, 1.7e8)
+    ('1105', '3.4×10⁸')
     """
-    reach = coverage * std
-    decimals = _decimals(reach)
+    reach = COVERAGE_FACTOR * std
+    decimals = decimals_of(reach)
     if decimals is None:
-        return number(value), ""
-    return _rounded(value, decimals), _rounded(reach, decimals)
+        return number(value), number(reach, 2) if reach >= _LARGE else ""
+    return rounded(value, decimals), rounded(reach, decimals)
 
 
 def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
@@ -35,22 +40,23 @@ def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
     >>> with_interval(93.81, 93.42, 94.51), with_interval(50.0, 20.0, math.inf)
     (('93.8', '93.4 to 94.5'), ('50', 'above 20'))
     """
-    decimals = _decimals(0.5 * (high - low))
+    decimals = decimals_of(0.5 * (high - low))
     if decimals is None:
         return number(value, 2), f"above {number(low, 2)}" if math.isinf(high) else f"{number(low)} to {number(high)}"
-    return _rounded(value, decimals), f"{_rounded(low, decimals)} to {_rounded(high, decimals)}"
+    return rounded(value, decimals), f"{rounded(low, decimals)} to {rounded(high, decimals)}"
 
 
-def _decimals(reach: float) -> int | None:
-    """Decimals of a number with an expanded uncertainty; None where this is zero or unknown."""
-    if not 1e-9 < reach < 1e7:
+def decimals_of(reach: float) -> int | None:
+    """Decimals of a number with an expanded uncertainty; None where this is unknown, zero or very large."""
+    if not 1e-9 < reach < _LARGE:
         return None
     leading = f"{reach:.0e}"
     return -int(leading[2:]) + (leading[0] in "12")
 
 
-def _rounded(value: float, decimals: int) -> str:
-    return fixed(round(value, decimals), decimals)
+def rounded(value: float, decimals: int | None) -> str:
+    """A number to some decimals, which are negative for tens and hundreds; to four digits for None."""
+    return number(value) if decimals is None else fixed(round(value, decimals), decimals)
 
 
 def spread(values: Iterable[object], axis: Axis, unit: str, *, scale: float = 1.0) -> str:

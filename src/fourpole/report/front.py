@@ -13,8 +13,8 @@ from fourpole import quantities as q
 from fourpole.findings.conformity import judged
 from fourpole.findings.facts import Facts, Measured
 from fourpole.findings.finding import Topic
-from fourpole.findings.summary import MOST_CONDITIONS, Range, SummaryRow, summary
-from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
+from fourpole.findings.summary import MOST_CONDITIONS, SUMMARISED, Range, SummaryRow, summary
+from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.conformity import conformity_table, verdict_line
 from fourpole.report.digits import expanded, number, with_interval
 from fourpole.report.ratedload import rated_load
@@ -25,8 +25,6 @@ from fourpole.report.words.sentence import Sentence
 from fourpole.report.words.sources import source_in_words
 from fourpole.study.results import Results, section
 
-#: The quantities of the table, in its order.
-SHOWN = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
 #: Most items of each list, and most specimens that are described one by one.
 _MOST_SAID, _MOST_DESCRIBED = 3, 4
 _DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
@@ -102,7 +100,7 @@ def summary_table(results: Results, rows: Sequence[SummaryRow]) -> SimpleNamespa
     facts = Facts.of(results)
     ranges = any(low is not high for row in rows for low, high in row.values.values())
     shown = results.shown
-    used = tuple(shown.of(one) for one in SHOWN if any(one.key in row.values for row in rows))
+    used = tuple(shown.of(one) for one in SUMMARISED if any(one.key in row.values for row in rows))
     rated = {
         name: load
         for name, stated in section(results.record, "stated", "specimens").items()
@@ -248,7 +246,7 @@ def _scattered(rows: Sequence[SummaryRow]) -> list[Sentence]:
 
 
 def _misfits(results: Results) -> list[str]:
-    """Models that do not follow the data, in a sentence for all specimens."""
+    """Models that depart from the data by more than a limit, in a sentence for all specimens."""
     models = results.models.models if results.models else ()
     off = [one for one in models if one.discrepancy >= _POOR]
     if not off:
@@ -256,7 +254,7 @@ def _misfits(results: Results) -> list[str]:
     each = [f"{one.tyre or 'the specimen'} by {percent(one.discrepancy)} of |K*|" for one in off]
     none = all(any(at.verdict is not None and not at.verdict.possible for at in one.conditions) for one in off)
     why = "; no passive linear specimen can have such a K*" if none else ""
-    return [f"The models do not follow the data of {joined(each)}{why}. The tables do not rest on them."]
+    return [f"The models depart from the data of {joined(each)}{why}. The tables do not rest on them."]
 
 
 def _scale(results: Results) -> list[str]:

@@ -28,7 +28,7 @@ def _output_blocked(results: Results) -> Found:
     """The least level difference of input and output motion."""
     table = m.used(results)
     if table.is_empty():
-        return Found("no dynamic test in use", Answer.NOT_STATED)
+        return Found(m.NOTHING, Answer.NOT_STATED)
     measured = table.filter(pl.col(q.V2.head).is_finite() & (pl.col(q.V2.head) > 0.0))
     if measured.is_empty():
         blocked = any(section(one).get("output") == "blocked" for one in _rigs(results))
@@ -61,7 +61,7 @@ def _lines_per_band(results: Results) -> Found:
     """The least number of tested frequencies in a one-third-octave band that a condition touches."""
     table = m.used(results)
     if table.is_empty():
-        return Found("no dynamic test in use", Answer.NOT_STATED)
+        return Found(m.NOTHING, Answer.NOT_STATED)
     facts, least, where = Facts.of(results), 10**9, ""
     groups: dict[tuple[object, ...], list[float]] = {}
     for row in facts.used_dynamic:

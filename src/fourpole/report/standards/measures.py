@@ -11,13 +11,11 @@ from fourpole import quantities as q
 from fourpole.core.condition import Axis
 from fourpole.findings.summary import SummaryRow, summary
 from fourpole.quantities import MODULUS, Quantity, ShownUnits
-from fourpole.report.digits import number, with_std
+from fourpole.report.digits import expanded, number
 from fourpole.report.standards.requirement import Answer, Found
 from fourpole.study.results import Results, section
 
-#: Coverage factor of the uncertainty shown.
-_COVERAGE = 2.0
-_NOTHING = "no dynamic test in use"
+NOTHING = "no dynamic test in use"
 
 
 def used(results: Results) -> pl.DataFrame:
@@ -44,8 +42,8 @@ def at_most(quantity: Quantity, limit: float) -> Callable[[Results], Found]:
     def measure(results: Results) -> Found:
         values = _values(results, quantity)
         if not values:
-            return Found(_NOTHING, Answer.NOT_STATED)
-        return judged(f"{spread(values, quantity)}", max(values) <= limit * (1.0 + 1e-9))
+            return Found(NOTHING, Answer.NOT_STATED)
+        return judged(spread(values, quantity), max(values) <= limit * (1.0 + 1e-9))
 
     return measure
 
@@ -72,7 +70,7 @@ def stated_in_all(quantity: Quantity) -> Callable[[Results], Found]:
     def measure(results: Results) -> Found:
         table = used(results)
         if table.is_empty():
-            return Found(_NOTHING, Answer.NOT_STATED)
+            return Found(NOTHING, Answer.NOT_STATED)
         values = _values(results, quantity)
         if len(values) < table.height:
             return Found(f"{table.height - len(values)} of {table.height} tests do not state it", Answer.NOT_STATED)
@@ -82,7 +80,7 @@ def stated_in_all(quantity: Quantity) -> Callable[[Results], Found]:
 
 
 def reported(*keys: str) -> Callable[[Results], Found]:
-    """Whether [report] of campaign.toml states something; its text stands for itself."""
+    """Whether [report] of campaign.toml states something; the answer repeats its text."""
 
     def measure(results: Results) -> Found:
         stated = section(results.record, "stated", "report")
@@ -128,7 +126,7 @@ def static_curve(results: Results) -> Found:
     dynamic = set(used(results)[q.TYRE.head]) if not used(results).is_empty() else set()
     static = set(results.static[q.TYRE.head]) if q.TYRE.head in results.static.columns else set()
     if not dynamic:
-        return Found(_NOTHING, Answer.NOT_STATED)
+        return Found(NOTHING, Answer.NOT_STATED)
     lacking = sorted(dynamic - static)
     if lacking:
         return Found(f"no static test of {', '.join(lacking)}", Answer.NOT_STATED)
@@ -182,7 +180,7 @@ def with_expanded(row: SummaryRow, quantity: Quantity, scale: float | None = Non
     if found is None:
         return ""
     scale = ShownUnits().of(quantity).scale if scale is None else scale
-    value, u = with_std(found[0].value / scale, _COVERAGE * found[0].std / scale)
+    value, u = expanded(found[0].value / scale, found[0].std / scale)
     return f"{value} ± {u}" if u else value
 
 

@@ -8,8 +8,10 @@ from math import erfc, sqrt
 from typing import Any
 
 from fourpole import quantities as q
-from fourpole.findings.compared import COMPARED, COVERAGE, RATIO, Compared
+from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.findings.compared import COMPARED, RATIO, Compared
 from fourpole.quantities import ShownUnits
+from fourpole.report.digits import decimals_of, rounded
 from fourpole.report.words.phrases import counted
 
 _OF = {one.column: one for one in COMPARED}
@@ -54,16 +56,16 @@ def _shown(row: Mapping[str, Any], units: ShownUnits, *, several: bool) -> Shown
     first, second, difference, u = (
         row[head] / quantity.scale for head in ("first", "second", "difference", "u(difference)")
     )
-    decimals = _decimals(COVERAGE * u)
-    sign = "+" if difference > 0 else "−" if difference < 0 else ""
+    decimals = decimals_of(COVERAGE_FACTOR * u)
+    sign = "+" if difference > 0 else ""
     return ShownRow(
         where=where(row, units, specimen=several),
         quantity=f"{quantity.symbol} {quantity.suffix}".rstrip(),
-        first=_fixed(first, decimals),
-        second=_fixed(second, decimals),
-        difference=f"{sign}{abs(difference):.{max(decimals, 0)}f}±{COVERAGE * u:.{max(decimals, 0)}f}",
+        first=rounded(first, decimals),
+        second=rounded(second, decimals),
+        difference=f"{sign}{rounded(difference, decimals)}±{rounded(COVERAGE_FACTOR * u, decimals)}",
         z=_ratio(row[RATIO]),
-        seen=abs(row[RATIO]) > COVERAGE,
+        seen=abs(row[RATIO]) > COVERAGE_FACTOR,
     )
 
 
@@ -72,19 +74,8 @@ def where(row: Mapping[str, Any], units: ShownUnits, *, specimen: bool) -> str:
     parts = [str(row["specimen"])] if specimen else []
     for one, digits in ((q.PRESSURE, 3), (q.PRELOAD, 4), (q.TEMPERATURE, 3), (q.FREQUENCY, 3)):
         if row[one.head] is not None:
-            scale = units.of(one).scale
-            parts.append(units.text(one, scale * float(f"{row[one.head] / scale:.{digits}g}")))
+            parts.append(units.text(one, row[one.head], digits))
     return ", ".join(parts) or str(row["specimen"])
-
-
-def _decimals(u: float) -> int:
-    """Decimals that show an uncertainty with two digits if its first is 1 or 2, otherwise with one."""
-    leading = f"{u:.0e}"
-    return -int(leading[2:]) + (1 if f"{u:e}"[0] in "12" else 0)
-
-
-def _fixed(value: float, decimals: int) -> str:
-    return f"{value:.{max(decimals, 0)}f}".replace("-", "−")
 
 
 def _ratio(z: float) -> str:
@@ -94,10 +85,10 @@ def _ratio(z: float) -> str:
 def outcome(compared: Compared) -> str:
     """How many differences are seen, and how many chance alone would show, as a sentence."""
     count = compared.rows.height
-    chance = erfc(COVERAGE / sqrt(2.0)) * count
+    chance = erfc(COVERAGE_FACTOR / sqrt(2.0)) * count
     few = f"about {chance:.0f}" if chance >= 1.5 else "one" if chance >= 0.5 else "none"
     return (
         f"{compared.beyond} of {counted(count, 'difference')} {'is' if compared.beyond == 1 else 'are'} beyond U = "
-        f"{COVERAGE:g} u; {few} would be by chance if nothing differed. Rows of one campaign share errors, so several "
-        "ratios of one sign may have one cause."
+        f"{COVERAGE_FACTOR:g} u; {few} would be by chance if nothing differed. Rows of one campaign share errors, so "
+        "several ratios of one sign may have one cause."
     )
