@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 
 from fourpole import quantities as q
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.polar import polar
 from fourpole.findings.facts import Facts, Measured, known, natural
 from fourpole.findings.finding import UNSTATED, Key
@@ -234,18 +235,25 @@ def intervals_of(results: Results, rows: Sequence[Mapping[str, Any]]) -> dict[st
 
     About the mean it reaches as far as those of the repeats do on average, and their scatter is added in squares.
     """
-    keys = [key_of(row) for row in rows]
-    skewed = {
-        (key_of(row), row[q.QUANTITY.head]): (row[q.LOWER.head], row[q.UPPER.head])
-        for row in results.quantiles.rows(named=True)
-        if row[q.LOWER.head] is not None
-    }
+    keys, skewed = [key_of(row) for row in rows], _skewed(results)
     found = {}
     for quantity in (q.K2, q.C):
         ends = [skewed.get((key, quantity.symbol)) for key in keys]
         if any(ends):
             both = [(pair, end) for row, end in zip(rows, ends, strict=True) if (pair := _value(quantity, row))]
             found.update({quantity.key: _about_mean(both)} if both else {})
+    return found
+
+
+def _skewed(results: Results) -> dict[tuple[Any, str], tuple[float, float | None]]:
+    """The ends of the intervals in quantiles.csv by point and symbol of the quantity; read once for some results."""
+    if "skewed" not in results.derived:
+        results.derived["skewed"] = {
+            (key_of(row), row[q.QUANTITY.head]): (row[q.LOWER.head], row[q.UPPER.head])
+            for row in results.quantiles.rows(named=True)
+            if row[q.LOWER.head] is not None
+        }
+    found: dict[tuple[Any, str], tuple[float, float | None]] = results.derived["skewed"]
     return found
 
 
@@ -258,7 +266,7 @@ def _about_mean(
         return only[0], inf if only[1] is None else only[1]
     values = np.array([value for (value, _), _ in repeats])
     mean, scatter = float(values.mean()), _reach_of_scatter(values)
-    ends = [end or (value - 2.0 * std, value + 2.0 * std) for (value, std), end in repeats]
+    ends = [end or (value - COVERAGE_FACTOR * std, value + COVERAGE_FACTOR * std) for (value, std), end in repeats]
     below = float(np.mean([value - low for value, (low, _) in zip(values, ends, strict=True)]))
     above = float(
         np.mean([inf if high is None else high - value for value, (_, high) in zip(values, ends, strict=True)])
@@ -315,7 +323,7 @@ def _joined(rows: Sequence[SummaryRow]) -> SummaryRow:
 
 def _ends(measured: Measured) -> tuple[float, float]:
     """Value ± 2 u."""
-    return measured.value - 2.0 * measured.std, measured.value + 2.0 * measured.std
+    return measured.value - COVERAGE_FACTOR * measured.std, measured.value + COVERAGE_FACTOR * measured.std
 
 
 def _axes(row: SummaryRow) -> tuple[Range, ...]:
