@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.arrays import short_repr
+from fourpole.core.arrays import ByValue
 from fourpole.core.condition import Condition, Sameness
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.sources import Kind
@@ -47,7 +47,7 @@ _NEAR = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
+class Compared(ByValue):
     """The second results less the first.
 
     Attributes
@@ -68,8 +68,6 @@ class Compared:
     rows: pl.DataFrame
     common: tuple[str, ...]
     shown: ShownUnits = field(default_factory=ShownUnits)
-
-    __repr__ = short_repr
 
     @property
     def beyond(self) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.arrays import IntArray
+from fourpole.core.arrays import ByValue, IntArray
 from fourpole.core.condition import AXES, PRELOAD, PRESSURE, Axis
 from fourpole.errors import CampaignError
 from fourpole.fitting.modelfile import ModelFile
@@ -51,7 +51,7 @@ class Selection:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Part(ByValue):
     """The rows of the whole results' dynamic.csv and static.csv that were selected, and how they are shown."""
 
     whole: Results
