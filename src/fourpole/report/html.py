@@ -20,9 +20,13 @@ def packaged(name: str, package: str = "fourpole.report") -> str:
 
 
 def rendered(templates: Mapping[str, str], **shown: Any) -> str:
-    """The template named "page", filled in; texts are escaped, and characters that a page must not contain replaced."""
+    """The template named "page", filled in; texts are escaped, and characters that a page must not contain replaced.
+
+    Each template may import "head", the head of a page with the policy that lets it load nothing from elsewhere.
+    """
+    loader = DictLoader({"head": packaged("head.html"), **templates})
     environment = Environment(
-        loader=DictLoader(templates), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     return _UNFIT.sub("\ufffd", environment.get_template("page").render(**shown))
 
