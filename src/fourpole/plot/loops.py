@@ -16,7 +16,7 @@ from fourpole.plot.part import part_of
 from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.states import place_text, states
-from fourpole.study.results import Results, section
+from fourpole.study.results import Results, section, stated_blocked
 
 _MOST_TYRES, _MOST_SIGNALS, _POINTS = 3, 3, 145
 _SIGNALS = (("F1", "force_in"), ("V1", "motion_in"), ("V2", "motion_out"))
@@ -49,8 +49,7 @@ def _amplitudes(results: Results, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]
     """Complex amplitudes of F1 [N] and of the deflection [m] of all tests; V1 has the phase 0."""
     omega = 2 * np.pi * sheet.values(q.FREQUENCY.head)
     f1 = sheet.values(q.F1.head) * np.exp(1j * sheet.values(q.PHASE_F1.head))
-    rigs = section(results.record, "stated", "rigs")
-    blocked = np.array([section(rigs, name).get("output") == "blocked" for name in sheet.rigs], dtype=bool)
+    blocked = np.array([stated_blocked(results.record, name) for name in sheet.rigs], dtype=bool)
     v2 = sheet.values(q.V2.head) * np.exp(1j * sheet.values(q.PHASE_V2.head))
     v2 = np.where(blocked, 0.0, v2)
     with np.errstate(divide="ignore", invalid="ignore"):

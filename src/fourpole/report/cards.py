@@ -18,7 +18,7 @@ from fourpole.core.checks import worst_verdict
 from fourpole.fitting.rows import KEY, Key, key_of
 from fourpole.report.digits import known, number
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words
-from fourpole.study.results import Results, section
+from fourpole.study.results import Results, section, stated_blocked
 from fourpole.study.tables import DYNAMIC as TABLE
 
 #: Two of these characters are one sample of a curve: 4095 levels between its extremes, and one for a missing sample.
@@ -134,7 +134,6 @@ def _dynamic_cards(results: Results, previews: _Previews) -> list[Card]:
         symbol: str(section(results.record, "stated", "channels", role).get("quantity", ""))
         for symbol, role in _SIGNALS
     }
-    rigs = section(results.record, "stated", "rigs")
     more = [name for name in results.dynamic.columns if name not in (*TABLE.columns, *KEY)]
     return [
         Card(
@@ -148,7 +147,7 @@ def _dynamic_cards(results: Results, previews: _Previews) -> list[Card]:
                 previews.of(key_of(row)),
                 quantities,
                 more,
-                blocked=section(rigs, str(row["rig"] or "")).get("output") == "blocked",
+                blocked=stated_blocked(results.record, str(row["rig"] or "")),
             ),
         )
         for at, row in enumerate(results.dynamic.rows(named=True), 1)

@@ -138,6 +138,11 @@ def section(value: object, *path: str) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
+def stated_blocked(record: object, rig: str) -> bool:
+    """Whether campaign.toml states that the far side of a rig does not move: output = "blocked"."""
+    return section(record, "stated", "rigs", rig).get("output") == "blocked"
+
+
 def texts(value: object) -> list[str]:
     """The items of a list as texts; empty if the value is no list."""
     return [str(item) for item in value] if isinstance(value, list) else []

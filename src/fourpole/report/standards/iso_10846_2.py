@@ -16,7 +16,7 @@ from fourpole.report.digits import number
 from fourpole.report.standards import measures as m
 from fourpole.report.standards.requirement import Answer, Found, Requirement, Standard, ValueTable
 from fourpole.report.words.phrases import counted
-from fourpole.study.results import Results, section
+from fourpole.study.results import Results, section, stated_blocked
 
 _CONTENTS = "table of contents in a standards catalogue (EN ISO 10846-2:2008)"
 _INEQUALITY = f"{_CONTENTS}; phonometry, open source, which cites the inequality"
@@ -31,7 +31,7 @@ def _output_blocked(results: Results) -> Found:
         return Found(m.NOTHING, Answer.NOT_STATED)
     measured = table.filter(pl.col(q.V2.head).is_finite() & (pl.col(q.V2.head) > 0.0))
     if measured.is_empty():
-        blocked = any(section(one).get("output") == "blocked" for one in _rigs(results))
+        blocked = any(stated_blocked(results.record, name) for name in section(results.record, "stated", "rigs"))
         return Found(f"V2 is not measured{'; the far side is stated as blocked' if blocked else ''}", Answer.NOT_STATED)
     ratio = (
         measured.with_columns((pl.col(q.V1.head) / pl.col(q.V2.head)).alias("ratio")).sort("ratio").row(0, named=True)
@@ -40,14 +40,9 @@ def _output_blocked(results: Results) -> Found:
     return m.judged(f"least 20 lg(V1/V2) is {number(least, 3)} dB (test {ratio[q.TEST.head]})", least >= _BLOCKED)
 
 
-def _rigs(results: Results) -> list[object]:
-    return list(section(results.record, "stated", "rigs").values())
-
-
 def _mass_at_cell(results: Results) -> Found:
     """The inertia of the mass between force cell and specimen as a share of the force."""
-    stated = [section(one, "input_mass").get("value") for one in _rigs(results)]
-    masses = [float(value) for value in stated if isinstance(value, int | float) and value > 0]
+    masses = [mass for mass in m.input_masses(results) if mass > 0]
     table = m.used(results)
     if not masses or table.is_empty():
         return Found("no mass between specimen and force cell is stated (input_mass of the rig)", Answer.NOT_STATED)

@@ -10,7 +10,7 @@ from fourpole import quantities as q
 from fourpole.report.digits import number
 from fourpole.report.standards import measures as m
 from fourpole.report.standards.requirement import Answer, Found, Requirement, Standard, ValueTable
-from fourpole.study.results import Results, section
+from fourpole.study.results import Results
 
 _PHONOMETRY = "phonometry, open source, which cites the clause of ISO 7626-2:2015"
 _SCOPE = "the abstract of ISO 7626-2:2015 in a standards catalogue"
@@ -75,9 +75,7 @@ def _phase(results: Results) -> Found:
 
 def _input_mass(results: Results) -> Found:
     """Whether the mass between force cell and contact is stated, so that its force is taken off."""
-    rigs = section(results.record, "stated", "rigs")
-    stated = [section(one, "input_mass").get("value") for one in rigs.values()]
-    known = [float(value) for value in stated if isinstance(value, int | float)]
+    known = m.input_masses(results)
     if not known:
         return Found("input_mass of the rig is not stated: taken as none", Answer.NOT_STATED)
     return m.judged(f"input_mass {number(max(known), 3)} kg, taken off", met=True)

@@ -104,6 +104,12 @@ def calibrated(results: Results) -> Found:
     return judged(text, len(named) == len(items))
 
 
+def input_masses(results: Results) -> list[float]:
+    """The masses between force cell and contact that the rigs state [kg]."""
+    stated = [section(one, "input_mass").get("value") for one in section(results.record, "stated", "rigs").values()]
+    return [float(value) for value in stated if isinstance(value, int | float)]
+
+
 def no_separation(results: Results) -> Found:
     """Whether the dynamic force stays below the preload in every test."""
     table = used(results)

@@ -15,7 +15,7 @@ from fourpole.fitting.rows import KEY, keyed
 from fourpole.report.digits import known
 from fourpole.report.words.phrases import counted, percent
 from fourpole.report.words.sources import About, remedy, source_in_words
-from fourpole.study.results import Results, section
+from fourpole.study.results import Results, stated_blocked
 from fourpole.study.rig_estimate import NoteCode
 
 _BUDGET = ("test", "quantity", "source", q.SHARE.head)
@@ -116,7 +116,7 @@ def _about(results: Results, tests: pl.DataFrame, rig: str) -> About:
         fits=found.fits,
         scatter=NoteCode.SCATTER in found.notes,
         candidate=found.candidates[0].text if found.candidates else "",
-        blocked=section(results.record, "stated", "rigs", rig).get("output") == "blocked",
+        blocked=stated_blocked(results.record, rig),
     )
 
 
