@@ -133,3 +133,12 @@ def test_a_range_with_an_open_interval_has_numbers_and_says_that_it_is_open():
     page = front_page(Results(STATIC, table, quantiles=pl.DataFrame(heads)), [])
     cell = page.table.rows[0].cells[[one.symbol for one in page.table.columns].index("K2")]
     assert (cell.text.split("–")[1], cell.about) == ("4900", "above 60")
+
+
+def test_long_names_keep_both_ends_in_the_table():
+    names = [f"Batch 2026-11 serial number {at:04} position left" for at in range(3)]
+    page = front_page(campaign(specimens=[*names, f"{'x' * 299}7"]), [])
+    shown = [row.name for row in page.table.rows]
+    assert shown[:3] == names
+    assert len(shown[3]) == 60
+    assert shown[3].endswith("7")

@@ -1,7 +1,10 @@
 """Printing the report: by a real browser, and what is said without one."""
 
+import os
 import shutil
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -66,3 +69,24 @@ def test_what_is_no_pdf_is_not_taken(monkeypatch, page, tmp_path):
     stands_in(monkeypatch, tmp_path / "browser", script)
     with pytest.raises(FileError, match="did not print"):
         pdf.print_page(page, tmp_path / "out.pdf")
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="no groups of processes here")
+def test_a_browser_that_hangs_is_ended_with_what_it_started(monkeypatch, page, tmp_path):
+    noted = tmp_path / "pid"
+    script = (
+        "import pathlib, subprocess, sys, time\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
+        f"pathlib.Path({str(noted)!r}).write_text(str(child.pid))\ntime.sleep(60)"
+    )
+    stands_in(monkeypatch, tmp_path / "browser", script)
+    monkeypatch.setattr(pdf, "_SECONDS", 5)
+    with pytest.raises(FileError, match="within 5 s"):
+        pdf.print_page(page, tmp_path / "out.pdf")
+    child = int(noted.read_text())
+    for _ in range(100):  # the system needs a moment to end it
+        state = Path(f"/proc/{child}/stat")
+        if not state.exists() or state.read_text().split()[2] == "Z":
+            return
+        time.sleep(0.05)
+    pytest.fail("the program that the browser started still runs")

@@ -27,6 +27,8 @@ from fourpole.study.results import Results, section
 
 #: Most items of each list, and most specimens that are described one by one.
 _MOST_SAID, _MOST_DESCRIBED = 3, 4
+#: Characters of a specimen's name in the table.
+_LONGEST = 60
 _DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
 #: The quantities that name a row.
 _PLACES = (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.DEFLECTION_AMPLITUDE)
@@ -126,6 +128,7 @@ def _row(row: SummaryRow, used: Iterable[Quantity], shown: ShownUnits, rated: fl
     pressure, preload, frequency, amplitude = (shown.of(one).scale for one in _PLACES)
     return SimpleNamespace(
         specimen=row.specimen,
+        name=_cut(row.specimen),
         pressure=_span(row.pressure, pressure),
         preload=_span(row.preload, preload),
         rated=_span(row.preload, rated / 100.0, 2) if rated else "",
@@ -136,6 +139,11 @@ def _row(row: SummaryRow, used: Iterable[Quantity], shown: ShownUnits, rated: fl
         tests=len(row.tests),
         cells=[_cell(row, one) for one in used],
     )
+
+
+def _cut(name: str) -> str:
+    """A name of at most three lines of the table, cut in the middle."""
+    return name if len(name) <= _LONGEST else f"{name[: _LONGEST // 2]}…{name[1 - _LONGEST // 2 :]}"
 
 
 def _span(ends: Range, scale: float, digits: int = 4) -> str:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from fourpole.errors import FileError
@@ -77,16 +78,31 @@ def print_page(page: Path, path: Path) -> None:
             *(["--no-sandbox"] if _is_root() else []), f"--print-to-pdf={printed}", page.resolve().as_uri(),
         ]  # fmt: skip
         try:
-            done = subprocess.run(command, capture_output=True, timeout=_SECONDS, check=False)
+            code, said = _run(command)
         except subprocess.TimeoutExpired:
             raise FileError(f"{program} did not print {page.name} within {_SECONDS} s") from None
         except OSError as error:
             raise FileError(f"{program} cannot be started: {error.strerror or error}") from None
         if not printed.is_file() or not printed.read_bytes().startswith(b"%PDF"):
-            said = done.stderr.decode(errors="replace").strip().splitlines()
-            why = f": {said[-1][:200]}" if said else f", exit code {done.returncode}"
+            lines = said.decode(errors="replace").strip().splitlines()
+            why = f": {lines[-1][:200]}" if lines else f", exit code {code}"
             raise FileError(f"{program} did not print {page.name}{why}")
         shutil.copyfile(printed, path)
+
+
+def _run(command: Sequence[str]) -> tuple[int, bytes]:
+    """Exit code and error output of a program; after the time limit it is ended with the programs that it started."""
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
+    ) as program:
+        try:
+            _, said = program.communicate(timeout=_SECONDS)
+        except (subprocess.TimeoutExpired, KeyboardInterrupt):
+            if hasattr(os, "killpg"):
+                os.killpg(program.pid, signal.SIGKILL)
+            program.kill()
+            raise
+        return program.returncode, said
 
 
 def _is_root() -> bool:
