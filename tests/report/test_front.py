@@ -1,5 +1,7 @@
 """The first page of a report: what a customer needs, whatever the campaign holds."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import polars as pl
 import pytest
@@ -142,3 +144,15 @@ def test_long_names_keep_both_ends_in_the_table():
     assert shown[:3] == names
     assert len(shown[3]) == 60
     assert shown[3].endswith("7")
+
+
+def test_where_repeats_scatter_the_misfit_of_a_model_has_no_other_reason():
+    verdict = SimpleNamespace(verdict=SimpleNamespace(possible=False))
+    model = SimpleNamespace(tyre="A", discrepancy=0.07, conditions=[verdict])
+    one = campaign().dynamic
+    repeats = pl.concat([one, one.with_columns(pl.lit("D9").alias("test"), pl.col("Re K* [N/m]") * 1.1)])
+    for table, reason in ((one, True), (repeats, False)):
+        results = Results(STATIC, table, models=SimpleNamespace(models=[model]))
+        said = " ".join(one.text for one in front_page(results, []).doubts)
+        assert "by 7.0 % of |K*|" in said
+        assert ("no passive linear specimen" in said) == reason

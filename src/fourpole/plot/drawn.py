@@ -17,6 +17,7 @@ from fourpole.plot.layout import Grid, Key, Notes
 from fourpole.plot.links import link
 from fourpole.plot.names import plain_text
 from fourpole.plot.panels import (
+    ALIKE,
     Extent,
     band,
     bars,
@@ -203,7 +204,8 @@ def _limit(ax: Axes, panel: Panel, extent: Extent, style: Style, notes: Notes, *
     if panel.x.log:
         ax.set_xscale("log")
         every = np.concatenate([one.x[one.x > 0] for one in panel.series] or [np.ones(1)])
-        room = (every.max() / every.min()) ** 0.04
+        ratio = every.max() / every.min()
+        room = ratio**0.04 if ratio > 1.0 + ALIKE else 1.15
         low, high = every.min() / room, every.max() * room
     width = style.width / columns - 0.6
     share = min(_room(panel) * style.font(_LETTER) / 72 / max(width, 0.5), 0.45)

@@ -208,13 +208,17 @@ def rows_of_names(ax: Axes, names: Sequence[str], margin: float = 0.6) -> None:
     ax.set_ylim(len(names) - 1 + margin, -margin)
 
 
+#: Values that differ by a smaller share of the largest are one value on an axis.
+ALIKE = 1e-4
+
+
 def span(values: Sequence[FloatArray], pad: float = 0.05) -> tuple[float, float]:
     """Limits of an abscissa that hold all values, with a margin of `pad` times their span."""
     known = np.concatenate([np.asarray(v)[np.isfinite(v)] for v in values]) if values else np.zeros(0)
     if not known.size:
         return 0.0, 1.0
     low, high = float(known.min()), float(known.max())
-    if high - low < 1e-9 * max(abs(high), 1e-12):
+    if high - low < ALIKE * max(abs(high), 1e-12):
         half = 0.15 * abs(high) or 0.5
         return low - half, high + half
     return low - pad * (high - low), high + pad * (high - low)

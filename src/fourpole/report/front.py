@@ -232,7 +232,9 @@ def _doubts(results: Results, rows: Sequence[SummaryRow], said: Sequence[Sentenc
     """What not to trust: rigs that do not fit, repeats that scatter, then tests by their commonest reasons."""
     misfit = [Sentence(Topic.TRUST, about.misfit[0]) for about in rigs_in_words(results) if about.misfit]
     trust = [one for one in said if one.topic == Topic.TRUST][1:]
-    found = [*misfit, *(Sentence(Topic.TRUST, text) for text in _misfits(results)), *_scattered(rows), *trust]
+    scattered = _scattered(rows)
+    models = (Sentence(Topic.TRUST, text) for text in _misfits(results, scattered=bool(scattered)))
+    found = [*misfit, *scattered, *models, *trust]
     more = len(found) - _MOST_SAID
     if more > 0:
         found = [*found[:_MOST_SAID], Sentence(Topic.TRUST, f"{counted(more, 'further reason')}: see the findings.")]
@@ -253,15 +255,15 @@ def _scattered(rows: Sequence[SummaryRow]) -> list[Sentence]:
     return [Sentence(Topic.TRUST, text)]
 
 
-def _misfits(results: Results) -> list[str]:
-    """Models that depart from the data by more than a limit, in a sentence for all specimens."""
+def _misfits(results: Results, *, scattered: bool) -> list[str]:
+    """Models that depart from the data by more than a limit, in a sentence; no reason where repeats scatter."""
     models = results.models.models if results.models else ()
     off = [one for one in models if one.discrepancy >= _POOR]
     if not off:
         return []
     each = [f"{one.tyre or 'the specimen'} by {percent(one.discrepancy)} of |K*|" for one in off]
     none = all(any(at.verdict is not None and not at.verdict.possible for at in one.conditions) for one in off)
-    why = "; no passive linear specimen can have such a K*" if none else ""
+    why = "; no passive linear specimen can have such a K*" if none and not scattered else ""
     return [f"The models depart from the data of {joined(each)}{why}. The tables do not rest on them."]
 
 
