@@ -5,7 +5,6 @@ import pytest
 
 from fourpole import quantities as q
 from fourpole.findings.compared import Compared
-from fourpole.quantities import ShownUnits
 from fourpole.report.words.compared import shown_rows
 
 
@@ -24,6 +23,6 @@ def test_values_and_difference_have_the_digits_of_u(values, u, shown):
         q.FREQUENCY.head: 14.004, "quantity": q.C.column, "first": first, "second": second,
         "difference": second - first, "u(difference)": u, "z [1]": (second - first) / u,
     }  # fmt: skip
-    (one,) = shown_rows(Compared(("a", "b"), pl.DataFrame([row]), ()), ShownUnits())
+    (one,) = shown_rows(Compared(("a", "b"), pl.DataFrame([row]), ()))
     assert (one.first, one.second, one.difference) == shown
     assert (one.where, one.quantity, one.seen) == ("1000 N, 14 Hz", "C N s/m", True)

@@ -9,7 +9,6 @@ from fourpole.app.console import out, print_json, print_table, say
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared, compare
 from fourpole.io.write import write_table, write_text
-from fourpole.quantities import ShownUnits
 from fourpole.report.words.compared import ShownRow, outcome, shown_rows
 
 #: Rows that the terminal shows of each verdict.
@@ -30,24 +29,23 @@ def run_compare(
     if file is not None and file.suffix.lower() != ".csv":
         raise CampaignError(f"--out {file}: the file of all rows is CSV: name it FILE.csv; --page is the HTML page")
     compared = compare(first, second, specimens=specimens, independent=independent)
-    units = compared.shown
     if file is not None:
         write_table(file, compared.rows)
     if page is not None:
         from fourpole.report.compared import render_compared  # matplotlib and jinja2 take a second to load
 
-        write_text(page, render_compared(compared, units))
+        write_text(page, render_compared(compared))
     if as_json:
         print_json(_document(compared))
     else:
-        _show(compared, units)
+        _show(compared)
     for what, path in (("rows", file), ("page", page)):
         if path is not None:
             (say if as_json else out)(f"{what}: {path}")
 
 
-def _show(compared: Compared, units: ShownUnits) -> None:
-    rows = shown_rows(compared, units)
+def _show(compared: Compared) -> None:
+    rows = shown_rows(compared)
     out(f"{compared.names[1]} less {compared.names[0]}; ± is U (k = 2), z the difference over u")
     for seen, heading in ((True, DIFFERS), (False, NOT_SEEN)):
         part = [row for row in rows if row.seen is seen]

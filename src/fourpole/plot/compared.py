@@ -32,6 +32,7 @@ def draw_compared(
     names : (str, str)
         Names of the first and of the second.
     style : Style, optional
+        Theme and colours.
     """
     style = style or Style()
     with drawing(style, "compared"):

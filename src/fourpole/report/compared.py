@@ -9,7 +9,7 @@ from fourpole import quantities as q
 from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared
 from fourpole.plot.compared import draw_compared
 from fourpole.plot.figure import figure_bytes
-from fourpole.quantities import LOSS_ANGLE, MODULUS, ShownUnits
+from fourpole.quantities import LOSS_ANGLE, MODULUS
 from fourpole.report.html import packaged, rendered, svg_address
 from fourpole.report.words.compared import outcome, shown_rows, where
 from fourpole.version import VERSION
@@ -21,11 +21,10 @@ _STATE = ("specimen", q.PRESSURE.head, q.PRELOAD.head, q.TEMPERATURE.head)
 _MOST = 1000
 
 
-def render_compared(compared: Compared, units: ShownUnits | None = None) -> str:
+def render_compared(compared: Compared) -> str:
     """The page as text; whatever the results state is escaped, and the page loads and runs nothing."""
-    units = units or ShownUnits()
     shown = _most_different(compared)
-    rows = shown_rows(compared, units, _MOST)
+    rows = shown_rows(compared, _MOST)
     return rendered(
         {"page": packaged("compared.html")},
         names=compared.names,
@@ -35,8 +34,8 @@ def render_compared(compared: Compared, units: ShownUnits | None = None) -> str:
         more=compared.rows.height - len(rows),
         differs=DIFFERS,
         not_seen=NOT_SEEN,
-        figure=_address(shown, compared, units) if shown.height else "",
-        where=_state(shown, compared, units) if shown.height else "",
+        figure=_address(shown, compared) if shown.height else "",
+        where=_state(shown, compared) if shown.height else "",
         style=Markup(packaged("page.css")),
         version=VERSION,
     )
@@ -52,13 +51,13 @@ def _most_different(compared: Compared) -> pl.DataFrame:
     return rows.filter(pl.col(head).eq_missing(first[head]) for head in _STATE).sort(q.FREQUENCY.head)
 
 
-def _address(shown: pl.DataFrame, compared: Compared, units: ShownUnits) -> str:
+def _address(shown: pl.DataFrame, compared: Compared) -> str:
     """The figure as a data: URL."""
-    figure = draw_compared(shown, [units.of(one) for one in _FIGURE], compared.names)
+    figure = draw_compared(shown, [compared.shown.of(one) for one in _FIGURE], compared.names)
     return svg_address(figure_bytes(figure, "compared", "Two results compared", "svg"))
 
 
-def _state(shown: pl.DataFrame, compared: Compared, units: ShownUnits) -> str:
+def _state(shown: pl.DataFrame, compared: Compared) -> str:
     """The condition of the figure, without a frequency."""
     row = {**shown.row(0, named=True), q.FREQUENCY.head: None}
-    return where(row, units, specimen=compared.rows["specimen"].n_unique() > 1)
+    return where(row, compared.shown, specimen=compared.rows["specimen"].n_unique() > 1)

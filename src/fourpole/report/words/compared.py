@@ -45,10 +45,10 @@ class ShownRow:
     seen: bool
 
 
-def shown_rows(compared: Compared, units: ShownUnits, most: int | None = None) -> list[ShownRow]:
-    """The rows as text, the largest ratio first; at most `most` of them."""
+def shown_rows(compared: Compared, most: int | None = None) -> list[ShownRow]:
+    """The rows as text in the units that the first results want, the largest ratio first; at most `most` of them."""
     several = compared.rows["specimen"].n_unique() > 1
-    return [_shown(row, units, several=several) for row in compared.rows[:most].rows(named=True)]
+    return [_shown(row, compared.shown, several=several) for row in compared.rows[:most].rows(named=True)]
 
 
 def _shown(row: Mapping[str, Any], units: ShownUnits, *, several: bool) -> ShownRow:
