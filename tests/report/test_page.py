@@ -844,3 +844,13 @@ def test_parts_are_folded_and_open_for_their_links_and_in_print(visit):
     assert page.locator(".part:not([open])").count() == 0
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
     assert page.locator(".part[open]").count() == 1
+
+
+def test_a_point_of_a_figure_leads_to_the_card_of_its_test(visit):
+    link = "xmlns:xlink='http://www.w3.org/1999/xlink' xlink:href='#dynamic-2'"
+    inside = f"<a {link}><title>D2</title><rect width='9' height='9'/></a>"
+    svg = drawing(inside=inside).replace("viewBox", 'width="504pt" height="216pt" viewBox')
+    page = visit(campaign(), drawn={"stiffness": ReportFigure("stiffness", "Stiffness", "", svg)})
+    page.locator(".drawing a").click()
+    page.locator("#dynamic-2 .card").wait_for()
+    assert page.locator("details#dynamic-2[open]").count() == 1

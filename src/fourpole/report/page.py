@@ -20,6 +20,7 @@ from fourpole.report.digits import number
 from fourpole.report.folded import folded
 from fourpole.report.front import front_page
 from fourpole.report.html import packaged, rendered, svg_address
+from fourpole.report.inline import inline
 from fourpole.report.models import models_section
 from fourpole.report.rows import DYNAMIC, STATIC, result_rows
 from fourpole.report.stated import channel_rows, rig_rows, tested
@@ -58,6 +59,11 @@ class ReportFigure:
     def address(self) -> str:
         """The drawing as a data: URL."""
         return svg_address(_compact(self.svg).encode())
+
+    @property
+    def inline(self) -> Markup | None:
+        """The drawing as a part of the page, whose points are links; None where it must be an image."""
+        return inline(_compact(self.svg), self.title)
 
     @property
     def size(self) -> tuple[int, int] | None:
