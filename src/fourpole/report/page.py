@@ -47,7 +47,8 @@ class ReportFigure:
     title, caption : str
         Plain text.
     svg : str
-        The drawing, a whole SVG file. It is embedded as an image, so nothing in it can reach the page.
+        The drawing, a whole SVG file: part of the page where it holds nothing but shapes, texts and links within the
+        page, otherwise an image, so that nothing in it can reach the page.
     """
 
     key: str
