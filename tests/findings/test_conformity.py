@@ -106,3 +106,9 @@ def test_temperatures_are_told_apart():
     (one,) = judged(made(rows, storage(high=2e5, temperature=20.0, specimen="a")))
     assert one.outcome is Conformity.PASS
     assert {each.outcome for each in judged(made(rows, storage(high=2e5, specimen="a")))} == {"pass", "fail"}
+
+
+def test_a_k1_that_is_stated_with_the_dynamic_tests_is_held_against_its_limit():
+    rows = [{**dynamic(at, frequency=f), "K1 [N/m]": 1.6e5, "u(K1) [N/m]": 500.0} for at, f in enumerate((10.0, 15.0))]
+    (one,) = judged(made(rows, {"quantity": "k1", "high": 1.65e5}))
+    assert (one.outcome, one.value.value, one.value.std) == (Conformity.PASS, 1.6e5, 500.0)

@@ -81,8 +81,15 @@ class Facts:
 
     @classmethod
     def of(cls, results: Results) -> Facts:
-        """The facts of results; temperature and the campaign's own axes distinguish specimens."""
-        stated, results = results, results.apart()
+        """The facts of results, made once; temperature and the campaign's own axes distinguish specimens."""
+        if cls not in results.derived:
+            results.derived[cls] = cls._made(results)
+        found: Facts = results.derived[cls]
+        return found
+
+    @classmethod
+    def _made(cls, stated: Results) -> Facts:
+        results = stated.apart()
         pairs = zip((stated.static, stated.dynamic), (results.static, results.dynamic), strict=True)
         names = {
             new: old or "" for before, after in pairs for new, old in zip(after["tyre"], before["tyre"], strict=True)

@@ -185,12 +185,15 @@ def mean_of_repeats(repeats: Sequence[tuple[float, float, str]]) -> Measured:
 
 
 def k1_of(facts: Facts, specimen: str) -> dict[Key, Measured]:
-    """K1 of a specimen's static tests by nominal pressure and preload."""
-    groups: dict[Key, list[tuple[float, float, str]]] = {}
-    for row in facts.used_static:
-        if row["tyre"] == specimen and (found := known(row, q.K1)):
-            groups.setdefault(facts.key(row, q.K1.over), []).append((*found, str(row["test"])))
-    return {key: mean_of_repeats(groups[key]) for key in sorted(groups)}
+    """K1 of a specimen by nominal pressure and preload: of its static tests, else as its dynamic tests state it."""
+    for rows in (facts.used_static, facts.used_dynamic):
+        groups: dict[Key, list[tuple[float, float, str]]] = {}
+        for row in rows:
+            if row["tyre"] == specimen and (found := known(row, q.K1)):
+                groups.setdefault(facts.key(row, q.K1.over), []).append((*found, str(row["test"])))
+        if groups:
+            return {key: mean_of_repeats(groups[key]) for key in sorted(groups)}
+    return {}
 
 
 def _reach_of_scatter(values: np.ndarray) -> float:

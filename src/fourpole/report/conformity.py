@@ -38,7 +38,7 @@ def verdict_line(results: Results, held: Sequence[Judged]) -> SimpleNamespace:
         )
     outcome = outcome_of(held)
     number_of = {one: sum(each.outcome is one for each in held) for one in Conformity}
-    text = f"{number_of[Conformity.PASS]} of {counted(len(held), 'result')} pass"
+    text = f"{number_of[Conformity.PASS]} of {counted(len(held), 'result')} {'passes' if len(held) == 1 else 'pass'}"
     for one, words in ((Conformity.FAIL, "fail"), (Conformity.UNDECIDED, "undecided")):
         if number_of[one]:
             text += f", {number_of[one]} {words}"
