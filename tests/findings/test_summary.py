@@ -6,7 +6,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from fourpole.findings.summary import mean_of_repeats, summary
+from fourpole.findings.repeats import mean_of_repeats
+from fourpole.findings.summary import summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS
 from fourpole.study.results import Results
 

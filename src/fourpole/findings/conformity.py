@@ -16,7 +16,7 @@ from fourpole.core.condition import AXES, FREQUENCY
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.findings.facts import Facts, Measured
 from fourpole.findings.finding import UNSTATED, Key
-from fourpole.findings.summary import conditions_of, intervals_of, k1_of, mean_of
+from fourpole.findings.summary import conditions_of, intervals_of, k1_of, mean_of, scatters_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.results import Results, section
 
@@ -166,12 +166,15 @@ def _known(results: Results) -> Iterator[_Known]:
     for specimen in facts.tyres:
         for key, value in k1_of(facts, specimen).items():
             yield _Known(q.K1, specimen, facts.stated.get(specimen, specimen), _place(key, specimen, warm), value, None)
-    for (specimen, key), tested in conditions_of(facts).items():
+    conditions = conditions_of(facts)
+    scatters = scatters_of(conditions)
+    for (specimen, key), tested in conditions.items():
+        pooled = scatters[specimen]
         for frequency, rows in sorted(tested.items()):
-            skewed = intervals_of(results, rows)
+            skewed = intervals_of(results, rows, pooled)
             place = {**_place(key, specimen, warm), "frequency": frequency}
             for one in LIMITED.values():
-                if one is not q.K1 and (mean := mean_of(one, rows)) is not None:
+                if one is not q.K1 and (mean := mean_of(one, rows, pooled)) is not None:
                     yield _Known(one, specimen, facts.stated.get(specimen, specimen), place, mean, skewed.get(one.key))
 
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import hypot, inf, isfinite, nan, sqrt
+from math import hypot, inf, isfinite, nan
 from typing import Any
 
 import numpy as np
-import scipy
 
 from fourpole import quantities as q
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.polar import polar
 from fourpole.findings.facts import Facts, Measured, known, natural
 from fourpole.findings.finding import UNSTATED, Key
+from fourpole.findings.repeats import Scatter, mean_of_repeats, reach_of_scatter, scatter_in
 from fourpole.fitting.rows import key_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.results import Results, section
@@ -23,8 +23,6 @@ from fourpole.study.results import Results, section
 SUMMARISED = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
 #: The frequency that people compare first [Hz].
 USUAL_FREQUENCY = 15.0
-#: Probability below value + 2 u of a normal distribution.
-_BELOW_TWO = 0.97725
 #: Conditions that a table shows one by one; of more, each specimen has one row.
 MOST_CONDITIONS = 12
 #: Lowest and highest value; None where there is none.
@@ -105,11 +103,11 @@ def summary(results: Results, *, frequency: float | None = None, most: int = MOS
     if frequency is None:
         frequency = wanted_frequency(results)
     shared = set.intersection(*(set(each) for each in at.values()))
-    rows = []
+    rows, scatters = [], scatters_of(at)
     for (specimen, condition), tested in at.items():
         chosen = min(shared or tested, key=lambda one: (abs(one - frequency), one))
-        made = _row(specimen, condition, chosen, tested[chosen])
-        rows.append(replace(made, intervals=intervals_of(results, tested[chosen])))
+        made = _row(specimen, condition, chosen, tested[chosen], scatters[specimen])
+        rows.append(replace(made, intervals=intervals_of(results, tested[chosen], scatters[specimen])))
     return _bounded(rows, most)
 
 
@@ -161,27 +159,27 @@ def conditions_of(facts: Facts) -> Conditions:
     return {at: found[at] for at in sorted(found, key=rank)}
 
 
-def mean_of(quantity: Quantity, tests: Sequence[Mapping[str, Any]]) -> Measured | None:
-    """A quantity averaged over the rows of some tests; None where none of them has it."""
+def mean_of(
+    quantity: Quantity, tests: Sequence[Mapping[str, Any]], pooled: Mapping[str, Scatter] | None = None
+) -> Measured | None:
+    """A quantity averaged over the rows of some tests; None where none of them has it. `pooled` as of `scatters_of`."""
     found = [(*pair, str(row["test"])) for row in tests if (pair := _value(quantity, row)) is not None]
-    return mean_of_repeats(found) if found else None
+    return mean_of_repeats(found, (pooled or {}).get(quantity.key)) if found else None
 
 
-def mean_of_repeats(repeats: Sequence[tuple[float, float, str]]) -> Measured:
-    r"""Mean of values with their standard uncertainties and tests, such that twice its u is a 95 % interval.
-
-    .. math:: u^2 = \bar u^2 + (t/2)^2 s^2/n
-
-    with the mean u of the n repeats, which their common errors make, the standard deviation s of the values, and
-    Student's t of n - 1 degrees of freedom: few repeats do not tell how far their mean is off.
-
-    >>> mean_of_repeats([(2.0, 0.1, "D1"), (2.0, 0.1, "D2")]).pair
-    (2.0, 0.1)
-    """
-    values = np.array([value for value, _, _ in repeats])
-    stated = float(np.mean([std for _, std, _ in repeats]))
-    std = hypot(stated, 0.5 * _reach_of_scatter(values))
-    return Measured(float(values.mean()), std, tuple(test for *_, test in repeats))
+def scatters_of(conditions: Conditions) -> dict[str, dict[str, Scatter]]:
+    """The scatter of repeats of each specimen, pooled over its conditions, by the key of the quantity."""
+    groups: dict[str, list[list[dict[str, Any]]]] = {}
+    for (specimen, _), tested in conditions.items():
+        groups.setdefault(specimen, []).extend(rows for rows in tested.values() if len(rows) > 1)
+    quantities = (*SUMMARISED, q.LOSS_FACTOR)
+    return {
+        specimen: {
+            one.key: scatter_in([[pair[0] for row in rows if (pair := _value(one, row))] for rows in each])
+            for one in quantities
+        }
+        for specimen, each in groups.items()
+    }
 
 
 def k1_of(facts: Facts, specimen: str) -> dict[Key, Measured]:
@@ -196,17 +194,15 @@ def k1_of(facts: Facts, specimen: str) -> dict[Key, Measured]:
     return {}
 
 
-def _reach_of_scatter(values: np.ndarray) -> float:
-    """Half the 95 % interval of a mean by the scatter of its values alone; 0 for one value."""
-    if values.size < 2:
-        return 0.0
-    t = float(scipy.special.stdtrit(values.size - 1, _BELOW_TWO))
-    return t * float(values.std(ddof=1)) / sqrt(values.size)
-
-
-def _row(specimen: str, condition: Key, frequency: float, tests: Sequence[Mapping[str, Any]]) -> SummaryRow:
+def _row(
+    specimen: str,
+    condition: Key,
+    frequency: float,
+    tests: Sequence[Mapping[str, Any]],
+    pooled: Mapping[str, Scatter],
+) -> SummaryRow:
     pressure, preload = (None if value == UNSTATED else (value, value) for value in condition)
-    means = {quantity.key: mean for quantity in SUMMARISED if (mean := mean_of(quantity, tests)) is not None}
+    means = {quantity.key: mean for quantity in SUMMARISED if (mean := mean_of(quantity, tests, pooled)) is not None}
     values = {key: (mean, mean) for key, mean in means.items()}
     names = tuple(str(row["test"]) for row in tests)
     temperature, amplitude = (_middle(tests, one) for one in (q.TEMPERATURE, q.DEFLECTION_AMPLITUDE))
@@ -233,7 +229,9 @@ def _middle(tests: Sequence[Mapping[str, Any]], quantity: Quantity) -> Range:
     return (sum(stated) / len(stated),) * 2 if stated else None
 
 
-def intervals_of(results: Results, rows: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
+def intervals_of(
+    results: Results, rows: Sequence[Mapping[str, Any]], pooled: Mapping[str, Scatter] | None = None
+) -> dict[str, tuple[float, float]]:
     """The 95 % intervals of K2 and C over the repeats in some rows, where that of one of them is skewed.
 
     About the mean it reaches as far as those of the repeats do on average, and their scatter is added in squares.
@@ -244,7 +242,7 @@ def intervals_of(results: Results, rows: Sequence[Mapping[str, Any]]) -> dict[st
         ends = [skewed.get((key, quantity.symbol)) for key in keys]
         if any(ends):
             both = [(pair, end) for row, end in zip(rows, ends, strict=True) if (pair := _value(quantity, row))]
-            found.update({quantity.key: _about_mean(both)} if both else {})
+            found.update({quantity.key: _about_mean(both, (pooled or {}).get(quantity.key))} if both else {})
     return found
 
 
@@ -261,14 +259,14 @@ def _skewed(results: Results) -> dict[tuple[Any, str], tuple[float, float | None
 
 
 def _about_mean(
-    repeats: Sequence[tuple[tuple[float, float], tuple[float, float | None] | None]],
+    repeats: Sequence[tuple[tuple[float, float], tuple[float, float | None] | None]], pooled: Scatter | None
 ) -> tuple[float, float]:
     """The interval about the mean of repeats, each a value with its uncertainty, and its interval if it is skewed."""
     ((_, only), *others) = repeats
     if only is not None and not others:
         return only[0], inf if only[1] is None else only[1]
     values = np.array([value for (value, _), _ in repeats])
-    mean, scatter = float(values.mean()), _reach_of_scatter(values)
+    mean, scatter = float(values.mean()), reach_of_scatter(values, pooled)
     ends = [end or (value - COVERAGE_FACTOR * std, value + COVERAGE_FACTOR * std) for (value, std), end in repeats]
     below = float(np.mean([value - low for value, (low, _) in zip(values, ends, strict=True)]))
     above = float(
