@@ -52,8 +52,13 @@ def at_hand(folder: Path, file: str) -> Iterator[Path]:
             yield path
     else:
         path = inside(folder, file)
-        if not path.exists():
-            raise FileError(f"{units.shown(file, 200)[1:-1]}: there is no such file; {_likely(folder, file)}")
+        name = units.shown(file, 200)[1:-1]
+        try:
+            there = path.exists()
+        except OSError as error:
+            raise FileError(f"{name} cannot be looked up: {error.strerror or error}") from None
+        if not there:
+            raise FileError(f"{name}: there is no such file; {_likely(folder, file)}")
         yield path
 
 
