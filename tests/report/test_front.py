@@ -7,10 +7,14 @@ import polars as pl
 import pytest
 
 from fourpole.findings.conformity import judged
+from fourpole.quantities import K1, ShownUnits
 from fourpole.report.conformity import conformity_table, verdict_line
 from fourpole.report.front import front_page
 from fourpole.report.page import render_report
 from fourpole.report.ratedload import load_of_index
+from fourpole.report.rows import condition, words
+from fourpole.report.wanted import in_units
+from fourpole.report.words.phrases import bar, newton, shown
 from fourpole.study.results import Results
 
 STATIC = pl.DataFrame(schema={"test": pl.String, "tyre": pl.String, "construction": pl.String, "verdict": pl.String})
@@ -156,3 +160,12 @@ def test_where_repeats_scatter_the_misfit_of_a_model_has_no_other_reason():
         said = " ".join(one.text for one in front_page(results, []).doubts)
         assert "by 7.0 % of |K*|" in said
         assert ("no passive linear specimen" in said) == reason
+
+
+def test_words_and_tables_have_the_units_that_the_campaign_wants():
+    with in_units(ShownUnits({"Pa": ("kPa", 1e3), "N": ("kgf", 9.80665), "N/m": ("N/mm", 1e3)})):
+        assert (bar(170e3), newton(9806.65), shown(K1, 2e5)) == ("170 kPa", "1000 kgf", "200 N/mm")
+        row = {"K1 [N/m]": 2e5, "u(K1) [N/m]": 300.0, "pressure [Pa]": 170e3, "preload [N]": 980.665}
+        assert words(K1, row) == "200.00 ± 0.30 N/mm"
+        assert condition(row, dynamic=True) == "170 kPa, 100.0 kgf"
+    assert bar(170e3) == "1.70 bar"

@@ -46,7 +46,7 @@ def make_report(
         for key, path in files.items()
     }
     page = folder / "report.html"
-    write_report(results, page, findings=sentences(by_size(findings(results))), figures=figures)
+    write_report(results, page, findings=sentences(by_size(findings(results)), results.shown), figures=figures)
     return page
 
 

@@ -18,6 +18,7 @@ from fourpole.core.checks import worst_verdict
 from fourpole.fitting.rows import KEY, Key, key_of
 from fourpole.report.digits import known, number
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words
+from fourpole.report.wanted import shown_as
 from fourpole.study.results import Results, section, stated_blocked
 from fourpole.study.tables import DYNAMIC as TABLE
 
@@ -100,7 +101,8 @@ def _static_body(rows: Sequence[Mapping[str, Any]], preview: Mapping[str, NDArra
     facts = []
     for row in rows:
         preload = known(row[q.PRELOAD.head])
-        at = f" at {number(preload)} N" if preload is not None else ""
+        unit = shown_as(q.PRELOAD)
+        at = f" at {number(preload / unit.scale)} {unit.shown}" if preload is not None else ""
         facts += [[one.symbol + at, said] for one in STATIC[2:4] if (said := words(one, row))]
     facts += [[one.symbol, said] for one in STATIC[4:] if (said := words(one, rows[0]))]
     body: dict[str, Any] = {"facts": facts, "remarks": _remarks(rows)}

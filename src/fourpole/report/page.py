@@ -24,6 +24,7 @@ from fourpole.report.inline import inline
 from fourpole.report.models import models_section
 from fourpole.report.rows import DYNAMIC, STATIC, result_rows
 from fourpole.report.stated import channel_rows, rig_rows, tested
+from fourpole.report.wanted import in_units
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
 from fourpole.report.words.sentence import Sentence
@@ -103,6 +104,12 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
     Whatever stands in the tables, the record, the findings and the captions is escaped. The page loads nothing from
     anywhere: style, script, figures and the data of the cards are inside, and its policy lets no other script run.
     """
+    with in_units(results.shown):
+        return _page(results, findings, figures)
+
+
+def _page(results: Results, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> str:
+    """The page, in the units that are wanted now."""
     cards, static_keys, dynamic_keys = make_cards(results)
     static = result_rows(results.static, STATIC, static_keys)
     dynamic = result_rows(results.dynamic, DYNAMIC, dynamic_keys)

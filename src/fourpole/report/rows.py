@@ -13,6 +13,7 @@ from fourpole import quantities as q
 from fourpole.core.checks import worst_verdict
 from fourpole.quantities import DERIVED, Quantity
 from fourpole.report.digits import known, number, with_std
+from fourpole.report.wanted import shown_as
 
 STATIC = (q.PRESSURE, q.PRELOAD, q.K1, q.SECANT, q.CYCLE_LOSS, q.NONLINEARITY)
 DYNAMIC = (
@@ -30,14 +31,15 @@ def texts(quantity: Quantity, row: Mapping[str, Any]) -> tuple[str, str]:
     value = known(row.get(quantity.head))
     if value is not None and quantity is q.NONLINEARITY and abs(value) < _ROUND_OFF:
         value = 0.0
-    std = known(row.get(quantity.u_head)) if quantity is not q.TR_MEASURED else None
-    shown, about = (None if one is None else one / quantity.scale for one in (value, std))
+    std = known(row.get(quantity.u_head)) if quantity.key != q.TR_MEASURED.key else None
+    scale = shown_as(quantity).scale
+    shown, about = (None if one is None else one / scale for one in (value, std))
     return with_std(shown, about, quantity.digits)
 
 
 def words(quantity: Quantity, row: Mapping[str, Any]) -> str:
     """Value, uncertainty and unit in one; blank where there is no value."""
-    value, std = texts(quantity, row)
+    quantity, (value, std) = shown_as(quantity), texts(quantity, row)
     text = " ".join(part for part in (value, std and f"± {std}", quantity.suffix) if part) if value else ""
     return text.replace(" °", "°") if quantity.suffix == "°" else text
 
@@ -56,7 +58,7 @@ def result_rows(frame: pl.DataFrame, columns: tuple[Quantity, ...], cards: list[
     """All rows of static.csv or dynamic.csv; `cards` has the card of each."""
     used = tuple(column for column in columns if column not in _SELDOM or _has_value(frame, column.head))
     rows = [_row(row, used, card) for row, card in zip(frame.rows(named=True), cards, strict=True)]
-    return ResultTable(used, rows, any(row.rig for row in rows), any(row.remarks for row in rows))
+    return ResultTable(tuple(map(shown_as, used)), rows, any(row.rig for row in rows), any(row.remarks for row in rows))
 
 
 def _has_value(frame: pl.DataFrame, name: str) -> bool:
@@ -88,9 +90,9 @@ def condition(row: Mapping[str, Any], *, dynamic: bool) -> str:
     """The condition of a test in short: 1.7 bar, 1000 N, 10.01 Hz."""
     stood = (q.PRESSURE, *((q.PRELOAD,) if dynamic else ()), q.FREQUENCY, q.ADDED_MASS, q.TEMPERATURE)
     said = []
-    for one in stood:
+    for one in map(shown_as, stood):
         value = known(row.get(one.head))
-        if value is not None and (value or one is not q.ADDED_MASS):
-            added = " added" if one is q.ADDED_MASS else ""
+        if value is not None and (value or one.key != q.ADDED_MASS.key):
+            added = " added" if one.key == q.ADDED_MASS.key else ""
             said.append(f"{number(value / one.scale, one.digits)} {one.shown}{added}")
     return ", ".join(said)

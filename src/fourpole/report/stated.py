@@ -13,6 +13,7 @@ from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
 from fourpole.quantities import RIG_VALUES, Quantity
 from fourpole.report.digits import known, number, spread, with_std
+from fourpole.report.wanted import shown_as
 from fourpole.study.results import Results, section
 from fourpole.study.tables import verdict_counts
 
@@ -44,12 +45,13 @@ def _tested(results: Results, tyre: str, construction: str, stated: Mapping[str,
     def values(name: str) -> list[Any]:
         return [value for frame in (static, dynamic) if name in frame.columns for value in frame[name].to_list()]
 
+    pressure, preload = shown_as(q.PRESSURE), shown_as(q.PRELOAD)
     return SimpleNamespace(
         name=tyre,
         construction=construction,
         more=[(str(key), _plain(value)) for key, value in stated.items() if key != "construction"],
-        pressures=spread(values(q.PRESSURE.head), PRESSURE, "bar", scale=1e5),
-        preloads=spread(values(q.PRELOAD.head), PRELOAD, "N"),
+        pressures=spread(values(q.PRESSURE.head), PRESSURE, pressure.shown, scale=pressure.scale),
+        preloads=spread(values(q.PRELOAD.head), PRELOAD, preload.shown, scale=preload.scale),
         temperatures=spread(values(q.TEMPERATURE.head), axis_of(q.TEMPERATURE.head), q.TEMPERATURE.shown),
         frequencies=spread(values(q.FREQUENCY.head), FREQUENCY, "Hz"),
         static=static["test"].n_unique(),

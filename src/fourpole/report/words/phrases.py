@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 from fourpole.findings.finding import UNSTATED, Finding, Key
-from fourpole.quantities import Quantity
+from fourpole.quantities import PRELOAD, PRESSURE, Quantity
 from fourpole.report.digits import number as digits_of
+from fourpole.report.wanted import shown_as
 
 _PLURAL = {"pressure": "pressures", "load": "loads", "frequency": "frequencies"}
 
@@ -24,7 +25,10 @@ def number(value: float, digits: int = 3) -> str:
 
 def shown(quantity: Quantity | None, value: float) -> str:
     """A value of a quantity in the unit shown, with that unit."""
-    return f"{number(value / quantity.scale)} {quantity.suffix}".rstrip() if quantity else number(value)
+    if quantity is None:
+        return number(value)
+    quantity = shown_as(quantity)
+    return f"{number(value / quantity.scale)} {quantity.suffix}".rstrip()
 
 
 def opening(finding: Finding) -> str:
@@ -58,19 +62,24 @@ def percents(shares: Sequence[float]) -> str:
 
 
 def bar(pressure: float) -> str:
-    """A pressure in bar.
+    """A pressure, in bar unless another unit is wanted.
 
     Examples
     --------
     >>> bar(170e3)
     '1.70 bar'
     """
-    return "unstated pressure" if pressure == UNSTATED else f"{number(pressure / 1e5)} bar"
+    one = shown_as(PRESSURE)
+    return "unstated pressure" if pressure == UNSTATED else f"{number(pressure / one.scale)} {one.shown}"
 
 
 def newton(load: float) -> str:
-    """A load in N."""
-    return "unstated load" if load == UNSTATED else f"{number(load, 4)} N" if load < 1000 else f"{load:.0f} N"
+    """A load, in N unless another unit is wanted."""
+    if load == UNSTATED:
+        return "unstated load"
+    one = shown_as(PRELOAD)
+    value = load / one.scale
+    return f"{number(value, 4) if value < 1000 else f'{value:.0f}'} {one.shown}"
 
 
 def hertz(frequency: float) -> str:

@@ -13,6 +13,8 @@ from fourpole.findings.levels import CycleLoss, Departure, Level
 from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Trend
 from fourpole.findings.verdicts import Doubt, Tally
+from fourpole.quantities import ShownUnits
+from fourpole.report.wanted import in_units
 from fourpole.report.words import resonances
 from fourpole.report.words.claims import claim, claims_summary, no_common_state
 from fourpole.report.words.comparison import comparison
@@ -59,13 +61,15 @@ class Sentence:
     tests: tuple[str, ...] = ()
 
 
-def sentences(findings: Sequence[Finding]) -> list[Sentence]:
+def sentences(findings: Sequence[Finding], units: ShownUnits | None = None) -> list[Sentence]:
     """Findings in words.
 
     Parameters
     ----------
     findings : sequence of Finding
         See `fourpole.findings.findings`.
+    units : ShownUnits, optional
+        The units of the sentences, as `Results.shown` has them; by default the usual ones.
 
     Returns
     -------
@@ -79,6 +83,11 @@ def sentences(findings: Sequence[Finding]) -> list[Sentence]:
     >>> for one in sentences(findings(read_results("campaign/results"))):  # doctest: +SKIP
     ...     print(one.topic, one.text)
     """
+    with in_units(units or ShownUnits()):
+        return _sentences(findings)
+
+
+def _sentences(findings: Sequence[Finding]) -> list[Sentence]:
     made: list[Sentence] = []
     losses = [finding for finding in findings if isinstance(finding.detail, CycleLoss)]
     for finding in findings:
