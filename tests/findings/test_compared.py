@@ -8,6 +8,7 @@ from math import radians
 import numpy as np
 import polars as pl
 import pytest
+from tests.rig_errors import ERRORS
 
 import fourpole
 from fourpole import analyse
@@ -18,18 +19,6 @@ from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 FREQUENCIES = [11.0, 14.0, 18.0, 23.0]
 SOFT = replace(RADIAL_PLY.changed(0.97), name="soft")
-#: Errors of sensors and rig, each within 1.3 of its standard uncertainties.
-ERRORS = {
-    "undeclared": {
-        "gain F1": 4e-3,
-        "gain V1": -6e-3,
-        "gain V2": 2e-3,
-        "phase F1": 2e-3,
-        "phase V1": 3e-3,
-        "phase V2": -4e-3,
-    },
-    "rig_error": {"moving_mass": 0.008, "preload_stiffness": -0.009, "preload_damping": 0.2},
-}
 
 
 def run(folder, seed, tyres=(RADIAL_PLY,), **settings):

@@ -169,3 +169,13 @@ def test_words_and_tables_have_the_units_that_the_campaign_wants():
         assert words(K1, row) == "200.00 ± 0.30 N/mm"
         assert condition(row, dynamic=True) == "170 kPa, 100.0 kgf"
     assert bar(170e3) == "1.70 bar"
+
+
+def test_each_condition_of_static_tests_alone_has_a_row():
+    rows = [
+        {"test": f"S{at}", "tyre": "A", "construction": "", "verdict": "ok", "pressure [Pa]": p, "preload [N]": 3000.0,
+         "K1 [N/m]": 2e5 + p / 10, "u(K1) [N/m]": 500.0}
+        for at, p in enumerate((1.5e5, 2e5, 2.5e5))
+    ]  # fmt: skip
+    page = front_page(Results(pl.DataFrame(rows), campaign().dynamic.clear()), [])
+    assert [row.pressure for row in page.table.rows] == ["1.5", "2", "2.5"]

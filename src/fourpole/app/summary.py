@@ -7,11 +7,10 @@ from dataclasses import replace
 
 from fourpole import quantities as q
 from fourpole.findings.conformity import Judged
-from fourpole.findings.facts import Measured
-from fourpole.findings.summary import SummaryRow, summary
+from fourpole.findings.summary import MOST_CONDITIONS, SummaryRow, bounded, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
 from fourpole.report.conformity import verdict_line
-from fourpole.report.digits import expanded, with_interval
+from fourpole.report.digits import in_unit, with_interval
 from fourpole.study.results import Results
 
 _SHOWN = (q.K1, MODULUS, LOSS_ANGLE, q.K2, q.C)
@@ -27,9 +26,10 @@ _LONGEST = 24
 
 def summary_lines(results: Results) -> list[str]:
     """The lines of the table; none without a test in use."""
-    lines = _lines(summary(results), results.shown)
+    every = summary(results, most=None)
+    lines = _lines(bounded(every, MOST_CONDITIONS), results.shown)
     if len(lines) > _MOST_LINES:
-        rows = summary(results, most=0)
+        rows = bounded(every, 0)
         found = (_lines(rows, results.shown, most) for most in range(_MOST, 0, -1))
         lines = next(lines for lines in found if len(lines) <= _MOST_LINES)
     return lines
@@ -111,13 +111,13 @@ def _cell(row: SummaryRow, quantity: Quantity, *, ranges: bool) -> str:
     low, high = row.values[quantity.key]
     if ranges:
         stds = [min(one.std, 0.25 * abs(one.value)) for one in (low, high)]
-        made = (_with_expanded(replace(one, std=std), quantity)[0] for one, std in zip((low, high), stds, strict=True))
+        made = (in_unit(replace(one, std=std), quantity)[0] for one, std in zip((low, high), stds, strict=True))
         first, last = _as_exact(*made)
         return first if first == last else f"{first}..{last}"
     if quantity.key in row.intervals:
         ends = (one / quantity.scale for one in row.intervals[quantity.key])
         return with_interval(low.value / quantity.scale, *ends)[1].replace("above ", ">").replace(" to ", "..")
-    value, reach = _with_expanded(low, quantity)
+    value, reach = in_unit(low, quantity)
     return f"{value}±{reach}" if reach else value
 
 
@@ -128,11 +128,6 @@ def _as_exact(first: str, last: str) -> tuple[str, str]:
     decimals = min(len(one.partition(".")[2]) for one in (first, last))
     rounded = (f"{float(one.replace('−', '-')):.{decimals}f}".replace("-", "−") for one in (first, last))
     return next(rounded), next(rounded)
-
-
-def _with_expanded(measured: Measured, quantity: Quantity) -> tuple[str, str]:
-    """A value and U in the unit shown."""
-    return expanded(measured.value / quantity.scale, measured.std / quantity.scale)
 
 
 def _fitting(table: Sequence[Sequence[str]], used: Sequence[int]) -> list[list[int]]:

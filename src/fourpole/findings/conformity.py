@@ -13,10 +13,9 @@ import scipy
 
 from fourpole import quantities as q
 from fourpole.core.condition import AXES, FREQUENCY
-from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.findings.facts import Facts, Measured
 from fourpole.findings.finding import UNSTATED, Key
-from fourpole.findings.summary import conditions_of, intervals_of, k1_of, mean_of, scatters_of
+from fourpole.findings.summary import conditions_of, ends_of, intervals_of, k1_of, mean_of, scatters_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.results import Results, section
 
@@ -209,8 +208,7 @@ def _held(at: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Iterato
     if not found:
         yield Judged(at, quantity, name, wanted, low, high, None, None, Conformity.UNDECIDED, None)
     for one in found:
-        reach = COVERAGE_FACTOR * one.value.std
-        interval = one.skewed or (one.value.value - reach, one.value.value + reach)
+        interval = one.skewed or ends_of(one.value)
         least, most = -inf if low is None else low, inf if high is None else high
         probability = None if one.skewed else _probability(one.value, least, most)
         outcome = _outcome(interval, least, most)

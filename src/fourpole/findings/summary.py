@@ -75,12 +75,13 @@ class SummaryRow:
         return self.frequency[0] if self.frequency else nan
 
 
-def summary(results: Results, *, frequency: float | None = None, most: int = MOST_CONDITIONS) -> tuple[SummaryRow, ...]:
+def summary(
+    results: Results, *, frequency: float | None = None, most: int | None = MOST_CONDITIONS
+) -> tuple[SummaryRow, ...]:
     """A row for each condition at the tested frequency nearest to a wanted one, of those that all conditions share.
 
     Where they share none, each has its own nearest one. Tests of one condition and frequency are averaged, with the
-    uncertainty of `mean_of_repeats`. Of more conditions than `most`, each
-    specimen has one row at each preload with its lowest and its highest values, or one row if that is still too much.
+    uncertainty of `mean_of_repeats`. More conditions than `most` are joined, see `bounded`.
 
     Parameters
     ----------
@@ -88,8 +89,8 @@ def summary(results: Results, *, frequency: float | None = None, most: int = MOS
         Tables of an analysed campaign.
     frequency : float, optional [Hz]
         The wanted frequency; by default that which [report] of campaign.toml states, else 15 Hz.
-    most : int
-        Conditions that have a row each.
+    most : int or None
+        Conditions that have a row each; None for all.
 
     Returns
     -------
@@ -99,7 +100,7 @@ def summary(results: Results, *, frequency: float | None = None, most: int = MOS
     facts = Facts.of(results)
     at = conditions_of(facts)
     if not at:
-        return _bounded(_static_rows(facts), most)
+        return bounded(_static_rows(facts), most)
     if frequency is None:
         frequency = wanted_frequency(results)
     shared = set.intersection(*(set(each) for each in at.values()))
@@ -108,7 +109,7 @@ def summary(results: Results, *, frequency: float | None = None, most: int = MOS
         chosen = min(shared or tested, key=lambda one: (abs(one - frequency), one))
         made = _row(specimen, condition, chosen, tested[chosen], scatters[specimen])
         rows.append(replace(made, intervals=intervals_of(results, tested[chosen], scatters[specimen])))
-    return _bounded(rows, most)
+    return bounded(rows, most)
 
 
 def _static_rows(facts: Facts) -> list[SummaryRow]:
@@ -123,9 +124,12 @@ def _static_rows(facts: Facts) -> list[SummaryRow]:
     return rows
 
 
-def _bounded(rows: Sequence[SummaryRow], most: int) -> tuple[SummaryRow, ...]:
-    """The rows, or one for each specimen and preload, or one for each specimen, if there are more than `most`."""
-    if len(rows) <= most:
+def bounded(rows: Sequence[SummaryRow], most: int | None) -> tuple[SummaryRow, ...]:
+    """The rows of a summary, or if they are more than `most` one for each specimen and preload, or else specimen.
+
+    A row of several conditions has the lowest and the highest of their values.
+    """
+    if most is None or len(rows) <= most:
         return tuple(rows)
     groups: dict[tuple[str, Range], list[SummaryRow]] = {}
     for row in rows:
@@ -307,7 +311,7 @@ def _joined(rows: Sequence[SummaryRow]) -> SummaryRow:
             values[key] = (min(found, key=_size), max(found, key=_size))
             largest[key] = max(one.std for one in found)
         if any(key in row.intervals for row in rows):
-            ends = [row.intervals.get(key) or _ends(row.values[key][0]) for row in rows if key in row.values]
+            ends = [row.intervals.get(key) or ends_of(row.values[key][0]) for row in rows if key in row.values]
             intervals[key] = (min(low for low, _ in ends), max(high for _, high in ends))
     ranges = [
         (min(one[0] for one in stated), max(one[1] for one in stated)) if stated else None
@@ -322,8 +326,8 @@ def _joined(rows: Sequence[SummaryRow]) -> SummaryRow:
     )  # fmt: skip
 
 
-def _ends(measured: Measured) -> tuple[float, float]:
-    """Value ± 2 u."""
+def ends_of(measured: Measured) -> tuple[float, float]:
+    """Value ± U, with k = 2."""
     return measured.value - COVERAGE_FACTOR * measured.std, measured.value + COVERAGE_FACTOR * measured.std
 
 

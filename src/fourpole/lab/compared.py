@@ -12,6 +12,7 @@ from fourpole import quantities as q
 from fourpole.core.condition import Sameness
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.errors import CampaignError
+from fourpole.findings.common import none
 from fourpole.findings.points import QUANTITIES, Common, Differences, Points, differences
 from fourpole.fitting.rows import conditions_in
 from fourpole.lab.layout import scan
@@ -111,10 +112,6 @@ def _groups(table: pl.DataFrame) -> np.ndarray:
     return np.asarray(np.unique(both, axis=0, return_inverse=True)[1]).ravel()
 
 
-def _none(_: str) -> bool:
-    return False
-
-
 def _same_sensors(text: str) -> bool:
     """Whether the error of a source is common to campaigns with the same sensors on the same rig."""
     source = Source.read(text)
@@ -122,7 +119,7 @@ def _same_sensors(text: str) -> bool:
 
 
 #: What two campaigns share, by the name of the case.
-_WAYS: Mapping[str, Common] = {"independent": _none, "same sensors": _same_sensors}
+_WAYS: Mapping[str, Common] = {"independent": none, "same sensors": _same_sensors}
 
 
 def _shown(pairs: pl.DataFrame, found: Mapping[str, Differences]) -> pl.DataFrame:

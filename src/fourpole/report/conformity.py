@@ -9,7 +9,7 @@ from fourpole import quantities as q
 from fourpole.core.checks import VERDICTS
 from fourpole.findings.conformity import Conformity, Judged, outcome_of
 from fourpole.quantities import ShownUnits
-from fourpole.report.digits import expanded, number, with_interval
+from fourpole.report.digits import in_unit, number, with_interval
 from fourpole.report.words.phrases import counted, some
 from fourpole.study.results import Results, section
 from fourpole.study.tables import verdict_counts
@@ -27,15 +27,11 @@ def verdict_line(results: Results, held: Sequence[Judged]) -> SimpleNamespace:
     """The verdict in one line: on the limits if some are stated, else the number of tests by verdict."""
     counts = verdict_counts(results.static, results.dynamic)
     if not held:
-        named = [
-            f"{count} {word}"
-            for word, count in (("with a warning", counts["warning"]), ("rejected", counts["rejected"]))
-        ]
-        used = sum(counts.values()) - counts["rejected"]
-        text = f"of {counted(sum(counts.values()), 'test')}, {', '.join(named)}. No limits are stated."
-        return SimpleNamespace(
-            kind=next((v for v in reversed(VERDICTS) if counts[v]), "ok"), word=f"{used} used", text=text
-        )
+        kind = next((verdict for verdict in reversed(VERDICTS) if counts[verdict]), "ok")
+        total = sum(counts.values())
+        text = f"of {counted(total, 'test')}, {counts['warning']} with a warning, {counts['rejected']} rejected."
+        used = f"{total - counts['rejected']} used"
+        return SimpleNamespace(kind=kind, word=used, text=f"{text} No limits are stated.")
     outcome = outcome_of(held)
     number_of = {one: sum(each.outcome is one for each in held) for one in Conformity}
     text = f"{number_of[Conformity.PASS]} of {counted(len(held), 'result')} {'passes' if len(held) == 1 else 'pass'}"
@@ -85,7 +81,7 @@ def _judged_row(one: Judged, shown: ShownUnits) -> SimpleNamespace:
         if one.probability is None:
             value, about = with_interval(one.value.value / scale, *(end / scale for end in one.interval))
         else:
-            value, reach = expanded(one.value.value / scale, one.value.std / scale)
+            value, reach = in_unit(one.value, quantity)
             about = f"± {reach}" if reach else ""
     stated = [shown.text(each, one.condition[name]) for name, each in _AXES.items() if name in one.condition]
     return SimpleNamespace(

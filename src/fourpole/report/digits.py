@@ -10,8 +10,10 @@ import numpy as np
 from fourpole.core.condition import Axis
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import fixed, known, number, with_std
+from fourpole.findings.facts import Measured
+from fourpole.quantities import Quantity
 
-__all__ = ["decimals_of", "expanded", "known", "number", "rounded", "spread", "with_interval", "with_std"]
+__all__ = ["decimals_of", "expanded", "in_unit", "known", "number", "rounded", "spread", "with_interval", "with_std"]
 
 #: Up to this number values are listed one by one; more are given as a range.
 _LISTED = 8
@@ -32,6 +34,11 @@ def expanded(value: float, std: float) -> tuple[str, str]:
     if decimals is None:
         return number(value), number(reach, 2) if reach >= _LARGE else ""
     return rounded(value, decimals), rounded(reach, decimals)
+
+
+def in_unit(measured: Measured, quantity: Quantity) -> tuple[str, str]:
+    """A measured value and its U in the unit shown of its quantity."""
+    return expanded(measured.value / quantity.scale, measured.std / quantity.scale)
 
 
 def with_interval(value: float, low: float, high: float) -> tuple[str, str]:

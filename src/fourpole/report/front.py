@@ -11,12 +11,12 @@ from typing import Any
 
 from fourpole import quantities as q
 from fourpole.findings.conformity import judged
-from fourpole.findings.facts import Facts, Measured
+from fourpole.findings.facts import Facts
 from fourpole.findings.finding import Topic
-from fourpole.findings.summary import MOST_CONDITIONS, SUMMARISED, Range, SummaryRow, summary
+from fourpole.findings.summary import MOST_CONDITIONS, SUMMARISED, Range, SummaryRow, bounded, summary
 from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.conformity import conformity_table, verdict_line
-from fourpole.report.digits import expanded, number, with_interval
+from fourpole.report.digits import in_unit, number, with_interval
 from fourpole.report.ratedload import rated_load
 from fourpole.report.words.limits import Limit, limits
 from fourpole.report.words.phrases import counted, joined, percent
@@ -54,8 +54,8 @@ def front_page(results: Results, said: Sequence[Sentence]) -> SimpleNamespace:
     """What the first page shows; `said` has the findings in words."""
     record = results.record
     stated = section(record, "stated", "report")
-    every = summary(results, most=len(results.dynamic) + 1)
-    rows = every if len(every) <= MOST_CONDITIONS else summary(results)
+    every = summary(results, most=None)
+    rows = bounded(every, MOST_CONDITIONS)
     shown, more = rows[:MOST_CONDITIONS], len(rows) - MOST_CONDITIONS
     table, held = summary_table(results, shown), judged(results)
     return SimpleNamespace(
@@ -69,7 +69,7 @@ def front_page(results: Results, said: Sequence[Sentence]) -> SimpleNamespace:
         heading=_heading(table),
         note=_note(table) + (f" {more} more specimens stand on the second page." if more > 0 else ""),
         table=table,
-        all_conditions=summary_table(results, every) if rows is not every else None,
+        all_conditions=summary_table(results, every) if len(every) > MOST_CONDITIONS else None,
         conformity=conformity_table(results, held),
         equipment=_equipment(stated),
         doubts=_doubts(results, every, said),
@@ -162,24 +162,20 @@ def _cell(row: SummaryRow, quantity: Quantity) -> SimpleNamespace:
     low, high = row.values[quantity.key]
     if low is not high:
         reach = row.largest[quantity.key]
-        least, most = (_shown(replace(one, std=min(reach, 0.25 * abs(one.value))), quantity)[0] for one in (low, high))
+        least, most = (in_unit(replace(one, std=min(reach, 0.25 * abs(one.value))), quantity)[0] for one in (low, high))
         text = least if least == most else f"{least}–{most}"
         if quantity.key in row.intervals:
             first, last = (one / quantity.scale for one in row.intervals[quantity.key])
             about = f"{number(first, 2)} to {number(last, 2)}" if isfinite(last) else f"above {number(first, 2)}"
             return SimpleNamespace(text=text, about=about)
-        _, about = _shown(replace(high, std=reach), quantity)
+        _, about = in_unit(replace(high, std=reach), quantity)
         return SimpleNamespace(text=text, about=f"± {about}" if about else "")
     if quantity.key in row.intervals:
         ends = (one / quantity.scale for one in row.intervals[quantity.key])
         text, about = with_interval(low.value / quantity.scale, *ends)
         return SimpleNamespace(text=text, about=about)
-    text, about = _shown(low, quantity)
+    text, about = in_unit(low, quantity)
     return SimpleNamespace(text=text, about=f"± {about}" if about else "")
-
-
-def _shown(measured: Measured, quantity: Quantity) -> tuple[str, str]:
-    return expanded(measured.value / quantity.scale, measured.std / quantity.scale)
 
 
 def _heading(table: SimpleNamespace) -> str:

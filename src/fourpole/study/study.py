@@ -7,6 +7,7 @@ import platform
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -130,9 +131,9 @@ class Study(Tables):
         """A figure of the results, as `fourpole.draw` makes it: `study.plot("K2")`."""
         return public("draw")(self.results, figure, **options)
 
-    @property
+    @cached_property
     def results(self) -> Results:
-        """The tables from which figures and reports are made."""
+        """The tables from which figures and reports are made, with what readers have derived of them."""
         read = {name: table for name, table in self.tables.items() if TABLES[name].read}
         return Results(record=self.record, tables=read)
 

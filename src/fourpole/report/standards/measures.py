@@ -167,7 +167,7 @@ def level(ratio: float) -> float:
 
 def rows_of(results: Results) -> tuple[SummaryRow, ...]:
     """Each condition at one frequency: that of [report], else the tested one nearest to 15 Hz."""
-    return tuple(row for row in summary(results, most=len(results.dynamic) + 1) if MODULUS.key in row.values)
+    return tuple(row for row in summary(results, most=None) if MODULUS.key in row.values)
 
 
 def place(row: SummaryRow) -> tuple[str, str, str]:
