@@ -43,6 +43,8 @@ def test_equipment_is_a_list():
         (f'customer = "{"x" * 601}"', "has 601 characters, at most 600"),
         ('frequency = "0 Hz"', "must be positive"),
         ('frequency = "15 N"', "frequency"),
+        ('equipment = "cell"', "[report] equipment: should be a list, in square brackets"),
+        ('equipment = ["cell"]', "[report] equipment.0: should be a table, as in { key = value }"),
         ('[[report.equipment]]\nnme = "cell"', "unknown key; did you mean 'name'?"),
     ],
 )

@@ -15,6 +15,7 @@ from fourpole import analyse
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import COMPARED, DIFFERS, NOT_SEEN, compare
 from fourpole.findings.points import QUANTITIES, Points, differences
+from fourpole.study.results import read_results
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 FREQUENCIES = [11.0, 14.0, 18.0, 23.0]
@@ -83,6 +84,14 @@ def test_a_specimen_that_is_three_per_cent_softer_is_seen(runs, a, b, specimens)
     angle = found.rows.filter(pl.col("quantity") == "loss angle")  # both parts of K* changed by the same factor
     assert np.all(np.abs(angle["z [1]"].to_numpy()) < 4.0)
     assert found.rows["z [1]"].abs().is_sorted(descending=True)
+
+
+def test_without_a_budget_no_error_is_common_and_that_is_said(runs):
+    one, two = (read_results(runs[name] / "results") for name in ("one", "two"))
+    two = replace(two, tables={**two.tables, "budget": pl.DataFrame()})
+    bare, alone = compare(one, two), compare(one, two, independent=True)
+    assert "no budget.csv, so all errors are taken as independent" in bare.common[0]
+    assert bare.rows.equals(alone.rows)
 
 
 def test_in_one_campaign_the_covariance_of_the_campaign_is_used(runs):

@@ -125,8 +125,9 @@ def test_a_pass_that_rests_on_tests_with_a_warning_says_so():
 def test_repeats_that_scatter_are_not_to_be_trusted():
     one = campaign().dynamic
     repeats = pl.concat([one, one.with_columns(pl.lit("D9").alias("test"), pl.col("Re K* [N/m]") * 1.1)])
-    said = " ".join(one.text for one in front_page(Results(STATIC, repeats), []).doubts)
-    assert "Repeats scatter by up to 6" in said
+    page = front_page(Results(STATIC, repeats), [])
+    assert "Repeats scatter by up to 6" in page.doubts[0].text
+    assert page.limits[0].startswith("The scatter of repeats makes most of U at 1 condition. Cheapest remedy:")
     assert front_page(campaign(), []).doubts == []
 
 

@@ -189,7 +189,8 @@ def first_of(names: Sequence[str], most: int) -> str:
 def counted_tests(counts: Mapping[str, int], rejected: str = "rejected") -> str:
     """The number of tests, and how many have each verdict."""
     listed = f"{counts['ok']} ok, {counts['warning']} with a warning, {counts['rejected']} {rejected}"
-    return f"{sum(counts.values())} tests, {listed}"
+    number = sum(counts.values())
+    return f"{number} test{'s' * (number != 1)}, {listed}"
 
 
 def without_controls(text: str) -> str:

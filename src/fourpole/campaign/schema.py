@@ -344,6 +344,16 @@ _TABLES: dict[str, Any] = {
 }
 
 
+#: What TOML calls the value that pydantic asks for.
+_WANTED = {
+    "tuple_type": "a list, in square brackets",
+    "list_type": "a list, in square brackets",
+    "dict_type": "a table, as in { key = value }",
+    "model_type": "a table, as in { key = value }",
+    "model_attributes_type": "a table, as in { key = value }",
+}
+
+
 def _fault(fault: Any, name: str) -> str:
     """Message on one fault that pydantic found: place, fault and remedy."""
     path = [str(part) for part in fault["loc"]]
@@ -355,6 +365,8 @@ def _fault(fault: Any, name: str) -> str:
         problem = f"unknown key{did_you_mean(path[-1], tuple(owner.model_fields))}"
     elif kind == "missing":
         problem = "is missing"
+    elif kind in _WANTED:
+        problem = f"should be {_WANTED[kind]}"
     else:
         problem = str(fault["msg"]).removeprefix("Value error, ")
         given = fault.get("input")

@@ -150,6 +150,9 @@ def compare(
 
 def _of_two(one: _Side, two: _Side) -> tuple[Common, tuple[str, ...]]:
     """Which errors two campaigns have in common, and why; by different routes to K* one error acts differently."""
+    bare = [side.name for side in (one, two) if not _budget(side.results).height]
+    if bare:
+        return none, (f"{' and '.join(bare)}: no budget.csv, so all errors are taken as independent.",)
     routes = _routes(one, two)
     if routes[0] == routes[1]:
         return of_two_campaigns(one.results, two.results)

@@ -73,7 +73,7 @@ def front_page(results: Results, said: Sequence[Sentence]) -> SimpleNamespace:
         conformity=conformity_table(results, held),
         equipment=_equipment(stated),
         doubts=_doubts(results, every, said),
-        limits=_limits(results),
+        limits=_limits(results, every),
         scale=_scale(results),
     )
 
@@ -208,19 +208,27 @@ def _equipment(stated: Mapping[str, Any]) -> list[SimpleNamespace]:
     return found
 
 
-def _limits(results: Results) -> list[str]:
-    """What limits the results, and the cheapest remedy, a sentence for each source."""
+def _limits(results: Results, rows: Sequence[SummaryRow]) -> list[str]:
+    """What limits the results, and the cheapest remedy, a sentence for each source; scatter of repeats comes first."""
+    scattered = len(_apart(rows))
     groups: dict[tuple[str, str, str], list[Limit]] = {}
     for one in limits(results):
         groups.setdefault((one.rig, one.source.text, one.remedy), []).append(one)
     said = []
-    for (rig, _, remedy), found in list(groups.items())[:_MOST_SAID]:
+    if scattered:
+        said.append(
+            f"The scatter of repeats makes most of U at {counted(scattered, 'condition')}. Cheapest remedy: bring the "
+            "specimen to the same state before each repeat (break-in, temperature, rest), then more repeats."
+        )
+    for (rig, _, remedy), found in list(groups.items())[: _MOST_SAID - len(said)]:
         known = [f"{percent(one.relative)} in {one.quantity}" for one in found if one.relative]
         source, share = source_in_words(found[0].source), min(one.share for one in found)
         opening = f"{source} makes {percent(share)} of the variance"
         opening += f" (u is {joined(known)})" if known else ""
         where = f"Rig {rig}: " if rig else ""
-        said.append(f"{where}{opening[:1].upper()}{opening[1:]}. Cheapest remedy: {remedy}.")
+        where += "of a single test, " if scattered else ""
+        text = f"{where}{opening}. Cheapest remedy: {remedy}."
+        said.append(f"{text[:1].upper()}{text[1:]}")
     return said
 
 
@@ -237,9 +245,14 @@ def _doubts(results: Results, rows: Sequence[SummaryRow], said: Sequence[Sentenc
     return found
 
 
+def _apart(rows: Sequence[SummaryRow]) -> list[SummaryRow]:
+    """Conditions whose repeats scatter more than their uncertainties explain."""
+    return [row for row in rows if row.scatter >= _POOR and row.scatter > 2.0 * row.single]
+
+
 def _scattered(rows: Sequence[SummaryRow]) -> list[Sentence]:
     """Repeats of one condition whose scatter makes most of U, in a sentence."""
-    off = [row for row in rows if row.scatter >= _POOR and row.scatter > 2.0 * row.single]
+    off = _apart(rows)
     if not off:
         return []
     worst = max(off, key=lambda row: row.scatter)
