@@ -1,4 +1,7 @@
-"""What a test report must say of laboratory, customer, items and method, as [report] of campaign.toml states it."""
+"""What a test report must say of laboratory, customer, items and method, as [report] of campaign.toml states it.
+
+The items are those of ISO/IEC 17025:2017, 7.8.2.
+"""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ class Geophone:
 
     References
     ----------
-    ISO 2041; any text on seismic transducers, base excitation of a mass on a spring.
+    Base excitation of a mass on a spring; the terms are those of ISO 2041.
 
     Examples
     --------

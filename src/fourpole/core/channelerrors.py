@@ -51,6 +51,10 @@ class ChannelUncertainty(ByValue):
         Standard uncertainties of gain and phase of a calibrated response at each test's frequency. One error of each
         applies to all tests, in proportion to these values.
 
+    References
+    ----------
+    JCGM 100:2008, 5.2.2 (errors that several inputs have in common correlate them).
+
     Examples
     --------
     Gains known to 1 % and phases to 0.5 degrees:

@@ -84,7 +84,8 @@ def identify(
 
     References
     ----------
-    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (11)-(14); JCGM 102:2011 for the propagation.
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (11)-(14). JCGM 102:2011, 6.2 and 6.4
+    (propagation for several outputs and for complex quantities).
 
     Examples
     --------

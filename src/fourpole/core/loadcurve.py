@@ -37,7 +37,7 @@ _FLAT_TOP, _FEWEST_AT_TOP = 0.03, 4
 ZERO_OFF = 0.01
 #: The load creeps if it changes from the second to the last cycle by more than this share of its span.
 _CREEP = 0.01
-#: Standard deviation of a uniform distribution over its width.
+#: Standard deviation of a uniform distribution over its width (JCGM 100:2008, 4.3.7).
 _UNIFORM = 1.0 / np.sqrt(12.0)
 
 
@@ -117,7 +117,7 @@ class LoadCurve(ByValue):
 
     References
     ----------
-    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, section 4.1.
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, section 4.1; SAE J2704 for the test alone.
 
     Examples
     --------

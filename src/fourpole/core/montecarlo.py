@@ -1,4 +1,11 @@
-"""Coverage intervals of K2 and C by Monte Carlo, for use where value ± 1.96 u is not a 95 % interval."""
+"""Coverage intervals of K2 and C by Monte Carlo, for use where value ± 1.96 u is not a 95 % interval.
+
+The interval is probabilistically symmetric. The number of draws is fixed; there is no adaptive procedure.
+
+References
+----------
+JCGM 101:2008, 6.4.7 and 6.4.8 (normal distributions of the inputs), 7.2 to 7.7; the adaptive procedure is its 7.9.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +54,7 @@ def draw_route(
     added_mass: float = 0.0,
     added_mass_std: float = 0.0,
 ) -> ComplexArray:
-    """Draws of K* of one test by a route, with all inputs drawn from their stated distributions (JCGM 101).
+    """Draws of K* of one test by a route, with all inputs drawn from normal distributions (JCGM 101:2008, 7.3, 7.4).
 
     Parameters
     ----------

@@ -157,5 +157,9 @@ class Phasors(ByRows):
         -------
         (...,) float array [1]
             t quantile at the degrees of freedom of each test.
+
+        References
+        ----------
+        JCGM 100:2008, G.3.2.
         """
         return stats.t.ppf(0.5 * (1 + level), self.dof)

@@ -70,6 +70,11 @@ def relative_route(f1: ArrayLike, v1: ArrayLike, v2: ArrayLike, omega: ArrayLike
     (...,) complex array [N/m]
         K* of the tyre.
 
+    References
+    ----------
+    ISO 10846-1:2008, 3.7: with a blocked output, V2 = 0, this is the dynamic transfer stiffness of a specimen without
+    inertia, whose force is the same at both ends.
+
     Examples
     --------
     >>> relative_route(100.0, 0.1j, 0.0, 100.0)

@@ -106,7 +106,7 @@ def _covariances(
     """Covariance of the coefficients from `first` on: by the scatter of rests, of levels, and of samples.
 
     Repeats of a level share its misfit, so that of the levels counts by itself. Few rests know their scatter badly: the
-    variance is that of Student's t (GUM supplement 1, 6.4.9).
+    variance is that of Student's t (JCGM 101:2008, 6.4.9).
     """
     free, misfit, common, inverse = fit
     dof = max(rests - free.size, 1)

@@ -70,6 +70,10 @@ def loss_factor(stiffness: ArrayLike) -> FloatArray:
     (...,) float array [1]
         K''/K'.
 
+    References
+    ----------
+    ISO 4664-1:2022, clause 3 (terms); ASTM D5992, section 3; ISO 10846-1:2008, 3.8 (loss factor of a mount).
+
     Examples
     --------
     >>> loss_factor(200e3 + 50e3j)
@@ -93,6 +97,10 @@ def energy_loss(stiffness: ArrayLike, amplitude: ArrayLike) -> FloatArray:
     -------
     (...,) float array [J]
         Energy lost per cycle.
+
+    References
+    ----------
+    ISO 4664-1:2022, clause 3 (terms of periodic deformation); ASTM D5992, section 3.
 
     Examples
     --------
@@ -146,7 +154,7 @@ def mobility(
 
     References
     ----------
-    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (1), (8).
+    Nosseir, El-Gindy, El-Saied, "Tyre radial properties", 1982, eqs (1), (8). ISO 7626-1:2011, 3.1.2.
 
     Examples
     --------

@@ -93,8 +93,9 @@ def judged(results: Results) -> tuple[Judged, ...]:
 
     Notes
     -----
-    Decision rule: ISO 14253-1 and ILAC-G8:09/2019, 4.2.3, with guard band w = U; probability: JCGM 106:2012, clause 7,
-    for a normal distribution about the measured value.
+    Decision rule: ILAC-G8:09/2019, 4.2.3, with guard band w = U; its "conditional pass" and "conditional fail" are both
+    undecided here. The default of ISO 14253-1:2017 is narrower, w = 0.83 U. Probability: JCGM 106:2012, clause 7, for a
+    normal distribution about the measured value.
     """
     stated = section(results.record, "stated").get("limits")
     limits = [one for one in stated if isinstance(one, dict)] if isinstance(stated, list) else []

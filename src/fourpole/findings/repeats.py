@@ -1,4 +1,9 @@
-"""Means of repeated tests, with an uncertainty that holds however many repeats there are."""
+"""Means of repeated tests, with an uncertainty that holds however many repeats there are.
+
+References
+----------
+JCGM 100:2008, 4.2.4 (pooled variance) and G.3.2 (Student's t).
+"""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ class Peak:
 
     @property
     def std(self) -> float:
-        """Standard uncertainty of `best` [Hz], of a uniform distribution within `doubt`."""
+        """Standard uncertainty of `best` [Hz], of a uniform distribution within `doubt` (JCGM 100:2008, 4.3.7)."""
         return self.doubt / sqrt(3.0)
 
 

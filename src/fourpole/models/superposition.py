@@ -173,7 +173,7 @@ def superpose(
     ----------
     J. D. Ferry, Viscoelastic Properties of Polymers, 3rd ed., 1980, chapter 11; J. Dealy, D. Plazek, "Time-temperature
     superposition - a users guide", Rheology Bulletin 78(2), 2009; K. Lennon, G. McKinley, J. Swan, "A data-driven
-    method for automated data superposition", Data-Centric Engineering 4, 2023.
+    method for automated data superposition", Data-Centric Engineering 4, 2023; ISO 18437-6:2017, 3.5.
 
     Examples
     --------

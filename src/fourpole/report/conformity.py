@@ -57,7 +57,7 @@ def conformity_table(results: Results, held: Sequence[Judged]) -> SimpleNamespac
         return None
     rule = (
         "Decision rule: a result passes if it lies within the limits by at least its U (k = 2), fails if it lies "
-        "beyond one by more than its U, and is undecided in between (guard band w = U; ISO 14253-1, ILAC-G8:09/2019). "
+        "beyond one by more than its U, and is undecided in between (guard band w = U; ILAC-G8:09/2019, 4.2.3). "
         "A skewed interval stands in place of ± U. “Within” is the probability that the true value is within the "
         "limits (JCGM 106)."
     )

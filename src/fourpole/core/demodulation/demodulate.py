@@ -154,7 +154,8 @@ def demodulate(
 
     References
     ----------
-    IEEE Std 1057-2017 (sine fitting); S. M. Kay, "Fundamentals of Statistical Signal Processing", vol. I, 1993, ch. 7.
+    IEEE Std 1057-2017, sine fits of three and four parameters; S. M. Kay, "Fundamentals of Statistical Signal
+    Processing", vol. I, 1993, ch. 7.
 
     Examples
     --------

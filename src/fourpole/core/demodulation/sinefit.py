@@ -5,6 +5,11 @@ interfering line. Gauss-Newton steps on the residual, from which the linear ampl
 projection), find the frequencies; the step of the fundamental includes its curvature. The noise of each channel gives
 its weight. The number of cycles need not be whole: sines, mean and drift are fitted together, so there is no leakage.
 If a reference gives the phase, the sines follow it.
+
+References
+----------
+IEEE Std 1057-2017, the sine fits of three parameters (known frequency, `fit_sines`) and of four (`refine`). P. Händel,
+"Properties of the IEEE-STD-1057 four-parameter sine wave fit algorithm", IEEE Trans. Instrum. Meas. 49 (2000), 1189.
 """
 
 from __future__ import annotations

@@ -71,6 +71,10 @@ def identify_joint(
     RigError
         If the rig is blocked, so that there is no V2.
 
+    References
+    ----------
+    JCGM 102:2011, 6.3 (covariance of outputs that solve a measurement model), and 6.4 (complex quantities).
+
     Examples
     --------
     A moving mass of 15.2 kg that is stated as 15.0 ± 0.3 kg:

@@ -20,7 +20,7 @@ from fourpole.study.results import Results, section, stated_blocked
 
 _CONTENTS = "table of contents in a standards catalogue (EN ISO 10846-2:2008)"
 _INEQUALITY = f"{_CONTENTS}; phonometry, open source, which cites the inequality"
-_LINEARITY = f"{_CONTENTS}; 1.5 dB as phonometry has it from ISO 10846-5, B.3.6; the 10 dB by general knowledge"
+_LINEARITY = f"{_CONTENTS}; phonometry, open source, which cites clause 7.7 with both figures"
 _BLOCKED, _MASS_SHARE, _CHANGE, _LINEAR, _PER_BAND = 20.0, 0.06, 10.0, 1.5, 5
 
 
