@@ -17,7 +17,7 @@ PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
-.PHONY: help demo test ready check format chromium pytest lowest lowest-install bench bench-install validate lock clean
+.PHONY: help demo test ready check docs links format chromium pytest lowest lowest-install bench bench-install validate lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -64,7 +64,7 @@ test:  ## everything: check, the peers, the tests on the lowest versions, the te
 	@$(MAKE) --no-print-directory lowest
 	@$(MAKE) --no-print-directory pytest
 
-ready: bench-install chromium check lowest-install
+ready: bench-install docs chromium check lowest-install
 
 chromium:  ## the browser that the tests of the report need; installed here where that may be done
 	@for b in chromium chromium-browser google-chrome google-chrome-stable; do \
@@ -88,6 +88,13 @@ check: $(READY)  ## lint, format, types, direction of imports
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
+
+# Pages that have not changed are not read again. A warning is an error: of a link, a formula, a docstring.
+docs: $(READY)  ## the site of the documentation, build/site/index.html, made without a network
+	@$(BIN)/python -m sphinx -q -W --keep-going --jobs auto -d build/doctrees docs build/site
+
+links: $(READY)  ## try the links to other sites; lists those that are broken
+	@$(BIN)/python -m sphinx -q -b linkcheck --jobs auto -d build/doctrees docs build/links
 
 format: $(READY)  ## put the code in its format, and mend what the linter can
 	@$(BIN)/ruff check --fix-only

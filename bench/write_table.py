@@ -58,7 +58,7 @@ def table() -> Iterator[str]:
     yield f"{machine()}; {', '.join(versions())}."
     for script, title in SCRIPTS.items():
         lines = read_kept(script)
-        yield f"\n### {title}\n"
+        yield f"\n## {title}\n"
         if not lines:
             yield "Not run."
             continue

@@ -95,10 +95,10 @@ def compare(
 
     .. math:: z = \frac{x_2 - x_1}{u(x_2 - x_1)}, \qquad u^2(x_2 - x_1) = u^2(x_1) + u^2(x_2) - 2\,u(x_1, x_2)
 
-    for x = K1, |K*|, loss angle, K', K'', K2 and C. The covariance u(x1, x2) is that of the errors that both share. Two
-    specimens of one campaign share its sensors, rig and weighed masses; the campaign has the covariance. Two campaigns
-    share the error of a sensor, a rig's value or a weighed mass if both state it alike; it is taken to act in the same
-    direction on both, if K* differs by less than 20 %.
+    for x = K1, the modulus of K*, loss angle, K', K'', K2 and C. The covariance u(x1, x2) is that of the errors that
+    both share. Two specimens of one campaign share its sensors, rig and weighed masses; the campaign has the
+    covariance. Two campaigns share the error of a sensor, a rig's value or a weighed mass if both state it alike; it is
+    taken to act in the same direction on both, if K* differs by less than 20 %.
 
     Parameters
     ----------

@@ -163,7 +163,7 @@ class StiffnessData(ByValue):
 
     @property
     def shared_variance(self) -> FloatArray:
-        """Variance (..., N) of K* over |K*|² by the shared errors [1]; 0 without them."""
+        """Variance (..., N) of K* over its squared modulus by the shared errors [1]; 0 without them."""
         return np.zeros(self.stiffness.shape) if self.relative is None else np.sum(np.abs(self.relative) ** 2, axis=-1)
 
     def flat(self) -> StiffnessData:

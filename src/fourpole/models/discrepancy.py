@@ -30,7 +30,7 @@ _LEAST, _MOST = 1e-7, 1.0
 
 
 def with_error(data: StiffnessData, error: float) -> StiffnessData:
-    """The data with an additional error of Re K* and Im K*, relative to |K*| and independent between frequencies.
+    """The data with a further error of Re K* and Im K*, relative to the modulus of K*, of each frequency by itself.
 
     Examples
     --------

@@ -99,8 +99,8 @@ class GehmanLaw(Model):
 
     .. math::
 
-        K_2 = K_{2,10} \exp(n_1 L + n_2 L^2 + \dots), \quad C = C_{10} \exp(r_1 L + r_2 L^2 + \dots), \quad
-        L = \ln(f / 10\,Hz)
+        K_2 = K_{2,10} \exp(n_1 L + n_2 L^2 + \ldots), \quad C = C_{10} \exp(r_1 L + r_2 L^2 + \ldots), \quad
+        L = \ln(f / 10\,\mathrm{Hz})
 
     It describes K2(f) and C(f) within a band. It is not causal.
 

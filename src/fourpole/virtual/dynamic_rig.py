@@ -100,8 +100,8 @@ def run(
     -----
     Friction is the force :math:`-F_f \tanh(v_2/v_s)` on the mass. Its sign is smoothed over v_s, which is 5 % of the
     amplitude of v2 without friction, so that the time base resolves each reversal. The first harmonic is 4/pi F_f to
-    0.5 %, and the mass creeps instead of sticking. The friction may be up to about a fourth of |K*| e, the force that
-    would hold the mass. A larger friction needs more than this first harmonic.
+    0.5 %, and the mass creeps instead of sticking. The friction may be up to about a fourth of
+    :math:`|K^*| e`, the force that would hold the mass. A larger friction needs more than this first harmonic.
 
     The motion with friction is found by iteration over the whole record. A damper d = F_f/(2 v_s) is added to the
     equations of motion and subtracted from the friction, whose slope then is within +-d. The iteration converges for

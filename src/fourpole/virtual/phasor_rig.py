@@ -211,7 +211,7 @@ class PhasorCampaign(ByValue):
     k2, c : (N,) float arrays [N/m], [N s/m]
         True K2 and C; not-a-number for a calibration, and if the conditions state K* itself.
     transmissibility : (N,) float array [1]
-        TR = |V2/V1|.
+        TR, the modulus of V2/V1.
     truth : DrawnLaboratory
         True values that the tests share.
     """
@@ -305,7 +305,7 @@ def simulate_phasors(
     -----
     Coulomb friction F_f is represented by its first harmonic, an impedance of :math:`4 F_f / (\pi |V_2|)` parallel to
     the leaf spring. The motion is nearly a sine if the friction is small against the forces on the mass. The modulus
-    |V2| follows in closed form.
+    of V2 follows in closed form.
 
     Examples
     --------

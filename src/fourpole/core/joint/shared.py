@@ -111,7 +111,7 @@ class Shared(ByValue):
         return self.masses + self._offsets(z, Role.MASS, self.masses.size)
 
     def by_amplitude_at(self, z: FloatArray) -> float:
-        """Change of log |K*| per unit of the logarithm of the deflection's amplitude at z."""
+        """Change of the logarithm of the modulus of K* per unit of the logarithm of the deflection's amplitude at z."""
         values = zip(z * self.std, self.parameters, strict=True)
         return float(sum(value for value, one in values if one.source.kind is Kind.AMPLITUDE))
 
