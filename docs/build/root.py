@@ -11,28 +11,31 @@ if TYPE_CHECKING:
     from docutils import nodes
     from sphinx.application import Sphinx
 
-#: File at the root -> page of the site.
+#: File at the root, without its ending -> page of the site.
 PAGES = {
-    "ARCHITECTURE.md": "architecture",
-    "CHANGELOG.md": "changelog",
-    "CODE_OF_CONDUCT.md": "conduct",
-    "CONTRIBUTING.md": "contributing",
-    "README.md": "index",
-    "SECURITY.md": "security",
-    "SUPPORT.md": "support",
+    "ARCHITECTURE": "architecture",
+    "CHANGELOG": "changelog",
+    "CODE_OF_CONDUCT": "conduct",
+    "CONTRIBUTING": "contributing",
+    "README": "index",
+    "SECURITY": "security",
+    "SUPPORT": "support",
 }
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Change the links of a page when it was read."""
-    app.connect("doctree-read", lambda _, doctree: lead_to_pages(doctree))
+    app.connect("doctree-read", lambda app, doctree: lead_to_pages(doctree, PurePosixPath(app.srcdir).parent))
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
-def lead_to_pages(doctree: nodes.document) -> None:
-    """Change each link that MyST left open and that names a file at the root."""
+def lead_to_pages(doctree: nodes.document, root: PurePosixPath) -> None:
+    """Change each link to a file at the root: MyST gives its whole path, or in an included file its name."""
     for link in doctree.findall(pending_xref):
-        name = PurePosixPath(link["reftarget"]).name
-        if link.get("reftype") == "myst" and name in PAGES:
-            link.update_all_atts({"refdomain": "std", "reftype": "doc", "reftarget": f"/{PAGES[name]}"}, replace=True)
-            link["refexplicit"] = True
+        if link.get("reftype") != "myst":
+            continue
+        path, _, anchor = link["reftarget"].partition("#")
+        file = PurePosixPath(path)
+        if file.stem in PAGES and file.parent in (root, PurePosixPath(".")):
+            link["refdomain"], link["reftarget"] = "doc", PAGES[file.stem]
+            link["reftargetid"] = link.get("reftargetid") or anchor or None
