@@ -176,7 +176,7 @@ def test_no_file_is_longer_than_500_lines():
 
 @pytest.mark.parametrize("lock", LOCKS, ids=in_source)
 def test_a_lock_holds_versions_and_hashes_and_no_address(lock):
-    pin = re.compile(r"[a-z0-9-]+==[\w.!+]+( ; [\w.'<>=! ]+)? \\|    --hash=sha256:[0-9a-f]{64}( \\)?")
+    pin = re.compile(r"[a-z0-9-]+==[\w.!+]+( ; [\w.'<>=!* ]+)? \\|    --hash=sha256:[0-9a-f]{64}( \\)?")
     comment = re.compile(r" *#[^/]*")
     strange = [line for line in lock.read_text().splitlines() if not (pin.fullmatch(line) or comment.fullmatch(line))]
     assert strange == []

@@ -13,6 +13,7 @@ from tests.export.conftest import rejected, table
 from tests.export.mat5 import read_mat5
 
 from fourpole.export import export_results
+from fourpole.version import VERSION
 
 TABLES = ("static", "dynamic", "rig", "residuals", "budget")
 
@@ -29,9 +30,8 @@ def found(file):
 
 def test_the_head_is_one_of_level_5_and_says_what_the_file_is(file):
     head, _ = read_mat5(file.read_bytes())
-    assert re.fullmatch(
-        r"MATLAB 5\.0 MAT-file, results of fourpole 0\.1\.0, 20\d\d-\d\d-\d\d \d\d:\d\d:\d\d UTC *", head
-    )
+    begin = re.escape(f"MATLAB 5.0 MAT-file, results of fourpole {VERSION}, ")
+    assert re.fullmatch(begin + r"20\d\d-\d\d-\d\d \d\d:\d\d:\d\d UTC *", head)
 
 
 def test_a_struct_per_table(found):
@@ -100,7 +100,7 @@ def test_the_study_says_how_it_was_made(found, analysed):
     assert json.loads(study["json"]) == json.loads((analysed / "study.json").read_text("utf-8"))
     assert study["settings"]["route"] == "joint"
     assert study["settings"]["seed"] == 1982.0
-    assert study["versions"]["fourpole"] == "0.1.0"
+    assert study["versions"]["fourpole"] == VERSION
     assert study["verdicts"]["ok"] == 11.0
 
 

@@ -13,6 +13,7 @@ from tests.export.grid import read_grid
 
 from fourpole.errors import TableError
 from fourpole.export import export_results, netcdf
+from fourpole.version import VERSION
 
 GRID = ("tyre", "pressure", "preload", "frequency", "setting", "repeat")
 
@@ -108,7 +109,7 @@ def test_the_file_says_what_it_is(opened, analysed):
     grid = opened(analysed)
     assert grid.attributes["Conventions"] == "CF-1.11"
     assert grid.attributes["title"].startswith("Radial-ply, virtual")
-    assert grid.attributes["source"] == "fourpole 0.1.0, route joint"
+    assert grid.attributes["source"] == f"fourpole {VERSION}, route joint"
     assert "numpy" in grid.attributes["history"]
     assert json.loads(grid["study_json"].values.item()) == json.loads((analysed / "study.json").read_text("utf-8"))
 

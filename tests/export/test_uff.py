@@ -10,6 +10,7 @@ import pytest
 from tests.export.conftest import repeated, table
 
 from fourpole.export import export_results
+from fourpole.version import VERSION
 
 
 def fields(line: str, *widths: int) -> list[str]:
@@ -71,7 +72,7 @@ def test_the_file_says_what_it_is_and_that_it_is_in_si(results):
     assert [number for number, _ in sets] == [151, 164] + [58] * 6
     header, units = sets[0][1], sets[1][1]
     assert header[0].strip() == "results.uff"
-    assert header[2].strip() == header[5].strip() == "fourpole 0.1.0"
+    assert header[2].strip() == header[5].strip() == f"fourpole {VERSION}"
     assert fields(units[0], 10, 20, 10) == ["1", "SI: Meter (newton)", "2"]
     assert [float(one.replace("D", "E")) for one in fields(units[1], 25, 25, 25)] == [1.0, 1.0, 1.0]
     assert [one["number"] for one in functions] == list(range(1, 7))
@@ -108,7 +109,7 @@ def test_lines_say_route_campaign_and_uncertainty(results):
     one = read(results)[1][0]
     largest = table(results).filter(pl.col("pressure [Pa]") == 135e3)["u(R) [m/(N s)]"].max()
     assert all(len(line) <= 80 for line in one["id"])
-    assert one["id"][3].startswith("fourpole 0.1.0, route joint; Radial-ply, virtual")
+    assert one["id"][3].startswith(f"fourpole {VERSION}, route joint; Radial-ply, virtual")
     assert one["id"][4].startswith(f"e^(+jwt); standard uncertainty up to {largest:.3g} (Re)")
     day, clock = one["id"][2].split()
     assert len(day) == 9

@@ -12,6 +12,7 @@ from tests.export.conftest import rejected, repeated, table
 
 from fourpole.export import export_results, workbook
 from fourpole.plot.style import Style
+from fourpole.version import VERSION
 
 TABLES = ("static", "dynamic", "rig", "residuals", "budget")
 
@@ -45,7 +46,7 @@ def test_sheets_begin_with_what_this_is_and_the_charts(book):
     assert book.sheetnames == ["about", "charts", *TABLES, "chart data", "chart data K1"]
     said = {row[0]: row[1] for row in book["about"].iter_rows(min_row=2, values_only=True) if row[0]}
     assert book["about"]["A1"].value.startswith("Radial-ply, virtual")
-    assert said["results of"].startswith("fourpole 0.1.0, analysed 20")
+    assert said["results of"].startswith(f"fourpole {VERSION}, analysed 20")
     assert said["route to K*"] == "joint"
     assert said["tests"] == "11 ok, 0 warning, 0 rejected"
     assert "numpy" in said["versions"]
