@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from filecmp import cmpfiles
 from math import radians
 from pathlib import Path
@@ -27,12 +27,12 @@ from fourpole.app.standing import (
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.core.codes import Code
 from fourpole.core.phasor import CHANNELS
-from fourpole.errors import CampaignError
+from fourpole.errors import CampaignError, FileError, TableError
 from fourpole.fitting.effort import seconds_of_fits
 from fourpole.io.child import SECONDS
 from fourpole.io.staging import recover, staged
-from fourpole.io.write import write_table
 from fourpole.quantities import CODE, STORAGE
+from fourpole.study.record import NAME, note_results, without_hashes
 
 if TYPE_CHECKING:
     from fourpole.study import Study
@@ -200,11 +200,12 @@ def _written(study: Study, results: Path, wanted: Wanted) -> Path | None:
 
     obsolete = [*TABLE_FILES, "findings.csv"]
     with staged(results, obsolete) as new:
-        study.write(new)
-        write_table(new / "findings.csv", findings_table(findings(study.results)))
+        study.write(new, {"findings": findings_table(findings(study.results))})
         if not wanted.tables_only:
             obsolete += _files_of_report()
-            return results / _drawn(study, new, results, obsolete, wanted).name
+            page = _drawn(study, new, results, obsolete, wanted)
+            note_results(new)
+            return results / page.name
         drawn = any(results.glob("report*.html")) or (results / "figures").exists()
         if drawn and not _same(new, results):
             obsolete += _files_of_report()
@@ -252,9 +253,13 @@ def _files_of_report() -> tuple[str, ...]:
 
 
 def _same(new: Path, former: Path) -> bool:
-    """Whether the tables of the former results are the new ones, to the last bit."""
-    names = [path.name for path in new.iterdir()]
-    return len(cmpfiles(new, former, names, shallow=False)[0]) == len(names)
+    """Whether the tables of the former results are the new ones, to the last bit, and so is what was stated."""
+    names = [path.name for path in new.iterdir() if path.name != NAME]
+    if len(cmpfiles(new, former, names, shallow=False)[0]) < len(names):
+        return False
+    with suppress(FileError, TableError, ValueError, AttributeError):
+        return without_hashes(new) == without_hashes(former)
+    return False
 
 
 def _verdicts(study: Study) -> pl.DataFrame:

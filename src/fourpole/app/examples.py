@@ -9,6 +9,7 @@ GROUPS = {
     "Models": ("fit", "map", "query", "causality", "shift", "verify"),
     "Before and beside the analysis": ("check", "plan", "static", "identify", "predict"),
     "Files": ("info", "convert", "simulate"),
+    "This installation": ("selftest",),
 }
 #: An example of each command.
 EXAMPLES = {
@@ -39,6 +40,7 @@ EXAMPLES = {
     "info": "fourpole info recording.tdms",
     "convert": "fourpole convert recording.tdms recording.csv",
     "simulate": "fourpole simulate practice --clean",
+    "selftest": "fourpole selftest --out selftest.html",
 }
 
 

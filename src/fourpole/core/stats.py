@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-__all__ = ["chi2", "f", "norm", "t"]
+__all__ = ["chi2", "f", "norm", "share_within", "t"]
 
 
 class _ChiSquared:
@@ -75,3 +75,33 @@ class _Normal:
 
 
 chi2, t, f, norm = _ChiSquared(), _Student(), _Fisher(), _Normal()
+
+
+def share_within(value: float, std: float, low: float = -np.inf, high: float = np.inf) -> float:
+    """Probability that a normal quantity about a measured value is within two limits.
+
+    Parameters
+    ----------
+    value, std : float
+        Measured value and its standard uncertainty, in one unit.
+    low, high : float
+        Limits in that unit; infinite for a side without one.
+
+    Returns
+    -------
+    float [1]
+        1 or 0 where the uncertainty is zero.
+
+    References
+    ----------
+    JCGM 106:2012, clause 7.
+
+    Examples
+    --------
+    >>> round(share_within(196e3, 1.5e3, high=198e3), 4)
+    0.9088
+    """
+    if std <= 0:
+        return 1.0 if low <= value <= high else 0.0
+    ends = scipy.special.ndtr([(low - value) / std, (high - value) / std])
+    return float(ends[1] - ends[0])

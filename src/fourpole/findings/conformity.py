@@ -9,10 +9,10 @@ from math import inf, isfinite
 from typing import Any
 
 import polars as pl
-import scipy
 
 from fourpole import quantities as q
 from fourpole.core.condition import AXES, FREQUENCY
+from fourpole.core.stats import share_within
 from fourpole.findings.facts import Facts, Measured
 from fourpole.findings.finding import UNSTATED, Key
 from fourpole.findings.summary import conditions_of, ends_of, intervals_of, k1_of, mean_of, scatters_of
@@ -211,7 +211,7 @@ def _held(at: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Iterato
     for one in found:
         interval = one.skewed or ends_of(one.value)
         least, most = -inf if low is None else low, inf if high is None else high
-        probability = None if one.skewed else _probability(one.value, least, most)
+        probability = None if one.skewed else share_within(one.value.value, one.value.std, least, most)
         outcome = _outcome(interval, least, most)
         yield Judged(at, quantity, one.specimen, one.condition, low, high, one.value, interval, outcome, probability)
 
@@ -224,11 +224,3 @@ def _outcome(interval: tuple[float, float], low: float, high: float) -> Conformi
     if low <= interval[0] and interval[1] <= high:
         return Conformity.PASS
     return Conformity.FAIL if interval[1] < low or interval[0] > high else Conformity.UNDECIDED
-
-
-def _probability(value: Measured, low: float, high: float) -> float:
-    """Probability that a normal value about the measured one is within the limits."""
-    if value.std <= 0:
-        return 1.0 if low <= value.value <= high else 0.0
-    ends = scipy.special.ndtr([(low - value.value) / value.std, (high - value.value) / value.std])
-    return float(ends[1] - ends[0])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -26,9 +25,10 @@ from fourpole.fitting.likelihood import likelihood_of, likelihood_record
 from fourpole.fitting.rows import axes_record
 from fourpole.fitting.stated import rig_file
 from fourpole.io.child import SECONDS
+from fourpole.io.origin import origin
 from fourpole.io.source import sha256_of
 from fourpole.io.staging import staged
-from fourpole.io.write import remove_leftovers, write_table, write_text
+from fourpole.io.write import remove_leftovers, write_table
 from fourpole.models.families import by_amplitude
 from fourpole.study.cache import Cache
 from fourpole.study.cells import dynamic_cells, dynamic_checks
@@ -38,6 +38,7 @@ from fourpole.study.load import MOST_BYTES
 from fourpole.study.notebook import tables_html
 from fourpole.study.onetest import TestsByName
 from fourpole.study.outcome import BEGAN, Reduced
+from fourpole.study.record import write_record
 from fourpole.study.reduce import jobs_of, response_hashes
 from fourpole.study.results import Results
 from fourpole.study.rig_estimate import RigEstimate
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
 #: Number of Monte Carlo draws of K* and K1 where value ± 1.96 u is not a 95 % interval of K2 or C.
 DRAWS = 10_000
 #: Seed of the draws, so that each analysis gives the same intervals.
-_SEED = 1982
+SEED = 1982
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +86,8 @@ class Study(Tables):
         What is taken for values that the campaign does not state.
     sha256 : dict of str to str
         Hash of each file read.
+    seed : int
+        Seed of the draws.
 
     Examples
     --------
@@ -105,6 +108,7 @@ class Study(Tables):
     notes: tuple[str, ...] = ()
     assumptions: tuple[str, ...] = ()
     sha256: dict[str, str] = field(default_factory=dict)
+    seed: int = SEED
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {verdict}" for verdict, count in self.counts.items() if count)
@@ -212,7 +216,7 @@ class Study(Tables):
         rig = rig_in(rig_file(self.record, self.rig))
         return grid_of({one.tyre: one.best for one in maps}, rig, at)
 
-    def write(self, folder: str | Path) -> Path:
+    def write(self, folder: str | Path, further: Mapping[str, pl.DataFrame] | None = None) -> Path:
         """Write all tables and study.json into a folder, all together or none.
 
         Files of an earlier analysis that would not belong to these tables are deleted: optional tables, findings.csv
@@ -222,6 +226,8 @@ class Study(Tables):
         ----------
         folder : path
             A folder that does not exist is made.
+        further : mapping of str to polars.DataFrame, optional
+            Tables by name that are written with them as CSV, as findings.
 
         Returns
         -------
@@ -241,18 +247,20 @@ class Study(Tables):
                 table = self.tables[spec.name]
                 for ending in spec.endings if table.height or spec.always else ():
                     write_table(new / f"{spec.name}{ending}", table)
-            write_text(new / "study.json", json.dumps(self.record, indent=2, ensure_ascii=False) + "\n")
+            for name, table in (further or {}).items():
+                write_table(new / f"{name}.csv", table)
+            write_record(new, self.record)
         return folder
 
     @property
     def record(self) -> dict[str, Any]:
-        """Content of study.json: all that is needed to repeat the analysis."""
+        """Content of study.json without the hashes of the results: all that is needed to repeat the analysis."""
         from importlib.metadata import version  # slow to load
 
         packages = ("numpy", "scipy", "polars", "pint", "pydantic")
         return {
             "title": self.campaign.stated.title,
-            "settings": {"route": self.route, "monte_carlo": self.monte_carlo, "seed": _SEED},
+            "settings": {"route": self.route, "monte_carlo": self.monte_carlo, "seed": self.seed},
             "conditions": {"axes": axes_record(self.campaign.stated.sameness)},
             "stated": self.campaign.statement(),
             "versions": {
@@ -260,6 +268,7 @@ class Study(Tables):
                 "fourpole": VERSION,
                 **{name: version(name) for name in packages},
             },
+            "origin": origin().record,
             "verdicts": self.counts,
             "assumptions": list(self.assumptions),
             "notes": [note for note in self.notes if note not in self.assumptions],
@@ -288,6 +297,7 @@ def analyse(
     *,
     route: str = "joint",
     monte_carlo: int = DRAWS,
+    seed: int = SEED,
     cache: str | Path | None = None,
     verify: bool = False,
     workers: int | None = None,
@@ -305,6 +315,8 @@ def analyse(
         The route to K*; in place of the joint route the route that the campaign allows is used, with a note.
     monte_carlo : int
         Number of draws for the intervals of K2 and C where value ± 1.96 u is none; 0 for no intervals.
+    seed : int
+        Seed of the draws.
     cache : path, optional
         Folder of the phasors of each recording; an interrupted analysis continues from it.
     verify : bool
@@ -360,7 +372,7 @@ def analyse(
         settings=Settings(workers, executor, time_limit),
         progress=progress,
     )
-    analysed, remarks = _analysed(campaign, statics, reduced, route, monte_carlo)
+    analysed, remarks = _analysed(campaign, statics, reduced, route, (monte_carlo, seed))
     assumed = (*campaign.stated.assumptions(), *_assumed(dynamic))
     return Study(
         campaign=campaign,
@@ -374,13 +386,17 @@ def analyse(
         notes=(*([note] if note else []), *remarks, *assumed),
         assumptions=assumed,
         sha256=_hashes(campaign, statics, dynamic, reduced),
+        seed=seed,
     )
 
 
 def _analysed(
-    campaign: Campaign, statics: Sequence[StaticTest], reduced: Sequence[Reduced], route: str, draws: int
+    campaign: Campaign, statics: Sequence[StaticTest], reduced: Sequence[Reduced], route: str, draws: tuple[int, int]
 ) -> tuple[Analysed, list[str]]:
-    """The outcome of an analysis from the static tests and the reduced recordings, and notes on the rigs."""
+    """The outcome of an analysis from the static tests and the reduced recordings, and notes on the rigs.
+
+    `draws` is the number of draws and their seed.
+    """
     dynamic = campaign.of_kind("dynamic")
     tests = [_begun(test, item) for test, item in zip(dynamic, reduced, strict=True) for _ in item.points]
     points = [point for item in reduced for point in item.points]
@@ -388,7 +404,7 @@ def _analysed(
     per_kelvin = campaign.stated.conditions.per_kelvin
     stiffness = [_stiffness(test, rows, rule, per_kelvin) for test in tests]
     compared = compare_tests(campaign, tests, points, [one.value for one in stiffness])
-    found, notes = identify_tests(campaign, tests, points, stiffness, route, draws, _SEED, compared.strange)
+    found, notes = identify_tests(campaign, tests, points, stiffness, route, *draws, compared.strange)
     checks = [
         _in_order((*compared.checks[i], *dynamic_checks(test, points[i], stiffness[i], found.get(i), route)))
         for i, test in enumerate(tests)

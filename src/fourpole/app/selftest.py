@@ -1,0 +1,83 @@
+"""The command selftest: what this installation computes, held against the reference data of the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from fourpole.app.console import OK, SOME_REJECTED, out, print_json, print_table, progress, warn
+from fourpole.errors import FileError
+from fourpole.io.write import beside, write_text
+from fourpole.report.selftest.compared import Compared
+from fourpole.report.selftest.page import render_selftest, selftest_csv, shown_share, verdict_of
+from fourpole.report.selftest.run import SelfTest, self_test
+
+_PAGES = (".html", ".htm")
+_HEADS = ("check", "values", "difference over tolerance", "verdict")
+_MOST_NAMED = 12
+
+
+def run_selftest(file: Path | None, laboratory: str, operator: str, *, as_json: bool) -> int:
+    """Run the self-test, print its checks and write page and table; exit code `SOME_REJECTED` if a value fails."""
+    if file is not None and file.suffix.lower() not in _PAGES:
+        raise FileError(f"{file}: the page is HTML: name a file that ends in .html; a table is written beside it")
+    with progress("checking") as advance:
+        test = self_test(advance)
+    files = _written(test, file, laboratory, operator) if file is not None else []
+    if as_json:
+        print_json(_document(test, files))
+    else:
+        _show(test, files)
+    return OK if test.good else SOME_REJECTED
+
+
+def _written(test: SelfTest, page: Path, laboratory: str, operator: str) -> list[Path]:
+    """Write the page, and the table of the same name beside it."""
+    table = page.with_suffix(".csv")
+    with beside(table) as new:
+        write_text(new, selftest_csv(test))
+        write_text(page, render_selftest(test, laboratory, operator))
+    return [page, table]
+
+
+def _show(test: SelfTest, files: list[Path]) -> None:
+    rows = [(one.check, str(one.count), shown_share(one.largest), verdict_of(not one.bad)) for one in test.summaries]
+    print_table(_HEADS, rows, right=_HEADS[1:3])
+    bad = [one for one in test.values if not one.good]
+    for one in bad[:_MOST_NAMED]:
+        warn(f"{one.check}: {one.function}, {one.value}: {_difference(one)}")
+    if len(bad) > _MOST_NAMED:
+        warn(f"... and {len(bad) - _MOST_NAMED} more")
+    out()
+    passed = f"{len(test.values)} values, all pass" if test.good else f"{len(bad)} of {len(test.values)} values fail"
+    out(f"Fourpole {test.origin.text}: {passed}")
+    for path in files:
+        out(f"written: {path}")
+
+
+def _difference(one: Compared) -> str:
+    """What was expected and found of a value that fails."""
+    if one.difference is None:
+        return f"expected {one.expected}, found {one.found}"
+    unit = f" {one.unit}" if one.unit not in ("", "1") else ""
+    return f"differs by {one.difference:.3g}{unit}, tolerance {one.tolerance:.2g}"
+
+
+def _document(test: SelfTest, files: list[Path]) -> dict[str, Any]:
+    """The test for programs."""
+    return {
+        "good": test.good,
+        "fourpole": test.origin.record,
+        "when": test.when.isoformat(timespec="seconds"),
+        "machine": test.machine,
+        "system": test.system,
+        "python": test.python,
+        "packages": test.packages,
+        "sha256": test.sha256,
+        "checks": [
+            {"check": one.check, "values": one.count, "failed": one.bad, "largest": one.largest}
+            for one in test.summaries
+        ],
+        "failed": [vars(one) for one in test.values if not one.good],
+        "files": [str(path) for path in files],
+    }

@@ -1,0 +1,106 @@
+"""The whole self-test: its values, the machine it ran on, and the hashes of the reference data."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import version
+from importlib.resources.abc import Traversable
+
+from fourpole.io.origin import Origin, origin
+from fourpole.report.selftest.campaigns import campaign_names, compared_campaign
+from fourpole.report.selftest.compared import Compared, Summary, summaries
+from fourpole.report.selftest.vectors import cases, compared_cases, reference
+
+#: Packages that the results depend on.
+_PACKAGES = ("numpy", "scipy", "polars", "pint", "pydantic", "matplotlib", "jinja2", "typer", "rich")
+
+
+@dataclass(frozen=True)
+class SelfTest:
+    """The outcome of a self-test.
+
+    Attributes
+    ----------
+    values : tuple of Compared
+    origin : Origin
+        The Fourpole that was tested.
+    when : datetime
+        Time at which the test began, in UTC.
+    machine, system, python : str
+    packages : dict of str to str
+        Version of each package that the results depend on.
+    sha256 : dict of str to str
+        Hash of vectors.json and of each reference campaign.
+    """
+
+    values: tuple[Compared, ...]
+    origin: Origin
+    when: datetime
+    machine: str = field(
+        default_factory=lambda: f"{platform.node()} ({platform.machine()}, {os.cpu_count()} processors)"
+    )
+    system: str = field(default_factory=platform.platform)
+    python: str = field(default_factory=lambda: f"{platform.python_implementation()} {platform.python_version()}")
+    packages: dict[str, str] = field(default_factory=lambda: {name: version(name) for name in _PACKAGES})
+    sha256: dict[str, str] = field(default_factory=lambda: dict(_hashes()))
+
+    @property
+    def good(self) -> bool:
+        """Whether every value passes."""
+        return all(one.good for one in self.values)
+
+    @property
+    def summaries(self) -> list[Summary]:
+        """The checks with their values counted."""
+        return summaries(self.values)
+
+
+def self_test(progress: Callable[[int, int], None] | None = None) -> SelfTest:
+    """Run all checks; nothing is written, and nothing outside the package is read.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Called with the number of cases and campaigns that are done, and of all.
+
+    Returns
+    -------
+    SelfTest
+    """
+    when = datetime.now(UTC)
+    known, names = cases(), campaign_names()
+    found: list[Compared] = []
+    for done, one in enumerate(known, start=1):
+        found += compared_cases([one])
+        if progress is not None:
+            progress(done, len(known) + len(names))
+    for done, name in enumerate(names, start=len(known) + 1):
+        found += compared_campaign(name)
+        if progress is not None:
+            progress(done, len(known) + len(names))
+    return SelfTest(tuple(found), origin(), when)
+
+
+def _hashes() -> Iterator[tuple[str, str]]:
+    """Hash of each part of the reference data; that of a campaign is over the names and contents of its files."""
+    folder = reference()
+    yield "vectors.json", hashlib.sha256(folder.joinpath("vectors.json").read_bytes()).hexdigest()
+    for name in campaign_names():
+        digest = hashlib.sha256()
+        for path, file in sorted(_files(folder.joinpath("campaigns", name))):
+            digest.update(f"{path} {hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
+        yield f"campaigns/{name}", digest.hexdigest()
+
+
+def _files(folder: Traversable, within: str = "") -> Iterator[tuple[str, Traversable]]:
+    """All files below a folder, by their paths in it."""
+    for one in folder.iterdir():
+        if one.is_dir():
+            yield from _files(one, f"{within}{one.name}/")
+        else:
+            yield f"{within}{one.name}", one
