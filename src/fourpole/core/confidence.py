@@ -3,9 +3,7 @@
 ±u in a table is a standard uncertainty (about 68 %). Intervals hold 95 %. Limits that are multiples of a standard
 uncertainty without a stated probability stand beside the rule that uses them, as in `core.joint.reconcile`.
 
-References
-----------
-JCGM 100:2008, 6.2.1 and 6.3.3 (U = k u, k = 2); JCGM 101:2008, 7.7 (coverage interval from draws).
+U = k u with k = 2 is that of JCGM 100:2008, 6.2.1 and 6.3.3; an interval from draws is that of JCGM 101:2008, 7.7.
 """
 
 #: Probability that an interval holds the value.

@@ -2,16 +2,6 @@ r"""Second-order uncertainty of K2 and C, which counts most where their first de
 
 With :math:`K^* - K_1 = a + jb`, :math:`K_2 = a + b^2/a` and :math:`\omega C = b + a^2/b`. Both have second derivatives
 of rank one: they bend with the error :math:`w = db - (b/a)\,da` only, the change of the arm's loss factor times a.
-
-Notes
------
-Deviation from the source: for normal inputs the note of JCGM 100, 5.1.2, adds the variance 2 s² of the second-order
-term, and a product of first and third derivatives. Here 3 s² is added, because K2 and C are not corrected for the mean
-s of that term; third derivatives are left out.
-
-References
-----------
-JCGM 100:2008, 5.1.2, note (higher-order terms).
 """
 
 from __future__ import annotations
@@ -46,6 +36,15 @@ class Curvature(ByValue):
         b/a, the loss factor of the arm.
     bend : (N, 2) float array [m/N], [m/(N s/m)²]
         Second-order terms of K2 and C over w².
+
+    Notes
+    -----
+    Deviation from the source: for normal inputs the note adds the variance 2 s² of the second-order term, and a product
+    of first and third derivatives. Here 3 s² is added, and third derivatives are left out.
+
+    References
+    ----------
+    JCGM 100:2008, 5.1.2, note.
 
     Examples
     --------

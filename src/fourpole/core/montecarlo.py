@@ -1,11 +1,4 @@
-"""Coverage intervals of K2 and C by Monte Carlo, for use where value ± 1.96 u is not a 95 % interval.
-
-The interval is probabilistically symmetric. The number of draws is fixed; there is no adaptive procedure.
-
-References
-----------
-JCGM 101:2008, 6.4.7 and 6.4.8 (normal distributions of the inputs), 7.2 to 7.7; the adaptive procedure is its 7.9.
-"""
+"""Coverage intervals of K2 and C by Monte Carlo, for use where value ± 1.96 u is not a 95 % interval."""
 
 from __future__ import annotations
 
@@ -54,7 +47,7 @@ def draw_route(
     added_mass: float = 0.0,
     added_mass_std: float = 0.0,
 ) -> ComplexArray:
-    """Draws of K* of one test by a route, with all inputs drawn from normal distributions (JCGM 101:2008, 7.3, 7.4).
+    """Draws of K* of one test by a route, with all inputs drawn from normal distributions.
 
     Parameters
     ----------
@@ -72,6 +65,10 @@ def draw_route(
     -------
     (draws,) complex array [N/m]
         K*.
+
+    References
+    ----------
+    JCGM 101:2008, 6.4.7, 6.4.8, 7.3 and 7.4.
     """
     omega = float(phasors.omega)
     noise = _normal(np.nan_to_num(phasors.covariance), draws, rng)
@@ -107,6 +104,14 @@ def arm_intervals(stiffness: ComplexArray, k1: FloatArray, omega: float) -> tupl
     stiffness, k1 : (draws,) complex and float arrays [N/m]
         Draws of K* and of K1.
     omega : float [rad/s]
+
+    Notes
+    -----
+    Deviation from the source: the number of draws is fixed, without the adaptive procedure of JCGM 101, 7.9.
+
+    References
+    ----------
+    JCGM 101:2008, 7.5 to 7.7; the interval is probabilistically symmetric.
 
     Examples
     --------

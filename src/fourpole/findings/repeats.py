@@ -1,9 +1,4 @@
-"""Means of repeated tests, with an uncertainty that holds however many repeats there are.
-
-References
-----------
-JCGM 100:2008, 4.2.4 (pooled variance) and G.3.2 (Student's t).
-"""
+"""Means of repeated tests, with an uncertainty that holds however many repeats there are."""
 
 from __future__ import annotations
 
@@ -34,6 +29,8 @@ def scatter_in(groups: Iterable[Sequence[float]]) -> Scatter:
 
     .. math:: s^2 = \sum_i (n_i - 1) (s_i/\bar x_i)^2 / \sum_i (n_i - 1)
 
+    Source: JCGM 100:2008, 4.2.4, here of relative standard deviations.
+
     >>> scatter_in([[1.0, 1.2], [2.0], [3.0, 3.6]]).dof
     2
     """
@@ -52,7 +49,7 @@ def mean_of_repeats(repeats: Sequence[tuple[float, float, str]], pooled: Scatter
 
     with the mean u of the n repeats, which their common errors make, the standard deviation s of the repeats, and
     Student's t: few repeats do not tell how far their mean is off. Where other conditions of the specimen have repeats,
-    too, s is that of all of them, at least that of these.
+    too, s is that of all of them, at least that of these. Source of t: JCGM 100:2008, G.3.2.
 
     >>> mean_of_repeats([(2.0, 0.1, "D1"), (2.0, 0.1, "D2")]).pair
     (2.0, 0.1)

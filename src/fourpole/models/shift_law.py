@@ -2,10 +2,6 @@ r"""Laws of the shift factors over temperature: WLF and Arrhenius, fitted with t
 
 .. math:: \log_{10} a_T = \frac{-C_1 (T - T_{ref})}{C_2 + T - T_{ref}}, \qquad
     \ln a_T = \frac{E}{R} \left(\frac{1}{T} - \frac{1}{T_{ref}}\right)
-
-References
-----------
-M. L. Williams, R. F. Landel, J. D. Ferry, J. Am. Chem. Soc. 77 (1955), 3701. ISO 18437-6:2017.
 """
 
 from __future__ import annotations
@@ -57,6 +53,10 @@ class ShiftLaw(ByValue):
         Chi-square of the shift factors about the law, and its degrees of freedom.
     bic : float
         Bayes information criterion; the smaller, the better.
+
+    References
+    ----------
+    M. L. Williams, R. F. Landel, J. D. Ferry, J. Am. Chem. Soc. 77 (1955), 3701; ISO 18437-6:2017.
 
     Examples
     --------

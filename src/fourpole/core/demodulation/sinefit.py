@@ -5,11 +5,6 @@ interfering line. Gauss-Newton steps on the residual, from which the linear ampl
 projection), find the frequencies; the step of the fundamental includes its curvature. The noise of each channel gives
 its weight. The number of cycles need not be whole: sines, mean and drift are fitted together, so there is no leakage.
 If a reference gives the phase, the sines follow it.
-
-References
-----------
-IEEE Std 1057-2017, the sine fits of three parameters (known frequency, `fit_sines`) and of four (`refine`). P. Händel,
-"Properties of the IEEE-STD-1057 four-parameter sine wave fit algorithm", IEEE Trans. Instrum. Meas. 49 (2000), 1189.
 """
 
 from __future__ import annotations
@@ -200,7 +195,12 @@ def _quarter_on(pairs: FloatArray, steps: FloatArray) -> FloatArray:
 
 
 def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, unsteady: tuple[int, ...] = ()) -> SineFit:
-    """Fit the channels of a track at given frequencies [rad/s]."""
+    """Fit the channels of a track at given frequencies [rad/s].
+
+    References
+    ----------
+    IEEE Std 1057-2017, sine fit of three parameters, with harmonics, lines and drift added.
+    """
     terms = Terms(omega, harmonics, lines, unsteady)
     rows = rows_of(track, terms)
     inner, right = rows.products(), rows.with_signals()
@@ -253,6 +253,11 @@ def refine(
     -----
     The search ends if all steps are below 1e-3 of the standard uncertainty of their frequency, or with a step that can
     be taken to first order, without new sums over the samples: what it neglects is below 1e-3 of the uncertainty, too.
+
+    References
+    ----------
+    IEEE Std 1057-2017, sine fit of four parameters, here of several channels at one frequency. P. Händel, "Properties
+    of the IEEE-STD-1057 four-parameter sine wave fit algorithm", IEEE Trans. Instrum. Meas. 49 (2000), 1189.
     """
     fits = list(fits)
     bin_width = 2 * np.pi / max(fit.track.time[-1] - fit.track.time[0] for fit in fits)
