@@ -41,8 +41,9 @@ def lines(ax, label):
 
 
 def points(ax, label="_points"):
-    """All points of an axes as (N, 2)."""
+    """All points of an axes as (N, 2), those with links too."""
     found = [line.get_xydata() for line in lines(ax, label)]
+    found += [np.asarray(one.get_offsets()) for one in ax.collections if one.get_label() == label]
     return np.concatenate(found) if found else np.zeros((0, 2))
 
 

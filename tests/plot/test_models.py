@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_hex
 from tests.plot.conftest import empty_results, renamed, results_of
 from tests.plot.modelled import edited, elastomer, named, study_with_models, with_models
-from tests.plot.test_figures import in_order, lines, panel, points, said, texts
+from tests.plot.test_figures import in_order, lines, points, said, texts
 
 from fourpole.fitting.modelfile import ToleranceFile, map_of
 from fourpole.fitting.query import response
@@ -16,6 +16,7 @@ from fourpole.models.families import model_named
 from fourpole.plot import Style, draw, figure_data, render
 from fourpole.plot.data import Role
 from fourpole.plot.fitted import _rows, whitened
+from fourpole.plot.part import Selection, select
 from fourpole.plot.sheet import read_sheet
 
 pytestmark = pytest.mark.thorough
@@ -43,12 +44,6 @@ def rows_of(results, tyre, preload):
 def bands(ax):
     """Vertices of the bands, (M, 2) each."""
     return [one.get_paths()[0].vertices for one in ax.collections if one.get_label() == "_band"]
-
-
-def halves(vertices, x, middle):
-    """Heights of a band above and below a line at the line's own points."""
-    at = np.array([vertices[np.isclose(vertices[:, 0], one), 1] for one in x[1:-1]])
-    return at.max(axis=1) - middle[1:-1], middle[1:-1] - at.min(axis=1)
 
 
 # ---- the model through the data
@@ -208,37 +203,43 @@ def test_a_tyre_that_is_in_no_table_is_left_out(fitted):
 
 
 def test_candidates_stand_where_their_criteria_are(tried):
-    figure = draw(tried, "model-choice")
     entry = tried.models.models[0]
-    bic, chi2, left = figure.axes[:3]
+    panels = figure_data(tried, "model-choice").panels[:3]
     least = min(one.bic for one in entry.candidates)
-    for ax, values in (
-        (bic, [one.bic - least for one in entry.candidates]),
-        (chi2, [one.chi2 / one.dof for one in entry.candidates]),
-        (left, [one.cross_validation for one in entry.candidates]),
+    for panel, values in zip(
+        panels,
+        (
+            [one.bic - least for one in entry.candidates],
+            [one.chi2 / one.dof for one in entry.candidates],
+            [one.cross_validation for one in entry.candidates],
+        ),
+        strict=True,
     ):
-        drawn = np.concatenate([points(ax, "_chosen"), points(ax, "_candidate")])
+        found = [(float(one.x[0]), float(one.y[0])) for one in series(panel, Role.POINTS)]
         expected = [(value, at) for at, value in enumerate(values) if value is not None]
-        np.testing.assert_allclose(in_order(drawn), in_order(np.array(expected)), rtol=1e-12)
-    assert [text.get_text() for text in bic.get_yticklabels()] == [one.model for one in entry.candidates]
-    assert bic.get_ylim()[0] > bic.get_ylim()[1]  # the best on top
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+        assert panel.names == tuple(one.model for one in entry.candidates)
     missing = sum(one.cross_validation is None for one in entry.candidates)
-    assert [text.get_text() for text in left.texts] == ["n"] * missing
     assert missing
+    assert [text for text in panels[2].beside if text] == ["n"] * missing
+    axes = draw(tried, "model-choice").axes
+    assert axes[0].get_ylim()[0] > axes[0].get_ylim()[1]  # the best on top
+    assert [ax.get_xlabel() for ax in axes[-3:]] == [panel.x.label for panel in panels]
 
 
 def test_the_chosen_the_alike_and_the_non_causal_are_marked(tried):
-    figure = draw(tried, "model-choice")
     entry = tried.models.models[0]
-    ax = figure.axes[0]
-    (best,) = lines(ax, "_chosen")
-    assert entry.candidates[int(best.get_ydata()[0])].model == entry.model
-    assert to_hex(best.get_markerfacecolor()) == to_hex(Style().colour(0))
-    triangles = [line for line in lines(ax, "_candidate") if line.get_marker() == "^"]
-    assert [entry.candidates[int(line.get_ydata()[0])].model for line in triangles] == ["structural"]
-    (alike,) = [patch for patch in ax.patches if patch.get_label() == "_alike"]
-    assert (alike.get_x(), alike.get_x() + alike.get_width()) == (0.0, 6.0)
-    assert {"not causal", "alike: BIC within 6 of the best"} <= set(texts(figure))
+    panel = figure_data(tried, "model-choice").panels[0]
+    (best,) = [one for one in series(panel, Role.POINTS) if not one.hollow]
+    assert entry.candidates[int(best.y[0])].model == entry.model
+    assert best.tyre == 0
+    triangles = [one for one in series(panel, Role.POINTS) if one.marker == 2]
+    assert [entry.candidates[int(one.y[0])].model for one in triangles] == ["structural"]
+    (alike,) = series(panel, Role.LINE)
+    assert set(alike.x) == {6.0}
+    figure = draw(tried, "model-choice")
+    assert "not causal" in texts(figure)
+    assert "BIC 6 above the best, up to which models are alike" in said(figure)
 
 
 def test_a_model_that_was_asked_for_was_not_chosen(fitted):
@@ -258,37 +259,42 @@ def test_the_map_stands_beside_the_tests_of_its_frequencies(fitted, row, column,
         rows = rows_of(fitted, tyre, float(load.removesuffix(" N"))).filter(near)
         expected = np.column_stack([rows["pressure [Pa]"] * 1e-5, rows[column] * scale])
         np.testing.assert_allclose(in_order(points(ax)), in_order(expected), rtol=1e-12)
-        assert len(lines(ax, "_map")) == 3
+        assert len(lines(ax, "_model")) == 3
         assert ax.get_xlabel() == ("pressure [bar]" if row else "")
 
 
 def test_a_curve_of_the_map_is_its_answer_with_its_95_percent(fitted):
     entry = fitted.maps.maps[0]
-    ax = panel(draw(fitted, "map"), "cross-ply", "1000 N")
-    line, band = lines(ax, "_map")[0], bands(ax)[0]
-    x, y = line.get_xdata(), line.get_ydata()
+    curve = series(figure_data(fitted, "map").panels[0], Role.MODEL)[0]
     found = map_of(entry)
     frequency = max(found.band[0], 10.0 * (1 + 0.003 * np.sin(7.0)))
-    points_ = np.column_stack([x * 1e5, np.full(x.size, 1000.0)])
-    answer = found.ask(points_, np.full(x.size, frequency))
+    points_ = np.column_stack([curve.x * 1e5, np.full(curve.x.size, 1000.0)])
+    answer = found.ask(points_, np.full(curve.x.size, frequency))
     # The frequency is the median of a group of tests that run within 0.3 %.
-    np.testing.assert_allclose(y, answer.k2 * 1e-3, rtol=5e-3)
-    above, below = halves(band, x, y)
-    np.testing.assert_allclose(above, below, rtol=1e-6)
-    np.testing.assert_allclose(above, TWO_SIDED_95 * 1e-3 * np.sqrt(answer.arm_covariance[1:-1, 0, 0]), rtol=2e-2)
+    np.testing.assert_allclose(curve.y, answer.k2 * 1e-3, rtol=5e-3)
+    np.testing.assert_allclose(curve.spread, TWO_SIDED_95 * 1e-3 * np.sqrt(answer.arm_covariance[:, 0, 0]), rtol=2e-2)
 
 
 def test_a_curve_ends_where_the_tests_do():
     whole = results_of(pressures=(100e3, 135e3, 170e3, 240e3), frequencies=(10.0, 17.0, 24.0))
     lacking = (pl.col("preload [N]") == 2000.0) & (pl.col("pressure [Pa]") > 150e3)
     results = with_models(replace(whole, dynamic=whole.dynamic.filter(~lacking)), "zener")
-    figure = draw(results, "map")
-    for load, end in (("1000 N", 2.4), ("2000 N", 1.35)):
-        x = lines(panel(figure, "cross-ply", load), "_map")[0].get_xdata()
+    for panel, load, end in zip(
+        figure_data(results, "map").panels[::2], ("1000 N", "2000 N"), (2.4, 1.35), strict=False
+    ):
+        x = series(panel, Role.MODEL)[0].x
+        assert (panel.title, panel.right) == ("cross-ply", load)
         assert x[0] == pytest.approx(1.0)
         # A step of the curve is a part in 40 of the pressures; along the slanting edge of the hull it may pass its
         # corner by what counts as the same preload.
         assert end - 1.4 / 40 <= x[-1] <= end + 0.02 * 0.7
+
+
+def test_a_selected_specimen_has_its_map_alone(fitted):
+    part = select(fitted, Selection(specimens=("radial-ply",), preloads=(2000.0,)))
+    panels = figure_data(part, "map").panels
+    assert [(one.title, one.right) for one in panels] == [("radial-ply", "2000 N"), ("", "")]
+    assert {one.tyre for one in panels[0].series} == {1}
 
 
 def test_a_map_over_one_axis_is_a_curve_and_one_of_one_condition_none():
@@ -302,10 +308,10 @@ def test_a_map_over_one_axis_is_a_curve_and_one_of_one_condition_none():
 
 
 def test_a_map_that_is_not_causal_says_so(fitted):
-    assert "cross-ply: zener" in texts(draw(fitted, "map"))
+    assert "model: zener" in figure_data(fitted, "map").notes
     entries = [one.model_copy(update={"causal": False}) for one in fitted.maps.maps]
     other = replace(fitted, maps=fitted.maps.model_copy(update={"maps": entries}))
-    assert "cross-ply: zener, not causal" in texts(draw(other, "map"))
+    assert "model: zener (not causal)" in figure_data(other, "map").notes
 
 
 def test_without_k2_the_map_shows_k_star():

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
-from matplotlib.colors import to_hex
 from tests.plot.conftest import results_of
 from tests.plot.rig_found import MASSED, MISFIT, UNSTATED, VALUES, rig_table, with_rig_found
-from tests.plot.test_figures import lines, points, said, texts
+from tests.plot.test_figures import points, said, texts
 
 from fourpole.plot import THEMES, Style, draw, figure_data, render
-from fourpole.plot.data import Role
+from fourpole.plot.data import Role, Tone
 from fourpole.virtual import RADIAL_PLY
 
 pytestmark = pytest.mark.thorough
@@ -24,32 +23,31 @@ def small():
     return results_of(pressures=(170e3,), preloads=(1000.0,))
 
 
-def polygons(ax):
-    """Stacked parts by source: height at each frequency [%]."""
-    found = {}
-    for part in ax.collections:
-        if part.get_label().startswith("_"):
-            low_high = part.get_paths()[0].get_extents()
-            found[part.get_label()[1:]] = (low_high.y0, low_high.y1)
-    return found
+def every(panel, *roles):
+    return [one for one in panel.series if one.role in roles]
+
+
+def rows_of(panel):
+    """The points of a panel of names by the name of their row."""
+    return {panel.names[round(one.y[0])]: one for one in every(panel, Role.POINTS)}
 
 
 # ---- what the rig leaves
 
 
 def test_the_residual_is_that_of_the_table_in_real_and_imaginary_part(small):
-    real, imaginary = draw(small, "rig-residual").axes
-    rows = small.residuals
-    for ax, part in ((real, "Re"), (imaginary, "Im")):
-        drawn = points(ax)
-        expected = np.column_stack([rows["frequency [Hz]"], rows[f"{part} residual [N s/m]"]])
-        np.testing.assert_allclose(drawn[np.lexsort(drawn.T)], expected[np.lexsort(expected.T)], rtol=1e-12)
-        bars = points(ax, "_bars")
-        heights = np.ptp(bars[np.isfinite(bars[:, 1]), 1].reshape(-1, 2), axis=1)
-        np.testing.assert_allclose(heights, 2 * rows[f"u({part}) [N s/m]"][0])
-        assert f"{part} (F1/V2 − Zr) [N s/m]" == ax.get_ylabel()
-    assert "χ²/dof = 1.04" in real.get_title(loc="left")
-    assert "does not fit" not in said(draw(small, "rig-residual"))
+    data = figure_data(small, "rig-residual")
+    rows = {row["test"]: row for row in small.residuals.rows(named=True)}
+    for panel, part in zip(data.panels, ("Re", "Im"), strict=True):
+        assert panel.y.label == f"{part} (F1/V2 − Zr) [N s/m]"
+        found = [(test, *values) for one in every(panel, Role.POINTS)
+                 for test, *values in zip(one.tests, one.x, one.y, one.spread, strict=True)]  # fmt: skip
+        assert sorted(test for test, *_ in found) == sorted(rows)
+        for test, x, y, std in found:
+            row = rows[test]
+            assert (x, y, std) == (row["frequency [Hz]"], row[f"{part} residual [N s/m]"], row[f"u({part}) [N s/m]"])
+    assert "as stated: χ²/dof = 1.04" in " ".join(data.notes)
+    assert "does not fit" not in " ".join(data.notes)
 
 
 def test_a_misfit_is_drawn_with_the_rig_as_stated(small):
@@ -57,15 +55,14 @@ def test_a_misfit_is_drawn_with_the_rig_as_stated(small):
     light = {"": {**small.record["stated"]["rigs"][""], "moving_mass": {"value": 14.0}}}
     hurt = with_rig_found(small, route="mobility", **MISFIT)
     hurt = replace(hurt, record={**hurt.record, "stated": {"rigs": light}})
+    real, imaginary = figure_data(hurt, "rig-residual").panels
+    (line,) = [one for one in imaginary.series if one.tone is Tone.ALARM]
+    np.testing.assert_allclose(line.y, 2 * np.pi * line.x * 1.0, rtol=1e-9)
+    (other,) = [one for one in real.series if one.tone is Tone.ALARM]
+    np.testing.assert_allclose(other.y, 0.0, atol=1e-9)
     figure = draw(hurt, "rig-residual")
-    real, imaginary = figure.axes
-    assert "does not fit" in real.get_title(loc="left")
-    assert "χ²/dof = 10" in real.get_title(loc="left")
-    (line,) = lines(imaginary, "_misfit")
-    x, y = line.get_data()
-    np.testing.assert_allclose(y, 2 * np.pi * x * 1.0, rtol=1e-9)
-    np.testing.assert_allclose(lines(real, "_misfit")[0].get_ydata(), 0.0, atol=1e-9)
-    assert imaginary.get_ylim()[1] > y.max()
+    assert figure.axes[1].get_ylim()[1] > line.y.max()
+    assert "χ²/dof = 10" in said(figure)
     assert "does not fit" in said(figure)
     assert "mean with rig and sensors as stated" in texts(figure)
 
@@ -76,10 +73,11 @@ def test_each_added_mass_has_a_marker_and_a_tyre_its_colour(small):
         small,
         residuals=small.residuals.with_columns(pl.Series("added mass [kg]", [masses[at % 2] for at in range(12)])),
     )
-    figure = draw(results, "rig-residual")
-    marks = {(line.get_marker(), to_hex(line.get_color())) for line in lines(figure.axes[0], "_points")}
-    assert marks == {(mark, to_hex(Style().colour(tyre))) for mark in "o^" for tyre in (0, 1)}
-    assert {"0 kg added", "10 kg added"} <= set(texts(figure))
+    points = every(figure_data(results, "rig-residual").panels[0], Role.POINTS)
+    assert {(one.marker, one.hollow, one.tyre) for one in points} == {
+        (mass, bool(mass), tyre) for mass in (0, 1) for tyre in (0, 1)
+    }
+    assert {"0 kg added", "10 kg added"} <= set(texts(draw(results, "rig-residual")))
 
 
 def test_an_outlier_is_a_cross_that_sets_no_axis(small):
@@ -91,8 +89,9 @@ def test_an_outlier_is_a_cross_that_sets_no_axis(small):
     figure = draw(replace(small, residuals=rows), "rig-residual")
     assert len(points(figure.axes[0], "_rejected")) == 1
     assert figure.axes[0].get_ylim()[1] < 1.0
-    assert "real part of 1 outlier lies beyond the axes" in said(figure)
-    assert "test that does not go with the others" in texts(figure)
+    assert "(F1/V2 − Zr) of 1 outlier beyond the axes" in said(figure)
+    assert "outlier" in texts(figure)
+    assert "an outlier is a test that does not go with the others" in said(figure)
 
 
 def test_tests_without_v2_are_counted(small):
@@ -107,17 +106,18 @@ def test_tests_without_v2_are_counted(small):
 
 
 def test_values_stand_as_far_from_their_statement_as_the_table_says(small):
-    (ax,) = draw(small, "rig-found").axes
-    labels = [text.get_text() for text in ax.get_yticklabels()]
-    assert labels == ["rig", "moving mass m", "preload spring K3", "channels", "gain F1", "gain V1", "phase V1",
-                      "gain V2", "ratios that K* needs", "gain F1/V1"]  # fmt: skip
-    dots = {round(y): x for line in lines(ax, "_value") for x, y in line.get_xydata()}
+    (panel,) = figure_data(small, "rig-found").panels
+    assert panel.names == ("rig", "moving mass m", "preload spring K3", "channels", "gain F1", "gain V1", "phase V1",
+                           "gain V2", "ratios that K* needs", "gain F1/V1")  # fmt: skip
+    assert [panel.names[at] for at in panel.heads] == ["rig", "channels", "ratios that K* needs"]
+    dots = rows_of(panel)
     for name, (_, stated, prior, found, *_rest) in VALUES.items():
-        at = labels.index({"moving_mass": "moving mass m", "preload_stiffness": "preload spring K3"}.get(name, name))
-        assert dots[at] == pytest.approx((found - stated) / prior)
-    whiskers = {line.get_ydata()[0]: np.ptp(line.get_xdata()) / 2 for line in lines(ax, "_found")}
-    assert whiskers[1] == pytest.approx(0.1)
-    assert {text.get_text() for text in ax.texts} >= {"0.1", "0.3", "1"}
+        shown = {"moving_mass": "moving mass m", "preload_stiffness": "preload spring K3"}.get(name, name)
+        assert dots[shown].x[0] == pytest.approx((found - stated) / prior)
+    wide = {one.y[0]: one.across[0] for one in every(panel, Role.RANGE)}
+    assert wide[1] == pytest.approx(0.1)
+    assert dict(zip(panel.names, panel.beside, strict=True))["moving mass m"] == "0.1"
+    assert {"0.1", "0.3", "1"} <= set(texts(draw(small, "rig-found")))
 
 
 def test_findings_differ_in_mark_and_colour_and_a_far_one_is_told(small):
@@ -127,30 +127,29 @@ def test_findings_differ_in_mark_and_colour_and_a_far_one_is_told(small):
         "moving_mass": far,
         "preload_stiffness": (*VALUES["preload_stiffness"][:7], "not calibrated"),
     }
-    figure = draw(replace(small, rig=rig_table(values)), "rig-found")
-    (ax,) = figure.axes
-    marks = {(line.get_marker(), to_hex(line.get_markerfacecolor())) for line in lines(ax, "_value")}
-    assert len(marks) == 4
-    assert "+81" in texts(figure)
-    assert max(abs(end) for end in ax.get_xlim()) < 7
-    assert {"contradicts the statement", "found", "not determined: as stated"} <= set(texts(figure))
+    results = replace(small, rig=rig_table(values))
+    dots = rows_of(figure_data(results, "rig-found").panels[0])
+    assert len({(one.marker, one.tone, one.hollow) for one in dots.values()}) == 4
+    assert dots["moving mass m"].texts == ("+81",)
+    figure = draw(results, "rig-found")
+    assert max(abs(end) for end in figure.axes[0].get_xlim()) < 8
+    assert {"contradicts the statement", "found", "not determined: as stated", "+81"} <= set(texts(figure))
 
 
 def test_what_nobody_stated_is_written_with_its_size(small):
     """There is no statement that it could be drawn against."""
-    figure = draw(replace(small, rig=rig_table({**VALUES, **UNSTATED})), "rig-found")
-    (ax,) = figure.axes
-    labels = [text.get_text() for text in ax.get_yticklabels()]
-    assert labels[-3:] == ["specimens", "drift of radial", "loss angle drift of radial"]
-    written = {round(text.get_position()[1]): text.get_text() for text in ax.texts}
+    results = replace(small, rig=rig_table({**VALUES, **UNSTATED}))
+    (panel,) = figure_data(results, "rig-found").panels
+    assert panel.names[-3:] == ("specimens", "drift of radial", "loss angle drift of radial")
+    dots = rows_of(panel)
     for name, words in (
         ("unstated frame", "+1.1e−05 ± 3e−07 m/N"),
         ("cross-talk V2 in F1", "+1.2 ± 0.05 %"),
         ("drift of radial", "−2.1 ± 0.1 %"),
-        ("loss angle drift of radial", "+0.0035 ± 0.0002 rad"),
+        ("loss angle drift of radial", "+0.201 ± 0.011 °"),
     ):
-        assert written[labels.index(name)] == words
-    assert "not stated: size as written" in texts(figure)
+        assert dots[name].texts == (words,)
+    assert "not stated: size as written" in texts(draw(results, "rig-found"))
 
 
 def test_two_rigs_have_a_panel_each(small):
@@ -163,10 +162,10 @@ def test_two_rigs_have_a_panel_each(small):
 # ---- what a mass gained, and the budget
 
 
-def test_the_gain_of_a_mass_stands_beside_its_bars(small):
-    (ax,) = draw(small, "mass-gain").axes
-    assert [bar.get_width() for bar in ax.patches] == pytest.approx([5.6, 0.037, 8.6, 0.04])
-    shown = [text.get_text() for text in ax.texts]
+def test_the_gain_of_a_mass_stands_beside_its_points(small):
+    (panel,) = figure_data(small, "mass-gain").panels
+    assert [float(one.x[0]) for one in panel.series] == pytest.approx([5.6, 0.037, 8.6, 0.04])
+    shown = [one.texts[0] for one in panel.series]
     assert shown[0] == "5.6 %"
     assert shown[1].startswith("0.037 %, ")
     assert shown[1].endswith("times smaller")

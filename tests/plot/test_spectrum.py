@@ -7,7 +7,8 @@ import pytest
 from tests.plot.modelled import elastomer
 
 from fourpole.fitting.modelfile import model_of
-from fourpole.plot import draw, render
+from fourpole.plot import draw, figure_data, render
+from fourpole.plot.data import Role
 
 
 @pytest.fixture(scope="module")
@@ -16,17 +17,21 @@ def results():
 
 
 def test_arms_stand_at_their_times_and_in_their_height(results):
-    figure = draw(results, "spectrum")
-    assert figure is not None
+    panel = figure_data(results, "spectrum").panels[2]
     entry = results.models.models[0]
     arms = model_of(entry).prony(entry.conditions[0].values)
-    (shown,) = (line for line in figure.axes[2].lines if line.get_label() == "_arm")
+    shown = next(one for one in panel.series if one.role is Role.POINTS and not one.hollow)
     active = arms.springs > 0
-    assert np.asarray(shown.get_xdata()) == pytest.approx(1 / (2 * np.pi * arms.times[active]))
-    assert np.asarray(shown.get_ydata()) == pytest.approx(arms.springs[active] / 1e3)
-    assert figure.axes[2].get_ylabel() == "K_i [kN/m]"
-    (zero,) = (line for line in figure.axes[2].lines if line.get_label() == "_zero")
-    assert len(zero.get_xdata()) == int((~active).sum())
+    assert shown.x == pytest.approx(1 / (2 * np.pi * arms.times[active]))
+    assert shown.y == pytest.approx(arms.springs[active] / 1e3)
+    assert panel.y.label == "K_i [kN/m]"
+    zeros = [one for one in panel.series if one.hollow]
+    assert sum(one.x.size for one in zeros) == int((~active).sum())
+    wide = next(one for one in panel.series if one.role is Role.RANGE)
+    at = [model_of(entry).symbols.index(f"K_{arm + 1}") for arm in range(arms.springs.size)]
+    of_arms = [entry.conditions[0].intervals[place] for place in at]
+    highs = [high / 1e3 for (_, high), on in zip(of_arms, active, strict=True) if on and high is not None]
+    np.testing.assert_allclose(wide.y + wide.spread, highs)
 
 
 def test_the_same_results_give_the_same_bytes(results):

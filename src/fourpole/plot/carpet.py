@@ -49,7 +49,7 @@ def load_deflection(results: Results, style: Style) -> Figure | None:
     for ax, tyre in zip(grid.panels, tyres, strict=True):
         own = [line for line in lines if line.tyre == tyre]
         carpet(ax, own, offset=offset, colour=style.colour(tyre), room=room, style=style)
-        tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, columns=columns)
+        tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, letters=60 // columns)
         ax.set_xlim(x_limits)
         ax.set_ylim(style.ylim or (0.0, 1.1 * top))
         ax.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 2.5, 5, 10]))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
@@ -29,11 +30,25 @@ class Role(StrEnum):
     REJECTED = "rejected"
     MODEL = "model"
     LINE = "line"
+    RANGE = "range"
+
+
+class Tone(StrEnum):
+    """What a colour says where it is not that of a specimen."""
+
+    NONE = ""
+    INK = "ink"
+    SURE = "sure"
+    DOUBT = "doubt"
+    ALARM = "alarm"
 
 
 @dataclass(frozen=True)
 class AxisData:
-    """An axis: the name of its quantity, its unit, and whether it is logarithmic.
+    """An axis: the name of its quantity, its unit, and its kind.
+
+    A `log` axis is logarithmic: an abscissa always, an ordinate if its values span more than a decade. It is linear up
+    to `linear`. A `signed` axis is about zero, and holds the uncertainties. One from `zero` begins there or below.
 
     Examples
     --------
@@ -44,6 +59,9 @@ class AxisData:
     name: str
     unit: str
     log: bool = False
+    linear: float = 0.0
+    signed: bool = False
+    zero: bool = False
 
     @classmethod
     def of(cls, quantity: Quantity, *, log: bool = False) -> AxisData:
@@ -65,7 +83,9 @@ class Series(ByValue):
     role : Role
     x, y : (N,) float arrays
     spread : (N,) float array or None
-        Of points the standard uncertainty of y; of a model the half-width of its 95 % band.
+        Of points the standard uncertainty of y; of a model the half-width of its 95 % band; of ranges their half.
+    across : (N,) float array or None
+        The same along the abscissa, of points and ranges.
     label : str
         Text at the end of the curve; empty for a curve without one.
     tyre : int
@@ -76,6 +96,12 @@ class Series(ByValue):
         Ranks of the pressure and of the preload, which set marker and line style.
     level : float
         Value on the colour scale of the figure; not-a-number where the specimen sets the colour.
+    tone : Tone
+        Colour of a series without a specimen.
+    hollow : bool
+        Whether the markers are open.
+    texts : tuple of str
+        Text on the right of each point, or above it if the series is `headed`; empty for none.
     tests, cards : tuples of str
         Name of the test of each point, and the id of its card in the report; empty for curves.
     """
@@ -84,14 +110,24 @@ class Series(ByValue):
     x: FloatArray
     y: FloatArray
     spread: FloatArray | None = None
+    across: FloatArray | None = None
     label: str = ""
     tyre: int = -1
     shade: float = 1.0
     marker: int = 0
     dash: int = 0
     level: float = np.nan
+    tone: Tone = Tone.NONE
+    hollow: bool = False
+    texts: tuple[str, ...] = ()
+    headed: bool = False
     tests: tuple[str, ...] = ()
     cards: tuple[str, ...] = ()
+
+
+def look(role: Role = Role.POINTS, **how: Any) -> Series:
+    """A series without points: what others are made of, or an entry of the key."""
+    return Series(role, np.zeros(0), np.zeros(0), **how)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +146,8 @@ class Panel(ByValue):
     """One pair of axes with its series and, of a map, its field.
 
     `tyre` is the number of the specimen that heads the panel, or -1. With `names`, the ordinate is a list of names from
-    the top down, at 0, 1, 2 and so on.
+    the top down, at 0, 1, 2 and so on; `heads` are the numbers of those that head a group, and `beside` has a text for
+    each name on the right of the panel. `corner` stands in the lower left corner.
     """
 
     x: AxisData
@@ -121,6 +158,9 @@ class Panel(ByValue):
     tyre: int = -1
     field: Field | None = None
     names: tuple[str, ...] = ()
+    heads: tuple[int, ...] = ()
+    beside: tuple[str, ...] = ()
+    corner: str = ""
 
 
 @dataclass(frozen=True)
@@ -155,14 +195,22 @@ class FigureData(ByValue):
         Numbers of the specimens that the key names.
     dashes : tuple of (int, str)
         Line styles that the key explains: rank and text.
+    key : tuple of (Series, str)
+        Further entries of the key: a series without points for its look, and the text.
+    lost : str
+        What a rejected test is called.
     notes : tuple of str
         What the figure does not show, and how it was made.
     panel_height, height : float [in]
         Height of a panel, and of the whole figure; without the latter it follows from the panels.
     shared : bool
         Whether the panels of a row share the ordinate.
-    left : float [in]
-        Room for the numbers or names on the left of a panel.
+    aligned : bool
+        Whether panels of the same abscissa have the same limits.
+    left, right : float [in]
+        Room for the numbers or names on the left of a panel, and on its right.
+    block : int
+        Number of rows of panels that belong together; where a height has no room for all, the last ones are left out.
     """
 
     panels: tuple[Panel, ...]
@@ -171,11 +219,16 @@ class FigureData(ByValue):
     scale: Scale | None = None
     keyed: tuple[int, ...] = ()
     dashes: tuple[tuple[int, str], ...] = ()
+    key: tuple[tuple[Series, str], ...] = ()
+    lost: str = "rejected test"
     notes: tuple[str, ...] = ()
     panel_height: float = 2.2
     height: float | None = None
     shared: bool = True
+    aligned: bool = False
     left: float = 0.66
+    right: float = 0.16
+    block: int = 1
 
     @property
     def has_band(self) -> bool:

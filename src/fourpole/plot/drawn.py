@@ -1,58 +1,111 @@
-"""A figure's data drawn with matplotlib: points that lead to the cards of their tests, curves, bands and labels."""
+"""A figure's data drawn with matplotlib: panels with their limits, the key and the notes."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from fourpole.core.arrays import FloatArray, IntArray
-from fourpole.plot.data import Field, FigureData, Panel, Role, Series
+from fourpole.core.arrays import FloatArray
+from fourpole.plot.data import AxisData, Field, FigureData, Panel, Role, Series, look
 from fourpole.plot.layout import Grid, Key, Notes
-from fourpole.plot.links import link
-from fourpole.plot.names import plain_text
+from fourpole.plot.names import counted, plain_text
 from fourpole.plot.panels import (
     ALIKE,
     Extent,
-    band,
-    bars,
     few_ticks,
     numbered,
+    power_or_plain,
     rows_of_names,
     span,
     steep_limits,
     tyre_heading,
 )
-from fourpole.plot.style import Style, load_dashes, mixed, pressure_marker
+from fourpole.plot.series import LETTER, OFF_POINT, colour_of, draw_series, end_labels, face_of
+from fourpole.plot.style import Style, load_dashes, pressure_marker
 
 #: Largest number of points of a figure that lead to their cards one by one; more are drawn as lines of markers.
 _MOST_LINKS = 1500
-#: Width of a letter and height of a line of the labels at the ends of curves [pt].
-_LETTER, _LINE = 3.75, 7.6
-#: A curve with more points than this is drawn through those that are needed, to within this distance [px].
-_FEW, _OFF = 20, 0.015
-#: Curves whose ends are no farther apart than this share of the panel have their labels in one column.
-_COLUMN = 0.1
-#: Least width of a panel of several in a row [in].
-_LEAST_WIDTH = 1.3
+#: Least width of a panel of several in a row [in], height of a row of names, and least height of other panels [in].
+_LEAST_WIDTH, _NAME_HEIGHT, _LEAST_HEIGHT = 1.3, 0.135, 0.5
 #: Number of levels of a map, about.
 _LEVELS = 9
 #: A curve whose label is shorter than this [letters] takes no more room for it.
 _LEAST_ROOM = 4
+#: Width that a number of an axis needs [in], and largest number of them.
+_TICK, _MOST_TICKS = 0.5, 6
+#: Largest share of a panel that texts on its right take.
+_MOST_ROOM = 0.55
+#: Bars of signed values longer than this many times the median do not set the axis.
+_LONG = 5.0
+
+
+@dataclass
+class _Beyond:
+    """Numbers of values and bars beyond the axes of all panels."""
+
+    values: int = 0
+    cut: int = 0
+    lost: Counter[str] = field(default_factory=Counter)
+
+    def say(self, notes: Notes, what: str, *, chosen: bool) -> None:
+        """Add them to the notes; `chosen`: whether the limits are the reader's."""
+        for name, count in self.lost.items():
+            notes.say(f"{name} of {counted(count, what)} beyond the axes")
+        if self.values:
+            why = "" if chosen else ": they are known to no better than 100 %"
+            notes.say(f"{counted(self.values, 'value')} beyond the axes{why}")
+        if self.cut:
+            notes.say(f"{counted(self.cut, 'uncertainty bar')} {'leaves' if self.cut == 1 else 'leave'} the axes")
 
 
 def figure_of(data: FigureData, style: Style) -> Figure:
-    """A matplotlib figure of the data, not registered with pyplot; a narrow one has fewer panels in a row."""
+    """A matplotlib figure of the data, not registered with pyplot.
+
+    A narrow one has fewer panels in a row; one of a stated height has as many rows of panels as there is room for.
+    """
     beside = 0.16 if data.shared else data.left * style.size.font
-    data = _narrowed(data, max(1, int((style.width - style.font(0.8)) / (style.font(_LEAST_WIDTH) + beside))))
-    grid = Grid.of(len(data.panels), data.columns, panel_height=data.panel_height, style=style)
-    notes = Notes(list(data.notes))
+    margins = style.font(data.left + data.right)
+    free = style.width - (margins if data.shared else style.font(data.right))
+    least = _LEAST_WIDTH * style.size.font
+    columns = int((free + (0.16 if data.shared else 0.0)) / (least + beside))
+    data = _narrowed(data, max(1, columns))
+    figure = _figure(data, style)
+    while style.size.height is not None and figure.get_size_inches()[1] > style.size.height + 1e-6:
+        fewer = _shorter(data)
+        if fewer is data:
+            break
+        data = fewer
+        figure = _figure(data, style)
+    return figure
+
+
+def _shorter(data: FigureData) -> FigureData:
+    """The figure without its last rows of panels; the same if it has no others."""
+    panels = data.panels[: -data.block * data.columns]
+    if not panels:
+        return data
+    said = "only the first rows of panels: the height has no room for more"
+    notes = data.notes if said in data.notes else (said, *data.notes)
+    return replace(data, panels=panels, notes=notes)
+
+
+def _figure(data: FigureData, style: Style) -> Figure:
+    named = max((len(panel.names) for panel in data.panels), default=0)
+    high = data.panel_height * (style.size.font if named else 1.0)
+    grid = Grid.of(len(data.panels), data.columns, panel_height=high, style=style)
+    notes, beyond = Notes(list(data.notes)), _Beyond()
     linked = sum(len(one.cards) for panel in data.panels for one in panel.series) <= _MOST_LINKS
+    ends = _joined_ends(data.panels)
+    left_right = style.font(data.left + data.right)
+    gaps = (data.columns - 1) * (0.16 if data.shared else style.font(data.left))
+    width = (style.width - left_right - gaps) / data.columns
     for row in range(0, len(data.panels), data.columns):
         panels = data.panels[row : row + data.columns]
         extents = [_extent(panel) for panel in panels]
@@ -62,40 +115,71 @@ def figure_of(data: FigureData, style: Style) -> Figure:
             ax = grid.panels[row + at]
             # The reader's limits of the ordinate are in the unit of the first panel.
             own = style if panel.y == data.panels[0].y else replace(style, ylim=None)
-            _limit(ax, panel, extent, own, notes, columns=data.columns)
+            _limit(
+                ax, panel, extent, own, beyond, ends=ends[panel.x.label] if data.aligned else _ends(panel), width=width
+            )
             if panel.field is not None:
                 _draw_field(ax, panel.field, style, _levels(panels))
-            _draw(ax, panel, data, style, linked=linked)
-            if panel.title and panel.tyre >= 0:
-                colour = style.colour(panel.tyre)
-                tyre_heading(ax, panel.title, colour, panel.right, style=style, columns=data.columns)
-            elif panel.title:
-                ax.set_title(plain_text(panel.title, 40), loc="left", pad=4.5)
+            draw_series(ax, panel, data, style, linked=linked)
+            _head(ax, panel, style, int(72 * width / style.font(5.0)))
+    beyond.say(notes, data.lost, chosen=style.ylim is not None)
     figure = grid.finish(
         key=_key(data, style), notes=notes, x_label=data.panels[0].x.label,
-        y_labels=[panel.y.label for panel in data.panels[:: data.columns]] if data.shared else [""],
-        share_x=_same_abscissa(grid.panels, data.columns), share_y=data.shared,
-        headings=_headings(data), scale=data.scale, height=data.height, left=data.left,
+        y_labels=["" if panel.names or not data.shared else panel.y.label for panel in data.panels[:: data.columns]],
+        share_x=_same_abscissa(grid.panels, data), share_y=data.shared,
+        headings=_headings(data), scale=data.scale, height=data.height, left=data.left, right=data.right,
+        least=style.font(max(_LEAST_HEIGHT, _NAME_HEIGHT * (named + 0.2))),
     )  # fmt: skip
     for ax, panel in zip(grid.panels, data.panels, strict=True):
+        if ax.get_xlabel():
+            ax.set_xlabel(panel.x.label)
         if panel.names:
-            rows_of_names(ax, panel.names)
+            _name_rows(ax, panel, style)
         elif not data.shared:
             ax.set_ylabel(panel.y.label)
-        _end_labels(ax, panel, style, 72 * ax.get_position().height * figure.get_size_inches()[1])
+        end_labels(ax, panel, style, 72 * ax.get_position().height * figure.get_size_inches()[1])
     return figure
 
 
-def _same_abscissa(panels: Sequence[Axes], columns: int) -> bool:
-    """Whether the panels below each other have the same limits, so that the lowest alone needs numbers."""
-    each = [{tuple(np.round(ax.get_xlim(), 9)) for ax in panels[at::columns]} for at in range(columns)]
-    return all(len(limits) == 1 for limits in each)
+def _head(ax: Axes, panel: Panel, style: Style, letters: int) -> None:
+    """Write the heading of a panel, at most so many letters, and the text in its corner."""
+    if panel.title and panel.tyre >= 0:
+        tyre_heading(ax, panel.title, style.colour(panel.tyre), panel.right, style=style, letters=letters)
+    elif panel.title:
+        ax.set_title(plain_text(panel.title, max(letters, 8)), loc="left", pad=4.5)
+    if panel.corner:
+        ax.text(0.025, 0.03, panel.corner, transform=ax.transAxes, fontsize=style.font(7.0), va="bottom",
+                linespacing=1.25, bbox={"facecolor": style.look.paper, "edgecolor": "none", "pad": 1.5})  # fmt: skip
+
+
+def _name_rows(ax: Axes, panel: Panel, style: Style) -> None:
+    """Make the ordinate the names of the panel, and write the texts beside them on the right."""
+    rows_of_names(ax, panel.names)
+    for at, tick in enumerate(ax.get_yticklabels()):
+        if at in panel.heads:
+            tick.set(color=style.look.muted, fontstyle="italic")
+    for at, text in enumerate(panel.beside):
+        ax.text(1.015, at, text, transform=ax.get_yaxis_transform(), va="center", fontsize=style.font(7.0))
+
+
+def _same_abscissa(axes: Sequence[Axes], data: FigureData) -> bool:
+    """Whether the panels below each other have the same abscissa, so that the lowest alone needs numbers."""
+    seen = [(panel.x.label, tuple(np.round(ax.get_xlim(), 9))) for ax, panel in zip(axes, data.panels, strict=True)]
+    return all(len(set(seen[at :: data.columns])) == 1 for at in range(data.columns))
 
 
 def _narrowed(data: FigureData, columns: int) -> FigureData:
-    """The figure with at most so many panels in a row; the panels of a column stay below each other."""
+    """The figure with at most so many panels in a row.
+
+    The panels of a column stay below each other; those of a row if one heading stands for all of them.
+    """
     if data.columns <= columns:
         return data
+    first = range(0, len(data.panels), data.columns)
+    if any(data.panels[at].title for at in first) and not any(
+        panel.title for at, panel in enumerate(data.panels) if at not in first
+    ):
+        return replace(data, columns=1, height=None, block=data.block * data.columns)
     rows = [data.panels[at : at + data.columns] for at in range(0, len(data.panels), data.columns)]
     groups = range(0, data.columns, columns)
     panels = tuple(panel for at in groups for row in rows for panel in row[at : at + columns])
@@ -127,108 +211,123 @@ def _levels(panels: Sequence[Panel]) -> FloatArray:
     return np.asarray(MaxNLocator(_LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high), dtype=float)
 
 
-def _draw(ax: Axes, panel: Panel, data: FigureData, style: Style, *, linked: bool) -> None:
-    for one in panel.series:
-        colour = _colour(one, data, style)
-        if one.role in (Role.MODEL, Role.LINE):
-            at = _needed(one, ax) if one.x.size > _FEW else slice(None)
-            if one.spread is not None:
-                band(ax, one.x[at], one.y[at], one.spread[at], colour, faint=data.scale is not None)
-            (line,) = ax.plot(one.x[at], one.y[at], color=colour, linestyle=load_dashes(one.dash),
-                              linewidth=0.8 if one.tyre < 0 else 1.2,
-                              label=f"_{one.role}", zorder=2.0)  # fmt: skip
-            if one.cards:
-                line.set_url(link(one.cards[0], one.tests[0]))
-            continue
-        if one.spread is not None and one.role is Role.POINTS:
-            bars(ax, one.x, one.y, one.spread, colour)
-        _marks(ax, one, colour, style, linked=linked)
-
-
-def _needed(one: Series, ax: Axes) -> IntArray:
-    """The points of a dense curve that are enough to draw it, with its band, to a fraction of a line's width.
-
-    A chord over n steps of second difference d is off by about n²d/8.
-    """
-    edges = [one.y] if one.spread is None else [one.y, one.y - one.spread, one.y + one.spread]
-    density = np.zeros(one.x.size)
-    for y in edges:
-        place = ax.transData.transform(np.column_stack([one.x, np.nan_to_num(y)]))
-        bend = np.linalg.norm(np.diff(place, 2, axis=0), axis=1)
-        density[1:-1] = np.maximum(density[1:-1], np.sqrt(bend / (8 * _OFF)))
-    kept = np.unique(np.floor(np.cumsum(density)), return_index=True)[1]
-    return np.union1d(kept, [0, one.x.size - 1])
-
-
-def _marks(ax: Axes, one: Series, colour: str, style: Style, *, linked: bool) -> None:
-    """Draw points; each leads to the card of its test, if they are few enough."""
-    lost = one.role is Role.REJECTED
-    marker = "X" if lost else pressure_marker(one.marker)
-    face = style.look.paper if lost else colour if one.level == one.level else mixed(style.look.paper, colour, 0.75)
-    edge = style.look.muted if lost else colour
-    if not linked or not one.cards:
-        ax.plot(one.x, one.y, linestyle="none", marker=marker, markersize=3.0, color=edge, markerfacecolor=face,
-                markeredgewidth=0.6, label=f"_{one.role}", zorder=3.0)  # fmt: skip
-        return
-    found = ax.scatter(one.x, one.y, s=30.0 if lost else 15.0, marker=marker, facecolors=face, edgecolors=edge,
-                       linewidths=0.8, label=f"_{one.role}", zorder=2.5 if lost else 3.0)  # fmt: skip
-    found.set_urls([link(card, test) for card, test in zip(one.cards, one.tests, strict=True)])
-
-
-def _colour(one: Series, data: FigureData, style: Style) -> str:
-    if data.scale is not None and one.level == one.level:
-        return style.frequency_colour(data.scale.part(one.level))
-    if one.tyre < 0:
-        return style.look.muted
-    colour = style.colour(one.tyre)
-    return mixed(mixed(style.look.paper, colour, 0.5), colour, one.shade)
-
-
 def _extent(panel: Panel) -> Extent:
     """The values of the tests in use with their uncertainties, and the curves; of all tests if none is in use."""
-    extent = Extent(positive=True)
+    extent = Extent(positive=not panel.y.signed)
     shown = [one for one in panel.series if one.role is not Role.REJECTED] or panel.series
     for one in shown:
         extent.add(one.y, one.spread if one.role is not Role.REJECTED else None)
+        if one.role is Role.RANGE and one.spread is not None:
+            extent.add(np.concatenate([one.y - one.spread, one.y + one.spread]))
+        if panel.y.signed and one.spread is not None and one.y.size:
+            reach = np.minimum(np.nan_to_num(one.spread), _LONG * np.nanmedian(np.append(one.spread, 0.0)))
+            extent.add(np.concatenate([one.y - reach, one.y + reach]))
+    if panel.y.signed:
+        extent.add(np.zeros(1))
     return extent
 
 
 def _joined(extents: Sequence[Extent]) -> Extent:
-    return Extent(True, list(chain(*(one.values for one in extents))), list(chain(*(one.bars for one in extents))))
+    positive = all(one.positive for one in extents)
+    return Extent(positive, list(chain(*(one.values for one in extents))), list(chain(*(one.bars for one in extents))))
 
 
-def _limit(ax: Axes, panel: Panel, extent: Extent, style: Style, notes: Notes, *, columns: int) -> None:
-    """Set limits and ticks; a panel with labels at the ends of curves has room for them on the right."""
-    ticks = 6 if columns < 3 else 4
-    low, high = span([one.x for one in panel.series])
-    if panel.x.log:
-        ax.set_xscale("log")
-        every = np.concatenate([one.x[one.x > 0] for one in panel.series] or [np.ones(1)])
-        ratio = every.max() / every.min()
-        room = ratio**0.04 if ratio > 1.0 + ALIKE else 1.15
-        low, high = every.min() / room, every.max() * room
-    width = style.width / columns - 0.6
-    share = min(_room(panel) * style.font(_LETTER) / 72 / max(width, 0.5), 0.45)
-    if share > 0:
-        high = low * (high / low) ** (1 / (1 - share)) if panel.x.log else low + (high - low) / (1 - share)
-    ax.set_xlim(style.xlim or (low, high))
-    limits, steep = steep_limits(extent) if panel.x.log or panel.y.log else (extent.limits(), False)
+def _limit(
+    ax: Axes, panel: Panel, extent: Extent, style: Style, beyond: _Beyond, *, ends: tuple[float, float], width: float
+) -> None:
+    """Set limits and ticks of a panel of some width [in]; `ends` are those of the values on the abscissa."""
+    ticks = int(np.clip(width / style.font(_TICK), 2, _MOST_TICKS))
+    _set_kind(ax, panel.x)
+    ax.set_xlim(style.xlim or _with_room(panel, ends, style, width))
+    limits, steep = steep_limits(extent) if panel.x.log or panel.y.log else (extent.limits(panel.y.zero), False)
     if steep:
         ax.set_yscale("log")
     ax.set_ylim(style.ylim or limits)
-    if panel.x.log:
-        numbered(ax, "x", most=ticks)
-    else:
-        few_ticks(ax, ticks)
+    _set_ticks(ax, panel.x, ticks)
     if steep:
         numbered(ax, "y", most=5)
     else:
         ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
-    bars = Extent(positive=True)
+    _count_beyond(panel, style.ylim or limits, beyond)
+
+
+def _count_beyond(panel: Panel, limits: tuple[float, float], beyond: _Beyond) -> None:
+    """Add what lies beyond the ordinate of a panel."""
+    shown = Extent(positive=True)
     for one in panel.series:
-        if one.role is Role.POINTS:
-            bars.add(one.y, one.spread)
-    notes.cut(bars, limits, style)
+        if one.role is Role.POINTS and not panel.names:
+            shown.add(one.y, one.spread)
+        elif one.role is Role.REJECTED:
+            count = int(np.sum((one.y < min(limits)) | (one.y > max(limits))))
+            beyond.lost.update({panel.y.name: count} if count else {})
+    values, cut = shown.outside(limits)
+    beyond.values += values
+    beyond.cut += cut
+
+
+def _set_kind(ax: Axes, axis: AxisData) -> None:
+    if axis.linear:
+        ax.set_xscale("symlog", linthresh=axis.linear, linscale=0.8)
+    elif axis.log:
+        ax.set_xscale("log")
+
+
+def _set_ticks(ax: Axes, axis: AxisData, most: int) -> None:
+    """Numbers on the abscissa."""
+    if axis.linear:
+        top = max(ax.get_xlim()[1], axis.linear)
+        decades = [10.0**power for power in range(1, int(np.log10(top)) + 1)]
+        ax.set_xticks([0.0, *decades[:: -(-len(decades) // max(most - 1, 1))]])
+        ax.minorticks_off()
+        ax.xaxis.set_major_formatter(FuncFormatter(power_or_plain))
+    elif axis.log:
+        numbered(ax, "x", most=most)
+    else:
+        few_ticks(ax, most)
+
+
+def _ends(panel: Panel) -> tuple[float, float]:
+    """Limits of the abscissa that hold all values, with a margin."""
+    every = [one.x + sign * _reach(one) for one in panel.series for sign in (-1, 1)]
+    if panel.x.linear:
+        top = max((float(np.max(x)) for x in every if x.size), default=1.0)
+        return -0.06 * panel.x.linear, 1.6 * max(top, panel.x.linear)
+    if not panel.x.log:
+        return span(every)
+    known = np.concatenate([x[np.isfinite(x) & (x > 0)] for x in every] or [np.ones(1)])
+    known = known if known.size else np.ones(1)
+    ratio = known.max() / known.min()
+    room = ratio**0.04 if ratio > 1.0 + ALIKE else 1.15
+    return float(known.min() / room), float(known.max() * room)
+
+
+def _joined_ends(panels: Sequence[Panel]) -> dict[str, tuple[float, float]]:
+    """The limits of each abscissa, by its label, that hold the values of all its panels."""
+    found: dict[str, tuple[float, float]] = {}
+    for panel in panels:
+        low, high = _ends(panel)
+        other = found.get(panel.x.label, (low, high))
+        found[panel.x.label] = (min(low, other[0]), max(high, other[1]))
+    return found
+
+
+def _reach(one: Series) -> FloatArray:
+    return np.zeros(one.x.size) if one.across is None else np.nan_to_num(one.across)
+
+
+def _with_room(panel: Panel, ends: tuple[float, float], style: Style, width: float) -> tuple[float, float]:
+    """Limits of the abscissa with room on the right for the labels of curves and the texts of points."""
+    low, high = ends
+    letter = style.font(LETTER) / 72 / max(width, 0.5)
+    share = 1.0 - min(_room(panel) * letter, 0.45)
+    to, back = (np.log, np.exp) if panel.x.log else (float, float)
+    for one in panel.series:
+        for x, text in zip(one.x.tolist(), () if one.headed else one.texts, strict=False):
+            place = (to(x) - to(low)) / (to(high) - to(low)) if text and not panel.x.linear else 0.0
+            if place > 0:
+                share = min(share, (1.0 - len(text) * letter - OFF_POINT / 72 / width) / place)
+    share = max(share, 1.0 - _MOST_ROOM)
+    return (low, high) if share >= 1 else (low, float(back(to(low) + (to(high) - to(low)) / share)))
 
 
 def _room(panel: Panel) -> int:
@@ -237,74 +336,19 @@ def _room(panel: Panel) -> int:
     return max(longest, _LEAST_ROOM) + 1 if longest else 0
 
 
-def _end_labels(ax: Axes, panel: Panel, style: Style, height: float) -> None:
-    """Write the label of each curve at its right end; labels are moved apart, with a line to the end of the curve.
-
-    `height` is that of the panel [pt].
-    """
-    ends = [(one, *_end(one, ax)) for one in panel.series if one.label]
-    ends = sorted((end for end in ends if np.isfinite(end[2])), key=lambda end: -end[1])
-    gap = style.font(_LINE) / height
-    while ends:
-        # Curves that end at about the same place have their labels in one column.
-        right = ends[0][1]
-        column = [end for end in ends if right - end[1] < _COLUMN]
-        # Of curves that end at the same height, the label of the leftmost is the highest.
-        column.sort(key=lambda end: (round(end[2], 2), -end[1]))
-        ends = ends[len(column) :]
-        places = _within(_apart(np.array([end[2] for end in column]), gap), gap)
-        for (one, x, y), place in zip(column, places.tolist(), strict=True):
-            at = right + 0.02
-            if abs(place - y) > 0.3 * gap or right - x > 0.01:
-                ax.plot([x + 0.004, at - 0.004], [y, place], color=style.look.muted, linewidth=0.5, label="_leader",
-                        transform=ax.transAxes, zorder=1.4)  # fmt: skip
-            ax.text(at, place, plain_text(one.label, 34), transform=ax.transAxes, fontsize=style.font(6.6),
-                    va="center", ha="left", zorder=4.0)  # fmt: skip
-
-
-def _end(one: Series, ax: Axes) -> tuple[float, float]:
-    """The right end of a series in shares of the axes; not-a-number if it lies outside."""
-    known = np.flatnonzero(np.isfinite(one.x) & np.isfinite(one.y))
-    if not known.size:
-        return np.nan, np.nan
-    at = known[np.argmax(one.x[known])]
-    x, y = ax.transAxes.inverted().transform(ax.transData.transform((one.x[at], one.y[at])))
-    inside = -0.01 <= y <= 1.01 and x <= 1.0
-    return (float(x), float(y)) if inside else (np.nan, np.nan)
-
-
-def _apart(places: FloatArray, gap: float) -> FloatArray:
-    """Rising places moved as little as possible so that neighbours are at least a gap apart.
-
-    Examples
-    --------
-    >>> _apart(np.array([0.5, 0.5, 0.9]), 0.1).round(2)
-    array([0.45, 0.55, 0.9 ])
-    """
-    blocks: list[tuple[float, int]] = []  # mean place of the first of a block were it alone, and number
-    for place in places.tolist():
-        blocks.append((place, 1))
-        while len(blocks) > 1 and blocks[-1][0] < blocks[-2][0] + gap * blocks[-2][1]:
-            (low, few), (high, more) = blocks[-2:]
-            blocks[-2:] = [((low * few + (high - gap * few) * more) / (few + more), few + more)]
-    return np.concatenate([start + gap * np.arange(count) for start, count in blocks])
-
-
-def _within(places: FloatArray, gap: float) -> FloatArray:
-    """Rising places moved into the panel, 0 to 1, without bringing neighbours nearer than a gap."""
-    rank = np.arange(places.size)
-    top = 1.0 - gap * (0.5 + rank[::-1])
-    return np.asarray(np.maximum(np.minimum(places, top), gap * (0.5 + rank)))
-
-
 def _key(data: FigureData, style: Style) -> Key:
-    key, look = Key(), style.look
+    key, muted = Key(), style.look.muted
     for tyre in data.keyed:
         key.line(data.names[tyre], style.colour(tyre), 2.6)
-    for rank, text in data.dashes:
-        key.line(text, look.muted, linestyle=load_dashes(rank))
+    entries = [(look(Role.LINE, dash=rank), text) for rank, text in data.dashes]
+    for one, text in (*data.key, *entries):
+        colour = colour_of(one, data, style)
+        if one.role in (Role.LINE, Role.MODEL, Role.RANGE):
+            key.line(text, colour, 3.0 if one.role is Role.RANGE else None, linestyle=load_dashes(one.dash))
+        else:
+            key.marker(text, pressure_marker(one.marker), colour, face_of(one, colour, style))
     if data.has_band:
         key.band(style)
     if data.rejected:
-        key.marker("rejected test", "X", look.muted, look.paper, markersize=6.0)
+        key.marker(data.lost, "X", muted, style.look.paper, markersize=6.0)
     return key

@@ -16,7 +16,7 @@ from fourpole.plot.cardids import dynamic_cards
 from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series, shade
 from fourpole.plot.fitted import DECADE
 from fourpole.plot.names import counted
-from fourpole.plot.residuals import RESIDUALS, models_said, residual_panel, residual_points, residuals_said
+from fourpole.plot.residuals import RESIDUALS, models_said, residual_panel, residual_points, residuals_said, title_of
 from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.states import (
@@ -45,7 +45,7 @@ _COMPACT = 2.4
 
 
 @dataclass(frozen=True)
-class _Curve:
+class Shown:
     """A condition that a figure shows, with the text at the end of its curve and its place on the colour scale."""
 
     state: State
@@ -56,7 +56,7 @@ class _Curve:
 
 
 #: The curves of each specimen, the colour scale, and the line styles that the key explains.
-_Chosen: TypeAlias = tuple[dict[int, list[_Curve]], Scale | None, tuple[tuple[int, str], ...]]
+_Chosen: TypeAlias = tuple[dict[int, list[Shown]], Scale | None, tuple[tuple[int, str], ...]]
 
 
 def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData | None:
@@ -82,14 +82,15 @@ def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData
     for at in range(0, len(shown), columns):
         for quantity in quantities:
             for tyre in shown[at : at + columns]:
-                made = _panel(results, quantity, chosen[tyre], known, log=log)
+                made = condition_panel(results, quantity, chosen[tyre], known, log=log)
                 headed = quantity is quantities[0]
-                panels.append(replace(made, title=_title(results, sheet, tyre), tyre=tyre) if headed else made)
+                panels.append(replace(made, title=title_of(results, sheet, tyre), tyre=tyre) if headed else made)
     common = _common(results, [one.state for each in chosen.values() for one in each])
     said = [*([f"at {common}"] if common else []), *_models_said(results, sheet, panels, shown), *notes]
     return FigureData(
         panels=tuple(panels), columns=columns, names=sheet.labels, scale=scale, dashes=dashes,
         notes=(*said, *_tests_said(sheet, known, quantities[0])), panel_height=2.1 if len(shown) <= columns else 1.6,
+        block=len(quantities),
     )  # fmt: skip
 
 
@@ -110,10 +111,10 @@ def first(results: Results, quantities: Sequence[Quantity]) -> FigureData | None
         own = [one for one in chosen if one.tyre == tyre]
         columns = _reading(differing(own))
         for at, one in enumerate(own):
-            label = _words(results, one, columns) or (sheet.labels[tyre] if len(tyres) > 1 else "")
-            curves.append(_Curve(one, label, shade(at, len(own))))
+            label = words(results, one, columns) or (sheet.labels[tyre] if len(tyres) > 1 else "")
+            curves.append(Shown(one, label, shade(at, len(own))))
     log = _logarithmic(curves, sheet)
-    panels = [_panel(results, quantity, curves, known & ~sheet.rejected, log=log) for quantity in quantities]
+    panels = [condition_panel(results, quantity, curves, known & ~sheet.rejected, log=log) for quantity in quantities]
     common = _common(results, chosen)
     # The page has the models in words; a hint stands where there is none.
     hint = (
@@ -125,13 +126,6 @@ def first(results: Results, quantities: Sequence[Quantity]) -> FigureData | None
         panels=tuple(panels), columns=len(panels), names=sheet.labels, shared=False, notes=tuple(said),
         keyed=tuple(tyres) if len(tyres) > 1 and not alone else (), height=_COMPACT,
     )  # fmt: skip
-
-
-def _title(results: Results, sheet: Sheet, tyre: int) -> str:
-    """The name of a specimen, or that of the model of a table without names."""
-    if sheet.names[tyre] or results.models is None:
-        return sheet.labels[tyre]
-    return next((one.model for one in results.models.models if not one.tyre), sheet.labels[tyre])
 
 
 def parts(results: Results) -> FigureData | None:
@@ -160,7 +154,9 @@ def _known(sheet: Sheet, quantities: Sequence[Quantity]) -> tuple[BoolArray, lis
     return np.asarray(known & bare), [said] if said else []
 
 
-def _panel(results: Results, quantity: Quantity, curves: Sequence[_Curve], known: BoolArray, *, log: bool) -> Panel:
+def condition_panel(
+    results: Results, quantity: Quantity, curves: Sequence[Shown], known: BoolArray, *, log: bool
+) -> Panel:
     """The panel of one quantity: for each condition the model's curve, the tests and the rejected tests."""
     sheet = read_sheet(results, texts_only=True)
     frequency, (values, stds) = sheet.values(q.FREQUENCY.head), values_of(sheet, quantity)
@@ -200,7 +196,7 @@ def _labelled(results: Results, by_tyre: dict[int, list[State]]) -> _Chosen:
         columns = _reading(differing(each))
         loads = sorted({one.load for one in each})
         made[tyre] = [
-            _Curve(one, _words(results, one, columns), shade(at, len(each)), loads.index(one.load))
+            Shown(one, words(results, one, columns), shade(at, len(each)), loads.index(one.load))
             for at, one in enumerate(each)
         ]
     return made, None, ()
@@ -224,10 +220,10 @@ def _scaled(results: Results, by_tyre: dict[int, list[State]], notes: list[str])
     name, unit, size = axis_shown(colour, results.shown)
     levels = [one.place.get(colour, np.nan) / size for one in kept]
     known = [value for value in levels if not np.isnan(value)]
-    made: dict[int, list[_Curve]] = {tyre: [] for tyre in by_tyre}
+    made: dict[int, list[Shown]] = {tyre: [] for tyre in by_tyre}
     for one, level in zip(kept, levels, strict=True):
         rank = next((at for at, value in enumerate(dashes) if _equal(value, one.place.get(dash, np.nan))), 0)
-        made[one.tyre].append(_Curve(one, dash=rank, level=level))
+        made[one.tyre].append(Shown(one, dash=rank, level=level))
     explained = tuple((at, place_text(results, dash, value)) for at, value in enumerate(dashes))
     return made, Scale(name, unit, min(known), max(known)), explained
 
@@ -267,7 +263,7 @@ def _few(found: Sequence[State]) -> list[State]:
     return chosen
 
 
-def _words(results: Results, one: State, columns: Sequence[str]) -> str:
+def words(results: Results, one: State, columns: Sequence[str]) -> str:
     """The values of a condition on some axes."""
     return ", ".join(place_text(results, column, one.place.get(column, np.nan)) for column in columns)
 
@@ -278,7 +274,7 @@ def _reading(columns: Sequence[str]) -> list[str]:
     return sorted(columns, key=lambda column: order.index(column) if column in order else len(order))
 
 
-def _logarithmic(curves: Sequence[_Curve], sheet: Sheet) -> bool:
+def _logarithmic(curves: Sequence[Shown], sheet: Sheet) -> bool:
     """Whether the tests of some curves span more than a decade of frequency."""
     rows = np.any([one.state.rows for one in curves], axis=0)
     frequency = sheet.values(q.FREQUENCY.head)[rows]

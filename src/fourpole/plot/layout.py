@@ -26,7 +26,7 @@ from fourpole.plot.style import Marker, Style, load_dashes, pressure_marker
 _T = TypeVar("_T")
 #: Width of a figure in a report [in].
 WIDTH = 7.0
-_RIGHT, _TOP = 0.16, 0.3
+_TOP = 0.3
 _NOTE_LINE, _KEY_LINE = 0.135, 0.172
 #: Number of pressures in the key of a figure.
 MOST_NAMED = 8
@@ -34,8 +34,8 @@ MOST_NAMED = 8
 _LETTER = 0.062
 #: Number of letters of the notes in an inch of width, and of colours of a scale.
 _LETTERS, _SHADES = 116 / WIDTH, 24
-#: Height of a colour scale with its numbers, and least height of a panel [in].
-_SCALE_HEIGHT, _LEAST_HEIGHT = 0.42, 0.5
+#: Height of a colour scale with its numbers [in].
+_SCALE_HEIGHT = 0.42
 #: Label of the axes that hold a colour scale.
 COLOUR_SCALE = "_colour scale"
 
@@ -195,13 +195,15 @@ class Grid:
         scale: Scale | None = None,
         height: float | None = None,
         left: float = 0.66,
+        right: float = 0.16,
+        least: float = 0.5,
     ) -> Figure:
         """Label the outer axes, put key and notes below, and size the figure; returns the figure.
 
         `y_labels` has one text for all rows, or one text per row. `headings` is "all" if each row of panels has
         titles, "top" if only the first row has, and "none" if no row has. A colour scale stands below the key.
-        `height` [in] is that of the whole figure; without it, or one of the style, it follows from the panels. `left`
-        [in] is the room on the left of a panel.
+        `height` [in] is that of the whole figure; without it, or one of the style, it follows from the panels, which
+        are never lower than `least` [in]. `left` and `right` [in] are the room beside a panel.
         """
         for at, ax in enumerate(self.panels):
             row, column = divmod(at, self.columns)
@@ -228,13 +230,13 @@ class Grid:
         height = size.height or height
         if height is not None:
             free = height - top - bottom - (rows - 1) * between
-            self.panel_height = max(free / rows, _LEAST_HEIGHT)
+            self.panel_height = max(free / rows, least)
         height = top + rows * self.panel_height + (rows - 1) * between + bottom
         self.figure.set_size_inches(size.width, height)
-        panel_width = (size.width - (left + _RIGHT) * unit - (self.columns - 1) * beside) / self.columns
+        panel_width = (size.width - (left + right) * unit - (self.columns - 1) * beside) / self.columns
         self.figure.subplots_adjust(
             left=left * unit / size.width,
-            right=1 - _RIGHT * unit / size.width,
+            right=1 - right * unit / size.width,
             top=1 - top / height,
             bottom=bottom / height,
             wspace=beside / panel_width,

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
@@ -17,13 +15,13 @@ from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.amplitude import amplitudes_of
 from fourpole.fitting.modelfile import MapEntry, ModelFile, map_of
 from fourpole.models.operating import Answer, OperatingMap
-from fourpole.plot.layout import Grid, Key, Notes
-from fourpole.plot.models import heading, model_of, share, steep
+from fourpole.plot.cardids import dynamic_cards
+from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, shade
 from fourpole.plot.names import plain_text
-from fourpole.plot.panels import Extent, Marks, band, curve, limit, span, steep_limits
-from fourpole.plot.sheet import Sheet, read_sheet, spread
+from fourpole.plot.part import part_of
+from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
 from fourpole.plot.spec import FigureSpec
-from fourpole.plot.style import Style, load_dashes, load_marker
+from fourpole.plot.states import axis_shown, place_text
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 
@@ -33,15 +31,13 @@ _GRID = 41
 #: Distance of a point from the tested conditions, in half spans, up to which it counts as tested.
 _NEAR = 0.02
 _PRESSURE, _PRELOAD = q.PRESSURE.head, q.PRELOAD.head
-#: Name, unit and scale of an axis as shown.
-_SHOWN = {one.head: (one.suffix, 1 / one.scale) for one in (q.PRESSURE, q.TEMPERATURE, q.DEFLECTION_AMPLITUDE)}
 #: Tests at an amplitude of the deflection within this ratio of that of a panel are shown.
 _ALIKE = 1.2
-_Pair: TypeAlias = tuple[FloatArray, FloatArray]
+_Pair: TypeAlias = tuple[Quantity, Quantity]
 
 
 @dataclass(frozen=True)
-class _Panel:
+class _Cut:
     """The map of one tyre along one axis, with the other axes at constant values; `rank` is that of the first value."""
 
     entry: MapEntry
@@ -88,73 +84,35 @@ class _Panel:
         return np.asarray(mask)
 
 
-@dataclass(frozen=True, eq=False)
-class _Series:
-    """One frequency of a panel: the curve of the map and the tests, for both quantities, in the units of the axes."""
-
-    panel: int
-    colour: str
-    x: FloatArray
-    line: _Pair
-    half: _Pair
-    at: FloatArray
-    values: _Pair
-    stds: _Pair
-
-
-def operating(results: Results, style: Style) -> Figure | None:
+def operating(results: Results) -> FigureData | None:
     """K2 and C over pressure or, without pressure, the first axis of the map; K' and K'' if K2 and C are unknown."""
     if results.maps is None:
         return None
     sheet = read_sheet(results, texts_only=True)
     known = [entry for entry in results.maps.maps if entry.axes and entry.tyre in sheet.names]
-    every = (one for entry in known for one in _panels(entry, sheet, results.maps))
-    panels = sorted(every, key=lambda one: (one.rank, one.tyre))
-    if not panels:
+    every = [one for entry in known for one in _cuts(entry, sheet, results.maps)]
+    if part_of(results) is not None:
+        every = [one for one in every if one.tests(sheet).any()]
+    if not every:
         return None
-    notes, key = Notes(), Key()
-    panels = notes.first(panels, _MOST_COLUMNS, "pairs of tyre and condition")
-    columns = len(panels)
-    pair = (q.K2, q.C) if _has_arm(sheet, panels) else (q.STORAGE, q.LOSS)
-    groups = _frequencies(sheet, panels, notes)
-    series = [one for at, panel in enumerate(panels) for one in _series(at, panel, sheet, groups, pair, style)]
-    grid = Grid.of(2 * columns, columns, panel_height=2.2, style=style)
-    for row in range(2):
-        extent = Extent(positive=True)
-        for one in series:
-            extent.add(one.line[row], one.half[row])
-            extent.add(one.values[row], one.stds[row])
-        for column, panel in enumerate(panels):
-            ax = grid.panels[row * columns + column]
-            load = _load(panel, sheet)
-            for one in series:
-                if one.panel == column:
-                    _draw(ax, one, row, Marks(one.colour, load_marker(load), dashes=load_dashes(load), joined=False))
-            if row == 0:
-                heading(ax, sheet, panel.entry.model, panel.tyre, _held(panel), style, columns)
-            x = span([one.x for one in series if panels[one.panel].column == panel.column])
-            limits, log = steep_limits(extent)
-            limit(ax, x, limits, style=style, ticks=6 if columns < 3 else 4)
-            if log:
-                steep(ax, limits, style)
-        notes.cut(extent, steep_limits(extent)[0], style, "band or uncertainty")
-    _keys(key, panels, groups, sheet, style)
-    _say(notes, panels, pair)
-    labels = [quantity.label for quantity in pair]
-    figure = grid.finish(key=key, notes=notes, x_label=_label(panels[0].column), y_labels=labels, headings="top")
-    for ax, panel in zip(grid.panels[columns:], panels, strict=True):
-        ax.set_xlabel(_label(panel.column))
-    return figure
+    cuts = sorted(every, key=lambda one: (one.rank, one.tyre))[:_MOST_COLUMNS]
+    notes = [f"{len(cuts)} of {len(every)} pairs of specimen and condition shown"] if len(cuts) < len(every) else []
+    pair = (q.K2, q.C) if _has_arm(sheet, cuts) else (q.STORAGE, q.LOSS)
+    groups, said = _frequencies(sheet, cuts)
+    panels = [_panel(results, sheet, one, groups, pair, at) for at in range(2) for one in cuts]
+    notes = [*_maps_said(sheet, cuts), *said, *notes, *_said(results, cuts, pair)]
+    return FigureData(tuple(panels), len(cuts), sheet.labels, notes=tuple(notes), panel_height=2.2, aligned=True,
+                      block=2)  # fmt: skip
 
 
-def _panels(entry: MapEntry, sheet: Sheet, file: ModelFile) -> list[_Panel]:
+def _cuts(entry: MapEntry, sheet: Sheet, file: ModelFile) -> list[_Cut]:
     """A panel for each value of the preload; without preload, of the first axis that is not the abscissa."""
     found = map_of(entry)
     names, points = found.axes.names, found.axes.points
     along = names.index(_PRESSURE) if _PRESSURE in names else 0
     others = [at for at in range(len(names)) if at != along]
     axes = tuple(map(file.axis, names))
-    panel = _Panel(entry, found, sheet.names.index(entry.tyre), along, axes)
+    panel = _Cut(entry, found, sheet.names.index(entry.tyre), along, axes)
     if panel.amplitude is not None:
         panel = replace(panel, found=replace(found, model=found.model.at_amplitude(panel.amplitude)))
     if not others:
@@ -175,7 +133,7 @@ def _levels(axis: Axis, values: FloatArray) -> list[tuple[float, BoolArray]]:
     return [(float(np.median(values[groups == at])), groups == at) for at in np.unique(groups)]
 
 
-def _has_arm(sheet: Sheet, panels: Sequence[_Panel]) -> bool:
+def _has_arm(sheet: Sheet, panels: Sequence[_Cut]) -> bool:
     """Whether tests and maps both have K2."""
     if not np.any(np.isfinite(sheet.values(q.K2.head))):
         return False
@@ -184,15 +142,15 @@ def _has_arm(sheet: Sheet, panels: Sequence[_Panel]) -> bool:
     return all(np.mean(np.isfinite(one.k2)) > 0.5 for one in middle)
 
 
-def _frequencies(sheet: Sheet, panels: Sequence[_Panel], notes: Notes) -> list[float]:
-    """A few frequencies that were tested [Hz], within the bands of the maps."""
+def _frequencies(sheet: Sheet, panels: Sequence[_Cut]) -> tuple[list[float], list[str]]:
+    """A few frequencies that were tested [Hz], within the bands of the maps, and a note on the others."""
     low, high = min(one.found.band[0] for one in panels), max(one.found.band[1] for one in panels)
     tested = [value for value in sheet.frequencies.values if _in_band(value, (low, high))]
     if not tested:
-        return list(dict.fromkeys([low, float(np.sqrt(low * high)), high]))
+        return list(dict.fromkeys([low, float(np.sqrt(low * high)), high])), []
     shown = [tested[at] for at in spread(len(tested), _FREQUENCIES)]
-    notes.chosen(len(shown), len(tested), "frequencies")
-    return shown
+    said = [f"{len(shown)} of {len(tested)} frequencies shown"] if len(shown) < len(tested) else []
+    return shown, said
 
 
 def _in_band(frequency: float, band: tuple[float, float]) -> bool:
@@ -200,107 +158,70 @@ def _in_band(frequency: float, band: tuple[float, float]) -> bool:
     return band[0] <= frequency <= band[1] or any(FREQUENCY.same(frequency, end) for end in band)
 
 
-def _colours(groups: Sequence[float], style: Style) -> list[str]:
-    """Colours of frequencies by their logarithm."""
-    places = np.log(groups)
-    width = float(np.ptp(places))
-    return [style.frequency_colour(float((one - places[0]) / width) if width > 0 else 0.5) for one in places]
+def _panel(results: Results, sheet: Sheet, cut: _Cut, groups: Sequence[float], pair: _Pair, which: int) -> Panel:
+    """One quantity of a cut through a map: a curve per frequency, and the tests; frequencies beyond the map have none.
 
-
-def _series(
-    at: int, panel: _Panel, sheet: Sheet, groups: Sequence[float], pair: tuple[Quantity, Quantity], style: Style
-) -> list[_Series]:
-    """The curves of a panel; frequencies outside the map's band have none."""
-    scale = _SHOWN.get(panel.column, ("", 1.0))[1]
-    points, tests = panel.points(), panel.tests(sheet) & ~sheet.rejected & ~sheet.massed
-    frequency = sheet.values(q.FREQUENCY.head)
-    low, high = panel.found.band
-    made = []
-    for group, colour in zip(groups, _colours(groups, style), strict=True):
-        if not _in_band(group, panel.found.band) or not len(points):
+    `which` is 0 for the first quantity of the pair, 1 for the second.
+    """
+    shown = results.shown.of(pair[which])
+    name, unit, scale = axis_shown(cut.column, results.shown)
+    points, tests = cut.points(), cut.tests(sheet) & ~sheet.rejected & ~sheet.massed
+    frequency, place = sheet.values(q.FREQUENCY.head), sheet.values(cut.column)
+    values, stds = (sheet.values(head) / shown.scale for head in shown.heads)
+    cards, names = dynamic_cards(results), texts(sheet.table, q.TEST.head)
+    low, high = cut.found.band
+    series = []
+    for at, group in enumerate(groups):
+        if not _in_band(group, cut.found.band) or not len(points):
             continue
-        answer = panel.found.ask(points, np.full(len(points), np.clip(group, low, high)))
-        lines, stds = _shown(answer, pair)
-        mask = tests & (np.abs(frequency - group) <= FREQUENCY.relative * group)
-        drawn = [sheet.shown(quantity) for quantity in pair]
-        made.append(
-            _Series(
-                panel=at,
-                colour=colour,
-                x=points[:, panel.along] * scale,
-                line=lines,
-                half=(NORMAL_95 * stds[0], NORMAL_95 * stds[1]),
-                at=sheet.values(panel.column)[mask] * scale,
-                values=(drawn[0][0][mask], drawn[1][0][mask]),
-                stds=(drawn[0][1][mask], drawn[1][1][mask]),
-            )
-        )
-    return made
+        answer = cut.found.ask(points, np.full(len(points), np.clip(group, low, high)))
+        line, std = _asked(answer, pair, which)
+        curve = Series(
+            Role.MODEL, points[:, cut.along] / scale, line / shown.scale, NORMAL_95 * std / shown.scale,
+            label=f"{float(f'{group:.3g}'):.10g} Hz", tyre=cut.tyre, shade=shade(at, len(groups)),
+        )  # fmt: skip
+        near = np.abs(frequency - group) <= FREQUENCY.relative * group
+        rows = np.flatnonzero(tests & near & np.isfinite(values) & np.isfinite(place))
+        marks = replace(curve, role=Role.POINTS, x=place[rows] / scale, y=values[rows], spread=stds[rows], label="")
+        linked = replace(marks, tests=tuple(names[i] for i in rows), cards=tuple(cards[i] for i in rows))
+        series += [curve, linked]
+    held = [place_text(results, cut.found.axes.names[at], value) for at, value in cut.held.items()]
+    head = (sheet.labels[cut.tyre] if sheet.names[cut.tyre] else cut.entry.model) if which == 0 else ""
+    return Panel(
+        AxisData(name, unit), AxisData(shown.name, shown.shown, log=True), tuple(series), head,
+        ", ".join(held) if which == 0 else "", cut.tyre if which == 0 else -1,
+    )  # fmt: skip
 
 
-def _shown(answer: Answer, pair: tuple[Quantity, Quantity]) -> tuple[_Pair, _Pair]:
-    """Values and standard uncertainties of both quantities in the units of the axes."""
+def _asked(answer: Answer, pair: _Pair, which: int) -> tuple[FloatArray, FloatArray]:
+    """Values and standard uncertainties of a quantity in SI units."""
     arm = pair[0] is q.K2
     values = (answer.k2, answer.c) if arm else (answer.stiffness.real, answer.stiffness.imag)
     covariance = answer.arm_covariance if arm else answer.covariance
-    first, second = (np.sqrt(covariance[:, at, at]) / pair[at].scale for at in range(2))
-    return (values[0] / pair[0].scale, values[1] / pair[1].scale), (first, second)
+    return values[which], np.sqrt(covariance[:, which, which])
 
 
-def _draw(ax: Axes, one: _Series, row: int, marks: Marks) -> None:
-    """Draw the curve of the map with its band, and the tests."""
-    band(ax, one.x, one.line[row], one.half[row], marks.colour)
-    ax.plot(one.x, one.line[row], color=marks.colour, linestyle=marks.dashes, linewidth=1.2, label="_map", zorder=2.0)
-    curve(ax, one.at, one.values[row], marks=marks, std=one.stds[row])
+def _maps_said(sheet: Sheet, cuts: Sequence[_Cut]) -> list[str]:
+    """The models of the maps, and whether they are causal."""
+    entries = {one.tyre: one.entry for one in cuts}
+    parts = {tyre: f"{plain_text(one.model)}{'' if one.causal else ' (not causal)'}" for tyre, one in entries.items()}
+    if len(set(parts.values())) == 1:
+        return [f"model: {next(iter(parts.values()))}"]
+    return ["models: " + ", ".join(f"{text} of {sheet.labels[tyre]}" for tyre, text in parts.items())]
 
 
-def _load(panel: _Panel, sheet: Sheet) -> int:
-    """Rank of the panel's preload, which sets its marker."""
-    names = panel.found.axes.names
-    loads = [value for at, value in panel.held.items() if names[at] == _PRELOAD]
-    return sheet.loads.nearest(loads[0]) if loads else 0
-
-
-def _held(panel: _Panel) -> str:
-    """The values of the constant axes, as a heading."""
-    return ", ".join(_value_in_words(panel.found.axes.names[at], value) for at, value in panel.held.items())
-
-
-def _value_in_words(column: str, value: float) -> str:
-    """The value of an axis with its name, if that is not obvious, and its unit."""
-    name, _, unit = column.removesuffix("]").partition(" [")
-    unit, scale = _SHOWN.get(column, ("" if unit == "1" else unit, 1.0))
-    named = "" if column == _PRELOAD or column in _SHOWN else f"{name} "
-    return plain_text(f"{named}{value * scale:.4g} {unit}".rstrip())
-
-
-def _label(column: str) -> str:
-    """Label of an axis of the map as abscissa."""
-    name, _, unit = column.removesuffix("]").partition(" [")
-    return f"{plain_text(name)} [{_SHOWN.get(column, (plain_text(unit or '1'), 1.0))[0]}]"
-
-
-def _keys(key: Key, panels: Sequence[_Panel], groups: Sequence[float], sheet: Sheet, style: Style) -> None:
-    """Add the models of the tyres, the frequencies and the band to the key."""
-    for tyre, entry in {one.tyre: one.entry for one in sorted(panels, key=lambda one: one.tyre)}.items():
-        causal = "" if entry.causal else ", not causal"
-        key.line(f"{model_of(sheet, tyre)}{entry.model}{causal}", style.colour(tyre), 2.6)
-    for group, colour in zip(groups, _colours(groups, style), strict=True):
-        key.line(f"{float(f'{group:.3g}'):.10g} Hz", colour, 2.4)
-    key.band(style)
-
-
-def _say(notes: Notes, panels: Sequence[_Panel], pair: tuple[Quantity, Quantity]) -> None:
-    errors = {one.entry.tyre: one.entry.leave_one_out[0] for one in panels}
-    known = [share(error) + (f" ({plain_text(tyre)})" if tyre else "") for tyre, error in errors.items() if error]
-    if known:
-        notes.say(f"leave-one-out error of K* over the conditions: {', '.join(known)}")
+def _said(results: Results, cuts: Sequence[_Cut], pair: _Pair) -> list[str]:
+    errors = {one.entry.tyre: one.entry.leave_one_out[0] for one in cuts}
+    known = [f"{100 * error:.2g} %" + (f" ({plain_text(tyre)})" if tyre else "")
+             for tyre, error in errors.items() if error]  # fmt: skip
+    said = [f"leave-one-out error of K* over the conditions: {', '.join(known)}"] if known else []
     if pair[0] is not q.K2:
-        notes.say("no K2 and C: K1 is not known, or no passive arm has this K*")
-    moved = sorted({1e3 * one.amplitude for one in panels if one.amplitude is not None})
+        said.append("no K2 and C: K1 is not known, or no passive arm has this K*")
+    moved = sorted({one.amplitude for one in cuts if one.amplitude is not None})
     if moved:
-        notes.say(f"amplitude of the deflection: {', '.join(f'{one:.3g}' for one in moved)} mm, and tests near it")
-    notes.say("curves end where the tests do")
+        texts_of = ", ".join(results.shown.text(q.DEFLECTION_AMPLITUDE, one, 3) for one in moved)
+        said.append(f"amplitude of the deflection: {texts_of}, and tests near it")
+    return [*said, "curves end where the tests do"]
 
 
 #: Figures of this module, in the order of a report.
@@ -309,7 +230,7 @@ FIGURES = (
         "map",
         "The operating map against the tests",
         "Values of the map over the tested conditions, with their 95 % band, and the tests with their standard "
-        "uncertainties; each colour is a frequency.",
-        operating,
+        "uncertainties, at a few frequencies.",
+        data=operating,
     ),
 )

@@ -149,8 +149,10 @@ def curve(
     return ax
 
 
-def bars(ax: Axes, x: FloatArray, y: FloatArray, std: FloatArray, colour: str, *, level: bool = False) -> Axes:
-    """Draw bars of one standard uncertainty as one line with gaps: of y, or with `level` of x."""
+def bars(
+    ax: Axes, x: FloatArray, y: FloatArray, std: FloatArray, colour: str, *, level: bool = False, strong: bool = False
+) -> Axes:
+    """Draw bars of one standard uncertainty as one line with gaps: of y, or with `level` of x; `strong` ones wider."""
     known = np.isfinite(x) & np.isfinite(y) & np.isfinite(std) & (std > 0)
     if np.any(known):
         fixed, moved = (y[known], x[known]) if level else (x[known], y[known])
@@ -159,7 +161,8 @@ def bars(ax: Axes, x: FloatArray, y: FloatArray, std: FloatArray, colour: str, *
         along = np.column_stack([moved - std[known], moved + std[known], gap]).ravel()
         if level:
             across, along = along, across
-        ax.plot(across, along, color=colour, alpha=0.5, linewidth=0.8, marker="", label="_bars", zorder=1.5)
+        ax.plot(across, along, color=colour, alpha=0.5, linewidth=1.6 if strong else 0.8, marker="", label="_bars",
+                zorder=1.5)  # fmt: skip
     return ax
 
 
@@ -172,12 +175,11 @@ def rejected_tests(ax: Axes, x: FloatArray, y: FloatArray, *, style: Style) -> A
     return ax
 
 
-def tyre_heading(ax: Axes, name: str, colour: str, right: str = "", *, style: Style, columns: int = 1) -> Axes:
+def tyre_heading(ax: Axes, name: str, colour: str, right: str = "", *, style: Style, letters: int = 60) -> Axes:
     """Write the tyre's name above the panel and the condition on the right, and draw a bar in the tyre's colour."""
     ax.plot([0.0, 1.0], [1.0, 1.0], color=colour, linewidth=2.6, transform=ax.transAxes, clip_on=False, zorder=4.0,
             solid_capstyle="butt", label="_tyre")  # fmt: skip
-    longest = {1: 60, 2: 34, 3: 20}.get(columns, 15) - max(0, len(right) - 6)
-    ax.set_title(plain_text(name, max(longest, 8)), loc="left", pad=4.5)
+    ax.set_title(plain_text(name, max(letters - len(right) - 1, 8)), loc="left", pad=4.5)
     if right:
         condition(ax, right, style=style)
     return ax
@@ -262,6 +264,11 @@ def numbered(ax: Axes, which: str, most: int) -> None:
     if high > _MANY * low:
         axis.set_minor_locator(NullLocator())
     axis.set_minor_formatter(NullFormatter())
+
+
+def power_or_plain(value: float, place: int) -> str:
+    """A power of ten that would be long as a plain number, or else a plain number."""
+    return _power_of_ten(value, place) if value > _LONG else f"{value:g}"
 
 
 def _power_of_ten(value: float, _: int) -> str:

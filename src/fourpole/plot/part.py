@@ -15,13 +15,11 @@ from fourpole.core.condition import AXES, PRELOAD, PRESSURE, Axis
 from fourpole.errors import CampaignError
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.plot.names import counted, plain_text
+from fourpole.quantities import ShownUnits
 from fourpole.study.results import Results
 
 _KEY = "part"
 _TEMPERATURE = next(axis for axis in AXES if axis.column == q.TEMPERATURE.head)
-#: Shown unit of each axis that a selection names, and its SI value.
-_SHOWN = {axis.column: (one.shown, one.scale) for axis, one in
-          ((PRESSURE, q.PRESSURE), (PRELOAD, q.PRELOAD), (_TEMPERATURE, q.TEMPERATURE))}  # fmt: skip
 #: Number of tested values that an error names.
 _NAMED = 8
 
@@ -91,7 +89,8 @@ def select(results: Results, selection: Selection) -> Results:
     for name in (*selection.specimens, *selection.labels, *selection.colours):
         _check_name(name, specimens, "specimen")
     rows, statics = (
-        _chosen_specimens(table, selection) & _chosen_values(table, selection) for table in (dynamic, static)
+        _chosen_specimens(table, selection) & _chosen_values(table, selection, results.shown)
+        for table in (dynamic, static)
     )
     found = bool(rows.any())
     if selection.tests:
@@ -116,7 +115,11 @@ def _parted(results: Results, part: Part) -> Results:
     for name, table in tables.items():
         if name not in ("dynamic", "static") and "test" in table.columns:
             tables[name] = table.filter(pl.col("test").is_in(kept))
-    made = replace(results, tables=tables, models=_models(results.models, set(kept)))
+    specimens = {*_texts(tables["dynamic"], "tyre"), *_texts(tables["static"], "tyre")}
+    models, maps = _models(results.models, set(kept)), results.maps
+    if maps is not None:
+        maps = maps.model_copy(update={"maps": [one for one in maps.maps if _base(one.tyre, specimens) is not None]})
+    made = replace(results, tables=tables, models=models, maps=maps)
     made.derived[_KEY] = part
     return made
 
@@ -155,7 +158,7 @@ def _chosen_specimens(table: pl.DataFrame, selection: Selection) -> np.ndarray:
     return np.isin(names.astype(str), selection.specimens) if selection.specimens else np.ones(names.size, dtype=bool)
 
 
-def _chosen_values(table: pl.DataFrame, selection: Selection) -> np.ndarray:
+def _chosen_values(table: pl.DataFrame, selection: Selection, units: ShownUnits) -> np.ndarray:
     """True for rows with one of the wanted values on each axis; a static test needs none of preload and temperature."""
     mask = np.ones(table.height, dtype=bool)
     dynamic = q.FREQUENCY.head in table.columns
@@ -165,26 +168,24 @@ def _chosen_values(table: pl.DataFrame, selection: Selection) -> np.ndarray:
         (_TEMPERATURE, selection.temperatures),
     ):
         if wanted and (dynamic or axis is PRESSURE):
-            mask &= _same(table, axis, wanted, must=dynamic)
+            mask &= _same(table, axis, wanted, units, must=dynamic)
     return mask
 
 
-def _same(table: pl.DataFrame, axis: Axis, wanted: Sequence[float], *, must: bool) -> np.ndarray:
+def _same(table: pl.DataFrame, axis: Axis, wanted: Sequence[float], units: ShownUnits, *, must: bool) -> np.ndarray:
     """True for rows with one of these values; with `must`, each of them has to be there."""
     known = axis.column in table.columns
     values = table[axis.column].cast(pl.Float64, strict=False).to_list() if known else [None] * table.height
     masks = [np.array([axis.same(own, one) for own in values], dtype=bool) for one in wanted]
     for one, mask in zip(wanted, masks, strict=True):
         if must and not mask.any():
-            raise CampaignError(_no_value(axis, one, sorted({own for own in values if own is not None})))
+            raise CampaignError(_no_value(axis, one, sorted({own for own in values if own is not None}), units))
     return np.asarray(np.any(masks, axis=0)).reshape(-1)
 
 
-def _no_value(axis: Axis, wanted: float, tested: Sequence[float]) -> str:
-    unit, scale = _SHOWN[axis.column]
-
+def _no_value(axis: Axis, wanted: float, tested: Sequence[float], units: ShownUnits) -> str:
     def text(value: float) -> str:
-        return f"{value / scale:.4g} {unit}"
+        return units.setting(axis.column, value)
 
     if not tested:
         return f"no test at {text(wanted)}: the tests state no {axis.name}"

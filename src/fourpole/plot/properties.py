@@ -59,7 +59,9 @@ def property_figure(
             mask = here & used & group
             curve(ax, x[mask], y[mask], marks=marks, std=std[mask], keys=keys[mask].tolist())
         rejected_tests(ax, x[here & lost], y[here & lost], style=style)
-        tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), sheet.name_of_load(load), style=style, columns=columns)
+        tyre_heading(
+            ax, sheet.labels[tyre], style.colour(tyre), sheet.name_of_load(load), style=style, letters=60 // columns
+        )
         limit(ax, x_limits, y_limits, style=style, ticks=6 if columns < 3 else 4)
     key.rejected(style, lost)
     notes.tests(sheet.rejected[concerned], visible[concerned], quantity.name)

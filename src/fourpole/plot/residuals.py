@@ -78,3 +78,10 @@ def models_said(results: Results, sheet: Sheet, tyres: Sequence[int]) -> list[st
     if len(set(parts.values())) == 1:
         return [f"model: {next(iter(parts.values()))}"]
     return ["models: " + ", ".join(f"{text} of {sheet.labels[tyre]}" for tyre, text in parts.items())]
+
+
+def title_of(results: Results, sheet: Sheet, tyre: int) -> str:
+    """The name of a specimen, or that of the model of a table without names."""
+    if sheet.names[tyre] or results.models is None:
+        return sheet.labels[tyre]
+    return next((one.model for one in results.models.models if not one.tyre), sheet.labels[tyre])

@@ -134,7 +134,7 @@ def _rows(
             crosses = lost & (sheet.tyre == tyre)
             rejected_tests(ax, frequency[crosses], values[crosses], style=style)
             if row == 0:
-                tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, columns=columns)
+                tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, letters=60 // columns)
             limit(ax, span([frequency[chosen]]), limits, style=style, ticks=6 if columns < 3 else 4)
         notes.outside(extent, limits, style, values[lost], quantity.name)
     key.pressures(sheet, choice.pressures, style)
@@ -196,7 +196,7 @@ def nyquist(results: Results, style: Style) -> Figure | None:
         crosses = lost & (sheet.tyre == tyre)
         rejected_tests(ax, real[crosses], imag[crosses], style=style)
         tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), _frequency_range(sheet, used, tyre), style=style,
-                     columns=columns)  # fmt: skip
+                     letters=60 // columns)  # fmt: skip
         limit(ax, across.limits(), along.limits(), style=style, ticks=5)
     key.pressures(sheet, choice.pressures, style)
     key.loads(sheet, choice.loads, style)
@@ -302,7 +302,7 @@ def routes(results: Results, style: Style) -> Figure | None:
             for row, y in enumerate((off.real / reference.real, off.imag / reference.imag), start=1):
                 ax = grid.panels[row * columns + column]
                 extents[row].add(*middle_and_range(ax, sheet, own & np.isfinite(y), y, marks=marks))
-        tyre_heading(grid.panels[column], sheet.labels[tyre], style.colour(tyre), style=style, columns=columns)
+        tyre_heading(grid.panels[column], sheet.labels[tyre], style.colour(tyre), style=style, letters=60 // columns)
         where = [sheet.pressures.labels[pressure], sheet.loads.labels[load]]
         text = ", ".join(part for part in where if part[0].isdigit())
         condition(grid.panels[column], text, style=style)
