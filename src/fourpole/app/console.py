@@ -180,6 +180,11 @@ def _least_width(cell: Text, *, whole: bool) -> int:
     return max(min(max(map(len, cell.plain.split()), default=0), _LONG_WORD), min(cell.cell_len, _READABLE))
 
 
+def counted(count: int, noun: str) -> str:
+    """A number with its noun, which has an s in the plural."""
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
 def first_of(names: Sequence[str], most: int) -> str:
     """The first names with commas between them, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

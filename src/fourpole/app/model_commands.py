@@ -144,24 +144,37 @@ def shift(
 
 
 def verify(
-    model: Annotated[
-        Path, typer.Argument(metavar="MODEL", help="Model file that map or fit wrote, or the campaign's folder.")
-    ],
+    path: Annotated[Path, typer.Argument(metavar="PATH", help="Results folder, campaign's folder, or a model file.")],
+    quick: Annotated[bool, typer.Option("--quick", help="Compare hashes only; do not run the analysis again.")] = False,
+    campaign: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The campaign, if the results are not in its folder.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", min=1, help="Processes that read recordings.")
+    ] = None,
     copy: Annotated[
         Path | None,
-        typer.Option("--seal", metavar="NEW", help="For a file from before seals: write a sealed copy and verify it."),
+        typer.Option("--seal", metavar="NEW", help="Model file from before seals: write a sealed copy and verify it."),
     ] = None,
     as_json: JsonFlag = False,
 ) -> int | None:
-    """Check that a model file is as it was written, and show what it holds, from which table and by which version.
+    """Check that results, or a model file, are as they were written, and that the analysis gives the same again.
 
-    Exit code 0: the file is good; 2: it is not, and the message says what was changed. If the table of K* beside it has
-    changed since, that is a warning.
+    Of results: the recordings and statements by the hashes of study.json, the tables and models by theirs, and every
+    table of a second run, cell by cell; nothing is written. Exit code 0: verified; 2: something is not the same, and
+    the message names file, test and column; 3: nothing contradicts, but a part could not be checked.
     """
-    from fourpole.app.verify import run_verify
-    from fourpole.io.folders import model_in
+    from fourpole.io.folders import model_in, results_in
 
-    return run_verify(model_in(model), copy, as_json=as_json)
+    if copy is None and (path.is_dir() or path.name == "study.json"):
+        from fourpole.app.verify_results import run_verify_results
+        from fourpole.study.verified import folder_of
+
+        folder = folder_of(path) or results_in(path)
+        return run_verify_results(folder, campaign, quick=quick, workers=workers, as_json=as_json)
+    from fourpole.app.verify import run_verify
+
+    return run_verify(model_in(path), copy, as_json=as_json)
 
 
 #: Command functions by the name of the command, in the order of the help.

@@ -1,0 +1,152 @@
+"""The command verify for results: inputs, tables and models by their hashes, and the analysis run again."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE, counted, first_of, out, print_json, progress, warn
+from fourpole.findings import findings, findings_table
+from fourpole.io.origin import origin
+from fourpole.study.repeated import Difference
+from fourpole.study.verified import File, Repeated, State, VerifiedResults, verify_results
+
+_MOST_NAMED = 8
+#: What is wrong with a file, in words, and what to do.
+_WRONG = {
+    State.CHANGED: "has changed since",
+    State.MISSING: "is not there",
+    State.ADDED: "was not written with these results",
+}
+
+
+def run_verify_results(folder: Path, campaign: Path | None, *, quick: bool, workers: int | None, as_json: bool) -> int:
+    """Verify results and print what was found; the exit code says whether all, a part or nothing of it is good."""
+    with progress("analysing again") as advance:
+        found = verify_results(
+            folder,
+            campaign,
+            quick=quick,
+            workers=workers,
+            further=lambda study: {"findings": findings_table(findings(study.results))},
+            progress=advance,
+        )
+    if as_json:
+        print_json(_document(found))
+    else:
+        _show(found)
+    return UNREADABLE if not found.good else OK if found.complete else SOME_REJECTED
+
+
+def _show(found: VerifiedResults) -> None:
+    by = f"Fourpole {found.made_by}" if found.made_by else "a Fourpole that does not say its version"
+    commit = f" (commit {found.commit[:12]})" if found.commit else ""
+    out(f"{found.folder}: results of {by}{commit}")
+    _show_files("inputs", found.inputs, "as it was read", "as they were read", named=found.campaign is not None)
+    _show_files("results", found.results, "as it was written", "as they were written")
+    _show_files("models", found.models, "as it was written, of these tables", "as they were written, of these tables")
+    _show_repeated(found)
+    out()
+    if found.good and found.complete:
+        out("Verified." if not found.quick else "Verified by hashes alone; without --quick the analysis is run again.")
+    elif found.good:
+        out(f"Nothing contradicts the results, but not all could be checked: {_unknown(found)}.")
+    else:
+        out("Not verified.")
+
+
+def _show_files(head: str, files: Sequence[File], one: str, many: str, *, named: bool = True) -> None:
+    """The state of all files of a kind in one line, and of each that is not as it was in one more, if `named`."""
+    if not files:
+        return
+    count = Counter(file.state for file in files)
+    good = count[State.SAME]
+    parts = [f"{good} of {counted(len(files), 'file')} {one if good == 1 else many}"] if good else []
+    parts += [f"{number} {state.value}" for state, number in count.items() if state is not State.SAME]
+    out(f"{head:<10}{', '.join(parts)}")
+    for state, text in _WRONG.items() if named else ():
+        _warn_of([file for file in files if file.state is state], text)
+
+
+def _warn_of(files: Sequence[File], text: str) -> None:
+    for file in files[:_MOST_NAMED]:
+        warn(file.why if file.why.startswith(f"{file.name}: ") else f"{file.name}: {file.why or text}")
+    if len(files) > _MOST_NAMED:
+        warn(f"... and {len(files) - _MOST_NAMED} more: {text}")
+
+
+def _show_repeated(found: VerifiedResults) -> None:
+    if found.not_run:
+        out(f"run again not done: {found.not_run}")
+        return
+    bad = [one for one in found.repeated if one.differences]
+    bits = sum(one.bits for one in found.repeated)
+    rounded = len(found.repeated) - bits - len(bad)
+    parts = [f"{counted(bits, 'table')} the same to the last bit"] if bits else []
+    parts += [f"{rounded} the same within round-off"] if rounded else []
+    parts += [f"{len(bad)} not the same"] if bad else []
+    out(f"run again {', '.join(parts)}, by Fourpole {origin().text}")
+    for one in bad:
+        for each in one.differences[:_MOST_NAMED]:
+            warn(f"{one.name}: {_sentence(each)}")
+        if len(one.differences) > _MOST_NAMED:
+            warn(f"{one.name}: ... and {len(one.differences) - _MOST_NAMED} more columns")
+    if bad and found.other_version:
+        warn(
+            f"the results were written by version {found.made_by or 'unknown'}: the difference may be that of the "
+            "versions; verify them with that one"
+        )
+
+
+def _sentence(each: Difference) -> str:
+    """A difference in words: column, test, both cells, and the size."""
+    if not each.column:
+        rows = f"{each.count} rows, as {each.row}: " if each.count > 1 else f"{each.row}: " if each.row else ""
+        return f"{rows}{each.was} as written, {each.now} in the second run"
+    where = f" in {each.row}" if each.row else ""
+    more = f" ({each.count} rows differ, this one most)" if each.count > 1 else ""
+    size = f", by {each.size:.3g}" if each.size == each.size else ""
+    return f"{each.column}{where}: {each.was} as written, {each.now} in the second run{size}{more}"
+
+
+def _unknown(found: VerifiedResults) -> str:
+    """What could not be checked, in words."""
+    parts = [found.not_run] if found.not_run and not found.quick else []
+    files = (*(found.inputs if found.campaign is not None and not parts else ()), *found.results, *found.models)
+    for state, text in (
+        (State.MISSING, "not there"),
+        (State.ELSEWHERE, "on a server"),
+        (State.UNKNOWN, "without a hash, because an earlier version wrote them"),
+    ):
+        names = [one.name for one in files if one.state is state]
+        if names and not any(text in part for part in parts):
+            parts.append(f"{first_of(names, 3)} {text}")
+    return "; ".join(parts)
+
+
+def _document(found: VerifiedResults) -> dict[str, Any]:
+    """The verification for programs."""
+    return {
+        "results": str(found.folder),
+        "campaign": str(found.campaign) if found.campaign else None,
+        "good": found.good,
+        "complete": found.complete,
+        "made_by": {"version": found.made_by or None, "commit": found.commit or None},
+        "run_by": origin().record,
+        "inputs": [vars(one) for one in found.inputs],
+        "tables": [vars(one) for one in found.results],
+        "models": [vars(one) for one in found.models],
+        "not_run": found.not_run or None,
+        "run_again": [_table(one) for one in found.repeated],
+    }
+
+
+def _table(one: Repeated) -> dict[str, Any]:
+    return {
+        "table": one.name,
+        "same": not one.differences,
+        "same_bits": one.bits,
+        "differences": [vars(each) for each in one.differences],
+    }

@@ -1,0 +1,182 @@
+"""Two tables of one analysis compared cell by cell: as they were written, and as a second run writes them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from fourpole import quantities as q
+
+#: Differences that do not count, because two machines round differently. A value with a standard uncertainty in its
+#: row: this share of it, which changes no digit of a result as it is stated.
+OF_UNCERTAINTY = 1e-3
+#: Any other number: this share of itself, or of the largest number of its column for one that is nearly zero.
+OF_ITSELF, OF_LARGEST = 1e-6, 1e-9
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+#: Heads of the uncertainties by the heads of their values.
+_STD = {one.head: one.u_head for one in q.QUANTITIES}
+_MOST_SHOWN = 80
+#: Columns of parts that stand for their sum of squares: another library may turn the parts into each other.
+_TURNED = {q.SHARED_STORAGE.head, q.SHARED_LOSS.head}
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A column in which the rows of two tables differ.
+
+    Attributes
+    ----------
+    column : str
+        Head of the column; empty for rows that only one of the tables has.
+    row : str
+        The row with the largest difference, by its key: "D12", or "D12, K2".
+    count : int
+        Number of rows that differ.
+    was, now : str
+        The two cells.
+    size : float
+        Their difference in the unit of the column; not-a-number for texts and blanks.
+    share : float [1]
+        The difference over the one that does not count; infinite for texts and blanks.
+    """
+
+    column: str
+    row: str
+    count: int
+    was: str
+    now: str
+    size: float
+    share: float
+
+
+def differences(was: pl.DataFrame, now: pl.DataFrame, key: Sequence[str]) -> list[Difference]:
+    """The columns in which two tables differ by more than round-off, in the order of the first table.
+
+    Parameters
+    ----------
+    was, now : polars.DataFrame
+        The table as it was written, and that of the second run.
+    key : sequence of str
+        Columns that identify a row; those that a table lacks are left out. Without any, rows are matched by place.
+
+    Returns
+    -------
+    list of Difference
+        Empty if the tables are the same.
+    """
+    heads = [head for head in key if head in was.columns and head in now.columns]
+    rows, others = (_by_key(table, heads) for table in (was, now))
+    found = list(_of_rows(rows, others))
+    both = [name for name in rows if name in others]
+    for column in dict.fromkeys((*was.columns, *now.columns)):
+        if column not in was.columns or column not in now.columns:
+            state = ("no such column", "a column") if column in now.columns else ("a column", "no such column")
+            found.append(Difference(column, "", was.height, *state, np.nan, np.inf))
+        else:
+            pairs = [(name, rows[name], others[name]) for name in both]
+            found += _of_column(column, pairs)
+    return found
+
+
+def _by_key(table: pl.DataFrame, heads: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Rows by their name in messages, by which they are matched; a row that is there twice has its number, too."""
+    found: dict[str, dict[str, Any]] = {}
+    for at, row in enumerate(table.iter_rows(named=True), start=1):
+        name = ", ".join(_text(row[head]) for head in heads if row[head] is not None) or f"row {at}"
+        found[f"{name} (row {at})" if name in found else name] = row
+    return found
+
+
+def _text(cell: Any) -> str:
+    """A cell as a text of limited length."""
+    text = "blank" if cell is None else repr(cell) if isinstance(cell, float) else str(cell)
+    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
+
+
+def _of_rows(rows: dict[str, Any], others: dict[str, Any]) -> Iterator[Difference]:
+    """Rows that only one table has."""
+    for these, those, was, now in ((rows, others, "a row", "no such row"), (others, rows, "no such row", "a row")):
+        if alone := [name for name in these if name not in those]:
+            yield Difference("", alone[0], len(alone), was, now, np.nan, np.inf)
+
+
+def _of_column(column: str, pairs: Sequence[tuple[str, dict[str, Any], dict[str, Any]]]) -> Iterator[Difference]:
+    """The largest difference of a column, if any counts."""
+    largest = max((_size(cell) for _, one, other in pairs for cell in (one[column], other[column])), default=0.0)
+    std = _STD.get(column, "")
+    found = []
+    for name, one, other in pairs:
+        if _bits(one[column], other[column]):
+            continue
+        cells = one[column], other[column]
+        if column in _TURNED:
+            cells = float(np.linalg.norm(cells[0])), float(np.linalg.norm(cells[1]))
+        size, share = _apart(*cells, _size(one.get(std)), largest)
+        if share > 1:
+            found.append(Difference(column, name, 1, _text(one[column]), _text(other[column]), size, share))
+    if found:
+        worst = max(found, key=lambda each: each.share)
+        yield Difference(column, worst.row, len(found), worst.was, worst.now, worst.size, worst.share)
+
+
+def _bits(one: Any, other: Any) -> bool:
+    """Whether two cells are equal; not-a-number equals itself."""
+    if isinstance(one, list) or isinstance(other, list):
+        return False
+    return bool(one == other or (one != one and other != other))
+
+
+def _plain(cell: Any) -> Any:
+    """The number that a text states; any other cell as it is."""
+    with suppress(ValueError):
+        return float(cell) if isinstance(cell, str) else cell
+    return cell
+
+
+def _size(cell: Any) -> float:
+    """The largest finite number in a cell; 0 for a text or a blank."""
+    cell = _plain(cell)
+    if cell is None or isinstance(cell, str):
+        return 0.0
+    array = np.abs(np.atleast_1d(np.asarray(cell, dtype=float)))
+    array = array[np.isfinite(array)]
+    return float(array.max()) if array.size else 0.0
+
+
+def _apart(one: Any, other: Any, std: float, largest: float) -> tuple[float, float]:
+    """Difference of two cells, and the difference over the one that does not count."""
+    one, other = _plain(one), _plain(other)
+    if isinstance(one, str) and isinstance(other, str):
+        return np.nan, 0.0 if _same_words(one, other) else np.inf
+    if one is None or other is None or isinstance(one, str) or isinstance(other, str):
+        return np.nan, np.inf
+    first, second = (np.atleast_1d(np.asarray(cell, dtype=float)) for cell in (one, other))
+    if first.shape != second.shape or not np.array_equal(np.isfinite(first), np.isfinite(second)):
+        return np.nan, np.inf
+    there = np.isfinite(first)
+    if not there.any():
+        return 0.0, 0.0
+    size = float(np.max(np.abs(first[there] - second[there])))
+    allowed = max(OF_UNCERTAINTY * std if std else OF_ITSELF * _size(one), OF_LARGEST * largest)
+    return size, size / allowed if allowed else (0.0 if size == 0 else np.inf)
+
+
+def _same_words(one: str, other: str) -> bool:
+    """Whether two texts have the same words, and numbers that differ by no more than one unit of their last digit."""
+    if _NUMBER.sub("#", one) != _NUMBER.sub("#", other):
+        return False
+    pairs = zip(_NUMBER.findall(one), _NUMBER.findall(other), strict=True)
+    return all(abs(float(a) - float(b)) <= 1.01 * max(_last_digit(a), _last_digit(b)) for a, b in pairs)
+
+
+def _last_digit(number: str) -> float:
+    """The value of one unit of the last digit that is written; 0 for a whole number."""
+    mantissa, _, power = number.partition("e")
+    decimals = len(mantissa.partition(".")[2])
+    return 0.0 if not decimals and not power else 10.0 ** (int(power or 0) - decimals)

@@ -1,0 +1,335 @@
+"""The verification of results: inputs and tables held against the hashes of study.json, and the analysis run again."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from fourpole.campaign.place import inside
+from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
+from fourpole.fitting.verified import verify
+from fourpole.io.remote import is_elsewhere
+from fourpole.io.source import sha256_of
+from fourpole.study.record import NAME, read_record
+from fourpole.study.repeated import Difference, differences
+from fourpole.study.results import section
+from fourpole.study.study import DRAWS, SEED, Study, analyse
+from fourpole.study.tables import TABLE_FILES, TABLES
+from fourpole.version import VERSION
+
+_MOST_BYTES = 50_000_000_000
+_MODELS = ("model.json", "map.json")
+
+
+class State(StrEnum):
+    """What became of a file since the analysis."""
+
+    SAME = "same"
+    CHANGED = "changed"
+    MISSING = "missing"
+    ADDED = "not of these results"
+    ELSEWHERE = "on a server, not fetched"
+    UNKNOWN = "without a hash"
+    ANEW = "written since, with its own seal"
+
+
+#: States that say that something is wrong, and those that leave something unknown.
+_BAD = (State.CHANGED, State.MISSING, State.ADDED)
+
+
+@dataclass(frozen=True)
+class File:
+    """A file that was read or written, and its state; `why` says more where there is more to say."""
+
+    name: str
+    state: State
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """A table of the second run beside the one that was written.
+
+    Attributes
+    ----------
+    name : str
+        Name of the file.
+    bits : bool
+        Whether both files are the same to the last bit.
+    differences : tuple of Difference
+        Columns that differ by more than round-off.
+    """
+
+    name: str
+    bits: bool
+    differences: tuple[Difference, ...] = ()
+
+
+@dataclass(frozen=True)
+class VerifiedResults:
+    """The outcome of a verification.
+
+    Attributes
+    ----------
+    folder : Path
+    campaign : Path or None
+        Folder of the campaign; None if it is not known.
+    made_by : str
+        Version of Fourpole that wrote the results; empty if study.json does not say.
+    commit : str
+        Its commit, if it was installed from a repository.
+    inputs, results, models : tuple of File
+        What was read, what was written, and the model files beside it.
+    repeated : tuple of Repeated
+        Tables of the second run; empty without one.
+    not_run : str
+        Why there was no second run; empty if there was one.
+    quick : bool
+        Whether no second run was wanted.
+    """
+
+    folder: Path
+    campaign: Path | None
+    made_by: str
+    commit: str
+    inputs: tuple[File, ...]
+    results: tuple[File, ...]
+    models: tuple[File, ...]
+    repeated: tuple[Repeated, ...] = ()
+    not_run: str = ""
+    quick: bool = False
+
+    @property
+    def good(self) -> bool:
+        """Whether nothing that was checked is wrong; an input that is gone is not wrong, but see `complete`."""
+        wrong = [one for one in (*self.results, *self.models) if one.state in _BAD]
+        changed = [one for one in self.inputs if one.state is State.CHANGED]
+        return not wrong and not changed and not any(one.differences for one in self.repeated)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all that was wanted could be checked."""
+        known = all(one.state in (State.SAME, State.ANEW) for one in (*self.inputs, *self.results, *self.models))
+        return known and (self.quick or not self.not_run)
+
+    @property
+    def other_version(self) -> bool:
+        """Whether another version of Fourpole wrote the results."""
+        return self.made_by != VERSION
+
+
+def folder_of(path: Path) -> Path | None:
+    """The folder of results that a path means by study.json: itself, its `results`, or the file's; None for others."""
+    if path.name == NAME and path.is_file():
+        return path.parent
+    return next((one for one in (path, path / "results") if (one / NAME).is_file()), None)
+
+
+def verify_results(
+    folder: str | Path,
+    campaign: str | Path | None = None,
+    *,
+    quick: bool = False,
+    workers: int | None = None,
+    further: Callable[[Study], Mapping[str, pl.DataFrame]] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> VerifiedResults:
+    """Hold results against the hashes of study.json, and against a second run of the analysis.
+
+    Parameters
+    ----------
+    folder : path
+        The folder with study.json.
+    campaign : path, optional
+        Folder of the campaign; by default the one that contains `folder`.
+    quick : bool
+        Whether hashes only are compared.
+    workers : int, optional
+        As for `analyse`.
+    further : callable, optional
+        Tables that are written with those of a study, by name.
+    progress : callable, optional
+        As for `analyse`.
+
+    Returns
+    -------
+    VerifiedResults
+        Nothing is written into the folder.
+
+    Raises
+    ------
+    CampaignError
+        If the folder has no study.json that can be read.
+    """
+    folder = Path(folder)
+    if not (folder / NAME).is_file():
+        raise CampaignError(f"{folder}: the results are not complete, {NAME} is not there: run fourpole analyse again")
+    try:
+        record = read_record(folder)
+    except (FileError, TableError, ValueError) as error:
+        raise CampaignError(f"{folder / NAME}: cannot be read ({error}): run fourpole analyse again") from None
+    if not (folder / "dynamic.csv").is_file() and not _hashes(record, "results"):
+        raise CampaignError(
+            f"{folder}: the results are not complete, dynamic.csv is not there: run fourpole analyse again"
+        )
+    place = _campaign_of(folder, campaign)
+    inputs = _inputs(place, record)
+    made = section(record, "origin")
+    found = VerifiedResults(
+        folder,
+        place,
+        str(made.get("version") or section(record, "versions").get("fourpole") or ""),
+        str(made.get("commit") or ""),
+        inputs,
+        _results(folder, record),
+        tuple(_model(folder, name, _hashes(record, "results")) for name in _MODELS if (folder / name).is_file()),
+        not_run=_why_not(place, inputs, quick=quick),
+        quick=quick,
+    )
+    if found.not_run or place is None:
+        return found
+    try:
+        repeated = _run_again(folder, place, record, workers, further, progress)
+    except FourpoleError as error:
+        return VerifiedResults(**{**vars(found), "not_run": f"the second run ended with an error: {error}"})
+    return VerifiedResults(**{**vars(found), "repeated": repeated})
+
+
+def _campaign_of(folder: Path, campaign: str | Path | None) -> Path | None:
+    """The folder of the campaign; CampaignError if one is named that is none."""
+    if campaign is not None:
+        if not (Path(campaign) / "campaign.toml").is_file():
+            raise CampaignError(f"{campaign}: no campaign: name the folder with campaign.toml and tests.csv")
+        return Path(campaign)
+    above = folder.resolve().parent
+    return above if (above / "campaign.toml").is_file() else None
+
+
+def _hashes(record: Mapping[str, Any], key: str) -> dict[str, str]:
+    """Hashes by name of a file, as study.json has them."""
+    return {name: sha for name, sha in section(record, key).items() if isinstance(sha, str)}
+
+
+def _inputs(campaign: Path | None, record: Mapping[str, Any]) -> tuple[File, ...]:
+    """Each file that the analysis read."""
+    stated = _hashes(record, "sha256")
+    if campaign is None:
+        return tuple(File(name, State.MISSING, "the campaign is not known") for name in stated)
+    return tuple(_input(campaign, name, sha) for name, sha in stated.items())
+
+
+def _input(campaign: Path, name: str, sha: str) -> File:
+    if is_elsewhere(name):
+        return File(name, State.ELSEWHERE)
+    try:
+        path = inside(campaign, name)
+        if not path.exists():
+            return File(name, State.MISSING)
+        return File(name, State.SAME if sha256_of(path, max_bytes=_MOST_BYTES) == sha else State.CHANGED)
+    except TableError:  # an empty file
+        return File(name, State.CHANGED, "is empty")
+    except FileError as error:
+        return File(name, State.MISSING, str(error))
+
+
+def _results(folder: Path, record: Mapping[str, Any]) -> tuple[File, ...]:
+    """Each table that was written, and tables that were not."""
+    stated = _hashes(record, "results")
+    if not stated:
+        return tuple(File(name, State.UNKNOWN) for name in TABLE_FILES if (folder / name).is_file())
+    # a model file that is there has a line of its own, by its seal
+    mine = {name: sha for name, sha in stated.items() if name not in _MODELS or not (folder / name).is_file()}
+    found = [_result(folder, name, sha) for name, sha in mine.items() if Path(name).name == name]
+    added = [name for name in TABLE_FILES if name not in stated and (folder / name).exists()]
+    return (*found, *(File(name, State.ADDED) for name in added))
+
+
+def _result(folder: Path, name: str, sha: str) -> File:
+    path = folder / name
+    if not path.is_file():
+        return File(name, State.MISSING)
+    try:
+        same = sha256_of(path, max_bytes=_MOST_BYTES) == sha
+    except (FileError, TableError) as error:
+        return File(name, State.CHANGED, str(error))
+    return File(name, State.SAME if same else State.CHANGED)
+
+
+def _model(folder: Path, name: str, stated: Mapping[str, str]) -> File:
+    """A model file, by its own seal and the hash of its table; fit and map may have written it after the analysis."""
+    try:
+        origin = verify(folder / name).file.provenance
+        table = stated.get("dynamic.csv") or sha256_of(folder / "dynamic.csv", max_bytes=_MOST_BYTES)
+        same = sha256_of(folder / name, max_bytes=_MOST_BYTES) == stated.get(name)
+    except FourpoleError as error:
+        return File(name, State.CHANGED, str(error))
+    if origin.sha256 != table:
+        return File(name, State.ADDED, "is of another dynamic.csv")
+    return File(name, State.SAME if same else State.ANEW)
+
+
+def _why_not(campaign: Path | None, inputs: tuple[File, ...], *, quick: bool) -> str:
+    """Why the analysis is not run again; empty if it is."""
+    if quick:
+        return "hashes only, as wanted"
+    if campaign is None:
+        return "the campaign is not known: name its folder with --campaign"
+    gone = [one.name for one in inputs if one.state is State.MISSING]
+    changed = [one.name for one in inputs if one.state is State.CHANGED]
+    for names, one, many in ((changed, "has changed", "have changed"), (gone, "is not there", "are not there")):
+        if names:
+            return f"{names[0]} {one}" if len(names) == 1 else f"{len(names)} inputs {many}, as {names[0]}"
+    return "" if inputs else f"{NAME} names no file that was read"
+
+
+def _run_again(
+    folder: Path,
+    campaign: Path,
+    record: Mapping[str, Any],
+    workers: int | None,
+    further: Callable[[Study], Mapping[str, pl.DataFrame]] | None,
+    progress: Callable[[int, int], None] | None,
+) -> tuple[Repeated, ...]:
+    """Each table of a second run beside the one that was written, in a folder that is deleted."""
+    settings = section(record, "settings")
+    draws, seed = settings.get("monte_carlo"), settings.get("seed")
+    study = analyse(
+        campaign,
+        route=str(settings.get("route") or "joint"),
+        monte_carlo=draws if isinstance(draws, int) else DRAWS,
+        seed=seed if isinstance(seed, int) else SEED,
+        workers=workers,
+        progress=progress,
+    )
+    with tempfile.TemporaryDirectory(prefix="fourpole-verify-") as place:
+        new = study.write(place, further(study) if further is not None else None)
+        names = [*TABLE_FILES, "findings.csv"]
+        return tuple(_repeated(folder / name, new / name) for name in names if (folder / name).is_file())
+
+
+def _repeated(was: Path, now: Path) -> Repeated:
+    """One table of both runs."""
+    if not now.is_file():
+        gone = Difference("", "", 0, "a table", "no such table", float("nan"), float("inf"))
+        return Repeated(was.name, False, (gone,))
+    if was.read_bytes() == now.read_bytes():
+        return Repeated(was.name, True)
+    spec = TABLES.get(was.stem)
+    key = spec.key if spec is not None else ()  # findings stand in their order
+    try:
+        tables = [_read(path) for path in (was, now)]
+    except (pl.exceptions.PolarsError, OSError) as error:
+        unread = Difference("", "", 0, f"cannot be read: {error}", "a table", float("nan"), float("inf"))
+        return Repeated(was.name, False, (unread,))
+    return Repeated(was.name, False, tuple(differences(tables[0], tables[1], key)))
+
+
+def _read(path: Path) -> pl.DataFrame:
+    """A table; the cells of a CSV file as texts, so that a text in place of a number is one cell that differs."""
+    return pl.read_parquet(path) if path.suffix == ".parquet" else pl.read_csv(path, infer_schema=False)
