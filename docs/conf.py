@@ -29,6 +29,7 @@ html_math_renderer = "mathml"
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
+autosummary_generate = False
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
 add_module_names = False
@@ -39,6 +40,8 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = html_copy_source = html_show_sphinx = False
 html_domain_indices = False
+# Summaries are fetched page by page, which a browser does not allow for files.
+html_show_search_summary = False
 html_theme_options = {
     "logo": {"text": "Fourpole"},
     "navbar_end": ["theme-switcher"],

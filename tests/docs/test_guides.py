@@ -1,0 +1,43 @@
+"""Guides begin with their result: what stands there is what their examples print further down."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+GUIDE = ROOT / "docs" / "how-sure-are-you.md"
+
+
+def printed():
+    """Name -> medians of u(K'), u(K''), u(K2), u(C) in %, as the guide's examples print them."""
+    rows = re.findall(r"^([a-z][\w', ]+?) +((?:\d+\.\d+ *){8})$", GUIDE.read_text(encoding="utf-8"), re.MULTILINE)
+    return {name: [float(cell) for cell in cells.split()][1::2] for name, cells in rows}
+
+
+def table(path):
+    """First cell without its links -> the percentages of the row."""
+    rows = re.findall(
+        r"^\| ([^|\n]*\w[^|\n]*) \|((?: [\d.]+ % \|){4})$", path.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    return {
+        re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", name): [float(cell) for cell in re.findall(r"[\d.]+", cells)]
+        for name, cells in rows
+    }
+
+
+@pytest.mark.parametrize("path", [GUIDE, ROOT / "README.md"], ids=["guide", "README"])
+def test_the_table_of_uncertainties_is_what_the_examples_print(path):
+    found, stated = printed(), list(table(path).values())
+    assert len(found) == 4
+    assert len(stated) >= 3
+    for numbers, row in zip(found.values(), stated, strict=False):
+        assert row == pytest.approx(numbers, rel=0, abs=0.05 if row[0] > 1 else 0.0005)
+
+
+def test_examples_stand_in_fences():
+    """Outside of a fence a prompt is three quotations, one within the other."""
+    fence = re.compile(r"^(```+|~~~+).*?^\1`*[ \t]*$", re.MULTILINE | re.DOTALL)
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    loose = [page.name for page in pages if re.search(r"^>>>", fence.sub("", page.read_text(encoding="utf-8")), re.M)]
+    assert loose == []
