@@ -17,7 +17,7 @@ PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
-.PHONY: help demo test ready check docs links format chromium pytest lowest lowest-install bench bench-install validate lock clean
+.PHONY: help demo test ready check docs figures links format chromium pytest lowest lowest-install bench bench-install validate lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -92,6 +92,9 @@ check: $(READY)  ## lint, format, types, direction of imports
 # Pages that have not changed are not read again. A warning is an error: of a link, a formula, a docstring.
 docs: $(READY)  ## the site of the documentation, build/site/index.html, made without a network
 	@$(BIN)/python -m sphinx -q -W --keep-going --jobs auto -d build/doctrees docs build/site
+
+figures: $(READY)  ## make the figures and tables of the documentation anew; the tests say which need it
+	@$(BIN)/python docs/build/figures.py
 
 links: $(READY)  ## try the links to other sites; lists those that are broken
 	@$(BIN)/python -m sphinx -q -b linkcheck --jobs auto -d build/doctrees docs build/links

@@ -35,6 +35,7 @@ numpydoc_xref_param_type = False
 add_module_names = False
 
 html_theme = "pydata_sphinx_theme"
+smartquotes = False  # K'' is no quotation
 html_title = f"Fourpole {VERSION}"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
