@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from reference import materials, mechanics, records
+from reference import campaigns, materials, mechanics, records
 
 OWN = Path(__file__).resolve().parents[1] / "src" / "fourpole" / "report" / "selftest" / "reference"
 SOURCES = (
@@ -21,6 +21,7 @@ SOURCES = (
     mechanics.identified,
     mechanics.uncertainties,
     materials.models,
+    materials.fits,
     materials.shifts,
     materials.sensors,
     materials.values,
@@ -37,6 +38,8 @@ def write(folder: Path) -> None:
     lines = ",\n".join(json.dumps(one, ensure_ascii=False) for one in cases)
     text = f'{{"made by": "tools/make_reference.py", "digits": 50, "cases": [\n{lines}\n]}}\n'
     (folder / "vectors.json").write_text(text, encoding="utf-8")
+    for make in campaigns.ALL:
+        make().write(folder / "campaigns")
 
 
 if __name__ == "__main__":

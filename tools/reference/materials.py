@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from mpmath import mp, mpc, mpf
+from mpmath import matrix, mp, mpc, mpf
 
 from reference.cases import case, parts, value_row
 from reference.mechanics import slope
@@ -100,6 +100,10 @@ def models() -> Iterator[dict[str, Any]]:
             lambda v, law=law: parts("K*", law(v)),
         )  # fmt: skip
     yield case(
+        "models in time", "models.prony zener", {"K at once": "N/m", "tau": "s"}, FAMILIES["zener"][0],
+        lambda v: {"K at once": v["K1"] + v["K2"], "tau": v["C"] / v["K2"]},
+    )  # fmt: skip
+    yield case(
         "models in time", "models.step.simulate", {"force": "N"}, {**_ARMS, "rate": 0.05, "time": 0.02}, _ramp,
     )  # fmt: skip
 
@@ -116,20 +120,97 @@ def _ramp(v: Numbers) -> dict[str, mpf]:
     return {"force": force}
 
 
+def fits() -> Iterator[dict[str, Any]]:
+    """Parameters that a fit must find again in K* of a family, without noise, and laws in shift factors."""
+    frequencies = [1.5 * 1.6**at for at in range(12)]
+    for name in ("kelvin", "zener", "maxwell:2", "fractional"):
+        given, law = FAMILIES[name]
+        exact = {key: mpf(value) for key, value in given.items()}
+        found = [law({**exact, "frequency": mpf(f)}) for f in frequencies]
+        order = ["K_inf", "K_1", "K_2", "tau_1", "tau_2"] if name == "maxwell:2" else list(given)
+        yield {
+            "check": "fits of models", "function": f"models.fit {name}", "inputs": {},
+            "series": {"frequency": frequencies, "Re K*": [float(k.real) for k in found],
+                       "Im K*": [float(k.imag) for k in found]},
+            "values": _fitted(law, exact, order, frequencies),
+        }  # fmt: skip
+    temperatures = [-20.0, 0.0, 20.0, 40.0, 60.0]
+    laws = {"WLF": {"C1": 8.86, "C2": 101.6}, "Arrhenius": {"E": 61e3}}
+    for name, constants in laws.items():
+        v = {**{key: mpf(value) for key, value in constants.items()}, "reference": mpf(20)}
+        shifted = [(_wlf if name == "WLF" else _arrhenius)(v, mpf(t)) for t in temperatures]
+        yield {
+            "check": "fits of models", "function": f"models.shift_law.fit_laws {name}", "inputs": {},
+            "series": {"temperature": temperatures, "ln aT": [float(one) for one in shifted]},
+            "values": [value_row(key, UNITS[key], v[key], mpf("1e-6") * v[key]) for key in constants],
+        }  # fmt: skip
+
+
+#: Standard uncertainty of K* in a fit [N/m], and of ln aT [1]; share of a parameter's uncertainty by which a fit may
+#: miss it.
+U_OF_K, OF_U = mpf(100), mpf("1e-3")
+
+
+#: Units of constants of shift laws, and of parameters that are no stiffness.
+UNITS = {"C1": "1", "C2": "K", "E": "J/mol", "C": "N s/m", "alpha": "1"}
+
+
+def _unit_of(symbol: str) -> str:
+    return UNITS.get(symbol, "s" if symbol.startswith("tau") else "N/m")
+
+
+def _fitted(law: Callable[[Numbers], mpc], exact: Numbers, order: list[str], frequencies: list[float]) -> list[Any]:
+    """Parameters of a fit, and their uncertainties from the Fisher information."""
+    columns = []
+    for symbol in order:
+        slopes = [
+            slope(lambda x, s=symbol, f=f: law({**exact, s: x, "frequency": mpf(f)}), exact[symbol])
+            for f in frequencies
+        ]
+        columns.append([part for one in slopes for part in (one.real, one.imag)])
+    information = matrix([[mp.fdot(one, other) / U_OF_K**2 for other in columns] for one in columns])
+    covariance = mp.inverse(information)
+    rows = []
+    for at, symbol in enumerate(order):
+        u = mp.sqrt(covariance[at, at])
+        rows += [
+            value_row(name, _unit_of(symbol), one, OF_U * u)
+            for name, one in ((symbol, exact[symbol]), (f"u({symbol})", u))
+        ]
+    return rows
+
+
 def shifts() -> Iterator[dict[str, Any]]:
     """Shift factors over temperature, and the constants of WLF for another reference."""
     wlf = {"C1": 8.86, "C2": 101.6, "reference": 20.0, "temperature": -12.0}
     unit = {"ln aT": "1", "C1": "1", "C2": "K"}
     yield case("shift laws", "models.shift_law WLF", unit, wlf, lambda v: {"ln aT": _wlf(v, v["temperature"])})
     yield case("shift laws", "models.shift_law WLF moved", unit, wlf, _moved)
+    unsure = {**wlf, "u C1": 1e-2, "u C2": 0.2, "corr": 0.8}
+    yield case("shift laws", "models.shift_law WLF u", {**unit, "u(ln aT)": "1", "u(C1)": "1"}, unsure, _unsure,
+               followed=("temperature", "C2"))  # fmt: skip
+    yield case("shift laws", "models.shift_law Arrhenius u", {"u(ln aT)": "1"},
+               {"E": 61e3, "u E": 900.0, "reference": 20.0, "temperature": 63.0},
+               lambda v: {"u(ln aT)": abs(_arrhenius({**v, "E": v["u E"]}, v["temperature"]))})  # fmt: skip
     arrhenius = {"E": 61e3, "reference": 20.0, "temperature": 63.0}
     yield case(
         "shift laws", "models.shift_law Arrhenius", unit, arrhenius,
-        lambda v: {
-            "ln aT": v["E"] / mpf("8.31446261815324")
-            * (1 / (v["temperature"] + mpf("273.15")) - 1 / (v["reference"] + mpf("273.15")))
-        },
+        lambda v: {"ln aT": _arrhenius(v, v["temperature"])},
     )  # fmt: skip
+
+
+def _arrhenius(v: Numbers, temperature: mpf) -> mpf:
+    zero = mpf("273.15")
+    return v["E"] / mpf("8.31446261815324") * (1 / (temperature + zero) - 1 / (v["reference"] + zero))
+
+
+def _unsure(v: Numbers) -> dict[str, mpf]:
+    """Uncertainty of a shift factor, and of C1 at another reference, from those of both constants."""
+    found = {}
+    for name, of in (("ln aT", lambda w: _wlf(w, w["temperature"])), ("C1", lambda w: _moved(w)["C1"])):
+        one, other = (v[f"u {key}"] * slope(lambda x, k=key, f=of: f({**v, k: x}), v[key]) for key in ("C1", "C2"))
+        found[f"u({name})"] = mp.sqrt(one**2 + other**2 + 2 * v["corr"] * one * other)
+    return found
 
 
 def _wlf(v: Numbers, temperature: mpf) -> mpf:
@@ -168,6 +249,16 @@ def sensors() -> Iterator[dict[str, Any]]:
         given = {"corner": corner, "order": order, "frequency": 17.0}
         yield case(head, f"core.chain.{kind}", unit, given, law, followed=("corner", "frequency"))
 
+    calibration = {"f1": 10.0, "f2": 20.0, "g1": 0.99, "g2": 1.02, "p1": 0.02, "p2": -0.01, "frequency": 14.0}
+
+    def calibrated(v: Numbers) -> dict[str, mpf]:
+        """Gain and phase on the straight lines between two frequencies."""
+        at = (v["frequency"] - v["f1"]) / (v["f2"] - v["f1"])
+        gain, phase = (v[f"{key}1"] + at * (v[f"{key}2"] - v[f"{key}1"]) for key in "gp")
+        return {**parts("H", gain * mp.expj(phase)), "u gain": gain / 100, "u phase": abs(phase) / 50}
+
+    yield case(head, "core.chain.Calibrated", {**unit, "u gain": "1", "u phase": "rad"}, calibration, calibrated)
+
     def geophone(v: Numbers) -> dict[str, mpf]:
         """A mass on spring and damper, on a base that moves: their difference over the base."""
         own = 2 * mp.pi * v["natural frequency"]
@@ -200,6 +291,10 @@ def values() -> Iterator[dict[str, Any]]:
     yield case("modulus and loss angle", "core.polar.polar", units, given, polar)
     speeds = {"Re V1": 0.05, "Im V1": 0.02, "Re V2": -0.01, "Im V2": 0.04, "frequency": 14.0}
     yield case(
+        "deflection", "core.deflection.deflection_amplitude blocked", {"x": "m"}, speeds,
+        lambda v: {"x": abs(mpc(v["Re V1"], v["Im V1"]) / (J * turning(v)))},
+    )  # fmt: skip
+    yield case(
         "deflection", "core.deflection.deflection_amplitude", {"x": "m"}, speeds,
         lambda v: {"x": abs(mpc(v["Re V1"] - v["Re V2"], v["Im V1"] - v["Im V2"]) / (J * turning(v)))},
     )  # fmt: skip
@@ -224,38 +319,45 @@ def values() -> Iterator[dict[str, Any]]:
 
 
 def probabilities() -> Iterator[dict[str, Any]]:
-    """Tails and quantiles from integrals of the densities; the probability of a value within limits."""
+    """Tails and quantiles from incomplete gamma and beta functions; the probability of a value within limits."""
 
     def student(x: mpf, k: mpf) -> mpf:
-        front = mp.gamma((k + 1) / 2) / (mp.sqrt(k * mp.pi) * mp.gamma(k / 2))
-        return mpf(1) / 2 + mp.quad(lambda t: front * (1 + t * t / k) ** (-(k + 1) / 2), mp.linspace(0, x, 5))
+        return 1 - mp.betainc(k / 2, mpf(1) / 2, 0, k / (k + x * x), regularized=True) / 2
 
     def chi2(x: mpf, k: mpf) -> mpf:
-        front = 1 / (2 ** (k / 2) * mp.gamma(k / 2))
-        return 1 - mp.quad(lambda t: front * t ** (k / 2 - 1) * mp.exp(-t / 2), mp.linspace(0, x, 9))
+        return mp.gammainc(k / 2, x / 2, mp.inf, regularized=True)
 
     def fisher(x: mpf, a: mpf, b: mpf) -> mpf:
-        front = mp.gamma((a + b) / 2) / (mp.gamma(a / 2) * mp.gamma(b / 2)) * (a / b) ** (a / 2)
-        return 1 - mp.quad(lambda t: front * t ** (a / 2 - 1) * (1 + a * t / b) ** (-(a + b) / 2), mp.linspace(0, x, 9))
+        return mp.betainc(b / 2, a / 2, 0, b / (b + a * x), regularized=True)
 
     def normal(low: mpf, high: mpf) -> mpf:
-        return mp.quad(lambda t: mp.exp(-t * t / 2) / mp.sqrt(2 * mp.pi), mp.linspace(low, high, 9))
+        return (mp.erf(high / mp.sqrt(2)) - mp.erf(low / mp.sqrt(2))) / 2
 
     def root(function: Callable[[mpf], mpf], start: float) -> mpf:
         return mp.findroot(function, (mpf(start), mpf(start) * mpf("1.01")), tol=mpf(10) ** -100)
 
     found = (
         ("core.stats.t.ppf", {"level": 0.975, "dof": 4}, root(lambda x: student(x, mpf(4)) - mpf(0.975), 2.7)),
+        (
+            "core.phasor.Phasors.coverage_factor",
+            {"level": 0.95, "dof": 7},
+            root(lambda x: 2 * student(x, mpf(7)) - 1 - mpf(0.95), 2.4),
+        ),
         ("core.stats.t.isf", {"chance": 0.02275, "dof": 9}, root(lambda x: 1 - student(x, mpf(9)) - mpf(0.02275), 2.3)),
         ("core.stats.chi2.sf", {"x": 17.3, "dof": 8}, chi2(mpf(17.3), mpf(8))),
         ("core.stats.chi2.isf", {"chance": 0.001, "dof": 6}, root(lambda x: chi2(x, mpf(6)) - mpf(0.001), 22.0)),
         ("core.stats.chi2.ppf", {"level": 0.975, "dof": 4}, root(lambda x: 1 - chi2(x, mpf(4)) - mpf(0.975), 11.0)),
         ("core.stats.f.sf", {"x": 3.1, "more": 4, "rest": 12}, fisher(mpf(3.1), mpf(4), mpf(12))),
+        (
+            "core.stats.f.isf",
+            {"chance": 0.01, "more": 3, "rest": 9},
+            root(lambda x: fisher(x, mpf(3), mpf(9)) - mpf(0.01), 7.0),
+        ),
         ("core.stats.norm.isf", {"chance": 0.02275}, root(lambda x: mpf(1) / 2 - normal(0, x) - mpf(0.02275), 2.0)),
         (
             "core.stats.share_within",
-            {"value": 196e3, "std": 1.5e3, "low": 180e3, "high": 198e3},
-            normal((mpf(180e3) - 196000) / 1500, (mpf(198e3) - 196000) / 1500),
+            {"value": 196e3, "std": 1.5e3, "low": 194.5e3, "high": 198e3},
+            normal((mpf(194500) - 196000) / 1500, (mpf(198000) - 196000) / 1500),
         ),
         (
             "core.stats.share_within",

@@ -125,6 +125,18 @@ def rigs() -> Iterator[dict[str, Any]]:
     yield case(head, "core.rig.Rig.mobility", {"1/Zr": "m/(N s)"}, _FULL, lambda v: parts("1/Zr", 1 / rig_impedance(v)))
     symbols = [name for name in _FULL if name != "frequency"]
 
+    def chain(v: Numbers) -> dict[str, mpf]:
+        net = Network(turning(v)).mass("wheel", v["m"] + v["tyre mass"] + v["added mass"])
+        net.link("wheel", "foot", v["K3"] * mpc(1, v["preload loss factor"])).damper("wheel", "foot", v["c3"])
+        return poles(four_pole(net.link("foot", "end", v["frame stiffness"]), "wheel", "end"))
+
+    yield case(head, "core.rig.Rig.chain", _POLES, _FULL, chain)
+    alone = {name: _FULL[name] for name in ("m", "K3", "tyre mass")}
+    yield case(
+        head, "core.rig.Rig.resonance", {"f": "Hz"}, alone,
+        lambda v: {"f": mp.sqrt(v["K3"] / (v["m"] + v["tyre mass"])) / (2 * mp.pi)},
+    )  # fmt: skip
+
     def gradient(v: Numbers) -> dict[str, mpf]:
         found: dict[str, mpf] = {}
         for name in symbols:
@@ -168,6 +180,17 @@ def routes() -> Iterator[dict[str, Any]]:
             "routes to K*", f"core.routes.{route}_route", unit, inputs,
             lambda v, route=route: parts("K*", _by_network(v, route)),
         )  # fmt: skip
+    for route in ("mobility", "relative", "transmissibility"):
+        inputs = {"frequency": TYRES[2]["frequency"]}
+        for name in ("F1", "V1", "V2", "Zr"):
+            inputs |= parts(name, all_of[name])
+
+        def chosen(v: Numbers, route: str = route) -> dict[str, mpf]:
+            f1, v1, v2, zr = (mpc(v[f"Re {name}"], v[f"Im {name}"]) for name in ("F1", "V1", "V2", "Zr"))
+            f1, v2 = (zr * v2 if route == "transmissibility" else f1), (f1 / zr if route == "mobility" else v2)
+            return parts("K*", f1 / ((v1 - v2) / (J * turning(v))))
+
+        yield case("routes to K*", f"core.routes.stiffness_by {route}", unit, inputs, chosen)
     arm = {"K2": "N/m", "C": "N s/m"}
     for given in TYRES:
         known = {name: mpf(value) for name, value in given.items()}
@@ -205,8 +228,10 @@ def arm_of(v: Numbers) -> dict[str, mpf]:
         return found.real, found.imag
 
     stiffness = mpc(v["Re K*"], v["Im K*"])
-    start = abs(stiffness - v["K1"])
-    k2, c = solved(forward, (stiffness.real, stiffness.imag), (2 * start, start / omega))
+    # Whatever the start, the result is what the network needs; one near it saves steps.
+    yielding = 1 / (stiffness - v["K1"])
+    start = 1 / abs(yielding.real), 1 / abs(omega * yielding.imag)
+    k2, c = solved(forward, (stiffness.real, stiffness.imag), start)
     return {"K2": k2, "C": c}
 
 
@@ -245,10 +270,18 @@ def identified() -> Iterator[dict[str, Any]]:
     yield _of_amplitudes(
         "blocked rig", "core.identify.identify blocked", units, bench, lambda v: whole(v, blocked=True), blocked=True
     )
-    for given in (TYRES[0], TYRES[3]):
+    polar = {"F1": 61.0, "V1": 0.0628, "V2": 0.081, "phase F1": 1.21, "phase V2": -0.34, "frequency": 12.0}
+    yield case(
+        "identification", "core.phasor.Phasors.from_polar", {"V1/F1": "m/(N s)", "V2/V1": "1"}, polar,
+        lambda v: {
+            **parts("V1/F1", v["V1"] / (v["F1"] * mp.expj(v["phase F1"]))),
+            **parts("V2/V1", v["V2"] * mp.expj(v["phase V2"]) / v["V1"]),
+        },
+    )  # fmt: skip
+    for given in ({**TYRES[0], "input mass": 0.0}, {**TYRES[3], "input mass": 1.4}):
 
         def table(v: Numbers) -> dict[str, mpf]:
-            found = whole({**v, "input mass": mpf(0)})
+            found = whole(v)
             stiffness = mpc(found["Re K*"], found["Im K*"])
             return {
                 **{name: found[name] for name in ("Re V1/F1", "Im V1/F1", "Re K*", "Im K*", "K2", "C", "TR")},
@@ -257,7 +290,7 @@ def identified() -> Iterator[dict[str, Any]]:
 
         yield case("reduced tables", "core.reduced.predict", units, given, table)
         found = table({name: mpf(value) for name, value in given.items()})
-        rig = {name: given[name] for name in ("K1", "m", "K3", "c3", "frequency")}
+        rig = {name: given[name] for name in ("K1", "m", "K3", "c3", "frequency", "input mass")}
         stiff = {**rig, "Re K*": found["Re K*"], "Im K*": found["Im K*"]}
         measured = {**rig, "Re V1/F1": found["Re V1/F1"], "Im V1/F1": found["Im V1/F1"]}
 
@@ -265,7 +298,9 @@ def identified() -> Iterator[dict[str, Any]]:
             return table({**v, **arm_of(v)})
 
         def of_mobility(v: Numbers) -> dict[str, mpf]:
-            stiffness = _by_network({**v, **parts("1/Zr", 1 / rig_impedance(v))}, "mobility")
+            cell = mpc(v["Re V1/F1"], v["Im V1/F1"])
+            contact = cell / (1 - J * turning(v) * v["input mass"] * cell)  # of 1 N at the cell, the mass takes a part
+            stiffness = _by_network({**v, **parts("1/Zr", 1 / rig_impedance(v)), **parts("V1/F1", contact)}, "mobility")
             return of_stiffness({**v, "Re K*": stiffness.real, "Im K*": stiffness.imag})
 
         yield case("reduced tables", "core.reduced.identify_stiffness", units, stiff, of_stiffness)
@@ -312,15 +347,16 @@ def uncertainties() -> Iterator[dict[str, Any]]:
         given |= {key: float(one) for key, one in parts(name, value * 60).items()}
     # relative uncertainties so small that what they do to K2 and C is linear
     stated = {"u m": 2e-6, "u K3": 0.01, "u c3": 0.001, "u K1": 0.02, "u added mass": 1e-6, "u frequency": 1e-8}
-    stated |= {"u F1": 1e-6, "u V1": 1e-9, "u V2": 1e-9, "gain F1": 2e-8, "phase V1": 3e-8}
+    stated |= {"u input mass": 3e-7}
+    stated |= {"u F1": 1e-6, "u V1": 1e-9, "u V2": 1e-9, "gain F1": 2e-8, "phase V1": 3e-8, "delay V2": 2e-10}
     units = {
         "u(Re K*)": "N/m", "u(Im K*)": "N/m", "corr(Re,Im K*)": "1", "u(K2)": "N/m", "u(C)": "N s/m", "u(TR)": "1",
-        "u(loss factor)": "1", "corr(K2,C)": "1",
+        "u(loss factor)": "1", "corr(K2,C)": "1", "common u(Re K*)": "N/m", "common u(Im K*)": "N/m",
     }  # fmt: skip
     for route in ("mobility", "relative", "transmissibility"):
         made = case(
             "uncertainty", f"core.identify.identify u {route}", units, {**given, **stated},
-            lambda v, route=route: _uncertain(v, route), followed=("frequency", "m", "K3", "Im V2"),
+            lambda v, route=route: _uncertain(v, route), followed=("frequency", "m", "Im V2"),
         )  # fmt: skip
         for row in made["values"]:  # K2 and C have a second-order part of the square of these uncertainties, below 1e-9
             if row["value"] in ("u(K2)", "u(C)", "corr(K2,C)"):
@@ -348,13 +384,19 @@ def _uncertain(v: Numbers, route: str) -> dict[str, mpf]:
         )
         columns.append([(one - other) / (2 * step) for one, other in zip(up, down, strict=True)])
 
-    for name in ("m", "K3", "c3", "K1", "added mass", "frequency"):
+    for name in ("m", "K3", "c3", "input mass", "added mass"):
+        add({name: v[f"u {name}"]})
+    add({f"{part} F1": v[f"{part} F1"] * v["gain F1"] for part in ("Re", "Im")})
+    add({"Re V1": -v["Im V1"] * v["phase V1"], "Im V1": v["Re V1"] * v["phase V1"]})
+    late = -turning(v) * v["delay V2"]
+    add({"Re V2": -v["Im V2"] * late, "Im V2": v["Re V2"] * late})
+    common = {f"common u({name})": mp.sqrt(mp.fsum(column[at] ** 2 for column in columns))
+              for at, name in enumerate(outputs[:2])}  # fmt: skip
+    for name in ("K1", "frequency"):
         add({name: v[f"u {name}"]})
     for name in ("F1", "V1", "V2"):
         for part in ("Re", "Im"):
             add({f"{part} {name}": v[f"u {name}"]})
-    add({f"{part} F1": v[f"{part} F1"] * v["gain F1"] for part in ("Re", "Im")})
-    add({"Re V1": -v["Im V1"] * v["phase V1"], "Im V1": v["Re V1"] * v["phase V1"]})
 
     def product(one: str, other: str) -> mpf:
         at, to = outputs.index(one), outputs.index(other)
@@ -362,6 +404,7 @@ def _uncertain(v: Numbers, route: str) -> dict[str, mpf]:
 
     u = {name: mp.sqrt(product(name, name)) for name in outputs}
     return {
+        **common,
         **{f"u({name})": value for name, value in u.items()},
         "corr(Re,Im K*)": product("Re K*", "Im K*") / (u["Re K*"] * u["Im K*"]),
         "corr(K2,C)": product("K2", "C") / (u["K2"] * u["C"]),

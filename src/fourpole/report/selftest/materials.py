@@ -9,14 +9,18 @@ from typing import Any
 import numpy as np
 
 from fourpole.core import stats
-from fourpole.core.chain import Delay, Geophone, HighPass, Link, LowPass
+from fourpole.core.chain import Calibrated, Delay, Geophone, HighPass, Link, LowPass
 from fourpole.core.demodulation.demodulate import demodulate
 from fourpole.core.loadcurve import LoadCurve
+from fourpole.core.phasor import Phasors
 from fourpole.core.recording import Channel, Recording
+from fourpole.models.data import StiffnessData
 from fourpole.models.families import model_named
+from fourpole.models.fit import fit
 from fourpole.models.interface import Model
 from fourpole.models.prony import Prony
-from fourpole.models.shift_law import ShiftLaw
+from fourpole.models.shift_law import ShiftLaw, fit_laws
+from fourpole.models.starts import start_of
 from fourpole.models.step import simulate
 from fourpole.report.selftest.mechanics import Found, Inputs, omega, parts
 from fourpole.units import quantity
@@ -55,9 +59,55 @@ def _ramp(v: Inputs) -> Found:
     return {"force": force[-1]}
 
 
+def _fit(name: str, v: Inputs) -> Found:
+    """Parameters and their uncertainties, from K* that is known to 100 N/m."""
+    model = model_named(name)
+    data = StiffnessData.of(
+        2 * np.pi * np.array(v["frequency"]), np.array(v["Re K*"]) + 1j * np.array(v["Im K*"]), 100.0
+    )
+    found = fit(model, data, start_of(model, data))
+    std = np.sqrt(np.diag(found.covariance))
+    names = zip(model.symbols, found.values, std, strict=True)
+    return {key: one for symbol, value, u in names for key, one in ((symbol, value), (f"u({symbol})", u))}
+
+
+def _fit_law(name: str, v: Inputs) -> Found:
+    temperatures = np.array(v["temperature"])
+    size, reference = temperatures.size, v["temperature"].index(20.0)
+    choice = fit_laws(temperatures, np.array(v["ln aT"]), 1e-4 * np.eye(size), reference)
+    law = next(one for one in choice.laws if one.name == name)
+    return dict(zip(("C1", "C2") if name == "WLF" else ("E",), law.values, strict=True))
+
+
 def _law(name: str, v: Inputs) -> ShiftLaw:
     values = np.array([v["C1"], v["C2"]] if name == "WLF" else [v["E"]])
-    return ShiftLaw(name, v["reference"], values, np.zeros((values.size, values.size)))
+    std = np.array([v.get("u C1", 0.0), v.get("u C2", 0.0)] if name == "WLF" else [v.get("u E", 0.0)])
+    correlation = np.eye(values.size) + v.get("corr", 0.0) * (1 - np.eye(values.size))
+    return ShiftLaw(name, v["reference"], values, correlation * std * std[:, None])
+
+
+def _unsure(v: Inputs) -> Found:
+    law = _law("WLF", v)
+    return {"u(ln aT)": law.log_a_std(v["temperature"])[0], "u(C1)": law.at_reference(v["temperature"]).std[0]}
+
+
+def _calibrated(v: Inputs) -> Found:
+    frequency, gain, phase = (np.array([v[f"{key}1"], v[f"{key}2"]]) for key in "fgp")
+    link = Calibrated(frequency, gain, phase, gain / 100, phase / 50)
+    u_gain, u_phase = link.std_at(v["frequency"])
+    return {**parts("H", link.at(v["frequency"])), "u gain": u_gain, "u phase": u_phase}
+
+
+def _arms(v: Inputs) -> Found:
+    model, values, _ = _model("zener", v)
+    arms = model.prony(values)
+    return {"K at once": arms.instantaneous, "tau": arms.times[0]}
+
+
+def _coverage(v: Inputs) -> Found:
+    zero = np.zeros(1)
+    tests = Phasors(zero, np.zeros((1, 3), dtype=complex), np.zeros((1, 6, 6)), zero, np.array([v["dof"]]))
+    return {"quantile": tests.coverage_factor(v["level"])[0]}
 
 
 def _moved(v: Inputs) -> Found:
@@ -127,7 +177,14 @@ MATERIALS: dict[str, Callable[[Inputs], Found]] = {
     "models.shift_law WLF": lambda v: {"ln aT": float(_law("WLF", v).log_a(v["temperature"])[0])},
     "models.shift_law WLF moved": _moved,
     "models.shift_law Arrhenius": lambda v: {"ln aT": float(_law("Arrhenius", v).log_a(v["temperature"])[0])},
+    **{f"models.fit {name}": partial(_fit, name) for name in ("kelvin", "zener", "maxwell:2", "fractional")},
+    **{f"models.shift_law.fit_laws {name}": partial(_fit_law, name) for name in ("WLF", "Arrhenius")},
     "core.chain.Delay": _at(lambda v: Delay(v["seconds"])),
+    "models.shift_law WLF u": _unsure,
+    "models.shift_law Arrhenius u": lambda v: {"u(ln aT)": float(_law("Arrhenius", v).log_a_std(v["temperature"])[0])},
+    "models.prony zener": _arms,
+    "core.chain.Calibrated": _calibrated,
+    "core.phasor.Phasors.coverage_factor": _coverage,
     "core.chain.HighPass": _at(partial(_filter, HighPass)),
     "core.chain.LowPass": _at(partial(_filter, LowPass)),
     "core.chain.Geophone": _at(lambda v: Geophone(v["natural frequency"], v["damping"])),
@@ -137,6 +194,7 @@ MATERIALS: dict[str, Callable[[Inputs], Found]] = {
     "core.stats.chi2.isf": lambda v: _statistic(stats.chi2.isf, "quantile", v),
     "core.stats.chi2.ppf": lambda v: _statistic(stats.chi2.ppf, "quantile", v),
     "core.stats.f.sf": lambda v: _statistic(stats.f.sf, "probability", v),
+    "core.stats.f.isf": lambda v: _statistic(stats.f.isf, "quantile", v),
     "core.stats.norm.isf": lambda v: _statistic(stats.norm.isf, "quantile", v),
     "core.stats.share_within": lambda v: _statistic(stats.share_within, "probability", v),
     "units.quantity": _unit,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,13 @@ from fourpole.core.polar import polar
 from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.routes import (
+    ROUTES,
     arm_slopes,
     maxwell_arm,
     mobility_route,
     paper_d,
     relative_route,
+    stiffness_by,
     transmissibility_route,
 )
 from fourpole.core.twoport import (
@@ -122,6 +125,11 @@ def _gradient(v: Inputs) -> Found:
     return {name: one for key, at in places.items() for name, one in parts(f"dZr/d {key}", found[at]).items()}
 
 
+def _by_route(route: str, v: Inputs) -> Found:
+    amplitudes = [np.array([whole(v, name)]) for name in _CHANNELS]
+    return parts("K*", stiffness_by(route, amplitudes, whole(v, "Zr"), omega(v)))
+
+
 def _arm(v: Inputs) -> Found:
     k2, c = maxwell_arm(whole(v, "K*"), v["K1"], omega(v))
     return {"K2": float(k2), "C": float(c)}
@@ -176,12 +184,16 @@ def _uncertain(route: str) -> Callable[[Inputs], Found]:
             route=route,
             added_mass=v["added mass"],
             added_mass_std=v["u added mass"],
-            channels=ChannelUncertainty(gains, phases),
+            channels=ChannelUncertainty(gains, phases, np.array([0.0, 0.0, v["delay V2"]])),
         )
         of_stiffness, of_arm = one.stiffness_covariance[0], one.arm_covariance[0]
         u_re, u_im = np.sqrt(np.diag(of_stiffness))
         u_k2, u_c = np.sqrt(np.diag(of_arm))
         return {
+            **{
+                f"common u({name})": np.linalg.norm(row)
+                for name, row in zip(("Re K*", "Im K*"), one.stiffness_shared[0], strict=True)
+            },
             "u(Re K*)": u_re,
             "u(Im K*)": u_im,
             "corr(Re,Im K*)": of_stiffness[0, 1] / (u_re * u_im),
@@ -193,6 +205,11 @@ def _uncertain(route: str) -> Callable[[Inputs], Found]:
         }
 
     return run
+
+
+def _from_polar(v: Inputs) -> Found:
+    one = Phasors.from_polar(v["frequency"], v["F1"], v["V1"], v["phase F1"], v["V2"], v["phase V2"])
+    return {**parts("V1/F1", one.mobility), **parts("V2/V1", one.transmissibility)}
 
 
 def _reduced(found: ReducedResult) -> Found:
@@ -232,6 +249,8 @@ MECHANICS: dict[str, Callable[[Inputs], Found]] = {
     "core.tyre.zener_transmissibility": lambda v: {"TR": float(zener_transmissibility(*_zener(v), **_above(v)))},
     "core.tyre.energy_loss": lambda v: {"W": float(energy_loss(whole(v, "K*"), v["amplitude"]))},
     "core.tyre.loss_factor": lambda v: {"eta": float(loss_factor(whole(v, "K*")))},
+    "core.rig.Rig.chain": lambda v: _entries(rig_of(v).chain(omega(v), v["added mass"])),
+    "core.rig.Rig.resonance": lambda v: {"f": rig_of(v).resonance},
     "core.rig.Rig.impedance": lambda v: parts("Zr", rig_of(v).impedance(omega(v), v["added mass"])),
     "core.rig.Rig.mobility": lambda v: parts("1/Zr", rig_of(v).mobility(omega(v), v["added mass"])),
     "core.rig.Rig.impedance_gradient": _gradient,
@@ -243,6 +262,7 @@ MECHANICS: dict[str, Callable[[Inputs], Found]] = {
     "core.routes.transmissibility_route": lambda v: parts(
         "K*", transmissibility_route(whole(v, "V2/V1"), whole(v, "Zr"), omega(v))
     ),
+    **{f"core.routes.stiffness_by {route}": partial(_by_route, route) for route in ROUTES},
     "core.routes.maxwell_arm": _arm,
     "core.routes.arm_slopes": _arm_slopes,
     "core.routes.paper_d": lambda v: {"d": float(paper_d(whole(v, "K*"), v["K1"]))},
@@ -253,6 +273,7 @@ MECHANICS: dict[str, Callable[[Inputs], Found]] = {
     "core.identify.identify u mobility": _uncertain("mobility"),
     "core.identify.identify u relative": _uncertain("relative"),
     "core.identify.identify u transmissibility": _uncertain("transmissibility"),
+    "core.phasor.Phasors.from_polar": _from_polar,
     "core.reduced.predict": lambda v: _reduced(predict([v["frequency"]], v["K1"], v["K2"], v["C"], rig_of(v))),
     "core.reduced.identify_stiffness": lambda v: _reduced(
         identify_stiffness([v["frequency"]], [whole(v, "K*")], v["K1"], rig_of(v))
@@ -261,6 +282,9 @@ MECHANICS: dict[str, Callable[[Inputs], Found]] = {
         identify_mobility([v["frequency"]], [whole(v, "V1/F1")], v["K1"], rig_of(v))
     ),
     "core.polar.polar": _polar,
+    "core.deflection.deflection_amplitude blocked": lambda v: {
+        "x": float(deflection_amplitude(1.0, whole(v, "V1"), whole(v, "V2"), omega(v), blocked=True))
+    },
     "core.deflection.deflection_amplitude": lambda v: {
         "x": float(deflection_amplitude(1.0, whole(v, "V1"), whole(v, "V2"), omega(v)))
     },
