@@ -23,7 +23,7 @@ def described():
         "# The result tables",
         "",
         "The columns of every table that `fourpole analyse` writes; [the campaign folder](campaign.md) says how to",
-        "read them. Values are in the unit of the column's head, SI. A table marked * has no file where it has no rows.",
+        "read them. Values are in the unit of the column's head, SI. A table marked * has no file if it has no rows.",
         "Where a test has several rows, because its recording gave several frequencies, `point` stands after `test`",
         "and counts them. `static.csv` has further columns for the temperature and for each axis of `[conditions]`,",
         "where a static test states it; `dynamic.csv` has all further columns of tests.csv.",
