@@ -78,7 +78,7 @@ def names_of(module: ModuleType) -> list[str]:
 def first_sentence(of: object) -> str:
     """The first sentence of a docstring, on one line."""
     paragraph = (inspect.getdoc(of) or "").split("\n\n")[0].replace("\n", " ")
-    return re.split(r"(?<=[.:;]) ", paragraph)[0].rstrip(".:;")
+    return re.split(r"(?<=\.) ", paragraph)[0].rstrip(".")
 
 
 def headed(title: str, line: str = "=") -> list[str]:
@@ -105,12 +105,12 @@ def face_page() -> str:
 
 def room_page(heading: str, modules: list[ModuleType]) -> str:
     """The modules below a heading, each with what it is and its names."""
-    lines = [*headed(heading), ".. list-table::", "   :widths: 30 70", "   :header-rows: 1", ""]
-    lines += ["   * - module", "     - names"]
+    lines = headed(heading)
     for module in modules:
         names = ", ".join(f":py:obj:`{name} <{module.__name__}.{name}>`" for name in names_of(module))
-        lines += [f"   * - :doc:`{module.__name__} <{module.__name__}>`", f"     - {first_sentence(module)}: {names}"]
-    lines += ["", ".. toctree::", "   :hidden:", ""] + [f"   {module.__name__}" for module in modules]
+        lines += [f":doc:`{module.__name__} <{module.__name__}>`", f"   {first_sentence(module)}: {names}", ""]
+    lines += [".. toctree::", "   :hidden:", ""]
+    lines += [f"   {module.__name__.removeprefix('fourpole.')} <{module.__name__}>" for module in modules]
     return "\n".join(lines) + "\n"
 
 
