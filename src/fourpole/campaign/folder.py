@@ -41,14 +41,17 @@ _MOST_TOML, _MOST_TESTS = 4_000_000, 200_000_000
 #: Largest number of characters of a cell.
 _MOST_TEXT = 1000
 
-_KINDS = ("static", "dynamic", "calibration")
+_KINDS = ("static", "dynamic", "calibration", "random")
+#: Kinds whose excitation has a band of frequencies.
+_OF_BAND = ("random",)
 
 
 @dataclass(frozen=True)
 class Test:
     """One row of tests.csv in SI units; `problem` is the reason why the row cannot be used, or empty.
 
-    `fixed` says that the specimen is held on both sides and can be pulled.
+    `fixed` says that the specimen is held on both sides and can be pulled; `band` has the lowest and the highest
+    frequency [Hz] of random excitation.
     """
 
     name: str
@@ -62,6 +65,7 @@ class Test:
     extra: dict[str, str] = field(default_factory=dict)
     problem: str = ""
     fixed: bool = False
+    band: tuple[float, float] | None = None
 
     def value(self, name: str) -> float | None:
         """A number of the row: pressure [Pa], preload [N], frequency [Hz], K1 [N/m] ...; None for a blank cell."""
@@ -229,6 +233,10 @@ def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFil
         raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
     texts["kind"] = texts.get("kind", "").lower()
     problems += _contradictions(texts, stated)
+    if texts["kind"] in _OF_BAND and test.band is None:
+        problems.append(f"a {texts['kind']} test needs the band of its excitation: fill in frequency, as in 5:200 Hz")
+    if texts["kind"] in _KINDS and texts["kind"] not in _OF_BAND and test.band is not None:
+        problems.append(f"frequency: a band is for kind {' or '.join(_OF_BAND)}; a {texts['kind']} test has one number")
     if texts["kind"] == "calibration" and "added_mass" not in test.values:
         problems.append("the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight")
     if not _can_have(test.value("preload"), texts.get("tyre", ""), stated):
@@ -276,6 +284,8 @@ def _read_cells(
         try:
             if column.role == "text":
                 texts[column.name] = cell
+            elif column.name == "frequency" and column.role == "quantity" and _is_band(cell):
+                test = replace(test, band=units.frequency_band(_united(cell, column.unit)))
             elif column.role == "window":
                 test = replace(test, window=_window(cell, column.unit) if cell else None)
             else:
@@ -298,6 +308,18 @@ def _fill(test: Test, cell: str, column: Column, measured: set[str]) -> None:
         if cell and column.label in measured:
             test.values[column.label] = _plain_number(cell)
             test.extra[column.label] = f"{test.values[column.label]:.15g}"
+
+
+def _is_band(cell: str) -> bool:
+    """Whether the cell of a frequency has two numbers."""
+    return re.search(r"\d\s*[A-Za-z]*\s*(:|\.\.|-|to)\s*\d", cell) is not None and not re.fullmatch(
+        r"[-+0-9.,eE]+", cell.strip()
+    )
+
+
+def _united(cell: str, unit: str) -> str:
+    """A band with a unit, that of its column if it has none of its own."""
+    return cell if re.search(r"[A-Za-z]\s*$", cell) else f"{cell} {unit}"
 
 
 def _number(cell: str, column: Column) -> float:
@@ -394,7 +416,12 @@ def _check_names(tests: list[Test]) -> None:
 
 def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
     """CampaignError if campaign.toml lacks a channel that the tests of some kind need."""
-    needs = {"dynamic": ("motion_in",), "calibration": ("motion_in",), "static": ("load", "deflection")}
+    needs = {
+        "dynamic": ("motion_in",),
+        "calibration": ("motion_in",),
+        "random": ("force_in", "motion_in"),
+        "static": ("load", "deflection"),
+    }
     for kind, roles in needs.items():
         for role in roles:
             if any(test.kind == kind for test in tests) and stated.channels.named(role) is None:

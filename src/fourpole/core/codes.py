@@ -102,6 +102,23 @@ class Code(Enum):
         "{channel} hardly moves at {hertz:.4g} Hz: the amplitude is known to {statistic:.0%} only; ",
         "check the sensor, its column and the excitation",
     )
+    LINE = (
+        "line",
+        "the uncertainty of F1/V1 or V2/V1 at a line over its modulus",
+        "a line of the spectrum is not well known",
+        "F1/V1 or V2/V1 at {hertz:.4g} Hz is known to {percent:.2g} % only; ",
+        "record longer, or excite more at this frequency",
+    )
+    CLOSURE = (
+        "closure phase",
+        "the mean square of the closure phase of F1, V1 and V2 over its variance",
+        "the noise is not independent between the channels, or lines leak",
+        (
+            "the phases of the cross spectra of F1, V1 and V2 do not close: they miss by {times:.2g} standard "
+            "uncertainties (segments of {segment:.3g} s); uncertainties are enlarged by this factor; "
+        ),
+        "look for noise that the channels share (hum, a common ground, cross-talk), or record longer",
+    )
     RESIDUAL = (
         "residual",
         "the residual of the fit of a channel over the fundamental",

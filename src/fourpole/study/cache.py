@@ -27,6 +27,7 @@ from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.demodulation.harmonics import Harmonics
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
+from fourpole.core.spectra.excited import Excited
 from fourpole.errors import FileError
 from fourpole.io.identity import Identity
 from fourpole.io.packed import pack, unpack
@@ -40,13 +41,13 @@ _INDEX = "index.jsonl"
 _ENTRY, _FORMER = re.compile(r"[0-9a-f]{40}\.fpp"), re.compile(r"[0-9a-f]{40}\.json")
 #: A file that was not used in this number of runs is deleted, and so are those used longest ago above this size [byte].
 _RUNS, _MOST = 10, 2_000_000_000
-_CLASSES = (Check, Code, Correction, Demodulated, Demodulation, Harmonics, Phasors, Preview)
+_CLASSES = (Check, Code, Correction, Demodulated, Demodulation, Excited, Harmonics, Phasors, Preview)
 
 
 def packed(done: Demodulated) -> bytes:
     """The bytes of what a recording gave; a preview is kept in single precision."""
     found = done.found
-    if found is not None:
+    if isinstance(found, Demodulation):
         shown = {name: np.asarray(value, dtype=np.float32) for name, value in vars(found.preview).items()}
         done = replace(done, found=replace(found, preview=Preview(**shown)))
     return pack(done)
@@ -57,7 +58,7 @@ def unpacked(content: bytes) -> Demodulated:
     done = unpack(content, _CLASSES)
     if not isinstance(done, Demodulated):
         raise ValueError("the bytes hold no demodulated recording")
-    if done.found is None:
+    if not isinstance(done.found, Demodulation):
         return done
     shown = {name: np.asarray(value, dtype=float) for name, value in vars(done.found.preview).items()}
     return replace(done, found=replace(done.found, preview=Preview(**shown)))

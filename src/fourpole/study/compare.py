@@ -75,7 +75,7 @@ def compare_tests(campaign: Campaign, tests: Sequence[Test], points: Sequence[Po
     members = [i for i in used if tests[i].kind != "calibration"]
     rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
     own = [own_of(points[i].phasors, rigs.get(tests[i].rig), tests[i].value("added_mass") or 0.0) for i in members]
-    rows = noises(tests, points, used)
+    rows = noises(tests, points, [i for i in used if tests[i].band is None])
     rows += scales(members, points, own, k1)
     rows += exchanged_k1(campaign, [tests[i] for i in members], members, own, [k1[i] for i in members])
     # K* of a specimen that is not linear depends on the amplitude: it has no curve over frequency.

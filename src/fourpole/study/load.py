@@ -118,7 +118,8 @@ def _gathered(
     If not `timed`, channels with equal numbers of samples count as sampled at the same times.
     """
     stated = {role: channel for role in roles if (channel := channels.named(role)) is not None}
-    timing = Timing(test.window, test.value("frequency"), test.file)
+    near = test.value("frequency") if test.band is None else test.band[1]
+    timing = Timing(test.window, near, test.file)
     columns: list[ChannelFile | ReferenceFile] = [*stated.values(), *([turning] if turning is not None else [])]
     source = source_of(path, test, channels, columns, timed=timed)
     run = stream(source if part is None else replace(source, rows=_ROWS_OF_PART))

@@ -13,6 +13,7 @@ from fourpole.core.demodulation.corrections import Correction, response_std
 from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
+from fourpole.core.spectra.excited import Excited
 
 if TYPE_CHECKING:
     from fourpole.fitting.rows import Key
@@ -58,8 +59,8 @@ class Demodulated:
 
     Attributes
     ----------
-    found : Demodulation or None
-        Amplitudes and figures of quality; None where the recording was rejected.
+    found : Demodulation, Excited or None
+        Amplitudes and figures of quality, of one frequency or of many; None where the recording was rejected.
     checks : tuple of Check
         The reason for a rejection, or the checks made while the recording was loaded.
     mean_force : float [N]
@@ -72,7 +73,7 @@ class Demodulated:
         Whether the same content gives the same result again, so that it can be kept.
     """
 
-    found: Demodulation | None = None
+    found: Demodulation | Excited | None = None
     checks: tuple[Check, ...] = ()
     mean_force: float = 0.0
     sha256: str = ""

@@ -29,6 +29,8 @@ from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.linearity import linearity_checks
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
+from fourpole.core.spectra.excited import Excited, random_amplitudes
+from fourpole.core.spectra.verdicts import check_closure, check_line
 from fourpole.errors import ConstantError, FourpoleError, RecordingError, TableError, TooShortError
 from fourpole.io.source import sha256_of
 from fourpole.study.load import MOST_BYTES, load_recording, recorded_at
@@ -91,7 +93,7 @@ class Job:
     @property
     def settings(self) -> list[object]:
         """What the demodulation depends on of tests.csv and the route; the rig is no part of it."""
-        return [self.needed, self.test.file, self.test.value("frequency"), self.test.window]
+        return [self.needed, self.test.file, self.test.value("frequency") or self.test.band, self.test.window]
 
     @property
     def processing(self) -> list[object]:
@@ -132,13 +134,30 @@ def demodulated(job: Job) -> Demodulated:
 
 def reduced_of(job: Job, done: Demodulated) -> Reduced:
     """The result of a job, with the checks that depend on the statement of the campaign."""
-    return Reduced((point_of(job, done),), done.sha256, done.began)
+    return Reduced(points_of(job, done), done.sha256, done.began)
+
+
+def points_of(job: Job, done: Demodulated) -> tuple[Point, ...]:
+    """The points of a recording: one for each frequency, with its checks; those of the recording stand at the first."""
+    if not isinstance(done.found, Excited):
+        return (point_of(job, done),)
+    found, rig, added = done.found, job.rig.rig() if job.rig is not None else None, job.test.value("added_mass") or 0.0
+    whole = (*done.checks, *_checks_of_force(job.test, found.force_peak, done.mean_force), *check_closure(found))
+    points = []
+    for at in range(found.averages.size):
+        phasors = found.phasors.part(at)
+        rows = [check_line(found, at)]
+        if rig is not None and not rig.blocked:
+            rows += [checks.check_resonance(float(phasors.frequency), rig, added)]
+            rows += [checks.check_consistency(phasors, rig, added)]
+        points.append(Point(phasors, (*(whole if at == 0 else ()), *rows), found.corrections[at]))
+    return tuple(points)
 
 
 def point_of(job: Job, done: Demodulated) -> Point:
     """The point of a demodulated recording, with all its checks."""
     found = done.found
-    if found is None:
+    if not isinstance(found, Demodulation):
         return Point(None, done.checks)
     every = (*done.checks, *_checks_of(job, found, done.mean_force))
     return Point(found.phasors, every, found.corrections, found.channels, found.preview)
@@ -155,6 +174,8 @@ def check_part(job: Job) -> tuple[Check, ...]:
 
 
 def _checks_of_part(job: Job, path: Path) -> tuple[Check, ...]:
+    if job.test.band is not None:
+        return tuple(_loaded(job, path, _PART)[1])
     near = job.test.value("frequency")
     length = max(0.5, 10.0 / near) if near else _PART
     recording, rows = _loaded(job, path, length)
@@ -228,6 +249,9 @@ def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodul
     With `part` [s], only the first part of this length is used.
     """
     recording, rows = _loaded(job, path, part)
+    if job.test.band is not None:
+        recording, clipped = _unclipped(recording, job.needed)
+        return Demodulated(random_amplitudes(recording, job.test.band), (*rows, *clipped), _mean_force(recording))
     near = job.test.value("frequency")
     start = None
     if job.test.window is None:
@@ -243,9 +267,13 @@ def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodul
             raise
         found, wandering = _followed(recording.without(present[0]), near, start)
         rows.append(_left_out(present[0], str(error)))
+    return Demodulated(found, (*rows, *wandering), _mean_force(recording))
+
+
+def _mean_force(recording: Recording) -> float:
+    """Mean of F1 [N]; 0 where no force is recorded."""
     force = recording.channels.get("force_in")
-    mean = float(np.nanmean(force.samples)) if force is not None and np.isfinite(force.samples).any() else 0.0
-    return Demodulated(found, (*rows, *wandering), mean)
+    return float(np.nanmean(force.samples)) if force is not None and np.isfinite(force.samples).any() else 0.0
 
 
 def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
@@ -333,12 +361,17 @@ def _checks_of(job: Job, found: Demodulation, mean_force: float) -> Iterator[Che
     for row in (*checks.check_excitation(found, names), *checks.check_noise(found, names)):
         spare = row.verdict == "rejected" and row.channel in spared
         yield replace(row, verdict="warning") if spare else row
-    if np.isfinite(found.force_peak):
-        yield checks.check_lift_off(found.force_peak, test.value("preload"), fixed=test.fixed)
-        yield checks.check_mean_force(mean_force, test.value("preload"))
+    yield from _checks_of_force(test, found.force_peak, mean_force)
     if rig is not None and not rig.blocked:
         yield checks.check_resonance(frequency, rig, added)
         yield checks.check_consistency(found.phasors, rig, added)
+
+
+def _checks_of_force(test: Test, peak: float, mean: float) -> Iterator[Check]:
+    """Compare the peak and the mean of F1 [N] with the preload."""
+    if np.isfinite(peak):
+        yield checks.check_lift_off(peak, test.value("preload"), fixed=test.fixed)
+        yield checks.check_mean_force(mean, test.value("preload"))
 
 
 def response_hashes(campaign: Campaign) -> dict[str, str]:

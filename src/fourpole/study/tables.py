@@ -6,7 +6,7 @@ column `point` is written only where a test has more than one point.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -220,9 +220,15 @@ TABLES = {
 TABLE_FILES = tuple(f"{one.name}{ending}" for one in TABLES.values() for ending in one.endings)
 
 
+def _verdict(rows: Sequence[str]) -> str:
+    """Verdict of a test: a line of many that is rejected is a warning."""
+    kept = [one for one in rows if one != "rejected"]
+    return worst_verdict(kept if len(kept) == len(rows) else [*kept, "warning" if kept else "rejected"])
+
+
 def verdict_counts(*tables: pl.DataFrame) -> dict[str, int]:
-    """Number of tests by verdict; a test with several rows counts by its worst verdict."""
+    """Number of tests by verdict; a test counts by the worst verdict of its rows, those rejected only if all are."""
     held = [table for table in tables if q.VERDICT.head in table.columns]
     rows = [table.group_by(q.TEST.head, maintain_order=True).agg(q.VERDICT.head) for table in held]
-    verdicts = [worst_verdict(row) for table in rows for row in table[q.VERDICT.head].to_list()]
+    verdicts = [_verdict(row) for table in rows for row in table[q.VERDICT.head].to_list()]
     return {verdict: verdicts.count(verdict) for verdict in VERDICTS}

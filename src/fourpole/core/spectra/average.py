@@ -1,0 +1,155 @@
+"""Averaged cross spectra of the channels of a recording, by Welch's method with Hann windows that overlap by half."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.demodulation.tracks import Track
+from fourpole.errors import RecordingError, TooShortError
+
+#: Fewest segments: the covariance of a ratio needs a matrix of more averages than channels.
+_FEWEST = 8
+#: Samples that are transformed at a time.
+_AT_A_TIME = 2_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class CrossSpectra(ByValue):
+    r"""Averaged one-sided cross spectra, :math:`G_{ab} = E[X_a X_b^*]`.
+
+    Attributes
+    ----------
+    frequency : (L,) float array [Hz]
+        Frequency of each line; that of the motion's mean power where several bins are averaged.
+    matrix : (L, C, C) complex array
+        Spectral densities, Hermitian, in the units of the channels per Hz.
+    averages : (L,) float array [1]
+        Number of independent averages with the same variance.
+    width : (L,) float array [Hz]
+        Width of the band that a line stands for.
+    """
+
+    frequency: FloatArray
+    matrix: ComplexArray
+    averages: FloatArray
+    width: FloatArray
+
+    def coherence(self, a: int, b: int) -> FloatArray:
+        """Coherence (L,) of two channels [1]."""
+        power = (self.matrix[:, a, a] * self.matrix[:, b, b]).real
+        return np.abs(self.matrix[:, a, b]) ** 2 / np.maximum(power, 1e-300)
+
+
+def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> CrossSpectra:
+    r"""Averaged cross spectra of all bins in a band of frequencies.
+
+    .. math:: G_{ab}(f_k) = \frac{2}{f_s \sum w^2}\,\frac1K \sum_{i=1}^{K} X_{a,i}(f_k)\,X_{b,i}^*(f_k)
+
+    Parameters
+    ----------
+    track : Track
+        Channels with the same sampling times. Segments with a missing sample are left out.
+    segment : float [s]
+        Length of a segment; the bins are 1/segment apart.
+    band : (float, float) [Hz]
+        Lowest and highest frequency.
+
+    Returns
+    -------
+    CrossSpectra
+        A line for each bin. Neighbours are not independent: see `fourpole.core.spectra.lines.thinned`.
+
+    Raises
+    ------
+    TooShortError
+        If there are fewer than eight segments.
+    RecordingError
+        If no bin lies in the band.
+
+    References
+    ----------
+    P. D. Welch, "The use of fast Fourier transform for the estimation of power spectra", IEEE Trans. Audio
+    Electroacoust. 15, 1967; J. S. Bendat and A. G. Piersol, "Random Data", 4th ed., 2010, ch. 11.
+    """
+    size = round(segment * track.rate)
+    starts = _starts(track.present, size)
+    if starts.size < _FEWEST:
+        raise TooShortError(
+            f"the recording has {starts.size} segments of {segment:.3g} s without a missing sample, at least {_FEWEST} "
+            "are needed: record longer"
+        )
+    frequency = np.arange(size // 2 + 1) * track.rate / size
+    inside = (frequency >= band[0]) & (frequency <= band[1]) & (frequency > 0)
+    if not inside.any():
+        raise RecordingError(
+            f"no line of a spectrum lies between {band[0]:.4g} and {band[1]:.4g} Hz: sample faster, or record longer"
+        )
+    window = hann(size)
+    total = np.zeros((int(inside.sum()), len(track.names), len(track.names)), dtype=complex)
+    for some in _batches(starts, max(1, _AT_A_TIME // (size * len(track.names)))):
+        pieces = np.stack([track.signals[:, start : start + size] for start in some])
+        lines = fft.rfft((pieces - pieces.mean(axis=2, keepdims=True)) * window, axis=2)[:, :, inside]
+        by_line = np.ascontiguousarray(lines.transpose(2, 1, 0))
+        total += by_line @ by_line.conj().transpose(0, 2, 1)
+    scale = 2.0 / (track.rate * np.sum(window**2) * starts.size)
+    count = np.full(total.shape[0], independent(starts.size, 1))
+    return CrossSpectra(frequency[inside], scale * total, count, np.full(count.size, track.rate / size))
+
+
+def hann(size: int) -> FloatArray:
+    """A periodic Hann window (size,) [1]."""
+    return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size))
+
+
+def _starts(present: BoolArray, size: int) -> FloatArray:
+    """First samples of the segments of a size that overlap by half and miss no sample."""
+    starts = np.arange(0, present.size - size + 1, max(1, size // 2)) if 2 <= size <= present.size else np.zeros(0, int)
+    missing = np.concatenate([[0], np.cumsum(~present)])
+    return starts[missing[starts + size] == missing[starts]] if starts.size else starts
+
+
+def _batches(starts: FloatArray, count: int) -> list[FloatArray]:
+    return [starts[at : at + count] for at in range(0, starts.size, count)]
+
+
+def independent(segments: float, bins: int) -> float:
+    r"""Number of independent averages in a mean over segments and neighbouring bins.
+
+    The covariance of two spectral estimates is the sum of :math:`|c_{ms}|^2` over the shifts s between their segments,
+    with m the bins between them and :math:`c_{ms} = \sum_t w_t w_{t+s} e^{2\pi jmt/N} / \sum_t w_t^2`. For Hann windows
+    that overlap by half c is 1, 1/6 and, one bin apart, 2/3 and 0.13.
+
+    Parameters
+    ----------
+    segments : float [1]
+        Number of segments.
+    bins : int
+        Number of neighbouring bins.
+
+    Examples
+    --------
+    >>> round(independent(100, 1), 1), round(independent(100, 4) / independent(100, 1), 2)
+    (94.8, 2.32)
+    """
+    apart = np.arange(bins)
+    variance = sum(
+        (1.0 if m == 0 else 2.0 * (1.0 - m / bins)) * _correlated(int(m), segments) for m in apart.tolist() if m < 4
+    )
+    return float(segments * bins / variance)
+
+
+def _correlated(bins: int, segments: float) -> float:
+    """Sum over the shifts of segments of the squared correlation of two bins."""
+    same, half = (_overlap(bins, shift) for shift in (0.0, 0.5))
+    return same + 2.0 * (1.0 - 1.0 / segments) * half
+
+
+def _overlap(bins: int, shift: float) -> float:
+    """Squared correlation of the spectra of two Hann windows, the second later by a share of its length."""
+    t = (np.arange(512) + 0.5) / 512
+    first, second = np.sin(np.pi * t) ** 2, np.where(t >= shift, np.sin(np.pi * (t - shift)) ** 2, 0.0)
+    return float(abs(np.mean(first * second * np.exp(2j * np.pi * bins * t))) ** 2 / np.mean(first**2) ** 2)

@@ -1,0 +1,102 @@
+"""Ratios of F1, V1 and V2 from averaged cross spectra, free of the bias that noise has in a usual estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+
+#: A ratio of cross spectra: the logarithm is a sum of those of G_ab, each with a power.
+Terms = Sequence[tuple[int, int, float]]
+
+#: Places of F1, V1 and V2 in a matrix of all three.
+_F, _ONE, _TWO = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Ratios(ByValue):
+    """Logarithms of complex ratios with their covariance.
+
+    Attributes
+    ----------
+    values : (L, R) complex array
+        The ratios.
+    covariance : (L, 2R, 2R) float array [1]
+        Covariance of Re and Im, interleaved, of the logarithms of the ratios.
+    """
+
+    values: ComplexArray
+    covariance: FloatArray
+
+
+def ratios(matrix: ComplexArray, averages: FloatArray, wanted: Sequence[Terms]) -> Ratios:
+    r"""Products and quotients of averaged cross spectra, with their covariance to first order.
+
+    .. math::
+        \operatorname{cov}(G_{ab}, G_{cd}^*) = \frac{G_{ac}\,G_{bd}^*}{n}, \qquad
+        \operatorname{cov}(G_{ab}, G_{cd}) = \frac{G_{ad}\,G_{cb}}{n}
+
+    Parameters
+    ----------
+    matrix : (L, C, C) complex array
+        Cross spectra :math:`G_{ab} = E[X_a X_b^*]`.
+    averages : (L,) float array [1]
+        Number n of independent averages.
+    wanted : sequence of terms
+        Each ratio as terms (a, b, power): the product of :math:`G_{ab}^{power}`, on the principal branch.
+
+    References
+    ----------
+    D. R. Brillinger, "Time Series: Data Analysis and Theory", 1981, theorem 4.3 and section 7.4.
+
+    Examples
+    --------
+    >>> amplitudes = np.array([[3.0, 2.0j, 1.0]])
+    >>> exact = ratios(amplitudes[:, :, None] * amplitudes[:, None, :].conj(), np.array([100.0]), OF_V2)
+    >>> complex(exact.values[0, 0].round(12)), float(abs(exact.covariance).max().round(12))
+    (-1.5j, 0.0)
+    """
+    values = np.ones((matrix.shape[0], len(wanted)), dtype=complex)
+    for at, terms in enumerate(wanted):
+        for a, b, power in terms:
+            values[:, at] *= matrix[:, a, b] ** power
+    size = len(wanted)
+    covariance = np.empty((matrix.shape[0], 2 * size, 2 * size))
+    for i, first in enumerate(wanted):
+        for k, second in enumerate(wanted):
+            straight = _summed(matrix, first, second, conjugate=True) / averages
+            turned = _summed(matrix, first, second, conjugate=False) / averages
+            covariance[:, 2 * i, 2 * k] = 0.5 * (straight + turned).real
+            covariance[:, 2 * i + 1, 2 * k + 1] = 0.5 * (straight - turned).real
+            covariance[:, 2 * i, 2 * k + 1] = 0.5 * (turned - straight).imag
+            covariance[:, 2 * i + 1, 2 * k] = 0.5 * (turned + straight).imag
+    return Ratios(values, covariance)
+
+
+def _summed(matrix: ComplexArray, first: Terms, second: Terms, *, conjugate: bool) -> ComplexArray:
+    """N times the covariance (L,) of two logarithms, the second conjugate or not."""
+    total = np.zeros(matrix.shape[0], dtype=complex)
+    for a, b, power in first:
+        for c, d, other in second:
+            if conjugate:
+                moment = matrix[:, a, c] * matrix[:, d, b] / (matrix[:, a, b] * matrix[:, c, d].conj())
+            else:
+                moment = matrix[:, a, d] * matrix[:, c, b] / (matrix[:, a, b] * matrix[:, c, d])
+            total += power * other * moment
+    return total
+
+
+#: F1/V1 with the instrument V2, and V2/V1 with the instrument F1.
+OF_V2: tuple[Terms, ...] = (((_F, _TWO, 1), (_ONE, _TWO, -1)), ((_TWO, _F, 1), (_ONE, _F, -1)))
+#: F1/V1 as the geometric mean of H1 and H2: its phase is that of G_F1; `modulus` gives its size.
+OF_V1: tuple[Terms, ...] = (((_F, _ONE, 0.5), (_ONE, _F, -0.5), (_F, _F, 0.5), (_ONE, _ONE, -0.5)),)
+#: The closure phase: the product of the cross spectra around F1, V1, V2, which is real if noises are independent.
+CLOSURE: tuple[Terms, ...] = (((_F, _ONE, 1), (_ONE, _TWO, 1), (_TWO, _F, 1)),)
+
+
+def by_drive(drive: int, channels: Sequence[int]) -> tuple[Terms, ...]:
+    """Each channel over V1, with a recorded drive as the instrument."""
+    return tuple(((channel, drive, 1), (_ONE, drive, -1)) for channel in channels)
