@@ -15,6 +15,10 @@ from fourpole.errors import RecordingError, TooShortError
 _FEWEST = 8
 #: Samples that are transformed at a time.
 _AT_A_TIME = 2_000_000
+#: Correlation of the motion in neighbouring segments above which it is one sine; that of noise is 1/6.
+_STEADY = 0.7
+#: Distance in bins from which on a sine belongs to another bin.
+_AWAY = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +35,15 @@ class CrossSpectra(ByValue):
         Number of independent averages with the same variance.
     width : (L,) float array [Hz]
         Width of the band that a line stands for.
+    foreign : (L,) bool array
+        Whether the motion at the line is that of a sine at another frequency, as between the sines of a multisine.
     """
 
     frequency: FloatArray
     matrix: ComplexArray
     averages: FloatArray
     width: FloatArray
+    foreign: BoolArray
 
     def coherence(self, a: int, b: int) -> FloatArray:
         """Coherence (L,) of two channels [1]."""
@@ -61,7 +68,8 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
     Returns
     -------
     CrossSpectra
-        A line for each bin. Neighbours are not independent: see `fourpole.core.spectra.lines.thinned`.
+        A line for each bin. Neighbours are not independent: see `fourpole.core.spectra.lines.thinned`. If the phase of
+        the motion advances alike from segment to segment, the motion is one sine, whose frequency the advance gives.
 
     Raises
     ------
@@ -88,16 +96,26 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
         raise RecordingError(
             f"no line of a spectrum lies between {band[0]:.4g} and {band[1]:.4g} Hz: sample faster, or record longer"
         )
-    window = hann(size)
-    total = np.zeros((int(inside.sum()), len(track.names), len(track.names)), dtype=complex)
+    window, motion = hann(size), track.names.index("motion_in")
+    total: ComplexArray = np.zeros((int(inside.sum()), len(track.names), len(track.names)), dtype=complex)
+    advance, power, last = np.zeros(total.shape[0], dtype=complex), np.zeros(total.shape[0]), None
     for some in _batches(starts, max(1, _AT_A_TIME // (size * len(track.names)))):
         pieces = np.stack([track.signals[:, start : start + size] for start in some])
         lines = fft.rfft((pieces - pieces.mean(axis=2, keepdims=True)) * window, axis=2)[:, :, inside]
         by_line = np.ascontiguousarray(lines.transpose(2, 1, 0))
         total += by_line @ by_line.conj().transpose(0, 2, 1)
+        moved = lines[:, motion] if last is None else np.concatenate([last, lines[:, motion]])
+        advance += np.einsum("kl,kl->l", moved[1:], moved[:-1].conj())
+        power += np.einsum("kl,kl->l", moved[:-1], moved[:-1].conj()).real
+        last = moved[-1:]
     scale = 2.0 / (track.rate * np.sum(window**2) * starts.size)
     count = np.full(total.shape[0], independent(starts.size, 1))
-    return CrossSpectra(frequency[inside], scale * total, count, np.full(count.size, track.rate / size))
+    step, found = track.rate / size, frequency[inside]
+    sine = np.abs(advance) > _STEADY * power
+    hop = max(1, size // 2) / track.rate
+    off = np.angle(advance * np.exp(-2j * np.pi * found * hop)) / (2 * np.pi * hop)
+    foreign = sine & (np.abs(off) > _AWAY * step)
+    return CrossSpectra(found, scale * total, count, np.full(count.size, step), foreign)
 
 
 def hann(size: int) -> FloatArray:
@@ -105,14 +123,14 @@ def hann(size: int) -> FloatArray:
     return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size))
 
 
-def _starts(present: BoolArray, size: int) -> FloatArray:
+def _starts(present: BoolArray, size: int) -> np.ndarray:
     """First samples of the segments of a size that overlap by half and miss no sample."""
     starts = np.arange(0, present.size - size + 1, max(1, size // 2)) if 2 <= size <= present.size else np.zeros(0, int)
     missing = np.concatenate([[0], np.cumsum(~present)])
     return starts[missing[starts + size] == missing[starts]] if starts.size else starts
 
 
-def _batches(starts: FloatArray, count: int) -> list[FloatArray]:
+def _batches(starts: np.ndarray, count: int) -> list[np.ndarray]:
     return [starts[at : at + count] for at in range(0, starts.size, count)]
 
 

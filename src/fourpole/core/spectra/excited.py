@@ -18,8 +18,15 @@ from fourpole.errors import RecordingError, TooShortError
 
 #: Number of segments that a first estimate takes, and the fewest that are taken for finer lines.
 _MANY, _FEW = 128, 32
-#: Segments are made longer while the closure phase exceeds its uncertainty by this factor, in the mean of all lines.
-_LEAKS = 1.2
+#: Share of such lines above which the motion has separate sines.
+_FOREIGN = 0.05
+#: Standard uncertainty of a phase that round-off leaves [rad].
+_ROUND_OFF = 1e-12
+#: Fewest cycles of the lowest frequency in a segment.
+_CYCLES = 4.0
+#: Segments are made longer while the mean square of the closure phase over its variance is above the first number, and
+#: falls below this share of what it was.
+_LEAKS, _BETTER = 1.5, 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +47,8 @@ class Excited(ByValue):
     misfit : float [1]
         Mean square of the closure phase over its variance; the covariance is enlarged by it where it exceeds 1.
         Not-a-number without V2.
+    foreign : float [1]
+        Share of the lines whose motion is that of a sine at another frequency.
     averages : (L,) float array [1]
         Number of independent averages.
     width : (L,) float array [Hz]
@@ -59,6 +68,7 @@ class Excited(ByValue):
     closure: FloatArray
     relative: FloatArray
     misfit: float
+    foreign: float
     averages: FloatArray
     width: FloatArray
     segment: float
@@ -114,25 +124,27 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     length = track.time.size / track.rate
     if segment is not None:
         return _of_segment(recording, names, inside, segment)
-    found, count = None, float(_MANY)
-    while count >= _FEW:
-        longer = 2.0 * length / (count + 1.0)
-        if longer * inside[0] >= 4.0:
-            found = _of_segment(recording, names, inside, longer)
-            if not _leaks(found):
-                return found
-        count = 0.5 * count
-    if found is None:
+    if length * inside[0] < 0.5 * _CYCLES * (_FEW + 1.0):
         raise TooShortError(
             f"{recording.label} is {length:.4g} s long, which is too short for lines from {band[0]:.4g} Hz on: record "
-            f"{_FEW * 2.0 / band[0]:.3g} s or more, or start the band higher"
+            f"{0.5 * _CYCLES * (_FEW + 1.0) / band[0]:.3g} s or more, or start the band higher"
+        )
+    found: Excited | None = None
+    for count in (_MANY, _MANY // 2, _FEW):
+        longer = max(2.0 * length / (count + 1.0), _CYCLES / inside[0])
+        finer = _of_segment(recording, names, inside, longer)
+        if found is not None and (finer.foreign > _FOREIGN or not finer.misfit < _BETTER * found.misfit):
+            break
+        found = finer
+        if not found.misfit > _LEAKS:
+            break
+    assert found is not None
+    if found.foreign > _FOREIGN:
+        raise RecordingError(
+            f"{recording.label}: the motion has separate sines, and nothing between them: test each as a dynamic test, "
+            f"or put the sines of a multisine at most {0.5 / found.segment:.2g} Hz apart"
         )
     return found
-
-
-def _leaks(found: Excited) -> bool:
-    """Whether the closure phase is larger than noise explains."""
-    return bool(found.misfit > _LEAKS**2)
 
 
 def _of_segment(recording: Recording, names: list[str], band: tuple[float, float], segment: float) -> Excited:
@@ -158,7 +170,8 @@ def _of_segment(recording: Recording, names: list[str], band: tuple[float, float
         amplitudes[:, 2] = found.values[:, 1] * level
         coherence[:, 1:] = np.stack([spectra.coherence(1, 2), spectra.coherence(2, 0)], axis=1)
         round_trip = ratios(spectra.matrix, spectra.averages, CLOSURE)
-        closure = np.stack([np.angle(round_trip.values[:, 0]), np.sqrt(round_trip.covariance[:, 1, 1])], axis=1)
+        std = np.sqrt(np.maximum(round_trip.covariance[:, 1, 1], _ROUND_OFF**2))
+        closure = np.stack([np.angle(round_trip.values[:, 0]), std], axis=1)
     misfit = float(np.mean((closure[:, 0] / closure[:, 1]) ** 2))
     covariance = found.covariance * (max(1.0, misfit) if np.isfinite(misfit) else 1.0)
     relative = np.full((*shape, 2), np.nan)
@@ -178,6 +191,7 @@ def _of_segment(recording: Recording, names: list[str], band: tuple[float, float
         closure,
         relative,
         misfit,
+        float(np.mean(every.foreign)),
         spectra.averages,
         spectra.width,
         segment,
@@ -200,7 +214,7 @@ def _true(recording: Recording, names: list[str], spectra: CrossSpectra) -> Cros
             factor = factor / link.at(spectra.frequency)
         turned[:, :, at] *= factor[:, None]
     matrix = turned @ spectra.matrix @ turned.conj().transpose(0, 2, 1)
-    return CrossSpectra(spectra.frequency, matrix, spectra.averages, spectra.width)
+    return CrossSpectra(spectra.frequency, matrix, spectra.averages, spectra.width, spectra.foreign)
 
 
 def _deflection(spectra: CrossSpectra) -> float:

@@ -18,7 +18,7 @@ def thinned(spectra: CrossSpectra, segments: float) -> CrossSpectra:
     """Lines that are independent: every other bin, or bands of bins where these are narrow for their frequency.
 
     Bands of more than three bins touch each other; the correlation of neighbours is then below 0.1. A band stands at
-    the mean of its frequencies, weighted by the power of the first channel.
+    the mean of its frequencies, weighted by the power of V1.
 
     Parameters
     ----------
@@ -27,11 +27,10 @@ def thinned(spectra: CrossSpectra, segments: float) -> CrossSpectra:
     segments : float [1]
         Number of segments, for the number of independent averages in a band.
     """
+    power = np.maximum(spectra.matrix[:, 1, 1].real, 1e-300)
     edges = _edges(spectra.frequency, float(spectra.width[0]))
     starts, counts = edges[:-1], np.diff(edges)
-    single = counts <= _APART + 1
-    kept = np.where(single, 1, counts)
-    power = np.maximum(spectra.matrix[:, 0, 0].real, 1e-300)
+    kept = np.where(counts <= _APART + 1, 1, counts)
     frequency, matrix = np.empty(starts.size), np.empty((starts.size, *spectra.matrix.shape[1:]), dtype=complex)
     for at, (start, count) in enumerate(zip(starts.tolist(), kept.tolist(), strict=True)):
         part = slice(start, start + count)
@@ -43,6 +42,7 @@ def thinned(spectra: CrossSpectra, segments: float) -> CrossSpectra:
         matrix,
         np.array([averages[count] for count in kept.tolist()]),
         kept * spectra.width[starts],
+        spectra.foreign[starts],
     )
 
 
