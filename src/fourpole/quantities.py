@@ -351,6 +351,23 @@ CORRECTION = _text("correction", "what was corrected: delay, filter, response or
 GAIN = Quantity("gain", "gain", "gain", "1", "gain at the frequency, recorded over true")
 PHASE = Quantity("phase", "phase", "phase", "rad", "phase at the frequency, recorded less true")
 
+WIDTH = Quantity("width", "width", "width", "Hz", "width of the band that a line stands for")
+AVERAGES = Quantity("averages", "n", "averages", "1", "number of independent averages")
+COHERENCES = tuple(
+    Quantity(f"coherence_{a}_{b}".lower(), f"γ²({a}, {b})", f"coherence {a}-{b}", "1", f"coherence of {a} and {b}")
+    for a, b in (("F1", "V1"), ("V1", "V2"), ("V2", "F1"))
+)
+CLOSURE_PHASE = Quantity(
+    "closure_phase", "closure", "closure phase", "rad", "phase of G(F1,V1)·G(V1,V2)·G(V2,F1); 0 without common noise",
+    "°", pi / 180,
+)  # fmt: skip
+ESTIMATES = tuple(
+    Quantity(name.lower(), name, name, "m/(N s)", f"mobility V1/F1 by {how}", "mm/(N s)", 1e-3)
+    for name, how in (
+        ("H1", "G(V1,F1)/G(F1,F1)"), ("H2", "G(V1,V1)/G(F1,V1)"), ("Hv", "the geometric mean of H1 and H2"),
+    )
+)  # fmt: skip
+
 CODE = _text("code", "name of the check")
 STATISTIC = Quantity("statistic", "", "statistic", meaning="what the check found; blank for a check without a number")
 LIMIT = Quantity("limit", "", "limit", meaning=(

@@ -13,7 +13,7 @@ from fourpole.core.demodulation.corrections import Correction, response_std
 from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
-from fourpole.core.spectra.excited import Excited
+from fourpole.core.spectra.excited import Excited, Line
 
 if TYPE_CHECKING:
     from fourpole.fitting.rows import Key
@@ -39,6 +39,8 @@ class Point:
         Roles of the channels, in the order of `preview`.
     preview : Preview or None
         A few cycles of the recording, for figures.
+    line : Line or None
+        What the averaged spectra show beside the amplitudes; None for a test at one frequency.
     """
 
     phasors: Phasors | None
@@ -46,6 +48,7 @@ class Point:
     corrections: tuple[Correction, ...] = ()
     channels: tuple[str, ...] = ()
     preview: Preview | None = None
+    line: Line | None = None
 
     @property
     def response_std(self) -> FloatArray:

@@ -150,7 +150,7 @@ def points_of(job: Job, done: Demodulated) -> tuple[Point, ...]:
         if rig is not None and not rig.blocked:
             rows += [checks.check_resonance(float(phasors.frequency), rig, added)]
             rows += [checks.check_consistency(phasors, rig, added)]
-        points.append(Point(phasors, (*(whole if at == 0 else ()), *rows), found.corrections[at]))
+        points.append(Point(phasors, (*(whole if at == 0 else ()), *rows), found.corrections[at], line=found.line(at)))
     return tuple(points)
 
 

@@ -237,6 +237,26 @@ def correction_rows(analysed: Analysed) -> list[Row]:
     ]
 
 
+def line_rows(analysed: Analysed) -> list[Row]:
+    """Rows of lines.csv: what the averaged spectra show of each line beside its amplitudes."""
+    rows = []
+    for _, key, point, phasors in analysed.measured:
+        if (line := point.line) is None:
+            continue
+        row = {
+            **key,
+            q.FREQUENCY.head: float(phasors.frequency),
+            q.WIDTH.head: line.width,
+            q.AVERAGES.head: line.averages,
+        }
+        row |= zip((one.head for one in q.COHERENCES), line.coherence, strict=True)
+        row |= {q.CLOSURE_PHASE.head: line.closure, q.CLOSURE_PHASE.u_head: line.closure_std}
+        for one, value in zip(q.ESTIMATES, line.estimates, strict=True):
+            row |= zip(one.parts, (value.real, value.imag), strict=True)
+        rows.append(row)
+    return rows
+
+
 def phasor_rows(analysed: Analysed) -> list[Row]:
     """Rows of phasors.parquet: complex amplitudes with their covariance."""
     rows = []

@@ -170,6 +170,14 @@ CORRECTIONS = TableSpec(
     ),
     made.correction_rows, key=(*KEY, q.CHANNEL.head, q.CORRECTION.head), read=False,
 )  # fmt: skip
+LINES = TableSpec(
+    "lines", "a line of a test under random excitation: what its averaged spectra show",
+    _columns(
+        q.TEST, q.FREQUENCY, q.WIDTH, q.AVERAGES, *q.COHERENCES, *q.CLOSURE_PHASE.heads,
+        *(part for one in q.ESTIMATES for part in one.parts),
+    ),
+    made.line_rows,
+)  # fmt: skip
 PHASORS = TableSpec(
     "phasors", "complex amplitudes of a dynamic test",
     {
@@ -210,6 +218,7 @@ TABLES = {
         QUANTILES,
         BUDGET,
         CORRECTIONS,
+        LINES,
         PHASORS,
         COVARIANCE,
         LIKELIHOOD,
@@ -221,14 +230,16 @@ TABLE_FILES = tuple(f"{one.name}{ending}" for one in TABLES.values() for ending 
 
 
 def _verdict(rows: Sequence[str]) -> str:
-    """Verdict of a test: a line of many that is rejected is a warning."""
-    kept = [one for one in rows if one != "rejected"]
-    return worst_verdict(kept if len(kept) == len(rows) else [*kept, "warning" if kept else "rejected"])
+    """Verdict of a dynamic test: a line of many that is rejected is a warning."""
+    worst = worst_verdict(rows)
+    return "warning" if worst == "rejected" and set(rows) != {"rejected"} else worst
 
 
 def verdict_counts(*tables: pl.DataFrame) -> dict[str, int]:
-    """Number of tests by verdict; a test counts by the worst verdict of its rows, those rejected only if all are."""
+    """Number of tests by verdict; a test with several rows counts by the worst, but see `_verdict` for lines."""
     held = [table for table in tables if q.VERDICT.head in table.columns]
-    rows = [table.group_by(q.TEST.head, maintain_order=True).agg(q.VERDICT.head) for table in held]
-    verdicts = [_verdict(row) for table in rows for row in table[q.VERDICT.head].to_list()]
+    verdicts = []
+    for table in held:
+        rows = table.group_by(q.TEST.head, maintain_order=True).agg(q.VERDICT.head)[q.VERDICT.head].to_list()
+        verdicts += list(map(_verdict if q.POINT.head in table.columns else worst_verdict, rows))
     return {verdict: verdicts.count(verdict) for verdict in VERDICTS}

@@ -17,6 +17,8 @@ _FEWEST = 8
 _AT_A_TIME = 2_000_000
 #: Correlation of the motion in neighbouring segments above which it is one sine; that of noise is 1/6.
 _STEADY = 0.7
+#: Relative round-off of a frequency.
+_ROUND_OFF = 1e-9
 #: Distance in bins from which on a sine belongs to another bin.
 _AWAY = 0.6
 
@@ -35,6 +37,8 @@ class CrossSpectra(ByValue):
         Number of independent averages with the same variance.
     width : (L,) float array [Hz]
         Width of the band that a line stands for.
+    held : (L,) float array [1]
+        Number of segments that hold the power of the motion: all of them under steady excitation, a few in a sweep.
     foreign : (L,) bool array
         Whether the motion at the line is that of a sine at another frequency, as between the sines of a multisine.
     """
@@ -43,6 +47,7 @@ class CrossSpectra(ByValue):
     matrix: ComplexArray
     averages: FloatArray
     width: FloatArray
+    held: FloatArray
     foreign: BoolArray
 
     def coherence(self, a: int, b: int) -> FloatArray:
@@ -91,7 +96,8 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
             "are needed: record longer"
         )
     frequency = np.arange(size // 2 + 1) * track.rate / size
-    inside = (frequency >= band[0]) & (frequency <= band[1]) & (frequency > 0)
+    low, high = band[0] * (1 - _ROUND_OFF), band[1] * (1 + _ROUND_OFF)
+    inside = (frequency >= low) & (frequency <= high) & (frequency > 0)
     if not inside.any():
         raise RecordingError(
             f"no line of a spectrum lies between {band[0]:.4g} and {band[1]:.4g} Hz: sample faster, or record longer"
@@ -99,6 +105,7 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
     window, motion = hann(size), track.names.index("motion_in")
     total: ComplexArray = np.zeros((int(inside.sum()), len(track.names), len(track.names)), dtype=complex)
     advance, power, last = np.zeros(total.shape[0], dtype=complex), np.zeros(total.shape[0]), None
+    square, fourth = np.zeros(total.shape[0]), np.zeros(total.shape[0])
     for some in _batches(starts, max(1, _AT_A_TIME // (size * len(track.names)))):
         pieces = np.stack([track.signals[:, start : start + size] for start in some])
         lines = fft.rfft((pieces - pieces.mean(axis=2, keepdims=True)) * window, axis=2)[:, :, inside]
@@ -108,14 +115,18 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
         advance += np.einsum("kl,kl->l", moved[1:], moved[:-1].conj())
         power += np.einsum("kl,kl->l", moved[:-1], moved[:-1].conj()).real
         last = moved[-1:]
+        own = np.abs(lines[:, motion]) ** 2
+        square, fourth = square + own.sum(axis=0), fourth + (own**2).sum(axis=0)
     scale = 2.0 / (track.rate * np.sum(window**2) * starts.size)
     count = np.full(total.shape[0], independent(starts.size, 1))
     step, found = track.rate / size, frequency[inside]
     sine = np.abs(advance) > _STEADY * power
     hop = max(1, size // 2) / track.rate
     off = np.angle(advance * np.exp(-2j * np.pi * found * hop)) / (2 * np.pi * hop)
+    # Gaussian noise has a fourth moment of twice the square of its power.
+    held = np.minimum(2.0 * square**2 / np.maximum(fourth, 1e-300), float(starts.size))
     foreign = sine & (np.abs(off) > _AWAY * step)
-    return CrossSpectra(found, scale * total, count, np.full(count.size, step), foreign)
+    return CrossSpectra(found, scale * total, count, np.full(count.size, step), held, foreign)
 
 
 def hann(size: int) -> FloatArray:

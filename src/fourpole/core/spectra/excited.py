@@ -20,6 +20,8 @@ from fourpole.errors import RecordingError, TooShortError
 _MANY, _FEW = 128, 32
 #: Share of such lines above which the motion has separate sines.
 _FOREIGN = 0.05
+#: Number of segments that hold the power at a frequency, below which the excitation is a sweep.
+_SWEPT = 8.0
 #: Standard uncertainty of a phase that round-off leaves [rad].
 _ROUND_OFF = 1e-12
 #: Fewest cycles of the lowest frequency in a segment.
@@ -27,6 +29,32 @@ _CYCLES = 4.0
 #: Segments are made longer while the mean square of the closure phase over its variance is above the first number, and
 #: falls below this share of what it was.
 _LEAKS, _BETTER = 1.5, 0.8
+
+
+@dataclass(frozen=True)
+class Line:
+    """What the averaged spectra show of one line beside its amplitudes.
+
+    Attributes
+    ----------
+    width : float [Hz]
+        Width of the band that it stands for.
+    averages : float [1]
+        Number of independent averages.
+    coherence : tuple of three floats [1]
+        Coherence of F1 and V1, V1 and V2, V2 and F1; not-a-number without V2.
+    closure, closure_std : float [rad]
+        Closure phase and its standard uncertainty; not-a-number without V2.
+    estimates : tuple of three complex numbers [m/(N s)]
+        Mobility V1/F1 by H1, H2 and Hv.
+    """
+
+    width: float
+    averages: float
+    coherence: tuple[float, ...]
+    closure: float
+    closure_std: float
+    estimates: tuple[complex, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +70,15 @@ class Excited(ByValue):
         Coherence of F1 and V1, V1 and V2, V2 and F1; not-a-number without V2.
     closure : (L, 2) float array [rad]
         Closure phase and its standard uncertainty; not-a-number without V2.
+    estimates : (L, 3) complex array [m/(N s)]
+        Mobility V1/F1 by H1, H2 and Hv, their geometric mean.
     relative : (L, 2) float array [1]
         Standard uncertainties of F1/V1 and of V2/V1, relative to their moduli.
     misfit : float [1]
         Mean square of the closure phase over its variance; the covariance is enlarged by it where it exceeds 1.
         Not-a-number without V2.
+    held : (L,) float array [1]
+        Number of segments that hold the power of the motion.
     foreign : float [1]
         Share of the lines whose motion is that of a sine at another frequency.
     averages : (L,) float array [1]
@@ -66,8 +98,10 @@ class Excited(ByValue):
     phasors: Phasors
     coherence: FloatArray
     closure: FloatArray
+    estimates: ComplexArray
     relative: FloatArray
     misfit: float
+    held: FloatArray
     foreign: float
     averages: FloatArray
     width: FloatArray
@@ -75,6 +109,14 @@ class Excited(ByValue):
     deflection: float
     force_peak: float
     corrections: tuple[tuple[Correction, ...], ...] = ()
+
+    def line(self, at: int) -> Line:
+        """What the spectra show of one line."""
+        closure, std = self.closure[at].tolist()
+        return Line(
+            float(self.width[at]), float(self.averages[at]), tuple(self.coherence[at].tolist()), closure, std,
+            tuple(self.estimates[at].tolist()),
+        )  # fmt: skip
 
 
 def random_amplitudes(recording: Recording, band: tuple[float, float], segment: float | None = None) -> Excited:
@@ -144,6 +186,11 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
             f"{recording.label}: the motion has separate sines, and nothing between them: test each as a dynamic test, "
             f"or put the sines of a multisine at most {0.5 / found.segment:.2g} Hz apart"
         )
+    if np.median(found.held) < _SWEPT:
+        raise RecordingError(
+            f"{recording.label}: each frequency is excited in {np.median(found.held):.2g} of the segments of "
+            f"{found.segment:.3g} s only, as by a sweep: excite all frequencies all the time"
+        )
     return found
 
 
@@ -189,8 +236,10 @@ def _of_segment(recording: Recording, names: list[str], band: tuple[float, float
         phasors,
         coherence,
         closure,
+        _estimates(spectra),
         relative,
         misfit,
+        spectra.held,
         float(np.mean(every.foreign)),
         spectra.averages,
         spectra.width,
@@ -214,7 +263,16 @@ def _true(recording: Recording, names: list[str], spectra: CrossSpectra) -> Cros
             factor = factor / link.at(spectra.frequency)
         turned[:, :, at] *= factor[:, None]
     matrix = turned @ spectra.matrix @ turned.conj().transpose(0, 2, 1)
-    return CrossSpectra(spectra.frequency, matrix, spectra.averages, spectra.width, spectra.foreign)
+    return CrossSpectra(spectra.frequency, matrix, spectra.averages, spectra.width, spectra.held, spectra.foreign)
+
+
+def _estimates(spectra: CrossSpectra) -> ComplexArray:
+    """Mobility (L, 3) by H1, H2 and Hv."""
+    cross = spectra.matrix[:, 1, 0]
+    force, motion = spectra.matrix[:, 0, 0].real, spectra.matrix[:, 1, 1].real
+    with np.errstate(divide="ignore", invalid="ignore"):
+        h1, h2 = cross / force, motion / cross.conj()
+        return np.stack([h1, h2, cross / np.abs(cross) * np.sqrt(motion / force)], axis=1)
 
 
 def _deflection(spectra: CrossSpectra) -> float:

@@ -1,0 +1,169 @@
+"""Amplitudes under random excitation: against a rig simulated by its frequency responses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import signal
+from tests import random_rig
+
+from fourpole import Recording
+from fourpole.core.chain import LowPass
+from fourpole.core.codes import Code
+from fourpole.core.demodulation.tracks import tracks_of
+from fourpole.core.phasor import CHANNELS
+from fourpole.core.routes import stiffness_by
+from fourpole.core.spectra.average import cross_spectra, independent
+from fourpole.core.spectra.excited import random_amplitudes
+from fourpole.core.spectra.verdicts import check_closure, check_line
+from fourpole.errors import RecordingError, TooShortError
+
+BAND = (5.0, 200.0)
+
+
+def recorded(seed=1, **how):
+    time, force, contact, wheel = random_rig.run(seed, **how)
+    return Recording.from_arrays(time, force_in=force, motion_in=contact, motion_out=wheel)
+
+
+def errors_of(found):
+    """ln of K* found over the true one, and the standard uncertainties of its parts, by the relative route."""
+    omega, (f1, v1, v2) = found.phasors.omega, found.phasors.amplitudes.T
+    off = np.log(stiffness_by("relative", [f1, v1, v2], 0.0, omega) / random_rig.stiffness(omega))
+    slopes = [1 / f1, -1 / (v1 - v2), 1 / (v1 - v2)]
+    turn = np.concatenate(
+        [np.stack([np.stack([d.real, -d.imag], -1), np.stack([d.imag, d.real], -1)], 1) for d in slopes], axis=2
+    )
+    covariance = turn @ found.phasors.covariance @ turn.transpose(0, 2, 1)
+    return off, np.sqrt(np.einsum("lii->li", covariance))
+
+
+@pytest.mark.parametrize(("coherence", "seeds"), [(0.99, (1, 2)), (0.7, (3, 4, 5, 19))])
+def test_errors_have_the_stated_uncertainty_and_no_bias(coherence, seeds):
+    """Lines are independent, so the mean of N errors over their uncertainties has the standard deviation N^-1/2."""
+    pulls = []
+    for seed in seeds:
+        off, std = errors_of(random_amplitudes(recorded(seed, coherence=coherence), BAND))
+        pulls.append(np.stack([off.real, off.imag], 1) / std)
+    every = np.concatenate(pulls)
+    count = every.shape[0]
+    assert count > 300
+    assert np.sqrt(np.mean(every**2)) == pytest.approx(1.0, abs=0.12)
+    assert np.abs(every.mean(axis=0)).max() < 4.0 / np.sqrt(count)
+
+
+def test_usual_estimates_have_a_bias_where_the_channels_are_noisy():
+    """At coherence 0.7 H1 is low by the noise of F1 and H2 high by that of V1: the reason for instruments."""
+    found = random_amplitudes(recorded(6, coherence=0.7), BAND)
+    omega = found.phasors.omega
+    rig = 1j * omega * random_rig.MASS + random_rig.SPRING / (1j * omega)
+    true = 1 / rig + 1j * omega / random_rig.stiffness(omega)
+    low, high, _ = np.mean(np.abs(found.estimates / true[:, None]), axis=0)
+    assert low == pytest.approx(np.sqrt(0.7), abs=0.02)
+    assert high == pytest.approx(1 / np.sqrt(0.7), abs=0.03)
+    assert np.mean(np.abs(found.phasors.mobility / true)) == pytest.approx(1.0, abs=0.02)
+    assert np.median(found.coherence, axis=0) == pytest.approx(0.7, abs=0.05)
+
+
+def test_noise_that_the_channels_share_is_told_by_the_closure_phase():
+    for common, told in ((0.0, False), (0.3, True)):
+        found = random_amplitudes(recorded(7, coherence=0.7, common=common), BAND)
+        (check,) = check_closure(found)
+        assert (check.verdict != "ok") is told
+        assert check.code is Code.CLOSURE
+
+
+def test_the_spectra_are_those_of_scipy():
+    recording = recorded(8, length=20.0)
+    (track,) = tracks_of(recording, CHANNELS)
+    mine = cross_spectra(track, 1.0, BAND)
+    for a in range(3):
+        for b in range(3):
+            f, other = signal.csd(track.signals[b], track.signals[a], fs=1000.0, window="hann", nperseg=1000)
+            inside = (f >= BAND[0]) & (f <= BAND[1])
+            scale = np.sqrt(np.abs(mine.matrix[:, a, a] * mine.matrix[:, b, b]))
+            assert np.abs(mine.matrix[:, a, b] - other[inside]).max() < 1e-9 * scale.max()
+
+
+def test_the_number_of_averages_is_that_of_the_scatter():
+    """The power of white noise has the relative variance 1/n."""
+    rng = np.random.default_rng(9)
+    time = np.arange(400_000) / 1000.0
+    noise = rng.normal(size=(2, time.size))
+    (track,) = tracks_of(Recording.from_arrays(time, force_in=noise[0], motion_in=noise[1]), CHANNELS[:2])
+    power = cross_spectra(track, 1.0, (1.0, 499.0)).matrix[:, 0, 0].real
+    for bins in (1, 4):
+        means = power[: power.size // bins * bins].reshape(-1, bins).mean(axis=1)
+        scatter = means.var() / means.mean() ** 2
+        assert scatter * independent(799, bins) == pytest.approx(1.0, abs=4 * np.sqrt(2.0 / means.size))
+
+
+def test_delays_and_filters_are_taken_out_at_each_line():
+    plain = recorded(10, length=40.0)
+    found = random_amplitudes(plain, BAND, segment=1.0)
+    link = LowPass(150.0, 2)
+    late = replace(plain.channels["motion_out"], delay=2e-3, chain=(link,))
+    other = random_amplitudes(replace(plain, channels={**plain.channels, "motion_out": late}), BAND, segment=1.0)
+    omega = found.phasors.omega
+    factor = np.exp(-1j * omega * 2e-3) * link.at(omega / (2 * np.pi))
+    ratio = other.phasors.transmissibility / found.phasors.transmissibility
+    assert ratio == pytest.approx(1 / factor, rel=1e-9)
+    assert {row.name for row in other.corrections[0]} == {"delay", "low-pass"}
+
+
+def test_lines_are_amplitudes_of_a_sine_with_the_whole_deflection():
+    found = random_amplitudes(recorded(11), BAND)
+    moved = np.abs(found.phasors.motion_in - found.phasors.motion_out) / found.phasors.omega
+    assert moved == pytest.approx(found.deflection, rel=1e-9)
+
+
+def test_without_v2_the_ratio_is_the_mean_of_h1_and_h2():
+    found = random_amplitudes(recorded(12).without("motion_out"), BAND)
+    assert found.phasors.mobility == pytest.approx(found.estimates[:, 2], rel=1e-9)
+    assert np.isnan(found.closure).all()
+    assert list(check_closure(found)) == []
+
+
+def test_a_line_without_excitation_is_rejected():
+    found = random_amplitudes(recorded(13, band=(3.0, 100.0)), (5.0, 200.0))
+    above = found.phasors.frequency > 110.0
+    verdicts = np.array([check_line(found, at).verdict for at in range(above.size)])
+    assert set(verdicts[above]) == {"rejected"}
+    assert set(verdicts[found.phasors.frequency < 90.0]) == {"ok"}
+
+
+def _sines(frequencies, length=60.0):
+    time, rng = np.arange(int(length * 1000)) / 1000.0, np.random.default_rng(14)
+    waves = [np.exp(1j * (2 * np.pi * f * time + rng.uniform(0, 6.28))) for f in frequencies]
+    total = np.sum(waves, axis=0)
+    return Recording.from_arrays(time, force_in=total.imag, motion_in=total.real, motion_out=(0.3j * total).real)
+
+
+def _sweep(length=60.0):
+    time = np.arange(int(length * 1000)) / 1000.0
+    wave = np.exp(2j * np.pi * (4.0 * time + 108.0 * time**2 / length))
+    return Recording.from_arrays(time, force_in=wave.imag, motion_in=wave.real, motion_out=(0.3j * wave).real)
+
+
+def _apart():
+    recording = recorded(15, length=20.0)
+    late = replace(recording.channels["motion_out"], rate=500.0, samples=recording.channels["motion_out"].samples[::2])
+    return replace(recording, channels={**recording.channels, "motion_out": late})
+
+
+@pytest.mark.parametrize(
+    ("recording", "band", "error", "said"),
+    [
+        (lambda: _sines(5.03 * 2 ** (np.arange(16) / 3)), BAND, RecordingError, "separate sines"),
+        (_sweep, BAND, RecordingError, "as by a sweep"),
+        (lambda: recorded(16, length=8.0), BAND, TooShortError, "record 13.2 s or more"),
+        (lambda: recorded(17, length=20.0), (600.0, 800.0), RecordingError, "do not resolve 600 Hz"),
+        (_apart, BAND, RecordingError, "resample them to one rate"),
+        (lambda: recorded(18, length=20.0), (50.001, 50.002), RecordingError, "no line of a spectrum"),
+    ],
+)
+def test_what_is_not_random_or_too_short_is_said(recording, band, error, said):
+    with pytest.raises(error, match=said):
+        random_amplitudes(recording(), band)
