@@ -88,7 +88,7 @@ class Tables(ByValue):
     tables: Mapping[str, pl.DataFrame]
     static, dynamic, checks, previews = _Held(), _Held(), _Held(), _Held()
     rig, residuals, budget, quantiles = _Held(), _Held(), _Held(), _Held()
-    corrections, phasors, covariance, likelihood = _Held(), _Held(), _Held(), _Held()
+    corrections, lines, phasors, covariance, likelihood = _Held(), _Held(), _Held(), _Held(), _Held()
 
 
 def _columns(*columns: Quantity | str) -> dict[str, Any]:

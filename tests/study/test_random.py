@@ -1,0 +1,95 @@
+"""Random tests in a campaign: lines as rows, the weighed mass, and what is wrong in tests.csv."""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+import pytest
+from tests import random_rig
+
+from fourpole import analyse
+from fourpole.campaign.folder import read_campaign
+from fourpole.study.check import check_campaign
+
+CHANNEL = '{{ column = "{}", unit = "{}", std_gain = "3 %", std_phase = "1 deg" }}'
+STATED = f"""
+[rig]
+moving_mass = {{ value = 15.2, unit = "kg", std = 0.3 }}
+preload_stiffness = {{ value = 12.2, unit = "kN/m", std = 0.3 }}
+[channels]
+time = {{ column = "t", unit = "s" }}
+force_in = {CHANNEL.format("F1", "N")}
+motion_in = {CHANNEL.format("V1", "m/s")}
+motion_out = {CHANNEL.format("V2", "m/s")}
+[specimens.mount]
+"""
+GAINS = (1.03, 0.97, 1.02)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two random tests, without and with 10 kg, by sensors whose gains are off by 3 %."""
+    place = tmp_path_factory.mktemp("random")
+    (place / "campaign.toml").write_text(STATED)
+    rows = ["test,file,kind,specimen,frequency [Hz],K1 [N/m],u(K1) [N/m],added_mass [kg],u(added_mass) [kg]"]
+    for at, added in enumerate((0, 10)):
+        time, *signals = random_rig.run(30 + at, coherence=0.999, added=added)
+        signals = [gain * one for gain, one in zip(GAINS, signals, strict=True)]
+        table = dict(zip(("t", "F1", "V1", "V2"), (time, *signals), strict=True))
+        pl.DataFrame(table).write_parquet(place / f"R{at}.parquet")
+        rows.append(f"R{at},R{at}.parquet,random,mount,5:200,120e3,100,{added},{0.001 if added else 0}")
+    (place / "tests.csv").write_text("\n".join(rows) + "\n")
+    return place
+
+
+@pytest.fixture(scope="module")
+def study(folder):
+    return analyse(folder, monte_carlo=0)
+
+
+def test_a_weighed_mass_gives_the_scale_of_all_lines(study):
+    table = study.dynamic.filter(pl.col("verdict") != "rejected")
+    assert table.height > 300
+    true = random_rig.stiffness(2 * np.pi * table["frequency [Hz]"].to_numpy())
+    for part, of in (("Re", true.real), ("Im", true.imag)):
+        pulls = (table[f"{part} K* [N/m]"].to_numpy() - of) / table[f"u({part} K*) [N/m]"].to_numpy()
+        assert np.sqrt(np.mean(pulls**2)) < 1.4  # the errors that all lines share make one draw of the mean
+    assert np.median(table["u(Re K*) [N/m]"].to_numpy() / true.real) < 0.005
+    found = {row["value"]: row for row in study.rig.to_dicts()}
+    for name, value in (("moving_mass", 15.0), ("preload_stiffness", 12440.0), ("gain F1/V1", GAINS[0] / GAINS[1])):
+        assert abs(found[name]["found"] - value) < 4.0 * found[name]["u(found)"]
+
+
+def test_each_line_is_a_row_with_its_spectra(study):
+    keys = ["test", "point"]
+    assert study.lines.select(keys).equals(study.dynamic.select(keys))
+    assert study.lines["coherence F1-V1 [1]"].median() > 0.99
+    assert study.counts["rejected"] == 0
+    assert study.dynamic["deflection amplitude [m]"].round(9).n_unique() == 2
+
+
+def test_the_report_and_the_check_take_random_tests(folder, study, tmp_path):
+    assert check_campaign(read_campaign(folder)).problems == ()
+    study.write(tmp_path)
+    assert (tmp_path / "lines.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("kind", "frequency", "said"),
+    [
+        ("random", "12", "needs the band of its excitation"),
+        ("random", "", "needs the band of its excitation"),
+        ("dynamic", "5:200", "a band is for kind random"),
+        ("random", "200:5", "not two rising, positive frequencies"),
+        ("random", "0.2:5 kHz", ""),
+        ("rondom", "5:200", "did you mean 'random'"),
+    ],
+)
+def test_a_slip_in_the_row_is_named(tmp_path, kind, frequency, said):
+    (tmp_path / "campaign.toml").write_text(STATED)
+    (tmp_path / "tests.csv").write_text(f"test,file,kind,specimen,frequency [Hz]\nR,r.csv,{kind},mount,{frequency}\n")
+    (test,) = read_campaign(tmp_path).tests
+    assert said in test.problem
+    assert bool(test.problem) is bool(said)
+    if not said:
+        assert test.band == (200.0, 5000.0)
