@@ -1,5 +1,7 @@
 """The figure of a model over the amplitude of the deflection shows the tests, the model and its frequencies."""
 
+from functools import cache
+
 import numpy as np
 import polars as pl
 import pytest
@@ -20,6 +22,12 @@ TRUTH = [150e3, 250e3, 3e-3, 0.5, 80e3, 20e3, 0.5e-3, 0.55, 0.08, 0.05]
 
 @pytest.fixture(scope="module")
 def results():
+    return over_amplitudes()
+
+
+@cache
+def over_amplitudes():
+    """A mount whose K* depends on the amplitude, with its model."""
     f, x = (one.ravel() for one in np.meshgrid(FREQUENCY, LEVELS, indexing="ij"))
     k = Kraus(x).stiffness(TRUTH, 2 * np.pi * f)
     columns = {"tyre": ["mount"] * f.size, "test": [f"D{at}" for at in range(f.size)], "frequency [Hz]": f}

@@ -16,7 +16,7 @@ from tests.plot.modelled import study_with_models
 
 from fourpole.core.tyre import mobility
 from fourpole.plot import FIGURES, PAPER, Style, draw, figure_data, figures_of
-from fourpole.plot.data import Role
+from fourpole.plot.data import Place, Role, Tone
 from fourpole.plot.layout import COLOUR_SCALE
 from fourpole.plot.motion import crossings
 from fourpole.plot.sheet import read_sheet
@@ -99,7 +99,7 @@ def test_figures_6_to_13_carry_the_numbers_of_the_table(study, key, preload):
     quantity, scale = ("C [N s/m]", 1.0) if int(key[3:]) < 10 else ("K2 [N/m]", 1e-3)
     against = ("pressure [Pa]", 1e-5) if key in {"fig06", "fig07", "fig10", "fig11"} else ("frequency [Hz]", 1.0)
     figure = draw(study, key)
-    assert len(figure.axes) == 2
+    assert len([ax for ax in figure.axes if ax.get_label() != COLOUR_SCALE]) == 2
     for tyre in TYRES:
         ax = panel(figure, tyre)
         assert ax.get_title(loc="right") == f"{preload:.0f} N"
@@ -116,8 +116,8 @@ def test_figures_6_to_13_carry_the_numbers_of_the_table(study, key, preload):
 def test_more_preloads_have_a_row_each_and_the_lowest_its_own_figure():
     results = results_of(preloads=(1000.0, 1500.0, 2000.0), frequencies=(10.0, 20.0))
     low, others = draw(results, "fig06"), draw(results, "fig07")
-    assert {ax.get_title(loc="right") for ax in low.axes} == {"1000 N"}
-    assert [ax.get_title(loc="right") for ax in others.axes] == ["1500 N", "1500 N", "2000 N", "2000 N"]
+    assert [ax.get_title(loc="right") for ax in low.axes[:-1]] == ["1000 N"] * 2
+    assert [ax.get_title(loc="right") for ax in others.axes[:-1]] == ["1500 N", "1500 N", "2000 N", "2000 N"]
     assert draw(results_of(preloads=(1000.0,), frequencies=(10.0,)), "fig07") is None
 
 
@@ -132,57 +132,59 @@ def test_bars_are_the_uncertainties_of_the_table(study):
 
 @pytest.mark.parametrize("tyre", TYRES)
 def test_figure_5_is_a_carpet_that_gives_load_and_pressure(study, tyre):
-    figure = draw(study, "fig05")
-    ax, law = panel(figure, tyre), TYRES[tyre]
-    curves = sorted(lines(ax, "_constant pressure"), key=lambda line: line.get_xdata()[0])
+    data, law = figure_data(study, "fig05"), TYRES[tyre]
+    (part,) = [one for one in data.panels if one.title == tyre]
+    curves = [one for one in part.series if one.place is Place.ABOVE]
     assert len(curves) == len(PRESSURES)
     # Each begins at zero load, set off in proportion to its pressure.
-    offsets = np.array([line.get_xdata()[0] for line in curves])
+    offsets = np.array([one.x[0] for one in curves])
     per_bar = offsets[-1] / 1.4
-    assert f"the offset is {per_bar:.3g} mm per bar above 1 bar" in said(figure).lower()
+    assert f"the offset is {per_bar:.3g} mm per bar above 1 bar" in data.notes
     np.testing.assert_allclose(offsets, per_bar * (np.array(PRESSURES) - PRESSURES[0]) * 1e-5, atol=1e-6)
-    for line, pressure, offset in zip(curves, PRESSURES, offsets, strict=True):
-        x, load = line.get_xdata(), line.get_ydata()
-        np.testing.assert_allclose(law.load((x - offset) * 1e-3, pressure), load * 1e3, atol=0.01)
-    crosses = lines(ax, "_constant deflection")
-    labels = [text.get_text() for text in ax.texts]
+    for one, pressure, offset in zip(curves, PRESSURES, offsets, strict=True):
+        np.testing.assert_allclose(law.load((one.x - offset) * 1e-3, pressure), one.y * 1e3, atol=0.01)
+    crosses = [one for one in part.series if one.place is not Place.ABOVE]
     assert len(crosses) >= 3
-    for line in crosses:
-        knots = line.get_xydata()
-        level = round(knots[0, 0])
-        assert f"{level} mm" in labels
+    for one in crosses:
+        level = round(one.x[0])
+        assert one.label == f"{level} mm"
         # Loads are interpolated between the 60 points of the curve.
-        np.testing.assert_allclose(
-            knots[:, 1], law.load(level * 1e-3, np.array(PRESSURES[: len(knots)])) * 1e-3, rtol=2e-3
-        )
-        np.testing.assert_allclose(knots[:, 0], level + offsets[: len(knots)], atol=1e-6)
-    assert {"1", "2.4 bar"} <= set(labels)
+        np.testing.assert_allclose(one.y, law.load(level * 1e-3, np.array(PRESSURES[: one.y.size])) * 1e-3, rtol=2e-3)
+        np.testing.assert_allclose(one.x, level + offsets[: one.x.size], atol=1e-6)
+    ax = panel(draw(study, "fig05"), tyre)
+    assert {"1", "2.4 bar", crosses[0].label} <= {text.get_text() for text in ax.texts}
     assert ax.get_ylabel() in {"load [kN]", ""}
 
 
 def test_figure_5_without_a_second_pressure_has_no_offset():
-    figure = draw(results_of(pressures=(170e3,), frequencies=(10.0,)), "fig05")
-    assert {ax.get_xlabel() for ax in figure.axes} == {"deflection [mm]"}
-    assert not any(lines(ax, "_constant deflection") for ax in figure.axes)
+    data = figure_data(results_of(pressures=(170e3,), frequencies=(10.0,)), "fig05")
+    assert {one.x.label for one in data.panels} == {"deflection [mm]"}
+    assert all(one.place is Place.ABOVE for part in data.panels for one in part.series)
+
+
+def crossed_at(part):
+    """Frequencies at which lines go down from crossings."""
+    return [one.x[0] for one in part.series if one.tone is Tone.INK]
 
 
 def test_figure_14_shows_two_pressures_and_where_the_tyres_cross(study):
-    figure = draw(study, "fig14")
-    assert [ax.get_title(loc="left") for ax in figure.axes] == ["1000 N", "2000 N"]
-    for ax, preload in zip(figure.axes, (1000.0, 2000.0), strict=True):
+    data = figure_data(study, "fig14")
+    assert [one.title for one in data.panels] == ["1000 N", "2000 N"]
+    for ax, part, preload in zip(draw(study, "fig14").axes, data.panels, (1000.0, 2000.0), strict=True):
         rows = study.dynamic.filter(pl.col("pressure [Pa]").is_in([100e3, 170e3]) & (pl.col("preload [N]") == preload))
         expected = rows.select("frequency [Hz]", "TR measured [1]").to_numpy()
         np.testing.assert_allclose(in_order(points(ax)), in_order(expected), rtol=1e-12)
-        crossed = [line.get_xdata()[0] for line in lines(ax, "_crossing")]
+        crossed = crossed_at(part)
         assert len(crossed) == 2
         assert all(17.0 < at < 19.5 for at in crossed)
-        assert any(f"{crossed[0]:.1f} Hz (1 bar)" in text for text in texts(figure))
-    assert "2 of 5 pressures shown" in said(figure)
+        assert f"{crossed[0]:.1f} Hz (1 bar)" in part.corner
+        assert ax.get_ylim()[0] == 0.0
+    assert "2 of 5 pressures shown" in data.notes
 
 
 def test_a_single_tyre_crosses_nothing():
-    figure = draw(results_of(tyres=(RADIAL_PLY,)), "fig14")
-    assert not any(lines(ax, "_crossing") for ax in figure.axes)
+    data = figure_data(results_of(tyres=(RADIAL_PLY,)), "fig14")
+    assert not any(crossed_at(part) or part.corner for part in data.panels)
 
 
 def test_crossings_are_found_between_the_points_in_common():
@@ -205,23 +207,23 @@ def test_every_axis_says_its_unit(study, key):
 
 
 def test_a_tyre_has_one_colour_and_a_pressure_one_marker_in_all_figures(study):
-    style = Style()
-    colour = {tyre: to_hex(style.colour(at)) for at, tyre in enumerate(TYRES)}
+    colour = {tyre: to_hex(Style().colour(at)) for at, tyre in enumerate(TYRES)}
     markers = {}
     for key in DATA:
         for ax in draw(study, key).axes:
-            tyre = ax.get_title(loc="left")
             bar = lines(ax, "_tyre")
             if bar:
-                assert [to_hex(line.get_color()) for line in bar] == [colour[tyre]]
-            if key in {"fig08", "fig09", "fig12", "fig13", "stiffness", "nyquist", "mobility", "fig14"}:
-                assert {to_hex(line.get_color()) for line in lines(ax, "_points")} <= set(colour.values())
+                assert [to_hex(line.get_color()) for line in bar] == [colour[ax.get_title(loc="left")]]
+        for part in figure_data(study, key).panels:
+            marks = [one for one in part.series if one.role is Role.POINTS]
+            if part.tyre >= 0 and key != "pressure-frequency":
+                assert {one.tyre for one in marks} <= {part.tyre}
             if key in {"fig08", "fig09", "fig12", "fig13"}:
-                assert {to_hex(line.get_color()) for line in lines(ax, "_points")} == {colour[tyre]}
-                drawn = [line.get_marker() for line in lines(ax, "_points")]
+                drawn = [one.marker for one in marks]
                 assert markers.setdefault("pressures", drawn) == drawn
     assert len(set(markers["pressures"])) == len(PRESSURES)
-    fourteenth = {line.get_marker() for ax in draw(study, "fig14").axes for line in lines(ax, "_points")}
+    fourteenth = {one.marker for part in figure_data(study, "fig14").panels for one in part.series
+                  if one.role is Role.POINTS}  # fmt: skip
     assert fourteenth == {markers["pressures"][0], markers["pressures"][2]}
 
 
@@ -335,21 +337,23 @@ def test_a_specimen_without_pressure_has_curves_against_frequency(study):
 
 
 def test_the_curve_of_the_model_passes_through_the_measured_mobility(study):
-    ax = draw(study, "mobility").axes[0]
-    (curve, *_), (marked, *_) = lines(ax, "_model"), lines(ax, "_points")
+    part = figure_data(study, "mobility").panels[0]
+    curve, marked = (next(one for one in part.series if one.role is role) for role in (Role.MODEL, Role.POINTS))
     # K2 and C are interpolated, so away from the ends only nearly.
-    np.testing.assert_allclose(curve.get_ydata()[[0, -1]], marked.get_ydata()[[0, -1]], rtol=1e-9)
+    np.testing.assert_allclose(curve.y[[0, -1]], marked.y[[0, -1]], rtol=1e-9)
     row = study.dynamic.row(0, named=True)
     whole = mobility(complex(row["Re K* [N/m]"], row["Im K* [N/m]"]), 2 * np.pi * row["frequency [Hz]"], mass=15.0,
                      preload_stiffness=12440.0, preload_damping=15.0)  # fmt: skip
-    assert curve.get_ydata()[0] == pytest.approx(whole.real * 1e3, rel=1e-9)
+    assert curve.y[0] == pytest.approx(whole.real * 1e3, rel=1e-9)
 
 
 def test_nyquist_is_imaginary_over_real(study):
-    ax = panel(draw(study, "nyquist"), "radial-ply")
-    rows = study.dynamic.filter(pl.col("tyre") == "radial-ply")
+    data = figure_data(study, "nyquist")
+    assert "3 of 5 pressures shown" in data.notes
+    rows = study.dynamic.filter((pl.col("tyre") == "radial-ply") & pl.col("pressure [Pa]").is_in([100e3, 170e3, 240e3]))
     expected = rows.select(pl.col("Re K* [N/m]") * 1e-3, pl.col("Im K* [N/m]") * 1e-3).to_numpy()
-    np.testing.assert_allclose(in_order(points(ax)), in_order(expected), rtol=1e-12)
+    found = points(panel(draw(study, "nyquist"), "radial-ply"))
+    np.testing.assert_allclose(in_order(found), in_order(expected), rtol=1e-12)
 
 
 @pytest.mark.parametrize("key", DATA)

@@ -33,6 +33,14 @@ class Role(StrEnum):
     RANGE = "range"
 
 
+class Place(StrEnum):
+    """Where the label of a curve stands: beside or above its right end, or beside its left end."""
+
+    RIGHT = "right"
+    ABOVE = "above"
+    LEFT = "left"
+
+
 class Tone(StrEnum):
     """What a colour says where it is not that of a specimen."""
 
@@ -101,7 +109,9 @@ class Series(ByValue):
     hollow : bool
         Whether the markers are open.
     texts : tuple of str
-        Text on the right of each point, or above it if the series is `headed`; empty for none.
+        Text on the right of each point; empty for none.
+    place : Place
+        Where the label of a curve stands.
     tests, cards : tuples of str
         Name of the test of each point, and the id of its card in the report; empty for curves.
     """
@@ -120,7 +130,7 @@ class Series(ByValue):
     tone: Tone = Tone.NONE
     hollow: bool = False
     texts: tuple[str, ...] = ()
-    headed: bool = False
+    place: Place = Place.RIGHT
     tests: tuple[str, ...] = ()
     cards: tuple[str, ...] = ()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -11,11 +12,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.transforms import Bbox
 
 from fourpole.core.arrays import FloatArray
-from fourpole.plot.data import AxisData, Field, FigureData, Panel, Role, Series, look
-from fourpole.plot.layout import Grid, Key, Notes
+from fourpole.plot.data import AxisData, Field, FigureData, Panel, Place, Role, Series, look
+from fourpole.plot.layout import Grid, Key
 from fourpole.plot.names import counted, plain_text
+from fourpole.plot.notes import Notes
 from fourpole.plot.panels import (
     ALIKE,
     Extent,
@@ -34,6 +37,10 @@ from fourpole.plot.style import Style, load_dashes, pressure_marker
 _MOST_LINKS = 1500
 #: Least width of a panel of several in a row [in], height of a row of names, and least height of other panels [in].
 _LEAST_WIDTH, _NAME_HEIGHT, _LEAST_HEIGHT = 1.3, 0.135, 0.5
+#: Least height of a panel with labels above its curves [in], and room for them as a share of its ordinate.
+_LEAST_HIGH, _HEADROOM = 1.3, 0.08
+#: Length of a letter of a label [pt].
+_LABEL_LETTER = 4.9
 #: Number of levels of a map, about.
 _LEVELS = 9
 #: A curve whose label is shorter than this [letters] takes no more room for it.
@@ -128,7 +135,8 @@ def _figure(data: FigureData, style: Style) -> Figure:
         y_labels=["" if panel.names or not data.shared else panel.y.label for panel in data.panels[:: data.columns]],
         share_x=_same_abscissa(grid.panels, data), share_y=data.shared,
         headings=_headings(data), scale=data.scale, height=data.height, left=data.left, right=data.right,
-        least=style.font(max(_LEAST_HEIGHT, _NAME_HEIGHT * (named + 0.2))),
+        least=style.font(max(_LEAST_HIGH if any(map(_labelled_above, data.panels)) else _LEAST_HEIGHT,
+                             _NAME_HEIGHT * (named + 0.2))),
     )  # fmt: skip
     for ax, panel in zip(grid.panels, data.panels, strict=True):
         if ax.get_xlabel():
@@ -137,8 +145,28 @@ def _figure(data: FigureData, style: Style) -> Figure:
             _name_rows(ax, panel, style)
         elif not data.shared:
             ax.set_ylabel(panel.y.label)
-        end_labels(ax, panel, style, 72 * ax.get_position().height * figure.get_size_inches()[1])
+        place, (wide, high) = ax.get_position(), 72 * figure.get_size_inches()
+        ax.set_ylabel(_wrapped(ax.get_ylabel(), int(place.height * high / style.font(_LABEL_LETTER))))
+        end_labels(ax, panel, style, place.width * wide, place.height * high)
+        if panel.field is not None:
+            _part_numbers(ax)
     return figure
+
+
+def _wrapped(label: str, letters: int) -> str:
+    """A label in lines of so many letters."""
+    return "\n".join(textwrap.wrap(label, max(letters, 8), break_long_words=False)) if len(label) > letters else label
+
+
+def _part_numbers(ax: Axes) -> None:
+    """Hide the numbers of a map's lines that would lie on others."""
+    kept: list[Bbox] = []
+    for text in ax.texts:
+        box = text.get_window_extent()
+        if any(box.overlaps(other) for other in kept):
+            text.set_visible(False)
+        else:
+            kept.append(box)
 
 
 def _head(ax: Axes, panel: Panel, style: Style, letters: int) -> None:
@@ -240,6 +268,8 @@ def _limit(
     _set_kind(ax, panel.x)
     ax.set_xlim(style.xlim or _with_room(panel, ends, style, width))
     limits, steep = steep_limits(extent) if panel.x.log or panel.y.log else (extent.limits(panel.y.zero), False)
+    if _labelled_above(panel):
+        limits = limits[0], limits[1] + _HEADROOM * (limits[1] - limits[0])
     if steep:
         ax.set_yscale("log")
     ax.set_ylim(style.ylim or limits)
@@ -322,7 +352,7 @@ def _with_room(panel: Panel, ends: tuple[float, float], style: Style, width: flo
     share = 1.0 - min(_room(panel) * letter, 0.45)
     to, back = (np.log, np.exp) if panel.x.log else (float, float)
     for one in panel.series:
-        for x, text in zip(one.x.tolist(), () if one.headed else one.texts, strict=False):
+        for x, text in zip(one.x.tolist(), one.texts, strict=False):
             place = (to(x) - to(low)) / (to(high) - to(low)) if text and not panel.x.linear else 0.0
             if place > 0:
                 share = min(share, (1.0 - len(text) * letter - OFF_POINT / 72 / width) / place)
@@ -330,9 +360,13 @@ def _with_room(panel: Panel, ends: tuple[float, float], style: Style, width: flo
     return (low, high) if share >= 1 else (low, float(back(to(low) + (to(high) - to(low)) / share)))
 
 
+def _labelled_above(panel: Panel) -> bool:
+    return any(one.label and one.place is Place.ABOVE for one in panel.series)
+
+
 def _room(panel: Panel) -> int:
     """Length of the longest label at the end of a curve [letters]; 0 without labels."""
-    longest = max((len(one.label) for one in panel.series), default=0)
+    longest = max((len(one.label) for one in panel.series if one.place is Place.RIGHT), default=0)
     return max(longest, _LEAST_ROOM) + 1 if longest else 0
 
 

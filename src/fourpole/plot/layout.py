@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -16,20 +16,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.plot.data import Scale
-from fourpole.plot.names import counted
-from fourpole.plot.panels import Extent
-from fourpole.plot.sheet import Groups, Sheet, spread
-from fourpole.plot.style import Marker, Style, load_dashes, pressure_marker
+from fourpole.plot.notes import Notes
+from fourpole.plot.style import Marker, Style
 
-_T = TypeVar("_T")
 #: Width of a figure in a report [in].
 WIDTH = 7.0
 _TOP = 0.3
 _NOTE_LINE, _KEY_LINE = 0.135, 0.172
-#: Number of pressures in the key of a figure.
-MOST_NAMED = 8
 #: Width of a letter of the key [in].
 _LETTER = 0.062
 #: Number of letters of the notes in an inch of width, and of colours of a scale.
@@ -65,98 +59,9 @@ class Key:
         """Add an entry with a marker and its fill; `look` has further properties of matplotlib's line."""
         self.line(label, colour, linestyle="none", marker=marker, markerfacecolor=face, **look)
 
-    def tyres(self, sheet: Sheet, which: Sequence[int], style: Style) -> None:
-        """Add the colours of tyres."""
-        for tyre in which:
-            self.line(sheet.labels[tyre], style.colour(tyre), 2.6)
-
-    def pressures(self, sheet: Sheet, which: Sequence[int], style: Style) -> None:
-        """Add the markers of pressures; of many pressures, some."""
-        shown = [which[at] for at in spread(len(which), MOST_NAMED)]
-        for rank in shown if _is_stated(sheet.pressures) else ():
-            face = style.neutral_face(rank, len(sheet.pressures))
-            label = _named("pressure", sheet.pressures.labels[rank])
-            self.marker(label, pressure_marker(rank), style.look.muted, face)
-
-    def loads(self, sheet: Sheet, which: Sequence[int], style: Style) -> None:
-        """Add the line styles of preloads."""
-        for rank in which if _is_stated(sheet.loads) else ():
-            self.line(_named("preload", sheet.loads.labels[rank]), style.look.muted, linestyle=load_dashes(rank))
-
-    def rejected(self, style: Style, rejected: BoolArray, label: str = "rejected test") -> None:
-        """Add the cross of rejected tests if there are any."""
-        if np.any(rejected):
-            self.marker(label, "X", style.look.muted, style.look.paper, markersize=6.0)
-
     def band(self, style: Style) -> None:
         """Add the 95 % band of a model or a map."""
         self.add(Patch(facecolor=style.look.muted, alpha=0.35, linewidth=0.0), "95 % band")
-
-
-def _is_stated(groups: Groups) -> bool:
-    """False if the only group is that of the tests that state no value."""
-    return len(groups) > 1 or groups.stated() > 0
-
-
-def _named(name: str, label: str) -> str:
-    """A label with its number, or "not stated" with the name of the axis before it."""
-    return label if label[0].isdigit() else f"{name} {label}"
-
-
-@dataclass
-class Notes:
-    """Sentences below a figure, chiefly on what it does not show."""
-
-    lines: list[str] = field(default_factory=list)
-
-    def say(self, text: str) -> None:
-        """Add a sentence once."""
-        if text and text not in self.lines:
-            self.lines.append(text)
-
-    def chosen(self, shown: int, of: int, what: str) -> None:
-        """Add that only some of several conditions are drawn, if so."""
-        if shown < of:
-            self.say(f"{shown} of {of} {what} shown")
-
-    def some(self, found: list[_T], most: int, what: str) -> list[_T]:
-        """At most `most` of several items, evenly spaced; adds a note if not all are shown."""
-        shown = [found[at] for at in spread(len(found), most)]
-        self.chosen(len(shown), len(found), what)
-        return shown
-
-    def first(self, found: list[_T], most: int, what: str) -> list[_T]:
-        """The first of several items, at most `most`; adds a note if not all are shown."""
-        self.chosen(min(len(found), most), len(found), what)
-        return found[:most]
-
-    def tests(self, rejected: BoolArray, visible: BoolArray, what: str) -> None:
-        """Add the numbers of rejected tests and of tests without a value; both masks have all tests of the figure."""
-        count, hidden = int(rejected.sum()), int(np.sum(rejected & ~visible))
-        if count:
-            self.say(f"{counted(count, 'test')} rejected" + (f", {hidden} not shown: no value" if hidden else ""))
-        lacking = int(np.sum(~rejected & ~visible))
-        if lacking:
-            self.say(f"{counted(lacking, 'test')} {'has' if lacking == 1 else 'have'} no {what}")
-
-    def cut(self, extent: Extent, limits: tuple[float, float], style: Style, what: str = "uncertainty") -> None:
-        """Add how many values and bars lie outside the axes."""
-        values, cut = extent.outside(style.ylim or limits)
-        if values:
-            why = "" if style.ylim else ": they are known to no better than 100 %"
-            self.say(f"{counted(values, 'value')} beyond the axes{why}")
-        if cut:
-            self.say(f"{counted(cut, f'{what} bar')} {'leaves' if cut == 1 else 'leave'} the axes")
-
-    def outside(
-        self, extent: Extent, limits: tuple[float, float], style: Style, rejected: FloatArray, what: str
-    ) -> None:
-        """Add how many values of rejected tests, and how many other values and bars, lie outside the axes."""
-        low, high = sorted(style.ylim or limits)
-        count = int(np.sum((rejected < low) | (rejected > high)))
-        if count:
-            self.say(f"{what} of {counted(count, 'rejected test')} beyond the axes")
-        self.cut(extent, limits, style)
 
 
 @dataclass

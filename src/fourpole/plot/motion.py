@@ -5,17 +5,23 @@ from __future__ import annotations
 from itertools import combinations, product
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.plot.layout import MOST_NAMED, Grid, Key, Notes
-from fourpole.plot.panels import Extent, curve, extent_of, limit, rejected_tests, span
-from fourpole.plot.properties import tyre_marks
+from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, Tone
+from fourpole.plot.marks import (
+    MOST_NAMED,
+    line_of,
+    load_key,
+    points_of,
+    pressure_key,
+    rejected_of,
+    tyre_look,
+    zero_line,
+)
+from fourpole.plot.notes import Notes
 from fourpole.plot.sheet import Sheet, means, present, read_sheet
 from fourpole.plot.spec import FigureSpec
-from fourpole.plot.style import Style
 from fourpole.study.results import Results
 
 #: The two pressures of the paper's figure 14 [Pa].
@@ -45,23 +51,9 @@ def crossings(first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, Fl
     return list(zip(x.tolist(), y.tolist(), strict=True))
 
 
-def mark_crossings(ax: Axes, found: list[tuple[float, float, str]], *, style: Style) -> Axes:
-    """Draw a thin line down from each crossing, and write their frequencies [Hz] into the lower left corner."""
-    if not found:
-        return ax
-    for x, y, _ in found:
-        ax.plot([x, x], [0.0, y], color=style.look.ink, linewidth=0.7, linestyle=(0, (2, 2)), label="_crossing")
-    text = "\n".join(["the curves cross at", *(f"{x:.1f} Hz{where}" for x, _, where in found)])
-    # Below the resonance TR is above 1, so no curve reaches the lower left corner.
-    ax.text(0.025, 0.03, text, transform=ax.transAxes, fontsize=style.font(7.0), va="bottom", linespacing=1.25,
-            bbox={"facecolor": style.look.paper, "edgecolor": "none", "pad": 1.5})  # fmt: skip
-    return ax
-
-
-def transmissibility(results: Results, style: Style) -> Figure | None:
+def transmissibility(results: Results) -> FigureData | None:
     """TR against frequency at the pressures nearest to 1.00 and 1.68 bar, a panel per preload and setting."""
-    sheet = read_sheet(results)
-    notes, key = Notes(), Key()
+    sheet, notes = read_sheet(results), Notes()
     quantity = q.TR_MEASURED
     y, std = sheet.shown(quantity)
     if not np.any(np.isfinite(y)):
@@ -76,36 +68,38 @@ def transmissibility(results: Results, style: Style) -> Figure | None:
     notes.say(said)
     pressures = _pressures(sheet, visible)
     concerned = np.isin(sheet.pressure, pressures) & bare
-    found = list(present(sheet.pressure, visible))
-    notes.chosen(len(pressures), len(found), "pressures")
+    notes.chosen(len(pressures), len(list(present(sheet.pressure, visible))), "pressures")
     visible &= concerned
     used, lost = visible & ~sheet.rejected, visible & sheet.rejected
     places = sorted(set(zip(sheet.load[visible].tolist(), sheet.setting[visible].tolist(), strict=True)))
     places = notes.first(places, _MOST_PANELS, "settings")
     settings = len({setting for _, setting in places})
-    columns = min(3, settings if settings > 1 else len(places) if len(places) != 4 else 2)
-    grid = Grid.of(len(places), columns, panel_height=2.9 if len(places) <= columns else 2.2, style=style)
-    extent = extent_of(y, std, used, visible, positive=True)
-    limits = extent.limits(zero=True)
-    tyres = list(present(sheet.tyre, visible))
-    for ax, (load, setting) in zip(grid.panels, places, strict=True):
-        here = sheet.where(load=load, setting=setting)
+    tyres, panels = list(present(sheet.tyre, visible)), []
+    for load, setting in places:
+        here, series = sheet.where(load=load, setting=setting), []
         for tyre, pressure in product(tyres, pressures):
             mask = used & here & sheet.where(tyre=tyre, pressure=pressure)
-            marks = tyre_marks(sheet, style, tyre, pressure, load)
-            curve(ax, x[mask], y[mask], marks=marks, std=std[mask], keys=sheet.frequency[mask].tolist())
-        rejected_tests(ax, x[here & lost], y[here & lost], style=style)
-        mark_crossings(ax, _crossings(sheet, x, y, used & here, tyres, pressures), style=style)
+            marks = tyre_look(tyre, pressure, load)
+            series += line_of(x[mask], y[mask], sheet.frequency[mask], marks, std[mask])
+            series += points_of(results, sheet, mask, (x, y), marks, stds=(None, std))
+        series += rejected_of(results, sheet, here & lost, (x, y))
+        found = _crossings(sheet, x, y, used & here, tyres, pressures)
+        series += [Series(Role.LINE, np.full(2, at), np.array([0.0, top]), tone=Tone.INK, dash=2)
+                   for at, top, _ in found]  # fmt: skip
+        # Below the resonance TR is above 1, so no curve reaches the lower left corner.
+        corner = "\n".join(["the curves cross at", *(f"{at:.1f} Hz{where}" for at, _, where in found)]) if found else ""
         parts = [sheet.name_of_load(load), sheet.settings[setting] if settings > 1 else ""]
-        ax.set_title(", ".join(part for part in parts if part), loc="left", pad=4.5)
-        limit(ax, span([x[visible]]), limits, style=style, ticks=6 if columns < 3 else 4)
-    key.tyres(sheet, tyres, style)
-    key.pressures(sheet, pressures, style)
-    key.loads(sheet, list(dict.fromkeys(load for load, _ in places)), style)
-    key.rejected(style, lost)
+        title = ", ".join(part for part in parts if part)
+        axis = AxisData(quantity.name, quantity.shown, zero=True)
+        panels.append(Panel(AxisData.of(q.FREQUENCY), axis, tuple(series), title, corner=corner))
     notes.tests(sheet.rejected[concerned], visible[concerned], "TR")
-    notes.outside(extent, limits, style, y[lost], "TR")
-    return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=[quantity.label])
+    columns = min(3, settings if settings > 1 else len(places) if len(places) != 4 else 2)
+    loads = list(dict.fromkeys(load for load, _ in places))
+    return FigureData(
+        tuple(panels), columns, sheet.labels, keyed=tuple(tyres), notes=tuple(notes.lines), aligned=True,
+        key=(*pressure_key(sheet, pressures), *load_key(sheet, loads)),
+        panel_height=2.9 if len(places) <= columns else 2.2,
+    )  # fmt: skip
 
 
 def _pressures(sheet: Sheet, visible: BoolArray) -> list[int]:
@@ -135,7 +129,7 @@ def _crossings(
     return found if len(found) <= 4 else []
 
 
-def measured_against_predicted(results: Results, style: Style) -> Figure | None:
+def measured_against_predicted(results: Results) -> FigureData | None:
     """TR measured against TR predicted from K* and the rig; beside it their difference against frequency."""
     sheet = read_sheet(results)
     measured, _ = sheet.shown(q.TR_MEASURED)
@@ -147,40 +141,29 @@ def measured_against_predicted(results: Results, style: Style) -> Figure | None:
     used, lost = visible & ~sheet.rejected, visible & sheet.rejected
     with np.errstate(divide="ignore", invalid="ignore"):
         difference, difference_std = 100 * (measured / predicted - 1), 100 * std / predicted
-    notes, key = Notes(), Key()
-    grid = Grid.of(2, 2, panel_height=2.75, style=style)
-    left, right = grid.panels
     tyres, pressures = list(present(sheet.tyre, visible)), list(present(sheet.pressure, visible))
-    for tyre, pressure in product(tyres, pressures):
-        mask = used & sheet.where(tyre=tyre, pressure=pressure)
-        marks = tyre_marks(sheet, style, tyre, pressure, 0, joined=False)
-        curve(left, predicted[mask], measured[mask], marks=marks)
-        curve(right, frequency[mask], difference[mask], marks=marks, std=difference_std[mask])
-    rejected_tests(left, predicted[lost], measured[lost], style=style)
-    rejected_tests(right, frequency[lost], difference[lost], style=style)
     shown = used if np.any(used) else visible
-    both, extent = Extent(), Extent()
-    both.add(np.concatenate([measured[shown], predicted[shown]]))
-    extent.add(np.append(difference[shown], 0.0), np.append(difference_std[shown], 0.0))
-    ends = both.limits()
-    left.plot(ends, ends, color=style.look.ink, linewidth=0.8, label="_equal", zorder=1.0)
-    right.axhline(0.0, color=style.look.ink, linewidth=0.8, zorder=1.0)
-    limit(left, ends, ends, style=style)
-    free = Style(style.theme)
-    limit(right, span([frequency[shown]]), extent.limits(), style=free)
-    key.tyres(sheet, tyres, style)
-    key.pressures(sheet, pressures, style)
-    key.rejected(style, lost)
+    every = np.concatenate([measured[shown], predicted[shown]])
+    ends = np.array([every.min(), every.max()])
+    left, right = [Series(Role.LINE, ends, ends, tone=Tone.INK)], [zero_line(frequency[shown])]
+    for tyre, pressure in product(tyres, pressures):
+        mask, marks = used & sheet.where(tyre=tyre, pressure=pressure), tyre_look(tyre, pressure, 0)
+        left += points_of(results, sheet, mask, (predicted, measured), marks)
+        right += points_of(results, sheet, mask, (frequency, difference), marks, stds=(None, difference_std))
+    left += rejected_of(results, sheet, lost, (predicted, measured))
+    right += rejected_of(results, sheet, lost, (frequency, difference))
+    notes = Notes()
     notes.tests(sheet.rejected, visible, "TR measured and predicted")
-    notes.outside(extent, extent.limits(), free, difference[lost], "the difference")
     if len(pressures) > MOST_NAMED:
         notes.say("the key names some of the pressures")
-    figure = grid.finish(
-        key=key, notes=notes, x_label=q.TR_PREDICTED.label, y_labels=[q.TR_MEASURED.label], share_x=False, share_y=False
+    panels = (
+        Panel(AxisData.of(q.TR_PREDICTED), AxisData.of(q.TR_MEASURED), tuple(left)),
+        Panel(AxisData.of(q.FREQUENCY), AxisData("difference from predicted", "%", signed=True), tuple(right)),
     )
-    right.set_xlabel(q.FREQUENCY.label)
-    right.set_ylabel("TR measured less predicted [% of predicted]")
-    return figure
+    return FigureData(
+        panels, 2, sheet.labels, keyed=tuple(tyres), key=tuple(pressure_key(sheet, pressures)),
+        notes=tuple(notes.lines), panel_height=2.75, shared=False,
+    )  # fmt: skip
 
 
 #: Figures of this module, in the order of a report.
@@ -190,14 +173,14 @@ FIGURES = (
         "Figure 14: transmissibility against frequency",
         "The ratio TR of the motions above and below the tyre at two pressures, with the frequencies at which "
         "the tyres' curves cross.",
-        transmissibility,
+        data=transmissibility,
         apart=True,
     ),
     FigureSpec(
         "tr-measured-predicted",
         "Transmissibility measured and predicted",
         "TR from V2 and V1 against TR from K* and the rig as stated, and their difference against frequency.",
-        measured_against_predicted,
+        data=measured_against_predicted,
         apart=True,
     ),
 )

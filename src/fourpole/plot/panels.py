@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,29 +10,17 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from fourpole.core.arrays import BoolArray, ByValue, FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.plot.names import plain_text
-from fourpole.plot.sheet import means
-from fourpole.plot.style import Dashes, Marker, Style
+from fourpole.plot.style import Style
 
-#: A line with more points than this has a marker at some of them only.
-_MOST_MARKERS = 60
+#: Values that are below zero by a smaller share of their span do not move the end of an axis from it.
+_ZERO = 0.01
 #: Ratio of the ends of an ordinate beyond which it is logarithmic.
 _STEEP = 20.0
 #: Numbers of an axis beyond this, or below its inverse, are powers of ten; no minor ticks over a larger ratio of ends.
 _LONG, _MANY = 3e5, 1e12
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-@dataclass(frozen=True)
-class Marks:
-    """Colour, marker, fill of the marker and line style of a curve; `joined`: whether a line joins the points."""
-
-    colour: str
-    marker: Marker = "o"
-    face: str | None = None
-    dashes: Dashes = "solid"
-    joined: bool = True
 
 
 @dataclass(eq=False)
@@ -74,7 +62,7 @@ class Extent(ByValue):
         if np.any(fits):
             low, high = min(low, float((values - bars)[fits].min())), max(high, float((values + bars)[fits].max()))
         if zero:
-            low = min(low, 0.0)
+            low = 0.0 if low > -_ZERO * (high - low) else low
         width = max(high - low, reach)
         pad_low = 0.0 if zero and low == 0.0 else 0.06
         if high - low < reach:
@@ -94,61 +82,6 @@ class Extent(ByValue):
         return int(np.sum(~inside)), int(np.sum(cut))
 
 
-def extent_of(values: FloatArray, stds: FloatArray, used: BoolArray, visible: BoolArray, *, positive: bool) -> Extent:
-    """The extent of the used tests with their uncertainties; if none is used, of the values of all visible tests."""
-    extent = Extent(positive=positive)
-    if np.any(used):
-        extent.add(values[used], stds[used])
-    else:
-        extent.add(values[visible])
-    return extent
-
-
-def curve(
-    ax: Axes,
-    x: FloatArray,
-    y: FloatArray,
-    *,
-    marks: Marks,
-    std: FloatArray | None = None,
-    keys: Iterable[int] | None = None,
-) -> Axes:
-    """Draw points with bars of one standard uncertainty, and a line through the means of repeats.
-
-    Parameters
-    ----------
-    ax : Axes
-        The panel.
-    x, y : (N,) float arrays
-        Coordinates in the units of the axes; points with not-a-number are left out.
-    marks : Marks
-        Colour, marker and line style.
-    std : (N,) float array, optional
-        Standard uncertainty of `y`.
-    keys : (N,) ints, optional
-        Points of equal key are repeats of one condition.
-
-    Returns
-    -------
-    Axes
-        The same axes.
-    """
-    known = np.isfinite(x) & np.isfinite(y)
-    if not np.any(known):
-        return ax
-    if std is not None:
-        bars(ax, x[known], y[known], std[known], marks.colour)
-    if marks.joined:
-        ax.plot(*means(x, y, keys), color=marks.colour, linestyle=marks.dashes, marker="", label="_line", zorder=2.0)
-    if marks.marker:
-        order = np.argsort(x[known], kind="stable")
-        # With hundreds of points a marker at each would hide the line.
-        every = 1 if order.size <= _MOST_MARKERS or not marks.joined else -(-order.size // _MOST_MARKERS)
-        ax.plot(x[known][order], y[known][order], linestyle="none", marker=marks.marker, color=marks.colour,
-                markerfacecolor=marks.face or marks.colour, markevery=every, label="_points", zorder=3.0)  # fmt: skip
-    return ax
-
-
 def bars(
     ax: Axes, x: FloatArray, y: FloatArray, std: FloatArray, colour: str, *, level: bool = False, strong: bool = False
 ) -> Axes:
@@ -163,15 +96,6 @@ def bars(
             across, along = along, across
         ax.plot(across, along, color=colour, alpha=0.5, linewidth=1.6 if strong else 0.8, marker="", label="_bars",
                 zorder=1.5)  # fmt: skip
-    return ax
-
-
-def rejected_tests(ax: Axes, x: FloatArray, y: FloatArray, *, style: Style) -> Axes:
-    """Draw open grey crosses at the values of rejected tests."""
-    known = np.isfinite(x) & np.isfinite(y)
-    if np.any(known):
-        ax.plot(x[known], y[known], linestyle="none", marker="X", markersize=6.0, markerfacecolor=style.look.paper,
-                markeredgecolor=style.look.muted, markeredgewidth=0.9, label="_rejected", zorder=2.5)  # fmt: skip
     return ax
 
 
@@ -224,15 +148,6 @@ def span(values: Sequence[FloatArray], pad: float = 0.05) -> tuple[float, float]
         half = 0.15 * abs(high) or 0.5
         return low - half, high + half
     return low - pad * (high - low), high + pad * (high - low)
-
-
-def limit(ax: Axes, x: tuple[float, float], y: tuple[float, float], *, style: Style, ticks: int = 6) -> Axes:
-    """Set the limits of both axes: those of the style, or else `x` and `y`; `ticks` is for the abscissa."""
-    ax.set_xlim(style.xlim or x)
-    ax.set_ylim(style.ylim or y)
-    few_ticks(ax, ticks)
-    ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
-    return ax
 
 
 def few_ticks(ax: Axes, most: int) -> None:

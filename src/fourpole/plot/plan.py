@@ -15,7 +15,8 @@ from fourpole import quantities as q
 from fourpole.core.plan import PLAN_ROUTES
 from fourpole.io.write import write_bytes
 from fourpole.plot.figure import figure_bytes
-from fourpole.plot.layout import Grid, Key, Notes
+from fourpole.plot.layout import Grid, Key
+from fourpole.plot.notes import Notes
 from fourpole.plot.panels import numbered
 from fourpole.plot.style import Dashes, Style, drawing, mixed
 

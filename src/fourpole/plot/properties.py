@@ -2,34 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import product
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray
-from fourpole.plot.layout import Grid, Key, Notes
-from fourpole.plot.panels import Marks, curve, extent_of, limit, rejected_tests, span, tyre_heading
+from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series, look
+from fourpole.plot.marks import line_of, points_of, pressure_key, rejected_of, tyre_look
+from fourpole.plot.notes import Notes
 from fourpole.plot.sheet import Sheet, present, read_sheet
 from fourpole.plot.spec import FigureSpec
-from fourpole.plot.style import Style, load_dashes, load_marker, pressure_marker
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results
 
 _MOST_PANELS = 12
 _MOST_FREQUENCIES = 12
-_MOST_PRESSURES = 8
 
 
-def property_figure(
-    results: Results, style: Style, *, quantity: Quantity, against: Quantity, high: bool
-) -> Figure | None:
+def property_figure(results: Results, *, quantity: Quantity, against: Quantity, high: bool) -> FigureData | None:
     """A quantity against pressure, a curve per frequency, or against frequency, a curve per pressure.
 
-    A panel per tyre and preload; with `high`, of all preloads but the lowest, otherwise of the lowest.
+    A panel per specimen and preload; with `high`, of all preloads but the lowest, otherwise of the lowest.
     """
     sheet = read_sheet(results)
     x, _ = sheet.shown(against)
@@ -42,70 +38,57 @@ def property_figure(
     concerned = np.isin(sheet.load, chosen) | ~np.isin(sheet.load, loads)
     visible &= concerned
     used, lost = visible & ~sheet.rejected, visible & sheet.rejected
-    notes, key = Notes(), Key()
+    notes = Notes()
     tyres = list(present(sheet.tyre, visible))
     places = notes.first([(load, tyre) for load in chosen for tyre in tyres], _MOST_PANELS,
                          "pairs of tyre and preload are")  # fmt: skip
-    columns = min(3, len(tyres))
-    grid = Grid.of(len(places), columns, panel_height=2.35 if len(places) <= columns else 1.9, style=style)
-    extent = extent_of(y, std, used, visible, positive=True)
-    x_limits, y_limits = span([x[visible]]), extent.limits()
     by_frequency = against is q.PRESSURE
-    curves_of = (_by_frequency if by_frequency else _by_pressure)(sheet, used, style, key, notes)
     keys = sheet.pressure if by_frequency else sheet.frequency
-    for ax, (load, tyre) in zip(grid.panels, places, strict=True):
-        here = sheet.where(load=load, tyre=tyre)
-        for group, marks in curves_of(load, tyre):
+    groups = _groups(sheet, used, notes, by_frequency=by_frequency)
+    scale = _scale(sheet, groups) if by_frequency and groups else None
+    panels = []
+    for load, tyre in places:
+        here, series = sheet.where(load=load, tyre=tyre), []
+        for group, marks in _looks(sheet, groups, load, tyre, by_frequency=by_frequency):
             mask = here & used & group
-            curve(ax, x[mask], y[mask], marks=marks, std=std[mask], keys=keys[mask].tolist())
-        rejected_tests(ax, x[here & lost], y[here & lost], style=style)
-        tyre_heading(
-            ax, sheet.labels[tyre], style.colour(tyre), sheet.name_of_load(load), style=style, letters=60 // columns
-        )
-        limit(ax, x_limits, y_limits, style=style, ticks=6 if columns < 3 else 4)
-    key.rejected(style, lost)
+            series += line_of(x[mask], y[mask], keys[mask], marks, std[mask])
+            series += points_of(results, sheet, mask, (x, y), marks, stds=(None, std))
+        series += rejected_of(results, sheet, here & lost, (x, y))
+        axes, right = (AxisData.of(against), AxisData.of(quantity)), sheet.name_of_load(load)
+        panels.append(Panel(*axes, tuple(series), sheet.labels[tyre], right, tyre))
     notes.tests(sheet.rejected[concerned], visible[concerned], quantity.name)
-    notes.outside(extent, y_limits, style, y[lost], quantity.name)
-    return grid.finish(key=key, notes=notes, x_label=against.label, y_labels=[quantity.label])
+    columns = min(3, len(tyres))
+    rows = -(-len(places) // columns)
+    return FigureData(
+        tuple(panels), columns, sheet.labels, scale=scale, notes=tuple(notes.lines), aligned=True,
+        key=() if by_frequency else tuple(pressure_key(sheet, groups)), panel_height=2.35 if rows == 1 else 1.9,
+    )  # fmt: skip
 
 
-#: The tests of each curve of one preload and tyre, and the marks of the curve.
-_Series = Callable[[int, int], Iterator[tuple[BoolArray, Marks]]]
+def _groups(sheet: Sheet, used: BoolArray, notes: Notes, *, by_frequency: bool) -> list[int]:
+    """The frequencies, or the pressures, that have a curve."""
+    if by_frequency:
+        found = list(present(sheet.frequency, used & (sheet.frequency >= 0)))
+        return notes.some(found, _MOST_FREQUENCIES, "frequencies")
+    return notes.some(list(present(sheet.pressure, used)), MOST_LABELLED, "pressures")
 
 
-def _by_frequency(sheet: Sheet, used: BoolArray, style: Style, key: Key, notes: Notes) -> _Series:
-    """A curve per frequency, coloured on the sequential scale."""
-    chosen = notes.some(list(present(sheet.frequency, used & (sheet.frequency >= 0))), _MOST_FREQUENCIES, "frequencies")
-    values = [sheet.frequencies.values[group] for group in chosen]
-    width = max(values) - min(values) if values else 0.0
-    parts = [(value - min(values)) / width if width > 0 else 0.5 for value in values]
-    colours = {group: style.frequency_colour(part) for group, part in zip(chosen, parts, strict=True)}
-    for group in chosen:
-        key.line(sheet.frequencies.labels[group], colours[group], 2.4)
-
-    def series(load: int, _tyre: int) -> Iterator[tuple[BoolArray, Marks]]:
-        for group in chosen:
-            yield sheet.frequency == group, Marks(colours[group], load_marker(load), dashes=load_dashes(load))
-
-    return series
+def _scale(sheet: Sheet, groups: Sequence[int]) -> Scale:
+    """The colour scale of the frequencies."""
+    values = [sheet.frequencies.values[group] for group in groups]
+    return Scale(q.FREQUENCY.name, q.FREQUENCY.shown, min(values), max(values))
 
 
-def _by_pressure(sheet: Sheet, used: BoolArray, style: Style, key: Key, notes: Notes) -> _Series:
-    """A curve per pressure in the colour of the tyre, with the marker of the pressure."""
-    chosen = notes.some(list(present(sheet.pressure, used)), _MOST_PRESSURES, "pressures")
-    key.pressures(sheet, chosen, style)
-
-    def series(load: int, tyre: int) -> Iterator[tuple[BoolArray, Marks]]:
-        for group in chosen:
-            yield sheet.pressure == group, tyre_marks(sheet, style, tyre, group, load)
-
-    return series
-
-
-def tyre_marks(sheet: Sheet, style: Style, tyre: int, pressure: int, load: int, *, joined: bool = True) -> Marks:
-    """Colour, marker, fill and line style of a tyre at a pressure and a preload, the same in every figure."""
-    face = style.face(tyre, pressure, len(sheet.pressures))
-    return Marks(style.colour(tyre), pressure_marker(pressure), face, load_dashes(load), joined)
+def _looks(
+    sheet: Sheet, groups: Sequence[int], load: int, tyre: int, *, by_frequency: bool
+) -> Iterator[tuple[BoolArray, Series]]:
+    """The tests and the look of each curve: a frequency on the colour scale, or a pressure with its marker."""
+    for group in groups:
+        if by_frequency:
+            level = sheet.frequencies.values[group]
+            yield sheet.frequency == group, look(Role.POINTS, tyre=tyre, dash=load, level=level)
+        else:
+            yield sheet.pressure == group, tyre_look(tyre, group, load)
 
 
 #: Figures 6 to 13 plot C and then K2, each against pressure and then frequency, each at low and then high preload.
@@ -115,7 +98,7 @@ FIGURES = tuple(
         f"Figure {number}: {words} against {against.name}, {'high' if high else 'low'} preload",
         f"The {words} of each tyre against {against.name}, each curve at {curves}; "
         f"{'the higher preloads' if high else 'the lowest preload'}, bars of one standard uncertainty.",
-        partial(property_figure, quantity=quantity, against=against, high=high),
+        data=partial(property_figure, quantity=quantity, against=against, high=high),
         apart=True,
     )
     for number, ((quantity, words), (against, curves), high) in enumerate(

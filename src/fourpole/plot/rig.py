@@ -15,6 +15,7 @@ from fourpole.core.sources import Role as Part
 from fourpole.fitting.rows import keys_of
 from fourpole.plot.cardids import dynamic_cards
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, Tone, look
+from fourpole.plot.marks import zero_line
 from fourpole.plot.names import counted, plain_text, value_label
 from fourpole.plot.sheet import Sheet, floats, grouped, means, read_sheet, texts
 from fourpole.plot.spec import FigureSpec
@@ -160,8 +161,7 @@ def _as_stated(results: Results, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
 def _residuals(tests: _Tests, column: int, here: BoolArray, shown: Quantity, *, fits: bool) -> tuple[Series, ...]:
     """The real part, column 0, or the imaginary part, column 1, of the residuals of one rig."""
     x, y, std = tests.frequency, tests.parts[column] / shown.scale, tests.stds[column] / shown.scale
-    good, ends = here & ~tests.outlier, np.array([x[here].min(), x[here].max()])
-    series = [Series(Role.LINE, ends, np.zeros(2), tone=Tone.INK)]
+    good, series = here & ~tests.outlier, [zero_line(x[here])]
     for tyre in np.unique(tests.tyre[here]):
         for mass in np.unique(tests.mass[here & (tests.tyre == tyre)]):
             alike = (tests.tyre == tyre) & (tests.mass == mass)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from fourpole.core.arrays import FloatArray, IntArray
-from fourpole.plot.data import FigureData, Panel, Role, Series, Tone
+from fourpole.plot.data import FigureData, Panel, Place, Role, Series, Tone
 from fourpole.plot.links import link
 from fourpole.plot.names import plain_text
 from fourpole.plot.panels import band, bars
@@ -16,7 +16,7 @@ from fourpole.plot.style import Style, load_dashes, mixed, pressure_marker
 LETTER, LINE, SIZE = 3.75, 7.6, 6.6
 #: A curve with more points than this is drawn through those that are needed, to within this distance [px].
 _FEW, _OFF = 20, 0.015
-#: Curves whose ends are no farther apart than this share of the panel have their labels in one column.
+#: Curves whose ends are no farther apart than this share of the panel, or a label, have their labels in one column.
 _COLUMN = 0.1
 #: Distance of a text from its point [pt].
 OFF_POINT = 4.5
@@ -91,12 +91,11 @@ def _marks(ax: Axes, one: Series, colour: str, style: Style, *, linked: bool, la
 
 
 def _texts(ax: Axes, one: Series, style: Style) -> None:
-    """Write the texts of points beside or above them."""
-    off, how = ((0.0, 3.0), ("center", "bottom")) if one.headed else ((OFF_POINT, 0.0), ("left", "center"))
+    """Write the texts of points beside them."""
     for x, y, text in zip(one.x.tolist(), one.y.tolist(), one.texts, strict=False):
         if text:
-            ax.annotate(plain_text(text, 60), (x, y), off, textcoords="offset points", ha=how[0], va=how[1],
-                        fontsize=style.font(SIZE), annotation_clip=True, zorder=4.0)  # fmt: skip
+            ax.annotate(plain_text(text, 60), (x, y), (OFF_POINT, 0.0), textcoords="offset points", ha="left",
+                        va="center", fontsize=style.font(SIZE), annotation_clip=True, zorder=4.0)  # fmt: skip
 
 
 def colour_of(one: Series, data: FigureData, style: Style) -> str:
@@ -113,21 +112,26 @@ def colour_of(one: Series, data: FigureData, style: Style) -> str:
     return mixed(mixed(style.look.paper, colour, 0.5), colour, one.shade)
 
 
-def end_labels(ax: Axes, panel: Panel, style: Style, height: float) -> None:
+def end_labels(ax: Axes, panel: Panel, style: Style, width: float, height: float) -> None:
     """Write the label of each curve at its right end; labels are moved apart, with a line to the end of the curve.
 
-    `height` is that of the panel [pt].
+    `width` and `height` are those of the panel [pt].
     """
-    ends = [(one, *_end(one, ax)) for one in panel.series if one.label]
+    _other_labels(ax, panel, style)
+    ends = [(one, *_end(one, ax)) for one in panel.series if one.label and one.place is Place.RIGHT]
     ends = sorted((end for end in ends if np.isfinite(end[2])), key=lambda end: -end[1])
     gap = style.font(LINE) / height
     while ends:
         # Curves that end at about the same place have their labels in one column.
         right = ends[0][1]
-        column = [end for end in ends if right - end[1] < _COLUMN]
+        column: list[tuple[Series, float, float]] = []
+        for one, x, y in ends:
+            near = any(abs(y - other) < 2 * gap for *_, other in column)
+            if right - x < (max(_COLUMN, _share(one.label, style, width)) if near else _COLUMN):
+                column.append((one, x, y))
+        ends = [end for end in ends if not any(end[0] is one for one, *_ in column)]
         # Of curves that end at the same height, the label of the leftmost is the highest.
         column.sort(key=lambda end: (round(end[2], 2), -end[1]))
-        ends = ends[len(column) :]
         places = _within(_apart(np.array([end[2] for end in column]), gap), gap)
         for (one, x, y), place in zip(column, places.tolist(), strict=True):
             at = right + 0.02
@@ -136,6 +140,34 @@ def end_labels(ax: Axes, panel: Panel, style: Style, height: float) -> None:
                         transform=ax.transAxes, zorder=1.4)  # fmt: skip
             ax.text(at, place, plain_text(one.label, 34), transform=ax.transAxes, fontsize=style.font(SIZE),
                     va="center", ha="left", zorder=4.0)  # fmt: skip
+
+
+def _share(label: str, style: Style, width: float) -> float:
+    """Width of a label as a share of a panel of some width [pt]."""
+    return style.font(LETTER) * (len(label) + 1) / width
+
+
+def _other_labels(ax: Axes, panel: Panel, style: Style) -> None:
+    """Write the labels that stand above the right end of their curves or beside the left one.
+
+    Of those above, the first and then the last have room before others, which are left out where they have none.
+    """
+    above = [one for one in panel.series if one.label and one.place is Place.ABOVE]
+    taken: list[tuple[float, float]] = []
+    for one in [*above[:1], *above[:0:-1]]:
+        x, half = ax.transData.transform((one.x[-1], one.y[-1]))[0] * 72 / ax.figure.dpi, 0.0
+        half = 0.5 * style.font(LETTER) * (len(one.label) + 1)
+        if all(abs(x - other) >= half + wide for other, wide in taken):
+            taken.append((x, half))
+            _label(ax, one, -1, (0.0, 3.0), ("center", "bottom"), style)
+    for one in panel.series:
+        if one.label and one.place is Place.LEFT:
+            _label(ax, one, 0, (-4.0, 2.0), ("right", "bottom"), style)
+
+
+def _label(ax: Axes, one: Series, at: int, off: tuple[float, float], how: tuple[str, str], style: Style) -> None:
+    ax.annotate(plain_text(one.label, 34), (one.x[at], one.y[at]), off, textcoords="offset points", ha=how[0],
+                va=how[1], fontsize=style.font(SIZE), zorder=4.0)  # fmt: skip
 
 
 def _end(one: Series, ax: Axes) -> tuple[float, float]:

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 class FigureSpec:
     """One figure: its key, its title, its caption, and the function that makes its data or draws it.
 
-    `data` makes the figure of results as data; `draw` draws a figure that has none. Either returns None if the results
-    hold nothing that the figure shows. `apart`: whether specimens at several temperatures have a colour each.
+    `data` makes the figure of results as data; `draw` draws line art of a rig, which has no axes. Either returns None
+    if the results hold nothing that the figure shows. `apart`: whether specimens at several temperatures have a colour
+    each.
     """
 
     key: str

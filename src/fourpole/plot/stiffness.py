@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
@@ -18,36 +15,17 @@ from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.routes import mobility_route, relative_route, transmissibility_route
 from fourpole.core.tyre import zener_stiffness
 from fourpole.errors import RigError
-from fourpole.plot.layout import Grid, Key, Notes
-from fourpole.plot.panels import (
-    Extent,
-    Marks,
-    bars,
-    condition,
-    curve,
-    extent_of,
-    limit,
-    rejected_tests,
-    span,
-    tyre_heading,
-)
-from fourpole.plot.properties import tyre_marks
+from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Series, look
+from fourpole.plot.marks import line_of, load_key, points_of, pressure_key, rejected_of, tyre_look, zero_line
+from fourpole.plot.notes import Notes
 from fourpole.plot.sheet import IntArray, Sheet, means, present, read_sheet, texts
 from fourpole.plot.spec import FigureSpec
-from fourpole.plot.style import Dashes, Style, mixed
 from fourpole.quantities import Quantity
 from fourpole.study.results import Results, section
 
-_MOST_PRESSURES = 5
-_MOST_LOADS = 3
-_MOST_TYRES = 12
-_MOST_COLUMNS = 4
-#: Marker and line style of each route.
-_ROUTE_MARKS: dict[str, tuple[str, Dashes]] = {
-    "mobility": ("o", "solid"),
-    "relative": ("^", (0.0, (4.0, 1.6))),
-    "transmissibility": ("s", (0.0, (1.0, 1.3))),
-}
+_MOST_LOADS, _MOST_TYRES, _MOST_COLUMNS = 2, 12, 4
+#: Rank of the marker and of the line style of each route.
+_ROUTE_RANKS = {"mobility": (0, 0), "relative": (2, 1), "transmissibility": (1, 2)}
 
 
 @dataclass(frozen=True)
@@ -69,80 +47,62 @@ class _Choice:
 
 
 def _choose(sheet: Sheet, visible: BoolArray, notes: Notes) -> _Choice:
-    """The conditions to show among those of the visible tests."""
+    """The conditions to show among those of the visible tests: as many curves as a panel may have."""
+    loads = notes.some(list(present(sheet.load, visible)), _MOST_LOADS, "preloads")
+    pressures = list(present(sheet.pressure, visible))
     return _Choice(
         notes.some(list(present(sheet.tyre, visible)), _MOST_TYRES, "tyres"),
-        notes.some(list(present(sheet.pressure, visible)), _MOST_PRESSURES, "pressures"),
-        notes.some(list(present(sheet.load, visible)), _MOST_LOADS, "preloads"),
+        notes.some(pressures, MOST_LABELLED // len(loads), "pressures"),
+        loads,
     )
 
 
-def mobility(results: Results, style: Style) -> Figure | None:
-    """R and I as measured, with the curve that K1, K2 and C and the rig as stated give."""
+def mobility(results: Results) -> FigureData | None:
+    """R and I as measured, with the curve that K1, K2 and C and the rig as stated give; a column per specimen."""
     sheet = read_sheet(results)
-    return _rows(
-        sheet, style, (q.R, q.I), what="R and I", model=partial(_model_curve, sheet, rigs_stated(results, sheet))
-    )
-
-
-#: Frequencies [Hz] of the tests of a condition, and R and I in the units of their axes; None if there is no curve.
-_Model = Callable[[BoolArray], tuple[FloatArray, list[FloatArray]] | None]
-
-
-def _rows(
-    sheet: Sheet,
-    style: Style,
-    quantities: Sequence[Quantity],
-    *,
-    what: str,
-    model: _Model | None = None,
-) -> Figure | None:
-    """A row per quantity and a column per tyre, against frequency.
-
-    A line joins the points; with `model`, the curve of the model is drawn instead of this line.
-    """
     frequency, _ = sheet.shown(q.FREQUENCY)
-    shown = [sheet.shown(quantity) for quantity in quantities]
-    bare, said = sheet.bare("mobility") if model else (np.ones(frequency.size, dtype=bool), "")
-    visible = np.isfinite(frequency) & np.isfinite(shown[0][0]) & bare
+    bare, said = sheet.bare("mobility")
+    visible = np.isfinite(frequency) & np.isfinite(sheet.shown(q.R)[0]) & bare
     if not np.any(visible):
         return None
-    notes, key = Notes(), Key()
+    rigs, notes = rigs_stated(results, sheet), Notes()
     notes.say(said)
     choice = _choose(sheet, visible, notes)
     chosen = visible & choice.tests(sheet)
-    used, lost = chosen & ~sheet.rejected, chosen & sheet.rejected
     tyres = notes.first(choice.tyres, _MOST_COLUMNS, "tyres")
-    columns = len(tyres)
-    grid = Grid.of(len(quantities) * columns, columns, panel_height=1.95, style=style)
-    settings = list(present(sheet.setting, chosen)) if model else [-1]
-    for row, (quantity, (values, stds)) in enumerate(zip(quantities, shown, strict=True)):
-        extent = extent_of(values, stds, used, chosen, positive=quantity is not q.I)
-        limits = extent.limits()
-        for column, tyre in enumerate(tyres):
-            ax = grid.panels[row * columns + column]
-            for pressure, load in choice.conditions():
-                here = used & sheet.where(tyre=tyre, pressure=pressure, load=load)
-                marks = tyre_marks(sheet, style, tyre, pressure, load, joined=model is None)
-                keys = sheet.frequency[here].tolist()
-                curve(ax, frequency[here], values[here], marks=marks, std=stds[here], keys=keys)
-                for setting in settings:
-                    found = model(here & (sheet.setting == setting)) if model else None
-                    if found:
-                        ax.plot(found[0], found[1][row], color=marks.colour, linestyle=marks.dashes, linewidth=1.0,
-                                label="_model", zorder=2.0)  # fmt: skip
-            crosses = lost & (sheet.tyre == tyre)
-            rejected_tests(ax, frequency[crosses], values[crosses], style=style)
-            if row == 0:
-                tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), style=style, letters=60 // columns)
-            limit(ax, span([frequency[chosen]]), limits, style=style, ticks=6 if columns < 3 else 4)
-        notes.outside(extent, limits, style, values[lost], quantity.name)
-    key.pressures(sheet, choice.pressures, style)
-    key.loads(sheet, choice.loads, style)
-    key.rejected(style, lost)
-    notes.tests(sheet.rejected[bare], visible[bare], what)
-    labels = [quantity.label for quantity in quantities]
-    return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=labels, headings="top")
+    panels = [_mobility_panel(results, sheet, rigs, choice, chosen, tyre, quantity)
+              for quantity in (q.R, q.I) for tyre in tyres]  # fmt: skip
+    notes.tests(sheet.rejected[bare], visible[bare], "R and I")
+    key = (*pressure_key(sheet, choice.pressures), *load_key(sheet, choice.loads))
+    return FigureData(tuple(panels), len(tyres), sheet.labels, key=key, notes=tuple(notes.lines), panel_height=1.95,
+                      aligned=True, block=2)  # fmt: skip
+
+
+def _mobility_panel(
+    results: Results,
+    sheet: Sheet,
+    rigs: Mapping[str, Rig | None],
+    choice: _Choice,
+    chosen: BoolArray,
+    tyre: int,
+    quantity: Quantity,
+) -> Panel:
+    """R or I of one specimen."""
+    frequency, (values, stds) = sheet.shown(q.FREQUENCY)[0], sheet.shown(quantity)
+    series: list[Series] = []
+    for pressure, load in choice.conditions():
+        here = chosen & ~sheet.rejected & sheet.where(tyre=tyre, pressure=pressure, load=load)
+        marks = tyre_look(tyre, pressure, load)
+        for setting in present(sheet.setting, here):
+            found = _model_curve(sheet, rigs, here & (sheet.setting == setting))
+            if found is not None:
+                x, both = found
+                series.append(Series(Role.MODEL, x, both[0 if quantity is q.R else 1], tyre=tyre, dash=load))
+        series += points_of(results, sheet, here, (frequency, values), marks, stds=(None, stds))
+    lost = chosen & sheet.rejected & (sheet.tyre == tyre)
+    series += rejected_of(results, sheet, lost, (frequency, values))
+    title, head = (sheet.labels[tyre], tyre) if quantity is q.R else ("", -1)
+    return Panel(AxisData.of(q.FREQUENCY), AxisData.of(quantity), tuple(series), title, "", head)
 
 
 def _model_curve(
@@ -169,50 +129,47 @@ def _model_curve(
     return grid, [whole.real, whole.imag]
 
 
-def nyquist(results: Results, style: Style) -> Figure | None:
-    """K'' against K' along frequency, a panel per tyre."""
+def nyquist(results: Results) -> FigureData | None:
+    """K'' against K' along frequency, a panel per specimen."""
     sheet = read_sheet(results)
     real, real_std = sheet.shown(q.STORAGE)
     imag, std = sheet.shown(q.LOSS)
     visible = np.isfinite(real) & np.isfinite(imag)
     if not np.any(visible):
         return None
-    notes, key = Notes(), Key()
+    notes = Notes()
     choice = _choose(sheet, visible, notes)
     chosen = visible & choice.tests(sheet)
     used, lost = chosen & ~sheet.rejected, chosen & sheet.rejected
-    columns = min(3, len(choice.tyres))
-    grid = Grid.of(len(choice.tyres), columns, panel_height=2.6 if len(choice.tyres) <= columns else 2.1, style=style)
-    across = extent_of(real, real_std, used, chosen, positive=True)
-    along = extent_of(imag, std, used, chosen, positive=True)
-    for ax, tyre in zip(grid.panels, choice.tyres, strict=True):
+    panels = []
+    for tyre in choice.tyres:
+        series: list[Series] = []
         for pressure, load in choice.conditions():
             here = used & sheet.where(tyre=tyre, pressure=pressure, load=load)
-            marks = tyre_marks(sheet, style, tyre, pressure, load)
-            x, y = _along_frequency(sheet, real, imag, here)
-            ax.plot(x, y, color=marks.colour, linestyle=marks.dashes, label="_line", zorder=2.0)
-            bars(ax, real[here], imag[here], real_std[here], marks.colour, level=True)
-            curve(ax, real[here], imag[here], std=std[here], marks=replace(marks, joined=False))
-        crosses = lost & (sheet.tyre == tyre)
-        rejected_tests(ax, real[crosses], imag[crosses], style=style)
-        tyre_heading(ax, sheet.labels[tyre], style.colour(tyre), _frequency_range(sheet, used, tyre), style=style,
-                     letters=60 // columns)  # fmt: skip
-        limit(ax, across.limits(), along.limits(), style=style, ticks=5)
-    key.pressures(sheet, choice.pressures, style)
-    key.loads(sheet, choice.loads, style)
-    key.rejected(style, lost)
+            marks = tyre_look(tyre, pressure, load)
+            series += _along_frequency(sheet, real, imag, here, marks)
+            series += points_of(results, sheet, here, (real, imag), marks, stds=(real_std, std))
+        series += rejected_of(results, sheet, lost & (sheet.tyre == tyre), (real, imag))
+        right = _frequency_range(sheet, used, tyre)
+        panels.append(
+            Panel(AxisData.of(q.STORAGE), AxisData.of(q.LOSS), tuple(series), sheet.labels[tyre], right, tyre)
+        )
     notes.tests(sheet.rejected, visible, "K*")
-    notes.outside(along, along.limits(), style, imag[lost], q.LOSS.name)
-    return grid.finish(key=key, notes=notes, x_label=q.STORAGE.label, y_labels=[q.LOSS.label])
+    columns = min(3, len(panels))
+    return FigureData(
+        tuple(panels), columns, sheet.labels, notes=tuple(notes.lines), aligned=True,
+        key=(*pressure_key(sheet, choice.pressures), *load_key(sheet, choice.loads)),
+        panel_height=2.6 if len(panels) <= columns else 2.1,
+    )  # fmt: skip
 
 
-def _along_frequency(
-    sheet: Sheet, real: FloatArray, imag: FloatArray, mask: BoolArray
-) -> tuple[FloatArray, FloatArray]:
-    """Real and imaginary parts of the tests of a mask in rising order of frequency; repeats are averaged."""
-    frequency = sheet.values(q.FREQUENCY.head)[mask]
-    keys = sheet.frequency[mask].tolist()
-    return means(frequency, real[mask], keys)[1], means(frequency, imag[mask], keys)[1]
+def _along_frequency(sheet: Sheet, real: FloatArray, imag: FloatArray, mask: BoolArray, like: Series) -> list[Series]:
+    """A line through the means of repeats in rising order of frequency."""
+    frequency, keys = sheet.values(q.FREQUENCY.head)[mask], sheet.frequency[mask].tolist()
+    if not frequency.size:
+        return []
+    x, y = (means(frequency, part[mask], keys)[1] for part in (real, imag))
+    return [Series(Role.LINE, x, y, tyre=like.tyre, dash=like.dash)]
 
 
 def _frequency_range(sheet: Sheet, used: BoolArray, tyre: int) -> str:
@@ -256,7 +213,7 @@ def route_stiffness(results: Results, sheet: Sheet) -> dict[str, ComplexArray]:
     """K* [N/m] of every test by each route; not-a-number if the test lacks a phasor or the rig that a route needs."""
     every = 2 * np.pi * sheet.values(q.FREQUENCY.head)
     names = np.array(sheet.rigs, dtype=object)
-    found = {route: np.full(every.size, np.nan, dtype=complex) for route in _ROUTE_MARKS}
+    found = {route: np.full(every.size, np.nan, dtype=complex) for route in _ROUTE_RANKS}
     with np.errstate(all="ignore"):
         for name, rig in rigs_stated(results, sheet).items():
             at = np.flatnonzero((names == name) & np.isfinite(every))
@@ -271,7 +228,7 @@ def route_stiffness(results: Results, sheet: Sheet) -> dict[str, ComplexArray]:
     return {route: value for route, value in found.items() if np.any(np.isfinite(value))}
 
 
-def routes(results: Results, style: Style) -> Figure | None:
+def routes(results: Results) -> FigureData | None:
     """K' by each route at one condition, and the relative differences of K' and K'' from the K* in use."""
     sheet = read_sheet(results)
     frequency, _ = sheet.shown(q.FREQUENCY)
@@ -281,62 +238,53 @@ def routes(results: Results, style: Style) -> Figure | None:
     used = visible & ~sheet.rejected
     if len(found) < 2 or not np.any(used):
         return None
-    notes, key = Notes(), Key()
+    notes = Notes()
     tyres = notes.first(list(present(sheet.tyre, used)), _MOST_COLUMNS, "tyres")
-    columns = len(tyres)
-    grid = Grid.of(3 * columns, columns, panel_height=1.8, style=style)
-    extents = [Extent(), Extent(), Extent()]
-    pale = dict(zip(_ROUTE_MARKS, (1.0, 0.45, 0.1), strict=True))
-    for column, tyre in enumerate(tyres):
-        own = used & (sheet.tyre == tyre)
-        pressure, load = _fullest(sheet, own)
-        here = own & sheet.where(pressure=pressure, load=load)
-        for route, value in found.items():
-            marker, dashes = _ROUTE_MARKS[route]
-            face = mixed(style.look.paper, style.colour(tyre), pale[route])
-            marks = Marks(style.colour(tyre), marker, face, dashes)
-            off = 100 * (value - reference)
-            y = value.real / q.STORAGE.scale
-            curve(grid.panels[column], frequency[here], y[here], marks=marks)
-            extents[0].add(y[here])
-            for row, y in enumerate((off.real / reference.real, off.imag / reference.imag), start=1):
-                ax = grid.panels[row * columns + column]
-                extents[row].add(*middle_and_range(ax, sheet, own & np.isfinite(y), y, marks=marks))
-        tyre_heading(grid.panels[column], sheet.labels[tyre], style.colour(tyre), style=style, letters=60 // columns)
-        where = [sheet.pressures.labels[pressure], sheet.loads.labels[load]]
-        text = ", ".join(part for part in where if part[0].isdigit())
-        condition(grid.panels[column], text, style=style)
-        condition(grid.panels[columns + column], "all conditions: median, range", style=style, pad=2.5)
-    free = Style(style.theme, xlim=style.xlim)
-    for at, ax in enumerate(grid.panels):
-        row = at // columns
-        limits = extents[row].limits()
-        limit(ax, span([frequency[used]]), limits, style=free if row else style, ticks=6 if columns < 3 else 4)
-        notes.cut(extents[row], limits, free, "range")
+    panels = [_route_panel(results, sheet, found, used & (sheet.tyre == tyre), tyre) for tyre in tyres]
+    for name, part in (("K'", np.real), ("K''", np.imag)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = {route: 100 * part(value - reference) / part(reference) for route, value in found.items()}
+        panels += [_difference_panel(sheet, off, used & (sheet.tyre == tyre), tyre, name) for tyre in tyres]
+    names = texts(sheet.table, "route")
+    key = []
     for route in found:
-        marker, dashes = _ROUTE_MARKS[route]
-        in_use = np.mean([text == route for text in texts(sheet.table, "route")]) > 0.5
-        key.line(f"{route} route" + (" (in use)" if in_use else ""), style.look.muted, linestyle=dashes, marker=marker,
-                 markerfacecolor=mixed(style.look.paper, style.look.muted, pale[route]))  # fmt: skip
-    notes.tests(sheet.rejected, visible & ~sheet.rejected, "K*")
-    labels = [q.STORAGE.label, "difference of K' [%]", "difference of K'' [%]"]
-    return grid.finish(key=key, notes=notes, x_label=q.FREQUENCY.label, y_labels=labels, headings="all")
+        in_use = np.mean([text == route for text in names]) > 0.5
+        key.append((look(marker=_ROUTE_RANKS[route][0]), f"{route} route" + (" (in use)" if in_use else "")))
+    notes.say("ΔK' and ΔK'': difference from the K* in use, median and range over all conditions")
+    notes.tests(sheet.rejected, used, "K*")
+    return FigureData(tuple(panels), len(tyres), sheet.labels, key=tuple(key), notes=tuple(notes.lines),
+                      panel_height=1.8, aligned=True, block=3)  # fmt: skip
 
 
-def middle_and_range(
-    ax: Axes, sheet: Sheet, mask: BoolArray, y: FloatArray, *, marks: Marks
-) -> tuple[FloatArray, FloatArray]:
-    """Draw the median of the tests at each frequency, with a bar from the smallest to the largest value.
+def _route_panel(results: Results, sheet: Sheet, found: Mapping[str, ComplexArray], own: BoolArray, tyre: int) -> Panel:
+    """K' by each route at the condition of a specimen with the most tests."""
+    frequency, _ = sheet.shown(q.FREQUENCY)
+    pressure, load = _fullest(sheet, own)
+    here, series = own & sheet.where(pressure=pressure, load=load), []
+    for route, value in found.items():
+        marker, dash = _ROUTE_RANKS[route]
+        marks, y = look(tyre=tyre, marker=marker, dash=dash), value.real / q.STORAGE.scale
+        series += line_of(frequency[here], y[here], sheet.frequency[here], marks)
+        series += points_of(results, sheet, here, (frequency, y), marks)
+    where = [sheet.pressures.labels[pressure], sheet.loads.labels[load]]
+    right = ", ".join(part for part in where if part[0].isdigit())
+    return Panel(AxisData.of(q.FREQUENCY), AxisData.of(q.STORAGE), tuple(series), sheet.labels[tyre], right, tyre)
 
-    Returns the medians, and for each the distance to the farther end of its bar.
-    """
-    groups = [mask & (sheet.frequency == group) for group in present(sheet.frequency, mask)]
-    x = np.array([sheet.values(q.FREQUENCY.head)[group].mean() for group in groups])
-    median, low, high = (np.array([pick(y[group]) for group in groups]) for pick in (np.median, np.min, np.max))
-    middle, half = 0.5 * (high + low), 0.5 * (high - low)
-    curve(ax, x, median, marks=marks)
-    bars(ax, x, middle, half, marks.colour)
-    return median, np.abs(middle - median) + half
+
+def _difference_panel(sheet: Sheet, off: Mapping[str, FloatArray], own: BoolArray, tyre: int, name: str) -> Panel:
+    """The median at each frequency of what each route differs by [%], with its range."""
+    frequency, series = sheet.values(q.FREQUENCY.head), [zero_line(sheet.values(q.FREQUENCY.head)[own])]
+    for route, values in off.items():
+        known, (marker, dash) = own & np.isfinite(values), _ROUTE_RANKS[route]
+        groups = [known & (sheet.frequency == group) for group in present(sheet.frequency, known)]
+        x = np.array([frequency[group].mean() for group in groups])
+        median, low, high = (
+            np.array([pick(values[group]) for group in groups]) for pick in (np.median, np.min, np.max)
+        )
+        look_of = Series(Role.POINTS, x, median, tyre=tyre, marker=marker, dash=dash)
+        series += [*line_of(x, median, np.arange(x.size), look_of), look_of]
+        series.append(Series(Role.RANGE, x, 0.5 * (high + low), 0.5 * (high - low), tyre=tyre))
+    return Panel(AxisData.of(q.FREQUENCY), AxisData(f"Δ{name}", "%", signed=True), tuple(series))
 
 
 def _fullest(sheet: Sheet, own: BoolArray) -> tuple[int, int]:
@@ -353,14 +301,14 @@ FIGURES = (
         "nyquist",
         "Nyquist plot of the dynamic stiffness",
         "Loss stiffness K'' against storage stiffness K', each curve along frequency.",
-        nyquist,
+        data=nyquist,
         apart=True,
     ),
     FigureSpec(
         "routes",
         "Routes side by side",
         "K' by each route at one condition, and how far K' and K'' by each route lie from the K* in use.",
-        routes,
+        data=routes,
         apart=True,
     ),
     FigureSpec(
@@ -368,7 +316,7 @@ FIGURES = (
         "Mobility measured and modelled",
         "Real part R and imaginary part I of V1/F1, points measured, lines from K1 and the interpolated K2 and C "
         "on the rig as stated.",
-        mobility,
+        data=mobility,
         apart=True,
     ),
 )

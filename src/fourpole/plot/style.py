@@ -53,8 +53,6 @@ THEMES: dict[str, _Theme] = {
 
 #: Markers of pressures in rising order; the cross stands for rejected tests.
 _PRESSURE_MARKERS: tuple[Marker, ...] = ("o", "s", "^", "D", "v", "P", "<", ">", "*", (4, 1, 0), (4, 1, 45))
-#: Markers of loads; none of them is a marker of a pressure.
-_LOAD_MARKERS = ("d", "p", "h", "H")
 _LOAD_DASHES: tuple[Dashes, ...] = (
     "solid",
     (0.0, (4.0, 1.6)),
@@ -163,15 +161,8 @@ class Style:
 
     def face(self, tyre: int, rank: int, count: int) -> str:
         """Fill of a marker: the tyre's colour, paler for the lower of several pressures."""
-        return self._pale(self.colour(tyre), rank, count)
-
-    def neutral_face(self, rank: int, count: int) -> str:
-        """Fill of a marker in a key that holds for every tyre: grey, paler for the lower of several pressures."""
-        return self._pale(self.look.muted, rank, count)
-
-    def _pale(self, colour: str, rank: int, count: int) -> str:
         part = 1.0 if count < 2 else 0.12 + 0.88 * rank / (count - 1)
-        return mixed(self.look.paper, colour, part)
+        return mixed(self.look.paper, self.colour(tyre), part)
 
     def frequency_colour(self, part: float) -> str:
         """Colour of a frequency on the sequential scale; `part` is 0 for the lowest and 1 for the highest."""
@@ -229,11 +220,6 @@ class Style:
 def load_dashes(rank: int) -> Dashes:
     """Line style of a load, by its rank among the loads of the campaign."""
     return _LOAD_DASHES[rank % len(_LOAD_DASHES)]
-
-
-def load_marker(rank: int) -> str:
-    """Marker of a load, by its rank; it is used if the pressure is the abscissa."""
-    return _LOAD_MARKERS[rank % len(_LOAD_MARKERS)]
 
 
 def pressure_marker(rank: int) -> Marker:
