@@ -25,7 +25,7 @@ from fourpole.models.ramp import Ramp
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series
 from fourpole.plot.drawn import figure_of
 from fourpole.plot.figure import figure_bytes
-from fourpole.plot.style import SIZES, Style, drawing
+from fourpole.plot.style import Size, Style, drawing
 from fourpole.virtual.phasor_rig import Conditions, DrawnLaboratory, Laboratory, draw, simulate_phasors
 
 MADE = Path(__file__).resolve().parent.parent / "made"
@@ -232,7 +232,7 @@ FIGURES: dict[str, tuple[str, Callable[[], FigureData]]] = {
 def svg(name: str, form: str = "svg") -> bytes:
     """The file of a figure."""
     title, make = FIGURES[name]
-    style = Style(size=SIZES["report"])
+    style = Style(size=Size(width=6.0))
     with drawing(style, name):
         return figure_bytes(figure_of(make(), style), name, title, form, style)
 

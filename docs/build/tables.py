@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -33,21 +33,34 @@ def size(fault: pt.Fault, value: float | None = None) -> str:
     return number + ("" if fault.unit == "°" else " ") + fault.unit
 
 
-def what_it_makes() -> str:
-    """C and K2 of the page's tyre with each fault."""
+def _by_fault(which: int, scale: float, digits: int, more: Callable[[np.ndarray], list[str]]) -> Iterator[list[str]]:
+    """A row for the truth and for each fault: K2 or C of the page's tyre at the frequencies, and more of it."""
     at = np.searchsorted(pt.FREQUENCY, _EXAMPLES)
-    rows = []
     for fault in (None, *pt.FAULTS):
-        k2, c = pt.example(fault)
-        highest = pt.top(c)
-        turn = "falls" if highest == pt.FREQUENCY[0] else f"rises to {highest:g} Hz"
-        line, spring = ("rises" if pt.slope(one) > 0 else "falls" for one in (c, k2))
+        values = pt.example(fault)[which]
         name = f"{fault.name}: {size(fault, fault.size)}" if fault else "none: the truth"
-        cells = ", ".join(f"{one:.0f}" for one in c[at]), ", ".join(f"{one / 1e3:.0f}" for one in k2[at])
-        rows.append([name, cells[0], turn, line, cells[1], spring])
-    at_these = ", ".join(f"{f:g}" for f in _EXAMPLES) + " Hz"
-    heads = [f"C at {at_these} [N s/m]", "C over 10 to 24 Hz", "line through C"]
-    return table(["what is off", *heads, f"K2 at {at_these} [kN/m]", "line through K2"], rows)
+        yield [name, *(f"{scale * one:.{digits}f}" for one in values[at]), *more(values)]
+
+
+def _line(values: np.ndarray) -> str:
+    return "rises" if pt.slope(values) > 0 else "falls"
+
+
+def c_by_fault() -> str:
+    """C of the page's tyre with each fault."""
+
+    def over_band(c: np.ndarray) -> list[str]:
+        highest = pt.top(c)
+        return ["falls" if highest == pt.FREQUENCY[0] else f"rises to {highest:g} Hz", _line(c)]
+
+    heads = [f"{f:g} Hz" for f in _EXAMPLES]
+    return table(["C [N s/m] with", *heads, "from 10 to 24 Hz", "its line"], _by_fault(1, 1.0, 0, over_band))
+
+
+def k2_by_fault() -> str:
+    """K2 of the page's tyre with each fault."""
+    heads = [f"{f:g} Hz" for f in _EXAMPLES]
+    return table(["K2 [kN/m] with", *heads, "its line"], _by_fault(0, 1e-3, 1, lambda k2: [_line(k2)]))
 
 
 def where_it_turns() -> str:
@@ -210,7 +223,8 @@ def _maxima() -> int:
 
 #: Each table: its name, its page, and the function that makes it.
 TABLES: dict[str, tuple[str, Callable[[], str]]] = {
-    "what-it-makes": ("paper-could-not-see.md", what_it_makes),
+    "c-by-fault": ("paper-could-not-see.md", c_by_fault),
+    "k2-by-fault": ("paper-could-not-see.md", k2_by_fault),
     "where-it-turns": ("paper-could-not-see.md", where_it_turns),
     "of-random-tyres": ("paper-could-not-see.md", of_random_tyres),
     "over-pressure": ("paper-could-not-see.md", over_pressure),

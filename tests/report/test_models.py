@@ -104,10 +104,10 @@ def test_a_c_that_rises_with_frequency_is_why_no_passive_specimen_is_alike(fitte
     good, bad = (True, 0.01, []), (False, 0.0312, [10.0, 12.0])
     assert said(bad, rising)[-1] == (
         "No passive linear specimen without inertia has a C that rises with frequency, as here by 23 % from 10 to "
-        "22 Hz: 1/(K* − K1) is a creep compliance, and C can only fall."
+        "22 Hz: with any constant K1, C can only fall."
     )
     for judgement, c in ((good, rising), (bad, 900.0), (bad, lambda p, load, f: 9000.0 / f)):
-        assert not any("creep" in sentence for sentence in said(judgement, c))
+        assert not any("can only fall" in sentence for sentence in said(judgement, c))
 
 
 def test_verdicts_are_summed_up(fitted):

@@ -34,8 +34,8 @@ class VirtualTyre:
     chosen so that the statements of the paper about its two tyres are true for these two.
 
     As in the paper's model, K2 and C are functions of the excitation frequency. Each dynamic test therefore has a Zener
-    element with the constants of its frequency. No single element holds for all frequencies, because C rises with
-    frequency, which contradicts any model with one relaxation time.
+    element with the constants of its frequency. C rises with frequency, which no passive tyre without inertia can do:
+    all tests together are not of one linear tyre.
 
     With p the pressure, P the preload, f the frequency, :math:`q = (p - 170\,kPa)/70\,kPa`,
     :math:`l = (P - 1500\,N)/1000\,N` and :math:`g = ((p - 100\,kPa)/140\,kPa)^2`

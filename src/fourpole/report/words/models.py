@@ -39,7 +39,7 @@ def sentences(entry: ModelEntry, facts: Facts | None = None) -> list[str]:
     if not entry.causal:
         said.append("It is not causal: it describes K* at these frequencies, but cannot be stepped in time.")
     active = any(one.verdict is not None and not one.verdict.possible for one in entry.conditions)
-    return [*said, *verdicts(entry), *(creeping(facts, entry.tyre) if facts is not None and active else [])]
+    return [*said, *verdicts(entry), *(rising_damping(facts, entry.tyre) if facts is not None and active else [])]
 
 
 def discrepancy(entry: ModelEntry) -> str:
@@ -110,14 +110,14 @@ def _where(one: ConditionFile) -> str:
     return f"K* cannot be at {spread(found, FREQUENCY, 'Hz')}"
 
 
-def creeping(facts: Facts, tyre: str) -> list[str]:
+def rising_damping(facts: Facts, tyre: str) -> list[str]:
     """The sentence that says why no passive specimen is like one whose C rises with frequency; none if it does not."""
     for name in facts.tyres:
         found = trend_of(q.C, name, facts.values(q.C, name), "frequency") if facts.stated[name] == tyre else None
         if found is not None and found.holds is Holds.RISES and isinstance(found.detail, Trend):
             rise = percent(found.detail.mean.value)
             text = f"No passive linear specimen without inertia has a C that rises with frequency, as here by {rise}"
-            return [f"{text} from {span(found.detail)}: 1/(K* − K1) is a creep compliance, and C can only fall."]
+            return [f"{text} from {span(found.detail)}: with any constant K1, C can only fall."]
     return []
 
 
