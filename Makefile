@@ -104,12 +104,13 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 	@$(BIN)/ruff format
 
 # Examples are left out here, for they show numbers as today's numpy prints them; so are warnings, for
-# those of an old library are nobody's to mend. The commands' and the report's own tests hold their exact output, which
-# is for the terminal and browser libraries of the lock alone. Tests that take long or repeat an estimate many times ask
+# those of an old library are nobody's to mend. The commands', the report's and the pages' own tests hold their exact
+# output, which is for the terminal, browser and drawing libraries of the lock alone. Tests that take long or repeat an estimate many times ask
 # of our formulas, not of a library: once is enough.
 lowest: lowest-install  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
 	@[ ! -e $(READY_LOWEST) ] || .venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib \
-		-W default $(TWO_AT_A_TIME) -m "not statistical and not thorough" tests --ignore=tests/app --ignore=tests/report
+		-W default $(TWO_AT_A_TIME) -m "not statistical and not thorough" tests \
+		--ignore=tests/app --ignore=tests/report --ignore=tests/docs --ignore=tests/tools
 
 lowest-install:  ## install the lowest versions allowed
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
