@@ -17,7 +17,7 @@ from fourpole.core.confidence import NORMAL_95
 from fourpole.core.routes import maxwell_arm
 from fourpole.errors import CampaignError
 from fourpole.fitting.query import response
-from fourpole.plot import FIGURES, SIZES, Style, draw, figure_data, figures_of, render
+from fourpole.plot import FIGURES, PAPER, SIZES, Style, draw, figure_data, figures_of, render
 from fourpole.plot.chain import Kind, chains
 from fourpole.plot.data import MOST_LABELLED, Role
 from fourpole.plot.layout import COLOUR_SCALE
@@ -271,6 +271,38 @@ def test_units_are_those_that_the_campaign_wants(fitted):
     loop, other = (figure_data(one, "loops").panels[0].series[0] for one in (fitted, wanted))
     np.testing.assert_allclose(other.x, 1e3 * loop.x)
     assert "preload spring K3 = 12.44 ± 0.02 N/mm" in chains(wanted)[""][2].stated
+
+
+def in_units(results, **units):
+    """The same results of a campaign that wants other units."""
+    stated = {**results.record["stated"], "report": {"units": units}}
+    return replace(results, record={**results.record, "stated": stated})
+
+
+@pytest.mark.parametrize("key", [key for key in WITH_DATA if key not in PAPER])
+def test_no_figure_by_question_has_a_unit_that_the_campaign_does_not_want(fitted, key):
+    wanted = in_units(fitted, pressure="psi", stiffness="lbf/in", deflection="um", force="lbf")
+    data = figure_data(wanted, key)
+    if data is None:
+        assert key in ("signals", "model-choice", "spectrum", "amplitude")
+        return
+    fields = [panel.field for panel in data.panels if panel.field is not None]
+    shown = {axis.unit for panel in data.panels for axis in (panel.x, panel.y)} | {one.unit for one in fields}
+    assert not shown & {"bar", "kN/m", "mm", "N", "kN"}
+    said = " ".join([*data.notes, *(text for _, text in data.dashes), *(panel.right for panel in data.panels),
+                     *(one.label for panel in data.panels for one in panel.series)])  # fmt: skip
+    assert not re.search(r"\d (bar|kN/m|N/m|mm|N|kN)\b", said), said
+
+
+@pytest.mark.parametrize("key", PAPER)
+def test_the_figures_of_the_paper_keep_its_units(fitted, key):
+    usual, wanted = (FIGURES[key].data and figure_data(one, key) for one in (fitted, in_units(fitted, pressure="psi")))
+    assert [(one.x, one.y) for one in usual.panels] == [(one.x, one.y) for one in wanted.panels] if usual else True
+
+
+def test_what_nothing_has_is_said_in_the_units_of_the_campaign(study):
+    with pytest.raises(CampaignError, match=r"no test at 220 kPa: did you mean 205 kPa.* from 100 kPa to 240 kPa"):
+        select(in_units(study, pressure="kPa"), Selection(pressures=(2.2e5,)))
 
 
 def test_a_selection_keeps_colours_markers_and_cards(study):
