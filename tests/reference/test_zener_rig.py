@@ -19,6 +19,7 @@ from fourpole.core.tyre import (
     zener_stiffness,
     zener_transmissibility,
 )
+from fourpole.report.selftest.vectors import cases
 
 # The vectors are exact to 17 digits. The steepest of them, V1/F1 close to the resonance of tyre and rig, multiplies
 # round-off by about 70 on the way to K2 and C: 70 · 2.2e-16 = 1.5e-14, and fewer than 50 operations lead there.
@@ -82,10 +83,23 @@ class Vectors:
             yield Rig(moving_mass=m, preload_stiffness=k3), Vectors(self.rows[on_it])
 
 
-@pytest.fixture(scope="module", params=["quoted", "file"])
+def packaged():
+    """The rows of the paper's rig among the reference vectors of the package."""
+    inputs = ("K1", "K2", "C", "m", "K3", "frequency")
+    values = ("Re K*", "Im K*", "Re V1/F1", "Im V1/F1", "d", "TR", "arg(V2/V1)")
+    rows = []
+    for one in cases():
+        if one["function"] == "core.tyre (the paper's rig)":
+            expected = {row["value"]: float(row["expected"]) for row in one["values"]}
+            rows.append([*(one["inputs"][name] for name in inputs), *(expected[name] for name in values)])
+    assert len(rows) == 12
+    return np.array(rows)
+
+
+@pytest.fixture(scope="module", params=["quoted", "package", "file"])
 def vectors(request):
-    if request.param == "quoted":
-        return Vectors(QUOTED)
+    if request.param != "file":
+        return Vectors(QUOTED if request.param == "quoted" else packaged())
     shared = request.getfixturevalue("shared")
     with (shared / "reference" / "zener-rig.csv").open(newline="") as file:
         names, *rows = csv.reader(file)

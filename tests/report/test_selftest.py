@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from tests.report.mutants import mutated
 
-from fourpole.report.selftest.campaigns import campaign_names
+from fourpole.report.selftest.campaigns import campaign_names, compared_campaign
 from fourpole.report.selftest.compared import Compared, failed, number, word
 from fourpole.report.selftest.page import HEADS, render_selftest, selftest_csv
 from fourpole.report.selftest.run import self_test
@@ -45,6 +45,20 @@ MUTANTS = [
     ("models.fractional:FractionalZener.stiffness", "(high - low) * share", "high * share"),
     ("models.kraus:Kraus._law", "2.0 * np.sqrt", "np.sqrt"),
     ("models.shift_law:ShiftLaw.at_reference", "c1 * c2 / moved,", "c1 * moved / c2,"),
+]
+
+#: Faults that a whole campaign shows, with its name.
+OF_CAMPAIGNS = [
+    ("static", "core.loadcurve:Tangent.std_with_gains", "self.stiffness - self.load", "self.stiffness + self.load"),
+    ("weighed-mass", "core.joint.outputs:outputs", "by_shared[:, 5] += direct", "by_shared[:, 5] -= direct"),
+    ("weighed-mass", "core.joint.outputs:outputs", "-by_own @ slope", "by_own @ slope"),
+    (
+        "weighed-mass",
+        "core.joint.outputs:_corrected_mobility",
+        "gains[:, 0] / gains[:, 1]",
+        "gains[:, 1] / gains[:, 0]",
+    ),
+    ("bad-tests", "core.recordingchecks:check_lift_off", "0.9, 1.0", "0.9, 2.0"),
 ]
 
 
@@ -98,6 +112,12 @@ def test_a_small_fault_of_a_formula_is_caught(known, place, old, new):
     first = sorted(known, key=lambda one: not one["function"].startswith(module.rpartition(".")[0]))
     with mutated(place, old, new):
         assert any(not value.good for one in first for value in compared_cases([one]))
+
+
+@pytest.mark.parametrize(("name", "place", "old", "new"), OF_CAMPAIGNS, ids=[place for _, place, _, _ in OF_CAMPAIGNS])
+def test_a_small_fault_of_the_analysis_is_caught(name, place, old, new):
+    with mutated(place, old, new):
+        assert any(not value.good for value in compared_campaign(name))
 
 
 def test_a_value_passes_within_its_tolerance_only():

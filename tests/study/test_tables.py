@@ -11,6 +11,7 @@ from fourpole import analyse
 from fourpole.findings.table import FINDING_COLUMNS
 from fourpole.fitting.rows import KEY, key_of, keyed
 from fourpole.quantities import meaning_of
+from fourpole.study.record import KEYS, read_record
 from fourpole.study.results import Results, read_results
 from fourpole.study.tables import TABLES
 
@@ -36,6 +37,9 @@ def described():
         lines += [f"| `{head}` | {meaning_of(head)} |" for head in spec.columns]
     lines += ["", "## `findings.csv`", "", "A row: a finding. The heads have no unit: the column `unit` states it.", ""]
     lines += ["| column | holds |", "|---|---|", *(f"| `{head}` | {text} |" for head, text in FINDING_COLUMNS.items())]
+    lines += ["", "## `study.json`", "", "What it takes to repeat the run, and to see whether files have changed since:"]
+    lines += ["[fourpole verify](selftest.md#check-results) does both. Further keys may come, none changes.", ""]
+    lines += ["| key | holds |", "|---|---|", *(f"| `{key}` | {text} |" for key, text in KEYS.items())]
     return "\n".join(lines) + "\n"
 
 
@@ -46,6 +50,10 @@ def test_the_docs_list_all_tables_and_columns():
 @pytest.fixture(scope="module")
 def study(noisy_campaign):
     return analyse(noisy_campaign)
+
+
+def test_study_json_has_the_keys_that_are_documented(written):
+    assert set(read_record(written)) == set(KEYS)
 
 
 @pytest.fixture(scope="module")

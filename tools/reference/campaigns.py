@@ -21,6 +21,8 @@ from reference.physics import J, Numbers, amplitudes, rig_impedance, stiffness_o
 RATE, SAMPLES = 300, 300
 #: Noise over amplitude, and standard uncertainties within which a result must lie.
 NOISE, WITHIN = mpf("1e-4"), 5
+#: Noise as it may be estimated, over what it is: two standard uncertainties for 16 degrees of freedom.
+ESTIMATED = mpf("1.36")
 _STEP = mpf(10) ** -15
 HEADS = ("table", "row", "column", "expected", "tolerance", "rests on", "route")
 
@@ -173,6 +175,7 @@ def paper() -> Campaign:
                 "Re K* [N/m]": stiffness.real, "Im K* [N/m]": stiffness.imag, "K2 [N/m]": arm["K2"],
                 "C [N s/m]": arm["C"], "TR predicted [1]": abs(ratio),
                 "loss factor [1]": stiffness.imag / stiffness.real,
+                "R [m/(N s)]": (v1 / f1).real, "I [m/(N s)]": (v1 / f1).imag,
             }  # fmt: skip
 
         expected = results(inputs)
@@ -185,13 +188,12 @@ def paper() -> Campaign:
         whole = spread(results, inputs, stated)
         for column, value in expected.items():
             made.expect("dynamic", f"test={test}", column, value, WITHIN * noise[column], "network; noise and K1")
-            head = column.replace("TR predicted", "TR")
             # K2 and C have a part of second order, which is about the square of their relative uncertainty
             second = (whole[column] / value) ** 2 if column[0] in "KC" else mpf(0)
             share = mpf("0.01") + 3 * second + (noise[column] / whole[column]) ** 2
             made.expect(
-                "dynamic", f"test={test}", f"u({head.partition(' [')[0]}) [{head.partition('[')[2]}",
-                whole[column], share * whole[column], "numeric derivatives times stated uncertainties",
+                "dynamic", f"test={test}", _u_head(column), whole[column], share * whole[column],
+                "numeric derivatives times stated uncertainties",
             )  # fmt: skip
         made.expect_word("dynamic", f"test={test}", "verdict", "ok", "nothing is wrong with it")
     return made
@@ -271,7 +273,7 @@ def joint() -> Campaign:
             stated = f"{mass:g},{mp.nstr(_U_MASS, 3)}" if mass else ","
             made.tests.append(f"{name},recordings/{name}.csv,dynamic,reference,1.7,1200,{stated},165000,0")
             tests.append((name, frequency, mass, v))
-    _expect_joint(made, tests, tyre, true)
+    _expect_joint(made, tests, true)
     return made
 
 
@@ -280,15 +282,15 @@ def _seen(v: Numbers, true: Mapping[str, mpc]) -> dict[str, mpc]:
     return {name: one * v[f"gain {name}"] * mp.expj(v[f"phase {name}"]) for name, one in true.items()}
 
 
-def _expect_joint(made: Campaign, tests: Sequence[Any], tyre: Numbers, true: Numbers) -> None:
+def _expect_joint(made: Campaign, tests: Sequence[Any], true: Numbers) -> None:
     """Expected values, with tolerances from the Fisher information of all tests and all stated uncertainties."""
     frequencies = list(dict.fromkeys(frequency for _, frequency, _, _ in tests))
     shared = [*_TRUE, "added mass"]
     count = len(shared) + 2 * len(frequencies) + 2 * len(tests)
-    information = matrix(count, count)
+    stated, information = matrix(count, count), matrix(count, count)
     for at, name in enumerate(_TRUE):
-        information[at, at] += 1 / mpf(_TRUE[name][2]) ** 2
-    information[len(_TRUE), len(_TRUE)] += 1 / _U_MASS**2
+        stated[at, at] += 1 / mpf(_TRUE[name][2]) ** 2
+    stated[len(_TRUE), len(_TRUE)] += 1 / _U_MASS**2
     for number, (_, frequency, mass, v) in enumerate(tests):
         first = len(shared) + 2 * frequencies.index(frequency)
         own = len(shared) + 2 * len(frequencies) + 2 * number
@@ -297,37 +299,92 @@ def _expect_joint(made: Campaign, tests: Sequence[Any], tyre: Numbers, true: Num
         for one, row in zip(places, slopes, strict=True):
             for other, column in zip(places, slopes, strict=True):
                 information[one, other] += mp.fsum(a * b for a, b in zip(row, column, strict=True))
-    covariance = mp.inverse(information)
+    covariance, wide = (mp.inverse(stated + information / scale**2) for scale in (1, ESTIMATED))
     for at, name in enumerate(_TRUE):
         head = _IN_TABLE.get(name, name)
         made.expect("rig", f"value={head}", "found", true[name], WITHIN * mp.sqrt(covariance[at, at]),
                     "what the rig truly is; Fisher information")  # fmt: skip
     _expect_ratios(made, true, covariance)
-    for frequency in frequencies:
-        first = len(shared) + 2 * frequencies.index(frequency)
-        v = {**tyre, "frequency": mpf(frequency)}
-        stiffness = stiffness_of(v, turning(v))
-        u = [mp.sqrt(covariance[first + i, first + i]) for i in (0, 1)]
-        arm = arm_of({**v, "Re K*": stiffness.real, "Im K*": stiffness.imag})
-        turns = [
-            [(arm_of({**v, "Re K*": stiffness.real + (i == 0) * step, "Im K*": stiffness.imag + (i == 1) * step})[of]
-              - arm[of]) / step for i in (0, 1)]
-            for of in ("K2", "C") for step in (mpf(10) ** -20 * abs(stiffness),)
-        ]  # fmt: skip
-        block = matrix([[covariance[first + i, first + k] for k in (0, 1)] for i in (0, 1)])
-        u_arm = [mp.sqrt((matrix([row]) * block * matrix([row]).T)[0]) for row in turns]
-        for name, f, _, _ in tests:
-            if f == frequency:
-                for column, value, std in (
-                    ("Re K* [N/m]", stiffness.real, u[0]), ("Im K* [N/m]", stiffness.imag, u[1]),
-                    ("K2 [N/m]", tyre["K2"], u_arm[0]), ("C [N s/m]", tyre["C"], u_arm[1]),
-                ):  # fmt: skip
-                    made.expect("dynamic", f"test={name}", column, value, WITHIN * std, "network; Fisher information")
-                for part, std in zip(("Re", "Im"), u, strict=True):
-                    made.expect(
-                        "dynamic", f"test={name}", f"u({part} K*) [N/m]", std, std * mpf("0.1"), "Fisher information"
-                    )
-                made.expect_word("dynamic", f"test={name}", "route", "joint", "the route that is asked for")
+    for name, frequency, _, v in tests:
+        places = [*range(len(shared)), *(len(shared) + 2 * frequencies.index(frequency) + i for i in (0, 1))]
+        _expect_test(made, name, {**v, **_known(v)}, [*shared, "Re K*", "Im K*"], (covariance, wide), places)
+
+
+def _known(v: Numbers) -> dict[str, mpf]:
+    stiffness = stiffness_of(v, turning(v))
+    return {"Re K*": stiffness.real, "Im K*": stiffness.imag}
+
+
+def _expect_test(
+    made: Campaign,
+    name: str,
+    v: Numbers,
+    unknown: Sequence[str],
+    covariances: tuple[matrix, matrix],
+    places: Sequence[int],
+) -> None:
+    """Results of a test, and their uncertainties from the covariance of what the tests share.
+
+    The second covariance is that of a noise which is estimated too large.
+    """
+
+    def results(w: Numbers) -> dict[str, mpf]:
+        stiffness = mpc(w["Re K*"], w["Im K*"])
+        arm = arm_of(w)
+        ratio = stiffness / (stiffness + J * turning(w) * rig_impedance(w))
+        return {
+            "Re K* [N/m]": stiffness.real, "Im K* [N/m]": stiffness.imag, "K2 [N/m]": arm["K2"], "C [N s/m]": arm["C"],
+            "loss factor [1]": stiffness.imag / stiffness.real, "TR predicted [1]": abs(ratio),
+        }  # fmt: skip
+
+    value = results(v)
+    columns = []
+    for key in unknown:
+        if key == "added mass" and not v[key]:  # the mass is not on the rig in this test
+            columns.append(dict.fromkeys(value, mpf(0)))
+            continue
+        step = mpf(10) ** -20 * (abs(v[key]) or mpf(1))
+        moved = results({**v, key: v[key] + step})
+        columns.append({head: (moved[head] - value[head]) / step for head in value})
+    for head, one in value.items():
+        u, more = (
+            mp.sqrt(
+                mp.fsum(
+                    first[head] * second[head] * covariance[i, k]
+                    for first, i in zip(columns, places, strict=True)
+                    for second, k in zip(columns, places, strict=True)
+                )
+            )
+            for covariance in covariances
+        )
+        made.expect("dynamic", f"test={name}", head, one, WITHIN * u, "network; Fisher information")
+        room = more - u + u / 1000
+        made.expect("dynamic", f"test={name}", _u_head(head), u, room, "Fisher information; noise is estimated")
+    _expect_ratio_of_test(made, name, v, covariances[0])
+    made.expect_word("dynamic", f"test={name}", "route", "joint", "the route that is asked for")
+
+
+def _expect_ratio_of_test(made: Campaign, name: str, v: Numbers, covariance: matrix) -> None:
+    """R, I and TR of a test as they truly are: noise and the ratios of the gains may change them."""
+    f1, v1, v2 = amplitudes(v)
+    noise = NOISE * mp.sqrt(mpf(4) / SAMPLES)
+    for heads, one, (over, under) in (
+        (("R [m/(N s)]", "I [m/(N s)]"), v1 / f1, ("V1", "F1")),
+        (("TR measured [1]",), v2 / v1, ("V2", "V1")),
+    ):
+        error = mpf(0)
+        for kind in ("gain", "phase"):
+            at, to = (list(_TRUE).index(f"{kind} {which}") for which in (over, under))
+            error += abs(covariance[at, at] + covariance[to, to] - 2 * covariance[at, to])
+        room = WITHIN * abs(one) * (mp.sqrt(error) + noise)
+        for head, value in zip(heads, (abs(one),) if len(heads) == 1 else (one.real, one.imag), strict=True):
+            made.expect("dynamic", f"test={name}", head, value, room, "network; noise and ratios of gains")
+
+
+def _u_head(head: str) -> str:
+    """Head of the uncertainty of a column."""
+    name, _, unit = head.replace("TR predicted", "TR").partition(" [")
+    return f"u({name}) [{unit}"
 
 
 def _expect_ratios(made: Campaign, true: Numbers, covariance: matrix) -> None:
@@ -426,8 +483,8 @@ def blocked() -> Campaign:
 _STATIC = """title = "Reference: static tests"
 
 [channels]
-load       = { column = "F", unit = "N", exact = true }
-deflection = { column = "x", unit = "mm", exact = true }
+load       = { column = "F", unit = "N", std_gain = "0.2 %" }
+deflection = { column = "x", unit = "mm", std_gain = "0.1 %" }
 
 [tyres.reference]
 """
@@ -448,9 +505,21 @@ def static() -> Campaign:
             lambda x, terms=terms: sum(a * x ** (i + 1) for i, a in enumerate(terms)) - 1200, stroke / 4
         )
         slope = mp.diff(lambda x, terms=terms: sum(a * x ** (i + 1) for i, a in enumerate(terms)), place)
+
+        def tangent(of_load: mpf, of_deflection: mpf, terms: Sequence[mpf] = terms) -> mpf:
+            """K1 at 1200 N as it would be found with errors of the gains."""
+            curve = lambda x: of_load * sum(a * (x / of_deflection) ** (i + 1) for i, a in enumerate(terms))  # noqa: E731
+            return mp.diff(curve, mp.findroot(lambda x: curve(x) - 1200, stroke / 4))
+
+        step = mpf(10) ** -12
+        by = [(tangent(1 + a * step, 1 + b * step) - slope) / step for a, b in ((1, 0), (0, 1))]
+        u_gains = mp.hypot(by[0] * mpf("0.002"), by[1] * mpf("0.001"))
         apart = 4 * gap / stroke * (1 - 2 * place / stroke)
         row = f"test={test}"
         made.expect("static", row, "K1 [N/m]", slope, WITHIN * u, "tangent of the polynomial; noise of the load")
+        made.expect("static", row, "u(K1) [N/m]", u_gains, u + u_gains / 50, "gains; noise of the load")
+        bent = _bend(terms, stroke)
+        made.expect("static", row, "nonlinearity [1]", bent, bent / 100, "departure from the line; 401 points")
         for head, sign in (("loading", 1), ("unloading", -1)):
             made.expect("static", row, f"K1 {head} [N/m]", slope + sign * apart, 2 * WITHIN * u,
                         "tangent of a branch; noise of the load")  # fmt: skip
@@ -463,6 +532,19 @@ def static() -> Campaign:
                     "area of the loop; sum over a polygon")  # fmt: skip
         made.expect_word("static", row, "verdict", "ok", "nothing is wrong with it")
     return made
+
+
+def _bend(terms: Sequence[mpf], stroke: mpf) -> mpf:
+    """Largest departure of a curve from the line through 10 and 90 % of its load, over its load."""
+
+    def load(x: mpf) -> mpf:
+        return sum(a * x ** (i + 1) for i, a in enumerate(terms))
+
+    top = load(stroke)
+    low, high = (mp.findroot(lambda x, p=part: load(x) - p * top, stroke * part) for part in (mpf("0.1"), mpf("0.9")))
+    slope = mpf("0.8") * top / (high - low)
+    points = [stroke * at / 200 for at in range(201)]
+    return max(abs(load(x) - mpf("0.1") * top - slope * (x - low)) for x in points) / top
 
 
 # Tests that must not be used

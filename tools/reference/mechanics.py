@@ -94,6 +94,11 @@ def tyres() -> Iterator[dict[str, Any]]:
             "tyre on its rig", "core.tyre.transmissibility", {"V2/V1": "1"}, given,
             lambda v: parts("V2/V1", _tyre_and_rig(v)["ratio"]),
         )  # fmt: skip
+    units = {"K*": "N/m", "V1/F1": "m/(N s)", "d": "1", "TR": "1", "arg(V2/V1)": "rad"}
+    for given in (TYRES[0], {**TYRES[1], "m": 15.0}, TYRES[2]):
+        for frequency in (10.0, 14.0, 18.0, 24.0):
+            undamped = {name: value for name, value in given.items() if name != "c3"} | {"frequency": frequency}
+            yield case("the paper's rig", "core.tyre (the paper's rig)", units, undamped, _papers)
     paper = {name: value for name, value in TYRES[0].items() if name != "c3"}
     yield case(
         "tyre on its rig", "core.tyre.zener_mobility", {"V1/F1": "m/(N s)"}, paper,
@@ -106,6 +111,14 @@ def tyres() -> Iterator[dict[str, Any]]:
     loss = {"Re K*": 194e3, "Im K*": 38.8e3, "amplitude": 1.1e-3}
     yield case("tyre", "core.tyre.energy_loss", {"W": "J"}, loss, lambda v: {"W": _work(v)})
     yield case("tyre", "core.tyre.loss_factor", {"eta": "1"}, loss, lambda v: {"eta": v["Im K*"] / v["Re K*"]})
+
+
+def _papers(v: Numbers) -> dict[str, mpf]:
+    """All that the paper's program has of a tyre, and the phase of V2 ahead of V1."""
+    found = _tyre_and_rig(v)
+    d = _d({**v, "Re K*": found["stiffness"].real, "Im K*": found["stiffness"].imag})
+    ratio = {"TR": abs(found["ratio"]), "arg(V2/V1)": mp.arg(found["ratio"])}
+    return {**parts("K*", found["stiffness"]), **parts("V1/F1", found["mobility"]), **d, **ratio}
 
 
 def _work(v: Numbers) -> mpf:

@@ -15,6 +15,25 @@ NAME = "study.json"
 #: The tables that an analysis writes, and the model file, whose own seal holds if `fourpole fit` writes it anew.
 HASHED = (*TABLE_FILES, "findings.csv", "model.json")
 _MOST_BYTES = 2_000_000_000
+#: Keys of study.json with what each holds.
+KEYS = {
+    "title": "title of the campaign",
+    "settings": "route by which K* was found, number of Monte Carlo draws, and their seed",
+    "conditions": "axes of a condition, with the differences that count as the same",
+    "stated": "the campaign as it was understood, in SI: rigs, channels, specimens, report, limits",
+    "versions": "versions of Python, Fourpole and the packages that results depend on",
+    "origin": (
+        "`version` of Fourpole; `commit` of its repository, null if it was installed without one; `changed`: whether "
+        "files of the package differ from the commit, null if that is not known"
+    ),
+    "verdicts": "number of tests by verdict",
+    "assumptions": "what was taken for values that the campaign does not state",
+    "notes": "notes on the route and the rigs",
+    "joint": "of each rig: what the joint route found; only after the joint route",
+    "likelihood": "of each rig: values that its tests share, which likelihood.parquet refers to",
+    "sha256": "SHA-256 of each file that was read, by its name in the campaign",
+    "results": "SHA-256 of each table, and of model.json if the analysis made one, as they were written beside it",
+}
 
 
 def write_record(folder: Path, record: Mapping[str, Any]) -> None:

@@ -118,6 +118,17 @@ def _above(v: Inputs) -> dict[str, float]:
     return {"mass": v["m"], "preload_stiffness": v["K3"], **damping}
 
 
+def _papers(v: Inputs) -> Found:
+    stiffness = zener_stiffness(*_zener(v))
+    return {
+        **parts("K*", stiffness),
+        **parts("V1/F1", zener_mobility(*_zener(v), **_above(v))),
+        "d": float(paper_d(stiffness, v["K1"])),
+        "TR": float(zener_transmissibility(*_zener(v), **_above(v))),
+        "arg(V2/V1)": float(np.angle(transmissibility(stiffness, omega(v), **_above(v)))),
+    }
+
+
 def _gradient(v: Inputs) -> Found:
     found = rig_of(v).impedance_gradient(omega(v), v["added mass"])
     names = [*PARAMETERS, "added_mass"]
@@ -245,6 +256,7 @@ MECHANICS: dict[str, Callable[[Inputs], Found]] = {
     "core.tyre.transmissibility": lambda v: parts(
         "V2/V1", transmissibility(zener_stiffness(*_zener(v)), omega(v), **_above(v))
     ),
+    "core.tyre (the paper's rig)": _papers,
     "core.tyre.zener_mobility": lambda v: parts("V1/F1", zener_mobility(*_zener(v), **_above(v))),
     "core.tyre.zener_transmissibility": lambda v: {"TR": float(zener_transmissibility(*_zener(v), **_above(v)))},
     "core.tyre.energy_loss": lambda v: {"W": float(energy_loss(whole(v, "K*"), v["amplitude"]))},

@@ -1,4 +1,7 @@
-"""The whole self-test: its values, the machine it ran on, and the hashes of the reference data."""
+"""The whole self-test: its values, the machine it ran on, and the hashes of the reference data.
+
+Its record is one of those that ISO/IEC 17025:2017, 7.11.2, asks for: software is validated before it is used.
+"""
 
 from __future__ import annotations
 
