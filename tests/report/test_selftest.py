@@ -88,6 +88,11 @@ def test_the_machine_the_program_and_the_data_are_named(tested):
     assert {"numpy", "scipy", "polars"} <= set(tested.packages)
 
 
+def test_the_documentation_has_the_hashes_of_the_data(tested):
+    page = (ROOT / "docs" / "selftest.md").read_text(encoding="utf-8")
+    assert [name for name, sha in tested.sha256.items() if f"{name:<24} {sha}" not in page] == []
+
+
 def test_the_page_has_lines_to_write_on_or_what_is_stated(tested):
     blank, filled = render_selftest(tested), render_selftest(tested, "North <b>hall</b>", "A. Tester")
     assert blank.count('class="blank"') == 3

@@ -37,7 +37,12 @@ def described():
         lines += [f"| `{head}` | {meaning_of(head)} |" for head in spec.columns]
     lines += ["", "## `findings.csv`", "", "A row: a finding. The heads have no unit: the column `unit` states it.", ""]
     lines += ["| column | holds |", "|---|---|", *(f"| `{head}` | {text} |" for head, text in FINDING_COLUMNS.items())]
-    lines += ["", "## `study.json`", "", "What it takes to repeat the run, and to see whether files have changed since:"]
+    lines += [
+        "",
+        "## `study.json`",
+        "",
+        "What it takes to repeat the run, and to see whether files have changed since:",
+    ]
     lines += ["[fourpole verify](selftest.md#check-results) does both. Further keys may come, none changes.", ""]
     lines += ["| key | holds |", "|---|---|", *(f"| `{key}` | {text} |" for key, text in KEYS.items())]
     return "\n".join(lines) + "\n"
