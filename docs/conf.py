@@ -21,7 +21,7 @@ root_doc = "index"
 nitpicky = True
 # A name in single backticks is a link where it is a public name, otherwise code: parameters, too, stand so.
 default_role = "py:obj"
-nitpick_ignore_regex = [("py:.*", ".*")]
+nitpick_ignore_regex = [("py:obj", ".*")]
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4

@@ -42,7 +42,7 @@ def write_pages(folder: Path) -> None:
     """Write a page for each module and one for the face; a page that is unchanged keeps its time."""
     pages = {"fourpole.rst": face_page()}
     for heading, rooms in ROOMS.items():
-        listed = [module for room in rooms for module in modules_of(room) if names_of(module)]
+        listed = [module for room in rooms for module in modules_of(room) if names_of(module) or offered(module)]
         pages |= {f"{module.__name__}.rst": module_page(module) for module in listed}
         pages[f"{slug(heading)}.rst"] = room_page(heading, listed)
     folder.mkdir(exist_ok=True)
@@ -75,6 +75,20 @@ def names_of(module: ModuleType) -> list[str]:
     ]
 
 
+def offered(module: ModuleType) -> dict[str, str]:
+    """Public name -> where it is at home, of the documented names that a package offers and its modules define."""
+    if not {"__getattr__", "__all__"} & set(vars(module)):
+        return {}
+    homes = {
+        name: getattr(getattr(module, name), "__module__", "") for name in vars(module).get("__all__", dir(module))
+    }
+    return {
+        name: f"{home}.{name}"
+        for name, home in homes.items()
+        if home != module.__name__ and home.startswith("fourpole.") and name in names_of(import_module(home))
+    }
+
+
 def first_sentence(of: object) -> str:
     """The first sentence of a docstring, on one line."""
     paragraph = (inspect.getdoc(of) or "").split("\n\n")[0].replace("\n", " ")
@@ -84,6 +98,12 @@ def first_sentence(of: object) -> str:
 def headed(title: str, line: str = "=") -> list[str]:
     """A heading in reStructuredText."""
     return [title, line * len(title), ""]
+
+
+def link(one: object, name: str, home: str) -> str:
+    """A link to the page of a name; its role states the kind, so that a link to nothing is a warning."""
+    kind = "mod" if inspect.ismodule(one) else "class" if inspect.isclass(one) else "func"
+    return f":py:{kind}:`{name} <{home}>`"
 
 
 def face_page() -> str:
@@ -98,8 +118,8 @@ def face_page() -> str:
     lines += [".. list-table::", "   :widths: 25 75", ""]
     for name in fourpole.__all__:
         one = getattr(fourpole, name)
-        kind, home = ("mod", one.__name__) if inspect.ismodule(one) else ("obj", f"{one.__module__}.{name}")
-        lines += [f"   * - :py:{kind}:`{name} <{home}>`", f"     - {first_sentence(one)}"]
+        home = one.__name__ if inspect.ismodule(one) else f"{one.__module__}.{name}"
+        lines += [f"   * - {link(one, name, home)}", f"     - {first_sentence(one)}"]
     return "\n".join(lines) + "\n"
 
 
@@ -107,7 +127,8 @@ def room_page(heading: str, modules: list[ModuleType]) -> str:
     """The modules below a heading, each with what it is and its names."""
     lines = headed(heading)
     for module in modules:
-        names = ", ".join(f":py:obj:`{name} <{module.__name__}.{name}>`" for name in names_of(module))
+        homes = {name: f"{module.__name__}.{name}" for name in names_of(module)} | offered(module)
+        names = ", ".join(link(getattr(module, name), name, home) for name, home in homes.items())
         lines += [f":doc:`{module.__name__} <{module.__name__}>`", f"   {first_sentence(module)}: {names}", ""]
     lines += [".. toctree::", "   :hidden:", ""]
     lines += [f"   {module.__name__.removeprefix('fourpole.')} <{module.__name__}>" for module in modules]
@@ -117,6 +138,9 @@ def room_page(heading: str, modules: list[ModuleType]) -> str:
 def module_page(module: ModuleType) -> str:
     """The docstring of a module, and those of its names."""
     lines = [*headed(module.__name__), f".. automodule:: {module.__name__}", ""]
+    if homes := offered(module):
+        names = (link(getattr(module, name), name, home) for name, home in homes.items())
+        lines += ["Names: " + ", ".join(names), ""]
     for name in names_of(module):
         kind = "autoclass" if inspect.isclass(getattr(module, name)) else "autofunction"
         lines += [f".. {kind}:: {name}", *(["   :members:"] if kind == "autoclass" else []), ""]
