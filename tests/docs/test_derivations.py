@@ -118,6 +118,20 @@ def test_the_three_routes_invert_the_motion(motion):
     assert zero(force - rig * v2)  # holds for any tyre
 
 
+def test_the_amplitudes_of_the_joint_model_and_their_derivatives(motion):
+    force, v1, v2 = motion
+    stiffness, rig, inertia = sp.symbols("S Z m_in")
+    ratio = stiffness / (stiffness + jw * rig)
+    of_rig = {rig: jw * m + k3 / jw, stiffness: k1 + 1 / (1 / k2 + 1 / (jw * c))}
+    assert zero(v2 / v1 - ratio.subs(of_rig))
+    at_cell = force + inertia * jw * v1  # the cell accelerates the mass between itself and the contact
+    assert zero(at_cell / v1 - (rig * ratio + jw * inertia).subs(of_rig))
+    assert zero(stiffness * sp.diff(ratio, stiffness) - ratio * (1 - ratio))
+    assert zero(stiffness * sp.diff(rig * ratio, stiffness) - rig * ratio * (1 - ratio))
+    assert zero(sp.diff(rig * ratio, rig) - ratio**2)
+    assert zero(sp.diff(ratio, rig) + jw * stiffness / (stiffness + jw * rig) ** 2)
+
+
 @pytest.mark.parametrize("values", POINTS)
 def test_the_package_agrees_with_50_digits(motion, values):
     a, b, damper, omega, mass, spring = values
