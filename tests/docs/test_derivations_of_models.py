@@ -171,6 +171,17 @@ def test_an_arm_in_a_loop_that_repeats():
         assert np.isclose(Ramp(1.0, 50, place).share(time), exact, rtol=1e-9)
 
 
+def test_the_gap_of_a_flat_spectrum_does_not_depend_on_the_speed():
+    times = np.geomspace(1e-6, 1e9, 3001)
+
+    def gap(branch):  # of equal arms, per unit of the stroke, at 0.3 of the branch
+        near, far = 0.2 * branch / times, 0.5 * branch / times
+        share = np.exp(near - far) * (1 + np.exp(-2 * near)) / (1 + np.exp(-2 * far))  # cosh over cosh
+        return 2 * np.sum(times / branch * (1 - share))
+
+    assert abs(gap(20.0) / gap(2.0) - 1) < 1e-4
+
+
 def test_a_loop_that_begins_at_rest():
     place, cycle, time = 0.4, 3, 1.7
     force, slopes = 0.0, []
