@@ -141,5 +141,5 @@ lock:  ## write both lock files anew, with uv
 	@$(LOCK) --extra test --resolution lowest-direct --output-file requirements-lowest.lock
 
 clean:  ## remove the environments, caches and what was built
-	@rm -rf .venv .venv-lowest .venv-bench .venv-lock build dist .*_cache .hypothesis .coverage
+	@rm -rf .venv .venv-lowest .venv-bench .venv-lock build dist docs/api/made .*_cache .hypothesis .coverage
 	@find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
