@@ -102,31 +102,58 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
         raise RecordingError(
             f"no line of a spectrum lies between {band[0]:.4g} and {band[1]:.4g} Hz: sample faster, or record longer"
         )
-    window, motion = hann(size), track.names.index("motion_in")
-    total: ComplexArray = np.zeros((int(inside.sum()), len(track.names), len(track.names)), dtype=complex)
-    advance, power, last = np.zeros(total.shape[0], dtype=complex), np.zeros(total.shape[0]), None
-    square, fourth = np.zeros(total.shape[0]), np.zeros(total.shape[0])
+    first, last = np.flatnonzero(inside)[[0, -1]].tolist()
+    sums = _Sums(track.names.index("motion_in"), len(track.names), last + 1 - first)
+    window = hann(size)
     for some in _batches(starts, max(1, _AT_A_TIME // (size * len(track.names)))):
-        pieces = np.stack([track.signals[:, start : start + size] for start in some])
-        lines = fft.rfft((pieces - pieces.mean(axis=2, keepdims=True)) * window, axis=2)[:, :, inside]
-        by_line = np.ascontiguousarray(lines.transpose(2, 1, 0))
-        total += by_line @ by_line.conj().transpose(0, 2, 1)
-        moved = lines[:, motion] if last is None else np.concatenate([last, lines[:, motion]])
-        advance += np.einsum("kl,kl->l", moved[1:], moved[:-1].conj())
-        power += np.einsum("kl,kl->l", moved[:-1], moved[:-1].conj()).real
-        last = moved[-1:]
-        own = np.abs(lines[:, motion]) ** 2
-        square, fourth = square + own.sum(axis=0), fourth + (own**2).sum(axis=0)
+        pieces = np.stack([track.signals[:, start : start + size] for start in some.tolist()], axis=1)
+        pieces -= pieces.mean(axis=2, keepdims=True)
+        pieces *= window
+        sums.add(fft.rfft(pieces, axis=2)[:, :, first : last + 1])
     scale = 2.0 / (track.rate * np.sum(window**2) * starts.size)
-    count = np.full(total.shape[0], independent(starts.size, 1))
-    step, found = track.rate / size, frequency[inside]
-    sine = np.abs(advance) > _STEADY * power
-    hop = max(1, size // 2) / track.rate
-    off = np.angle(advance * np.exp(-2j * np.pi * found * hop)) / (2 * np.pi * hop)
-    # Gaussian noise has a fourth moment of twice the square of its power.
-    held = np.minimum(2.0 * square**2 / np.maximum(fourth, 1e-300), float(starts.size))
-    foreign = sine & (np.abs(off) > _AWAY * step)
-    return CrossSpectra(found, scale * total, count, np.full(count.size, step), held, foreign)
+    found, step = frequency[inside], track.rate / size
+    return CrossSpectra(
+        found,
+        scale * sums.matrix.transpose(2, 0, 1),
+        np.full(found.size, independent(starts.size, 1)),
+        np.full(found.size, step),
+        sums.held(starts.size),
+        sums.foreign(found, max(1, size // 2) / track.rate, step),
+    )
+
+
+class _Sums:
+    """Sums over segments of the products of their lines, and of what tells a sine or a sweep of the motion."""
+
+    def __init__(self, motion: int, channels: int, lines: int) -> None:
+        self.matrix: ComplexArray = np.zeros((channels, channels, lines), dtype=complex)
+        self._motion, self._last = motion, np.zeros((0, lines), dtype=complex)
+        self._advance, self._fourth = np.zeros(lines, dtype=complex), np.zeros(lines)
+
+    def add(self, lines: ComplexArray) -> None:
+        """Add the lines (channels, segments, lines) of some segments that follow those before."""
+        for a in range(lines.shape[0]):
+            for b in range(a + 1):
+                product = np.einsum("kl,kl->l", lines[a], lines[b].conj())
+                self.matrix[a, b] += product
+                if a != b:
+                    self.matrix[b, a] += product.conj()
+        moved = np.concatenate([self._last, lines[self._motion]])
+        self._advance += np.einsum("kl,kl->l", moved[1:], moved[:-1].conj())
+        power = lines[self._motion].real ** 2 + lines[self._motion].imag ** 2
+        self._fourth += np.einsum("kl,kl->l", power, power)
+        self._last = moved[-1:]
+
+    def held(self, segments: int) -> FloatArray:
+        """Number of segments that hold the power. The fourth moment of Gaussian noise is twice the square of its power."""
+        square = self.matrix[self._motion, self._motion].real
+        return np.minimum(2.0 * square**2 / np.maximum(self._fourth, 1e-300), float(segments))
+
+    def foreign(self, frequency: FloatArray, hop: float, step: float) -> BoolArray:
+        """Lines whose motion is a sine at another frequency; segments are `hop` [s] apart, bins `step` [Hz]."""
+        sine = np.abs(self._advance) > _STEADY * self.matrix[self._motion, self._motion].real
+        off = np.angle(self._advance * np.exp(-2j * np.pi * frequency * hop)) / (2 * np.pi * hop)
+        return np.asarray(sine & (np.abs(off) > _AWAY * step))
 
 
 def hann(size: int) -> FloatArray:

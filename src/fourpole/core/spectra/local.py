@@ -1,0 +1,120 @@
+"""Ratios of F1, V1 and V2 from the spectra of a whole record: a sweep, whose transients are part of the fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+
+#: Powers of the frequency by which a ratio, and the transient, change over a band.
+_POWERS = 3
+#: Fewest bins of a band: the fit of a ratio has six parameters.
+BINS = 21
+#: Width of a band over its frequency, where that is more bins.
+_WIDTH = 0.01
+_F, _ONE, _TWO = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class LocalRatios(ByValue):
+    """Ratios at the middles of bands.
+
+    Attributes
+    ----------
+    frequency, width : (L,) float array [Hz]
+        Middle and width of each band.
+    values : (L, R) complex array
+        The ratios.
+    covariance : (L, 2R, 2R) float array [1]
+        Covariance of Re and Im, interleaved, of the logarithms of the ratios.
+    matrix : (L, C, C) complex array
+        Mean products of the spectra in the band.
+    averages : (L,) float array [1]
+        Number of bins less that of the parameters.
+    """
+
+    frequency: FloatArray
+    width: FloatArray
+    values: ComplexArray
+    covariance: FloatArray
+    matrix: ComplexArray
+    averages: FloatArray
+
+
+def local_ratios(lines: ComplexArray, frequency: FloatArray, wanted: tuple[tuple[int, int, int], ...]) -> LocalRatios:
+    r"""Ratios of the spectra of a whole record, each with an instrument, by local polynomials.
+
+    In a band around :math:`f_0`, with :math:`\delta = f - f_0`,
+
+    .. math:: Y(f) = (g_0 + g_1\delta + g_2\delta^2)\,X(f) + t_0 + t_1\delta + t_2\delta^2 + e(f)
+
+    g is the ratio and t the transient: what the ends of the record leave, in a resonance too. The six parameters follow
+    from the products with the instrument Z, :math:`(Z, Z\delta, Z\delta^2, 1, \delta, \delta^2)`, whose noise is in
+    neither X nor Y: noise of X leaves no bias. The covariance is that of the residuals e.
+
+    Parameters
+    ----------
+    lines : (C, B) complex array
+        Spectra of the channels at all bins.
+    frequency : (B,) float array [Hz]
+        Frequencies of the bins, evenly spaced.
+    wanted : tuple of (int, int, int)
+        Each ratio as the channels Y, X and Z.
+
+    References
+    ----------
+    R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd ed., 2012, ch. 7 (the local
+    polynomial method); T. Soderstrom and P. Stoica, "System Identification", 1989, ch. 8 (instruments).
+    """
+    edges = _edges(frequency)
+    found = [_of_band(lines[:, a:b], frequency[a:b], wanted) for a, b in edges]
+    values, covariance, matrix = (np.stack([one[at] for one in found]) for at in range(3))
+    sizes = np.array([b - a for a, b in edges])
+    return LocalRatios(
+        np.array([0.5 * (frequency[a] + frequency[b - 1]) for a, b in edges]),
+        sizes * float(frequency[1] - frequency[0]),
+        values,
+        covariance,
+        matrix,
+        sizes - 2.0 * _POWERS,
+    )
+
+
+def _edges(frequency: FloatArray) -> list[tuple[int, int]]:
+    """First bin of each band, and the first behind it."""
+    step, at, found = float(frequency[1] - frequency[0]), 0, []
+    while at + BINS <= frequency.size:
+        count = max(BINS, int(_WIDTH * frequency[at] / step) | 1)
+        found.append((at, min(at + count, frequency.size)))
+        at += count
+    return found
+
+
+def _of_band(
+    lines: ComplexArray, frequency: FloatArray, wanted: tuple[tuple[int, int, int], ...]
+) -> tuple[ComplexArray, FloatArray, ComplexArray]:
+    """Ratios, covariance of their logarithms, and mean products of one band."""
+    delta = np.linspace(-1.0, 1.0, frequency.size)
+    powers = delta ** np.arange(_POWERS)[:, None]
+    size = np.sqrt(np.mean(np.abs(lines) ** 2, axis=1))
+    scaled = lines / np.maximum(size, 1e-300)[:, None]
+    values, weights, left = [], [], []
+    for y, x, z in wanted:
+        regressors = np.concatenate([scaled[x] * powers, powers])
+        instruments = np.concatenate([scaled[z] * powers, powers])
+        inverse = np.linalg.pinv(instruments.conj() @ regressors.T)
+        solution = inverse @ (instruments.conj() @ scaled[y])
+        values.append(solution[0])
+        weights.append(inverse[0] @ instruments.conj() / solution[0])
+        left.append(scaled[y] - solution @ regressors)
+    shape = np.stack(weights)
+    noise = np.stack(left) @ np.stack(left).conj().T / (frequency.size - 2 * _POWERS)
+    spread = (shape @ shape.conj().T) * noise
+    covariance = np.empty((2 * len(wanted), 2 * len(wanted)))
+    covariance[0::2, 0::2] = covariance[1::2, 1::2] = 0.5 * spread.real
+    covariance[1::2, 0::2] = 0.5 * spread.imag
+    covariance[0::2, 1::2] = -0.5 * spread.imag
+    ratios = np.array([value * size[y] / size[x] for value, (y, x, _) in zip(values, wanted, strict=True)])
+    return ratios, covariance, lines @ lines.conj().T / frequency.size
